@@ -1,0 +1,191 @@
+"""C text to a loaded shared library, through a cache on disk.
+
+    <cache>/<key>/<digest>.so      key: of text, compiler, its version, flags, CPU;   digest: of the library
+
+The digest in the name makes an entry one file: written elsewhere, renamed into place, and checked before it is
+loaded (loading a truncated library can end the process). Concurrent processes may build the same entry twice;
+each renames a whole library.
+
+The cache is `TEG_CACHE_DIR`, else `$XDG_CACHE_HOME/teg`, else `~/.cache/teg`, of mode 0700. A folder that cannot
+be written, or that others could write, is not used: a private temporary folder, removed at exit, replaces it.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import hashlib
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+
+from teg.errors import CompilerError
+
+BASE_FLAGS = ("-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+NATIVE = "-march=native"
+OPENMP = "-fopenmp"
+SUFFIX = ".dll" if sys.platform == "win32" else ".so"
+NO_COMPILER = (
+    "install one (Debian, Ubuntu: apt install gcc; macOS: xcode-select --install; Windows: gcc of MSYS2, or clang), "
+    'or name one in the environment variable CC; backend="numpy" works without a compiler'
+)
+
+
+def load_library(text: str, *, optimise: str = "-O3", openmp: bool = False) -> ctypes.CDLL:
+    """The library of `text`, from the cache if it is there; an entry that cannot be loaded is rebuilt once."""
+    compiler = find_compiler()
+    flags = (optimise, *BASE_FLAGS, NATIVE, *((OPENMP,) if openmp else ()))
+    folder = cache_folder() / _key(text, compiler, flags)
+    trouble: OSError | None = None
+    for _ in range(2):
+        path = _stored(folder) or _store(folder, text, compiler, flags)
+        try:
+            return ctypes.CDLL(str(path))
+        except OSError as error:
+            trouble = error
+            path.unlink(missing_ok=True)
+    raise CompilerError("the compiled kernel cannot be loaded", shlex.join(compiler), str(trouble))
+
+
+def find_compiler() -> tuple[str, ...]:
+    """The C compiler's command: `CC`, which may hold arguments, else the first of cc, gcc, clang."""
+    candidates = [shlex.split(os.environ.get("CC", "")), ["cc"], ["gcc"], ["clang"]]
+    for command in filter(None, candidates):
+        path = shutil.which(command[0])
+        if path is not None:
+            return (os.path.abspath(path), *command[1:])
+    raise CompilerError("no C compiler was found", hint=NO_COMPILER)
+
+
+def cache_folder() -> Path:
+    """The folder of the cache, made if it is missing, or a private temporary one if it cannot be used."""
+    try:
+        folder = Path(os.environ.get("TEG_CACHE_DIR") or Path(_user_cache(), "teg")).absolute()
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if _is_private(folder) and os.access(folder, os.R_OK | os.W_OK | os.X_OK):
+            return folder
+    except (OSError, RuntimeError):  # RuntimeError: there is no home
+        pass
+    return _temporary_folder(os.getpid())
+
+
+def compile_library(text: str, target: Path, compiler: tuple[str, ...], flags: tuple[str, ...]) -> None:
+    """Compile `text` into `target`, without `-march=native` or OpenMP if the compiler does not know them."""
+    source = target.with_suffix(".c")
+    source.write_text(text, encoding="ascii")
+    without = [(), (NATIVE,), (OPENMP,), (NATIVE, OPENMP)]
+    messages = []
+    for attempt in dict.fromkeys(
+        tuple(flag for flag in flags if flag not in left_out) for left_out in without
+    ):
+        command = [*compiler, *attempt, "-o", target.name, source.name, "-lm"]
+        try:
+            done = subprocess.run(command, cwd=target.parent, stdin=subprocess.DEVNULL, capture_output=True)
+        except OSError as error:
+            raise CompilerError("the C compiler cannot be run", shlex.join(command), str(error)) from error
+        if done.returncode == 0 and target.exists():
+            return
+        messages.append(done.stderr.decode(errors="replace").strip() or f"exit status {done.returncode}")
+    raise CompilerError("the C compiler rejected the generated text", shlex.join(command), messages[0][:4000])
+
+
+def _user_cache() -> Path:
+    configured = os.environ.get("XDG_CACHE_HOME", "")
+    return Path(configured) if os.path.isabs(configured) else Path.home() / ".cache"
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether nobody but this user can put a library there."""
+    if sys.platform == "win32":
+        return True
+    status = folder.stat()
+    return status.st_uid == os.getuid() and not status.st_mode & 0o022
+
+
+@lru_cache(maxsize=1)
+def _temporary_folder(process: int) -> Path:
+    """A private folder of this process (a forked child makes its own), removed at exit."""
+    folder = Path(tempfile.mkdtemp(prefix="teg-"))
+
+    def remove() -> None:
+        if os.getpid() == process:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(remove)
+    return folder
+
+
+def _key(text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> str:
+    parts = (text, *compiler, _version(compiler), *flags, _processor())
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:40]
+
+
+@lru_cache(maxsize=8)
+def _version(compiler: tuple[str, ...]) -> str:
+    try:
+        done = subprocess.run([*compiler, "--version"], stdin=subprocess.DEVNULL, capture_output=True)
+    except OSError as error:
+        raise CompilerError("the C compiler cannot be run", shlex.join(compiler), str(error)) from error
+    return done.stdout.decode(errors="replace")
+
+
+@lru_cache(maxsize=1)
+def _processor() -> str:
+    """What `-march=native` depends on: a home folder may be shared by machines with different processors."""
+    name = f"{platform.system()} {platform.machine()} {platform.processor()}"
+    try:
+        with open("/proc/cpuinfo", encoding="ascii", errors="replace") as file:
+            first = file.read().split("\n\n", 1)[0].splitlines()
+    except OSError:
+        return name
+    return "\n".join(
+        [name, *(line for line in first if line.startswith(("model name", "flags", "Features", "CPU part")))]
+    )
+
+
+def _stored(folder: Path) -> Path | None:
+    """The entry of a key, if there is one and it is whole; damaged ones are removed."""
+    try:
+        entries = sorted(folder.glob("*" + SUFFIX))
+    except OSError:
+        return None
+    for path in entries:
+        try:
+            if _digest(path) == path.stem:
+                return path
+            path.unlink()
+        except OSError:
+            continue
+    return None
+
+
+def _store(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Path:
+    """Build in a separate folder and rename into the cache; if that fails (a full disk) keep a private copy."""
+    try:
+        return _store_under(folder, text, compiler, flags)
+    except OSError:
+        return _store_under(_temporary_folder(os.getpid()) / folder.name, text, compiler, flags)
+
+
+def _store_under(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Path:
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="build-", dir=folder, ignore_cleanup_errors=True) as workshop:
+        library = Path(workshop, "kernel" + SUFFIX)
+        compile_library(text, library, compiler, flags)
+        path = folder / (_digest(library) + SUFFIX)
+        try:
+            os.replace(library, path)
+        except PermissionError:  # Windows: another process has the same library open
+            if not path.exists():
+                raise
+    return path
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:40]

@@ -1,0 +1,260 @@
+"""The NumPy backend: the reference that the other printers are held against.
+
+    compile_numpy(program)  ->  NumpyKernel: a call with columns of the batch gives (outputs, n)
+
+A program becomes flat Python functions, one a block, over arrays of lanes (see `numpy_runtime`):
+
+    def kernel(run, p0, p1):                                     the outermost block, on the batch
+        v0 = p0 * p1
+        v1, = integral_0(run, 0.0, p1, (v0,), (), (v0,))         bounds, breaks, values for flags, for body
+        return (v1,)
+
+    def body_0(run, x0, v0): …
+    integral_0 = rt.GaussIntegral(flags=None, body=body_0, results=1, piece_width=7, node_width=3, nodes=4)
+
+A long block is cut into parts of bounded size, which hand on the values that outlive them in a dictionary.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import Any, assert_never
+
+import numpy as np
+import numpy.typing as npt
+from teg.backends import numpy_runtime as rt
+from teg.backends.python_text import Dialect, assignment, inside, strict, value
+
+from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program, Stmt
+
+DIALECT = Dialect("np")
+MEMORY = 256 * 2**20
+PART = 400
+"""Statements a printed function may have: longer ones keep dead arrays alive."""
+
+
+def compile_numpy(program: Program, *, memory: int = MEMORY) -> NumpyKernel:
+    """A kernel that keeps its temporary arrays within about `memory` bytes."""
+    return NumpyKernel(program, memory)
+
+
+class NumpyKernel:
+    """A program as Python functions over NumPy arrays; `source` is their text."""
+
+    def __init__(self, program: Program, memory: int = MEMORY) -> None:
+        printer = _Printer(program)
+        self.program = program
+        self.memory = memory
+        self.source = "\n".join(printer.lines)
+        self._width = printer.width
+        self._room = max(1, memory // 8 // (1 + 2 * depth(program.body)))
+        scope: dict[str, Any] = {"np": np, "rt": rt}
+        exec(compile(self.source, "<teg numpy kernel>", "exec"), scope)
+        self._function = scope["kernel"]
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (NumpyKernel, (self.program, self.memory))
+
+    def __call__(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> npt.NDArray[np.float64]:
+        """The outputs of a batch of n, (outputs, n); a column is (n,), or () where the batch shares it."""
+        return self._run(columns, n)[0]
+
+    def met_ties(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[int, ...]:
+        """The numbers k of the ties that a call with these arguments meets, ascending."""
+        return tuple(sorted(self._run(columns, n)[1]))
+
+    def _run(
+        self, columns: Sequence[npt.NDArray[np.float64]], n: int
+    ) -> tuple[npt.NDArray[np.float64], set[int]]:
+        values = [np.asarray(column, dtype=np.float64) for column in columns]
+        shared = all(v.ndim == 0 for v in values)
+        out = np.empty((len(self.program.outputs), n))
+        met: set[int] = set()
+        with np.errstate(all="ignore"):
+            step = n if shared else rt.Run(1, self._room).chunk(self._width)
+            for start in range(0, n, max(1, step)):
+                part = slice(start, start + step)
+                arguments = [v[part] if v.ndim else v[()] for v in values]
+                run = rt.Run(+1, self._room)
+                out[:, part] = self._outputs(run, arguments, min(step, n - start))
+                if run.met:
+                    again = rt.Run(-1, self._room)
+                    reverse = self._outputs(again, arguments, min(step, n - start))
+                    out[:, part] = 0.5 * out[:, part] + 0.5 * reverse
+                    met |= run.met | again.met
+        return out, met
+
+    def _outputs(self, run: rt.Run, arguments: Iterable[Any], n: int) -> npt.NDArray[np.float64]:
+        out = np.empty((len(self.program.outputs), n))
+        for i, found in enumerate(self._function(run, *arguments)):
+            out[i] = found
+        return out
+
+
+def depth(block: tuple[Stmt, ...]) -> int:
+    """How many integrals stand inside one another."""
+    inner = [1 + max(depth(s.flags), depth(s.body)) for s in block if isinstance(s, Integrate)]
+    return max(inner, default=0)
+
+
+def assigned(stmt: Stmt) -> tuple[str, ...]:
+    """The names a statement gives a value."""
+    return (stmt.name,) if isinstance(stmt, Assign) else stmt.results
+
+
+def used(stmt: Stmt) -> dict[str, None]:
+    """The names of its own or an enclosing block that a statement uses, in order."""
+    if isinstance(stmt, Assign):
+        return _names(stmt.args)
+    for_flags, for_body, _ = captured(stmt)
+    return _names((stmt.lo, stmt.hi, *stmt.breaks, *for_flags, *for_body, *_maybe(stmt.when)))
+
+
+def free(block: tuple[Stmt, ...], results: Iterable[Arg]) -> dict[str, None]:
+    """The names from outside that a block with these results uses, in order."""
+    names: dict[str, None] = {}
+    inside: set[str] = set()
+    for stmt in block:
+        names |= used(stmt)
+        inside.update(assigned(stmt))
+    names |= _names(results)
+    return {name: None for name in names if name not in inside}
+
+
+def captured(stmt: Integrate) -> tuple[list[str], list[str], list[str]]:
+    """What an integral's blocks use: `flags` from outside, `body` from outside, `body` from `flags`."""
+    flagged = {name for s in stmt.flags for name in assigned(s)}
+    in_flags = free(stmt.flags, _maybe(stmt.need))
+    in_body = free(stmt.body, stmt.values)
+    return (
+        [name for name in in_flags if name != stmt.var],
+        [name for name in in_body if name != stmt.var and name not in flagged],
+        [name for name in in_body if name in flagged],
+    )
+
+
+class _Printer:
+    """Prints blocks into `lines`, outermost first; the integrals met on the way wait in a queue."""
+
+    def __init__(self, program: Program) -> None:
+        self.lines = ['"""NumPy kernel, generated by teg."""', ""]
+        self.lines += [f"# p{i}: {name!r}" for i, name in enumerate(program.parameters)]
+        self.waiting: deque[tuple[int, Integrate]] = deque()
+        self.integrals = 0
+        parameters = [f"p{i}" for i in range(len(program.parameters))]
+        self.width = self.function("kernel", parameters, program.body, program.outputs)
+        while self.waiting:
+            self.blocks(*self.waiting.popleft())
+        self.lines.append("")
+
+    def blocks(self, number: int, stmt: Integrate) -> None:
+        """The functions of an integral, and the object that runs them."""
+        for_flags, for_body, flagged = captured(stmt)
+        flags, piece_width = "None", len(for_flags) + len(for_body) + 6
+        if stmt.flags or stmt.need is not None:
+            flags = f"flags_{number}"
+            results = [True if stmt.need is None else stmt.need, *flagged]
+            piece_width += self.function(flags, [stmt.var, *for_flags], stmt.flags, results)
+        body = f"body_{number}"
+        node_width = self.function(body, [stmt.var, *for_body, *flagged], stmt.body, stmt.values)
+        match stmt.rule:
+            case Gauss(nodes):
+                kind, rule = "GaussIntegral", f"nodes={nodes}"
+            case Adaptive(tol, smooth):
+                kind, rule = "AdaptiveIntegral", f"tol={tol!r}, smooth={smooth!r}"
+            case _:
+                assert_never(stmt.rule)
+        self.lines += [
+            "",
+            "",
+            f"integral_{number} = rt.{kind}(",
+            f"    flags={flags}, body={body}, results={len(stmt.results)}, "
+            f"piece_width={piece_width}, node_width={node_width}, {rule}",
+            ")",
+        ]
+
+    def function(
+        self, name: str, parameters: Sequence[str], block: tuple[Stmt, ...], results: Sequence[Arg]
+    ) -> int:
+        """Prints a block as a function; returns how many doubles a lane it may hold."""
+        signature = ", ".join(["run", *parameters])
+        if len(block) > PART:
+            return self.parts(name, signature, parameters, block, results)
+        self.lines += ["", "", f"def {name}({signature}):"]
+        width = self.statements(block) + len(parameters)
+        self.lines.append(f"    return ({inside(_text(r) for r in results)})")
+        return width
+
+    def parts(
+        self,
+        name: str,
+        signature: str,
+        parameters: Sequence[str],
+        block: tuple[Stmt, ...],
+        results: Sequence[Arg],
+    ) -> int:
+        """Prints a long block as functions of PART statements, which share a dictionary `s`."""
+        parts = [block[i : i + PART] for i in range(0, len(block), PART)]
+        uses = [list(free(part, ())) for part in parts]
+        last = {n: i for i, part in enumerate(uses) for n in part}
+        last |= dict.fromkeys(_names(results), len(parts))
+        shared = [
+            [n for s in part for n in assigned(s) if last.get(n, i) > i] for i, part in enumerate(parts)
+        ]
+        self.lines += ["", "", f"def {name}({signature}):"]
+        self.lines.append("    s = {" + ", ".join(f"{p!r}: {p}" for p in parameters if p in last) + "}")
+        self.lines += [f"    {name}_{i}(run, s)" for i in range(len(parts))]
+        ends = (f"s[{r!r}]" if isinstance(r, str) else _text(r) for r in results)
+        self.lines.append(f"    return ({inside(ends)})")
+        alive = len(parameters)
+        width = 0
+        for i, part in enumerate(parts):
+            self.lines += ["", "", f"def {name}_{i}(run, s):"]
+            ended = {n for n in uses[i] if last[n] == i}
+            self.lines += [
+                f"    {n} = s.pop({n!r})" if n in ended else f"    {n} = s[{n!r}]" for n in uses[i]
+            ]
+            width = max(width, alive + self.statements(part))
+            self.lines += [f"    s[{n!r}] = {n}" for n in shared[i]]
+            alive += len(shared[i]) - len(ended)
+        return width
+
+    def statements(self, block: tuple[Stmt, ...]) -> int:
+        """Prints the statements of a function; returns how many doubles a lane they may hold."""
+        width = copied = 0
+        for stmt in block:
+            width += len(assigned(stmt))
+            if isinstance(stmt, Assign):
+                lines = [_tie(stmt)] if stmt.op == "tie" else assignment(stmt, DIALECT)
+                self.lines += [f"    {line}" for line in lines]
+            else:
+                copied = max(copied, self.integral(stmt))
+        return width + copied
+
+    def integral(self, stmt: Integrate) -> int:
+        """Prints the call of an integral, queues its blocks; returns how many values it may have to copy."""
+        for_flags, for_body, _ = captured(stmt)
+        arguments = ["run", _text(stmt.lo), _text(stmt.hi), f"({inside(map(_text, stmt.breaks))})"]
+        arguments += [f"({inside(for_flags)})", f"({inside(for_body)})", *_maybe(stmt.when)]
+        self.lines.append(f"    {inside(stmt.results)} = integral_{self.integrals}({', '.join(arguments)})")
+        self.waiting.append((self.integrals, stmt))
+        self.integrals += 1
+        return len(for_flags) + len(for_body) + len(stmt.breaks)
+
+
+def _tie(stmt: Assign) -> str:
+    g, scale, r, k = stmt.args
+    return f"{stmt.name} = rt.tie(run, {strict(g, 'np')}, {_text(scale)}, {_text(r)}, {_text(k)})"
+
+
+def _text(arg: Arg) -> str:
+    return value(arg, "np")
+
+
+def _names(args: Iterable[Arg]) -> dict[str, None]:
+    return {arg: None for arg in args if isinstance(arg, str)}
+
+
+def _maybe(name: str | None) -> tuple[str, ...]:
+    return () if name is None else (name,)

@@ -1,0 +1,1 @@
+"""The bundled applications, importable as `teg.examples`."""

@@ -1,0 +1,243 @@
+"""What users write programs with: variables, parameters, functions, conditions, integrals. Checks what they write."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import cast
+
+from teg import expr as ex
+from teg.errors import NameClashError, OperandError, ParameterError, ScopeError
+from teg.expr import Cond, Expr, Param, Tuple, Var, as_condition, as_number
+from teg.integral import Integral, integral_over
+from teg.integral import delta as _delta
+from teg.node import postorder
+from teg.traverse import parameters
+
+
+def _names(text: str, what: str) -> list[str]:
+    if not isinstance(text, str):
+        raise OperandError(
+            f"{what} are named by a string, not by {type(text).__name__}", None, f'write teg.{what}("x y")'
+        )
+    names = [n for n in re.split(r"[\s,]+", text) if n]
+    if len(set(names)) != len(names):
+        raise NameClashError(f"a name is given twice in {text!r}")
+    return names
+
+
+def _name(text: str, what: str) -> str:
+    if not isinstance(text, str) or not text:
+        raise OperandError(f"a {what} is named by a string that is not empty, not by {text!r}")
+    return text
+
+
+def var(name: str) -> Var:
+    """A variable of integration; the same name is the same variable."""
+    return Var.make(_name(name, "variable"), ())
+
+
+def vars(names: str) -> tuple[Var, ...]:
+    """Variables of integration, named in one string: ``x, y = teg.vars("x y")``."""
+    return tuple(var(n) for n in _names(names, "vars"))
+
+
+def param(name: str) -> Param:
+    """A parameter, what one differentiates by; the same name is the same parameter."""
+    return Param.make(_name(name, "parameter"), ())
+
+
+def params(names: str) -> tuple[Param, ...]:
+    """Parameters, named in one string: ``t, a = teg.params("t a")``."""
+    return tuple(param(n) for n in _names(names, "params"))
+
+
+def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
+    """∫ … ∫ integrand over the triples (variable, lower bound, upper bound), the first one innermost.
+
+    A bound may be a number or an expression of parameters and of the variables of the triples after it; lower > upper is the signed
+    integral. Raises ScopeError for a triple that is none, or whose first entry is not a variable.
+    """
+    e = integrand if isinstance(integrand, Tuple) else as_number(integrand)
+    if not domain:
+        raise ScopeError("an integral needs a variable and its bounds", e, "write teg.integral(e, (x, 0, 1))")
+    for triple in domain:
+        if not isinstance(triple, tuple | list) or len(triple) != 3:
+            raise ScopeError(
+                f"{triple!r:.80} is not (variable, lower, upper)",
+                e,
+                "write teg.integral(e, (x, 0, 1), (y, 0, 1))",
+            )
+        v, lo, hi = triple
+        if not isinstance(v, Var):
+            kind = "a parameter" if isinstance(v, Param) else f"{type(v).__name__}"
+            raise ScopeError(
+                f"one integrates over a variable, not over {kind}", v, 'make one with x = teg.var("x")'
+            )
+        e = integral_over(e, v, as_number(lo), as_number(hi))
+    return e
+
+
+def bracket(condition: object) -> Expr:
+    """Iverson's bracket: 1 where the condition holds, else 0."""
+    return ex.bracket(as_condition(condition))
+
+
+def where(condition: object, then: object, otherwise: object) -> Expr:
+    """`then` where the condition holds, else `otherwise`; the value not taken never matters, be it NaN."""
+    return ex.where(as_condition(condition), as_number(then), as_number(otherwise))
+
+
+def tuple_(*entries: object) -> Tuple:
+    """Several expressions evaluated together; nested Python tuples of expressions become nested tuples."""
+    return ex.tuple_of(
+        *(
+            tuple_(*e) if isinstance(e, list | tuple) else e if isinstance(e, Tuple) else as_number(e)
+            for e in entries
+        )
+    )
+
+
+def delta(argument: object) -> Expr:
+    """Dirac's δ(argument). It may be added and multiplied, under an integral that binds one of its variables."""
+    return _delta(as_number(argument))
+
+
+def sin(u: object) -> Expr:
+    """The sine; radians."""
+    return ex.call("sin", as_number(u))
+
+
+def cos(u: object) -> Expr:
+    """The cosine; radians."""
+    return ex.call("cos", as_number(u))
+
+
+def tan(u: object) -> Expr:
+    """The tangent; radians."""
+    return ex.call("tan", as_number(u))
+
+
+def asin(u: object) -> Expr:
+    """The inverse sine, in [-π/2, π/2]."""
+    return ex.call("asin", as_number(u))
+
+
+def acos(u: object) -> Expr:
+    """The inverse cosine, in [0, π]."""
+    return ex.call("acos", as_number(u))
+
+
+def atan(u: object) -> Expr:
+    """The inverse tangent, in (-π/2, π/2)."""
+    return ex.call("atan", as_number(u))
+
+
+def atan2(y: object, x: object) -> Expr:
+    """The angle of the point (x, y), in (-π, π]."""
+    return ex.call("atan2", as_number(y), as_number(x))
+
+
+def sinh(u: object) -> Expr:
+    """The hyperbolic sine."""
+    return ex.call("sinh", as_number(u))
+
+
+def cosh(u: object) -> Expr:
+    """The hyperbolic cosine."""
+    return ex.call("cosh", as_number(u))
+
+
+def tanh(u: object) -> Expr:
+    """The hyperbolic tangent."""
+    return ex.call("tanh", as_number(u))
+
+
+def exp(u: object) -> Expr:
+    """The exponential."""
+    return ex.call("exp", as_number(u))
+
+
+def log(u: object) -> Expr:
+    """The natural logarithm."""
+    return ex.call("log", as_number(u))
+
+
+def sqrt(u: object) -> Expr:
+    """The square root."""
+    return ex.call("sqrt", as_number(u))
+
+
+def floor(u: object) -> Expr:
+    """The largest integer not above u."""
+    return ex.call("floor", as_number(u))
+
+
+def mod(u: object, period: object) -> Expr:
+    """u - period·floor(u/period)."""
+    return ex.call("mod", as_number(u), as_number(period))
+
+
+def abs_(u: object) -> Expr:
+    """|u|."""
+    return ex.absolute(as_number(u))
+
+
+def sign(u: object) -> Expr:
+    """-1, 0 or 1."""
+    v = as_number(u)
+    return ex.where(ex.positive(v), ex.ONE, ex.where(ex.less(v, 0, True), ex.MINUS_ONE, ex.ZERO))
+
+
+def minimum(first: object, *others: object) -> Expr:
+    """The smallest of two or more."""
+    return _extremum(first, others, lambda a, b: ex.less(a, b, True))
+
+
+def maximum(first: object, *others: object) -> Expr:
+    """The largest of two or more."""
+    return _extremum(first, others, lambda a, b: ex.less(b, a, True))
+
+
+def _extremum(first: object, others: Iterable[object], wins: object) -> Expr:
+    best = as_number(first)
+    for other in others:
+        u = as_number(other)
+        best = ex.where(cast("Cond", wins(best, u)), best, u)  # type: ignore[operator]
+    return best
+
+
+def check_program(e: Expr) -> None:
+    """A program to compile is closed and gives each name to one thing; raises ScopeError or NameClashError."""
+    if e.free:
+        names = ", ".join(sorted(v.name for v in e.free))
+        one = next(iter(e.free))
+        raise ScopeError(
+            f"a variable stands outside its integral: {names}",
+            e,
+            f"integrate over it, teg.integral(e, ({one.name}, 0, 1)), or make it a parameter: teg.param({one.name!r})",
+        )
+    bound = {n.var.name for n in postorder([e]) if isinstance(n, Integral)}
+    for p in parameters(e):
+        if p.name in bound:
+            raise NameClashError(
+                f"{p.name!r} is a parameter and a variable of integration in one program",
+                e,
+                "rename one of them",
+            )
+
+
+def check_parameters(wrt: object) -> list[Param]:
+    """A list of parameters as users write it: one, or several, each once."""
+    if isinstance(wrt, Param):
+        return [wrt]
+    if isinstance(wrt, Expr) or not isinstance(wrt, Iterable):
+        raise ParameterError("one differentiates by parameters", wrt, 'make one with t = teg.param("t")')
+    found: list[Param] = []
+    for p in wrt:
+        if not isinstance(p, Param):
+            raise ParameterError("one differentiates by parameters", p, 'make one with t = teg.param("t")')
+        if p in found:
+            raise ParameterError(f"the parameter {p.name!r} is listed twice")
+        found.append(p)
+    return found

@@ -1,0 +1,150 @@
+"""Derivatives of smooth nodes, and of surfaces: the table that forward mode, reverse mode and the roots of surfaces share."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from teg.errors import NotDifferentiableError
+from teg.expr import (
+    MINUS_ONE,
+    ONE,
+    ZERO,
+    Add,
+    Call,
+    Expr,
+    Mul,
+    Param,
+    Pow,
+    Var,
+    Where,
+    add,
+    call,
+    const,
+    div,
+    integer_power,
+    mul,
+    positive,
+    sub,
+    where,
+)
+from teg.node import postorder
+
+
+def partials(node: Call) -> list[Expr]:
+    """∂f/∂uᵢ of a function applied, in the order of its arguments."""
+    u = node.children[0]
+    match node.name:
+        case "sin":
+            return [call("cos", u)]
+        case "cos":
+            return [mul(MINUS_ONE, call("sin", u))]
+        case "tan":
+            return [add(ONE, integer_power(node, 2))]
+        case "asin":
+            return [integer_power(call("sqrt", sub(ONE, integer_power(u, 2))), -1)]
+        case "acos":
+            return [mul(MINUS_ONE, integer_power(call("sqrt", sub(ONE, integer_power(u, 2))), -1))]
+        case "atan":
+            return [integer_power(add(ONE, integer_power(u, 2)), -1)]
+        case "atan2":
+            x = node.children[1]
+            square = add(integer_power(u, 2), integer_power(x, 2))
+            return [div(x, square), mul(MINUS_ONE, div(u, square))]
+        case "sinh":
+            return [call("cosh", u)]
+        case "cosh":
+            return [call("sinh", u)]
+        case "tanh":
+            return [sub(ONE, integer_power(node, 2))]
+        case "exp":
+            return [node]
+        case "log":
+            return [integer_power(u, -1)]
+        case "sqrt":
+            return [mul(const(0.5), integer_power(node, -1))]
+        case "pow":
+            k = node.children[1]
+            return [mul(k, call("pow", u, sub(k, ONE))), mul(call("log", u), node)]
+        case "magnitude":
+            return [where(positive(u), ONE, MINUS_ONE)]
+        case "floor":
+            return [ZERO]
+        case "mod":
+            return [ONE, mul(MINUS_ONE, call("floor", div(u, node.children[1])))]
+        case _:
+            raise AssertionError(f"no derivative is known for {node.name}")
+
+
+def factor_cofactors(node: Mul) -> list[Expr]:
+    """For each factor the product of the others, in linear time."""
+    factors = node.children
+    after: list[Expr] = [ONE] * len(factors)
+    for i in range(len(factors) - 2, -1, -1):
+        after[i] = mul(factors[i + 1], after[i + 1])
+    before: Expr = ONE
+    result = []
+    for factor, rest in zip(factors, after, strict=True):
+        result.append(mul(before, rest))
+        before = mul(before, factor)
+    return result
+
+
+def slope(e: Expr, by: Var | Param) -> Expr:
+    """∂e/∂by, conditions taken as constant. For atoms: raises NotDifferentiableError if an integral in e depends on `by`."""
+    tangent: dict[Expr, Expr] = {}
+    for node in postorder([e]):
+        if isinstance(node, Expr):
+            tangent[node] = _slope(node, by, tangent)
+    return tangent[e]
+
+
+def _slope(node: Expr, by: Var | Param, tangent: dict[Expr, Expr]) -> Expr:
+    if node is by:
+        return ONE
+    if isinstance(by, Var) and by not in node.free:
+        return ZERO
+    match node:
+        case Add():
+            return add(*(tangent[c] for c in node.children))
+        case Mul():
+            if all(tangent[c] is ZERO for c in node.children):
+                return ZERO
+            return add(
+                *(
+                    mul(tangent[c], rest)
+                    for c, rest in zip(node.children, factor_cofactors(node), strict=True)
+                    if tangent[c] is not ZERO
+                )
+            )
+        case Pow():
+            t = tangent[node.base]
+            return (
+                ZERO
+                if t is ZERO
+                else mul(const(node.exponent), t, integer_power(node.base, node.exponent - 1))
+            )
+        case Call():
+            if all(tangent[c] is ZERO for c in node.children):
+                return ZERO
+            return add(
+                *(
+                    mul(tangent[c], p)
+                    for c, p in zip(node.children, partials(node), strict=True)
+                    if tangent[c] is not ZERO
+                )
+            )
+        case Where():
+            return where(node.condition, tangent[node.then], tangent[node.otherwise])
+        case _ if node.has_integral and isinstance(by, Var):
+            raise NotDifferentiableError(
+                "the slope of a surface that holds an integral over the same variable is not known", node
+            )
+        case _:
+            return ZERO
+
+
+def value_children(node: Expr) -> tuple[Expr, ...]:
+    """The children in value position: no conditions."""
+    if isinstance(node, Where):
+        return (node.then, node.otherwise)
+    return cast("tuple[Expr, ...]", node.children)

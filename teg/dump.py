@@ -1,0 +1,195 @@
+"""Printing: readable Unicode mathematics (`show`) and a listing that shows sharing (`dump`)."""
+
+from __future__ import annotations
+
+from teg.expr import (
+    Add,
+    And,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Not,
+    Or,
+    Param,
+    Pow,
+    Truth,
+    Tuple,
+    Var,
+    Where,
+)
+from teg.integral import Delta, Integral
+from teg.node import Node, postorder
+
+_SUM, _PRODUCT, _POWER, _ATOM = range(4)
+_OR, _AND, _NOT = range(3)
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_LIMIT = 100_000  # characters: shared subexpressions are written out, so text can be exponentially longer than the program
+
+
+def number(value: float) -> str:
+    """A number as short as it can be written exactly."""
+    if float(value).is_integer() and abs(value) < 1e15:
+        return str(int(value))
+    return {"inf": "∞", "-inf": "-∞"}.get(repr(value), repr(value))
+
+
+def show(root: Node, limit: int = _LIMIT) -> str:
+    """The expression as one line of mathematics; a program too long for that is shown as a listing."""
+    text: dict[Node, tuple[str, int]] = {}
+    total = 0
+    for node in postorder([root]):
+        text[node] = _line(node, [text[c] for c in node.children])
+        total += len(text[node][0])
+        if total > 20 * limit or len(text[node][0]) > limit:
+            return dump(root)
+    return text[root][0]
+
+
+def _wrapped(part: tuple[str, int], at_least: int) -> str:
+    return part[0] if part[1] >= at_least else f"({part[0]})"
+
+
+def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
+    match node:
+        case Const():
+            return number(node.data), _ATOM if node.data >= 0 else _SUM
+        case Param() | Var():
+            return node.name, _ATOM
+        case Add():
+            out = ""
+            for i, p in enumerate(parts):
+                term = p[0]
+                if i and term.startswith("-"):
+                    out += " - " + term[1:]
+                else:
+                    out += (" + " if i else "") + term
+            return out, _SUM
+        case Mul():
+            return _product(node, parts)
+        case Pow():
+            if node.exponent == -1:
+                return "1/" + _wrapped(parts[0], _POWER), _PRODUCT
+            return _wrapped(parts[0], _ATOM) + str(node.exponent).translate(_SUPERSCRIPT), _POWER
+        case Call():
+            if node.name == "magnitude":
+                return f"|{parts[0][0]}|", _ATOM
+            if node.name == "sqrt":
+                return "√" + _wrapped(parts[0], _ATOM), _ATOM
+            if node.name == "pow":
+                return f"{_wrapped(parts[0], _ATOM)}^{_wrapped(parts[1], _ATOM)}", _POWER
+            return f"{node.name}({', '.join(p[0] for p in parts)})", _ATOM
+        case Where():
+            c, a, b = (p[0] for p in parts)
+            if (a, b) == ("1", "0"):
+                return f"[{c}]", _ATOM
+            if b == "0":
+                return f"[{c}]·{_wrapped(parts[1], _PRODUCT)}", _PRODUCT
+            return f"where({c}, {a}, {b})", _ATOM
+        case Tuple():
+            return "(" + ", ".join(p[0] for p in parts) + ("," if len(parts) == 1 else "") + ")", _ATOM
+        case Integral():
+            body, lo, hi = parts
+            return f"∫[{node.var.name}: {lo[0]}..{hi[0]}] {_wrapped(body, _PRODUCT)}", _SUM
+        case Delta():
+            return f"δ({parts[0][0]})", _ATOM
+        case Truth():
+            return ("true" if node.data else "false"), _NOT
+        case Compare():
+            return _comparison(node, parts), _NOT
+        case Not():
+            return "~" + (parts[0][0] if parts[0][1] > _NOT else f"({parts[0][0]})"), _NOT
+        case And():
+            return " & ".join(f"({p[0]})" if p[1] < _AND else p[0] for p in parts), _AND
+        case Or():
+            return " | ".join(p[0] for p in parts), _OR
+        case _:
+            raise AssertionError(f"unknown node {type(node).__name__}")
+
+
+def _product(node: Mul, parts: list[tuple[str, int]]) -> tuple[str, int]:
+    above: list[str] = []
+    below: list[str] = []
+    sign = ""
+    for child, part in zip(node.children, parts, strict=True):
+        if isinstance(child, Const) and child.data == -1:
+            sign = "-"
+        elif isinstance(child, Const) and child.data < 0:
+            sign = "-"
+            above.append(number(-child.data))
+        elif isinstance(child, Pow) and child.exponent < 0:
+            base = (
+                part[0][2:]
+                if child.exponent == -1
+                else part[0].replace("⁻", "", 1)
+                if part[0].endswith(("⁻²", "⁻³"))
+                else None
+            )
+            if base is None:
+                above.append(_wrapped(part, _POWER))
+            else:
+                below.append(base)
+        else:
+            above.append(_wrapped(part, _POWER))
+    text = sign + ("·".join(above) or "1")
+    if below:
+        text += "/" + (below[0] if len(below) == 1 else "(" + "·".join(below) + ")")
+    return text, _PRODUCT
+
+
+def _comparison(node: Compare, parts: list[tuple[str, int]]) -> str:
+    relation = (" < ", " > ") if node.strict else (" ≤ ", " ≥ ")
+    if isinstance(node.g, Add) and len(node.g.children) == 2:
+        a, b = node.g.children
+        left, right = show(a), show(b)
+        if right.startswith("-") and " + " not in right and " - " not in right[1:]:
+            return right[1:] + relation[0] + left
+        if left.startswith("-") and " + " not in left and " - " not in left[1:]:
+            return left[1:] + relation[0] + right
+        if isinstance(b, Const) and b.data < 0:
+            return left + relation[1] + number(-b.data)
+    if isinstance(node.g, Mul) and isinstance(node.g.children[0], Const) and node.g.children[0].data == -1:
+        return parts[0][0][1:] + relation[0] + "0"
+    return parts[0][0] + relation[1] + "0"
+
+
+def dump(*roots: Node) -> str:
+    """One line a node, %n = operation(%m, …), each distinct node once: what is shared is seen."""
+    order = postorder(roots)
+    label: dict[Node, str] = {}
+    lines: list[str] = []
+    for node in order:
+        if isinstance(node, Const | Param | Var | Truth):
+            label[node] = number(node.data) if isinstance(node, Const) else str(node.data)
+            continue
+        label[node] = f"%{len(lines)}"
+        children = ", ".join(label[c] for c in node.children)
+        lines.append(f"{label[node]} = {_operation(node)}({children})")
+    lines.extend(f"result {label[r]}" for r in roots)
+    return "\n".join(lines)
+
+
+def _operation(node: Node) -> str:
+    match node:
+        case Call():
+            return node.name
+        case Pow():
+            return f"power[{node.exponent}]"
+        case Integral():
+            return f"integral[{node.var.name}]"
+        case Compare():
+            return "positive" if node.strict else "nonnegative"
+        case _:
+            return type(node).__name__.lower()
+
+
+def _install() -> None:
+    """Give nodes their text: printing stands on a higher floor than the nodes, which know no mathematics."""
+    for cls in (Expr, Cond):
+        cls.__str__ = show  # type: ignore[assignment]
+        cls.__repr__ = lambda self: show(self, 2000)  # type: ignore[assignment]
+
+
+_install()

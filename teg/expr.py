@@ -1,0 +1,624 @@
+"""The expression language: numbers, parameters, variables, arithmetic, functions, conditions, `where`, tuples.
+
+    e ::= c | p | x | e + … + e | e · … · e | e^k | f(e, …) | where(b, e, e) | (e, …, e)          (binders stand in integral.py)
+    b ::= g > 0 | g >= 0 | ~b | b & … & b | b | … | b | true | false
+
+A comparison a < b is kept as the atom g = b - a > 0. The functions in lower case (`add`, `mul`, `power`, `call`, `where`, …) build nodes and
+simplify on the way what costs nothing to see: constants, neutral elements, equal terms, a bracket as a factor. They neither reorder nor
+re-associate sums, so a program is evaluated as the user wrote it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from numbers import Real
+from typing import Any, NoReturn, cast
+
+from teg.errors import ConditionError, DeltaError, OperandError
+from teg.node import Node, _NO_NAMES
+
+_FLATTEN = (
+    8  # a product inside a product is merged while it is this short: longer ones would make chains quadratic
+)
+
+
+class Expr(Node):
+    """A number-valued expression."""
+
+    __slots__ = ()
+    __array_ufunc__ = None  # NumPy scalars leave the arithmetic to us
+
+    def __add__(self, other: object) -> Expr:
+        return _binary(self, other, lambda a, b: add(a, b))
+
+    def __radd__(self, other: object) -> Expr:
+        return _binary(other, self, lambda a, b: add(a, b))
+
+    def __sub__(self, other: object) -> Expr:
+        return _binary(self, other, sub)
+
+    def __rsub__(self, other: object) -> Expr:
+        return _binary(other, self, sub)
+
+    def __mul__(self, other: object) -> Expr:
+        return _binary(self, other, lambda a, b: mul(a, b))
+
+    def __rmul__(self, other: object) -> Expr:
+        return _binary(other, self, lambda a, b: mul(a, b))
+
+    def __truediv__(self, other: object) -> Expr:
+        return _binary(self, other, div)
+
+    def __rtruediv__(self, other: object) -> Expr:
+        return _binary(other, self, div)
+
+    def __mod__(self, other: object) -> Expr:
+        return _binary(self, other, lambda a, b: call("mod", a, b))
+
+    def __rmod__(self, other: object) -> Expr:
+        return _binary(other, self, lambda a, b: call("mod", a, b))
+
+    def __pow__(self, other: object) -> Expr:
+        return _binary(self, other, power)
+
+    def __rpow__(self, other: object) -> Expr:
+        return _binary(other, self, power)
+
+    def __neg__(self) -> Expr:
+        return _binary(MINUS_ONE, self, lambda a, b: mul(a, b))
+
+    def __pos__(self) -> Expr:
+        return self
+
+    def __abs__(self) -> Expr:
+        return absolute(as_number(self))
+
+    def __lt__(self, other: object) -> Cond:
+        return less(self, other, strict=True)
+
+    def __le__(self, other: object) -> Cond:
+        return less(self, other, strict=False)
+
+    def __gt__(self, other: object) -> Cond:
+        return less(other, self, strict=True)
+
+    def __ge__(self, other: object) -> Cond:
+        return less(other, self, strict=False)
+
+    def __bool__(self) -> NoReturn:
+        raise ConditionError(
+            "an expression has no truth value while the program is being written",
+            self,
+            "use teg.where(condition, a, b) instead of if/else",
+        )
+
+    def __float__(self) -> float:
+        if isinstance(self, Const):
+            return cast(float, self.data)
+        raise OperandError(
+            "an expression is not a number yet", self, "teg.evaluate(e, {parameter: value}) gives its number"
+        )
+
+    def __and__(self, other: object) -> NoReturn:
+        raise ConditionError(
+            "& joins conditions, not numbers", self, "write (a < b) & (c < d), with the brackets"
+        )
+
+    __rand__ = __or__ = __ror__ = __invert__ = cast(Any, __and__)
+
+    def __getitem__(self, index: object) -> Expr:
+        raise OperandError("only tuples and arrays can be indexed", self)
+
+    def __iter__(self) -> Iterator[Expr]:
+        raise OperandError("only tuples can be iterated over", self)
+
+
+class Const(Expr):
+    """A number."""
+
+    __slots__ = ()
+
+
+class Param(Expr):
+    """A parameter: what one differentiates by."""
+
+    __slots__ = ()
+
+    @property
+    def name(self) -> str:
+        return cast(str, self.data)
+
+
+class Var(Expr):
+    """A variable of integration, bound by an integral."""
+
+    __slots__ = ()
+
+    @property
+    def name(self) -> str:
+        return cast(str, self.data)
+
+    def _free_variables(self) -> frozenset[Any]:
+        return frozenset((self,))
+
+
+class Add(Expr):
+    """a + b + …"""
+
+    __slots__ = ()
+    children: tuple[Expr, ...]
+
+
+class Mul(Expr):
+    """a · b · …; a number comes first."""
+
+    __slots__ = ()
+    children: tuple[Expr, ...]
+
+
+class Pow(Expr):
+    """base^k with an integer k, neither 0 nor 1."""
+
+    __slots__ = ()
+
+    @property
+    def base(self) -> Expr:
+        return cast(Expr, self.children[0])
+
+    @property
+    def exponent(self) -> int:
+        return cast(int, self.data)
+
+
+class Call(Expr):
+    """A function of the language: its name and its arguments."""
+
+    __slots__ = ()
+    children: tuple[Expr, ...]
+
+    @property
+    def name(self) -> str:
+        return cast(str, self.data)
+
+
+class Where(Expr):
+    """a where the condition holds, else b; the other value never matters, be it NaN."""
+
+    __slots__ = ()
+
+    @property
+    def condition(self) -> Cond:
+        return cast(Cond, self.children[0])
+
+    @property
+    def then(self) -> Expr:
+        return cast(Expr, self.children[1])
+
+    @property
+    def otherwise(self) -> Expr:
+        return cast(Expr, self.children[2])
+
+
+class Tuple(Expr):
+    """Several expressions evaluated together."""
+
+    __slots__ = ()
+    children: tuple[Expr, ...]
+
+    def __getitem__(self, index: object) -> Expr:
+        if not isinstance(index, int):
+            raise OperandError("a tuple is indexed by an integer", self)
+        if not -len(self.children) <= index < len(self.children):
+            raise IndexError(f"a tuple of {len(self.children)} has no entry {index}")
+        return self.children[index]
+
+    def __len__(self) -> int:
+        return len(self.children)
+
+    def __iter__(self) -> Iterator[Expr]:
+        return iter(self.children)
+
+
+class Cond(Node):
+    """A condition."""
+
+    __slots__ = ()
+
+    def __and__(self, other: object) -> Cond:
+        return conjunction(self, as_condition(other))
+
+    def __rand__(self, other: object) -> Cond:
+        return conjunction(as_condition(other), self)
+
+    def __or__(self, other: object) -> Cond:
+        return disjunction(self, as_condition(other))
+
+    def __ror__(self, other: object) -> Cond:
+        return disjunction(as_condition(other), self)
+
+    def __invert__(self) -> Cond:
+        return negation(self)
+
+    def __bool__(self) -> NoReturn:
+        raise ConditionError(
+            "a condition has no truth value while the program is being written",
+            self,
+            "write (a < x) & (x < b) for a < x < b; & | ~ for and, or, not; teg.where(c, a, b) for if/else",
+        )
+
+    def _is_no_number(self, *_: object) -> NoReturn:
+        raise ConditionError(
+            "a condition is not a number", self, "teg.bracket(condition) is 1 where it holds, else 0"
+        )
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _is_no_number
+    __pow__ = __rpow__ = __neg__ = __pos__ = __abs__ = __lt__ = __le__ = __gt__ = __ge__ = __float__ = (
+        _is_no_number
+    )
+    __array_ufunc__ = None
+
+
+class Truth(Cond):
+    """true or false."""
+
+    __slots__ = ()
+
+
+class Compare(Cond):
+    """The atom g > 0 (`strict`) or g >= 0.
+
+    A second child, if there is one, decides where g is 0 to rounding and another surface runs through the same point: it tells the
+    truth value if the surfaces are moved apart in one order, its negation is the value in the reversed order (DESIGN: ties).
+    """
+
+    __slots__ = ()
+
+    @property
+    def strict(self) -> bool:
+        return cast(bool, self.data[0])
+
+    @property
+    def rivals(self) -> tuple[str, str] | None:
+        """The two surfaces of a tie, printed, if the atom can meet one."""
+        return cast("tuple[str, str] | None", self.data[1])
+
+    @property
+    def g(self) -> Expr:
+        return cast(Expr, self.children[0])
+
+    @property
+    def resolution(self) -> Cond | None:
+        return cast(Cond, self.children[1]) if len(self.children) == 2 else None
+
+
+class Not(Cond):
+    __slots__ = ()
+
+    @property
+    def operand(self) -> Cond:
+        return cast(Cond, self.children[0])
+
+
+class And(Cond):
+    __slots__ = ()
+    children: tuple[Cond, ...]
+
+
+class Or(Cond):
+    __slots__ = ()
+    children: tuple[Cond, ...]
+
+
+FUNCTIONS: dict[str, Callable[..., float]] = {
+    "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos, "atan": math.atan,
+    "atan2": math.atan2, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "exp": math.exp, "log": math.log,
+    "sqrt": math.sqrt, "pow": math.pow, "floor": lambda x: float(math.floor(x)), "mod": lambda x, y: x - y * math.floor(x / y),
+    "magnitude": abs,
+}  # fmt: skip
+"""The functions of the language. `magnitude` is |u| with no surface at u = 0, for weights that cannot vanish."""
+
+_SINGULAR = frozenset(("sqrt", "log", "pow", "asin", "acos"))
+
+
+def const(value: float) -> Const:
+    """A number as an expression."""
+    return Const.make(float(value) + 0.0, ())  # + 0.0 makes -0.0 and 0.0 one
+
+
+ZERO, ONE, MINUS_ONE = const(0.0), const(1.0), const(-1.0)
+TRUE, FALSE = Truth.make(True, ()), Truth.make(False, ())
+
+
+def as_number(value: object) -> Expr:
+    """A number-valued expression from what a user may write for one."""
+    if isinstance(value, Expr):
+        if isinstance(value, Tuple):
+            raise OperandError("a tuple takes no part in arithmetic", value, "use its entries: e[0], e[1], …")
+        return value
+    if isinstance(value, Cond):
+        value._is_no_number()
+    if isinstance(value, bool):
+        raise ConditionError(
+            f"{value} is a Python truth value, not an expression",
+            None,
+            "== compares by identity; write conditions with < <= > >=",
+        )
+    if isinstance(value, Real) or (hasattr(value, "__float__") and getattr(value, "ndim", None) == 0):
+        return const(float(cast(Any, value)))
+    raise OperandError(
+        f"{type(value).__name__} is not a number or an expression: {value!r:.80}",
+        None,
+        "build programs from numbers, teg.param, teg.var; arrays of values are given when the compiled function is called",
+    )
+
+
+def as_condition(value: object) -> Cond:
+    """A condition, or an error that says what to write."""
+    if isinstance(value, Cond):
+        return value
+    if isinstance(value, bool):
+        raise ConditionError(
+            f"{value} is a Python truth value, not a condition of the program",
+            None,
+            "== compares expressions by identity; conditions are written with < <= > >= on variables and parameters",
+        )
+    raise ConditionError(
+        "a condition was expected",
+        value,
+        "write a comparison such as x < t; teg.bracket(condition) turns one into 0 or 1",
+    )
+
+
+def _binary(a: object, b: object, build: Callable[[Expr, Expr], Expr]) -> Expr:
+    return build(as_number(a), as_number(b))
+
+
+def _split(term: Expr) -> tuple[float, Expr]:
+    """A term as a number times the rest."""
+    if isinstance(term, Mul) and isinstance(term.children[0], Const):
+        rest = term.children[1:]
+        return term.children[0].data, rest[0] if len(rest) == 1 else Mul.make(None, rest)
+    return 1.0, term
+
+
+def add(*terms: Expr) -> Expr:
+    """The sum, in the order given; equal terms and constants are collected."""
+    constant = 0.0
+    parts: dict[Expr, float] = {}
+    for term in terms:
+        if isinstance(term, Const):
+            constant += term.data
+        else:
+            coefficient, rest = _split(term)
+            parts[rest] = parts.get(rest, 0.0) + coefficient
+    kept = [mul(const(c), rest) if c != 1.0 else rest for rest, c in parts.items() if c != 0.0]
+    if constant != 0.0 or not kept:
+        kept.append(const(constant))
+    return kept[0] if len(kept) == 1 else Add.make(None, tuple(kept))
+
+
+def sub(a: Expr, b: Expr) -> Expr:
+    """a - b."""
+    return add(a, mul(MINUS_ONE, b))
+
+
+def div(a: Expr, b: Expr) -> Expr:
+    """a / b."""
+    return mul(a, power(b, MINUS_ONE))
+
+
+def mul(*factors: Expr) -> Expr:
+    """The product; a factor where(b, u, 0) takes the whole product into its branch."""
+    coefficient = 1.0
+    powers: dict[Expr, int] = {}
+    conditions: list[Cond] = []
+    stack = list(reversed(factors))
+    while stack:
+        factor = stack.pop()
+        if isinstance(factor, Const):
+            coefficient *= factor.data
+        elif isinstance(factor, Mul) and len(factor.children) <= _FLATTEN:
+            stack.extend(reversed(factor.children))
+        elif isinstance(factor, Where) and factor.otherwise is ZERO:
+            conditions.append(factor.condition)
+            stack.append(factor.then)
+        elif isinstance(factor, Where) and factor.then is ZERO:
+            conditions.append(negation(factor.condition))
+            stack.append(factor.otherwise)
+        elif isinstance(factor, Pow):
+            powers[factor.base] = powers.get(factor.base, 0) + factor.exponent
+        else:
+            powers[factor] = powers.get(factor, 0) + 1
+    if coefficient == 0.0:
+        return ZERO
+    kept: list[Expr] = [_integer_power(base, k) for base, k in powers.items() if k != 0]
+    if coefficient != 1.0 or not kept:
+        kept.insert(0, const(coefficient))
+    product = kept[0] if len(kept) == 1 else Mul.make(None, tuple(kept))
+    return where(conjunction(*conditions), product, ZERO) if conditions else product
+
+
+def _integer_power(base: Expr, k: int) -> Expr:
+    return base if k == 1 else Pow.make(k, (base,))
+
+
+def power(base: Expr, exponent: Expr) -> Expr:
+    """base^exponent: an integer power, a square root, or the real power of a positive base."""
+    if isinstance(exponent, Const):
+        k = exponent.data
+        if k == 0.0:
+            return ONE
+        if k == 1.0:
+            return base
+        if float(k).is_integer() and abs(k) < 2**31:
+            return integer_power(base, int(k))
+        if k == 0.5:
+            return call("sqrt", base)
+        if k == -0.5:
+            return integer_power(call("sqrt", base), -1)
+    return call("pow", base, exponent)
+
+
+def integer_power(base: Expr, k: int) -> Expr:
+    """base^k."""
+    if k == 0:
+        return ONE
+    if k == 1:
+        return base
+    if isinstance(base, Const):
+        if base.data != 0.0 and (
+            k > 0 or abs(math.frexp(base.data)[0]) == 0.5
+        ):  # 1/3 is no binary number: divide, as written
+            try:
+                return const(base.data**k)
+            except OverflowError:
+                pass
+        elif base.data == 0.0 and k > 0:
+            return ZERO
+    if isinstance(base, Pow) and (base.exponent == -1 or k > 0):
+        return integer_power(base.base, base.exponent * k)
+    if isinstance(base, Where):
+        if k > 0 and base.otherwise is ZERO:
+            return where(base.condition, integer_power(base.then, k), ZERO)
+        if k < 0:
+            return _into_branches(base, lambda u: integer_power(u, k))
+    return Pow.make(k, (base,))
+
+
+def call(name: str, *arguments: Expr) -> Expr:
+    """A function of the language applied; one that is singular somewhere goes into the branches of a `where`."""
+    if all(isinstance(a, Const) for a in arguments):
+        try:
+            value = FUNCTIONS[name](*[a.data for a in arguments])
+            if math.isfinite(value):
+                return const(value)
+        except (ValueError, OverflowError, ZeroDivisionError):
+            pass
+    if name in _SINGULAR and isinstance(arguments[0], Where):
+        rest = arguments[1:]
+        return _into_branches(arguments[0], lambda u: call(name, u, *rest))
+    if any(a.has_delta for a in arguments):
+        raise DeltaError(
+            f"a Dirac delta inside {name} has no meaning",
+            Call.make(name, arguments),
+            "a delta may only be added and multiplied",
+        )
+    return Call.make(name, arguments)
+
+
+def _into_branches(outer: Where, f: Callable[[Expr], Expr]) -> Expr:
+    """f of a `where`, branch by branch; iterative, each shared branch once."""
+    done: dict[Expr, Expr] = {}
+    stack: list[Expr] = [outer]
+    while stack:
+        e = stack[-1]
+        if not isinstance(e, Where):
+            done.setdefault(e, f(e))
+        elif missing := [u for u in (e.then, e.otherwise) if u not in done]:
+            stack.extend(missing)
+            continue
+        else:
+            done[e] = where(e.condition, done[e.then], done[e.otherwise])
+        stack.pop()
+    return done[outer]
+
+
+def where(condition: Cond, then: Expr, otherwise: Expr) -> Expr:
+    """`then` where the condition holds, else `otherwise`."""
+    if condition is TRUE or then is otherwise:
+        return then
+    if condition is FALSE:
+        return otherwise
+    if isinstance(condition, Not):
+        condition, then, otherwise = condition.operand, otherwise, then
+    if isinstance(then, Where) and then.condition is condition:
+        then = then.then
+    if isinstance(otherwise, Where) and otherwise.condition is condition:
+        otherwise = otherwise.otherwise
+    if otherwise is ZERO and isinstance(then, Where) and then.otherwise is ZERO:
+        condition, then = conjunction(condition, then.condition), then.then
+    return then if then is otherwise else Where.make(None, (condition, then, otherwise))
+
+
+def bracket(condition: Cond) -> Expr:
+    """1 where the condition holds, else 0 (Iverson)."""
+    return where(condition, ONE, ZERO)
+
+
+def absolute(u: Expr) -> Expr:
+    """|u| = where(u > 0, u, -u)."""
+    return where(positive(u), u, mul(MINUS_ONE, u))
+
+
+def positive(
+    g: Expr, strict: bool = True, resolution: Cond | None = None, rivals: tuple[str, str] | None = None
+) -> Cond:
+    """The atom g > 0, or g >= 0."""
+    if isinstance(g, Const):
+        return TRUE if g.data > 0 or (not strict and g.data == 0) else FALSE
+    if g.has_delta:
+        raise DeltaError("a Dirac delta inside a condition has no meaning", g)
+    if resolution is None:
+        return Compare.make((strict, None), (g,))
+    return Compare.make((strict, rivals), (g, resolution))
+
+
+def less(a: object, b: object, strict: bool) -> Cond:
+    """a < b, or a <= b."""
+    if isinstance(a, Cond) or isinstance(b, Cond):
+        raise ConditionError(
+            "a condition cannot be compared",
+            a if isinstance(a, Cond) else b,
+            "write (a < x) & (x < b) for a < x < b",
+        )
+    return positive(sub(as_number(b), as_number(a)), strict)
+
+
+def negation(c: Cond) -> Cond:
+    """~c."""
+    if isinstance(c, Truth):
+        return FALSE if c.data else TRUE
+    return c.operand if isinstance(c, Not) else Not.make(None, (c,))
+
+
+def conjunction(*conditions: Cond) -> Cond:
+    """a & b & …"""
+    return _junction(And, conditions, FALSE, TRUE)
+
+
+def disjunction(*conditions: Cond) -> Cond:
+    """a | b | …"""
+    return _junction(Or, conditions, TRUE, FALSE)
+
+
+def _junction(
+    cls: type[And] | type[Or], conditions: Iterable[Cond], absorbing: Truth, neutral: Truth
+) -> Cond:
+    kept: dict[Cond, None] = {}
+    for c in conditions:
+        if c is absorbing:
+            return absorbing
+        if isinstance(c, cls) and len(c.children) <= _FLATTEN:
+            kept.update(dict.fromkeys(c.children))
+        elif c is not neutral:
+            kept[c] = None
+    for c in kept:
+        if isinstance(c, Not) and c.operand in kept:
+            return absorbing
+    if not kept:
+        return neutral
+    return next(iter(kept)) if len(kept) == 1 else cls.make(None, tuple(kept))
+
+
+def tuple_of(*entries: Expr) -> Tuple:
+    """Several expressions evaluated together."""
+    return Tuple.make(None, entries)
+
+
+def constant_value(e: Expr) -> float | None:
+    """The number an expression is, if it is one."""
+    return cast(float, e.data) if isinstance(e, Const) else None
+
+
+NOTHING_FREE = _NO_NAMES

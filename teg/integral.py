@@ -1,0 +1,78 @@
+"""The binder ∫ₗʰ e dx and the distribution δ(e)."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+from teg.expr import ONE, ZERO, Const, Expr, Mul, Tuple, Var, Where, mul, sub, tuple_of
+from teg.node import union
+
+
+class Integral(Expr):
+    """∫ₗʰ body dx. The bounds are outside the scope of x; lo > hi is the signed integral -∫ₕˡ."""
+
+    __slots__ = ()
+    is_integral = True
+
+    @property
+    def var(self) -> Var:
+        return cast(Var, self.data)
+
+    @property
+    def body(self) -> Expr:
+        return cast(Expr, self.children[0])
+
+    @property
+    def lo(self) -> Expr:
+        return cast(Expr, self.children[1])
+
+    @property
+    def hi(self) -> Expr:
+        return cast(Expr, self.children[2])
+
+    def _free_variables(self) -> frozenset[Any]:
+        inner = self.children[0].free
+        if self.data in inner:
+            inner = inner - {self.data}
+        return union([inner, self.children[1].free, self.children[2].free])
+
+
+class Delta(Expr):
+    """Dirac's δ(g)."""
+
+    __slots__ = ()
+    is_delta = True
+
+    @property
+    def g(self) -> Expr:
+        return cast(Expr, self.children[0])
+
+
+def integral_over(body: Expr, var: Var, lo: Expr, hi: Expr) -> Expr:
+    """∫ₗʰ body dx; 0 for a body or a domain that is nothing."""
+    if isinstance(body, Tuple):
+        return tuple_of(*(integral_over(entry, var, lo, hi) for entry in body.children))
+    if body is ZERO or (lo is hi and not body.has_delta):
+        return ZERO
+    return Integral.make(var, (body, lo, hi))
+
+
+def delta(g: Expr) -> Expr:
+    """δ(g); a number that is not 0 gives 0."""
+    if isinstance(g, Const) and g.data != 0.0:
+        return ZERO
+    return Delta.make(None, (g,))
+
+
+def scaled_integral(body: Expr, var: Var, lo: Expr, hi: Expr) -> Expr:
+    """∫ₗʰ body dx with the factors and conditions that are free of x in front (a number included)."""
+    conditions = []
+    if isinstance(body, Where) and body.otherwise is ZERO and var not in body.condition.free:
+        conditions.append(body.condition)
+        body = body.then
+    factors = body.children if isinstance(body, Mul) else (body,)
+    outside = [f for f in factors if var not in f.free and not f.has_delta]
+    inside = [f for f in factors if var in f.free or f.has_delta]
+    integrand = mul(*inside)
+    result = mul(*outside, sub(hi, lo) if integrand is ONE else integral_over(integrand, var, lo, hi))
+    return Where.make(None, (conditions[0], result, ZERO)) if conditions and result is not ZERO else result

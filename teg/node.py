@@ -1,0 +1,127 @@
+"""Nodes: immutable, interned, with their free variables. This file knows no mathematics.
+
+Equal nodes are one object, so `==` and `hash` are identity and a node is a good dictionary key. The table that makes them one holds weak
+references only: what nobody uses disappears. Every traversal is iterative, so expressions may be 100 000 nodes deep.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+import weakref
+from collections.abc import Hashable, Iterable
+from typing import Any, TypeVar
+
+_table: weakref.WeakValueDictionary[tuple[Hashable, ...], Node] = weakref.WeakValueDictionary()
+_lock = threading.RLock()
+
+N = TypeVar("N", bound="Node")
+_NO_NAMES: frozenset[Any] = frozenset()
+
+
+class Node:
+    """A class, some data (hashable, not a node unless it is a binder's variable) and children."""
+
+    __slots__ = ("__weakref__", "_digest", "children", "data", "free", "has_delta", "has_integral")
+
+    _digest: int | None
+    children: tuple[Node, ...]
+    data: Any
+    free: frozenset[Any]  # the variables of integration that occur free
+    has_delta: bool
+    has_integral: bool
+    is_delta = False  # of the class: marks every node that contains one of it
+    is_integral = False
+
+    @classmethod
+    def make(cls: type[N], data: Hashable, children: tuple[Node, ...]) -> N:
+        """The one node of this class with this data and these children."""
+        key = (cls, data, children)
+        found = _table.get(key)
+        if found is None:
+            with _lock:
+                found = _table.get(key)
+                if found is None:
+                    found = object.__new__(cls)
+                    fix = object.__setattr__
+                    fix(found, "data", data)
+                    fix(found, "children", children)
+                    fix(found, "_digest", None)
+                    fix(found, "free", found._free_variables())
+                    fix(found, "has_delta", cls.is_delta or any([c.has_delta for c in children]))
+                    fix(found, "has_integral", cls.is_integral or any([c.has_integral for c in children]))
+                    _table[key] = found
+        return found  # type: ignore[return-value]
+
+    def _free_variables(self) -> frozenset[Any]:
+        return union([c.free for c in self.children])
+
+    def __copy__(self: N) -> N:
+        return self
+
+    def __deepcopy__(self: N, memo: object) -> N:
+        return self
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"an expression is immutable: cannot set {name!r}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        order = postorder([self])
+        number = {node: i for i, node in enumerate(order)}
+        return (_rebuild, ([(type(n), _pack(n.data), tuple(number[c] for c in n.children)) for n in order],))
+
+
+def union(sets: list[frozenset[Any]]) -> frozenset[Any]:
+    """The union, as one of the sets themselves where it can be (chains of nodes then share one set)."""
+    largest = _NO_NAMES
+    for names in sets:
+        if len(names) > len(largest):
+            largest = names
+    for names in sets:
+        if names is not largest and not names <= largest:
+            largest = largest | names
+    return largest
+
+
+def postorder(roots: Iterable[Node]) -> list[Node]:
+    """Every node below the roots once, children before parents (a binder's variable is data, not a child)."""
+    order: list[Node] = []
+    seen: set[Node] = set()
+    stack: list[tuple[Node, bool]] = [(root, False) for root in reversed(list(roots))]
+    while stack:
+        node, done = stack.pop()
+        if done:
+            order.append(node)
+        elif node not in seen:
+            seen.add(node)
+            stack.append((node, True))
+            stack.extend((c, False) for c in reversed(node.children) if c not in seen)
+    return order
+
+
+def digest(node: Node) -> int:
+    """A 64-bit number that depends on the structure only: the same in every process."""
+    if node._digest is None:
+        for n in postorder([node]):
+            if n._digest is None:
+                data = n.data
+                text = f"{type(n).__name__}|{digest(data) if isinstance(data, Node) else data!r}|"
+                h = hashlib.blake2b(text.encode(), digest_size=8)
+                for c in n.children:
+                    h.update(c._digest.to_bytes(8, "little"))
+                object.__setattr__(n, "_digest", int.from_bytes(h.digest(), "little"))
+    return node._digest  # type: ignore[no-any-return]
+
+
+def _pack(data: Any) -> Any:
+    if isinstance(data, Node):
+        return ("node", type(data), data.data)
+    return ("data", data)
+
+
+def _rebuild(rows: list[tuple[type[Node], Any, tuple[int, ...]]]) -> Node:
+    nodes: list[Node] = []
+    for cls, data, children in rows:
+        value = data[1].make(data[2], ()) if data[0] == "node" else data[1]
+        nodes.append(cls.make(value, tuple(nodes[i] for i in children)))
+    return nodes[-1]

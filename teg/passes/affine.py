@@ -1,0 +1,280 @@
+"""Surfaces that are affine in one or several variables together: planes, lines, points.
+
+    g = g₀ + Σ aᵢ·(vᵢ - lᵢ)      with g₀ the value at the corner of the box, as the user wrote it, and aᵢ = ∂g/∂vᵢ
+
+Change of variables with u = g. At run time the variable v_k with the largest |aᵢ|·extent(vᵢ) is eliminated and the others run over
+their own ranges, vᵢ = lᵢ + sᵢ·(hᵢ - lᵢ) with sᵢ in (0, 1):
+
+    ∫…∫ w δ(g) dv = ∫₀¹…∫₀¹ w·Π_{i≠k}(hᵢ - lᵢ)/|a_k| · ([v_k < h_k] - [v_k < l_k]) ds
+
+All pivots share this one integral: the selection is made among the numbers that the map is made of, not among integrals. Exact also
+where a coefficient is 0 or 1e-12 and where the box is 1 × 1e-8; the selection depends on parameters only, so it has no flux.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from teg import expr as ex
+from teg.calculus import slope
+from teg.errors import NotDifferentiableError
+from teg.expr import (
+    MINUS_ONE,
+    ONE,
+    TRUE,
+    ZERO,
+    Cond,
+    Const,
+    Expr,
+    Var,
+    add,
+    call,
+    conjunction,
+    div,
+    mul,
+    negation,
+    positive,
+    sub,
+    where,
+)
+from teg.integral import integral_over
+from teg.passes.sift import Binder, Chain
+from teg.polynomial import Shadow
+from teg.surfaces import below, free_of, restrict, signed_inside
+from teg.traverse import fresh, substitute
+
+
+@dataclass(frozen=True)
+class Affine:
+    """g is jointly affine in `variables` (outermost first), with coefficients free of them."""
+
+    variables: tuple[Var, ...]
+
+    name = "affine"
+
+
+def match_affine(g: Expr, variables: Sequence[Var]) -> Affine | None:
+    """The largest set of variables, given innermost first, that g is jointly affine in, the innermost ones preferred."""
+    best: list[Var] = []
+    for first in variables:
+        if first not in g.free:
+            continue
+        chosen = [first]
+        if not _is_affine(g, chosen):
+            continue
+        for other in variables:
+            if other is not first and other in g.free and _is_affine(g, [*chosen, other]):
+                chosen.append(other)
+        if len(chosen) > len(best):
+            best = chosen
+    order = {v: i for i, v in enumerate(variables)}
+    return Affine(tuple(sorted(best, key=lambda v: -order[v]))) if best else None
+
+
+def _is_affine(g: Expr, variables: Sequence[Var]) -> bool:
+    shadow = Shadow(tuple(variables))
+    if shadow.degree(g) != 1:
+        return False
+    try:
+        return all(slope(g, v) is not ZERO for v in variables)
+    except NotDifferentiableError:
+        return False
+
+
+def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Expr | None:
+    """∫ over the chain (outermost first) of coefficient·δ(g), without δ; None where the ranges of the variables are not known."""
+    chosen = [b for b in chain if b.var in data.variables]
+    rest = tuple(b for b in chain if b.var not in data.variables)
+    ranges = _ranges(chosen)
+    if ranges is None or not all(_free_of_chain(b, ranges, rest) for b in chosen):
+        return None
+    corner = {b.var: lo for b, (lo, _) in zip(chosen, ranges, strict=True)}
+    g0 = cast(Expr, substitute(g, corner))
+    extents = [sub(hi, lo) for lo, hi in ranges]
+    slopes = [cast(Expr, substitute(slope(g, b.var), corner)) for b in chosen]
+    pivots = _pivot_conditions(slopes, extents)
+    taken = set(coefficient.free) | set(g.free) | {b.var for b in chain}
+    unit = [_next_unit(taken) for _ in chosen[1:]]
+    point, weight, guard = _chart(chosen, ranges, extents, slopes, g0, pivots, unit)
+    at = {b.var: p for b, p in zip(chosen, point, strict=True)}
+    directions = tuple(reversed([b.var for b in chosen]))
+    value = mul(weight, restrict(coefficient, at, g, directions))
+    for b in rest:
+        if not free_of(b.lo, at) or not free_of(b.hi, at):
+            if any(r.var in g.free for r in rest):
+                return None
+            rest = tuple(
+                Binder(r.var, cast(Expr, substitute(r.lo, at)), cast(Expr, substitute(r.hi, at)))
+                for r in rest
+            )
+            break
+    value = _inside_bounds(value, g, chosen, ranges, point, pivots, at)
+    value = where(guard, value, ZERO)
+    for b in reversed(rest):
+        value = integral_over(value, b.var, b.lo, b.hi)
+    for s in reversed(unit):
+        value = integral_over(value, s, ZERO, ONE)
+    return value
+
+
+def _next_unit(taken: set[Var]) -> Var:
+    s = fresh("s", taken)
+    taken.add(s)
+    return s
+
+
+def _free_of_chain(b: Binder, ranges: object, rest: Chain) -> bool:
+    return all(r.var not in b.lo.free and r.var not in b.hi.free for r in rest)
+
+
+def _ranges(chosen: Sequence[Binder]) -> list[tuple[Expr, Expr]] | None:
+    """For each binder, outermost first, bounds that do not depend on the others: its own, or the least and largest it can have."""
+    ranges: list[tuple[Expr, Expr]] = []
+    outer: list[tuple[Var, Expr, Expr]] = []
+    for b in chosen:
+        mine = [(v, lo, hi) for v, lo, hi in outer if v in b.lo.free or v in b.hi.free]
+        if mine:
+            variables = [v for v, _, _ in mine]
+            if any(
+                Shadow((v,)).degree(e) is None or (Shadow((v,)).degree(e) or 0) > 1
+                for v in variables
+                for e in (b.lo, b.hi)
+            ):
+                return None
+            corners: list[Expr] = [b.lo, b.hi]
+            for v, lo, hi in mine:
+                corners = [cast(Expr, substitute(e, {v: end})) for e in corners for end in (lo, hi)]
+            corners = list(dict.fromkeys(corners))
+            ranges.append((_extreme(corners, MINUS_ONE), _extreme(corners, ONE)))
+        else:
+            ranges.append((b.lo, b.hi))
+        outer.append((b.var, *ranges[-1]))
+    return ranges
+
+
+def _extreme(values: list[Expr], sign: Expr) -> Expr:
+    best = values[0]
+    for v in values[1:]:
+        best = where(positive(mul(sign, sub(v, best))), v, best)
+    return best
+
+
+def _pivot_conditions(slopes: list[Expr], extents: list[Expr]) -> list[Cond]:
+    """Condition k: no |aᵢ|·extentᵢ is larger than number k's, and it is the last such (the innermost). Exactly one holds."""
+    sizes = [_magnitude(mul(a, d)) for a, d in zip(slopes, extents, strict=True)]
+    conditions: list[Cond] = []
+    left: Cond = TRUE
+    for k in range(len(sizes) - 1, -1, -1):
+        wins = conjunction(*(positive(sub(sizes[k], s), strict=False) for s in sizes[:k]))
+        conditions.append(conjunction(left, wins))
+        left = conjunction(left, negation(wins))
+    return conditions[::-1]
+
+
+def _magnitude(e: Expr) -> Expr:
+    return ex.const(abs(e.data)) if isinstance(e, Const) else call("magnitude", e)
+
+
+def _select(pivots: list[Cond], values: list[Expr]) -> Expr:
+    """values[k] where pivot k was chosen."""
+    result = values[0]
+    for condition, value in zip(pivots[1:], values[1:], strict=True):
+        result = where(condition, value, result)
+    return result
+
+
+def _chart(
+    chosen: Sequence[Binder],
+    ranges: Sequence[tuple[Expr, Expr]],
+    extents: list[Expr],
+    slopes: list[Expr],
+    g0: Expr,
+    pivots: list[Cond],
+    unit: list[Var],
+) -> tuple[list[Expr], Expr, Cond]:
+    """Each variable as a function of the unit variables, the weight, and the condition that there is a surface at all."""
+    n = len(chosen)
+    origin: list[list[Expr]] = [[] for _ in range(n)]  # per variable, per pivot
+    rates: list[list[list[Expr]]] = [[[] for _ in unit] for _ in range(n)]
+    weights: list[Expr] = []
+    guards: list[Expr] = []
+    for k in range(n):
+        others = [i for i in range(n) if i != k]
+        inverse = ex.integer_power(slopes[k], -1)
+        for i in range(n):
+            lo = ranges[i][0]
+            if i == k:
+                origin[i].append(sub(lo, mul(g0, inverse)))
+                for j, o in enumerate(others):
+                    rates[i][j].append(mul(MINUS_ONE, mul(slopes[o], extents[o]), inverse))
+            else:
+                origin[i].append(lo)
+                for j, o in enumerate(others):
+                    rates[i][j].append(extents[i] if o == i else ZERO)
+        weights.append(div(mul(*(extents[i] for i in others)), _magnitude(slopes[k])))
+        guards.append(_magnitude(slopes[k]))
+    point = [
+        add(
+            _select(pivots, origin[i]),
+            *(mul(_select(pivots, rates[i][j]), unit[j]) for j in range(len(unit))),
+        )
+        for i in range(n)
+    ]
+    return point, _select(pivots, weights), positive(_select(pivots, guards))
+
+
+def _inside_bounds(
+    value: Expr,
+    g: Expr,
+    chosen: Sequence[Binder],
+    ranges: Sequence[tuple[Expr, Expr]],
+    point: list[Expr],
+    pivots: list[Cond],
+    at: dict[Var, Expr],
+) -> Expr:
+    """The brackets of the eliminated variable, and of every variable whose bounds were widened to a range."""
+    widened = [i for i, (b, r) in enumerate(zip(chosen, ranges, strict=True)) if r != (b.lo, b.hi)]
+    for i in widened:
+        b = chosen[i]
+        lo, hi = cast(Expr, substitute(b.lo, at)), cast(Expr, substitute(b.hi, at))
+        value = signed_inside(point[i], lo, hi, g, b.var, (b.lo, b.hi), value)
+    plain = [i for i in range(len(chosen)) if i not in widened]
+    if not plain:
+        return value
+    if len(plain) == 1 and len(chosen) == 1:
+        (b,) = chosen
+        return signed_inside(point[0], b.lo, b.hi, g, b.var, (b.lo, b.hi), value)
+    sides: list[tuple[Cond, Cond]] = []
+    for i in range(len(chosen)):
+        b = chosen[i]
+        if i in widened:
+            sides.append((TRUE, ex.FALSE))
+        else:
+            sides.append((below(point[i], b.hi, g, b.var, b.hi), below(point[i], b.lo, g, b.var, b.lo)))
+    under_hi, under_lo = _select_bound(pivots, sides, 0), _select_bound(pivots, sides, 1)
+    oriented = all(isinstance(e, Const) for i in plain for e in ranges[i]) and all(
+        cast(Const, ranges[i][0]).data <= cast(Const, ranges[i][1]).data for i in plain
+    )
+    if oriented:
+        return where(conjunction(under_hi, negation(under_lo)), value, ZERO)
+    return where(under_hi, where(under_lo, ZERO, value), where(under_lo, mul(MINUS_ONE, value), ZERO))
+
+
+def _select_bound(pivots: list[Cond], sides: list[tuple[Cond, Cond]], which: int) -> Cond:
+    """[v < bound] of the eliminated variable: one atom whose two sides are selected, so that it is one surface for the integrator."""
+    from teg.expr import Compare, disjunction
+
+    conditions = [side[which] for side in sides]
+    if all(isinstance(c, Compare) for c in conditions):
+        atoms = [cast(Compare, c) for c in conditions]
+        g = _select(pivots, [a.g for a in atoms])
+        resolution: Cond = disjunction(
+            *(
+                conjunction(p, r)
+                for p, r in zip(pivots, [cast(Cond, a.resolution) for a in atoms], strict=True)
+            )
+        )
+        return positive(g, True, resolution, atoms[-1].rivals)
+    return disjunction(*(conjunction(p, c) for p, c in zip(pivots, conditions, strict=True)))

@@ -1,0 +1,289 @@
+"""Canonical atoms: one surface, one expression.
+
+    [−2x + 2t > 0], [x < t], ~[t < x], [a·x < a·t]        all become conditions on the one atom  t - x > 0
+
+1. A condition inside an atom is hoisted: [g > 0] = b & [g|b:=true > 0]  |  ~b & [g|b:=false > 0], where there are few.
+2. Factors split: [u·v > 0] = [u > 0] & [v > 0]  |  [u < 0] & [v < 0], so that (y - c)·(x - t) has two surfaces with two owners.
+3. A surface proportional by a number to one met before becomes that one, its sign and strictness kept right.
+4. An atom that a bound decides (x < t on (0, t)) is replaced by its value at the other bound.
+5. ∫ΣFᵢ = Σ∫Fᵢ where the terms have different atoms, and factors free of x leave ∫ dx.
+
+Linear in the program, up to the few conditions that are hoisted.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+from teg import expr as ex
+from teg.expr import (
+    FALSE,
+    MINUS_ONE,
+    ONE,
+    TRUE,
+    ZERO,
+    Add,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Pow,
+    Var,
+    Where,
+    add,
+    conjunction,
+    disjunction,
+    mul,
+    negation,
+    positive,
+)
+from teg.integral import Integral, integral_over, scaled_integral
+from teg.node import Node, postorder
+from teg.passes.jumps import assign
+from teg.polynomial import Point, Shadow, sign_of_residue
+from teg.surfaces import atoms_of, binders_inside
+from teg.traverse import rebuild, rename_apart, substitute
+
+MAX_HOISTED = 6
+
+
+def canonicalise(root: Expr) -> Expr:
+    """The program with canonical atoms and split integrals; its value is the same."""
+    return _Canonical().run(rename_apart(root))
+
+
+class _Canonical:
+    """The surfaces met so far, by what they are up to a number."""
+
+    def __init__(self) -> None:
+        self._points = (Point("first"), Point("second"))
+        self._known: dict[int, Expr] = {}
+
+    def run(self, root: Node) -> Expr:
+        new: dict[Node, Node] = {}
+        for node in postorder([root]):
+            result = rebuild(node, tuple([new[c] for c in node.children]))
+            if isinstance(result, Compare) and result.resolution is None:
+                result = self._atom(result.g, result.strict, MAX_HOISTED)
+            elif isinstance(result, Integral):
+                result = self._integral(result)
+            new[node] = result
+        return cast(Expr, new[root])
+
+    # -- atoms ---------------------------------------------------------------------------------------------------------
+
+    def _atom(self, g: Expr, strict: bool, hoists: int) -> Cond:
+        inner = _inner_condition(g) if hoists else None
+        if inner is not None:
+            then = self._atom(cast(Expr, _decide(g, inner, True)), strict, hoists - 1)
+            otherwise = self._atom(cast(Expr, _decide(g, inner, False)), strict, hoists - 1)
+            return disjunction(conjunction(inner, then), conjunction(negation(inner), otherwise))
+        sign, factors = _signed_factors(g)
+        if len(factors) == 0:
+            return TRUE if sign > 0 or (sign == 0 and not strict) else FALSE
+        above = self._surface(factors[-1], strict, sign > 0)
+        below = self._surface(factors[-1], strict, sign < 0)
+        for factor in reversed(factors[:-1]):
+            plus, minus = self._surface(factor, strict, True), self._surface(factor, strict, False)
+            above, below = (
+                disjunction(conjunction(plus, above), conjunction(minus, below)),
+                disjunction(conjunction(plus, below), conjunction(minus, above)),
+            )
+        return above
+
+    def _surface(self, g: Expr, strict: bool, upward: bool) -> Cond:
+        """[g > 0] (or >=), or [g < 0], as a condition on the representative of the surface."""
+        if isinstance(g, Const):
+            return positive(g if upward else mul(MINUS_ONE, g), strict)
+        first, second = (p.value(g) for p in self._points)
+        if first and second:
+            key = second * pow(first, -1, 2**127 - 1) % (2**127 - 1)
+            representative = self._known.setdefault(key, g)
+            if representative is not g:
+                other = self._points[0].value(representative)
+                sign = sign_of_residue(first * pow(cast(int, other), -1, 2**127 - 1)) if other else None
+                if sign is not None:
+                    g, upward = representative, upward == (sign > 0)
+        return positive(g, strict) if upward else negation(positive(g, not strict))
+
+    # -- integrals -----------------------------------------------------------------------------------------------------
+
+    def _integral(self, node: Integral) -> Expr:
+        x, lo, hi = node.var, node.lo, node.hi
+        terms = _separable_terms(node.body, x)
+        return add(*(self._decided(scaled_integral(term, x, lo, hi)) for term in terms))
+
+    def _decided(self, e: Expr) -> Expr:
+        """Replace the atoms that a bound of this integral decides."""
+        integral = next((n for n in _product_integrals(e)), None)
+        if integral is None:
+            return e
+        x, body = integral.var, integral.body
+        inner = binders_inside(body)
+        changed: dict[Compare, Cond] = {}
+        for atom in atoms_of(body, x):
+            if atom.g.free & inner or atom.resolution is not None:
+                continue
+            for bound, other in ((integral.hi, integral.lo), (integral.lo, integral.hi)):
+                if Shadow((x,)).degree(atom.g) != 1:
+                    break
+                at_bound = cast(Expr, substitute(atom.g, {x: bound}))
+                if all(p.value(at_bound) == 0 for p in self._points):
+                    changed[atom] = self._atom(cast(Expr, substitute(atom.g, {x: other})), atom.strict, 0)
+                    break
+        if not changed:
+            return e
+        new: dict[Node, Node] = {}
+        for node in postorder([e]):
+            result = rebuild(node, tuple([new[c] for c in node.children]))
+            new[node] = (
+                changed.get(cast(Compare, node), cast(Cond, result)) if isinstance(node, Compare) else result
+            )
+            if node is integral and isinstance(new[node], Integral):
+                rest = cast(Integral, new[node])
+                new[node] = scaled_integral(rest.body, rest.var, rest.lo, rest.hi)
+        return cast(Expr, new[e])
+
+
+def _product_integrals(e: Expr) -> list[Integral]:
+    """The integral that `scaled_integral` made, wherever it put factors and conditions before it."""
+    if isinstance(e, Where):
+        e = e.then
+    parts = e.children if isinstance(e, Mul) else (e,)
+    return [p for p in reversed(parts) if isinstance(p, Integral)][:1]
+
+
+def _inner_condition(g: Expr) -> Cond | None:
+    """A condition of a `where` in value position of g that variables run through: it must be hoisted out of the atom."""
+    stack: list[Expr] = [g]
+    seen: set[Expr] = set()
+    while stack:
+        node = stack.pop()
+        if node in seen:
+            continue
+        seen.add(node)
+        if isinstance(node, Where):
+            if node.condition.free:
+                return node.condition
+            stack += [node.otherwise, node.then]
+        elif isinstance(node, Add | Mul | Pow | Call):
+            stack.extend(reversed(node.children))
+    return None
+
+
+def _decide(g: Expr, condition: Cond, value: bool) -> Expr:
+    """g with one condition taken as true or false."""
+    if isinstance(condition, Compare):
+        return cast(Expr, assign(g, condition.g, value))
+    new: dict[Node, Node] = {}
+    for node in postorder([g]):
+        new[node] = (
+            (TRUE if value else FALSE)
+            if node is condition
+            else rebuild(node, tuple([new[c] for c in node.children]))
+        )
+    return cast(Expr, new[g])
+
+
+def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
+    """The sign of g as a number times factors whose signs are not known; a factor shared by all terms of a sum is taken out."""
+    sign = 1.0
+    factors: list[Expr] = []
+    stack = [g]
+    while stack:
+        e = stack.pop()
+        if isinstance(e, Const):
+            sign *= (e.data > 0) - (e.data < 0) if e.data == e.data else e.data
+            if sign != sign:
+                return 1.0, [e]
+        elif isinstance(e, Mul):
+            stack.extend(reversed(e.children))
+        elif isinstance(e, Pow) and e.exponent % 2:
+            stack.append(e.base)
+        elif isinstance(e, Add):
+            common, rest = _common_factors(e)
+            if common:
+                stack.extend(common)
+                stack.append(rest)
+            else:
+                factors.append(e)
+        elif isinstance(e, Pow) and e.free:
+            continue  # an even power is positive but where it is 0, and that has measure 0
+        elif not _is_positive(e):
+            factors.append(e)
+    return sign, factors
+
+
+def _is_positive(e: Expr) -> bool:
+    return isinstance(e, Call) and e.name in ("exp", "cosh")
+
+
+def _factor_powers(term: Expr) -> dict[Expr, int]:
+    parts = term.children if isinstance(term, Mul) else (term,)
+    return {
+        (p.base if isinstance(p, Pow) else p): (p.exponent if isinstance(p, Pow) else 1)
+        for p in parts
+        if not isinstance(p, Const)
+    }
+
+
+def _common_factors(e: Add) -> tuple[list[Expr], Expr]:
+    """Factors of every term, and the sum without them: a·t - a·x = a·(t - x)."""
+    powers = [_factor_powers(t) for t in e.children]
+    shared = {f: min(p.get(f, 0) for p in powers) for f in powers[0]}
+    shared = {f: k for f, k in shared.items() if k > 0}
+    if not shared:
+        return [], e
+    divisor = mul(*(ex.integer_power(f, -k) for f, k in shared.items()))
+    return [ex.integer_power(f, k) for f, k in shared.items()], add(*(mul(t, divisor) for t in e.children))
+
+
+def _separable_terms(body: Expr, x: Var) -> list[Expr]:
+    """The summands of an integrand, grouped so that terms with the same atoms in x stay together, and so do terms that might
+    diverge alone."""
+    if not isinstance(body, Add):
+        return [body]
+    flat: list[Expr] = []
+    stack: list[Expr] = [body]
+    while stack:
+        e = stack.pop()
+        if isinstance(e, Add):
+            stack.extend(reversed(e.children))
+        else:
+            flat.append(e)
+    groups: dict[object, list[Expr]] = {}
+    for term in flat:
+        key: object = frozenset(a.g for a in atoms_of(term, x))
+        if term.has_delta:
+            key = term
+        elif _may_diverge(term, x):
+            key = "may diverge"
+        groups.setdefault(key, []).append(term)
+    return [add(*terms) for terms in groups.values()] if len(groups) > 1 else [body]
+
+
+def _may_diverge(term: Expr, x: Var) -> bool:
+    """Is there a pole or a logarithm in x, outside of conditions and of inner integrals?"""
+    stack: list[Expr] = [term]
+    seen: set[Expr] = set()
+    while stack:
+        e = stack.pop()
+        if e in seen or x not in e.free:
+            continue
+        seen.add(e)
+        if (isinstance(e, Pow) and e.exponent < 0) or (
+            isinstance(e, Call) and e.name in ("log", "tan", "pow")
+        ):
+            return True
+        if isinstance(e, Where):
+            stack += [e.then, e.otherwise]
+        elif isinstance(e, Integral):
+            stack.append(e.body)
+        else:
+            stack.extend(cast("tuple[Expr, ...]", e.children))
+    return False
+
+
+__all__ = ["ONE", "ZERO", "canonicalise", "integral_over"]

@@ -1,0 +1,147 @@
+"""Elimination of δ: an ordered list of families, each of which brings a δ to one variable and sifts it.
+
+    ∫ₗʰ w(x) δ(g(x)) dx = Σ_{roots x* of g} w(x*)/|g′(x*)| · ([x* < h] - [x* < l])
+
+The signed difference is right for reversed bounds and for bounds that cross inside an outer domain. A family is a file with a
+`match_<family>(g, variables)`, which returns data or None, and a `rewrite_<family>(g, coefficient, chain, data)`, which returns the
+sifted integral. The first family of the list that matches is taken. A δ that outer variables run through is eliminated at the outermost
+of the integrals that take part, its outer factors pushed inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, cast
+
+from teg.errors import DeltaError, NoReparameterisationError
+from teg.expr import Expr, Var, add
+from teg.integral import Delta, Integral, integral_over
+from teg.node import Node, postorder
+from teg.passes.affine import match_affine, rewrite_affine
+from teg.passes.sift import Binder, deltas_of, linear_part, without
+from teg.passes.univariate import match_quadratic, rewrite_quadratic
+from teg.polynomial import Shadow
+from teg.traverse import rebuild, rename_apart
+
+Match = Callable[[Expr, Sequence[Var]], Any]
+Rewrite = Callable[[Expr, Expr, tuple[Binder, ...], Any], Expr | None]
+
+FAMILIES: tuple[tuple[Match, Rewrite], ...] = (
+    (match_affine, rewrite_affine),
+    (match_quadratic, rewrite_quadratic),
+)
+
+
+def eliminate_deltas(root: Expr) -> Expr:
+    """The program without δ. Raises NoReparameterisationError for a surface that no family reduces, DeltaError for a δ out of place."""
+    if not root.has_delta:
+        return root
+    return _Elimination(rename_apart(root)).run()
+
+
+def find_family(g: Expr, variables: Sequence[Var]) -> tuple[Any, Rewrite] | None:
+    """The first family that matches a surface: its data and its rewriting."""
+    for match, rewrite in FAMILIES:
+        data = match(g, variables)
+        if data is not None:
+            return data, rewrite
+    return None
+
+
+class _Elimination:
+    """One program: its variables from the innermost outwards, and what was decided for each surface."""
+
+    def __init__(self, root: Expr) -> None:
+        self.root = root
+        self.variables = list(dict.fromkeys(n.var for n in postorder([root]) if isinstance(n, Integral)))
+        self.decisions: dict[Expr, tuple[Any, Rewrite]] = {}
+
+    def run(self) -> Expr:
+        new: dict[Node, Node] = {}
+        for node in postorder([self.root]):
+            result = rebuild(node, tuple([new[c] for c in node.children]))
+            if isinstance(result, Integral) and result.has_delta:
+                result = self._integral(result)
+            new[node] = result
+        result = cast(Expr, new[self.root])
+        for left in deltas_of(result):
+            raise DeltaError(
+                "a Dirac delta is under no integral over its variables",
+                left,
+                "integrate over one of the variables in it",
+            )
+        return result
+
+    def _decide(self, g: Expr) -> tuple[Any, Rewrite]:
+        if g not in self.decisions:
+            mine = [v for v in self.variables if v in g.free and v not in self.root.free]
+            if not mine:
+                raise DeltaError(
+                    "a Dirac delta of parameters only belongs to no integral",
+                    g,
+                    "it needs a variable of integration",
+                )
+            found = find_family(g, mine)
+            if found is None:
+                raise NoReparameterisationError(
+                    f"no reparameterisation is known for the surface {_describe(g, mine)}",
+                    g,
+                    "values, and derivatives that do not move this surface, work; affine surfaces in any number of variables and "
+                    "quadratic ones in one variable can be differentiated: change variables so that the surface becomes one of these",
+                )
+            self.decisions[g] = found
+        return self.decisions[g]
+
+    def _integral(self, node: Integral) -> Expr:
+        x = node.var
+        ready: list[tuple[Delta, Any, Rewrite]] = []
+        for d in deltas_of(node.body):
+            data, rewrite = self._decide(d.g)
+            if x in data.variables and not any(v in node.free for v in data.variables):
+                ready.append((d, data, rewrite))
+        if not ready:
+            return node
+        done = {d for d, _, _ in ready}
+        terms = [integral_over(without(node.body, done), x, node.lo, node.hi)]
+        for d, data, rewrite in ready:
+            for chain, coefficient in linear_part(node.body, d).items():
+                terms.append(
+                    self._sifted(d, coefficient, (Binder(x, node.lo, node.hi), *chain), data, rewrite)
+                )
+        return add(*terms)
+
+    def _sifted(
+        self, d: Delta, coefficient: Expr, chain: tuple[Binder, ...], data: Any, rewrite: Rewrite
+    ) -> Expr:
+        if coefficient.has_delta:
+            raise DeltaError("a product of deltas of the same variables has no meaning here", d)
+        result = rewrite(d.g, coefficient, chain, data)
+        if result is None:
+            result = self._innermost(d.g, coefficient, chain)
+        if result is None:
+            raise NoReparameterisationError(
+                f"the δ on {d.g} cannot be brought to one variable inside these bounds",
+                d.g,
+                "use bounds that are affine in the outer variables",
+            )
+        return result
+
+    def _innermost(self, g: Expr, coefficient: Expr, chain: tuple[Binder, ...]) -> Expr | None:
+        """Where the joint change of variables is not possible in these bounds: one variable alone, the innermost that will do."""
+        for i in range(len(chain) - 1, -1, -1):
+            found = find_family(g, [chain[i].var])
+            if found is not None and chain[i].var in g.free:
+                data, rewrite = found
+                inner = rewrite(g, coefficient, chain[i:], data)
+                if inner is not None:
+                    for b in reversed(chain[:i]):
+                        inner = integral_over(inner, b.var, b.lo, b.hi)
+                    return inner
+        return None
+
+
+def _describe(g: Expr, variables: Sequence[Var]) -> str:
+    degree = Shadow(tuple(variables)).degree(g)
+    names = " and ".join(v.name for v in variables)
+    kind = "not a polynomial" if degree is None else f"of degree {degree}"
+    return f"{g} = 0, {kind} in {names}"

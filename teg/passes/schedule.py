@@ -1,0 +1,502 @@
+"""From a closed expression without δ to the flat program of `teg.program`.
+
+Every value is computed once, at the outermost level where its inputs exist. An integral becomes one `Integrate`; integrals of one level
+with the same variable, bounds, breaks, rule and guard share one, with several results. Inside, what is constant on a piece (conditions
+whose roots are breaks, and what depends on x through them only) goes to its `flags`, the rest to its `body`.
+
+A condition is two booleans, *holds* and *fails*: both are false where it is NaN, and `where` on it is then NaN (Kleene's logic), so NaN
+comes out where NaN went in, unless the branch that holds it is not taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import cast
+
+from teg.expr import (
+    FALSE,
+    TRUE,
+    ZERO,
+    Add,
+    And,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Not,
+    Or,
+    Param,
+    Pow,
+    Truth,
+    Tuple,
+    Var,
+    Where,
+    conjunction,
+    disjunction,
+    negation,
+)
+from teg.integral import Delta, Integral
+from teg.node import Node, postorder
+from teg.passes.breaks import BreakAnalysis, Breaks
+from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program, Rule, Stmt, Tie
+from teg.surfaces import binders_inside
+
+MAX_GAUSS = 24
+GUARD_TERMS = 4
+INNER_TIGHTER = 0.1
+"""An integral inside another one is computed to a tenth of its tolerance, so that the outer one sees a smooth function."""
+
+
+def schedule(outputs: Sequence[Expr], parameters: Sequence[str], tol: float, rule: str = "auto") -> Program:
+    """One program for several outputs. `rule`: "auto", or "adaptive" also where a polynomial could be integrated exactly."""
+    return _Scheduler(parameters, tol, rule).run(outputs)
+
+
+Truths = tuple[Arg, Arg]  # holds, fails
+
+
+@dataclass
+class _Level:
+    """The inside of one integral (or the outside of all): where statements go, and what has a name already.
+
+    An integral has two: the nodes of a piece, and its `middle`, where everything that is constant on the piece is evaluated.
+    """
+
+    var: Var | None
+    outer: _Level | None
+    depth: int
+    breaks: Breaks | None = None
+    middle: _Level | None = None
+    block: list[Stmt] = field(default_factory=list)
+    names: dict[Node, Arg | Truths] = field(default_factory=dict)
+    magnitudes: dict[Expr, Arg] = field(default_factory=dict)
+    groups: dict[Integral, list[Integral]] = field(default_factory=dict)
+    guards: dict[Integral, Cond] = field(default_factory=dict)
+    constant: dict[Node, bool] = field(default_factory=dict)  # on a piece
+
+    def is_constant(self, node: Node) -> bool:
+        """Does the node depend on this level's variable through conditions that are constant on a piece only?"""
+        known, handled = self.constant, cast(Breaks, self.breaks).handled
+        stack = [node]
+        while stack:
+            n = stack[-1]
+            if n in known:
+                stack.pop()
+            elif self.var not in n.free:
+                known[n] = True
+                stack.pop()
+            elif isinstance(n, Var | Integral):
+                known[n] = False
+                stack.pop()
+            elif isinstance(n, Compare):
+                known[n] = n.g in handled
+                stack.pop()
+            elif missing := [c for c in n.children if c not in known]:
+                stack.extend(missing)
+            else:
+                known[n] = all(known[c] for c in n.children)
+                stack.pop()
+        return known[node]
+
+
+class _Scheduler:
+    def __init__(self, parameters: Sequence[str], tol: float, rule: str) -> None:
+        self.rule = rule
+        self.parameters = list(parameters)
+        self.parameter_names = {p: f"p{i}" for i, p in enumerate(parameters)}
+        self.tol = tol
+        self.analysis = BreakAnalysis()
+        self.count = 0
+        self.ties: dict[tuple[str, str], int] = {}
+        self.binders: dict[Node, frozenset[Var]] = {}
+
+    def run(self, outputs: Sequence[Expr]) -> Program:
+        top = _Level(None, None, 0)
+        self._plan_integrals(top, outputs)
+        names = tuple(self._number(e, top) for e in outputs)
+        return Program(tuple(self.parameters), tuple(top.block), names, tuple(Tie(t) for t in self.ties))
+
+    def _fresh(self, kind: str) -> str:
+        self.count += 1
+        return f"{kind}{self.count}"
+
+    # -- where things go -----------------------------------------------------------------------------------------------
+
+    def _home(self, node: Node, level: _Level) -> _Level:
+        """The outermost level where the inputs of a node exist."""
+        while level.var is not None:
+            if level.var in node.free:
+                return level.middle if level.middle is not None and level.is_constant(node) else level
+            level = cast(_Level, level.outer)
+        return level
+
+    def _assign(self, home: _Level, kind: str, op: str, *args: Arg) -> str:
+        name = self._fresh(kind)
+        home.block.append(Assign(name, op, args))
+        return name
+
+    def _number(self, e: Expr, level: _Level) -> Arg:
+        self._emit(e, level)
+        return cast(Arg, self._home(e, level).names[e])
+
+    def _truths(self, c: Cond, level: _Level) -> Truths:
+        self._emit(c, level)
+        return cast(Truths, self._home(c, level).names[c])
+
+    def _emit(self, root: Node, level: _Level) -> None:
+        """Give the node and everything below it a name, children first, without recursion (but for the nesting of integrals)."""
+        stack: list[tuple[Node, _Level]] = [(root, level)]
+        while stack:
+            node, at = stack[-1]
+            home = self._home(node, at)
+            if node in home.names:
+                stack.pop()
+                continue
+            children: Sequence[Node] = node.children[1:] if isinstance(node, Integral) else node.children
+            missing = [(c, home) for c in children if c not in self._home(c, home).names]
+            if missing:
+                stack.extend(reversed(missing))
+                continue
+            if isinstance(node, Integral):
+                self._integrate(node, home)
+            elif isinstance(node, Cond):
+                home.names[node] = self._condition(node, home)
+            else:
+                home.names[node] = self._value(cast(Expr, node), home)
+            stack.pop()
+
+    # -- values and conditions -----------------------------------------------------------------------------------------
+
+    def _value(self, e: Expr, home: _Level) -> Arg:
+        def name(child: Expr) -> Arg:
+            return cast(Arg, self._home(child, home).names[child])
+
+        match e:
+            case Const():
+                return cast(float, e.data)
+            case Param():
+                return self.parameter_names[e.name]
+            case Add():
+                return self._sum(e, home)
+            case Mul():
+                return self._product(e, home)
+            case Pow():
+                if e.exponent == -1:
+                    return self._assign(home, "v", "div", 1.0, name(e.base))
+                return self._assign(home, "v", "powi", name(e.base), e.exponent)
+            case Call():
+                op = "abs" if e.name == "magnitude" else e.name
+                return self._assign(home, "v", op, *(name(c) for c in e.children))
+            case Where():
+                holds, fails = cast(Truths, self._home(e.condition, home).names[e.condition])
+                otherwise = name(e.otherwise)
+                if not isinstance(fails, bool):
+                    otherwise = self._assign(home, "v", "select", fails, otherwise, float("nan"))
+                return self._assign(home, "v", "select", holds, name(e.then), otherwise)
+            case Tuple() | Delta() | _:
+                raise AssertionError(f"{type(e).__name__} cannot be scheduled")
+
+    def _sum(self, e: Add, home: _Level) -> Arg:
+        total: Arg | None = None
+        for term in e.children:
+            negative = (
+                isinstance(term, Mul)
+                and isinstance(term.children[0], Const)
+                and term.children[0].data == -1.0
+            )
+            if total is not None and negative and len(term.children) == 2:
+                rest = cast(Expr, term.children[1])
+                total = self._assign(home, "v", "sub", total, self._number(rest, home))
+            else:
+                value = cast(Arg, self._home(term, home).names[term])
+                total = value if total is None else self._assign(home, "v", "add", total, value)
+        return cast(Arg, total)
+
+    def _product(self, e: Mul, home: _Level) -> Arg:
+        above: list[Arg] = []
+        below: list[Arg] = []
+        sign = False
+        for factor in e.children:
+            if isinstance(factor, Pow) and factor.exponent == -1:
+                below.append(self._number(factor.base, home))
+            elif isinstance(factor, Const) and factor.data == -1.0:
+                sign = True
+            else:
+                above.append(self._number(factor, home))
+        result: Arg = 1.0 if not above else above[0]
+        if len(above) > 1:
+            result = self._assign(home, "v", "mul", *above)
+        for divisor in below:
+            result = self._assign(home, "v", "div", result, divisor)
+        return self._assign(home, "v", "neg", result) if sign else result
+
+    def _condition(self, c: Cond, home: _Level) -> Truths:
+        def truths(child: Node) -> Truths:
+            return cast(Truths, self._home(child, home).names[child])
+
+        match c:
+            case Truth():
+                return (bool(c.data), not c.data)
+            case Not():
+                holds, fails = truths(c.operand)
+                return (fails, holds)
+            case And() | Or():
+                parts = [truths(child) for child in c.children]
+                both, either = ("and", "or") if isinstance(c, And) else ("or", "and")
+                return (
+                    self._assign(home, "b", both, *(p[0] for p in parts)),
+                    self._assign(home, "b", either, *(p[1] for p in parts)),
+                )
+            case Compare():
+                g = cast(Arg, self._home(c.g, home).names[c.g])
+                if c.resolution is not None:
+                    return self._tie(c, g, home)
+                ops = ("gt0", "le0") if c.strict else ("ge0", "lt0")
+                return (self._assign(home, "b", ops[0], g), self._assign(home, "b", ops[1], g))
+            case _:
+                raise AssertionError(f"unknown condition {type(c).__name__}")
+
+    def _tie(self, c: Compare, g: Arg, home: _Level) -> Truths:
+        holds_first = cast(
+            Truths, self._home(cast(Cond, c.resolution), home).names[cast(Cond, c.resolution)]
+        )[0]
+        scale = self._magnitude(c.g, home)
+        k = self.ties.setdefault(cast("tuple[str, str]", c.rivals), len(self.ties))
+        holds = self._assign(home, "b", "tie", g, scale, holds_first, k)
+        fails = self._assign(home, "b", "not", holds)
+        ok = self._assign(home, "b", "ok", g)
+        return (holds, self._assign(home, "b", "and", fails, ok))
+
+    def _magnitude(self, root: Expr, level: _Level) -> Arg:
+        """A number that bounds the rounding error of an expression when multiplied by a few ε: Σ|terms|, carried through."""
+        stack: list[tuple[Expr, _Level]] = [(root, level)]
+        while stack:
+            e, at = stack[-1]
+            home = self._home(e, at)
+            if e in home.magnitudes:
+                stack.pop()
+                continue
+            inside: Sequence[Expr] = ()
+            if isinstance(e, Add | Mul | Pow | Call):
+                inside = cast("Sequence[Expr]", e.children)
+            elif isinstance(e, Where):
+                inside = (e.then, e.otherwise)
+            missing = [(c, home) for c in inside if c not in self._home(c, home).magnitudes]
+            if missing:
+                stack.extend(missing)
+                continue
+            home.magnitudes[e] = self._own_magnitude(
+                e, [self._home(c, home).magnitudes[c] for c in inside], home
+            )
+            stack.pop()
+        return self._home(root, level).magnitudes[root]
+
+    def _own_magnitude(self, e: Expr, parts: list[Arg], home: _Level) -> Arg:
+        def put(op: str, *args: Arg) -> Arg:
+            return self._assign(home, "v", op, *args)
+
+        match e:
+            case Const():
+                return abs(cast(float, e.data))
+            case Add():
+                return put("add", *parts)
+            case Mul():
+                return put("mul", *parts)
+            case Pow():
+                if e.exponent > 0:
+                    return put("powi", parts[0], e.exponent)
+                base = self._number(e.base, home)
+                return put("abs", put("mul", self._number(e, home), put("div", parts[0], base)))
+            case Where():
+                return put("select", self._truths(e.condition, home)[0], *parts)
+            case Call() if e.name == "magnitude":
+                return parts[0]
+            case Call():
+                value = put("abs", self._number(e, home))
+                if e.name == "sqrt":
+                    return put("add", value, put("div", parts[0], value))
+                return put("add", value, *parts)
+            case _:
+                return put("abs", self._number(e, home))
+
+    # -- integrals -----------------------------------------------------------------------------------------------------
+
+    def _binders(self, node: Node) -> frozenset[Var]:
+        if node not in self.binders:
+            self.binders[node] = binders_inside(node)
+        return self.binders[node]
+
+    def _plan_integrals(self, level: _Level, roots: Sequence[Expr]) -> None:
+        """Find the integrals that belong to this level, when each is needed, and which of them share a loop."""
+        order = postorder(roots)
+        inner: frozenset[Var] = frozenset().union(*(self._binders(r) for r in roots))
+        height: dict[Node, int] = {}
+        mine: list[Integral] = []
+        for node in order:
+            height[node] = max([height[c] for c in node.children], default=0)
+            if isinstance(node, Integral) and (
+                node.free == frozenset() if level.var is None else level.var in node.free
+            ):
+                if level.var is None or not node.free & inner:
+                    height[node] += 1
+                    mine.append(node)
+        if not mine:
+            return
+        level.guards = self._guards(level, roots, order, inner, height, set(mine))
+        shared: dict[object, list[Integral]] = {}
+        for node in mine:
+            rule = type(self._rule(node, level.depth))
+            key = (
+                node.var,
+                node.lo,
+                node.hi,
+                frozenset(self.analysis.of(node).functions),
+                rule,
+                height[node],
+                level.guards[node],
+            )
+            shared.setdefault(key, []).append(node)
+        for group in shared.values():
+            for node in group:
+                level.groups[node] = group
+
+    def _guards(
+        self,
+        level: _Level,
+        roots: Sequence[Expr],
+        order: list[Node],
+        inner: frozenset[Var],
+        height: dict[Node, int],
+        mine: set[Integral],
+    ) -> dict[Integral, Cond]:
+        """For each integral the condition under which anybody looks at its value."""
+        guard: dict[Node, Cond] = {r: TRUE for r in roots}
+        for node in reversed(order):
+            g = guard.get(node, FALSE)
+            if node in mine and g is not TRUE and _height(g, height) >= height[node]:
+                g = guard[node] = TRUE  # the condition would wait for the integral
+            for child in node.children:
+                here = g
+                if (
+                    isinstance(node, Where)
+                    and child is not node.condition
+                    and not node.condition.free & inner
+                ):
+                    c = node.condition if child is node.then else negation(node.condition)
+                    if node.then is not node.otherwise and (
+                        not isinstance(g, And) or len(g.children) < GUARD_TERMS
+                    ):
+                        here = conjunction(g, c)
+                have = guard.get(child)
+                if have is None:
+                    guard[child] = here
+                elif have is not here and have is not TRUE:
+                    both = disjunction(have, here) if here is not TRUE else TRUE
+                    guard[child] = TRUE if isinstance(both, Or) and len(both.children) > GUARD_TERMS else both
+        return {i: guard.get(i, TRUE) for i in mine}
+
+    def _rule(self, node: Integral, depth: int) -> Rule:
+        degree = self.analysis.degree(node) if self.rule == "auto" else None
+        if degree is not None and degree // 2 + 1 <= MAX_GAUSS:
+            return Gauss(degree // 2 + 1)
+        return Adaptive(max(self.tol * INNER_TIGHTER**depth, 1e-14), self.analysis.of(node).rooted)
+
+    def _integrate(self, node: Integral, home: _Level) -> None:
+        group = home.groups.get(node, [node])
+        guard = home.guards.get(node, TRUE)
+        when: Arg = True
+        if guard is not TRUE:
+            when = self._truths(guard, home)[0]
+        lo, hi = self._number(node.lo, home), self._number(node.hi, home)
+        points = self.analysis.of(node).points
+        breaks = tuple(self._number(p, home) for p in points)
+        rules = [self._rule(i, home.depth) for i in group]
+        rule = max(rules, key=lambda r: r.nodes if isinstance(r, Gauss) else 0)
+        if isinstance(rule, Adaptive):
+            rule = Adaptive(rule.tol, any(cast(Adaptive, r).smooth for r in rules))
+        var = self._fresh("x")
+        middle = _Level(node.var, home, home.depth + 1, names={node.var: var})
+        level = _Level(node.var, home, home.depth + 1, self.analysis.of(node), middle, names={node.var: var})
+        bodies = [i.body for i in group]
+        self._plan_integrals(level, bodies)
+        need = self._need(bodies, level)
+        values = tuple(self._number(b, level) for b in bodies)
+        results = tuple(self._fresh("v") for _ in group)
+        home.block.append(
+            Integrate(
+                var,
+                lo,
+                hi,
+                breaks,
+                tuple(middle.block),
+                need if isinstance(need, str) else None,
+                tuple(level.block),
+                values,
+                results,
+                rule,
+                when if isinstance(when, str) else None,
+            )
+        )
+        for i, r in zip(group, results, strict=True):
+            home.names[i] = r
+
+    def _need(self, bodies: Sequence[Expr], level: _Level) -> Arg:
+        """A condition, constant on a piece, without which all integrands are 0 there."""
+        conditions: list[Cond] = []
+        for body in bodies:
+            c = _support(body)
+            parts = c.children if isinstance(c, And) else (c,)
+            kept = [p for p in parts if level.is_constant(p)]
+            if c is TRUE or not kept:
+                return True
+            conditions.append(conjunction(*cast("list[Cond]", kept)))
+        total = disjunction(*conditions)
+        if total is TRUE or (isinstance(total, Or) and len(total.children) > 2 * GUARD_TERMS):
+            return True
+        fails = self._truths(total, level)[1]
+        if not isinstance(fails, str):
+            return True
+        name = self._fresh("b")
+        cast(_Level, level.middle).block.append(Assign(name, "not", (fails,)))
+        return name
+
+
+def _height(c: Cond, height: dict[Node, int]) -> int:
+    """How many integrals, one waiting for the other, must be known before a guard (made of conditions of the program) is."""
+    stack: list[Node] = [c]
+    most = 0
+    while stack:
+        node = stack.pop()
+        if node in height:
+            most = max(most, height[node])
+        else:
+            stack.extend(node.children)
+    return most
+
+
+def _support(e: Expr) -> Cond:
+    """A condition outside of which an integrand is 0."""
+    if isinstance(e, Where):
+        if e.otherwise is ZERO:
+            return e.condition
+        if e.then is ZERO:
+            return negation(e.condition)
+        if isinstance(e.then, Where) or isinstance(e.otherwise, Where):
+            then = (
+                conjunction(e.condition, e.then.condition)
+                if isinstance(e.then, Where) and e.then.otherwise is ZERO
+                else e.condition
+            )
+            other = negation(e.condition)
+            if isinstance(e.otherwise, Where) and e.otherwise.otherwise is ZERO:
+                other = conjunction(other, e.otherwise.condition)
+            elif isinstance(e.otherwise, Where) and e.otherwise.then is ZERO:
+                other = conjunction(other, negation(e.otherwise.condition))
+            return disjunction(then, other)
+    if isinstance(e, Mul):
+        parts = [_support(f) for f in e.children if isinstance(f, Where)]
+        return conjunction(*parts)
+    return TRUE

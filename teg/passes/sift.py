@@ -1,0 +1,102 @@
+"""Bringing a δ to the front: the integral nest around it, and its coefficient.
+
+    C(y)·∫ₗʰ w(x, y) δ(g) dx + …   under ∫ dy      =      ∫ dy ∫ₗʰ (C·w) δ(g) dx + rest
+
+A δ stands in linear positions only (sums, products, branches, inner integrals), so outer factors can be pushed inside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+from teg.errors import DeltaError
+from teg.expr import ONE, ZERO, Add, Call, Cond, Expr, Mul, Pow, Tuple, Var, Where, add, mul, negation, where
+from teg.integral import Delta, Integral, integral_over
+from teg.node import postorder
+
+
+@dataclass(frozen=True)
+class Binder:
+    """One integral sign: ∫ₗʰ d(var)."""
+
+    var: Var
+    lo: Expr
+    hi: Expr
+
+
+Chain = tuple[Binder, ...]
+
+
+def deltas_of(e: Expr) -> list[Delta]:
+    """The distinct deltas below e, those inside inner integrals included."""
+    return [n for n in postorder([e]) if isinstance(n, Delta)] if e.has_delta else []
+
+
+def linear_part(e: Expr, target: Delta) -> dict[Chain, Expr]:
+    """Coefficient of a δ for each nest of inner integrals (outermost first) that it stands in."""
+    parts: dict[Expr, dict[Chain, Expr]] = {}
+    for node in postorder([e]):
+        if not isinstance(node, Expr) or not node.has_delta:
+            continue
+        match node:
+            case Delta():
+                parts[node] = {(): ONE} if node is target else {}
+            case Add():
+                merged: dict[Chain, list[Expr]] = {}
+                for c in node.children:
+                    for chain, k in parts.get(c, {}).items():
+                        merged.setdefault(chain, []).append(k)
+                parts[node] = {chain: add(*ks) for chain, ks in merged.items()}
+            case Mul():
+                carriers = [c for c in node.children if parts.get(c)]
+                if len(carriers) > 1:
+                    raise DeltaError("the same delta twice in one product has no meaning", node)
+                if carriers:
+                    others = [c for c in node.children if c is not carriers[0]]
+                    parts[node] = {chain: mul(k, *others) for chain, k in parts[carriers[0]].items()}
+            case Where():
+                branches = ((node.condition, node.then), (negation(node.condition), node.otherwise))
+                parts[node] = _merge(
+                    {chain: where(c, k, ZERO) for chain, k in parts.get(branch, {}).items()}
+                    for c, branch in branches
+                )
+            case Integral():
+                binder = Binder(node.var, node.lo, node.hi)
+                if node.lo.has_delta or node.hi.has_delta:
+                    raise DeltaError("a delta in a bound has no meaning", node)
+                parts[node] = {(binder, *chain): k for chain, k in parts.get(node.body, {}).items()}
+            case Pow() | Call():
+                raise DeltaError(
+                    "a Dirac delta inside a non-linear function has no meaning",
+                    node,
+                    "a delta may be added and multiplied",
+                )
+            case _:
+                parts[node] = {}
+    return parts.get(e, {})
+
+
+def _merge(dictionaries: object) -> dict[Chain, Expr]:
+    merged: dict[Chain, Expr] = {}
+    for d in cast("list[dict[Chain, Expr]]", dictionaries):
+        for chain, k in d.items():
+            merged[chain] = add(merged[chain], k) if chain in merged else k
+    return merged
+
+
+def without(e: Expr, targets: set[Delta]) -> Expr:
+    """e with these deltas replaced by 0."""
+    from teg.traverse import rewrite
+
+    return cast(Expr, rewrite([e], lambda old, new: ZERO if old in targets else new)[e])
+
+
+def nest(body: Expr, chain: Chain) -> Expr:
+    """The integrals of a chain around a body, the first binder outermost."""
+    for b in reversed(chain):
+        body = integral_over(body, b.var, b.lo, b.hi)
+    return body
+
+
+__all__ = ["Binder", "Chain", "Cond", "Tuple", "deltas_of", "linear_part", "nest", "without"]

@@ -1,0 +1,132 @@
+"""The list of passes: the one screen to read first.
+
+    value        canonicalise → eliminate δ → canonicalise → schedule
+    derivative   canonicalise → (eliminate δ) → tangent or adjoint            deltas visible: what `diff` and `grad` return
+    compiled     … → eliminate δ → canonicalise → schedule → a backend prints it
+
+A pass is `Expr -> Expr` (the last one `Expr -> Program`). TEG_DUMP=all, or a pass's name, prints the program after passes;
+TEG_VERIFY=1 checks it between them.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import cast
+
+from teg import expr as ex
+from teg.build import as_number, check_parameters
+from teg.dump import dump
+from teg.errors import OptionError
+from teg.expr import ONE, Expr, Param, Tuple
+from teg.node import postorder
+from teg.passes.adjoint import gradient_of
+from teg.passes.atoms import canonicalise
+from teg.passes.differentiate import tangent_of
+from teg.passes.estimators.ignore import ignore_discontinuities
+from teg.passes.reparameterize import eliminate_deltas
+from teg.passes.schedule import schedule
+from teg.program import Program
+from teg.traverse import parameters
+from teg.verify import verify
+
+Pass = Callable[[Expr], Expr]
+
+ESTIMATORS: dict[str, Pass] = {
+    "sift": eliminate_deltas,  # ours: the boundary integrals
+    "ignore": ignore_discontinuities,  # what plain automatic differentiation computes
+}
+"""What becomes of the deltas of a derivative, by the name that `compile(discontinuities=…)` takes."""
+
+
+def run_pass(name: str, step: Pass, e: Expr) -> Expr:
+    """One pass, with the checks and prints the environment asks for."""
+    result = step(e)
+    wanted = os.environ.get("TEG_DUMP", "")
+    if wanted in ("all", name):
+        sys.stderr.write(f"-- after {name} --\n{dump(result)}\n")
+    if os.environ.get("TEG_VERIFY"):
+        verify(result, f"after {name}")
+    return result
+
+
+def normal_form(e: Expr) -> Expr:
+    """Canonical atoms, split integrals, no δ."""
+    e = run_pass("canonicalise", canonicalise, e)  # first: a surface must be one expression before its jump can be taken
+    if e.has_delta:
+        e = run_pass("eliminate", eliminate_deltas, e)
+        e = run_pass("canonicalise", canonicalise, e)  # sifting makes new atoms
+    return e
+
+
+def diff(e: object, by: Param) -> Expr:
+    """The derivative of e by a parameter, deltas visible. A δ in e is eliminated first. A tuple is differentiated entry by entry."""
+    (p,) = check_parameters(by)
+    return jvp(e, {p: ONE})
+
+
+def jvp(e: object, direction: Mapping[Param, object]) -> Expr:
+    """The directional derivative Σ ∂e/∂p · direction[p] (forward mode), deltas visible."""
+    check_parameters(list(direction))
+    changes = {p: as_number(v) for p, v in direction.items()}
+    return run_pass("differentiate", lambda u: tangent_of(u, changes), normal_form(_expression(e)))
+
+
+def grad(e: object, by: Sequence[Param] | Param | None = None) -> Tuple:
+    """The derivatives of e by each parameter (reverse mode; default: all of them), a tuple, deltas visible. For a tuple e: a tuple of these."""
+    wrt = _chosen(e, by)
+    return cast(Tuple, run_pass("adjoint", lambda u: gradient_of(u, wrt), normal_form(_expression(e))))
+
+
+def hessian(e: object, by: Sequence[Param] | Param | None = None) -> Tuple:
+    """The matrix of second derivatives of e, a tuple of tuples, deltas of the second differentiation visible."""
+    wrt = _chosen(e, by)
+    return grad(grad(e, wrt), wrt)
+
+
+def eliminate(e: object) -> Expr:
+    """e without δ: each brought to one variable and sifted."""
+    return normal_form(_expression(e))
+
+
+def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities: str) -> list[Expr]:
+    """[value], [value, gradient], or [value, gradient, Hessian] as δ-free expressions in canonical form, ready to be scheduled together."""
+    if discontinuities not in ESTIMATORS:
+        raise OptionError(f"discontinuities={discontinuities!r} is not known", None, "one of: " + ", ".join(ESTIMATORS))
+    estimate = ESTIMATORS[discontinuities]
+    outputs = [normal_form(e)]
+    for _ in range(orders):
+        derivative = gradient_of(outputs[-1], wrt)
+        outputs.append(run_pass("canonicalise", canonicalise, run_pass(discontinuities, estimate, derivative)))
+    together = canonicalise(ex.tuple_of(*outputs))  # one surface is one expression across the outputs, so that they share loops
+    return list(cast(Tuple, together).children)
+
+
+def program_for(outputs: Sequence[Expr], names: Sequence[str], tol: float, rule: str = "auto") -> Program:
+    """The scheduled program of flat outputs."""
+    return schedule(outputs, names, tol, rule)
+
+
+def _expression(e: object) -> Expr:
+    return e if isinstance(e, Tuple) else as_number(e)
+
+
+def _chosen(e: object, by: Sequence[Param] | Param | None) -> list[Param]:
+    return parameters(_expression(e)) if by is None else check_parameters(by)
+
+
+def flatten(e: Expr) -> list[Expr]:
+    """The entries of nested tuples, in order."""
+    flat: list[Expr] = []
+    stack = [e]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Tuple):
+            stack.extend(reversed(node.children))
+        else:
+            flat.append(node)
+    return flat
+
+
+__all__ = ["ESTIMATORS", "diff", "eliminate", "grad", "hessian", "jvp", "normal_form", "postorder", "program_for"]

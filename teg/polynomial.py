@@ -1,0 +1,372 @@
+"""What an expression is as a polynomial: its degree, whether two are proportional, whether one vanishes on a surface.
+
+Structure is judged on the exact normal form. The normal form over the variables asked about has coefficients that are expressions of
+everything else; writing those out could take exponentially many terms, so each coefficient is represented by its value at one random
+point of the prime field GF(P), P = 2¹²⁷ - 1. A polynomial identity that holds there is true but for a chance below 1e-30 (Schwartz 1980,
+Zippel 1979), and every operation costs one modular multiplication, whatever the coefficients look like. The random point is a hash of
+what it stands for, so the answers are the same in every process.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from typing import cast
+
+from teg.expr import Add, Call, Cond, Const, Expr, Mul, Param, Pow, Tuple, Var, Where, add, const, mul
+from teg.integral import Delta, Integral
+from teg.node import digest, postorder
+
+P = 2**127 - 1
+MAX_TERMS = 400
+MAX_DEGREE = 60
+
+Monomial = tuple[int, ...]
+Poly = dict[Monomial, int]
+Ratio = tuple[Poly, Poly]
+"""Numerator and denominator; a denominator without variables is 1."""
+
+
+def residue(*key: object) -> int:
+    """A random element of the field that stands for `key`."""
+    return int.from_bytes(hashlib.blake2b(repr(key).encode(), digest_size=24).digest(), "little") % P
+
+
+def _residue_of_float(value: float) -> int | None:
+    if not math.isfinite(value):
+        return None
+    numerator, denominator = value.as_integer_ratio()
+    return numerator % P if denominator == 1 else numerator * pow(denominator, -1, P) % P
+
+
+class Shadow:
+    """Expressions as rational functions of `variables` over GF(P); everything else is a random element.
+
+    A `where` is its second branch plus a random multiple of the difference, and |u| a random multiple of u: on a piece where no condition
+    changes that has the right degree. `integral` may tell the shadow of an integral that depends on the variables; else it is None, which
+    means 'not known to be rational'. `leaves` fixes the elements of chosen parameters and variables.
+    """
+
+    def __init__(
+        self,
+        variables: Sequence[Var] = (),
+        leaves: Mapping[Expr, int] | None = None,
+        integral: Callable[[Integral], Ratio | None] | None = None,
+    ) -> None:
+        self.variables = tuple(variables)
+        self._index = {v: i for i, v in enumerate(self.variables)}
+        self._leaves = dict(leaves or {})
+        self._integral = integral
+        self._one: Monomial = (0,) * len(self.variables)
+        self._known: dict[Expr, Ratio | None] = {}
+
+    def of(self, e: Expr) -> Ratio | None:
+        """The rational function, or None."""
+        known = self._known
+        if e not in known:
+            stack: list[Expr] = [e]
+            while stack:
+                node = stack[-1]
+                if node in known:
+                    stack.pop()
+                    continue
+                children = self._value_children(node)
+                missing = [c for c in children if c not in known]
+                if missing:
+                    stack.extend(missing)
+                    continue
+                known[node] = self._combine(node)
+                stack.pop()
+        return known[e]
+
+    def polynomial(self, e: Expr) -> Poly | None:
+        """The polynomial, or None if it is none (or has a denominator with variables in it)."""
+        ratio = self.of(e)
+        return ratio[0] if ratio is not None and self._is_constant(ratio[1]) else None
+
+    def degree(self, e: Expr) -> int | None:
+        """Total degree of a polynomial; None for anything else."""
+        poly = self.polynomial(e)
+        return None if poly is None else max((sum(m) for m in poly), default=0)
+
+    def constant(self, value: int) -> Ratio:
+        """A number of the field."""
+        value %= P
+        return ({self._one: value} if value else {}, {self._one: 1})
+
+    def _is_constant(self, poly: Poly) -> bool:
+        return len(poly) == 1 and self._one in poly
+
+    def _value_children(self, node: Expr) -> list[Expr]:
+        if isinstance(node, Where):
+            return [node.then, node.otherwise]
+        if isinstance(node, Add | Mul | Pow | Call):
+            return cast("list[Expr]", list(node.children))
+        return []
+
+    def _combine(self, node: Expr) -> Ratio | None:
+        known = self._known
+        if node in self._leaves:
+            return self.constant(self._leaves[node])
+        match node:
+            case Const():
+                value = _residue_of_float(node.data)
+                return None if value is None else self.constant(value)
+            case Param():
+                return self.constant(residue("parameter", node.name))
+            case Var():
+                if node in self._index:
+                    i = self._index[node]
+                    return ({tuple(1 if j == i else 0 for j in range(len(self._one))): 1}, {self._one: 1})
+                return self.constant(residue("variable", node.name))
+            case Add():
+                return self._sum([known[c] for c in node.children])
+            case Mul():
+                total: Ratio | None = self.constant(1)
+                for c in node.children:
+                    total = self._product(total, known[c])
+                return total
+            case Pow():
+                return self._power(known[node.base], node.exponent)
+            case Where():
+                a, b = known[node.then], known[node.otherwise]
+                if a is None or b is None:
+                    return None
+                r = residue("condition", digest(node.condition))
+                return self._sum([self._scale(a, r), self._scale(b, 1 - r)])
+            case Call():
+                return self._function(node)
+            case Integral():
+                if self._depends(node):
+                    return self._integral(node) if self._integral is not None else None
+                return self.constant(residue("integral", digest(node)))
+            case _:
+                return None
+
+    def _depends(self, node: Expr) -> bool:
+        if any(v in node.free for v in self._index):
+            return True
+        return bool(self._leaves) and any(
+            leaf in self._leaves for leaf in postorder([node]) if isinstance(leaf, Param | Var)
+        )
+
+    def _function(self, node: Call) -> Ratio | None:
+        arguments = [self._known[c] for c in node.children]
+        if node.name == "magnitude":
+            return None if arguments[0] is None else self._scale(arguments[0], residue("sign", digest(node)))
+        values = []
+        for ratio in arguments:
+            if (
+                ratio is None
+                or not self._is_constant(ratio[1])
+                or (ratio[0] and not self._is_constant(ratio[0]))
+            ):
+                return None
+            values.append(ratio[0].get(self._one, 0))
+        return self.constant(residue(node.name, *values))
+
+    def _scale(self, ratio: Ratio, factor: int) -> Ratio:
+        factor %= P
+        return ({m: c * factor % P for m, c in ratio[0].items()} if factor else {}, ratio[1])
+
+    def _sum(self, ratios: Sequence[Ratio | None]) -> Ratio | None:
+        first = ratios[0]
+        if first is None:
+            return None
+        num, den = dict(first[0]), first[1]
+        for ratio in ratios[1:]:
+            if ratio is None:
+                return None
+            n, d = ratio
+            if d != den:
+                n, num, den = self._multiply(n, den), self._multiply(num, d), self._multiply(den, d)
+                if n is None or num is None or den is None:  # type: ignore[redundant-expr]
+                    return None
+            for m, c in n.items():
+                c = (num.get(m, 0) + c) % P
+                if c:
+                    num[m] = c
+                else:
+                    num.pop(m, None)
+        return self._normal(num, den)
+
+    def _product(self, a: Ratio | None, b: Ratio | None) -> Ratio | None:
+        if a is None or b is None:
+            return None
+        num, den = self._multiply(a[0], b[0]), self._multiply(a[1], b[1])
+        return None if num is None or den is None else self._normal(num, den)
+
+    def _power(self, a: Ratio | None, k: int) -> Ratio | None:
+        if a is None or abs(k) > MAX_DEGREE:
+            return None
+        if k < 0:
+            if not a[0]:
+                return None
+            a, k = self._normal(a[1], a[0]), -k
+        total: Ratio | None = self.constant(1)
+        for _ in range(k):
+            total = self._product(total, a)
+            if total is None:
+                return None
+        return total
+
+    def _multiply(self, a: Poly, b: Poly) -> Poly:
+        if len(a) * len(b) > 16 * MAX_TERMS:
+            return cast(Poly, None)
+        out: Poly = {}
+        for m1, c1 in a.items():
+            for m2, c2 in b.items():
+                m = tuple(map(int.__add__, m1, m2))
+                out[m] = (out.get(m, 0) + c1 * c2) % P
+        if len(out) > MAX_TERMS or any(sum(m) > MAX_DEGREE for m in out):
+            return cast(Poly, None)
+        return {m: c for m, c in out.items() if c}
+
+    def _normal(self, num: Poly, den: Poly) -> Ratio:
+        if self._is_constant(den):
+            if den[self._one] == 1:
+                return (num, den)
+            inverse = pow(den[self._one], -1, P)
+            return ({m: c * inverse % P for m, c in num.items()}, {self._one: 1})
+        if not num:
+            return ({}, {self._one: 1})
+        lead = pow(den[max(den)], -1, P)
+        if lead != 1:
+            num = {m: c * lead % P for m, c in num.items()}
+            den = {m: c * lead % P for m, c in den.items()}
+        if len(num) == len(den) and num.keys() == den.keys():  # a multiple of the denominator is a number
+            ratio = num[max(den)]
+            if all(num[m] == c * ratio % P for m, c in den.items()):
+                return ({self._one: ratio} if ratio else {}, {self._one: 1})
+        return (num, den)
+
+
+class Point:
+    """Values of expressions at one random point of the field: two of them tell whether expressions are equal or proportional."""
+
+    def __init__(self, salt: str = "", leaves: Mapping[Expr, int] | None = None) -> None:
+        self._salt = salt
+        self._shadow = Shadow((), leaves)
+        if salt:
+            self._shadow = _Salted(salt, leaves)
+
+    def value(self, e: Expr) -> int | None:
+        """The value, or None where it is not defined or the expression is not algebraic."""
+        ratio = self._shadow.of(e)
+        return None if ratio is None else ratio[0].get((), 0)
+
+
+class _Salted(Shadow):
+    """A shadow whose random elements differ from every other salt's."""
+
+    def __init__(self, salt: str, leaves: Mapping[Expr, int] | None) -> None:
+        super().__init__((), leaves)
+        self._salt = salt
+
+    def _combine(self, node: Expr) -> Ratio | None:
+        if isinstance(node, Param | Var) and node not in self._leaves:
+            return self.constant(residue(self._salt, type(node).__name__, node.name))
+        return super()._combine(node)
+
+
+def sign_of_residue(value: int) -> int | None:
+    """The sign of the fraction p/q with |p|, q < 2⁶² that a residue stands for (Wang 1981); None if there is none."""
+    r0, r1, s0, s1 = P, value % P, 0, 1
+    while r1 > 2**62:
+        quotient = r0 // r1
+        r0, r1, s0, s1 = r1, r0 - quotient * r1, s1, s0 - quotient * s1
+    if r1 == 0 or s1 == 0 or abs(s1) > 2**62:
+        return None
+    return 1 if s1 > 0 else -1
+
+
+def expanded(e: Expr, limit: int = 48) -> Expr | None:
+    """The sum of monomials in everything that is not a sum, product or integer power, with exact cancellation; None if it is longer
+    than `limit` terms or a number in it is not exact as float64."""
+    forms: dict[Expr, dict[tuple[tuple[int, int], ...], Fraction] | None] = {}
+    atoms: list[Expr] = []
+    number: dict[Expr, int] = {}
+    Form = dict[tuple[tuple[int, int], ...], Fraction]
+
+    def product(a: Form, b: Form) -> Form | None:
+        if len(a) * len(b) > 40 * limit:
+            return None
+        out: Form = {}
+        for m1, c1 in a.items():
+            for m2, c2 in b.items():
+                powers = dict(m1)
+                for i, k in m2:
+                    powers[i] = powers.get(i, 0) + k
+                m = tuple(sorted((i, k) for i, k in powers.items() if k))
+                out[m] = out.get(m, Fraction(0)) + c1 * c2
+        return {m: c for m, c in out.items() if c} if len(out) <= 4 * limit else None
+
+    stack: list[Expr] = [e]
+    while stack:
+        node = stack[-1]
+        inside = cast("tuple[Expr, ...]", node.children) if isinstance(node, Add | Mul | Pow) else ()
+        missing = [c for c in inside if c not in forms]
+        if missing:
+            stack.extend(missing)
+            continue
+        stack.pop()
+        if node in forms:
+            continue
+        form: Form | None
+        if isinstance(node, Const):
+            form = (
+                {(): Fraction(node.data)}
+                if math.isfinite(node.data) and node.data
+                else ({} if node.data == 0 else None)
+            )
+        elif isinstance(node, Add):
+            form = {}
+            for c in node.children:
+                part = forms[c]
+                if part is None or form is None:
+                    form = None
+                    break
+                for m, k in part.items():
+                    form[m] = form.get(m, Fraction(0)) + k
+            if form is not None:
+                form = {m: k for m, k in form.items() if k}
+        elif isinstance(node, Mul) or (isinstance(node, Pow) and 0 < node.exponent <= 8):
+            form = {(): Fraction(1)}
+            for c in node.children if isinstance(node, Mul) else (node.base,) * node.exponent:
+                part = forms[c]
+                form = None if form is None or part is None else product(form, part)
+        else:
+            base, k = (
+                (node.base, node.exponent)
+                if isinstance(node, Pow) and len(forms.get(node.base) or {}) != 1
+                else (node, 1)
+            )
+            form = {((number.setdefault(base, len(number)), k),): Fraction(1)}
+            if len(number) > len(atoms):
+                atoms.append(base)
+        forms[node] = form
+    result = forms[e]
+    if result is None or len(result) > limit:
+        return None
+    terms = []
+    for m, coefficient in result.items():
+        if Fraction(float(coefficient)) != coefficient:
+            return None
+        terms.append(mul(const(float(coefficient)), *(atoms[i] ** k for i, k in m)))
+    return add(*terms)
+
+
+__all__ = [
+    "Cond",
+    "Delta",
+    "Point",
+    "Poly",
+    "Ratio",
+    "Shadow",
+    "Tuple",
+    "expanded",
+    "residue",
+    "sign_of_residue",
+]

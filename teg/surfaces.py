@@ -1,0 +1,177 @@
+"""Atoms as surfaces: which ones an integral owns, and how an expression is evaluated at a point that lies on one.
+
+Ties. Where two surfaces, a bound among them, run through one point at the given parameter values, neither value of the other bracket is
+right for the derivative, nor is ½. The rule: order the surfaces by an index, move surface number i by ε·i along the first variable, take
+the boundary terms of that arrangement; take those of the reversed order; average. An atom g evaluated on surface i therefore carries a
+*resolution*: its truth value in the first arrangement, which is the sign of ∂g with i > j, and its opposite with i < j. The index is the
+structural digest, the same in every process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from teg import expr as ex
+from teg.calculus import slope
+from teg.dump import show
+from teg.errors import NotDifferentiableError
+from teg.expr import (
+    FALSE,
+    TRUE,
+    ZERO,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Var,
+    conjunction,
+    disjunction,
+    negation,
+    positive,
+    sub,
+    where,
+)
+from teg.integral import Integral
+from teg.node import Node, digest
+from teg.traverse import substitute
+
+
+def atoms_of(root: Node, var: Var | None = None) -> list[Compare]:
+    """The atoms below a node (those with `var` in them), in order; not those inside resolutions."""
+    found: dict[Compare, None] = {}
+    seen: set[Node] = set()
+    stack: list[Node] = [root]
+    while stack:
+        node = stack.pop()
+        if node in seen or (var is not None and var not in node.free):
+            continue
+        seen.add(node)
+        if isinstance(node, Compare):
+            found[node] = None
+            stack.append(node.g)
+        else:
+            stack.extend(reversed(node.children))
+    return list(found)
+
+
+def binders_inside(root: Node) -> frozenset[Var]:
+    """The variables bound by the integrals below a node."""
+    found: set[Var] = set()
+    seen: set[Node] = set()
+    stack: list[Node] = [root]
+    while stack:
+        node = stack.pop()
+        if node in seen or not (node.has_integral or isinstance(node, Compare) or not isinstance(node, Expr)):
+            continue
+        seen.add(node)
+        if isinstance(node, Integral):
+            found.add(node.var)
+        stack.extend(node.children)
+    return frozenset(found)
+
+
+def owned_surfaces(body: Expr, var: Var) -> list[Expr]:
+    """The surfaces g of the atoms that the integral of `body` over `var` owns: it is the innermost one whose variable occurs in g."""
+    atoms = atoms_of(body, var)
+    if not atoms:
+        return []
+    inner = binders_inside(body)
+    return list(dict.fromkeys(a.g for a in atoms if not (a.g.free & inner)))
+
+
+def open_surfaces(e: Expr) -> list[Expr]:
+    """The surfaces of an expression with free variables that no integral in it owns."""
+    if not e.free:
+        return []
+    inner = binders_inside(e)
+    return list(dict.fromkeys(a.g for a in atoms_of(e) if a.g.free and not (a.g.free & inner)))
+
+
+def bound_surface(var: Var, bound: Expr) -> Expr:
+    """A bound as a surface."""
+    return sub(bound, var)
+
+
+def comes_first(a: Expr, b: Expr) -> bool:
+    """The order in which tied surfaces are moved apart."""
+    return digest(a) < digest(b)
+
+
+def _tie_name(g: Expr) -> str:
+    return show(g, 300) + " = 0"
+
+
+def _leading_sign(g: Expr, directions: Sequence[Var], at: Mapping[Var, Expr]) -> Cond | None:
+    """Is the first non-zero slope of g along the directions positive (at a point)?"""
+    slopes: list[Expr] = []
+    for v in directions:
+        if v not in g.free:
+            continue
+        try:
+            s = slope(g, v)
+        except NotDifferentiableError:
+            return None
+        if isinstance(s, Const):
+            if s is ZERO:
+                continue
+            slopes.append(s)
+            break
+        slopes.append(substitute(s, at))  # type: ignore[arg-type]
+    result: Cond = FALSE
+    for s in reversed(slopes):
+        result = (
+            disjunction(positive(s), conjunction(positive(ex.mul(ex.MINUS_ONE, s), strict=False), result))
+            if result is not FALSE
+            else positive(s)
+        )
+    return result
+
+
+def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequence[Var]) -> Expr:
+    """e at a point of `surface`: variables are replaced, and atoms of other surfaces learn how a tie is resolved.
+
+    `directions` are the variables along which tied surfaces are moved apart, innermost first.
+    """
+    inner = binders_inside(e)
+
+    def mark(old: Compare, g: Expr, resolution: Cond | None) -> Cond:
+        if resolution is not None or old.g is surface or old.g.free & inner:
+            return positive(g, old.strict, resolution, old.rivals)
+        rising = _leading_sign(old.g, directions, at)
+        if rising is None:
+            return positive(g, old.strict)
+        truth = negation(rising) if comes_first(surface, old.g) else rising
+        return positive(g, old.strict, truth, (_tie_name(surface), _tie_name(old.g)))
+
+    return substitute(e, at, mark)  # type: ignore[return-value]
+
+
+def below(point: Expr, bound: Expr, surface: Expr, var: Var, original: Expr) -> Cond:
+    """[point < bound] for a point of `surface`; `original` is the bound as it stood in the integral over `var`."""
+    other = bound_surface(var, original)
+    truth = TRUE if comes_first(surface, other) else FALSE
+    return positive(
+        sub(bound, point), True, truth, (_tie_name(surface), f"the bound {var.name} = {show(original, 300)}")
+    )
+
+
+def signed_inside(
+    point: Expr, lo: Expr, hi: Expr, surface: Expr, var: Var, bounds: tuple[Expr, Expr], weight: Expr
+) -> Expr:
+    """weight·([point < hi] - [point < lo]): right for reversed bounds too; the weight is not looked at where that is 0."""
+    under_hi = below(point, hi, surface, var, bounds[1])
+    under_lo = below(point, lo, surface, var, bounds[0])
+    if isinstance(lo, Const) and isinstance(hi, Const):
+        if lo.data <= hi.data:
+            return where(conjunction(under_hi, negation(under_lo)), weight, ZERO)
+        return where(conjunction(under_lo, negation(under_hi)), ex.mul(ex.MINUS_ONE, weight), ZERO)
+    return where(
+        under_hi,
+        where(under_lo, ZERO, weight),
+        where(under_lo, ex.mul(ex.MINUS_ONE, weight), ZERO),
+    )
+
+
+def free_of(e: Node, variables: Iterable[Var]) -> bool:
+    """No variable of these occurs free in e."""
+    return not any(v in e.free for v in variables)

@@ -1,0 +1,185 @@
+"""Walking and rebuilding expressions, without recursion and without losing sharing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, cast
+
+from teg import expr as ex
+from teg.expr import (
+    Add,
+    And,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Not,
+    Or,
+    Param,
+    Pow,
+    Truth,
+    Tuple,
+    Var,
+    Where,
+)
+from teg.integral import Delta, Integral, delta, integral_over
+from teg.node import Node, postorder
+
+__all__ = [
+    "bound_variables",
+    "fresh",
+    "parameters",
+    "postorder",
+    "rebuild",
+    "rename_apart",
+    "rewrite",
+    "size",
+    "substitute",
+]
+
+CompareHook = Callable[[Compare, Expr, "Cond | None"], Cond]
+
+
+def size(*roots: Node) -> int:
+    """Number of distinct nodes."""
+    return len(postorder(roots))
+
+
+def parameters(*roots: Node) -> list[Param]:
+    """Every parameter, in order of first appearance."""
+    return [n for n in postorder(roots) if isinstance(n, Param)]
+
+
+def bound_variables(*roots: Node) -> list[Var]:
+    """Every variable bound somewhere, in order of first appearance."""
+    return list(dict.fromkeys(n.var for n in postorder(roots) if isinstance(n, Integral)))
+
+
+def rebuild(node: Node, children: tuple[Node, ...]) -> Node:
+    """The node with other children, through the simplifying constructors."""
+    if children == node.children:
+        return node
+    c = cast(Any, children)
+    match node:
+        case Add():
+            return ex.add(*c)
+        case Mul():
+            return ex.mul(*c)
+        case Pow():
+            return ex.integer_power(c[0], node.exponent)
+        case Call():
+            return ex.call(node.name, *c)
+        case Where():
+            return ex.where(*c)
+        case Tuple():
+            return ex.tuple_of(*c)
+        case Integral():
+            return integral_over(c[0], node.var, c[1], c[2])
+        case Delta():
+            return delta(c[0])
+        case Compare():
+            return ex.positive(c[0], node.strict, c[1] if len(c) == 2 else None, node.rivals)
+        case Not():
+            return ex.negation(c[0])
+        case And():
+            return ex.conjunction(*c)
+        case Or():
+            return ex.disjunction(*c)
+        case Const() | Param() | Var() | Truth():
+            return node
+        case _:
+            raise AssertionError(f"unknown node {type(node).__name__}")
+
+
+def rewrite(roots: Iterable[Node], visit: Callable[[Node, Node], Node]) -> dict[Node, Node]:
+    """Bottom up: each node is rebuilt from its rewritten children, then `visit(old, rebuilt)` may replace it. The map old -> new."""
+    new: dict[Node, Node] = {}
+    for node in postorder(roots):
+        new[node] = visit(node, rebuild(node, tuple([new[c] for c in node.children])))
+    return new
+
+
+def fresh(name: str, taken: Iterable[Var]) -> Var:
+    """The variable `name`, or name′, name″, …, that is not taken."""
+    names = {v.name for v in taken}
+    while name in names:
+        name += "′"
+    return Var.make(name, ())
+
+
+def substitute(root: Node, mapping: Mapping[Var, Expr], on_compare: CompareHook | None = None) -> Node:
+    """Replace free variables. An inner integral that binds a variable of a replacement is renamed: nothing is captured.
+
+    `on_compare(old, new_g, new_resolution)`, if given, builds each changed atom.
+    """
+    jobs: dict[tuple[tuple[Var, Expr], ...], dict[Node, Node]] = {}
+    start = tuple(mapping.items())
+    stack: list[tuple[Node, tuple[tuple[Var, Expr], ...]]] = [(root, start)]
+    while stack:
+        node, env = stack[-1]
+        done = jobs.setdefault(env, {})
+        if node in done:
+            stack.pop()
+            continue
+        if not any(v in node.free for v, _ in env):
+            done[node] = node
+            stack.pop()
+            continue
+        if isinstance(node, Var):
+            done[node] = dict(env)[node]
+            stack.pop()
+            continue
+        var, inner = (node.var, env) if isinstance(node, Integral) else (None, env)
+        if isinstance(node, Integral):
+            kept = [(v, u) for v, u in env if v is not node.var and v in node.body.free]
+            if any(node.var in u.free for _, u in kept):
+                var = fresh(
+                    node.var.name,
+                    {w for _, u in kept for w in u.free} | node.body.free | {v for v, _ in kept},
+                )
+                kept.append((node.var, var))
+            inner = tuple(kept)
+        envs = [inner if isinstance(node, Integral) and i == 0 else env for i in range(len(node.children))]
+        missing = [
+            (c, e) for c, e in zip(node.children, envs, strict=True) if c not in jobs.setdefault(e, {})
+        ]
+        if missing:
+            stack.extend(missing)
+            continue
+        children = tuple(jobs[e][c] for c, e in zip(node.children, envs, strict=True))
+        if isinstance(node, Integral):
+            done[node] = integral_over(
+                cast(Expr, children[0]), cast(Var, var), cast(Expr, children[1]), cast(Expr, children[2])
+            )
+        elif isinstance(node, Compare) and on_compare is not None:
+            done[node] = on_compare(
+                node, cast(Expr, children[0]), cast(Cond, children[1]) if len(children) == 2 else None
+            )
+        else:
+            done[node] = rebuild(node, children)
+        stack.pop()
+    return jobs[start][root]
+
+
+def rename_apart(root: Node) -> Node:
+    """Give every integral that stands inside another one of the same variable a variable of its own."""
+    binders: dict[Node, frozenset[Var]] = {}  # the variables bound inside
+    new: dict[Node, Node] = {}
+    for node in postorder([root]):
+        children = tuple(new[c] for c in node.children)
+        inner: frozenset[Var] = frozenset().union(*(binders[c] for c in children))
+        if isinstance(node, Integral):
+            body, var = cast(Expr, children[0]), node.var
+            if var in binders[body]:
+                other = fresh(var.name, binders[body] | body.free)
+                body = cast(Expr, substitute(body, {var: other}))
+                var = other
+            result: Node = integral_over(body, var, cast(Expr, children[1]), cast(Expr, children[2]))
+            inner = inner | {var}
+        else:
+            result = rebuild(node, children)
+        new[node] = result
+        binders[result] = binders.get(result, frozenset()) | inner
+    return new[root]

@@ -1,0 +1,42 @@
+"""Is an expression well formed? Run between passes while testing (TEG_VERIFY=1)."""
+
+from __future__ import annotations
+
+from teg.expr import Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where
+from teg.integral import Delta, Integral
+from teg.node import Node, postorder
+
+
+def verify(root: Node, stage: str = "") -> None:
+    """Each node has children of the right kinds; raises AssertionError, for it can only be a fault of the compiler."""
+    for node in postorder([root]):
+        kinds: tuple[type[Node], ...]
+        match node:
+            case Const() | Param() | Var() | Truth():
+                kinds = ()
+            case Add() | Mul() | And() | Or():
+                kinds = (Cond if isinstance(node, And | Or) else Expr,) * len(node.children)
+                assert len(node.children) >= 2, f"{stage}: a {type(node).__name__} of fewer than two"
+            case Pow():
+                kinds = (Expr,)
+                assert node.exponent not in (0, 1), f"{stage}: a trivial power"
+            case Call() | Tuple():
+                kinds = (Expr,) * len(node.children)
+            case Where():
+                kinds = (Cond, Expr, Expr)
+            case Integral():
+                kinds = (Expr, Expr, Expr)
+                assert isinstance(node.var, Var), f"{stage}: an integral over no variable"
+            case Delta():
+                kinds = (Expr,)
+            case Compare():
+                kinds = (Expr, Cond)[: len(node.children)]
+                assert not node.g.has_delta, f"{stage}: a delta in a condition"
+            case Not():
+                kinds = (Cond,)
+            case _:
+                raise AssertionError(f"{stage}: unknown node {type(node).__name__}")
+        assert len(kinds) == len(node.children), f"{stage}: {type(node).__name__} with {len(node.children)} children"
+        for child, kind in zip(node.children, kinds, strict=True):
+            assert isinstance(child, kind), f"{stage}: {type(child).__name__} inside {type(node).__name__}"
+            assert not isinstance(child, Tuple) or isinstance(node, Tuple), f"{stage}: a tuple inside {type(node).__name__}"

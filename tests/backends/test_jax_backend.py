@@ -1,0 +1,95 @@
+"""The JAX backend: exact values, agreement with NumPy, purity, and what it refuses."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from teg.backends.jax_backend import compile_jax
+from teg.backends.numpy_backend import compile_numpy
+
+from teg.errors import BackendError, MissingPackageError
+from tests.backends.programs import (
+    ADAPTIVE,
+    CASES,
+    ONE_VARIABLE,
+    TIES,
+    TWO_VARIABLES,
+    Case,
+    columns,
+    expected,
+)
+
+
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_value_and_agreement_with_numpy(case: Case) -> None:
+    found = compile_jax(case.program)(columns(case), case.n)
+    reference = compile_numpy(case.program)(columns(case), case.n)
+    np.testing.assert_allclose(found, expected(case), rtol=case.tolerance, atol=case.tolerance)
+    np.testing.assert_allclose(found, reference, rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("case", [*TWO_VARIABLES, ADAPTIVE[1], TIES[0], TIES[3]], ids=lambda case: case.name)
+def test_function_is_pure(case: Case) -> None:
+    """jit and vmap over `function` give the batch."""
+    import jax
+
+    kernel = compile_jax(case.program)
+    axes = tuple(0 if column.ndim else None for column in columns(case))
+    if any(axis == 0 for axis in axes):
+        batched = jax.vmap(lambda *scalars: kernel.function(scalars), in_axes=axes, out_axes=1)
+        found = jax.jit(batched)(*columns(case))
+    else:
+        found = jax.jit(lambda *scalars: kernel.function(scalars))(*columns(case))[:, None]
+    np.testing.assert_allclose(found, expected(case), rtol=case.tolerance, atol=case.tolerance)
+
+
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("n", [1, 3, 1000])
+def test_a_batch_of_any_length(n: int) -> None:
+    case = TWO_VARIABLES[1]
+    many = [np.linspace(-0.5, 2.5, n)]
+    kernel = compile_jax(case.program)
+    kernel._step = 256
+    np.testing.assert_allclose(kernel(many, n), compile_numpy(case.program)(many, n), rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.usefixtures("x64")
+def test_an_empty_batch() -> None:
+    assert compile_jax(ONE_VARIABLE[0].program)([np.empty(0), np.empty(0)], 0).shape == (1, 0)
+
+
+@pytest.mark.usefixtures("x64")
+def test_pickles() -> None:
+    case = TWO_VARIABLES[0]
+    kernel = pickle.loads(pickle.dumps(compile_jax(case.program)))
+    np.testing.assert_allclose(kernel(columns(case), case.n), expected(case), rtol=1e-14)
+
+
+def test_32_bit_mode_is_refused(x64: None) -> None:
+    import jax
+
+    kernel = compile_jax(ONE_VARIABLE[0].program)
+    jax.config.update("jax_enable_x64", False)
+    with pytest.raises(BackendError) as caught:
+        compile_jax(ONE_VARIABLE[0].program)
+    assert 'jax.config.update("jax_enable_x64", True)' in caught.value.hint
+    with pytest.raises(BackendError):
+        kernel([np.zeros(1), np.ones(1)], 1)
+
+
+def test_a_missing_jax_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "jax", None)
+    with pytest.raises(MissingPackageError) as caught:
+        compile_jax(ONE_VARIABLE[0].program)
+    assert caught.value.hint == 'pip install "teg[jax]"'
+
+
+def test_importing_the_backend_does_not_import_jax() -> None:
+    code = "import sys, teg.backends.jax_backend; sys.exit('jax' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
