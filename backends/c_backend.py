@@ -5,9 +5,9 @@
     Frame   -> Routine         its text; integrals of equal text share one routine with different arguments
     routines + batch loop      the translation unit, see `print_kernel`
 
-Names. In a routine the variable is `x`, what it captures `c0, c1, …`, its own values `v1, b2, …` in order: the
-text is canonical, so a sum of 10 000 similar integrals is 10 000 calls of a few functions. Literals that are not
-simple numbers are captured as well.
+Names. In a routine the variable is `x`, what it captures `c0, c1, …`, its own values `v1, b2, …` in order:
+the text is canonical, so a sum of 10 000 similar integrals is 10 000 calls of a few functions. Literals that
+are not simple numbers are captured as well.
 
 Workspace. `w` is a stack of doubles, allocated once per thread and call: a routine uses w[0 … size) and calls
 others with w + size. In it are values that cross the border of a part, arrays too long for the C stack, and
@@ -27,8 +27,8 @@ from math import cos, isinf, isnan, pi
 from pathlib import Path
 
 import numpy as np
-from teg.backends.c_build import load_library
 
+from teg.backends.c_build import load_library
 from teg.errors import BackendError, OptionError, ParameterError
 from teg.program import (
     ABSOLUTE_FLOOR,
@@ -84,22 +84,17 @@ class CKernel:
     def __call__(self, columns: Sequence[np.ndarray], n: int) -> np.ndarray:
         """The outputs on a batch of n, shape (outputs, n), float64.
 
-        A column is float64, of shape (n,) with any stride, or () for one value shared by the batch. Neither is
-        copied.
+        A column is float64, of shape (n,) with any stride, or () for one value shared by the batch.
         """
         parameters = self.program.parameters
         if len(columns) != len(parameters):
             raise ParameterError(f"{len(parameters)} columns are needed, not {len(columns)}")
         kept = [_column(column, n, name) for column, name in zip(columns, parameters, strict=True)]
         pointers = np.array([column.__array_interface__["data"][0] for column in kept], dtype=np.uintp)
-        strides = np.array(
-            [column.strides[0] // 8 if column.ndim else 0 for column in kept], dtype=np.dtype(ctypes.c_long)
-        )
+        strides = np.array([column.strides[0] // 8 if column.ndim else 0 for column in kept], dtype=np.dtype(ctypes.c_long))
         out = np.empty((len(self.program.outputs), n))
         threads = min(self.threads or os.cpu_count() or 1, max(n, 1))
-        if out.size and self._function(
-            n, pointers.ctypes.data, strides.ctypes.data, out.ctypes.data, threads
-        ):
+        if out.size and self._function(n, pointers.ctypes.data, strides.ctypes.data, out.ctypes.data, threads):
             raise BackendError("there is no memory for the kernel's workspace")
         return out
 
@@ -113,11 +108,9 @@ def compile_c(program: Program, *, threads: int = 1) -> CKernel:
 
 
 def standalone_c(program: Program, name: str) -> tuple[str, str]:
-    """The texts of `name`.c and `name`.h, for use without Python: `cc -std=c99 -O2 name.c … -lm`, or with OpenMP."""
+    """The texts of `name`.c and `name`.h, for use without Python: `cc -std=c99 -O2 name.c … -lm`."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", name) or RESERVED.fullmatch(name):
-        raise OptionError(
-            "not usable as the name of a C function", name, "letters, digits and _, no C keyword, not teg_…"
-        )
+        raise OptionError("not usable as the name of a C function", name, "letters, digits and _, no C keyword, not teg_…")
     header = f"""\
 {_title(program)}
 
@@ -144,7 +137,7 @@ int {name}(long n, const double *const *p, const long *stride, double *out, int 
 
 
 def print_kernel(program: Program, name: str = "teg_kernel") -> str:
-    """The translation unit: constants, runtime, Gauss tables, integrals from the inside out, element, batch loop."""
+    """The translation unit: constants, runtime, Gauss tables, integrals inside out, element, batch loop."""
     printer = Printer(any(isinstance(s, Assign) and s.op == "tie" for s in statements(program.body)))
     element = printer.element(program)
     defines = [
@@ -223,7 +216,7 @@ class Printer:
                 yield from _assignments(stmt)
 
     def _call(self, stmt: Integrate) -> Step:
-        """The call of an integral's routine; many results, or captured values, are handed over in the workspace."""
+        """The call of an integral's routine; many results or captured values go through the workspace."""
         routine, captured = self._integral(stmt)
         count = len(stmt.results)
         stacked = count if count > ON_STACK else 0
@@ -263,8 +256,7 @@ class Printer:
             *arrays,
             *frame.opening(),
             f"const double lo = {spell(stmt.lo)}, hi = {spell(stmt.hi)};",
-            "if (lo != lo || hi != hi) "
-            + ("return NAN;" if count == 1 else f"{{ teg_fill(sum, {count}, NAN); return; }}"),
+            "if (lo != lo || hi != hi) " + ("return NAN;" if count == 1 else f"{{ teg_fill(sum, {count}, NAN); return; }}"),
             "const double a = lo <= hi ? lo : hi, b = lo <= hi ? hi : lo, sign = lo <= hi ? 1.0 : -1.0;",
             "ends[0] = a;",
             *(f"ends[{i}] = teg_clamp({spell(arg)}, a, b);" for i, arg in enumerate(stmt.breaks, 1)),
@@ -306,7 +298,7 @@ class Printer:
 
 
 class Frame:
-    """One C function in the making: what names are called, which of them live in the workspace, and the parts.
+    """One C function in the making: how names are spelled, which live in the workspace, and the parts.
 
     A part is a C function of its own that runs a stretch of a long block; part 0 is the function itself.
     """
@@ -350,7 +342,7 @@ class Frame:
         return self.size + self.below
 
     def array(self, name: str, count: int, on_stack: int = ON_STACK) -> list[str]:
-        """Declare an array, on the C stack if it is short, else in the workspace; to be done before any block."""
+        """Declare an array, before any block: on the C stack if it is short, else in the workspace."""
         if count <= on_stack:
             return [f"double {name}[{count}];"]
         self.size += count
@@ -417,7 +409,7 @@ def _type(arg: Arg) -> str:
 
 
 def _cut(blocks: list[list[Step]]) -> list[list[tuple[int, list[Step]]]]:
-    """Each block as numbered parts of bounded weight; number 0 is a block that stays whole, in the function."""
+    """Each block as numbered parts of bounded weight; a block that stays whole has number 0."""
     long = sum(step.weight for block in blocks for step in block) > PART
     cuts: list[list[tuple[int, list[Step]]]] = []
     number = 0
@@ -521,7 +513,7 @@ def _gauss_piece(frame: Frame, nodes: int, count: int) -> list[str]:
 
 
 def _adaptive_piece(frame: Frame, rule: Adaptive, count: int) -> list[str]:
-    """Add the adaptive rule over (p, q) to `sum`, from the left; intervals of (0, 1) that wait are on a stack."""
+    """Add the adaptive rule over (p, q) to `sum`, from the left; `waiting` is a stack of intervals."""
     place = "x = p + (q - p) * u;"
     slope = "half * (q - p)"
     if rule.smooth:
@@ -679,10 +671,6 @@ def _optimisation(source: str) -> str:
 def _column(column: np.ndarray, n: int, name: str) -> np.ndarray:
     """The column as the kernel reads it: itself, or a copy if it is not aligned to whole doubles."""
     if column.dtype != np.float64 or column.shape not in ((), (n,)):
-        raise ParameterError(
-            f"a float64 array of shape () or ({n},) is needed, not {column.dtype} {column.shape}", name
-        )
-    plain = (
-        column.dtype.isnative and column.flags.aligned and all(stride % 8 == 0 for stride in column.strides)
-    )
+        raise ParameterError(f"a float64 array of shape () or ({n},) is needed, not {column.dtype} {column.shape}", name)
+    plain = column.dtype.isnative and column.flags.aligned and all(stride % 8 == 0 for stride in column.strides)
     return column if plain else np.array(column, dtype=np.float64)

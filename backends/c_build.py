@@ -2,12 +2,13 @@
 
     <cache>/<key>/<digest>.so      key: of text, compiler, its version, flags, CPU;   digest: of the library
 
-The digest in the name makes an entry one file: written elsewhere, renamed into place, and checked before it is
-loaded (loading a truncated library can end the process). Concurrent processes may build the same entry twice;
-each renames a whole library.
+The digest in the name makes an entry one file: written elsewhere, renamed into place, and checked before it
+is loaded (loading a truncated library can end the process). Concurrent processes may build the same entry
+twice; each renames a whole library.
 
-The cache is `TEG_CACHE_DIR`, else `$XDG_CACHE_HOME/teg`, else `~/.cache/teg`, of mode 0700. A folder that cannot
-be written, or that others could write, is not used: a private temporary folder, removed at exit, replaces it.
+The cache is `TEG_CACHE_DIR`, else `$XDG_CACHE_HOME/teg`, else `~/.cache/teg`, of mode 0700. A folder that
+cannot be written, or that others could write, is not used: a private temporary folder, removed at exit,
+replaces it.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ NATIVE = "-march=native"
 OPENMP = "-fopenmp"
 SUFFIX = ".dll" if sys.platform == "win32" else ".so"
 NO_COMPILER = (
-    "install one (Debian, Ubuntu: apt install gcc; macOS: xcode-select --install; Windows: gcc of MSYS2, or clang), "
+    "install one (Debian, Ubuntu: apt install gcc; macOS: xcode-select --install; Windows: gcc of MSYS2), "
     'or name one in the environment variable CC; backend="numpy" works without a compiler'
 )
 
 
 def load_library(text: str, *, optimise: str = "-O3", openmp: bool = False) -> ctypes.CDLL:
-    """The library of `text`, from the cache if it is there; an entry that cannot be loaded is rebuilt once."""
+    """The library of `text`, from the cache if it is there; one that cannot be loaded is rebuilt once."""
     compiler = find_compiler()
     flags = (optimise, *BASE_FLAGS, NATIVE, *((OPENMP,) if openmp else ()))
     folder = cache_folder() / _key(text, compiler, flags)
@@ -81,9 +82,7 @@ def compile_library(text: str, target: Path, compiler: tuple[str, ...], flags: t
     source.write_text(text, encoding="ascii")
     without = [(), (NATIVE,), (OPENMP,), (NATIVE, OPENMP)]
     messages = []
-    for attempt in dict.fromkeys(
-        tuple(flag for flag in flags if flag not in left_out) for left_out in without
-    ):
+    for attempt in dict.fromkeys(tuple(flag for flag in flags if flag not in left_out) for left_out in without):
         command = [*compiler, *attempt, "-o", target.name, source.name, "-lm"]
         try:
             done = subprocess.run(command, cwd=target.parent, stdin=subprocess.DEVNULL, capture_output=True)
@@ -144,9 +143,7 @@ def _processor() -> str:
             first = file.read().split("\n\n", 1)[0].splitlines()
     except OSError:
         return name
-    return "\n".join(
-        [name, *(line for line in first if line.startswith(("model name", "flags", "Features", "CPU part")))]
-    )
+    return "\n".join([name, *(line for line in first if line.startswith(("model name", "flags", "Features", "CPU part")))])
 
 
 def _stored(folder: Path) -> Path | None:
@@ -166,7 +163,7 @@ def _stored(folder: Path) -> Path | None:
 
 
 def _store(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Path:
-    """Build in a separate folder and rename into the cache; if that fails (a full disk) keep a private copy."""
+    """Build in a separate folder, rename into the cache; if that fails (a full disk) keep a private copy."""
     try:
         return _store_under(folder, text, compiler, flags)
     except OSError:

@@ -82,7 +82,7 @@ class JaxKernel:
         return out
 
     def _batch(self, mapped: tuple[bool, ...]) -> Callable[..., Any]:
-        """The jitted function of columns, of which those `mapped` have a batch axis: (outputs, n) or (outputs,)."""
+        """The jitted function of columns, those `mapped` with a batch axis: (outputs, n), or (outputs,)."""
         jax = _import_jax()
         axes = tuple(0 if m else None for m in mapped)
 

@@ -111,7 +111,7 @@ def _gauss(
 
 
 class _Progress(NamedTuple):
-    """Adaptive quadrature of one piece, left to right; it stands at the interval (start, start + width)/END."""
+    """Adaptive quadrature of one piece, left to right; it is at the interval (start, start + width)/END."""
 
     start: Any
     width: Any

@@ -3,9 +3,9 @@
 A value of a program is an array with one entry a lane, or a scalar (0-d) where no lane differs. In the
 outermost block the lanes are the batch, shape (L,). An integral flattens the lanes of the block it stands in,
 expands each into its pieces, shape (P,), runs `flags` there, and then `body` at the nodes of each piece,
-shape (Q, P): Q nodes in rows. A value from outside has shape () or (P,) and broadcasts, so a leaf integral copies
-nothing to its nodes. Lanes that need no work are compressed away: where `when` is false, thin pieces, pieces
-that `need` refuses, intervals that have converged.
+shape (Q, P): Q nodes in rows. A value from outside has shape () or (P,) and broadcasts, so a leaf integral
+copies nothing to its nodes. Lanes that need no work are compressed away: where `when` is false, thin pieces,
+pieces that `need` refuses, intervals that have converged.
 
 Whatever is wide is cut into chunks: no block holds more than about `Run.room` doubles at a time.
 """

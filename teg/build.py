@@ -17,9 +17,7 @@ from teg.traverse import parameters
 
 def _names(text: str, what: str) -> list[str]:
     if not isinstance(text, str):
-        raise OperandError(
-            f"{what} are named by a string, not by {type(text).__name__}", None, f'write teg.{what}("x y")'
-        )
+        raise OperandError(f"{what} are named by a string, not by {type(text).__name__}", None, f'write teg.{what}("x y")')
     names = [n for n in re.split(r"[\s,]+", text) if n]
     if len(set(names)) != len(names):
         raise NameClashError(f"a name is given twice in {text!r}")
@@ -71,9 +69,7 @@ def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
         v, lo, hi = triple
         if not isinstance(v, Var):
             kind = "a parameter" if isinstance(v, Param) else f"{type(v).__name__}"
-            raise ScopeError(
-                f"one integrates over a variable, not over {kind}", v, 'make one with x = teg.var("x")'
-            )
+            raise ScopeError(f"one integrates over a variable, not over {kind}", v, 'make one with x = teg.var("x")')
         e = integral_over(e, v, as_number(lo), as_number(hi))
     return e
 
@@ -90,12 +86,7 @@ def where(condition: object, then: object, otherwise: object) -> Expr:
 
 def tuple_(*entries: object) -> Tuple:
     """Several expressions evaluated together; nested Python tuples of expressions become nested tuples."""
-    return ex.tuple_of(
-        *(
-            tuple_(*e) if isinstance(e, list | tuple) else e if isinstance(e, Tuple) else as_number(e)
-            for e in entries
-        )
-    )
+    return ex.tuple_of(*(tuple_(*e) if isinstance(e, list | tuple) else e if isinstance(e, Tuple) else as_number(e) for e in entries))
 
 
 def delta(argument: object) -> Expr:

@@ -110,35 +110,19 @@ def _slope(node: Expr, by: Var | Param, tangent: dict[Expr, Expr]) -> Expr:
             if all(tangent[c] is ZERO for c in node.children):
                 return ZERO
             return add(
-                *(
-                    mul(tangent[c], rest)
-                    for c, rest in zip(node.children, factor_cofactors(node), strict=True)
-                    if tangent[c] is not ZERO
-                )
+                *(mul(tangent[c], rest) for c, rest in zip(node.children, factor_cofactors(node), strict=True) if tangent[c] is not ZERO)
             )
         case Pow():
             t = tangent[node.base]
-            return (
-                ZERO
-                if t is ZERO
-                else mul(const(node.exponent), t, integer_power(node.base, node.exponent - 1))
-            )
+            return ZERO if t is ZERO else mul(const(node.exponent), t, integer_power(node.base, node.exponent - 1))
         case Call():
             if all(tangent[c] is ZERO for c in node.children):
                 return ZERO
-            return add(
-                *(
-                    mul(tangent[c], p)
-                    for c, p in zip(node.children, partials(node), strict=True)
-                    if tangent[c] is not ZERO
-                )
-            )
+            return add(*(mul(tangent[c], p) for c, p in zip(node.children, partials(node), strict=True) if tangent[c] is not ZERO))
         case Where():
             return where(node.condition, tangent[node.then], tangent[node.otherwise])
         case _ if node.has_integral and isinstance(by, Var):
-            raise NotDifferentiableError(
-                "the slope of a surface that holds an integral over the same variable is not known", node
-            )
+            raise NotDifferentiableError("the slope of a surface that holds an integral over the same variable is not known", node)
         case _:
             return ZERO
 

@@ -70,5 +70,7 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
             if np.isnan(results).any():
                 found.append(Diagnosis("not a number", (), values, "the value or a derivative is not a number here", i))
             elif np.isinf(results).any():
-                found.append(Diagnosis("infinite derivative", (), values, "a derivative is infinite here: a region is born or meets a pole", i))
+                found.append(
+                    Diagnosis("infinite derivative", (), values, "a derivative is infinite here: a region is born or meets a pole", i)
+                )
     return found

@@ -120,13 +120,7 @@ def _product(node: Mul, parts: list[tuple[str, int]]) -> tuple[str, int]:
             sign = "-"
             above.append(number(-child.data))
         elif isinstance(child, Pow) and child.exponent < 0:
-            base = (
-                part[0][2:]
-                if child.exponent == -1
-                else part[0].replace("⁻", "", 1)
-                if part[0].endswith(("⁻²", "⁻³"))
-                else None
-            )
+            base = part[0][2:] if child.exponent == -1 else part[0].replace("⁻", "", 1) if part[0].endswith(("⁻²", "⁻³")) else None
             if base is None:
                 above.append(_wrapped(part, _POWER))
             else:

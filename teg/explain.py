@@ -57,11 +57,19 @@ def explain(e: Expr, wrt: Sequence[Param] | None = None, tol: float = 1e-10) -> 
     for node in postorder([normal]):
         if isinstance(node, Integral):
             for g in owned_surfaces(node.body, node.var):
-                surfaces.append({"surface": f"{show(g, 120)} = 0", "owner": f"∫ d{node.var.name}", "treatment": _treatment(g, node, variables)})
+                surfaces.append(
+                    {"surface": f"{show(g, 120)} = 0", "owner": f"∫ d{node.var.name}", "treatment": _treatment(g, node, variables)}
+                )
     inner = binders_inside(normal)
     for a in atoms_of(normal):
         if not a.g.free & inner and not a.g.free:
-            surfaces.append({"surface": f"{show(a.g, 120)} = 0", "owner": "nobody", "treatment": "parameters only: no δ, the derivative is one-sided there"})
+            surfaces.append(
+                {
+                    "surface": f"{show(a.g, 120)} = 0",
+                    "owner": "nobody",
+                    "treatment": "parameters only: no δ, the derivative is one-sided there",
+                }
+            )
     names = [p.name for p in parameters(e)]
     program = program_for(flatten(normal), names, tol)
     gradient, error = None, ""

@@ -16,11 +16,12 @@ from numbers import Real
 from typing import Any, NoReturn, cast
 
 from teg.errors import ConditionError, DeltaError, OperandError
-from teg.node import Node, _NO_NAMES
+from teg.node import _NO_NAMES, Node
 
-_FLATTEN = (
-    8  # a product inside a product is merged while it is this short: longer ones would make chains quadratic
-)
+_FLATTEN = 8  # a product inside a product is merged while it is this short: longer ones would make chains quadratic
+
+
+_GUARDS = 4  # so many different branches at most are kept together as one
 
 
 class Expr(Node):
@@ -96,14 +97,10 @@ class Expr(Node):
     def __float__(self) -> float:
         if isinstance(self, Const):
             return cast(float, self.data)
-        raise OperandError(
-            "an expression is not a number yet", self, "teg.evaluate(e, {parameter: value}) gives its number"
-        )
+        raise OperandError("an expression is not a number yet", self, "teg.evaluate(e, {parameter: value}) gives its number")
 
     def __and__(self, other: object) -> NoReturn:
-        raise ConditionError(
-            "& joins conditions, not numbers", self, "write (a < b) & (c < d), with the brackets"
-        )
+        raise ConditionError("& joins conditions, not numbers", self, "write (a < b) & (c < d), with the brackets")
 
     __rand__ = __or__ = __ror__ = __invert__ = cast(Any, __and__)
 
@@ -248,14 +245,10 @@ class Cond(Node):
         )
 
     def _is_no_number(self, *_: object) -> NoReturn:
-        raise ConditionError(
-            "a condition is not a number", self, "teg.bracket(condition) is 1 where it holds, else 0"
-        )
+        raise ConditionError("a condition is not a number", self, "teg.bracket(condition) is 1 where it holds, else 0")
 
     __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _is_no_number
-    __pow__ = __rpow__ = __neg__ = __pos__ = __abs__ = __lt__ = __le__ = __gt__ = __ge__ = __float__ = (
-        _is_no_number
-    )
+    __pow__ = __rpow__ = __neg__ = __pos__ = __abs__ = __lt__ = __le__ = __gt__ = __ge__ = __float__ = _is_no_number
     __array_ufunc__ = None
 
 
@@ -383,19 +376,46 @@ def _split(term: Expr) -> tuple[float, Expr]:
 
 
 def add(*terms: Expr) -> Expr:
-    """The sum, in the order given; equal terms and constants are collected."""
+    """The sum, in the order given; constants, equal terms, and branches on one condition are collected."""
     constant = 0.0
     parts: dict[Expr, float] = {}
+    branches: dict[Cond, list[Where]] = {}
     for term in terms:
         if isinstance(term, Const):
             constant += term.data
+        elif isinstance(term, Where):
+            branches.setdefault(term.condition, []).append(term)
+            parts[term] = parts.get(term, 0.0) + 1.0
         else:
             coefficient, rest = _split(term)
             parts[rest] = parts.get(rest, 0.0) + coefficient
+    for condition, same in branches.items():
+        if len(same) > 1:
+            for term in same:
+                parts.pop(term, None)
+            merged = where(condition, add(*(w.then for w in same)), add(*(w.otherwise for w in same)))
+            if merged is not ZERO:
+                parts[merged] = parts.get(merged, 0.0) + 1.0
     kept = [mul(const(c), rest) if c != 1.0 else rest for rest, c in parts.items() if c != 0.0]
     if constant != 0.0 or not kept:
         kept.append(const(constant))
     return kept[0] if len(kept) == 1 else Add.make(None, tuple(kept))
+
+
+def guarded_sum(terms: Iterable[Expr]) -> Expr:
+    """The sum of cotangents. Where all terms are branches, so is the sum: what multiplies it cannot leak a NaN when no branch is taken."""
+    kept = [t for t in terms if t is not ZERO]
+    conditions = dict.fromkeys(t.condition for t in kept if isinstance(t, Where) and t.otherwise is ZERO)
+    if not kept or len(conditions) > _GUARDS or not all(isinstance(t, Where) and t.otherwise is ZERO for t in kept):
+        return add(*kept)
+    if len(conditions) == 1:
+        (c,) = conditions
+        return where(c, add(*(cast(Where, t).then for t in kept)), ZERO)
+    sets = [dict.fromkeys(c.children if isinstance(c, And) else (c,)) for c in conditions]
+    common = [c for c in sets[0] if all(c in s for s in sets[1:])]
+    rests = {c: conjunction(*(p for p in s if p not in common)) for c, s in zip(conditions, sets, strict=True)}
+    total = add(*(where(rests[t.condition], t.then, ZERO) for t in cast("list[Where]", kept)))
+    return where(conjunction(*common, disjunction(*rests.values())), total, ZERO)
 
 
 def sub(a: Expr, b: Expr) -> Expr:
@@ -467,9 +487,7 @@ def integer_power(base: Expr, k: int) -> Expr:
     if k == 1:
         return base
     if isinstance(base, Const):
-        if base.data != 0.0 and (
-            k > 0 or abs(math.frexp(base.data)[0]) == 0.5
-        ):  # 1/3 is no binary number: divide, as written
+        if base.data != 0.0 and (k > 0 or abs(math.frexp(base.data)[0]) == 0.5):  # 1/3 is no binary number: divide, as written
             try:
                 return const(base.data**k)
             except OverflowError:
@@ -551,9 +569,7 @@ def absolute(u: Expr) -> Expr:
     return where(positive(u), u, mul(MINUS_ONE, u))
 
 
-def positive(
-    g: Expr, strict: bool = True, resolution: Cond | None = None, rivals: tuple[str, str] | None = None
-) -> Cond:
+def positive(g: Expr, strict: bool = True, resolution: Cond | None = None, rivals: tuple[str, str] | None = None) -> Cond:
     """The atom g > 0, or g >= 0."""
     if isinstance(g, Const):
         return TRUE if g.data > 0 or (not strict and g.data == 0) else FALSE
@@ -592,9 +608,7 @@ def disjunction(*conditions: Cond) -> Cond:
     return _junction(Or, conditions, TRUE, FALSE)
 
 
-def _junction(
-    cls: type[And] | type[Or], conditions: Iterable[Cond], absorbing: Truth, neutral: Truth
-) -> Cond:
+def _junction(cls: type[And] | type[Or], conditions: Iterable[Cond], absorbing: Truth, neutral: Truth) -> Cond:
     kept: dict[Cond, None] = {}
     for c in conditions:
         if c is absorbing:

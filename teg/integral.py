@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-from teg.expr import ONE, ZERO, Const, Expr, Mul, Tuple, Var, Where, mul, sub, tuple_of
+from teg.expr import ONE, ZERO, And, Cond, Const, Expr, Mul, Tuple, Var, Where, conjunction, mul, sub, tuple_of, where
 from teg.node import union
 
 
@@ -65,14 +65,17 @@ def delta(g: Expr) -> Expr:
 
 
 def scaled_integral(body: Expr, var: Var, lo: Expr, hi: Expr) -> Expr:
-    """∫ₗʰ body dx with the factors and conditions that are free of x in front (a number included)."""
-    conditions = []
+    """∫ₗʰ body dx with the factors and conditions that are free of x in front; ∫ₗʰ dx is h - l."""
+    outer: list[Cond] = []
     if isinstance(body, Where) and body.otherwise is ZERO and var not in body.condition.free:
-        conditions.append(body.condition)
-        body = body.then
+        outer, body = [body.condition], body.then
+    elif isinstance(body, Where) and body.otherwise is ZERO and isinstance(body.condition, And):
+        outer = [c for c in body.condition.children if var not in c.free]
+        if outer:
+            body = where(conjunction(*(c for c in body.condition.children if var in c.free)), body.then, ZERO)
     factors = body.children if isinstance(body, Mul) else (body,)
     outside = [f for f in factors if var not in f.free and not f.has_delta]
     inside = [f for f in factors if var in f.free or f.has_delta]
     integrand = mul(*inside)
     result = mul(*outside, sub(hi, lo) if integrand is ONE else integral_over(integrand, var, lo, hi))
-    return Where.make(None, (conditions[0], result, ZERO)) if conditions and result is not ZERO else result
+    return where(conjunction(*outer), result, ZERO)

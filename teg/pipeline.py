@@ -96,9 +96,10 @@ def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities
         raise OptionError(f"discontinuities={discontinuities!r} is not known", None, "one of: " + ", ".join(ESTIMATORS))
     estimate = ESTIMATORS[discontinuities]
     outputs = [normal_form(e)]
-    for _ in range(orders):
-        derivative = gradient_of(outputs[-1], wrt)
-        outputs.append(run_pass("canonicalise", canonicalise, run_pass(discontinuities, estimate, derivative)))
+    for order in range(orders):
+        if order:
+            outputs[-1] = run_pass("canonicalise", canonicalise, outputs[-1])  # sifting made new atoms
+        outputs.append(run_pass(discontinuities, estimate, gradient_of(outputs[-1], wrt)))
     together = canonicalise(ex.tuple_of(*outputs))  # one surface is one expression across the outputs, so that they share loops
     return list(cast(Tuple, together).children)
 

@@ -148,9 +148,7 @@ class Shadow:
     def _depends(self, node: Expr) -> bool:
         if any(v in node.free for v in self._index):
             return True
-        return bool(self._leaves) and any(
-            leaf in self._leaves for leaf in postorder([node]) if isinstance(leaf, Param | Var)
-        )
+        return bool(self._leaves) and any(leaf in self._leaves for leaf in postorder([node]) if isinstance(leaf, Param | Var))
 
     def _function(self, node: Call) -> Ratio | None:
         arguments = [self._known[c] for c in node.children]
@@ -158,11 +156,7 @@ class Shadow:
             return None if arguments[0] is None else self._scale(arguments[0], residue("sign", digest(node)))
         values = []
         for ratio in arguments:
-            if (
-                ratio is None
-                or not self._is_constant(ratio[1])
-                or (ratio[0] and not self._is_constant(ratio[0]))
-            ):
+            if ratio is None or not self._is_constant(ratio[1]) or (ratio[0] and not self._is_constant(ratio[0])):
                 return None
             values.append(ratio[0].get(self._one, 0))
         return self.constant(residue(node.name, *values))
@@ -316,11 +310,7 @@ def expanded(e: Expr, limit: int = 48) -> Expr | None:
             continue
         form: Form | None
         if isinstance(node, Const):
-            form = (
-                {(): Fraction(node.data)}
-                if math.isfinite(node.data) and node.data
-                else ({} if node.data == 0 else None)
-            )
+            form = {(): Fraction(node.data)} if math.isfinite(node.data) and node.data else ({} if node.data == 0 else None)
         elif isinstance(node, Add):
             form = {}
             for c in node.children:
@@ -338,11 +328,7 @@ def expanded(e: Expr, limit: int = 48) -> Expr | None:
                 part = forms[c]
                 form = None if form is None or part is None else product(form, part)
         else:
-            base, k = (
-                (node.base, node.exponent)
-                if isinstance(node, Pow) and len(forms.get(node.base) or {}) != 1
-                else (node, 1)
-            )
+            base, k = (node.base, node.exponent) if isinstance(node, Pow) and len(forms.get(node.base) or {}) != 1 else (node, 1)
             form = {((number.setdefault(base, len(number)), k),): Fraction(1)}
             if len(number) > len(atoms):
                 atoms.append(base)

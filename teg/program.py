@@ -44,7 +44,7 @@ was met it is run again with order = -1 and the outputs are averaged. `k` number
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 PIECE_EPS = 4 * 2.0**-52
 TIE_EPS = 4 * 2.0**-52
@@ -153,3 +153,35 @@ def statements(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
 def size(program: Program) -> int:
     """Number of statements, nested ones included."""
     return sum(1 for _ in statements(program.body))
+
+
+def without_dead_code(program: Program) -> Program:
+    """The program without statements whose results nobody uses."""
+    live: set[Arg] = set(program.outputs)
+    return Program(program.parameters, _live_part(program.body, live), program.outputs, program.ties)
+
+
+def _live_part(block: tuple[Stmt, ...], live: set[Arg]) -> tuple[Stmt, ...]:
+    """The statements of a block that matter, given the names used after it; the names they use are added to `live`."""
+    kept: list[Stmt] = []
+    for stmt in reversed(block):
+        if isinstance(stmt, Assign):
+            if stmt.name in live:
+                live.update(stmt.args)
+                kept.append(stmt)
+            continue
+        wanted = [i for i, r in enumerate(stmt.results) if r in live]
+        if not wanted:
+            continue
+        values = tuple(stmt.values[i] for i in wanted)
+        live.update(values)
+        body = _live_part(stmt.body, live)
+        if stmt.need is not None:
+            live.add(stmt.need)
+        flags = _live_part(stmt.flags, live)
+        live.update((stmt.lo, stmt.hi, *stmt.breaks))
+        if stmt.when is not None:
+            live.add(stmt.when)
+        results = tuple(stmt.results[i] for i in wanted)
+        kept.append(replace(stmt, flags=flags, body=body, values=values, results=results))
+    return tuple(reversed(kept))

@@ -150,26 +150,31 @@ def below(point: Expr, bound: Expr, surface: Expr, var: Var, original: Expr) -> 
     """[point < bound] for a point of `surface`; `original` is the bound as it stood in the integral over `var`."""
     other = bound_surface(var, original)
     truth = TRUE if comes_first(surface, other) else FALSE
-    return positive(
-        sub(bound, point), True, truth, (_tie_name(surface), f"the bound {var.name} = {show(original, 300)}")
-    )
+    return positive(sub(bound, point), True, truth, (_tie_name(surface), f"the bound {var.name} = {show(original, 300)}"))
 
 
-def signed_inside(
-    point: Expr, lo: Expr, hi: Expr, surface: Expr, var: Var, bounds: tuple[Expr, Expr], weight: Expr
-) -> Expr:
+def signed_inside(point: Expr, lo: Expr, hi: Expr, surface: Expr, var: Var, bounds: tuple[Expr, Expr], weight: Expr) -> Expr:
     """weight·([point < hi] - [point < lo]): right for reversed bounds too; the weight is not looked at where that is 0."""
     under_hi = below(point, hi, surface, var, bounds[1])
     under_lo = below(point, lo, surface, var, bounds[0])
+    return signed_between(under_hi, under_lo, ordered(lo, hi), weight)
+
+
+def ordered(lo: Expr, hi: Expr) -> int:
+    """+1 where lo <= hi is known, -1 where lo > hi is, else 0."""
     if isinstance(lo, Const) and isinstance(hi, Const):
-        if lo.data <= hi.data:
-            return where(conjunction(under_hi, negation(under_lo)), weight, ZERO)
+        return 1 if lo.data <= hi.data else -1
+    return 0
+
+
+def signed_between(under_hi: Cond, under_lo: Cond, order: int, weight: Expr) -> Expr:
+    """weight·([under_hi] - [under_lo]), with one condition in front; `order` as of `ordered`."""
+    if order > 0:
+        return where(conjunction(under_hi, negation(under_lo)), weight, ZERO)
+    if order < 0:
         return where(conjunction(under_lo, negation(under_hi)), ex.mul(ex.MINUS_ONE, weight), ZERO)
-    return where(
-        under_hi,
-        where(under_lo, ZERO, weight),
-        where(under_lo, ex.mul(ex.MINUS_ONE, weight), ZERO),
-    )
+    differ = disjunction(conjunction(under_hi, negation(under_lo)), conjunction(negation(under_hi), under_lo))
+    return where(differ, ex.mul(where(under_hi, ex.ONE, ex.MINUS_ONE), weight), ZERO)
 
 
 def free_of(e: Node, variables: Iterable[Var]) -> bool:

@@ -142,21 +142,15 @@ def substitute(root: Node, mapping: Mapping[Var, Expr], on_compare: CompareHook 
                 kept.append((node.var, var))
             inner = tuple(kept)
         envs = [inner if isinstance(node, Integral) and i == 0 else env for i in range(len(node.children))]
-        missing = [
-            (c, e) for c, e in zip(node.children, envs, strict=True) if c not in jobs.setdefault(e, {})
-        ]
+        missing = [(c, e) for c, e in zip(node.children, envs, strict=True) if c not in jobs.setdefault(e, {})]
         if missing:
             stack.extend(missing)
             continue
         children = tuple(jobs[e][c] for c, e in zip(node.children, envs, strict=True))
         if isinstance(node, Integral):
-            done[node] = integral_over(
-                cast(Expr, children[0]), cast(Var, var), cast(Expr, children[1]), cast(Expr, children[2])
-            )
+            done[node] = integral_over(cast(Expr, children[0]), cast(Var, var), cast(Expr, children[1]), cast(Expr, children[2]))
         elif isinstance(node, Compare) and on_compare is not None:
-            done[node] = on_compare(
-                node, cast(Expr, children[0]), cast(Cond, children[1]) if len(children) == 2 else None
-            )
+            done[node] = on_compare(node, cast(Expr, children[0]), cast(Cond, children[1]) if len(children) == 2 else None)
         else:
             done[node] = rebuild(node, children)
         stack.pop()

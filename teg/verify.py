@@ -2,7 +2,24 @@
 
 from __future__ import annotations
 
-from teg.expr import Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where
+from teg.expr import (
+    Add,
+    And,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Not,
+    Or,
+    Param,
+    Pow,
+    Truth,
+    Tuple,
+    Var,
+    Where,
+)
 from teg.integral import Delta, Integral
 from teg.node import Node, postorder
 

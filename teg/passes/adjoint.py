@@ -35,6 +35,7 @@ from teg.expr import (
     Where,
     add,
     const,
+    guarded_sum,
     integer_power,
     mul,
     where,
@@ -115,7 +116,7 @@ class _Sweep:
         parts: dict[Expr, list[Expr]] = {e: [ONE]}
         leaves: Adjoints = {}
         for node in reversed(self._order(e)):
-            w = add(*parts.pop(node, ()))
+            w = guarded_sum(parts.pop(node, ()))
             if w is ZERO:
                 continue
             if is_leaf(node):
@@ -137,19 +138,11 @@ class _Sweep:
                     child = self._moving(node)[0]
                     others = [c for c in node.children if c is not child]
                     return [(child, mul(w, *others))]
-                return [
-                    (c, mul(w, rest)) for c, rest in zip(node.children, factor_cofactors(node), strict=True)
-                ]
+                return [(c, mul(w, rest)) for c, rest in zip(node.children, factor_cofactors(node), strict=True)]
             case Pow():
-                return [
-                    (node.base, mul(const(node.exponent), w, integer_power(node.base, node.exponent - 1)))
-                ]
+                return [(node.base, mul(const(node.exponent), w, integer_power(node.base, node.exponent - 1)))]
             case Call():
-                return [
-                    (c, mul(w, p))
-                    for c, p in zip(node.children, partials(node), strict=True)
-                    if c in self.active
-                ]
+                return [(c, mul(w, p)) for c, p in zip(node.children, partials(node), strict=True) if c in self.active]
             case Where():
                 return [
                     (node.then, where(node.condition, w, ZERO)),
@@ -183,4 +176,3 @@ class _Sweep:
                 value = restrict(body, {x: bound}, bound_surface(x, bound), (x,))
                 back.append((bound, mul(sign, w, value)))
         return back
-

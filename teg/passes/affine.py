@@ -42,7 +42,7 @@ from teg.expr import (
 from teg.integral import integral_over
 from teg.passes.sift import Binder, Chain
 from teg.polynomial import Shadow
-from teg.surfaces import below, free_of, restrict, signed_inside
+from teg.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
 from teg.traverse import fresh, substitute
 
 
@@ -105,10 +105,7 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
         if not free_of(b.lo, at) or not free_of(b.hi, at):
             if any(r.var in g.free for r in rest):
                 return None
-            rest = tuple(
-                Binder(r.var, cast(Expr, substitute(r.lo, at)), cast(Expr, substitute(r.hi, at)))
-                for r in rest
-            )
+            rest = tuple(Binder(r.var, cast(Expr, substitute(r.lo, at)), cast(Expr, substitute(r.hi, at))) for r in rest)
             break
     value = _inside_bounds(value, g, chosen, ranges, point, pivots, at)
     value = where(guard, value, ZERO)
@@ -137,11 +134,7 @@ def _ranges(chosen: Sequence[Binder]) -> list[tuple[Expr, Expr]] | None:
         mine = [(v, lo, hi) for v, lo, hi in outer if v in b.lo.free or v in b.hi.free]
         if mine:
             variables = [v for v, _, _ in mine]
-            if any(
-                Shadow((v,)).degree(e) is None or (Shadow((v,)).degree(e) or 0) > 1
-                for v in variables
-                for e in (b.lo, b.hi)
-            ):
+            if any(Shadow((v,)).degree(e) is None or (Shadow((v,)).degree(e) or 0) > 1 for v in variables for e in (b.lo, b.hi)):
                 return None
             corners: list[Expr] = [b.lo, b.hi]
             for v, lo, hi in mine:
@@ -254,12 +247,8 @@ def _inside_bounds(
         else:
             sides.append((below(point[i], b.hi, g, b.var, b.hi), below(point[i], b.lo, g, b.var, b.lo)))
     under_hi, under_lo = _select_bound(pivots, sides, 0), _select_bound(pivots, sides, 1)
-    oriented = all(isinstance(e, Const) for i in plain for e in ranges[i]) and all(
-        cast(Const, ranges[i][0]).data <= cast(Const, ranges[i][1]).data for i in plain
-    )
-    if oriented:
-        return where(conjunction(under_hi, negation(under_lo)), value, ZERO)
-    return where(under_hi, where(under_lo, ZERO, value), where(under_lo, mul(MINUS_ONE, value), ZERO))
+    orders = {ordered(*ranges[i]) for i in plain}
+    return signed_between(under_hi, under_lo, orders.pop() if len(orders) == 1 else 0, value)
 
 
 def _select_bound(pivots: list[Cond], sides: list[tuple[Cond, Cond]], which: int) -> Cond:
@@ -270,11 +259,6 @@ def _select_bound(pivots: list[Cond], sides: list[tuple[Cond, Cond]], which: int
     if all(isinstance(c, Compare) for c in conditions):
         atoms = [cast(Compare, c) for c in conditions]
         g = _select(pivots, [a.g for a in atoms])
-        resolution: Cond = disjunction(
-            *(
-                conjunction(p, r)
-                for p, r in zip(pivots, [cast(Cond, a.resolution) for a in atoms], strict=True)
-            )
-        )
+        resolution: Cond = disjunction(*(conjunction(p, r) for p, r in zip(pivots, [cast(Cond, a.resolution) for a in atoms], strict=True)))
         return positive(g, True, resolution, atoms[-1].rivals)
     return disjunction(*(conjunction(p, c) for p, c in zip(pivots, conditions, strict=True)))

@@ -44,7 +44,7 @@ from teg.node import Node, postorder
 from teg.passes.jumps import assign
 from teg.polynomial import Point, Shadow, sign_of_residue
 from teg.surfaces import atoms_of, binders_inside
-from teg.traverse import rebuild, rename_apart, substitute
+from teg.traverse import parameters, rebuild, rename_apart, substitute
 
 MAX_HOISTED = 6
 
@@ -65,8 +65,11 @@ class _Canonical:
         new: dict[Node, Node] = {}
         for node in postorder([root]):
             result = rebuild(node, tuple([new[c] for c in node.children]))
-            if isinstance(result, Compare) and result.resolution is None:
-                result = self._atom(result.g, result.strict, MAX_HOISTED)
+            if isinstance(result, Compare):
+                if result.resolution is None:
+                    result = self._atom(result.g, result.strict, MAX_HOISTED)
+                elif has_variable_denominator(result.g):
+                    result = self._tied_quotient(result)
             elif isinstance(result, Integral):
                 result = self._integral(result)
             new[node] = result
@@ -80,6 +83,9 @@ class _Canonical:
             then = self._atom(cast(Expr, _decide(g, inner, True)), strict, hoists - 1)
             otherwise = self._atom(cast(Expr, _decide(g, inner, False)), strict, hoists - 1)
             return disjunction(conjunction(inner, then), conjunction(negation(inner), otherwise))
+        if has_variable_denominator(g):
+            numerator, denominator = cleared(g)
+            g = mul(numerator, denominator)
         sign, factors = _signed_factors(g)
         if len(factors) == 0:
             return TRUE if sign > 0 or (sign == 0 and not strict) else FALSE
@@ -92,6 +98,15 @@ class _Canonical:
                 disjunction(conjunction(plus, below), conjunction(minus, above)),
             )
         return above
+
+    def _tied_quotient(self, atom: Compare) -> Cond:
+        """[n/d > 0], which can meet a tie, by the sign of d; the tie is the numerator's."""
+        numerator, denominator = cleared(atom.g)
+        above = self._atom(denominator, True, 0)
+        resolution = cast(Cond, atom.resolution)
+        plus = positive(numerator, atom.strict, resolution, atom.rivals)
+        minus = negation(positive(numerator, not atom.strict, negation(resolution), atom.rivals))
+        return disjunction(conjunction(above, plus), conjunction(negation(above), minus))
 
     def _surface(self, g: Expr, strict: bool, upward: bool) -> Cond:
         """[g > 0] (or >=), or [g < 0], as a condition on the representative of the surface."""
@@ -122,9 +137,10 @@ class _Canonical:
             return e
         x, body = integral.var, integral.body
         inner = binders_inside(body)
+        numeric = isinstance(integral.lo, Const) and isinstance(integral.hi, Const)  # then parameters in g leave nothing to decide
         changed: dict[Compare, Cond] = {}
         for atom in atoms_of(body, x):
-            if atom.g.free & inner or atom.resolution is not None:
+            if atom.g.free & inner or atom.resolution is not None or (numeric and parameters(atom.g)):
                 continue
             for bound, other in ((integral.hi, integral.lo), (integral.lo, integral.hi)):
                 if Shadow((x,)).degree(atom.g) != 1:
@@ -138,9 +154,7 @@ class _Canonical:
         new: dict[Node, Node] = {}
         for node in postorder([e]):
             result = rebuild(node, tuple([new[c] for c in node.children]))
-            new[node] = (
-                changed.get(cast(Compare, node), cast(Cond, result)) if isinstance(node, Compare) else result
-            )
+            new[node] = changed.get(cast(Compare, node), cast(Cond, result)) if isinstance(node, Compare) else result
             if node is integral and isinstance(new[node], Integral):
                 rest = cast(Integral, new[node])
                 new[node] = scaled_integral(rest.body, rest.var, rest.lo, rest.hi)
@@ -179,12 +193,57 @@ def _decide(g: Expr, condition: Cond, value: bool) -> Expr:
         return cast(Expr, assign(g, condition.g, value))
     new: dict[Node, Node] = {}
     for node in postorder([g]):
-        new[node] = (
-            (TRUE if value else FALSE)
-            if node is condition
-            else rebuild(node, tuple([new[c] for c in node.children]))
-        )
+        new[node] = (TRUE if value else FALSE) if node is condition else rebuild(node, tuple([new[c] for c in node.children]))
     return cast(Expr, new[g])
+
+
+def has_variable_denominator(g: Expr) -> bool:
+    """Is there a quotient by something with variables in it (outside of functions)?"""
+    stack: list[Expr] = [g]
+    seen: set[Expr] = set()
+    while stack:
+        e = stack.pop()
+        if e in seen or not e.free:
+            continue
+        seen.add(e)
+        if isinstance(e, Pow) and e.exponent < 0:
+            return True
+        if isinstance(e, Add | Mul | Pow | Where):
+            stack.extend(cast("tuple[Expr, ...]", e.children[1:] if isinstance(e, Where) else e.children))
+    return False
+
+
+def cleared(g: Expr) -> tuple[Expr, Expr]:
+    """Numerator and denominator of g over its variables; the terms stay as they were written."""
+    parts: dict[Expr, tuple[Expr, dict[Expr, int]]] = {}
+    for node in postorder([g]):
+        if not isinstance(node, Expr):
+            continue
+        numerator: Expr = node
+        below: dict[Expr, int] = {}
+        if isinstance(node, Pow) and node.exponent < 0 and node.free:
+            inner, inner_below = parts[node.base]
+            numerator = mul(*(ex.integer_power(d, -node.exponent * k) for d, k in inner_below.items()))
+            below = {inner: -node.exponent}
+        elif isinstance(node, Pow) and parts[node.base][1]:
+            inner, inner_below = parts[node.base]
+            numerator, below = ex.integer_power(inner, node.exponent), {d: k * node.exponent for d, k in inner_below.items()}
+        elif isinstance(node, Mul):
+            for c in node.children:
+                for d, k in parts[c][1].items():
+                    below[d] = below.get(d, 0) + k
+            numerator = mul(*(parts[c][0] for c in node.children)) if below else node
+        elif isinstance(node, Add | Where):
+            terms = cast("list[Expr]", list(node.children[1:] if isinstance(node, Where) else node.children))
+            for c in terms:
+                for d, k in parts[c][1].items():
+                    below[d] = max(below.get(d, 0), k)
+            if below:
+                over = [mul(parts[c][0], *(ex.integer_power(d, k - parts[c][1].get(d, 0)) for d, k in below.items())) for c in terms]
+                numerator = ex.where(node.condition, *over) if isinstance(node, Where) else add(*over)
+        parts[node] = (numerator, below)
+    numerator, below = parts[g]
+    return numerator, mul(*(ex.integer_power(d, k) for d, k in below.items()))
 
 
 def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
@@ -222,11 +281,7 @@ def _is_positive(e: Expr) -> bool:
 
 def _factor_powers(term: Expr) -> dict[Expr, int]:
     parts = term.children if isinstance(term, Mul) else (term,)
-    return {
-        (p.base if isinstance(p, Pow) else p): (p.exponent if isinstance(p, Pow) else 1)
-        for p in parts
-        if not isinstance(p, Const)
-    }
+    return {(p.base if isinstance(p, Pow) else p): (p.exponent if isinstance(p, Pow) else 1) for p in parts if not isinstance(p, Const)}
 
 
 def _common_factors(e: Add) -> tuple[list[Expr], Expr]:
@@ -273,9 +328,7 @@ def _may_diverge(term: Expr, x: Var) -> bool:
         if e in seen or x not in e.free:
             continue
         seen.add(e)
-        if (isinstance(e, Pow) and e.exponent < 0) or (
-            isinstance(e, Call) and e.name in ("log", "tan", "pow")
-        ):
+        if (isinstance(e, Pow) and e.exponent < 0) or (isinstance(e, Call) and e.name in ("log", "tan", "pow")):
             return True
         if isinstance(e, Where):
             stack += [e.then, e.otherwise]

@@ -202,9 +202,7 @@ class BreakAnalysis:
 
     def _shadow(self, variables: tuple[Var, ...]) -> Shadow:
         if variables not in self._shadows:
-            self._shadows[variables] = Shadow(
-                variables, integral=lambda inner: self._integral_shadow(inner, variables)
-            )
+            self._shadows[variables] = Shadow(variables, integral=lambda inner: self._integral_shadow(inner, variables))
         return self._shadows[variables]
 
     def _integral_shadow(self, node: Integral, variables: tuple[Var, ...]) -> Ratio | None:

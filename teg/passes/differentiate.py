@@ -69,29 +69,14 @@ def _tangent(node: Expr, direction: Mapping[Param, Expr], tangent: dict[Expr, Ex
             moving = [c for c in node.children if tangent[c] is not ZERO]
             if not moving:
                 return ZERO
-            return add(
-                *(
-                    mul(tangent[c], rest)
-                    for c, rest in zip(node.children, factor_cofactors(node), strict=True)
-                )
-            )
+            return add(*(mul(tangent[c], rest) for c, rest in zip(node.children, factor_cofactors(node), strict=True)))
         case Pow():
             t = tangent[node.base]
-            return (
-                ZERO
-                if t is ZERO
-                else mul(const(node.exponent), t, integer_power(node.base, node.exponent - 1))
-            )
+            return ZERO if t is ZERO else mul(const(node.exponent), t, integer_power(node.base, node.exponent - 1))
         case Call():
             if all(tangent[c] is ZERO for c in node.children):
                 return ZERO
-            return add(
-                *(
-                    mul(tangent[c], p)
-                    for c, p in zip(node.children, partials(node), strict=True)
-                    if tangent[c] is not ZERO
-                )
-            )
+            return add(*(mul(tangent[c], p) for c, p in zip(node.children, partials(node), strict=True) if tangent[c] is not ZERO))
         case Where():
             return where(node.condition, tangent[node.then], tangent[node.otherwise])
         case Tuple():
@@ -119,4 +104,3 @@ def _integral(node: Integral, tangent: dict[Expr, Expr]) -> Expr:
     for g, jump in surface_terms(body, moving):
         terms.append(integral_over(mul(jump, tangent[g], delta(g)), x, lo, hi))
     return add(*terms)
-

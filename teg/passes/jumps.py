@@ -21,6 +21,7 @@ from teg.expr import (
     Add,
     Compare,
     Cond,
+    Const,
     Expr,
     Mul,
     Param,
@@ -44,9 +45,7 @@ def _containing(root: Node, surface: Expr) -> list[Node]:
     order: list[Node] = []
     for node in postorder([root]):
         children = node.children[:1] if isinstance(node, Compare) else node.children
-        contains[node] = (isinstance(node, Compare) and node.g is surface) or any(
-            [contains[c] for c in children]
-        )
+        contains[node] = (isinstance(node, Compare) and node.g is surface) or any([contains[c] for c in children])
         if contains[node]:
             order.append(node)
     return order
@@ -144,21 +143,15 @@ def vanishes_on(e: Expr, surface: Expr) -> bool:
 
     Decided at two random points of the variety g = 0: all symbols but one in which g is affine are random, that one is solved for.
     """
-    if e is ZERO:
-        return True
+    if isinstance(e, Const):
+        return e is ZERO
     for pivot in (n for n in postorder([surface]) if isinstance(n, Var | Param)):
         values = []
         for trial in ("0", "1"):
             zero = Point(trial, {pivot: 0}).value(surface)
             one = Point(trial, {pivot: 1}).value(surface)
             two = Point(trial, {pivot: 2}).value(surface)
-            if (
-                zero is None
-                or one is None
-                or two is None
-                or (two - 2 * one + zero) % P
-                or (one - zero) % P == 0
-            ):
+            if zero is None or one is None or two is None or (two - 2 * one + zero) % P or (one - zero) % P == 0:
                 values = []
                 break
             root = -zero * pow(one - zero, -1, P) % P

@@ -105,14 +105,10 @@ class _Elimination:
         terms = [integral_over(without(node.body, done), x, node.lo, node.hi)]
         for d, data, rewrite in ready:
             for chain, coefficient in linear_part(node.body, d).items():
-                terms.append(
-                    self._sifted(d, coefficient, (Binder(x, node.lo, node.hi), *chain), data, rewrite)
-                )
+                terms.append(self._sifted(d, coefficient, (Binder(x, node.lo, node.hi), *chain), data, rewrite))
         return add(*terms)
 
-    def _sifted(
-        self, d: Delta, coefficient: Expr, chain: tuple[Binder, ...], data: Any, rewrite: Rewrite
-    ) -> Expr:
+    def _sifted(self, d: Delta, coefficient: Expr, chain: tuple[Binder, ...], data: Any, rewrite: Rewrite) -> Expr:
         if coefficient.has_delta:
             raise DeltaError("a product of deltas of the same variables has no meaning here", d)
         result = rewrite(d.g, coefficient, chain, data)

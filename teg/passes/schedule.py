@@ -41,7 +41,7 @@ from teg.expr import (
 from teg.integral import Delta, Integral
 from teg.node import Node, postorder
 from teg.passes.breaks import BreakAnalysis, Breaks
-from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program, Rule, Stmt, Tie
+from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program, Rule, Stmt, Tie, without_dead_code
 from teg.surfaces import binders_inside
 
 MAX_GAUSS = 24
@@ -56,6 +56,7 @@ def schedule(outputs: Sequence[Expr], parameters: Sequence[str], tol: float, rul
 
 
 Truths = tuple[Arg, Arg]  # holds, fails
+_NAN = float("nan")
 
 
 @dataclass
@@ -72,6 +73,7 @@ class _Level:
     middle: _Level | None = None
     block: list[Stmt] = field(default_factory=list)
     names: dict[Node, Arg | Truths] = field(default_factory=dict)
+    computed: dict[tuple[str, tuple[Arg, ...]], str] = field(default_factory=dict)
     magnitudes: dict[Expr, Arg] = field(default_factory=dict)
     groups: dict[Integral, list[Integral]] = field(default_factory=dict)
     guards: dict[Integral, Cond] = field(default_factory=dict)
@@ -117,7 +119,7 @@ class _Scheduler:
         top = _Level(None, None, 0)
         self._plan_integrals(top, outputs)
         names = tuple(self._number(e, top) for e in outputs)
-        return Program(tuple(self.parameters), tuple(top.block), names, tuple(Tie(t) for t in self.ties))
+        return without_dead_code(Program(tuple(self.parameters), tuple(top.block), names, tuple(Tie(t) for t in self.ties)))
 
     def _fresh(self, kind: str) -> str:
         self.count += 1
@@ -134,9 +136,11 @@ class _Scheduler:
         return level
 
     def _assign(self, home: _Level, kind: str, op: str, *args: Arg) -> str:
-        name = self._fresh(kind)
-        home.block.append(Assign(name, op, args))
-        return name
+        key = (op, args)
+        if key not in home.computed:
+            home.computed[key] = self._fresh(kind)
+            home.block.append(Assign(home.computed[key], op, args))
+        return home.computed[key]
 
     def _number(self, e: Expr, level: _Level) -> Arg:
         self._emit(e, level)
@@ -192,28 +196,24 @@ class _Scheduler:
                 return self._assign(home, "v", op, *(name(c) for c in e.children))
             case Where():
                 holds, fails = cast(Truths, self._home(e.condition, home).names[e.condition])
-                otherwise = name(e.otherwise)
+                otherwise: Arg = name(e.otherwise) if fails is not False else _NAN
                 if not isinstance(fails, bool):
-                    otherwise = self._assign(home, "v", "select", fails, otherwise, float("nan"))
+                    otherwise = self._assign(home, "v", "select", fails, otherwise, _NAN)
                 return self._assign(home, "v", "select", holds, name(e.then), otherwise)
             case Tuple() | Delta() | _:
                 raise AssertionError(f"{type(e).__name__} cannot be scheduled")
 
     def _sum(self, e: Add, home: _Level) -> Arg:
-        total: Arg | None = None
+        """Terms are added from the left in the order written; a term -u is subtracted."""
+        total: list[Arg] = []
         for term in e.children:
-            negative = (
-                isinstance(term, Mul)
-                and isinstance(term.children[0], Const)
-                and term.children[0].data == -1.0
-            )
-            if total is not None and negative and len(term.children) == 2:
-                rest = cast(Expr, term.children[1])
-                total = self._assign(home, "v", "sub", total, self._number(rest, home))
+            negative = isinstance(term, Mul) and isinstance(term.children[0], Const) and term.children[0].data == -1.0
+            if total and negative and len(term.children) == 2:
+                left = total[0] if len(total) == 1 else self._assign(home, "v", "add", *total)
+                total = [self._assign(home, "v", "sub", left, self._number(cast(Expr, term.children[1]), home))]
             else:
-                value = cast(Arg, self._home(term, home).names[term])
-                total = value if total is None else self._assign(home, "v", "add", total, value)
-        return cast(Arg, total)
+                total.append(self._number(term, home))
+        return total[0] if len(total) == 1 else self._assign(home, "v", "add", *total)
 
     def _product(self, e: Mul, home: _Level) -> Arg:
         above: list[Arg] = []
@@ -260,9 +260,7 @@ class _Scheduler:
                 raise AssertionError(f"unknown condition {type(c).__name__}")
 
     def _tie(self, c: Compare, g: Arg, home: _Level) -> Truths:
-        holds_first = cast(
-            Truths, self._home(cast(Cond, c.resolution), home).names[cast(Cond, c.resolution)]
-        )[0]
+        holds_first = cast(Truths, self._home(cast(Cond, c.resolution), home).names[cast(Cond, c.resolution)])[0]
         scale = self._magnitude(c.g, home)
         k = self.ties.setdefault(cast("tuple[str, str]", c.rivals), len(self.ties))
         holds = self._assign(home, "b", "tie", g, scale, holds_first, k)
@@ -288,9 +286,7 @@ class _Scheduler:
             if missing:
                 stack.extend(missing)
                 continue
-            home.magnitudes[e] = self._own_magnitude(
-                e, [self._home(c, home).magnitudes[c] for c in inside], home
-            )
+            home.magnitudes[e] = self._own_magnitude(e, [self._home(c, home).magnitudes[c] for c in inside], home)
             stack.pop()
         return self._home(root, level).magnitudes[root]
 
@@ -337,9 +333,7 @@ class _Scheduler:
         mine: list[Integral] = []
         for node in order:
             height[node] = max([height[c] for c in node.children], default=0)
-            if isinstance(node, Integral) and (
-                node.free == frozenset() if level.var is None else level.var in node.free
-            ):
+            if isinstance(node, Integral) and (node.free == frozenset() if level.var is None else level.var in node.free):
                 if level.var is None or not node.free & inner:
                     height[node] += 1
                     mine.append(node)
@@ -373,22 +367,16 @@ class _Scheduler:
         mine: set[Integral],
     ) -> dict[Integral, Cond]:
         """For each integral the condition under which anybody looks at its value."""
-        guard: dict[Node, Cond] = {r: TRUE for r in roots}
+        guard: dict[Node, Cond] = dict.fromkeys(roots, TRUE)
         for node in reversed(order):
             g = guard.get(node, FALSE)
             if node in mine and g is not TRUE and _height(g, height) >= height[node]:
                 g = guard[node] = TRUE  # the condition would wait for the integral
             for child in node.children:
                 here = g
-                if (
-                    isinstance(node, Where)
-                    and child is not node.condition
-                    and not node.condition.free & inner
-                ):
+                if isinstance(node, Where) and child is not node.condition and not node.condition.free & inner:
                     c = node.condition if child is node.then else negation(node.condition)
-                    if node.then is not node.otherwise and (
-                        not isinstance(g, And) or len(g.children) < GUARD_TERMS
-                    ):
+                    if node.then is not node.otherwise and (not isinstance(g, And) or len(g.children) < GUARD_TERMS):
                         here = conjunction(g, c)
                 have = guard.get(child)
                 if have is None:
@@ -456,9 +444,10 @@ class _Scheduler:
         total = disjunction(*conditions)
         if total is TRUE or (isinstance(total, Or) and len(total.children) > 2 * GUARD_TERMS):
             return True
-        fails = self._truths(total, level)[1]
+        holds, fails = self._truths(total, level)
         if not isinstance(fails, str):
             return True
+        self._home(total, level).names[total] = (holds, False)  # from here on: it holds, or is not a number
         name = self._fresh("b")
         cast(_Level, level.middle).block.append(Assign(name, "not", (fails,)))
         return name
@@ -485,11 +474,7 @@ def _support(e: Expr) -> Cond:
         if e.then is ZERO:
             return negation(e.condition)
         if isinstance(e.then, Where) or isinstance(e.otherwise, Where):
-            then = (
-                conjunction(e.condition, e.then.condition)
-                if isinstance(e.then, Where) and e.then.otherwise is ZERO
-                else e.condition
-            )
+            then = conjunction(e.condition, e.then.condition) if isinstance(e.then, Where) and e.then.otherwise is ZERO else e.condition
             other = negation(e.condition)
             if isinstance(e.otherwise, Where) and e.otherwise.otherwise is ZERO:
                 other = conjunction(other, e.otherwise.condition)

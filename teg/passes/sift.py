@@ -57,10 +57,7 @@ def linear_part(e: Expr, target: Delta) -> dict[Chain, Expr]:
                     parts[node] = {chain: mul(k, *others) for chain, k in parts[carriers[0]].items()}
             case Where():
                 branches = ((node.condition, node.then), (negation(node.condition), node.otherwise))
-                parts[node] = _merge(
-                    {chain: where(c, k, ZERO) for chain, k in parts.get(branch, {}).items()}
-                    for c, branch in branches
-                )
+                parts[node] = _merge({chain: where(c, k, ZERO) for chain, k in parts.get(branch, {}).items()} for c, branch in branches)
             case Integral():
                 binder = Binder(node.var, node.lo, node.hi)
                 if node.lo.has_delta or node.hi.has_delta:

@@ -15,9 +15,9 @@ from typing import cast
 from teg import expr as ex
 from teg.expr import ZERO, Expr, Var, add, call, mul, positive, where
 from teg.passes.sift import Chain
+from teg.polynomial import Shadow
 from teg.roots import quadratic_roots
 from teg.surfaces import restrict, signed_inside
-from teg.polynomial import Shadow
 
 
 @dataclass(frozen=True)

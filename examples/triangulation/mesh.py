@@ -1,0 +1,116 @@
+"""A triangle mesh over a square picture, and how far its vertices may move without folding it.
+
+Coordinates are in pixels, x to the right, y downwards, the picture is [0, size]². All triangles have positive
+signed area. Vertices on the border slide along it, the four corners stay; a mesh that keeps its border and
+its positive areas covers every point of the picture exactly once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from teg.errors import InputError
+
+JITTER = 0.12  # of a cell: how irregular the first mesh is
+SHRINK = 0.5  # a triangle keeps this fraction of its area in one step …
+FLOOR = 0.02  # … and this fraction of the mean area always
+HALVINGS = 12
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Vertices (n, 2), triangles (m, 3) as indices of vertices, and which coordinates may move, (n, 2) bool."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    movable: np.ndarray
+    size: int
+
+    @property
+    def floor(self) -> float:
+        """The area below which no triangle is let."""
+        return FLOOR * self.size**2 / len(self.triangles)
+
+    @property
+    def cell(self) -> float:
+        """The length of a typical edge: that of an equilateral triangle of the mean area."""
+        return float(np.sqrt(4 / np.sqrt(3) * self.size**2 / len(self.triangles)))
+
+
+def make_mesh(triangles: int, size: int, seed: int = 0) -> Mesh:
+    """About that many triangles, near equilateral: staggered rows of points, the inner ones slightly jittered."""
+    if triangles < 2:
+        raise InputError(f"a mesh of {triangles} triangles is not possible", None, "at least 2")
+    columns, rows = _grid(triangles)
+    random = np.random.default_rng(seed)
+    points: list[np.ndarray] = []
+    lines: list[np.ndarray] = []
+    for row in range(rows + 1):
+        x = np.linspace(0, 1, columns + 1)
+        if row % 2:
+            x = np.concatenate([[0.0], (x[1:] + x[:-1]) / 2, [1.0]])
+        lines.append(sum(map(len, points)) + np.arange(len(x)))
+        points.append(np.column_stack([x, np.full(len(x), row / rows)]))
+    unit = np.concatenate(points)
+    movable = (unit > 0) & (unit < 1)
+    noise = random.uniform(-JITTER, JITTER, unit.shape) / [columns, rows]
+    unit = np.where(movable.all(axis=1, keepdims=True), unit + noise, unit)
+    faces = [face for upper, lower in zip(lines, lines[1:], strict=False) for face in _strip(upper, lower, unit)]
+    return Mesh(unit * size, np.array(faces, dtype=np.intp), movable, size)
+
+
+def signed_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The signed areas of the triangles, square pixels; positive in a mesh that has not folded."""
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    u, v = b - a, c - a
+    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2
+
+
+def limit_step(mesh: Mesh, vertices: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """The vertices after as much of `step` as folds no triangle.
+
+    No triangle may fall below `SHRINK` of its present area, nor below `FLOOR` of the mean area of the mesh (if
+    it is below already, it may not shrink). While one would, the step of its three vertices is halved, and
+    after `HALVINGS` rounds dropped; a mesh whose areas were positive keeps them positive.
+    """
+    areas = signed_areas(vertices, mesh.triangles)
+    least = np.minimum(areas, np.maximum(SHRINK * areas, mesh.floor))
+    scale = np.ones(len(vertices))
+    step = np.where(mesh.movable, step, 0.0)
+    for halving in range(HALVINGS + len(vertices)):
+        moved = vertices + scale[:, None] * step
+        folding = signed_areas(moved, mesh.triangles) < least
+        if not folding.any():
+            return moved
+        touched = np.unique(mesh.triangles[folding])
+        scale[touched] = scale[touched] / 2 if halving < HALVINGS else 0.0
+    return vertices
+
+
+def _grid(triangles: int) -> tuple[int, int]:
+    """Columns and rows of cells whose triangles, rows · (2 columns + 1), are close to the number and equilateral."""
+
+    def badness(shape: tuple[int, int]) -> float:
+        columns, rows = shape
+        return abs(rows * (2 * columns + 1) / triangles - 1) + abs(np.log(rows * np.sqrt(3) / 2 / columns)) / 4
+
+    reach = int(np.sqrt(triangles)) + 2
+    return min(((c, r) for c in range(1, reach) for r in range(1, reach)), key=badness)
+
+
+def _strip(upper: np.ndarray, lower: np.ndarray, points: np.ndarray) -> list[tuple[int, int, int]]:
+    """The triangles between two rows of points, each time closing the shorter diagonal."""
+    faces = []
+    i = j = 0
+    while i + 1 < len(upper) or j + 1 < len(lower):
+        along_upper = np.inf if i + 1 == len(upper) else abs(points[upper[i + 1], 0] - points[lower[j], 0])
+        along_lower = np.inf if j + 1 == len(lower) else abs(points[lower[j + 1], 0] - points[upper[i], 0])
+        if along_upper <= along_lower:
+            faces.append((upper[i], upper[i + 1], lower[j]))
+            i += 1
+        else:
+            faces.append((lower[j], upper[i], lower[j + 1]))
+            j += 1
+    return faces

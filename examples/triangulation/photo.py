@@ -1,0 +1,68 @@
+"""The picture to approximate: read, cropped to a square, resized."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageOps
+
+from teg.errors import InputError, MissingPackageError
+
+
+def read_target(photo: str | Path | None, size: int) -> np.ndarray:
+    """The picture as an array of shape (size, size, 3), sRGB values in [0, 1]; `None` is scikit-image's astronaut.
+
+    Any file that Pillow reads (of an animation the first frame): turned as its EXIF data say, transparency on
+    white, cropped to the square in its middle. Raises InputError if the file is missing or not a picture.
+    """
+    image = _astronaut() if photo is None else _read(Path(photo))
+    square = ImageOps.fit(image, (size, size), Image.Resampling.LANCZOS)
+    return np.asarray(square, dtype=float) / 255
+
+
+def _astronaut() -> Image.Image:
+    try:
+        from skimage import data
+    except ImportError:
+        raise MissingPackageError(
+            "the default photo is scikit-image's, which is not installed",
+            None,
+            'pip install "teg[demo]", or name a photo of your own: teg demo triangulation photo.jpg',
+        ) from None
+    return Image.fromarray(data.astronaut())
+
+
+def _read(path: Path) -> Image.Image:
+    """The picture in a file, 8 bits a channel."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(path) as file:
+                return _as_rgb(ImageOps.exif_transpose(file))
+    except FileNotFoundError:
+        raise InputError(f"there is no file {str(path)!r}", None, _hint(path)) from None
+    except Image.UnidentifiedImageError:
+        what = f"{str(path)!r} is not a picture that Pillow can read"
+        raise InputError(what, None, "use a PNG or JPEG file") from None
+    except Image.DecompressionBombError as problem:
+        raise InputError(f"{str(path)!r} is too large", None, f"make it smaller first ({problem})") from None
+    except (OSError, SyntaxError, ValueError, EOFError) as problem:  # what Pillow raises for damaged files
+        raise InputError(f"{str(path)!r} cannot be read", None, f"Pillow says: {problem}") from None
+
+
+def _as_rgb(image: Image.Image) -> Image.Image:
+    if image.mode.startswith(("I", "F")):  # more than 8 bits a pixel, of grey
+        grey = np.nan_to_num(np.asarray(image, dtype=float)).clip(min=0)
+        white = 255 if grey.max() <= 255 else max(grey.max(), 65535)
+        image = Image.fromarray(np.rint(grey * (255 / white)).astype(np.uint8))
+    if image.has_transparency_data:
+        image = image.convert("RGBA")
+        image = Image.alpha_composite(Image.new("RGBA", image.size, "white"), image)
+    return image.convert("RGB")
+
+
+def _hint(path: Path) -> str:
+    folder = path.parent
+    return f"there is no folder {str(folder)!r} either" if not folder.is_dir() else f"looked in {str(folder.resolve())!r}"

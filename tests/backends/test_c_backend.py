@@ -1,0 +1,449 @@
+"""The C backend: exact values, shape and size of the generated text, the cache on disk, standalone files."""
+
+from __future__ import annotations
+
+import math
+import pickle
+import shutil
+import stat
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from teg.backends import c_backend, c_build
+from teg.backends.c_backend import CKernel, compile_c, literal, print_kernel, standalone_c
+from teg.errors import CompilerError, OptionError, ParameterError
+from teg.program import Adaptive, Assign, Gauss, Integrate, Program
+from tests.backends.programs import (
+    CASES,
+    TIES,
+    TWO_VARIABLES,
+    Case,
+    columns,
+    expected,
+    integrate,
+    let,
+    program,
+)
+
+pytestmark = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def shared_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """One empty cache for the tests of this module that do not bring their own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TEG_CACHE_DIR", str(tmp_path_factory.mktemp("teg")))
+        yield
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty cache of the test's own."""
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("TEG_CACHE_DIR", str(folder))
+    return folder
+
+
+def entries(cache: Path) -> list[Path]:
+    return sorted(cache.glob("*/*" + c_build.SUFFIX))
+
+
+def square(addend: float = 0.0) -> Program:
+    return program(1, (let("v0", "powi", "p0", 2), let("v1", "add", "v0", addend)), "v1")
+
+
+def assert_squares(kernel: CKernel, addend: float = 0.0) -> None:
+    np.testing.assert_array_equal(kernel([np.array([1.0, -3.0])], 2), [[1 + addend, 9 + addend]])
+
+
+# Values
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_value(case: Case) -> None:
+    found = compile_c(case.program)(columns(case), case.n)
+    np.testing.assert_allclose(found, expected(case), rtol=case.tolerance, atol=case.tolerance)
+
+
+@pytest.mark.parametrize("case", [*TWO_VARIABLES, *TIES], ids=lambda case: case.name)
+def test_any_number_of_threads_gives_the_same(case: Case) -> None:
+    many = [np.tile(column, 300) if column.ndim else column for column in columns(case)]
+    one = compile_c(case.program)(many, 300 * case.n)
+    for threads in (0, 2, 7):
+        np.testing.assert_array_equal(compile_c(case.program, threads=threads)(many, 300 * case.n), one)
+
+
+@pytest.mark.parametrize("x", [0.0, -0.0, 1.0, -1.5, 0.1, 5e-324, -1.7976931348623157e308, math.inf, -math.inf, math.nan])
+def test_literals_are_exact(x: float) -> None:
+    found = compile_c(program(0, (), x))([], 1)
+    assert found.tobytes() == np.array([[x]]).tobytes() or (math.isnan(x) and np.isnan(found[0, 0]))
+    assert "-" not in literal(x) or literal(x)[0] in "(0123456789"
+
+
+def test_simple_and_many_literals_stay_in_the_text() -> None:
+    few = print_kernel(program(0, (integrate("v9", "x0", 0.0, 0.3, (let("v0", "mul", 2.0, "x0"),), "v0"),), "v9"))
+    assert "integral_1(0.3)" in few
+    assert "2.0 * x" in few
+
+
+def test_columns_of_any_stride_are_read_in_place() -> None:
+    kernel = compile_c(program(2, (let("v0", "mul", "p0", 10.0), let("v1", "add", "v0", "p1")), "v1"))
+    table = np.arange(24.0).reshape(6, 4)
+    expected = 10 * table[::-2, 1] + 5
+    np.testing.assert_array_equal(kernel([table[::-2, 1], np.array(5.0)], 3)[0], expected)
+    np.testing.assert_array_equal(kernel([np.broadcast_to(2.0, 3), np.ones(3)], 3)[0], [21.0] * 3)
+    packed = np.zeros(3, dtype=[("flag", "i1"), ("x", "f8")])
+    packed["x"] = [1.0, 2.0, 3.0]
+    np.testing.assert_array_equal(kernel([packed["x"], np.array(0.0)], 3)[0], [10.0, 20.0, 30.0])
+
+
+def test_empty_batch_no_outputs_no_results() -> None:
+    assert compile_c(square())([np.empty(0)], 0).shape == (1, 0)
+    assert compile_c(program(1, ()))([np.zeros(3)], 3).shape == (0, 3)
+    assert compile_c(program(0, (Integrate("x0", 0.0, 1.0, (), (), None, (), (), (), Gauss(1)),), 1.0))([], 2).tolist() == [[1, 1]]
+
+
+@pytest.mark.parametrize("column", [np.zeros(2), np.zeros(3, dtype=np.float32), np.zeros((3, 1)), np.zeros(3, dtype=">f8")])
+def test_columns_that_do_not_fit_are_refused(column: np.ndarray) -> None:
+    kernel = compile_c(square())
+    with pytest.raises(ParameterError):
+        kernel([column], 3)
+    with pytest.raises(ParameterError):
+        kernel([], 3)
+
+
+def test_negative_threads_are_refused() -> None:
+    with pytest.raises(OptionError):
+        compile_c(square(), threads=-1)
+
+
+def test_pickles() -> None:
+    kernel = pickle.loads(pickle.dumps(compile_c(square(2.0), threads=2)))
+    assert kernel.threads == 2
+    assert_squares(kernel, 2.0)
+
+
+@pytest.mark.parametrize("nodes", [1, 2, 3, 7, 20, 65])
+def test_gauss_is_exact_to_its_degree(nodes: int) -> None:
+    powers = range(0, 2 * nodes, max(1, nodes // 4))
+    body = tuple(let(f"v{k}", "powi", "x0", k) for k in powers)
+    values = [f"v{k}" for k in powers]
+    results = " ".join(f"vr{k}" for k in powers)
+    found = compile_c(program(0, (integrate(results, "x0", 0.0, 1.0, body, *values, rule=Gauss(nodes)),), *results.split()))([], 1)
+    np.testing.assert_allclose(found[:, 0], [1 / (k + 1) for k in powers], rtol=1e-14)
+
+
+# Long programs
+
+
+def chain(length: int, first: str = "p0") -> tuple[tuple[Assign, ...], str, Callable[[float], float]]:
+    """Statements that each need recent values, some an early one, and a condition; and the same in Python."""
+    body, names = [], [first]
+    for i in range(length):
+        early = names[i // 3 if i % 50 == 0 else max(0, i - 5)]
+        name = f"b{first}{i}" if i % 100 == 7 else f"v{first}{i}"
+        if i % 100 == 7:
+            body.append(let(name, "gt0", names[-1]))
+            names.append(names[-1])
+            continue
+        op = ("select", f"b{first}{7 + 100 * (i // 200)}") if i % 40 == 20 and i > 100 else ("sub", "mul", "add")[i % 3 : i % 3 + 1]
+        body.append(let(name, op[0], *op[1:], names[-1], 0.5 if op[0] == "mul" else early))
+        names.append(name)
+
+    def value(x: float) -> float:
+        known: dict[str, float] = {first: x}
+        for stmt in body:
+            args = [known[a] if isinstance(a, str) else float(a) for a in stmt.args]
+            match stmt.op:
+                case "gt0":
+                    known[stmt.name] = args[0] > 0
+                case "select":
+                    known[stmt.name] = args[1] if args[0] else args[2]
+                case "sub":
+                    known[stmt.name] = args[0] - args[1]
+                case "mul":
+                    known[stmt.name] = args[0] * args[1]
+                case _:
+                    known[stmt.name] = args[0] + args[1]
+        return known[names[-1]]
+
+    return tuple(body), names[-1], value
+
+
+@pytest.mark.parametrize("length", [700, 2_000, 20_000])
+def test_long_straight_line(length: int) -> None:
+    body, last, value = chain(length)
+    kernel = compile_c(program(1, body, last))
+    assert kernel.source.count("static void element") == 1 + (length > 800) * math.ceil((length + 1) / 800)
+    np.testing.assert_array_equal(kernel([np.array([0.3, -0.7])], 2)[0], [value(0.3), value(-0.7)])
+
+
+def test_long_body_and_long_flags_of_an_integral() -> None:
+    flags, flag, flag_value = chain(1_000, "x0")
+    body, last, value = chain(3_000, "p0")
+    inner = (*body, let("v1", "mul", last, flag), let("v2", "add", "v1", "x0", flag))
+    integral = integrate("v9", "x0", 0.0, "p0", inner, "v2", flags=(*flags, let("bn", "ok", flag)), need="bn", rule=Gauss(2))
+    found = compile_c(program(1, (integral,), "v9"))([np.array([2.0, -1.0])], 2)
+    for p, result in zip((2.0, -1.0), found[0], strict=True):
+        middle = flag_value(p / 2)
+        assert result == pytest.approx(p * (value(p) * middle + middle + p / 2), rel=1e-13)
+
+
+def sum_of_integrals(count: int, shapes: int = 1) -> Program:
+    """Σₖ ∫ [x < cₖ] (x + … + x) over (0, p0), cₖ = (k + 0.1)/count, in so many shapes."""
+    body: list[Assign | Integrate] = []
+    for k in range(count):
+        x, cut = f"x{k}", (k + 0.1) / count
+        flags = (let(f"vd{k}", "sub", x, cut), let(f"bd{k}", "lt0", f"vd{k}"))
+        inner = (let(f"ve{k}", "add", *[x] * (1 + k % shapes)),)
+        body.append(
+            integrate(
+                f"vr{k}",
+                x,
+                0.0,
+                "p0",
+                inner,
+                f"ve{k}",
+                breaks=(cut,),
+                flags=flags,
+                need=f"bd{k}",
+                rule=Gauss(1),
+            )
+        )
+    return program(1, (*body, let("v9", "add", *(f"vr{k}" for k in range(count)))), "v9")
+
+
+@pytest.mark.parametrize(("count", "shapes"), [(3_000, 1), (1_000, 30)])
+def test_similar_integrals_share_a_function(count: int, shapes: int) -> None:
+    kernel = compile_c(sum_of_integrals(count, shapes))
+    assert kernel.source.count("static double integral_") == shapes
+    exact = math.fsum((1 + k % shapes) * ((k + 0.1) / count) ** 2 / 2 for k in range(count))
+    assert kernel([np.array(1.0)], 1)[0, 0] == pytest.approx(exact, rel=1e-13)
+
+
+def test_text_grows_linearly() -> None:
+    for family in (sum_of_integrals, lambda n: program(1, chain(n)[0], chain(n)[1])):
+        small, large = len(print_kernel(family(2_000))), len(print_kernel(family(8_000)))
+        assert large < 4.3 * small
+
+
+def test_many_captured_values_results_and_breaks() -> None:
+    """More than fit in C arguments and on the C stack, in both rules, nested, with ties."""
+    count = 300
+    given = tuple(let(f"v{k}", "mul", "p0", float(k)) for k in range(count))
+    inner = tuple(let(f"vi{k}", "mul", f"v{k}", "x0", "x1") for k in range(count))
+    results = " ".join(f"vj{k}" for k in range(count))
+    breaks = tuple(f"v{k}" for k in range(count))
+    tie = let("b0", "tie", "p1", 1.0, True, 0)
+    first = integrate(results, "x0", 0.0, "p0", inner, *(f"vi{k}" for k in range(count)), breaks=breaks, rule=Gauss(1))
+    totals = " ".join(f"vk{k}" for k in range(count))
+    second = integrate(totals, "x1", 0.0, 2.0, (first,), *results.split(), rule=Adaptive(1e-12))
+    last = let("vz", "select", "b0", "vk7", 0.0)
+    kernel = compile_c(program(2, (*given, tie, second, last), *totals.split(), "vz", ties=1))
+    p0 = np.array([1.0, -2.0])
+    found = kernel([p0, np.array([0.0, 1.0])], 2)
+    exact = np.array([k * p0 * p0**2 / 2 * 2 for k in range(count)])
+    np.testing.assert_allclose(found[:-1], exact, rtol=1e-13)
+    np.testing.assert_allclose(found[-1], [exact[7, 0] / 2, exact[7, 1]], rtol=1e-13)
+
+
+@pytest.mark.parametrize("limits", [{"PART": 2}, {"BY_VALUE": 0}, {"ON_STACK": 1}, {"PART": 3, "BY_VALUE": 1}, {}])
+@pytest.mark.parametrize("case", [c for c in CASES if " at " not in c.name], ids=lambda case: case.name)
+def test_limits_change_no_bit(case: Case, limits: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts, values and arrays in the workspace, at every size: as in one function on the stack."""
+    plain = compile_c(case.program)(columns(case), case.n)
+    for name in ("PART", "BY_VALUE", "ON_STACK", "BREAKS_ON_STACK", "LITERALS"):
+        monkeypatch.setattr(c_backend, name, 0 if not limits else limits.get(name, getattr(c_backend, name)))
+    np.testing.assert_array_equal(compile_c(case.program)(columns(case), case.n), plain)
+
+
+def test_many_parameters() -> None:
+    count = 500
+    kernel = compile_c(program(count, (let("v0", "add", *(f"p{i}" for i in range(count))),), "v0"))
+    shared = [np.array(float(i)) if i % 2 else np.array([i, 2.0 * i]) for i in range(count)]
+    even, odd = sum(range(0, count, 2)), sum(range(1, count, 2))
+    np.testing.assert_array_equal(kernel(shared, 2)[0], [even + odd, 2 * even + odd])
+
+
+def test_many_breaks_are_sorted() -> None:
+    """∫ [x in the odd cells] over (0, 1) with 400 shuffled breaks."""
+    cuts = np.random.default_rng(5).permutation(np.arange(1, 400) / 400).tolist()
+    flags = (
+        let("v0", "mul", "x0", 200.0),
+        let("v1", "mod", "v0", 1.0),
+        let("v2", "sub", "v1", 0.5),
+        let("b0", "gt0", "v2"),
+    )
+    integral = integrate("v9", "x0", 0.0, "p0", (), 1.0, breaks=tuple(cuts), flags=flags, need="b0", rule=Gauss(1))
+    found = compile_c(program(1, (integral,), "v9"))([np.array([1.0, 0.5])], 2)
+    np.testing.assert_allclose(found[0], [0.5, 0.25], rtol=1e-13)
+
+
+# Names
+
+
+HOSTILE = ("*/ #error", "??/", "a\\\n#error", "/* x", "λ\u202e", '"', "%s%n", "\0", "int", "*\\\n/ #error")
+
+
+def test_hostile_names_are_harmless() -> None:
+    body = (let("v0", "add", *(f"p{i}" for i in range(len(HOSTILE)))),)
+    hostile = Program(HOSTILE, body, ("v0",))
+    assert compile_c(hostile)([np.array(1.0)] * len(HOSTILE), 1)[0, 0] == len(HOSTILE)
+    assert "#error" not in print_kernel(hostile)
+    assert print_kernel(hostile).isascii()
+
+
+# The cache
+
+
+def test_an_entry_is_reused(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert_squares(compile_c(square()))
+    assert len(entries(cache)) == 1
+    assert stat.S_IMODE(cache.stat().st_mode) == 0o700
+    monkeypatch.setattr(c_build, "compile_library", lambda *_: pytest.fail("compiled again"))
+    assert_squares(compile_c(square()))
+
+
+@pytest.mark.parametrize("damage", [b"", b"not a library", None])
+def test_a_damaged_entry_is_rebuilt(cache: Path, damage: bytes | None) -> None:
+    """`None` cuts the library in half, which a loader may only notice by crashing: hence another process."""
+    script = "from tests.backends.test_c_backend import *; assert_squares(compile_c(square(4.0)), 4.0)"
+    command = [sys.executable, "-c", script]
+    subprocess.run(command, check=True)
+    (entry,) = entries(cache)
+    whole = entry.read_bytes()
+    entry.write_bytes(whole[: len(whole) // 2] if damage is None else damage)
+    subprocess.run(command, check=True)
+    (entry,) = entries(cache)
+    assert len(entry.read_bytes()) > 1000
+
+
+def test_an_entry_of_the_right_digest_that_cannot_be_loaded_is_rebuilt(cache: Path) -> None:
+    assert_squares(compile_c(square(5.0)), 5.0)
+    (entry,) = entries(cache)
+    entry.unlink()
+    fake = entry.with_name("fake" + c_build.SUFFIX)
+    fake.write_bytes(b"not a library")
+    fake.rename(entry.with_name(c_build._digest(fake) + c_build.SUFFIX))
+    assert_squares(compile_c(square(5.0)), 5.0)
+    assert [path.name for path in entries(cache)] == [entry.name]
+
+
+def test_processes_share_the_cache(cache: Path) -> None:
+    script = "from tests.backends.test_c_backend import *;[assert_squares(compile_c(square(float(k))), k) for k in range(3)]"
+    running = [subprocess.Popen([sys.executable, "-c", script]) for _ in range(4)]
+    assert [process.wait() for process in running] == [0] * 4
+    assert len(list(cache.iterdir())) == 3
+    assert not list(cache.glob("*/build-*"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX modes")
+def test_a_folder_that_others_can_write_is_not_used(cache: Path) -> None:
+    cache.mkdir()
+    cache.chmod(0o777)
+    assert_squares(compile_c(square()))
+    assert not list(cache.iterdir())
+    assert stat.S_IMODE(c_build.cache_folder().stat().st_mode) == 0o700
+
+
+def test_a_cache_that_cannot_be_made_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("TEG_CACHE_DIR", str(tmp_path / "file" / "below"))
+    assert_squares(compile_c(square()))
+
+
+def test_where_the_cache_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("TEG_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    assert c_build.cache_folder() == tmp_path / "xdg" / "teg"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert c_build.cache_folder() == tmp_path / "home" / ".cache" / "teg"
+
+
+# The compiler
+
+
+def test_no_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    with pytest.raises(CompilerError) as error:
+        compile_c(square())
+    for word in ("apt", "xcode-select", "Windows", 'backend="numpy"'):
+        assert word in error.value.hint
+
+
+def test_cc_names_the_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiler = tmp_path / "my compiler"
+    compiler.symlink_to(c_build.find_compiler()[0])
+    monkeypatch.setenv("CC", f"'{compiler}' -DNOTHING")
+    assert c_build.find_compiler() == (str(compiler), "-DNOTHING")
+    assert_squares(compile_c(square(6.0)), 6.0)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell script as compiler")
+@pytest.mark.parametrize("unknown", ["-march=native", "-fopenmp", "-march=native|-fopenmp"])
+def test_flags_the_compiler_does_not_know_are_left_out(unknown: str, tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = c_build.find_compiler()[0]
+    compiler = tmp_path / "cc"
+    compiler.write_text(f'#!/bin/sh\nfor flag; do case $flag in {unknown}) exit 1;; esac; done\nexec "{real}" "$@"\n')
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+    assert_squares(compile_c(square(), threads=2))
+
+
+def test_the_compilers_message_is_in_the_error(cache: Path) -> None:
+    with pytest.raises(CompilerError) as error:
+        c_build.load_library("int f(void) { return nonsense; }")
+    assert "nonsense" in error.value.hint
+    assert not entries(cache)
+
+
+# Standalone files
+
+
+MAIN = """
+#include <stdio.h>
+#include "disc.h"
+int main(void) {
+    double t[3] = {1.0, 2.25, -1.0}, out[6];
+    const double *p[1] = {t};
+    const long stride[1] = {1};
+    const int status = disc(3, p, stride, out, 1);
+    for (int i = 0; i < 6; i++) printf("%.17g\\n", out[i]);
+    return status;
+}
+"""
+
+
+def test_standalone_files(tmp_path: Path) -> None:
+    """They compile without a warning, and agree with the kernel to the last bit at the same flags."""
+    case = TWO_VARIABLES[2]
+    source, header = standalone_c(case.program, "disc")
+    (tmp_path / "disc.c").write_text(source)
+    (tmp_path / "disc.h").write_text(header)
+    (tmp_path / "main.c").write_text(MAIN)
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+    compiler = c_build.find_compiler()
+    subprocess.run([*compiler, *flags, "main.c", "disc.c", "-o", "main", "-lm"], cwd=tmp_path, check=True)
+    printed = subprocess.run([str(tmp_path / "main")], check=True, capture_output=True, text=True).stdout.split()
+    found = np.array([float(word) for word in printed]).reshape(2, 3)
+    np.testing.assert_allclose(found, compile_c(case.program)(columns(case), 3), rtol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["", "int", "a-b", "1a", "a b", "teg_mod", "element", "integral_1", "f(", "é", "_x"])
+def test_standalone_names_must_be_usable(name: str) -> None:
+    with pytest.raises(OptionError):
+        standalone_c(square(), name)
+
+
+@pytest.mark.parametrize("case", [TWO_VARIABLES[1], TIES[3]], ids=lambda case: case.name)
+def test_text_compiles_without_warnings(case: Case, tmp_path: Path) -> None:
+    (tmp_path / "kernel.c").write_text(print_kernel(case.program))
+    flags = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fopenmp"]
+    subprocess.run([*c_build.find_compiler(), *flags, "-c", "kernel.c"], cwd=tmp_path, check=True)
