@@ -224,11 +224,11 @@ def check_parameters(wrt: object) -> list[Param]:
         return [wrt]
     if isinstance(wrt, Expr) or not isinstance(wrt, Iterable):
         raise ParameterError("one differentiates by parameters", wrt, 'make one with t = teg.param("t")')
-    found: list[Param] = []
+    found: dict[Param, None] = {}
     for p in wrt:
         if not isinstance(p, Param):
             raise ParameterError("one differentiates by parameters", p, 'make one with t = teg.param("t")')
         if p in found:
             raise ParameterError(f"the parameter {p.name!r} is listed twice")
-        found.append(p)
-    return found
+        found[p] = None
+    return list(found)

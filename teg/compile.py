@@ -105,7 +105,7 @@ class Evaluator:
         self.expression = e
         found = parameters(e)
         self.wrt: tuple[Param, ...] = tuple(found if wrt is None else wrt)
-        every = list(self.wrt) + [p for p in found if p not in self.wrt]
+        every = list(dict.fromkeys([*self.wrt, *found]))
         self.parameters: tuple[str, ...] = tuple(p.name for p in every)
         self._options = options
         self._outputs: dict[int, list[Expr]] = {}
@@ -248,7 +248,7 @@ class Evaluator:
             if k in given:
                 raise ParameterError(f"the parameter {k!r} is given twice", None, self._signature())
             given[k] = v
-        if unknown := [str(k) for k in given if k not in self.parameters]:
+        if unknown := [str(k) for k in given.keys() - set(self.parameters)]:
             raise ParameterError(f"there is no parameter named {', '.join(map(repr, unknown))}", None, self._signature())
         if missing := [k for k in self.parameters if k not in given]:
             raise ParameterError(f"no value for {', '.join(map(repr, missing))}", None, self._signature())

@@ -86,16 +86,23 @@ def union(sets: list[frozenset[Any]]) -> frozenset[Any]:
 def postorder(roots: Iterable[Node]) -> list[Node]:
     """Every node below the roots once, children before parents (a binder's variable is data, not a child)."""
     order: list[Node] = []
-    seen: set[Node] = set()
-    stack: list[tuple[Node, bool]] = [(root, False) for root in reversed(list(roots))]
+    done: set[Node] = set()
+    opened: set[Node] = set()
+    stack = list(roots)
+    stack.reverse()
     while stack:
-        node, done = stack.pop()
-        if done:
+        node = stack[-1]
+        if node in done:
+            stack.pop()
+        elif node in opened or not node.children:
+            done.add(node)
             order.append(node)
-        elif node not in seen:
-            seen.add(node)
-            stack.append((node, True))
-            stack.extend((c, False) for c in reversed(node.children) if c not in seen)
+            stack.pop()
+        else:
+            opened.add(node)
+            for c in node.children[::-1]:
+                if c not in done:
+                    stack.append(c)
     return order
 
 

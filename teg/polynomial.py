@@ -2,7 +2,7 @@
 
 Structure is judged on the exact normal form. The normal form over the variables asked about has coefficients that are expressions of
 everything else; writing those out could take exponentially many terms, so each coefficient is represented by its value at one random
-point of the prime field GF(P), P = 2¹²⁷ - 1. A polynomial identity that holds there is true but for a chance below 1e-30 (Schwartz 1980,
+point of the prime field GF(P), P = 2⁵²¹ - 1. A polynomial identity that holds there is true but for a chance below 1e-100 (Schwartz 1980,
 Zippel 1979), and every operation costs one modular multiplication, whatever the coefficients look like. The random point is a hash of
 what it stands for, so the answers are the same in every process.
 """
@@ -19,7 +19,7 @@ from teg.expr import Add, Call, Cond, Const, Expr, Mul, Param, Pow, Tuple, Var, 
 from teg.integral import Delta, Integral
 from teg.node import digest, postorder
 
-P = 2**127 - 1
+P = 2**521 - 1
 MAX_TERMS = 400
 MAX_DEGREE = 60
 
@@ -31,7 +31,7 @@ Ratio = tuple[Poly, Poly]
 
 def residue(*key: object) -> int:
     """A random element of the field that stands for `key`."""
-    return int.from_bytes(hashlib.blake2b(repr(key).encode(), digest_size=24).digest(), "little") % P
+    return int.from_bytes(hashlib.blake2b(repr(key).encode(), digest_size=64).digest(), "little") % P
 
 
 def _residue_of_float(value: float) -> int | None:
@@ -54,7 +54,9 @@ class Shadow:
         variables: Sequence[Var] = (),
         leaves: Mapping[Expr, int] | None = None,
         integral: Callable[[Integral], Ratio | None] | None = None,
+        salt: str = "",
     ) -> None:
+        self._salt = salt
         self.variables = tuple(variables)
         self._index = {v: i for i, v in enumerate(self.variables)}
         self._leaves = dict(leaves or {})
@@ -91,6 +93,9 @@ class Shadow:
         poly = self.polynomial(e)
         return None if poly is None else max((sum(m) for m in poly), default=0)
 
+    def _random(self, *key: object) -> int:
+        return residue(self._salt, *key)
+
     def constant(self, value: int) -> Ratio:
         """A number of the field."""
         value %= P
@@ -115,12 +120,12 @@ class Shadow:
                 value = _residue_of_float(node.data)
                 return None if value is None else self.constant(value)
             case Param():
-                return self.constant(residue("parameter", node.name))
+                return self.constant(self._random("parameter", node.name))
             case Var():
                 if node in self._index:
                     i = self._index[node]
                     return ({tuple(1 if j == i else 0 for j in range(len(self._one))): 1}, {self._one: 1})
-                return self.constant(residue("variable", node.name))
+                return self.constant(self._random("variable", node.name))
             case Add():
                 return self._sum([known[c] for c in node.children])
             case Mul():
@@ -134,14 +139,14 @@ class Shadow:
                 a, b = known[node.then], known[node.otherwise]
                 if a is None or b is None:
                     return None
-                r = residue("condition", digest(node.condition))
+                r = self._random("condition", digest(node.condition))
                 return self._sum([self._scale(a, r), self._scale(b, 1 - r)])
             case Call():
                 return self._function(node)
             case Integral():
                 if self._depends(node):
                     return self._integral(node) if self._integral is not None else None
-                return self.constant(residue("integral", digest(node)))
+                return self.constant(self._random("integral", digest(node)))
             case _:
                 return None
 
@@ -153,13 +158,13 @@ class Shadow:
     def _function(self, node: Call) -> Ratio | None:
         arguments = [self._known[c] for c in node.children]
         if node.name == "magnitude":
-            return None if arguments[0] is None else self._scale(arguments[0], residue("sign", digest(node)))
+            return None if arguments[0] is None else self._scale(arguments[0], self._random("sign", digest(node)))
         values = []
         for ratio in arguments:
             if ratio is None or not self._is_constant(ratio[1]) or (ratio[0] and not self._is_constant(ratio[0])):
                 return None
             values.append(ratio[0].get(self._one, 0))
-        return self.constant(residue(node.name, *values))
+        return self.constant(self._random(node.name, *values))
 
     def _scale(self, ratio: Ratio, factor: int) -> Ratio:
         factor %= P
@@ -197,7 +202,7 @@ class Shadow:
             return None
         if k < 0:
             if not a[0]:
-                return None
+                return self.constant(self._random("1/0", k))  # in a branch that is not taken, or else infinite whatever one does
             a, k = self._normal(a[1], a[0]), -k
         total: Ratio | None = self.constant(1)
         for _ in range(k):
@@ -241,10 +246,7 @@ class Point:
     """Values of expressions at one random point of the field: two of them tell whether expressions are equal or proportional."""
 
     def __init__(self, salt: str = "", leaves: Mapping[Expr, int] | None = None) -> None:
-        self._salt = salt
-        self._shadow = Shadow((), leaves)
-        if salt:
-            self._shadow = _Salted(salt, leaves)
+        self._shadow = Shadow((), leaves, salt=salt)
 
     def value(self, e: Expr) -> int | None:
         """The value, or None where it is not defined or the expression is not algebraic."""
@@ -252,26 +254,19 @@ class Point:
         return None if ratio is None else ratio[0].get((), 0)
 
 
-class _Salted(Shadow):
-    """A shadow whose random elements differ from every other salt's."""
-
-    def __init__(self, salt: str, leaves: Mapping[Expr, int] | None) -> None:
-        super().__init__((), leaves)
-        self._salt = salt
-
-    def _combine(self, node: Expr) -> Ratio | None:
-        if isinstance(node, Param | Var) and node not in self._leaves:
-            return self.constant(residue(self._salt, type(node).__name__, node.name))
-        return super()._combine(node)
+_LARGEST = 2**200
 
 
 def sign_of_residue(value: int) -> int | None:
-    """The sign of the fraction p/q with |p|, q < 2⁶² that a residue stands for (Wang 1981); None if there is none."""
+    """The sign of the fraction p/q with |p|, q < 2²⁰⁰ that a residue stands for (Wang 1981); None if there is none.
+
+    There are 2⁴⁰⁰ such fractions among 2⁵²¹ residues: one that is found by chance is out of the question.
+    """
     r0, r1, s0, s1 = P, value % P, 0, 1
-    while r1 > 2**62:
+    while r1 > _LARGEST:
         quotient = r0 // r1
         r0, r1, s0, s1 = r1, r0 - quotient * r1, s1, s0 - quotient * s1
-    if r1 == 0 or s1 == 0 or abs(s1) > 2**62:
+    if r1 == 0 or s1 == 0 or abs(s1) > _LARGEST:
         return None
     return 1 if s1 > 0 else -1
 

@@ -25,7 +25,7 @@ from teg.expr import (
     Where,
 )
 from teg.integral import Delta, Integral, delta, integral_over
-from teg.node import Node, postorder
+from teg.node import Node, postorder, union
 
 __all__ = [
     "bound_variables",
@@ -158,22 +158,26 @@ def substitute(root: Node, mapping: Mapping[Var, Expr], on_compare: CompareHook 
 
 
 def rename_apart(root: Node) -> Node:
-    """Give every integral that stands inside another one of the same variable a variable of its own."""
+    """Give a variable of its own to every integral that stands inside another one of the same variable, or whose variable is free in
+    the whole."""
+    if not root.free and not any(isinstance(n, Integral) and n.body.has_integral for n in postorder([root])):
+        return root
     binders: dict[Node, frozenset[Var]] = {}  # the variables bound inside
     new: dict[Node, Node] = {}
     for node in postorder([root]):
-        children = tuple(new[c] for c in node.children)
-        inner: frozenset[Var] = frozenset().union(*(binders[c] for c in children))
+        children = tuple([new[c] for c in node.children])
+        inner = union([binders[c] for c in children])
+        result: Node
         if isinstance(node, Integral):
             body, var = cast(Expr, children[0]), node.var
-            if var in binders[body]:
-                other = fresh(var.name, binders[body] | body.free)
+            if var in binders[body] or var in root.free:
+                other = fresh(var.name, binders[body] | body.free | root.free)
                 body = cast(Expr, substitute(body, {var: other}))
                 var = other
-            result: Node = integral_over(body, var, cast(Expr, children[1]), cast(Expr, children[2]))
+            result = integral_over(body, var, cast(Expr, children[1]), cast(Expr, children[2]))
             inner = inner | {var}
         else:
             result = rebuild(node, children)
         new[node] = result
-        binders[result] = binders.get(result, frozenset()) | inner
+        binders[result] = union([binders.get(result, frozenset()), inner])
     return new[root]

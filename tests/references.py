@@ -46,7 +46,7 @@ class Reference:
     tags: tuple[str, ...]
     source: str
     tolerance: float = 1e-11
-    """Relative, absolute where the exact number is 0; larger where the rounding of the input alone, or the default `tol`, allows no better."""
+    """Relative, or absolute where the exact number is 0; larger where the rounding of the input alone, or `tol`, allows no better."""
 
 
 x, y, z = vars("x y z")

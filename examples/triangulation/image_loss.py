@@ -59,9 +59,7 @@ class ImageLoss:
         gain = np.sum(change**2, axis=1) * curvature / 2
         return float(np.sum(loss - gain)) / self.size**2, colours + change
 
-    def _gather(
-        self, vertices: np.ndarray, colours: np.ndarray
-    ) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
+    def _gather(self, vertices: np.ndarray, colours: np.ndarray) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
         """The triangle of each pair and the columns of the kernel, block by block."""
         corners = vertices[self.triangles]
         for block in _blocks(corners, self.size):

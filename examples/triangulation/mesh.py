@@ -7,7 +7,9 @@ its positive areas covers every point of the picture exactly once.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,7 +38,7 @@ class Mesh:
     @property
     def cell(self) -> float:
         """The length of a typical edge: that of an equilateral triangle of the mean area."""
-        return float(np.sqrt(4 / np.sqrt(3) * self.size**2 / len(self.triangles)))
+        return math.sqrt(4 / math.sqrt(3) * self.size**2 / len(self.triangles))
 
 
 def make_mesh(triangles: int, size: int, seed: int = 0) -> Mesh:
@@ -57,7 +59,7 @@ def make_mesh(triangles: int, size: int, seed: int = 0) -> Mesh:
     movable = (unit > 0) & (unit < 1)
     noise = random.uniform(-JITTER, JITTER, unit.shape) / [columns, rows]
     unit = np.where(movable.all(axis=1, keepdims=True), unit + noise, unit)
-    faces = [face for upper, lower in zip(lines, lines[1:], strict=False) for face in _strip(upper, lower, unit)]
+    faces = [face for upper, lower in pairwise(lines) for face in _strip(upper, lower, unit)]
     return Mesh(unit * size, np.array(faces, dtype=np.intp), movable, size)
 
 
@@ -65,7 +67,7 @@ def signed_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """The signed areas of the triangles, square pixels; positive in a mesh that has not folded."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     u, v = b - a, c - a
-    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2
+    return np.asarray((u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2)
 
 
 def limit_step(mesh: Mesh, vertices: np.ndarray, step: np.ndarray) -> np.ndarray:
@@ -80,7 +82,7 @@ def limit_step(mesh: Mesh, vertices: np.ndarray, step: np.ndarray) -> np.ndarray
     scale = np.ones(len(vertices))
     step = np.where(mesh.movable, step, 0.0)
     for halving in range(HALVINGS + len(vertices)):
-        moved = vertices + scale[:, None] * step
+        moved: np.ndarray = vertices + scale[:, None] * step
         folding = signed_areas(moved, mesh.triangles) < least
         if not folding.any():
             return moved
@@ -94,9 +96,9 @@ def _grid(triangles: int) -> tuple[int, int]:
 
     def badness(shape: tuple[int, int]) -> float:
         columns, rows = shape
-        return abs(rows * (2 * columns + 1) / triangles - 1) + abs(np.log(rows * np.sqrt(3) / 2 / columns)) / 4
+        return abs(rows * (2 * columns + 1) / triangles - 1) + abs(math.log(rows * math.sqrt(3) / 2 / columns)) / 4
 
-    reach = int(np.sqrt(triangles)) + 2
+    reach = math.isqrt(triangles) + 2
     return min(((c, r) for c in range(1, reach) for r in range(1, reach)), key=badness)
 
 

@@ -6,7 +6,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageOps
+from PIL import Image, ImageOps, UnidentifiedImageError
 
 from teg.errors import InputError, MissingPackageError
 
@@ -31,7 +31,8 @@ def _astronaut() -> Image.Image:
             None,
             'pip install "teg[demo]", or name a photo of your own: teg demo triangulation photo.jpg',
         ) from None
-    return Image.fromarray(data.astronaut())
+    picture: np.ndarray = data.astronaut()  # type: ignore[no-untyped-call]
+    return Image.fromarray(picture)
 
 
 def _read(path: Path) -> Image.Image:
@@ -43,7 +44,7 @@ def _read(path: Path) -> Image.Image:
                 return _as_rgb(ImageOps.exif_transpose(file))
     except FileNotFoundError:
         raise InputError(f"there is no file {str(path)!r}", None, _hint(path)) from None
-    except Image.UnidentifiedImageError:
+    except UnidentifiedImageError:
         what = f"{str(path)!r} is not a picture that Pillow can read"
         raise InputError(what, None, "use a PNG or JPEG file") from None
     except Image.DecompressionBombError as problem:

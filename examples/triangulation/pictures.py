@@ -13,9 +13,7 @@ LARGEST_CANVAS = 8192
 BLUE, GREY = "#2b6cb0", "#666666"
 
 
-def draw_mesh(
-    path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int
-) -> None:
+def draw_mesh(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int) -> None:
     """The coloured triangles as a PNG, antialiased: drawn larger, then averaged."""
     side = max(SMALLEST, size)
     factor = max(1, min(4, LARGEST_CANVAS // side))
@@ -33,9 +31,7 @@ def draw_target(path: Path, target: np.ndarray) -> None:
     Image.fromarray(_bytes(target)).resize((side, side), Image.Resampling.NEAREST).save(path)
 
 
-def write_svg(
-    path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int
-) -> None:
+def write_svg(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int) -> None:
     """The triangles with their colours, and their edges as thin lines, as an SVG."""
     faces = [
         f'<path d="M{_point(a)}L{_point(b)}L{_point(c)}z" fill="#{red:02x}{green:02x}{blue:02x}"/>'
@@ -70,17 +66,15 @@ def draw_loss(path: Path, losses: Sequence[float]) -> None:
     axes.set_xlabel("step")
     axes.set_title("squared colour difference per pixel", loc="left", fontsize=11)
     for place, loss in ((0, losses[0]), (len(losses) - 1, losses[-1])):
-        side = -8 if place else 8
-        axes.annotate(
-            f"{loss:.4f}", (place, loss), (side, 8), textcoords="offset points", color=GREY, ha="right" if place else "left"
-        )
+        side, align = (-8, "right") if place else (8, "left")
+        axes.annotate(f"{loss:.4f}", (place, loss), (side, 8), textcoords="offset points", color=GREY, ha=align)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(colors=GREY)
     figure.savefig(path)
 
 
 def _bytes(colours: np.ndarray) -> np.ndarray:
-    return np.rint(np.clip(colours, 0, 1) * 255).astype(np.uint8)
+    return np.asarray(np.rint(np.clip(colours, 0, 1) * 255), dtype=np.uint8)
 
 
 def _point(p: np.ndarray) -> str:

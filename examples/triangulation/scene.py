@@ -61,9 +61,7 @@ def compile_scene(backend: str, discontinuities: str = "sift", threads: int = 1)
     """Compile the loss (to be differentiated by the vertices) and the equations of the best colours."""
     vertices = [teg.param(name) for name in VERTICES]
     return CompiledScene(
-        teg.compile(
-            pixel_loss(), vertices, backend=backend, discontinuities=discontinuities, threads=threads
-        ),
+        teg.compile(pixel_loss(), vertices, backend=backend, discontinuities=discontinuities, threads=threads),
         teg.compile(colour_equations(), [], backend=backend, threads=threads),
         backend,
     )

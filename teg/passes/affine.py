@@ -95,7 +95,7 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     extents = [sub(hi, lo) for lo, hi in ranges]
     slopes = [cast(Expr, substitute(slope(g, b.var), corner)) for b in chosen]
     pivots = _pivot_conditions(slopes, extents)
-    taken = set(coefficient.free) | set(g.free) | {b.var for b in chain}
+    taken = set(coefficient.free) | set(g.free) | {v for b in chain for v in (b.var, *b.lo.free, *b.hi.free)}
     unit = [_next_unit(taken) for _ in chosen[1:]]
     point, weight, guard = _chart(chosen, ranges, extents, slopes, g0, pivots, unit)
     at = {b.var: p for b, p in zip(chosen, point, strict=True)}

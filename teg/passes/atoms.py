@@ -42,7 +42,7 @@ from teg.expr import (
 from teg.integral import Integral, integral_over, scaled_integral
 from teg.node import Node, postorder
 from teg.passes.jumps import assign
-from teg.polynomial import Point, Shadow, sign_of_residue
+from teg.polynomial import P, Point, Shadow, expanded, sign_of_residue
 from teg.surfaces import atoms_of, binders_inside
 from teg.traverse import parameters, rebuild, rename_apart, substitute
 
@@ -68,8 +68,8 @@ class _Canonical:
             if isinstance(result, Compare):
                 if result.resolution is None:
                     result = self._atom(result.g, result.strict, MAX_HOISTED)
-                elif has_variable_denominator(result.g):
-                    result = self._tied_quotient(result)
+                else:
+                    result = self._tied(result, MAX_HOISTED)
             elif isinstance(result, Integral):
                 result = self._integral(result)
             new[node] = result
@@ -99,13 +99,25 @@ class _Canonical:
             )
         return above
 
-    def _tied_quotient(self, atom: Compare) -> Cond:
-        """[n/d > 0], which can meet a tie, by the sign of d; the tie is the numerator's."""
-        numerator, denominator = cleared(atom.g)
+    def _tied(self, atom: Compare, hoists: int) -> Cond:
+        """An atom that can meet a tie: sifting made it by substitution, so conditions, denominators and terms that cancel are dealt with
+        anew; the resolution is kept."""
+        g, strict, resolution = atom.g, atom.strict, cast(Cond, atom.resolution)
+        inner = _inner_condition(g) if hoists else None
+        if inner is not None:
+            branches = (positive(_decide(g, inner, value), strict, resolution, atom.rivals) for value in (True, False))
+            then, otherwise = (self._tied(b, hoists - 1) if isinstance(b, Compare) else b for b in branches)
+            return disjunction(conjunction(inner, then), conjunction(negation(inner), otherwise))
+        if any(Shadow((v,)).degree(g) == 0 for v in g.free):
+            normal = expanded(g)
+            if normal is not None:
+                return positive(normal, strict, resolution, atom.rivals)
+        if not has_variable_denominator(g):
+            return atom
+        numerator, denominator = cleared(g)
         above = self._atom(denominator, True, 0)
-        resolution = cast(Cond, atom.resolution)
-        plus = positive(numerator, atom.strict, resolution, atom.rivals)
-        minus = negation(positive(numerator, not atom.strict, negation(resolution), atom.rivals))
+        plus = positive(numerator, strict, resolution, atom.rivals)
+        minus = negation(positive(numerator, not strict, negation(resolution), atom.rivals))
         return disjunction(conjunction(above, plus), conjunction(negation(above), minus))
 
     def _surface(self, g: Expr, strict: bool, upward: bool) -> Cond:
@@ -114,11 +126,11 @@ class _Canonical:
             return positive(g if upward else mul(MINUS_ONE, g), strict)
         first, second = (p.value(g) for p in self._points)
         if first and second:
-            key = second * pow(first, -1, 2**127 - 1) % (2**127 - 1)
+            key = second * pow(first, -1, P) % P
             representative = self._known.setdefault(key, g)
             if representative is not g:
                 other = self._points[0].value(representative)
-                sign = sign_of_residue(first * pow(cast(int, other), -1, 2**127 - 1)) if other else None
+                sign = sign_of_residue(first * pow(other, -1, P)) if other else None
                 if sign is not None:
                     g, upward = representative, upward == (sign > 0)
         return positive(g, strict) if upward else negation(positive(g, not strict))

@@ -31,7 +31,7 @@ from teg.surfaces import atoms_of, binders_inside
 from teg.traverse import substitute
 
 MAX_BRANCHES = 16
-MAX_FUNCTIONS = 400
+MAX_FUNCTIONS = 4000
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,9 @@ class BreakAnalysis:
         out = _Found({}, breaks.rooted and not breaks.complete, breaks.complete)
 
         def put(f: Expr) -> None:
-            if f.free and len(out.functions) < MAX_FUNCTIONS:
+            if len(out.functions) >= MAX_FUNCTIONS:
+                out.complete = False
+            elif f.free:
                 out.functions[f] = None
 
         put(sub(hi, lo))

@@ -50,9 +50,7 @@ def test_a_small_memory_changes_rounding_only(case: Case, memory: int) -> None:
 def test_a_large_batch_equals_its_elements(case: Case) -> None:
     kernel = compile_numpy(case.program, memory=2**20)
     many = [np.tile(column, 500) if column.ndim else column for column in columns(case)]
-    np.testing.assert_allclose(
-        kernel(many, 500 * case.n), np.tile(kernel(columns(case), case.n), 500), rtol=1e-14, atol=1e-15
-    )
+    np.testing.assert_allclose(kernel(many, 500 * case.n), np.tile(kernel(columns(case), case.n), 500), rtol=1e-14, atol=1e-15)
 
 
 def test_an_empty_batch() -> None:
@@ -158,9 +156,7 @@ def test_long_programs(statements: int, integrals: int) -> None:
     kernel = compile_numpy(long_program(statements, integrals))
     found = kernel([np.array([0.25, 0.5]), np.array(0.75)], 2)
     for i, p0 in enumerate((0.25, 0.5)):
-        np.testing.assert_allclose(
-            found[:, i], long_value(statements, integrals, p0, 0.75), rtol=1e-8, atol=1e-11
-        )
+        np.testing.assert_allclose(found[:, i], long_value(statements, integrals, p0, 0.75), rtol=1e-8, atol=1e-11)
 
 
 def test_text_grows_linearly() -> None:

@@ -1,0 +1,37 @@
+# make demo    a photo in triangles, in out/triangulation
+# make test    every test        make fast    without the slow ones
+# make bench   measurements      make lint    format, ruff, mypy
+#
+# The first of them creates .venv with the project (editable) and all extras. Another Python: make test PYTHON=python3.12
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+OUT := out/triangulation
+
+.PHONY: demo test fast bench lint
+.DELETE_ON_ERROR:
+
+demo: $(READY)
+	$(BIN)/teg demo triangulation -o $(OUT)
+	@echo "look at $(OUT)/before.png, $(OUT)/after.png and $(OUT)/loss.png"
+
+test: $(READY)
+	$(BIN)/python -m pytest
+
+fast: $(READY)
+	$(BIN)/python -m pytest -m "not slow"
+
+bench: $(READY)
+	$(BIN)/python -m pytest tests/bench
+
+lint: $(READY)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+$(READY): pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all]'
+	@touch $@

@@ -1,0 +1,58 @@
+"""A run on disk: written whole or not at all, and continued only by the run that wrote it."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from teg.errors import InputError
+from teg.examples.triangulation.descent import State
+
+ARRAYS = tuple(f.name for f in fields(State))
+
+
+def save_checkpoint(path: Path, identity: Mapping[str, Any], state: State, losses: list[float], seconds: float) -> None:
+    """Replace the checkpoint in one step: a crash leaves the old one or the new one."""
+    partial = path.with_name(path.name + ".partial")
+    with partial.open("wb") as file:
+        arrays: dict[str, Any] = {name: getattr(state, name) for name in ARRAYS}
+        np.savez(file, identity=json.dumps(identity), losses=losses, seconds=seconds, **arrays)
+    os.replace(partial, path)
+
+
+def load_checkpoint(path: Path, identity: Mapping[str, Any]) -> tuple[State, list[float], float]:
+    """The state, the losses so far and the seconds they took. `identity` is what must be as it was.
+
+    Raises InputError if there is no checkpoint, it is damaged, or belongs to a run of another picture or mesh.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            stored = {name: file[name] for name in file.files}
+        before = json.loads(str(stored["identity"]))
+        state = State(**{name: _plain(stored[name]) for name in ARRAYS})
+        losses, seconds = [float(loss) for loss in stored["losses"]], float(stored["seconds"])
+    except FileNotFoundError:
+        hint = "leave --resume out, or name the folder of an earlier run with -o"
+        raise InputError(f"there is nothing to resume: no {str(path)!r}", None, hint) from None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as problem:
+        hint = f"start again without --resume ({problem})"
+        raise InputError(f"the checkpoint {str(path)!r} cannot be read", None, hint) from None
+    changed = [f"{k} was {before.get(k)!r}, is {v!r}" for k, v in identity.items() if before.get(k) != v]
+    if changed:
+        raise InputError(
+            f"the checkpoint {str(path)!r} is of another run: " + "; ".join(changed),
+            None,
+            "give the same options, or start again without --resume",
+        )
+    return state, losses, seconds
+
+
+def _plain(array: np.ndarray) -> Any:
+    return array if array.ndim else array.item()

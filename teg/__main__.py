@@ -1,0 +1,182 @@
+"""The command line: `teg demo`, `teg explain`, `teg compile`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import runpy
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TextIO
+
+import teg
+from teg.compile import BACKENDS
+from teg.errors import InputError, TegError
+from teg.expr import Expr
+from teg.pipeline import ESTIMATORS
+
+FAILED, INTERRUPTED = 2, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; the exit code: 0, 2 for a mistake of the user, 130 after Ctrl-C."""
+    for stream in (sys.stdout, sys.stderr):
+        _never_fail_on_a_character(stream)
+    options = _parser().parse_args(arguments)
+    try:
+        code: int = options.run(options)
+        sys.stdout.flush()
+        return code
+    except TegError as problem:
+        print(f"teg: error: {problem}", file=sys.stderr)
+        return FAILED
+    except KeyboardInterrupt:
+        print("teg: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # `teg explain FILE | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+
+
+def demo_triangulation(options: argparse.Namespace) -> int:
+    """A photo in triangles: run, then say what came out and where it is."""
+    if options.backend == "jax":
+        os.environ.setdefault("JAX_ENABLE_X64", "1")
+    from teg.examples.triangulation.run import run_triangulation
+
+    report = run_triangulation(
+        options.photo,
+        triangles=options.triangles,
+        size=options.size,
+        steps=options.steps,
+        out=options.out,
+        discontinuities=options.discontinuities,
+        backend=options.backend,
+        progress=not options.quiet,
+        resume=options.resume,
+        seed=options.seed,
+    )
+    loss, seconds = report["loss"], report["seconds"]
+    print(
+        f"loss {loss['start']:.5f} → {loss['end']:.5f}, {loss['ratio']:.1%} of the undeformed mesh in its best colours, "
+        f"after {report['steps']} steps in {seconds['descent']:.1f} s"
+    )
+    if report["note"]:
+        print(report["note"])
+    print("pictures: " + " ".join(report["pictures"]))
+    if report["interrupted"]:
+        print("interrupted: the same command with --resume goes on from here")
+        return INTERRUPTED
+    return 0
+
+
+def explain(options: argparse.Namespace) -> int:
+    """Print what the compiler finds in an expression."""
+    print(teg.explain(load_expression(options.file)))
+    return 0
+
+
+def compile_file(options: argparse.Namespace) -> int:
+    """Write an expression with its derivatives as a C source and its header."""
+    from teg.backends.c_backend import standalone_c
+
+    source = Path(options.out)
+    if source.suffix != ".c":
+        raise InputError(f"the output is named {options.out!r}", None, "a name that ends in .c; the header goes beside it")
+    evaluator = teg.compile(load_expression(options.file))
+    text, header = standalone_c(evaluator.program(options.derivatives), source.stem)
+    try:
+        for path, content in ((source, text), (source.with_suffix(".h"), header)):
+            path.write_text(content, encoding="utf-8")
+    except OSError as problem:
+        raise InputError(f"cannot write {options.out!r}", None, str(problem.strerror)) from None
+    print(f"{source} and {source.with_suffix('.h').name}: {source.stem}({', '.join(evaluator.parameters)})")
+    return 0
+
+
+def load_expression(place: str) -> Expr:
+    """The expression that FILE[:NAME] names: a Python file, and a variable in it (`e`).
+
+    The file is run, so it must be trusted. Raises InputError if there is no such file or name, or the file fails.
+    """
+    file, name = _split_place(place)
+    path = Path(file)
+    if not path.is_file():
+        raise InputError(f"there is no file {file!r}", None, "FILE is a Python file that defines an expression")
+    sys.path.insert(0, str(path.resolve().parent))  # its neighbours can be imported, as when it is run
+    try:
+        found = runpy.run_path(file, run_name="<teg>")
+    except TegError:
+        raise
+    except SyntaxError as problem:
+        raise InputError(f"{file!r} is not a Python program", None, f"line {problem.lineno}: {problem.msg}") from None
+    except Exception as problem:
+        raise InputError(f"{file!r} failed", None, f"{type(problem).__name__}: {problem}") from problem
+    finally:
+        sys.path.pop(0)
+    expressions = [k for k, v in found.items() if isinstance(v, Expr) and v.children]
+    hint = f"it defines {', '.join(expressions)}: write {file}:{expressions[-1]}" if expressions else "it defines no expression"
+    if name not in found:
+        raise InputError(f"{file!r} does not define {name!r}", None, hint)
+    e = found[name]
+    if not isinstance(e, Expr):
+        raise InputError(f"{name!r} in {file!r} is not an expression but of type {type(e).__name__}", None, hint)
+    return e
+
+
+def _split_place(place: str) -> tuple[str, str]:
+    file, colon, name = place.rpartition(":")
+    if colon and name.isidentifier() and not Path(place).exists():
+        return file, name
+    return place, "e"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="teg", description="A compiler for integrals over discontinuous programs, with correct derivatives."
+    )
+    parser.add_argument("--version", action="version", version=f"teg {teg.__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    demos = commands.add_parser("demo", help="run an example").add_subparsers(required=True, metavar="NAME")
+    demo = demos.add_parser("triangulation", help="a photo in triangles", description=demo_triangulation.__doc__)
+    demo.add_argument("photo", nargs="?", metavar="PHOTO", help="any file that Pillow reads (scikit-image's astronaut)")
+    demo.add_argument("--triangles", type=int, default=300, metavar="N", help="about how many (%(default)s)")
+    demo.add_argument("--size", type=int, default=256, metavar="S", help="pixels a side (%(default)s)")
+    demo.add_argument("--steps", type=int, default=120, metavar="K", help="of the descent, in all (%(default)s)")
+    demo.add_argument("-o", "--out", default="out/triangulation", metavar="DIR", help="folder of the results (%(default)s)")
+    demo.add_argument(
+        "--discontinuities",
+        choices=list(ESTIMATORS),
+        default="sift",
+        help="ignore: what plain automatic differentiation does (%(default)s)",
+    )
+    demo.add_argument("--backend", choices=BACKENDS, help="c if there is a C compiler, else numpy")
+    demo.add_argument("--seed", type=int, default=0, help="of the first mesh's irregularity (%(default)s)")
+    demo.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
+    demo.add_argument("--quiet", action="store_true", help="no progress bar")
+    demo.set_defaults(run=demo_triangulation)
+
+    about = "a Python file, and the name of an expression in it (e)"
+    show = commands.add_parser("explain", help="say what the compiler finds in an expression", description=explain.__doc__)
+    show.add_argument("file", metavar="FILE[:NAME]", help=about)
+    show.set_defaults(run=explain)
+
+    write = commands.add_parser("compile", help="write an expression as C", description=compile_file.__doc__)
+    write.add_argument("file", metavar="FILE[:NAME]", help=about)
+    write.add_argument("--target", choices=["c"], default="c", help="the language (%(default)s)")
+    write.add_argument("--derivatives", type=int, choices=[0, 1, 2], default=1, help="up to which order (%(default)s)")
+    write.add_argument("-o", "--out", required=True, metavar="OUT.c", help="the source; its name is the function's")
+    write.set_defaults(run=compile_file)
+    return parser
+
+
+def _never_fail_on_a_character(stream: TextIO) -> None:
+    reconfigure = getattr(stream, "reconfigure", None)
+    if reconfigure is not None:
+        reconfigure(errors="replace")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

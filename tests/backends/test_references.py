@@ -1,0 +1,134 @@
+"""Every backend on the table of problems with exact values: value, gradient, Hessian, diagnosis."""
+
+from __future__ import annotations
+
+import pytest
+
+import teg
+from teg.errors import NoReparameterisationError
+from tests.references import REFERENCES, Reference, tagged, untagged
+
+KNOWN = untagged("later")
+LATER_TOLERANCE = 1e-4  # values with no known breaks: adaptive, and no better than this on the worst of them
+JAX_FAST = (
+    "step",
+    "cube-of-a-difference-tied",
+    "bracket-in-a-bracket",
+    "moving-bound-on-the-step-closed",
+    "reversed-constant-bounds",
+    "factor-zero",
+    "edge-on-a-bound",
+    "untaken-branch-is-nan",
+    "half-plane-1e-12",
+    "absolute-value",
+    "aff1-step-expcos",
+    "st-root-birth",
+)
+HESSIANS_FAST = ("half-plane-zero", "slope-of-a-line", "disjunction", "it-triangle-domain", "minimum-and-maximum")
+
+
+def name(reference: Reference) -> str:
+    return reference.id
+
+
+def is_close(found: float, exact: str, tolerance: float) -> bool:
+    """Relative; absolute where the exact number is 0. Infinities must be equal."""
+    want = float(exact)
+    return found == want or abs(found - want) <= tolerance * (abs(want) or 1.0)
+
+
+def compiled(reference: Reference, backend: str) -> teg.Evaluator:
+    return teg.compile(reference.build(), [teg.param(k) for k in reference.params], backend=backend)
+
+
+def check(reference: Reference, f: teg.Evaluator, hessian: bool) -> None:
+    value = f(reference.params)
+    assert is_close(value, reference.value, reference.tolerance), (value, reference.value)
+    if reference.grad:
+        _, gradient = f.value_and_grad(reference.params)
+        for k, exact in reference.grad.items():
+            assert is_close(gradient[k], exact, reference.tolerance), (k, gradient[k], exact)
+    if hessian and reference.hess:
+        found = f.hessian(reference.params)
+        for (a, b), exact in reference.hess.items():
+            assert is_close(found[a, b], exact, reference.tolerance), (a, b, found[a, b], exact)
+            assert is_close(found[b, a], exact, reference.tolerance), (b, a, found[b, a], exact)
+
+
+def test_every_reference_has_a_name_of_its_own_and_enough_digits() -> None:
+    assert len({r.id for r in REFERENCES}) == len(REFERENCES)
+    for r in REFERENCES:
+        for number in (r.value, *r.grad.values(), *r.hess.values()):
+            float(number)
+        assert set(r.grad) <= set(r.params)
+
+
+@pytest.mark.parametrize("reference", KNOWN, ids=name)
+def test_numpy(reference: Reference) -> None:
+    check(reference, compiled(reference, "numpy"), hessian=True)
+
+
+@pytest.mark.parametrize("reference", [r for r in KNOWN if "slow" not in r.tags], ids=name)
+def test_c(reference: Reference) -> None:
+    check(reference, compiled(reference, "c"), hessian=reference.id in HESSIANS_FAST)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reference", [r for r in KNOWN if r.hess or "slow" in r.tags], ids=name)
+def test_c_hessian(reference: Reference) -> None:
+    check(reference, compiled(reference, "c"), hessian=True)
+
+
+@pytest.mark.parametrize("reference", [r for r in KNOWN if r.id in JAX_FAST], ids=name)
+def test_jax(reference: Reference, x64: None) -> None:
+    check(reference, compiled(reference, "jax"), hessian=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reference", [r for r in KNOWN if "slow" not in r.tags], ids=name)
+def test_jax_hessian(reference: Reference, x64: None) -> None:
+    check(reference, compiled(reference, "jax"), hessian="1d-affine" in reference.tags)
+
+
+@pytest.mark.parametrize("reference", tagged("later"), ids=name)
+def test_what_comes_later_is_refused_or_right(reference: Reference) -> None:
+    f = compiled(reference, "numpy")
+    assert is_close(f(reference.params), reference.value, LATER_TOLERANCE)
+    try:
+        gradient = f.grad(reference.params)
+    except NoReparameterisationError as error:
+        assert isinstance(error.where, teg.Expr)
+        assert error.hint
+    else:
+        for k, exact in reference.grad.items():
+            assert is_close(gradient[k], exact, 1e-9), (k, gradient[k], exact)
+
+
+@pytest.mark.parametrize("reference", [r for r in KNOWN if "coincident" not in r.tags], ids=name)
+def test_diagnose(reference: Reference) -> None:
+    found = compiled(reference, "numpy").diagnose(reference.params)
+    kinds = {d.kind for d in found}
+    if "tie" in reference.tags:
+        assert kinds & {"tie", "parameter surface"}
+        assert all(d.surfaces and d.message and d.parameters == reference.params for d in found)
+    elif "birth" in reference.tags:
+        assert kinds == {"infinite derivative"}
+    else:
+        assert found == []
+
+
+def test_the_least_of_three_tied_parameters_is_an_average_of_nearby_gradients() -> None:
+    x = teg.var("x")
+    ps = teg.params("t a b")
+    f = teg.compile(teg.integral(teg.bracket((x < ps[0]) & (x < ps[1]) & (x < ps[2])), (x, 0, 1)), ps)
+    at = {p.name: 0.5 for p in ps}
+    gradient = f.grad(at)
+    assert sum(gradient.values()) == pytest.approx(1.0, abs=1e-14)
+    assert all(v >= 0 for v in gradient.values())
+    assert {d.kind for d in f.diagnose(at)} == {"tie"}
+
+
+def test_a_delta_without_parameters_is_dropped_only_without_variables() -> None:
+    z, t = teg.var("z"), teg.param("t")
+    e = teg.integral(teg.diff(teg.bracket(z < t), t), (z, 0, 1))
+    assert teg.evaluate(e, {t: 0.4}) == 1.0

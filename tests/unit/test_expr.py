@@ -1,0 +1,350 @@
+"""The language: interning, immutability, what is simplified on the way, and what misuse raises."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+import pytest
+
+import teg
+from teg import errors
+from teg.expr import FALSE, ONE, TRUE, ZERO, Add, Call, Compare, Const, Mul, Not, Pow, Where, const
+from teg.integral import Delta, Integral
+
+x, y = teg.vars("x y")
+t, a = teg.params("t a")
+
+
+# -- interning and immutability -----------------------------------------------------------------------------------------
+
+
+def test_equal_expressions_are_one_object() -> None:
+    assert teg.var("x") is x
+    assert teg.param("t") is t
+    assert x + t * 2 is x + t * 2
+    assert teg.integral(teg.bracket(x < t), (x, 0, 1)) is teg.integral(teg.bracket(x < t), (x, 0, 1))
+    assert const(-0.0) is const(0.0)
+    assert len({x + t, x + t, t + x}) == 2
+
+
+def test_a_variable_and_a_parameter_of_one_name_are_two_things() -> None:
+    assert teg.var("t") is not t
+
+
+def test_copies_are_the_same_object() -> None:
+    e = x + t
+    assert copy.copy(e) is e
+    assert copy.deepcopy([e])[0] is e
+
+
+@pytest.mark.parametrize("attribute", ["data", "children", "name", "new"])
+def test_expressions_are_immutable(attribute: str) -> None:
+    with pytest.raises(AttributeError):
+        setattr(x + t, attribute, 1)
+
+
+def test_free_variables() -> None:
+    assert (x * y + t).free == {x, y}
+    assert teg.integral(x * y, (x, 0, y)).free == {y}
+    assert teg.integral(x * y, (x, 0, x)).free == {x, y}  # a bound is outside of its own variable's scope
+
+
+# -- simplification -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        (x + 0, x),
+        (x * 1, x),
+        (x * 0, ZERO),
+        (x - x, ZERO),
+        (x / x, ONE),
+        (x + x, 2 * x),
+        (2 * x + 3 * x, 5 * x),
+        (x * x, x**2),
+        (x**0, ONE),
+        (x**1, x),
+        ((x**2) ** 3, x**6),
+        (x**0.5, teg.sqrt(x)),
+        (x * t * 2 * 3, 6 * x * t),
+        (-(-x), x),  # noqa: B002
+        (+x, x),
+        (const(2) + 3, const(5)),
+        (teg.cos(0), ONE),
+        (teg.where(x < t, a, a), a),
+        (teg.bracket(x < t) * teg.bracket(x < t), teg.bracket(x < t)),
+        (teg.bracket(x < t) ** 3, teg.bracket(x < t)),
+        (teg.bracket(x < t) * teg.bracket(~(x < t)), ZERO),
+        (a * teg.bracket(x < t), teg.where(x < t, a, 0)),
+        (teg.integral(0, (x, 0, 1)), ZERO),
+        (teg.integral(x, (x, t, t)), ZERO),
+        (teg.delta(const(2)), ZERO),
+        (teg.abs(const(-3)), const(3)),
+        (teg.minimum(2, 3), const(2)),
+        (teg.sign(const(-3)), const(-1)),
+    ],
+    ids=lambda e: str(e),
+)
+def test_simplification(found: teg.Expr, expected: teg.Expr) -> None:
+    assert found is expected
+
+
+def test_conditions_simplify() -> None:
+    c = x < t
+    assert ~~c is c
+    assert c & c is c
+    assert c & ~c is FALSE
+    assert c | ~c is TRUE
+    assert c & (const(0) < const(1)) is c
+    assert (const(1) < const(0)) is FALSE
+    assert (const(1) <= const(1)) is TRUE
+    assert (const(1) < const(1)) is FALSE
+
+
+def test_reflected_comparisons_are_one_atom() -> None:
+    assert (x < t) is (t > x)
+    assert (x <= t) is (t >= x)
+    assert (0.5 < x) is (x > 0.5)  # noqa: SIM300
+    assert (x < t) is not (x <= t)
+
+
+def test_node_classes() -> None:
+    assert isinstance(x + t, Add)
+    assert isinstance(x * t, Mul)
+    assert isinstance(x**3, Pow)
+    assert isinstance(x**t, Call)
+    assert isinstance(x / t, Mul)
+    assert isinstance(x < t, Compare)
+    assert isinstance(~(x < t), Not)
+    assert isinstance(teg.abs(x), Where)
+    assert isinstance(teg.integral(x, (x, 0, 1)), Integral)
+    assert isinstance(teg.delta(x), Delta)
+    assert isinstance(0.5 + x * 0, Const)
+
+
+def test_a_singular_function_goes_into_the_branches() -> None:
+    e = teg.sqrt(teg.where(x < t, a, 0))
+    assert isinstance(e, Where)
+    assert e.then is teg.sqrt(a)
+    assert e.otherwise is ZERO
+
+
+def test_nested_domains_are_innermost_first() -> None:
+    e = teg.integral(x * y, (x, 0, y), (y, 0, 1))
+    assert isinstance(e, Integral)
+    assert e.var is y
+    assert isinstance(e.body, Integral)
+    assert e.body.var is x
+    assert e.body.hi is y
+
+
+def test_numpy_scalars_on_either_side() -> None:
+    two = np.float64(2.0)
+    assert two * x is x * two is 2 * x
+    assert two + x is 2 + x
+    assert two - x is 2 - x
+    assert two / x is 2 / x
+    assert two**x is 2**x
+    assert (two < x) is (x > 2)
+    assert (np.float32(0.5) <= x) is (x >= 0.5)
+    assert np.int64(3) * x is 3 * x
+    assert np.array(2.0) * x is 2 * x
+
+
+def test_tuples() -> None:
+    e = teg.tuple(x, t * 2, (a, 1))
+    assert len(e) == 3
+    assert e[0] is x
+    assert e[-2] is 2 * t
+    assert next(iter(e)) is x
+    assert teg.integral(teg.tuple(x, 2 * x), (x, 0, 1))[1] is teg.integral(2 * x, (x, 0, 1))
+
+
+def test_capture_is_avoided() -> None:
+    inner = teg.integral(y, (y, 0, x))  # ½x²
+    outer = teg.integral(inner, (x, 0, teg.integral(y * t, (y, 0, 1))))  # ∫₀^{t/2} ½x² dx
+    assert teg.evaluate(outer, {t: 2.0}) == pytest.approx(1 / 6, abs=1e-15)
+    twice = teg.integral(teg.integral(x * x, (x, 0, x)), (x, 0, 1))
+    assert teg.evaluate(twice) == pytest.approx(1 / 12, abs=1e-15)
+
+
+# -- misuse -------------------------------------------------------------------------------------------------------------
+
+
+def test_if_on_a_condition() -> None:
+    with pytest.raises(errors.ConditionError) as caught:
+        bool(x < t)
+    assert caught.value.where is (x < t)
+    assert "&" in caught.value.hint
+    assert "where" in caught.value.hint
+
+
+def test_a_chained_comparison() -> None:
+    with pytest.raises(errors.ConditionError) as caught:
+        a < x < t  # noqa: B015
+    assert caught.value.where is (a < x)
+    assert "(a < x) & (x < b)" in caught.value.hint
+
+
+def test_a_comparison_of_a_comparison() -> None:
+    with pytest.raises(errors.ConditionError):
+        (a < x) < t  # noqa: B015
+    with pytest.raises(errors.ConditionError) as caught:
+        t < (a < x)  # noqa: B015
+    assert caught.value.where is (a < x)
+
+
+@pytest.mark.parametrize("make", [lambda: (x < t) and (x < a), lambda: (x < t) or (x < a), lambda: not (x < t)])
+def test_python_logic_on_conditions(make: object) -> None:
+    with pytest.raises(errors.ConditionError):
+        make()  # type: ignore[operator]
+
+
+def test_an_equality_is_a_truth_value_of_python() -> None:
+    with pytest.raises(errors.ConditionError) as caught:
+        teg.bracket(x == t)
+    assert caught.value.where is None
+    assert "identity" in caught.value.hint
+
+
+@pytest.mark.parametrize("wrong", [1, 0.5, x, "x < t", None])
+def test_a_bracket_of_no_condition(wrong: object) -> None:
+    with pytest.raises(errors.ConditionError) as caught:
+        teg.bracket(wrong)
+    assert caught.value.where is wrong
+
+
+@pytest.mark.parametrize(
+    "operate", [lambda c: c + 1, lambda c: 2 * c, lambda c: -c, lambda c: c**2, abs, lambda c: x - c, lambda c: teg.sin(c)]
+)
+def test_arithmetic_on_a_condition(operate: object) -> None:
+    with pytest.raises(errors.ConditionError) as caught:
+        operate(x < t)  # type: ignore[operator]
+    assert caught.value.where is (x < t)
+    assert "bracket" in caught.value.hint
+
+
+@pytest.mark.parametrize("operate", [lambda: x & (x < t), lambda: x | t, lambda: ~x, lambda: 1 & x])
+def test_logic_on_numbers(operate: object) -> None:
+    with pytest.raises(errors.ConditionError):
+        operate()  # type: ignore[operator]
+
+
+def test_an_expression_has_no_truth_value_and_is_no_number() -> None:
+    with pytest.raises(errors.ConditionError) as caught:
+        bool(x)
+    assert caught.value.where is x
+    with pytest.raises(errors.OperandError):
+        float(x)
+    with pytest.raises(errors.OperandError):
+        math.sin(x)
+    assert float(const(2)) == 2.0
+
+
+@pytest.mark.parametrize("wrong", ["1", None, [1, 2], 1j, np.array([1.0, 2.0]), object()])
+def test_operands_that_are_none(wrong: object) -> None:
+    with pytest.raises(errors.OperandError):
+        x + wrong
+    with pytest.raises(errors.OperandError):
+        wrong * x
+
+
+@pytest.mark.parametrize("wrong", [True, False])
+def test_a_truth_value_is_not_a_number(wrong: bool) -> None:
+    with pytest.raises(errors.ConditionError):
+        x + wrong
+
+
+def test_a_tuple_takes_no_part_in_arithmetic() -> None:
+    e = teg.tuple(x, t)
+    for operate in (lambda: e + 1, lambda: 2 * e, lambda: teg.sin(e), lambda: e < 1, lambda: teg.where(x < t, e, 0)):
+        with pytest.raises(errors.OperandError) as caught:
+            operate()
+        assert caught.value.where is e
+    with pytest.raises(errors.OperandError):
+        e["a"]
+    with pytest.raises((errors.OperandError, IndexError)):
+        e[2]
+
+
+def test_only_tuples_are_indexed_and_iterated_over() -> None:
+    with pytest.raises(errors.OperandError):
+        x[0]
+    with pytest.raises(errors.OperandError):
+        list(x)
+
+
+@pytest.mark.parametrize("domain", [(), (3,), ((x, 0),), ((t, 0, 1),), (("x", 0, 1),), ((x + 1, 0, 1),)])
+def test_domains_that_are_none(domain: tuple[object, ...]) -> None:
+    with pytest.raises(errors.ScopeError):
+        teg.integral(x, *domain)  # type: ignore[arg-type]
+
+
+def test_a_variable_outside_its_integral() -> None:
+    with pytest.raises(errors.ScopeError) as caught:
+        teg.compile(teg.integral(x * y, (x, 0, 1)), [])
+    assert caught.value.where is teg.integral(x * y, (x, 0, 1))
+    assert "y" in caught.value.hint
+    with pytest.raises(errors.ScopeError):
+        teg.compile(teg.integral(x, (x, 0, x)))
+
+
+def test_one_name_for_a_parameter_and_a_variable() -> None:
+    with pytest.raises(errors.NameClashError):
+        teg.compile(teg.integral(x * teg.param("x"), (x, 0, 1)))
+    with pytest.raises(errors.NameClashError):
+        teg.vars("x y x")
+    with pytest.raises(errors.NameClashError):
+        teg.params("t t")
+
+
+@pytest.mark.parametrize("wrong", [1, None, ["x"], ""])
+def test_names_are_strings(wrong: object) -> None:
+    with pytest.raises(errors.OperandError):
+        teg.var(wrong)  # type: ignore[arg-type]
+    with pytest.raises(errors.OperandError):
+        teg.param(wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("wrong", [x, 3, "t", [x], x + t, [t, t]])
+def test_one_differentiates_by_parameters(wrong: object) -> None:
+    with pytest.raises(errors.ParameterError):
+        teg.grad(teg.integral(x * t, (x, 0, 1)), wrong)  # type: ignore[arg-type]
+
+
+def test_a_delta_in_a_nonlinear_place() -> None:
+    with pytest.raises(errors.DeltaError):
+        teg.sin(teg.delta(x - t))
+    with pytest.raises(errors.DeltaError):
+        teg.bracket(teg.delta(x - t) < 1)
+    with pytest.raises(errors.DeltaError):
+        teg.eliminate(teg.integral(teg.delta(x - t) ** 2, (x, 0, 1)))
+    with pytest.raises(errors.DeltaError):
+        teg.evaluate(teg.delta(t), {t: 0.0})
+
+
+def test_every_error_prints_where_and_a_hint_and_pickles() -> None:
+    import pickle
+
+    with pytest.raises(errors.TegError) as caught:
+        bool(x < t)
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert type(again) is errors.ConditionError
+    assert (again.what, again.where, again.hint) == (caught.value.what, caught.value.where, caught.value.hint)
+    assert str(x < t) in str(again)
+    assert again.hint in str(again)
+
+
+def test_errors_below_the_exceptions_python_users_expect() -> None:
+    assert issubclass(errors.OperandError, TypeError)
+    assert issubclass(errors.ConditionError, TypeError)
+    assert issubclass(errors.ParameterError, ValueError)
+    assert issubclass(errors.OptionError, ValueError)
+    assert issubclass(errors.MissingPackageError, ImportError)
+    for name in dir(errors):
+        thing = getattr(errors, name)
+        if isinstance(thing, type) and issubclass(thing, Exception):
+            assert issubclass(thing, teg.TegError)

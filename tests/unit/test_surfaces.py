@@ -1,0 +1,52 @@
+"""Which atoms there are, and who owns them."""
+
+from __future__ import annotations
+
+import teg
+from teg.integral import Integral
+from teg.surfaces import atoms_of, binders_inside, comes_first, open_surfaces, owned_surfaces
+
+x, y, z = teg.vars("x y z")
+t, a = teg.params("t a")
+
+
+def test_atoms() -> None:
+    e = teg.bracket(x < t) * teg.where(y < a, teg.bracket(x < t), 2)
+    assert [str(c) for c in atoms_of(e)] == ["x < t", "y < a"]
+    assert [str(c) for c in atoms_of(e, x)] == ["x < t"]
+
+
+def test_atoms_inside_atoms() -> None:
+    e = teg.bracket(teg.bracket(x < t) * x < 0.2)
+    assert len(atoms_of(e)) == 2
+
+
+def test_the_owner_is_the_innermost_integral_whose_variable_occurs() -> None:
+    inner = teg.integral(teg.bracket(x + y < t) * teg.bracket(y < a) * teg.bracket(t < a), (x, 0, 1))
+    outer = teg.integral(inner, (y, 0, 1))
+    assert isinstance(outer, Integral)
+    assert isinstance(inner, Integral)
+    assert owned_surfaces(inner.body, x) == [(t - (x + y))]
+    assert owned_surfaces(outer.body, y) == [a - y]
+
+
+def test_open_surfaces_belong_to_an_integral_still_to_come() -> None:
+    assert open_surfaces(teg.bracket(x < t)) == [t - x]
+    assert open_surfaces(teg.integral(teg.bracket(x + y < t), (x, 0, 1))) == []
+    assert open_surfaces(teg.integral(teg.bracket(y < t) * x, (x, 0, 1))) == [t - y]
+    assert open_surfaces(teg.bracket(t < a)) == []
+
+
+def test_binders() -> None:
+    e = teg.integral(x * teg.integral(y, (y, 0, x)), (x, 0, 1))
+    assert binders_inside(e) == {x, y}
+    assert binders_inside(x + t) == frozenset()
+
+
+def test_the_order_of_ties_is_total() -> None:
+    surfaces = [t - x, a - x, x + y - t, 1 - x]
+    for g in surfaces:
+        assert not comes_first(g, g)
+        for h in surfaces:
+            if h is not g:
+                assert comes_first(g, h) != comes_first(h, g)
