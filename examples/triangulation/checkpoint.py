@@ -33,8 +33,8 @@ def load_checkpoint(path: Path, identity: Mapping[str, Any]) -> tuple[State, lis
     Raises InputError if there is no checkpoint, it is damaged, or belongs to a run of another picture or mesh.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            stored = {name: file[name] for name in file.files}
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            stored = dict(archive)
         before = json.loads(str(stored["identity"]))
         state = State(**{name: _plain(stored[name]) for name in ARRAYS})
         losses, seconds = [float(loss) for loss in stored["losses"]], float(stored["seconds"])

@@ -18,7 +18,9 @@ def read_target(photo: str | Path | None, size: int) -> np.ndarray:
     white, cropped to the square in its middle. Raises InputError if the file is missing or not a picture.
     """
     image = _astronaut() if photo is None else _read(Path(photo))
-    square = ImageOps.fit(image, (size, size), Image.Resampling.LANCZOS)
+    side = min(image.size)
+    left, top = (image.width - side) // 2, (image.height - side) // 2
+    square = image.crop((left, top, left + side, top + side)).resize((size, size), Image.Resampling.LANCZOS)
     return np.asarray(square, dtype=float) / 255
 
 

@@ -40,7 +40,7 @@ from teg.expr import (
     where,
 )
 from teg.integral import integral_over
-from teg.passes.sift import Binder, Chain
+from teg.nest import Binder, Chain, ranges_of
 from teg.polynomial import Shadow
 from teg.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
 from teg.traverse import fresh, substitute
@@ -87,7 +87,7 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     """∫ over the chain (outermost first) of coefficient·δ(g), without δ; None where the ranges of the variables are not known."""
     chosen = [b for b in chain if b.var in data.variables]
     rest = tuple(b for b in chain if b.var not in data.variables)
-    ranges = _ranges(chosen)
+    ranges = ranges_of(chosen)
     if ranges is None or not all(_free_of_chain(b, ranges, rest) for b in chosen):
         return None
     corner = {b.var: lo for b, (lo, _) in zip(chosen, ranges, strict=True)}
@@ -124,34 +124,6 @@ def _next_unit(taken: set[Var]) -> Var:
 
 def _free_of_chain(b: Binder, ranges: object, rest: Chain) -> bool:
     return all(r.var not in b.lo.free and r.var not in b.hi.free for r in rest)
-
-
-def _ranges(chosen: Sequence[Binder]) -> list[tuple[Expr, Expr]] | None:
-    """For each binder, outermost first, bounds that do not depend on the others: its own, or the least and largest it can have."""
-    ranges: list[tuple[Expr, Expr]] = []
-    outer: list[tuple[Var, Expr, Expr]] = []
-    for b in chosen:
-        mine = [(v, lo, hi) for v, lo, hi in outer if v in b.lo.free or v in b.hi.free]
-        if mine:
-            variables = [v for v, _, _ in mine]
-            if any(Shadow((v,)).degree(e) is None or (Shadow((v,)).degree(e) or 0) > 1 for v in variables for e in (b.lo, b.hi)):
-                return None
-            corners: list[Expr] = [b.lo, b.hi]
-            for v, lo, hi in mine:
-                corners = [cast(Expr, substitute(e, {v: end})) for e in corners for end in (lo, hi)]
-            corners = list(dict.fromkeys(corners))
-            ranges.append((_extreme(corners, MINUS_ONE), _extreme(corners, ONE)))
-        else:
-            ranges.append((b.lo, b.hi))
-        outer.append((b.var, *ranges[-1]))
-    return ranges
-
-
-def _extreme(values: list[Expr], sign: Expr) -> Expr:
-    best = values[0]
-    for v in values[1:]:
-        best = where(positive(mul(sign, sub(v, best))), v, best)
-    return best
 
 
 def _pivot_conditions(slopes: list[Expr], extents: list[Expr]) -> list[Cond]:

@@ -16,9 +16,11 @@ from typing import Any, cast
 from teg.errors import DeltaError, NoReparameterisationError
 from teg.expr import Expr, Var, add
 from teg.integral import Delta, Integral, integral_over
+from teg.nest import Binder, nest
 from teg.node import Node, postorder
 from teg.passes.affine import match_affine, rewrite_affine
-from teg.passes.sift import Binder, deltas_of, linear_part, without
+from teg.passes.bilinear import match_bilinear, rewrite_bilinear
+from teg.passes.sift import deltas_of, linear_part, without
 from teg.passes.univariate import match_quadratic, rewrite_quadratic
 from teg.polynomial import Shadow
 from teg.traverse import rebuild, rename_apart
@@ -27,6 +29,7 @@ Match = Callable[[Expr, Sequence[Var]], Any]
 Rewrite = Callable[[Expr, Expr, tuple[Binder, ...], Any], Expr | None]
 
 FAMILIES: tuple[tuple[Match, Rewrite], ...] = (
+    (match_bilinear, rewrite_bilinear),
     (match_affine, rewrite_affine),
     (match_quadratic, rewrite_quadratic),
 )
@@ -130,9 +133,7 @@ class _Elimination:
                 data, rewrite = found
                 inner = rewrite(g, coefficient, chain[i:], data)
                 if inner is not None:
-                    for b in reversed(chain[:i]):
-                        inner = integral_over(inner, b.var, b.lo, b.hi)
-                    return inner
+                    return nest(inner, chain[:i])
         return None
 
 

@@ -7,25 +7,14 @@ A δ stands in linear positions only (sums, products, branches, inner integrals)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import cast
 
 from teg.errors import DeltaError
-from teg.expr import ONE, ZERO, Add, Call, Cond, Expr, Mul, Pow, Tuple, Var, Where, add, mul, negation, where
-from teg.integral import Delta, Integral, integral_over
+from teg.expr import ONE, ZERO, Add, Call, Expr, Mul, Pow, Where, add, mul, negation, where
+from teg.integral import Delta, Integral
+from teg.nest import Binder, Chain
 from teg.node import postorder
-
-
-@dataclass(frozen=True)
-class Binder:
-    """One integral sign: ∫ₗʰ d(var)."""
-
-    var: Var
-    lo: Expr
-    hi: Expr
-
-
-Chain = tuple[Binder, ...]
+from teg.traverse import rewrite
 
 
 def deltas_of(e: Expr) -> list[Delta]:
@@ -84,16 +73,4 @@ def _merge(dictionaries: object) -> dict[Chain, Expr]:
 
 def without(e: Expr, targets: set[Delta]) -> Expr:
     """e with these deltas replaced by 0."""
-    from teg.traverse import rewrite
-
     return cast(Expr, rewrite([e], lambda old, new: ZERO if old in targets else new)[e])
-
-
-def nest(body: Expr, chain: Chain) -> Expr:
-    """The integrals of a chain around a body, the first binder outermost."""
-    for b in reversed(chain):
-        body = integral_over(body, b.var, b.lo, b.hi)
-    return body
-
-
-__all__ = ["Binder", "Chain", "Cond", "Tuple", "deltas_of", "linear_part", "nest", "without"]

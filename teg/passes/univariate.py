@@ -10,11 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
 
 from teg import expr as ex
 from teg.expr import ZERO, Expr, Var, add, call, mul, positive, where
-from teg.passes.sift import Chain
+from teg.nest import Chain, nest
 from teg.polynomial import Shadow
 from teg.roots import quadratic_roots
 from teg.surfaces import restrict, signed_inside
@@ -56,11 +55,5 @@ def rewrite_quadratic(g: Expr, coefficient: Expr, chain: Chain, data: Quadratic)
         )
         terms.append(signed_inside(root, b.lo, b.hi, g, b.var, (b.lo, b.hi), value))
     total = where(positive(roots.discriminant, strict=False), add(*terms), ZERO)
-    for c in reversed(rest):
-        from teg.integral import integral_over
+    return nest(total, rest)
 
-        total = integral_over(total, c.var, c.lo, c.hi)
-    return total
-
-
-__all__ = ["Quadratic", "cast", "match_quadratic", "rewrite_quadratic"]

@@ -97,11 +97,13 @@ def test_what_comes_later_is_refused_or_right(reference: Reference) -> None:
     try:
         gradient = f.grad(reference.params)
     except NoReparameterisationError as error:
-        assert isinstance(error.where, teg.Expr)
-        assert error.hint
+        refused = error
     else:
         for k, exact in reference.grad.items():
             assert is_close(gradient[k], exact, 1e-9), (k, gradient[k], exact)
+        return
+    assert isinstance(refused.where, teg.Expr)
+    assert refused.hint
 
 
 @pytest.mark.parametrize("reference", [r for r in KNOWN if "coincident" not in r.tags], ids=name)

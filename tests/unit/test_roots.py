@@ -49,7 +49,9 @@ def test_quadratic_roots_do_not_cancel(coefficients: tuple[float, float, float],
 
 
 def test_a_vanishing_leading_coefficient_leaves_the_other_root() -> None:
-    found = [float(teg.evaluate(p, dict(a=0.0, b=2.0, c=-1.0))) for p in roots_in(a * x**2 + b * x + c, x, ZERO).points]  # type: ignore[union-attr]
+    roots = roots_in(a * x**2 + b * x + c, x, ZERO)
+    assert roots is not None
+    found = [float(teg.evaluate(p, {"a": 0.0, "b": 2.0, "c": -1.0})) for p in roots.points]
     assert 0.5 in found
     assert not all(math.isfinite(v) for v in found)
 

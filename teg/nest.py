@@ -1,0 +1,60 @@
+"""Nests of integrals taken apart: binders, chains of them, and the ranges of their variables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from teg.expr import MINUS_ONE, ONE, Expr, Var, mul, positive, sub, where
+from teg.integral import integral_over
+from teg.polynomial import Shadow
+from teg.traverse import substitute
+
+
+@dataclass(frozen=True)
+class Binder:
+    """One integral sign: ∫ₗʰ d(var)."""
+
+    var: Var
+    lo: Expr
+    hi: Expr
+
+
+Chain = tuple[Binder, ...]
+"""Integral signs, the outermost first."""
+
+
+def nest(body: Expr, chain: Sequence[Binder]) -> Expr:
+    """The integrals of a chain around a body."""
+    for b in reversed(chain):
+        body = integral_over(body, b.var, b.lo, b.hi)
+    return body
+
+
+def ranges_of(chosen: Sequence[Binder]) -> list[tuple[Expr, Expr]] | None:
+    """For each binder, outermost first, bounds that do not depend on the others: its own, or the least and largest it can have."""
+    ranges: list[tuple[Expr, Expr]] = []
+    outer: list[tuple[Var, Expr, Expr]] = []
+    for b in chosen:
+        mine = [(v, lo, hi) for v, lo, hi in outer if v in b.lo.free or v in b.hi.free]
+        if mine:
+            variables = [v for v, _, _ in mine]
+            if any(Shadow((v,)).degree(e) is None or (Shadow((v,)).degree(e) or 0) > 1 for v in variables for e in (b.lo, b.hi)):
+                return None
+            corners: list[Expr] = [b.lo, b.hi]
+            for v, lo, hi in mine:
+                corners = [cast(Expr, substitute(e, {v: end})) for e in corners for end in (lo, hi)]
+            corners = list(dict.fromkeys(corners))
+            ranges.append((_extreme(corners, MINUS_ONE), _extreme(corners, ONE)))
+        else:
+            ranges.append((b.lo, b.hi))
+        outer.append((b.var, *ranges[-1]))
+    return ranges
+
+
+def _extreme(values: list[Expr], sign: Expr) -> Expr:
+    best = values[0]
+    for v in values[1:]:
+        best = where(positive(mul(sign, sub(v, best))), v, best)
+    return best

@@ -1,0 +1,103 @@
+"""Surfaces that are affine in each of two variables but not in both together: hyperbolas with axes along the box, as in a pixel of
+bilinearly interpolated values.
+
+    g = g₀ + b·(x - l) + c·(y - m) + d·(x - l)(y - m),   E = b·c - d·g₀        on g = 0:  g_x·g_y = E
+
+Two charts: x is eliminated where the curve is the steeper one in x, |g_x|·X >= |g_y|·Y with X, Y the extents, and y elsewhere. On the curve
+the first is g_x² >= |E|·Y/X, a condition on y alone, and the second g_y² > |E|·X/Y, one on x alone: both are two affine atoms, complementary
+on the curve, so that their fluxes cancel in higher derivatives. Neither chart sees a denominator below √(|E|·Y/X), and at the saddle value,
+E = 0, where the curve becomes two lines, each chart has one of them whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from teg import expr as ex
+from teg.calculus import slope
+from teg.expr import ZERO, Cond, Expr, Var, add, call, disjunction, div, mul, positive, sub, where
+from teg.nest import Binder, Chain, nest, ranges_of
+from teg.polynomial import Shadow
+from teg.roots import tidy
+from teg.surfaces import free_of, restrict, signed_inside
+from teg.traverse import substitute
+
+
+@dataclass(frozen=True)
+class Bilinear:
+    """g is affine in each of `variables` (outermost first) with the other one fixed, and in no other variable."""
+
+    variables: tuple[Var, Var]
+
+    name = "bilinear"
+
+
+def match_bilinear(g: Expr, variables: Sequence[Var]) -> Bilinear | None:
+    """Two variables, given innermost first, with a mixed term and no squares."""
+    mine = [v for v in variables if v in g.free]
+    if len(mine) != 2:
+        return None
+    poly = Shadow(tuple(mine)).polynomial(g)
+    if poly is None or (1, 1) not in poly or any(max(m) > 1 for m in poly):
+        return None
+    return Bilinear((mine[1], mine[0]))
+
+
+def rewrite_bilinear(g: Expr, coefficient: Expr, chain: Chain, data: Bilinear) -> Expr | None:
+    """∫∫ coefficient·δ(g): the two charts. None where the range of one variable is not known."""
+    outer, inner = (b for b in chain if b.var in data.variables)
+    rest = tuple(b for b in chain if b.var not in data.variables)
+    ranges = ranges_of((outer, inner))
+    if ranges is None or not all(free_of(e, data.variables) for b in rest for e in (b.lo, b.hi)):
+        return None
+    if not all(free_of(e, [b.var for b in rest]) for c in (outer, inner) for e in (c.lo, c.hi)):
+        return None
+    boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip((outer, inner), ranges, strict=True)]
+    invariant = _invariant(g, boxes)
+    total = []
+    for pivot, other in ((1, 0), (0, 1)):
+        total.append(_chart(g, coefficient, (outer, inner), boxes, pivot, other, invariant, rest))
+    return add(*total)
+
+
+def _extent(b: Binder) -> Expr:
+    return call("magnitude", sub(b.hi, b.lo))
+
+
+def _invariant(g: Expr, boxes: Sequence[Binder]) -> Expr:
+    """E = g_x·g_y - g_xy·g, the same everywhere."""
+    x, y = boxes[0].var, boxes[1].var
+    gx, gy = slope(g, x), slope(g, y)
+    corner = {b.var: b.lo for b in boxes}
+    return tidy(cast(Expr, substitute(sub(mul(gx, gy), mul(slope(gx, y), g)), corner)))
+
+
+def _chart(
+    g: Expr,
+    coefficient: Expr,
+    binders: tuple[Binder, Binder],
+    boxes: Sequence[Binder],
+    pivot: int,
+    other: int,
+    invariant: Expr,
+    rest: Chain,
+) -> Expr:
+    """The part of the curve where `pivot` is eliminated; the other variable stays."""
+    b, box, stay = binders[pivot], boxes[pivot], boxes[other]
+    origin = {b.var: box.lo}
+    rate = cast(Expr, substitute(slope(g, b.var), origin))
+    root = sub(box.lo, div(cast(Expr, substitute(g, origin)), rate))
+    least = call("sqrt", mul(call("magnitude", invariant), div(_extent(stay), _extent(box))))
+    strict = pivot == 0
+    steep: Cond = disjunction(positive(sub(rate, least), strict), positive(sub(mul(ex.MINUS_ONE, rate), least), strict))
+    at = {b.var: root}
+    value = mul(restrict(coefficient, at, g, (binders[1].var, binders[0].var)), ex.integer_power(call("magnitude", rate), -1))
+    point: dict[Var, Expr] = {b.var: root, stay.var: stay.var}
+    for c, limits in zip(binders, boxes, strict=True):
+        if c is b or (limits.lo, limits.hi) != (c.lo, c.hi):
+            lo, hi = (cast(Expr, substitute(e, at)) for e in (c.lo, c.hi))
+            value = signed_inside(point[c.var], lo, hi, g, c.var, (c.lo, c.hi), value)
+    value = where(steep, value, ZERO)
+    return nest(value, (Binder(stay.var, stay.lo, stay.hi), *rest))
