@@ -178,22 +178,26 @@ def _integral(stmt: Integrate, tied: str) -> list[str]:
     flagged = f"({inside(_names(stmt.flags))})"
     has_flags = bool(stmt.flags) or stmt.need is not None
     flags, body = f"flags_{stmt.var}" if has_flags else "None", f"body_{stmt.var}"
+    extra, values = "", stmt.values
     match stmt.rule:
         case Gauss(nodes):
             call = f"rt.gauss({nodes}"
         case Adaptive(tol, smooth):
             call = f"rt.adaptive({tol!r}, {smooth!r}"
+            if stmt.watch:
+                values += stmt.watch
+                extra = f"watched={len(stmt.watch)}"
         case _:
             assert_never(stmt.rule)
     arguments = [call, _text(stmt.lo), _text(stmt.hi), f"({inside(map(_text, stmt.breaks))})", flags, body]
-    arguments += [str(len(stmt.results))] + ([f"when={stmt.when}"] if stmt.when else [])
+    arguments += [str(len(stmt.results))] + ([f"when={stmt.when}"] if stmt.when else []) + ([extra] if extra else [])
     lines: list[str] = []
     if has_flags:
         lines += [f"def {flags}({stmt.var}):"]
         lines += _block(stmt.flags, f"{stmt.need or True}, {flagged}")
     lines += [f"def {body}({stmt.var}, flagged):"]
     lines += [f"    {flagged} = flagged"] if _names(stmt.flags) else []
-    lines += _block(stmt.body, f"({inside(map(_text, stmt.values))})")
+    lines += _block(stmt.body, f"({inside(map(_text, values))})")
     return [*lines, f"({inside(stmt.results)}), {tied} = {', '.join(arguments)})"]
 
 

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.program import ABSOLUTE_FLOOR, MAX_DEPTH, MAX_INTERVALS, PIECE_EPS, ROUNDING, TIE_EPS
+from teg.program import ABSOLUTE_FLOOR, MAX_DEPTH, MAX_INTERVALS, PIECE_EPS, ROUNDING, TIE_EPS, WATCH_WIDTH
 from teg.quadrature import GAUSS_WEIGHTS, KRONROD_NODES, KRONROD_WEIGHTS, gauss_legendre
 
 Scalar = Any  # a traced scalar, float64 or boolean, or a Python literal
@@ -52,11 +52,12 @@ def gauss(nodes: int, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar
     return _integrate(partial(_gauss, nodes), *integral, when=when)
 
 
-def adaptive(
-    tol: float, smooth: bool, *integral: Any, when: Scalar = True
-) -> tuple[tuple[Scalar, ...], Scalar]:
-    """Gauss-Kronrod (10, 21) with bisection on each piece; the arguments are those of `_integrate`."""
-    return _integrate(partial(_adaptive, tol, smooth), *integral, when=when)
+def adaptive(tol: float, smooth: bool, *integral: Any, when: Scalar = True, watched: int = 0) -> tuple[tuple[Scalar, ...], Scalar]:
+    """Gauss-Kronrod (10, 21) with bisection on each piece; the arguments are those of `_integrate`.
+
+    The last `watched` values of the body are conditions: an interval on which one changes is halved.
+    """
+    return _integrate(partial(_adaptive, tol, smooth, watched), *integral, when=when)
 
 
 def _integrate(
@@ -122,7 +123,7 @@ class _Progress(NamedTuple):
 
 
 def _adaptive(
-    tol: float, smooth: bool, p: Scalar, q: Scalar, active: Scalar, values: Callable[[Scalar], Any]
+    tol: float, smooth: bool, watched: int, p: Scalar, q: Scalar, active: Scalar, values: Callable[[Scalar], Any]
 ) -> tuple[Any, Scalar]:
     """The integrals over one piece, (results,), and whether a tie was met.
 
@@ -131,6 +132,9 @@ def _adaptive(
     """
     tables = (KRONROD_NODES, KRONROD_WEIGHTS, GAUSS_WEIGHTS)
     nodes, weights, gauss = (jnp.array(table, jnp.float64) for table in tables)
+    if watched:
+        nodes = jnp.concatenate([nodes, jnp.array([-1.0, 1.0])])
+    results = jax.eval_shape(values, p)[0].shape[0] - watched
 
     def step(at: _Progress) -> _Progress:
         width = at.width / END
@@ -138,11 +142,17 @@ def _adaptive(
         x = p + (q - p) * (u * u * (3.0 - 2.0 * u) if smooth else u)
         weight = 0.5 * width * (q - p) * (6.0 * u * (1.0 - u) if smooth else jnp.ones_like(u))
         found, tied = jax.vmap(values)(x)
+        changed = False
+        if watched:  # at the ends, the last two rows, only the conditions count
+            conditions, found, tied, weight = found[:, results:] > 0.0, found[:-2, :results], tied[:-2], weight[:-2]
+            changed = jnp.any(jnp.any(conditions, axis=0) & ~jnp.all(conditions, axis=0))
         found = found * weight[:, None]
         kronrod, size = (jnp.sum(weights[:, None] * f, axis=0) for f in (found, jnp.abs(found)))
         gap = jnp.abs(kronrod - jnp.sum(gauss[:, None] * found[1::2], axis=0))
         enough = jnp.where(at.used == 0, tol * (size + ABSOLUTE_FLOOR), at.enough)
         fine = jnp.all((gap <= jnp.maximum(enough, ROUNDING * size)) | ~jnp.isfinite(gap))
+        if watched:
+            fine = jnp.where(changed, width <= WATCH_WIDTH, fine)
         done = fine | (at.width == 1) | (at.used + 1 >= MAX_INTERVALS)
         start = jnp.where(done, at.start + at.width, at.start)
         return _Progress(
@@ -154,13 +164,12 @@ def _adaptive(
             tied=at.tied | jnp.any(tied),
         )
 
-    shape = jax.eval_shape(values, p)[0].shape
     beginning = _Progress(
         start=jnp.where(active, jnp.int64(0), END),
         width=jnp.int64(END),
         used=jnp.int64(0),
-        enough=jnp.zeros(shape),
-        sums=jnp.zeros(shape),
+        enough=jnp.zeros(results),
+        sums=jnp.zeros(results),
         tied=jnp.bool_(False),
     )
     end = lax.while_loop(lambda at: at.start < END, step, beginning)

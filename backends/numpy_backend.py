@@ -154,17 +154,21 @@ class _Printer:
         flags, piece_width = "None", len(for_flags) + len(for_body) + 6
         if stmt.flags or stmt.need is not None:
             flags = f"flags_{number}"
-            results = [True if stmt.need is None else stmt.need, *flagged]
-            piece_width += self.function(flags, [stmt.var, *for_flags], stmt.flags, results)
+            found = [True if stmt.need is None else stmt.need, *flagged]
+            piece_width += self.function(flags, [stmt.var, *for_flags], stmt.flags, found)
         body = f"body_{number}"
-        node_width = self.function(body, [stmt.var, *for_body, *flagged], stmt.body, stmt.values)
+        results: tuple[Arg, ...] = stmt.values
         match stmt.rule:
             case Gauss(nodes):
                 kind, rule = "GaussIntegral", f"nodes={nodes}"
             case Adaptive(tol, smooth):
                 kind, rule = "AdaptiveIntegral", f"tol={tol!r}, smooth={smooth!r}"
+                if stmt.watch:
+                    results += stmt.watch
+                    rule += f", watched={len(stmt.watch)}"
             case _:
                 assert_never(stmt.rule)
+        node_width = self.function(body, [stmt.var, *for_body, *flagged], stmt.body, results)
         self.lines += [
             "",
             "",

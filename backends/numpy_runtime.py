@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.program import ABSOLUTE_FLOOR, MAX_DEPTH, MAX_INTERVALS, PIECE_EPS, ROUNDING, TIE_EPS
+from teg.program import ABSOLUTE_FLOOR, MAX_DEPTH, MAX_INTERVALS, PIECE_EPS, ROUNDING, TIE_EPS, WATCH_WIDTH
 from teg.quadrature import GAUSS_WEIGHTS, KRONROD_NODES, KRONROD_WEIGHTS, gauss_legendre
 
 Array = npt.NDArray[Any]
@@ -28,6 +28,8 @@ Block = Callable[..., tuple[Value, ...]]  # (run, variable, *values from outside
 
 MAX_LANES = 2**15
 """No block runs on more lanes than this at a time: longer arrays only fall out of the cache."""
+NODES, WEIGHTS, WEIGHTS_10 = np.array(KRONROD_NODES)[:, None], np.array(KRONROD_WEIGHTS), np.array(GAUSS_WEIGHTS)
+"""The Gauss-Kronrod pair: nodes, weights of all 21, weights of the 10 that are Gauss nodes."""
 
 
 @dataclass(slots=True)
@@ -181,10 +183,14 @@ class GaussIntegral(Integral):
 
 @dataclass(frozen=True, slots=True)
 class AdaptiveIntegral(Integral):
-    """Gauss-Kronrod (10, 21) with bisection: at a time, all intervals of one depth, over all pieces."""
+    """Gauss-Kronrod (10, 21) with bisection: at a time, all intervals of one depth, over all pieces.
+
+    The last `watched` results of `body` are conditions: an interval on which one changes is halved.
+    """
 
     tol: float
     smooth: bool
+    watched: int = 0
 
     def _rule(self, run: Run, p: Array, q: Array, values: Sequence[Value]) -> Array:
         sums = np.zeros((self.results, p.size))
@@ -192,12 +198,13 @@ class AdaptiveIntegral(Integral):
         used = np.zeros(p.size, dtype=np.int64)
         enough = np.empty(0)
         for depth in range(MAX_DEPTH + 1):
-            kronrod, gap, size = self._measure(run, p, q, values, piece, left, width)
+            kronrod, gap, size, changed = self._measure(run, p, q, values, piece, left, width)
             if depth == 0:
                 enough = self.tol * (size + ABSOLUTE_FLOOR)
             used += np.bincount(piece, minlength=p.size)
             fine = (gap <= np.maximum(enough[:, piece], ROUNDING * size)) | ~np.isfinite(gap)
-            halve = ~fine.all(axis=0) & (used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH)
+            accepted = np.where(changed, width <= WATCH_WIDTH, fine.all(axis=0))
+            halve = ~accepted & (used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH)
             sums += _scatter(kronrod[:, ~halve], piece[~halve], p.size)
             if not halve.any():
                 break
@@ -215,22 +222,36 @@ class AdaptiveIntegral(Integral):
         piece: Array,
         left: Array,
         width: float,
-    ) -> tuple[Array, Array, Array]:
-        """K, |K - G| and A on the intervals (left, left + width) of each `piece`, (results, intervals)."""
-        nodes, weights, gauss = np.array(KRONROD_NODES), np.array(KRONROD_WEIGHTS), np.array(GAUSS_WEIGHTS)
+    ) -> tuple[Array, Array, Array, Array]:
+        """K, |K - G| and A on the intervals (left, left + width) of each `piece`, (results, intervals), and where a watched
+        condition changes, (intervals,)."""
         kronrod, gap, size = np.empty((3, self.results, piece.size))
-        for part in _parts(piece.size, run.chunk(self.node_width, len(nodes))):
+        changed = np.zeros(piece.size, dtype=np.bool_)
+        for part in _parts(piece.size, run.chunk(self.node_width, NODES.size)):
             index = piece[part]
             length = q[index] - p[index]
-            u = left[part] + (0.5 * width) * (1.0 + nodes[:, None])
-            x = p[index] + length * (u * u * (3.0 - 2.0 * u) if self.smooth else u)
+            given = [_gather(v, index) for v in values]
+            u = left[part] + (0.5 * width) * (1.0 + NODES)
+            x = p[index] + length * self._place(u)
             weight = 0.5 * width * length * (6.0 * u * (1.0 - u) if self.smooth else 1.0)
-            for i, value in enumerate(self.body(run, x, *(_gather(v, index) for v in values))):
+            found = self.body(run, x, *given)
+            for i, value in enumerate(found[: self.results]):
                 weighted = np.broadcast_to(value * weight, x.shape)
-                kronrod[i, part] = weights @ weighted
-                gap[i, part] = np.abs(kronrod[i, part] - gauss @ weighted[1::2])
-                size[i, part] = weights @ np.abs(weighted)
-        return kronrod, gap, size
+                kronrod[i, part] = WEIGHTS @ weighted
+                gap[i, part] = np.abs(kronrod[i, part] - WEIGHTS_10 @ weighted[1::2])
+                size[i, part] = WEIGHTS @ np.abs(weighted)
+            if self.watched:
+                aside = Run(run.order, run.room)  # ties at the ends do not count
+                ends = p[index] + length * self._place(np.array([left[part], left[part] + width]))
+                at_ends = self.body(aside, ends, *given)
+                for inner, outer in zip(found[self.results :], at_ends[self.results :], strict=True):
+                    both = np.concatenate([np.broadcast_to(inner, x.shape), np.broadcast_to(outer, ends.shape)])
+                    changed[part] |= both.any(axis=0) & ~both.all(axis=0)
+        return kronrod, gap, size, changed
+
+    def _place(self, u: Array) -> Array:
+        """Where on a piece, as a part of its length, the coordinate u is."""
+        return u * u * (3.0 - 2.0 * u) if self.smooth else u
 
 
 def _gather(value: Value, index: Array | None) -> Value:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from typing import cast
 
 from teg import expr as ex
-from teg.errors import NameClashError, OperandError, ParameterError, ScopeError
-from teg.expr import Cond, Expr, Param, Tuple, Var, as_condition, as_number
+from teg.errors import BoundError, NameClashError, OperandError, ParameterError, ScopeError
+from teg.expr import Cond, Const, Expr, Param, Tuple, Var, as_condition, as_number
 from teg.integral import Integral, integral_over
 from teg.integral import delta as _delta
 from teg.node import postorder
@@ -70,7 +71,16 @@ def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
         if not isinstance(v, Var):
             kind = "a parameter" if isinstance(v, Param) else f"{type(v).__name__}"
             raise ScopeError(f"one integrates over a variable, not over {kind}", v, 'make one with x = teg.var("x")')
-        e = integral_over(e, v, as_number(lo), as_number(hi))
+        bounds = as_number(lo), as_number(hi)
+        for bound in bounds:
+            if isinstance(bound, Const) and not math.isfinite(bound.data):
+                raise BoundError(
+                    f"the bound {bound} of {v.name} is not finite",
+                    e,
+                    f"substitute, for instance {v.name} = tan(u) with u in (-π/2, π/2) and the factor 1 + tan(u)², or cut the tail off",
+                )
+        whole = integral_over(e, v, *bounds)
+        e = Integral.make(v, (e, *bounds)) if whole is ex.ZERO and not isinstance(e, Const) else whole  # as written: no parameter is lost
     return e
 
 
@@ -81,7 +91,8 @@ def bracket(condition: object) -> Expr:
 
 def where(condition: object, then: object, otherwise: object) -> Expr:
     """`then` where the condition holds, else `otherwise`; the value not taken never matters, be it NaN."""
-    return ex.where(as_condition(condition), as_number(then), as_number(otherwise))
+    c, a, b = as_condition(condition), as_number(then), as_number(otherwise)
+    return ex.Where.make(None, (c, a, b)) if a is b and not isinstance(c, ex.Truth) else ex.where(c, a, b)
 
 
 def tuple_(*entries: object) -> Tuple:

@@ -67,6 +67,12 @@ def partials(node: Call) -> list[Expr]:
             return [mul(k, call("pow", u, sub(k, ONE))), mul(call("log", u), node)]
         case "magnitude":
             return [where(positive(u), ONE, MINUS_ONE)]
+        case "floor" | "mod" if node.free:
+            raise NotDifferentiableError(
+                f"{node.name} jumps where its argument crosses a step, and these surfaces cannot be moved yet",
+                node,
+                "write the steps as brackets: teg.bracket(x > t) + teg.bracket(x > 2*t) + …",
+            )
         case "floor":
             return [ZERO]
         case "mod":

@@ -37,6 +37,10 @@ class ScopeError(TegError, ValueError):
     """A variable outside its integral, or an integral over something that is not a variable."""
 
 
+class BoundError(TegError, ValueError):
+    """A bound of an integral that cannot be used."""
+
+
 class NameClashError(TegError, ValueError):
     """One name for two different things."""
 

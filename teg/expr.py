@@ -31,10 +31,10 @@ class Expr(Node):
     __array_ufunc__ = None  # NumPy scalars leave the arithmetic to us
 
     def __add__(self, other: object) -> Expr:
-        return _binary(self, other, lambda a, b: add(a, b))
+        return _binary(self, other, add)
 
     def __radd__(self, other: object) -> Expr:
-        return _binary(other, self, lambda a, b: add(a, b))
+        return _binary(other, self, add)
 
     def __sub__(self, other: object) -> Expr:
         return _binary(self, other, sub)
@@ -43,10 +43,10 @@ class Expr(Node):
         return _binary(other, self, sub)
 
     def __mul__(self, other: object) -> Expr:
-        return _binary(self, other, lambda a, b: mul(a, b))
+        return _binary(self, other, mul)
 
     def __rmul__(self, other: object) -> Expr:
-        return _binary(other, self, lambda a, b: mul(a, b))
+        return _binary(other, self, mul)
 
     def __truediv__(self, other: object) -> Expr:
         return _binary(self, other, div)
@@ -67,7 +67,7 @@ class Expr(Node):
         return _binary(other, self, power)
 
     def __neg__(self) -> Expr:
-        return _binary(MINUS_ONE, self, lambda a, b: mul(a, b))
+        return _binary(MINUS_ONE, self, mul)
 
     def __pos__(self) -> Expr:
         return self
@@ -102,7 +102,10 @@ class Expr(Node):
     def __and__(self, other: object) -> NoReturn:
         raise ConditionError("& joins conditions, not numbers", self, "write (a < b) & (c < d), with the brackets")
 
-    __rand__ = __or__ = __ror__ = __invert__ = cast(Any, __and__)
+    __rand__ = __or__ = __ror__ = cast(Any, __and__)
+
+    def __invert__(self) -> NoReturn:
+        raise ConditionError("~ negates conditions, not numbers", self, "write ~(a < b), with the brackets")
 
     def __getitem__(self, index: object) -> Expr:
         raise OperandError("only tuples and arrays can be indexed", self)
@@ -364,7 +367,28 @@ def as_condition(value: object) -> Cond:
 
 
 def _binary(a: object, b: object, build: Callable[[Expr, Expr], Expr]) -> Expr:
-    return build(as_number(a), as_number(b))
+    """What a user's operator builds: simplified, but never down to a number that has forgotten what was written."""
+    left, right = as_number(a), as_number(b)
+    result = build(left, right)
+    constants = isinstance(left, Const) and isinstance(right, Const)
+    if not constants and (isinstance(result, Const) or _is_nothing(left) or _is_nothing(right)):
+        return _as_written(left, right, build)
+    return result
+
+
+def _is_nothing(e: Expr) -> bool:
+    return isinstance(e, Mul) and e.children[0] is ZERO
+
+
+def _as_written(a: Expr, b: Expr, build: Callable[[Expr, Expr], Expr]) -> Expr:
+    """The plain node of an operation that simplification would shorten to nothing: its parameters remain arguments of the program."""
+    if build is power:
+        return Add.make(None, (ONE, Mul.make(None, (ZERO, a)))) if b is ZERO else build(a, b)
+    if build is sub:
+        return Add.make(None, (a, Mul.make(None, (MINUS_ONE, b))))
+    if build is div:
+        return Mul.make(None, (a, Pow.make(-1, (b,))))
+    return (Add if build is add else Mul).make(None, (a, b))
 
 
 def _split(term: Expr) -> tuple[float, Expr]:
@@ -588,7 +612,8 @@ def less(a: object, b: object, strict: bool) -> Cond:
             a if isinstance(a, Cond) else b,
             "write (a < x) & (x < b) for a < x < b",
         )
-    return positive(sub(as_number(b), as_number(a)), strict)
+    g = as_number(b) - as_number(a)
+    return positive(g, strict)
 
 
 def negation(c: Cond) -> Cond:

@@ -27,6 +27,12 @@ K, G and A are the Kronrod sum, the Gauss sum and the Kronrod sum of |value|; A�
 An interval is accepted if for every value  |K - G| <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A), or |K - G| is not finite,
 or it was bisected MAX_DEPTH times, or the piece has used MAX_INTERVALS intervals; else it is halved.
 
+`watch` names booleans of `body` that may change where no break is known (rule Adaptive only; by Gauss it is ignored). On an interval
+`body` is then also run at the two ends, whose v come from u like a node's; of these two runs only the watched booleans count, no value,
+NaN or not, and no tie. If at the 23 points a watched boolean is not always the same, the error does not matter: the interval is halved,
+unless it is at most WATCH_WIDTH wide in u, or MAX_DEPTH or MAX_INTERVALS was reached; then it is accepted, its K counts as any other.
+An interval that will be halved anyway need not be evaluated further, but the first one is, for A₀.
+
 Operations (arithmetic is plain IEEE double, without contraction to fused multiply-add):
 
     floats    const(x)  add(x, y, …)  sub(x, y)  mul(x, y, …)  div(x, y)  neg(x)  powi(x, n)  pow(x, y)  abs(x)  floor(x)  mod(x, y)
@@ -52,6 +58,7 @@ ABSOLUTE_FLOOR = 1e-6
 ROUNDING = 64 * 2.0**-52
 MAX_DEPTH = 48
 MAX_INTERVALS = 4000
+WATCH_WIDTH = 2.0**-44
 
 Arg = str | float | int | bool
 
@@ -117,6 +124,7 @@ class Integrate:
     results: tuple[str, ...]
     rule: Rule
     when: str | None = None
+    watch: tuple[str, ...] = ()
 
 
 Stmt = Assign | Integrate
@@ -174,7 +182,7 @@ def _live_part(block: tuple[Stmt, ...], live: set[Arg]) -> tuple[Stmt, ...]:
         if not wanted:
             continue
         values = tuple(stmt.values[i] for i in wanted)
-        live.update(values)
+        live.update((*values, *stmt.watch))
         body = _live_part(stmt.body, live)
         if stmt.need is not None:
             live.add(stmt.need)

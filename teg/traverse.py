@@ -59,8 +59,11 @@ def bound_variables(*roots: Node) -> list[Var]:
 
 def rebuild(node: Node, children: tuple[Node, ...]) -> Node:
     """The node with other children, through the simplifying constructors."""
-    if children == node.children:
-        return node
+    return node if children == node.children else remake(node, children)
+
+
+def remake(node: Node, children: tuple[Node, ...]) -> Node:
+    """The node with these children, through the simplifying constructors even if they are its own: users' nodes are as written."""
     c = cast(Any, children)
     match node:
         case Add():

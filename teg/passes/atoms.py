@@ -44,7 +44,7 @@ from teg.node import Node, postorder
 from teg.passes.jumps import assign
 from teg.polynomial import P, Point, Shadow, expanded, sign_of_residue
 from teg.surfaces import atoms_of, binders_inside
-from teg.traverse import parameters, rebuild, rename_apart, substitute
+from teg.traverse import parameters, rebuild, remake, rename_apart, substitute
 
 MAX_HOISTED = 6
 
@@ -64,7 +64,7 @@ class _Canonical:
     def run(self, root: Node) -> Expr:
         new: dict[Node, Node] = {}
         for node in postorder([root]):
-            result = rebuild(node, tuple([new[c] for c in node.children]))
+            result = remake(node, tuple([new[c] for c in node.children]))
             if isinstance(result, Compare):
                 if result.resolution is None:
                     result = self._atom(result.g, result.strict, MAX_HOISTED)
@@ -128,7 +128,7 @@ class _Canonical:
         if first and second:
             key = second * pow(first, -1, P) % P
             representative = self._known.setdefault(key, g)
-            if representative is not g:
+            if representative is not g and representative.free <= g.free:
                 other = self._points[0].value(representative)
                 sign = sign_of_residue(first * pow(other, -1, P)) if other else None
                 if sign is not None:
@@ -300,7 +300,7 @@ def _common_factors(e: Add) -> tuple[list[Expr], Expr]:
     """Factors of every term, and the sum without them: a·t - a·x = a·(t - x)."""
     powers = [_factor_powers(t) for t in e.children]
     shared = {f: min(p.get(f, 0) for p in powers) for f in powers[0]}
-    shared = {f: k for f, k in shared.items() if k > 0}
+    shared = {f: k for f, k in shared.items() if k > 0 and not isinstance(f, Where)}  # 1/where goes into the branches: no use here
     if not shared:
         return [], e
     divisor = mul(*(ex.integer_power(f, -k) for f, k in shared.items()))

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 from teg.errors import DeltaError, NoReparameterisationError
-from teg.expr import Expr, Var, add
+from teg.expr import Expr, Var, add, mul
 from teg.integral import Delta, Integral, integral_over
 from teg.nest import Binder, nest
 from teg.node import Node, postorder
@@ -37,9 +37,14 @@ FAMILIES: tuple[tuple[Match, Rewrite], ...] = (
 
 def eliminate_deltas(root: Expr) -> Expr:
     """The program without δ. Raises NoReparameterisationError for a surface that no family reduces, DeltaError for a δ out of place."""
-    if not root.has_delta:
-        return root
-    return _Elimination(rename_apart(root)).run()
+    while root.has_delta:  # a product of deltas loses one a round
+        reduced = _Elimination(cast(Expr, rename_apart(root))).run()
+        if reduced is root:
+            raise DeltaError(
+                "a Dirac delta is under no integral over its variables", deltas_of(root)[0], "integrate over one of the variables in it"
+            )
+        root = reduced
+    return root
 
 
 def find_family(g: Expr, variables: Sequence[Var]) -> tuple[Any, Rewrite] | None:
@@ -67,12 +72,6 @@ class _Elimination:
                 result = self._integral(result)
             new[node] = result
         result = cast(Expr, new[self.root])
-        for left in deltas_of(result):
-            raise DeltaError(
-                "a Dirac delta is under no integral over its variables",
-                left,
-                "integrate over one of the variables in it",
-            )
         return result
 
     def _decide(self, g: Expr) -> tuple[Any, Rewrite]:
@@ -104,16 +103,18 @@ class _Elimination:
                 ready.append((d, data, rewrite))
         if not ready:
             return node
-        done = {d for d, _, _ in ready}
-        terms = [integral_over(without(node.body, done), x, node.lo, node.hi)]
-        for d, data, rewrite in ready:
-            for chain, coefficient in linear_part(node.body, d).items():
+        terms: list[Expr] = []
+        rest = node.body
+        for d, data, rewrite in ready:  # a product of two deltas goes with the first one
+            for chain, coefficient in linear_part(rest, d).items():
                 terms.append(self._sifted(d, coefficient, (Binder(x, node.lo, node.hi), *chain), data, rewrite))
-        return add(*terms)
+            rest = without(rest, {d})
+        return add(integral_over(rest, x, node.lo, node.hi), *terms)
 
     def _sifted(self, d: Delta, coefficient: Expr, chain: tuple[Binder, ...], data: Any, rewrite: Rewrite) -> Expr:
-        if coefficient.has_delta:
-            raise DeltaError("a product of deltas of the same variables has no meaning here", d)
+        for other in deltas_of(coefficient):
+            if other.g.free <= set(data.variables) and len(data.variables) == 1:
+                raise DeltaError("a product of two deltas of one variable has no meaning", mul(d, other))
         result = rewrite(d.g, coefficient, chain, data)
         if result is None:
             result = self._innermost(d.g, coefficient, chain)

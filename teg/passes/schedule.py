@@ -34,9 +34,14 @@ from teg.expr import (
     Tuple,
     Var,
     Where,
+    call,
     conjunction,
+    const,
     disjunction,
+    div,
     negation,
+    positive,
+    sub,
 )
 from teg.integral import Delta, Integral
 from teg.node import Node, postorder
@@ -412,6 +417,7 @@ class _Scheduler:
         self._plan_integrals(level, bodies)
         need = self._need(bodies, level)
         values = tuple(self._number(b, level) for b in bodies)
+        watch = self._watched(bodies, level) if isinstance(rule, Adaptive) else ()
         results = tuple(self._fresh("v") for _ in group)
         home.block.append(
             Integrate(
@@ -426,10 +432,27 @@ class _Scheduler:
                 results,
                 rule,
                 when if isinstance(when, str) else None,
+                watch,
             )
         )
         for i, r in zip(group, results, strict=True):
             home.names[i] = r
+
+    def _watched(self, bodies: Sequence[Expr], level: _Level) -> tuple[str, ...]:
+        """What may change inside a piece because its roots have no formula: the rule closes in on such places."""
+        x, handled = cast(Var, level.var), cast(Breaks, level.breaks).handled
+        inner: frozenset[Var] = frozenset().union(*(self._binders(b) for b in bodies))
+        conditions: dict[Cond, None] = {}
+        for node in postorder(bodies):
+            if x not in node.free or node.free & inner:
+                continue
+            if isinstance(node, Compare) and node.g not in handled:
+                conditions[node] = None
+            elif isinstance(node, Call) and node.name in ("floor", "mod"):
+                u = node.children[0] if node.name == "floor" else div(*node.children)
+                conditions[positive(sub(const(0.5), sub(u, call("floor", u))))] = None  # false before a step, true after it
+        names = [self._truths(c, level)[0] for c in conditions]
+        return tuple(dict.fromkeys(n for n in names if isinstance(n, str)))
 
     def _need(self, bodies: Sequence[Expr], level: _Level) -> Arg:
         """A condition, constant on a piece, without which all integrands are 0 there."""

@@ -53,9 +53,10 @@ def integrate(
     flags: tuple[Stmt, ...] = (),
     need: str | None = None,
     when: str | None = None,
+    watch: tuple[str, ...] = (),
 ) -> Integrate:
     """An integral; the names of its results are written in one string."""
-    return Integrate(var, lo, hi, breaks, flags, need, body, values, tuple(results.split()), rule, when)
+    return Integrate(var, lo, hi, breaks, flags, need, body, values, tuple(results.split()), rule, when, watch)
 
 
 def operation(op: str, args: tuple[Arg, ...], columns: tuple[Row, ...], expected: Row, n: int = 1) -> Case:
@@ -597,6 +598,148 @@ ADAPTIVE = (
     ),
 )
 
+CUTS = (1e-4, 0.3, 0.5 + 1e-4, 0.5 - 1e-9, 0.5, 0.999)
+BELOW = (let("v0", "sub", "p0", "x0"), let("b0", "gt0", "v0"))  # x < p0
+DISCS = (1e-6, 0.25, 1.0)
+WATCHED = (
+    *(
+        Case(
+            f"[x < p0] exp(x) without its break, watched{', smooth' * smooth}",
+            program(
+                1,
+                (
+                    integrate(
+                        "v8 v9",
+                        "x0",
+                        0.0,
+                        1.0,
+                        (*BELOW, let("v1", "exp", "x0"), let("v2", "select", "b0", "v1", 0.0)),
+                        "v2",
+                        "v1",
+                        rule=Adaptive(1e-12, smooth),
+                        watch=("b0",),
+                    ),
+                ),
+                "v8",
+                "v9",
+            ),
+            (CUTS,),
+            (tuple(map(math.expm1, CUTS)), math.expm1(1)),
+            len(CUTS),
+            1e-12,
+        )
+        for smooth in (False, True)
+    ),
+    Case(
+        "two watched conditions, the other way round and one of them always true; NaN at both ends only",
+        program(
+            1,
+            (
+                integrate(
+                    "v9",
+                    "x0",
+                    1.0,
+                    0.0,
+                    (
+                        *BELOW,
+                        let("b1", "lt0", -1.0),
+                        let("v1", "sub", 1.0, "x0"),
+                        let("v2", "mul", "v1", "x0"),
+                        let("b2", "gt0", "v2"),
+                        let("v3", "select", "b2", 1.0, NAN),
+                        let("v4", "select", "b0", "v3", 2.0),
+                    ),
+                    "v4",
+                    rule=TIGHT,
+                    watch=("b1", "b0"),
+                ),
+            ),
+            "v9",
+        ),
+        (CUTS,),
+        (tuple(t - 2 for t in CUTS),),
+        len(CUTS),
+        1e-12,
+    ),
+    Case(
+        "the quarter of a disc, the inner break watched, not given: ∫∫ [x² + y² < p0] and its moment ∫∫ … x",
+        program(
+            1,
+            (
+                let("v0", "sqrt", "p0"),
+                integrate(
+                    "v8 v9",
+                    "x1",
+                    0.0,
+                    1.0,
+                    (
+                        let("v1", "powi", "x1", 2),
+                        let("v2", "sub", "p0", "v1"),
+                        integrate(
+                            "v6 v7",
+                            "x0",
+                            0.0,
+                            1.0,
+                            (
+                                let("v3", "powi", "x0", 2),
+                                let("v4", "sub", "v2", "v3"),
+                                let("b0", "gt0", "v4"),
+                                let("v5", "select", "b0", "x0", 0.0),
+                                let("v10", "select", "b0", 1.0, 0.0),
+                            ),
+                            "v10",
+                            "v5",
+                            rule=TIGHT,
+                            watch=("b0",),
+                        ),
+                    ),
+                    "v6",
+                    "v7",
+                    breaks=("v0",),
+                    rule=Adaptive(1e-10, smooth=True),
+                ),
+            ),
+            "v8",
+            "v9",
+        ),
+        (DISCS,),
+        (tuple(math.pi / 4 * t for t in DISCS), tuple(t**1.5 / 3 for t in DISCS)),
+        len(DISCS),
+        1e-11,
+    ),
+    Case(
+        "a watched condition from a nested integral, and ties at the ends of intervals, which do not count",
+        program(
+            1,
+            (
+                integrate(
+                    "v9",
+                    "x1",
+                    0.0,
+                    1.0,
+                    (
+                        integrate("v0", "x0", 0.0, "x1", (let("v1", "mul", 2.0, "x0"),), "v1"),
+                        let("v2", "sub", "p0", "v0"),
+                        let("b0", "gt0", "v2"),
+                        let("v3", "select", "b0", "v0", 0.0),
+                        let("b1", "tie", "x1", 1.0, True, 0),
+                        let("v4", "select", "b1", "v3", 1e9),
+                    ),
+                    "v4",
+                    rule=TIGHT,
+                    watch=("b0",),
+                ),
+            ),
+            "v9",
+            ties=1,
+        ),
+        (CUTS,),
+        (tuple(t**1.5 / 3 for t in CUTS),),
+        len(CUTS),
+        1e-12,
+    ),
+)
+
 TIES = (
     Case(
         "a tie is the average of both orders, far from it g > 0",
@@ -703,7 +846,7 @@ TIES = (
     ),
 )
 
-CASES = (*OPERATIONS, *ONE_VARIABLE, *TWO_VARIABLES, *ADAPTIVE, *TIES)
+CASES = (*OPERATIONS, *ONE_VARIABLE, *TWO_VARIABLES, *ADAPTIVE, *WATCHED, *TIES)
 
 
 def columns(case: Case) -> list[np.ndarray]:

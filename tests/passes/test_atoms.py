@@ -1,0 +1,106 @@
+"""Canonical atoms: one surface, one expression."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+import teg
+from teg.expr import ONE, ZERO
+from teg.passes.atoms import canonicalise
+from teg.surfaces import atoms_of
+from tests.references import REFERENCES, Reference, untagged
+
+x, y = teg.vars("x y")
+t, a, c = teg.params("t a c")
+
+
+def over(e: teg.Expr, hi: object = 1) -> teg.Expr:
+    return teg.integral(e, (x, 0, hi))
+
+
+def surfaces(e: teg.Expr) -> list[str]:
+    return sorted({str(atom.g) for atom in atoms_of(e)})
+
+
+@pytest.mark.parametrize(
+    ("e", "normal"),
+    [
+        (over(teg.bracket(x < t)), over(teg.bracket(x < t))),
+        (over(teg.bracket((x < t) & (2 * x < 2 * t))), over(teg.bracket(x < t))),
+        (over(teg.bracket((x < t) & (-3 * t < -3 * x))), over(teg.bracket(x < t))),
+        (over(teg.bracket((x < t) & (t <= x))), ZERO),
+        (over(teg.bracket((x < t) | (t <= x))), ONE),
+        (over(teg.bracket((x < t) & (x * teg.exp(a) < t * teg.exp(a)))), over(teg.bracket(x < t))),
+        (over(a * x * t), a * t * over(x)),
+        (over(teg.bracket(x < t) + x * teg.bracket(x < a)), over(teg.bracket(x < t)) + over(x * teg.bracket(x < a))),
+        (over(teg.bracket(x < t), t), t * teg.bracket(t > 0)),
+        (over(teg.bracket(t < a)), teg.bracket(t < a)),
+    ],
+    ids=lambda e: str(e),
+)
+def test_normal_form(e: teg.Expr, normal: teg.Expr) -> None:
+    found = canonicalise(e)
+    assert found is normal or str(found) == str(normal)
+
+
+@pytest.mark.parametrize(
+    ("e", "expected"),
+    [
+        (over(teg.bracket(x < t) * teg.bracket(2 * x < 2 * t) * teg.bracket(3 * x - 1 < 3 * t - 1)), 1),
+        (over(teg.bracket(a * x < a * t)), 2),  # a and x - t
+        (teg.integral(teg.bracket((y - c) * (x - t) > 0), (x, 0, 1), (y, 0, 1)), 2),
+        (over(teg.bracket(teg.bracket(x < t) * x < 0.2)), 2),
+        (over(teg.bracket((x - 0.5) ** 3 * (x - t) > 0)), 2),
+        (over(teg.bracket((x - 0.5) ** 2 * teg.exp(x) * (x - t) > 0)), 1),
+        (over(teg.bracket((x < t) & (t < x))), 1),
+        (over(teg.bracket(x**3 * (x - t) > 0)), 1),  # a bound decides x
+        (over(teg.bracket((x < t) & (x < t + 1))), 2),
+        (over(teg.bracket(teg.abs(x - t) < a)), 3),
+    ],
+    ids=lambda v: str(v),
+)
+def test_how_many_surfaces(e: teg.Expr, expected: int) -> None:
+    assert len(surfaces(canonicalise(e))) == expected
+
+
+def test_one_surface_is_one_expression_across_integrals() -> None:
+    e = over(teg.bracket(x < t) * x) + over(teg.bracket(2 * t - 2 * x > 0) * teg.exp(x))
+    assert len(surfaces(canonicalise(e))) == 1
+
+
+def test_strictness_is_kept() -> None:
+    for strict, closed in ((x < t, x <= t), (2 * x < 2 * t, -x >= -t)):
+        e = over(teg.bracket((x < t) & closed)) - over(teg.bracket((x < t) & strict))
+        assert teg.evaluate(e, {t: 0.5}) == 0.0
+    kept = canonicalise(over(teg.bracket(x < t) * teg.bracket(t <= x)))
+    assert kept is ZERO
+
+
+def test_terms_that_may_diverge_alone_stay_together() -> None:
+    e = over((1 - teg.cos(x)) / x**2 + teg.bracket(x < t))
+    assert teg.evaluate(e, {t: 0.5}) == pytest.approx(teg.evaluate(over((1 - teg.cos(x)) / x**2)) + 0.5, rel=1e-10)
+    assert teg.evaluate(over(1 / x - teg.exp(-x) / x)) == pytest.approx(0.7965995992970531343, rel=1e-9)
+
+
+@pytest.mark.parametrize("reference", untagged("later"), ids=lambda r: r.id)
+def test_the_value_is_preserved(reference: Reference) -> None:
+    e = reference.build()
+    expected = float(reference.value)
+    found = teg.evaluate(canonicalise(canonicalise(e)), reference.params)
+    assert abs(found - expected) <= reference.tolerance * (abs(expected) or 1)
+
+
+@pytest.mark.parametrize("reference", REFERENCES, ids=lambda r: r.id)
+def test_twice_is_once(reference: Reference) -> None:
+    once = canonicalise(reference.build())
+    assert canonicalise(once) is once
+
+
+@pytest.mark.parametrize(("s", "at"), list(itertools.product((-2.0, -1e-9, 0.0, 1e-9, 3.0), (0.3, 0.8))))
+def test_a_factor_of_either_sign(s: float, at: float) -> None:
+    for strict in (True, False):
+        condition = a * x < a * t if strict else a * x <= a * t
+        expected = at if s > 0 else 1 - at if s < 0 else 0.0 if strict else 1.0
+        assert teg.evaluate(over(teg.bracket(condition)), {a: s, t: at}) == pytest.approx(expected, abs=1e-15)

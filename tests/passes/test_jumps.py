@@ -1,0 +1,109 @@
+"""The jump of a whole expression across a surface."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import teg
+from teg.expr import FALSE, ONE, TRUE, ZERO, const
+from teg.passes.jumps import assign, jump, surface_terms, vanishes_on
+
+x, y = teg.vars("x y")
+t, a, b = teg.params("t a b")
+G = t - x
+STEP = teg.bracket(x < t)
+OTHER = teg.bracket(x < a)
+
+
+@pytest.mark.parametrize(
+    ("e", "expected"),
+    [
+        (STEP, ONE),
+        (STEP * STEP, ONE),
+        (STEP**2 + STEP, const(2)),
+        (x * t, ZERO),
+        (OTHER, ZERO),
+        (teg.sin(2 * STEP), const(math.sin(2))),
+        (x * STEP, x),
+        (STEP * OTHER, OTHER),
+        (teg.where(x < t, a, b), a - b),
+        (teg.where(x < t, a, b) * x, (a - b) * x),
+        (teg.bracket((x < t) & (x < a)), OTHER),
+        (teg.bracket(~(x < t)), const(-1)),
+        (teg.integral(STEP * y, (y, 0, 1)), teg.integral(y, (y, 0, 1))),
+        (teg.integral(y, (y, 0, STEP)), teg.integral(y, (y, 0, 1))),
+        (teg.where(teg.integral(STEP, (y, 0, 1)) < b, ONE, ZERO), teg.bracket(teg.integral(ONE, (y, 0, 1)) < b) - teg.bracket(b > 0)),
+    ],
+    ids=lambda e: str(e),
+)
+def test_jump(e: teg.Expr, expected: teg.Expr) -> None:
+    assert jump(e, G) is expected
+
+
+def values(e: teg.Expr, at: dict[teg.Expr, float]) -> float:
+    """The value with variables read as parameters."""
+    inner = e
+    for v in (x, y):
+        inner = teg.traverse.substitute(inner, {v: teg.param(f"value_of_{v.name}")})  # type: ignore[assignment]
+    return float(teg.evaluate(inner, {(k.name if k.name in "tab" else f"value_of_{k.name}"): v for k, v in at.items()}))  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    "e",
+    [
+        (STEP - OTHER) ** 3,
+        STEP * OTHER * (STEP + x) * teg.exp(STEP * t),
+        teg.where((x < t) & (x < a), x * STEP, teg.where(x < t, OTHER, t)) * (2 - STEP),
+        teg.where((x < t) | ~(x < a), STEP * a, b / (1 + STEP)),
+        teg.integral(y * STEP + OTHER, (y, STEP, 2 + OTHER)),
+        teg.sqrt(a * STEP + 1) * teg.maximum(STEP, x),
+        teg.tuple(STEP, x * STEP)[1] ** 2 / (2 + STEP),
+    ],
+    ids=str,
+)
+def test_the_rules_equal_the_difference_of_two_copies(e: teg.Expr) -> None:
+    copies = assign(e, G, True) - assign(e, G, False)  # type: ignore[operator]
+    for at in ({x: 0.3, t: 0.7, a: 0.2, b: 1.3}, {x: 0.9, t: 0.7, a: 1.2, b: -0.4}):
+        assert values(jump(e, G), at) == pytest.approx(values(copies, at), abs=1e-14)  # type: ignore[arg-type]
+
+
+def test_assign() -> None:
+    assert assign(STEP * x, G, True) is x
+    assert assign(STEP * x, G, False) is ZERO
+    assert assign(x < t, G, True) is TRUE
+    assert assign(x < t, G, False) is FALSE
+    assert assign(OTHER, G, True) is OTHER
+
+
+@pytest.mark.parametrize(
+    ("e", "expected"),
+    [
+        (G, True),
+        (2 * G * x, True),
+        (G**2, True),
+        (x - t, True),
+        (x**2 - t**2, True),
+        (teg.sin(x) - teg.sin(t), True),
+        (ONE, False),
+        (x, False),
+        (x + t, False),
+        (ZERO, True),
+        (a * (x - t), True),
+    ],
+    ids=lambda v: str(v),
+)
+def test_what_vanishes_on_the_surface(e: teg.Expr, expected: bool) -> None:
+    assert vanishes_on(e, G) == expected
+
+
+@pytest.mark.parametrize("kink", [teg.abs(x - t), teg.minimum(x, t), teg.maximum(x, t) * x, teg.where(x < t, x**2, t * x)], ids=str)
+def test_kinks_have_no_boundary_term(kink: teg.Expr) -> None:
+    surface = teg.surfaces.atoms_of(kink)[0].g
+    assert surface_terms(kink, [surface]) == []
+
+
+def test_a_jump_has_one() -> None:
+    assert surface_terms(STEP * x, [G]) == [(G, x)]
+    assert [g for g, _ in surface_terms(teg.sign(t - x), [G])] == [G]

@@ -1,0 +1,129 @@
+"""Elimination of δ: which family takes a surface, what comes out, and what is refused."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import teg
+from teg import errors
+from teg.passes.affine import Affine, match_affine
+from teg.passes.reparameterize import eliminate_deltas, find_family
+from teg.passes.univariate import Quadratic, match_quadratic
+
+x, y, z = teg.vars("x y z")
+t, a, b, c = teg.params("t a b c")
+
+
+def delta_integral(g: teg.Expr, w: teg.Expr | float = 1.0, *domain: tuple[teg.Expr, object, object]) -> teg.Expr:
+    return teg.integral(teg.delta(g) * w, *(domain or ((x, 0, 1),)))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("g", "variables"),
+    [
+        (t - x, (x,)),
+        (a * x + b * y - c, (y, x)),
+        (x + y + z - t, (z, y, x)),
+        (x * y - t, (x,)),
+        (x + y**2 - t, (x,)),
+        (teg.sin(t) * x + teg.exp(a) * y, (y, x)),
+        (x / a - y / b, (y, x)),
+    ],
+    ids=lambda v: str(v),
+)
+def test_affine_surfaces(g: teg.Expr, variables: tuple[teg.Expr, ...]) -> None:
+    assert match_affine(g, [v for v in (x, y, z) if v in g.free]) == Affine(variables)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("g", [teg.sin(x) - t, x**2 - t, 1 / x - t, t - a], ids=str)
+def test_no_affine_surface(g: teg.Expr) -> None:
+    assert match_affine(g, [x]) is None
+
+
+@pytest.mark.parametrize(
+    ("g", "matches"), [(x**2 - t, True), (a * x**2 + b * x + c, True), ((x - t) ** 2 - x**2, False), (x**3, False), (x**2 + y, False)]
+)
+def test_quadratic_surfaces(g: teg.Expr, matches: bool) -> None:
+    assert match_quadratic(g, [x, y]) == (Quadratic(x) if matches else None)
+
+
+@pytest.mark.parametrize(
+    ("e", "at", "expected"),
+    [
+        (delta_integral(t - x), {"t": 0.4}, 1.0),
+        (delta_integral(t - x), {"t": 1.4}, 0.0),
+        (delta_integral(2 * x - t, teg.exp(x)), {"t": 0.5}, math.exp(0.25) / 2),
+        (delta_integral(t - x, 1.0, (x, 1, 0)), {"t": 0.4}, -1.0),
+        (delta_integral(x**2 - t, x + 2, (x, -1, 1)), {"t": 0.25}, 4.0),
+        (delta_integral(x**2 - t, 1.0, (x, -1, 1)), {"t": -0.25}, 0.0),
+        (delta_integral(x + y - t, 1.0, (x, 0, 1), (y, 0, 1)), {"t": 0.6}, 0.6),
+        (delta_integral(x + y - t, 1.0, (x, 0, 1), (y, 0, 1)), {"t": 1.5}, 0.5),
+        (delta_integral(a * x + b * y - t, 1.0, (x, 0, 1), (y, 0, 1)), {"a": 0.0, "b": 2.0, "t": 0.6}, 0.5),
+        (delta_integral(a * x + b * y - t, 1.0, (x, 0, 1), (y, 0, 1)), {"a": 0.0, "b": 0.0, "t": 0.6}, 0.0),
+        (delta_integral(x + y + z - t, 1.0, (x, 0, 1), (y, 0, 1), (z, 0, 1)), {"t": 0.6}, 0.18),
+        (delta_integral(x - t, y, (y, 0, x), (x, 0, 1)), {"t": 0.6}, 0.18),
+        (delta_integral(y - t, x, (x, 0, y), (y, 0, 1)), {"t": 0.6}, 0.18),
+        (delta_integral(x + y - t, 1.0, (x, 0, y), (y, 0, 1)), {"t": 0.6}, 0.3),
+        (teg.integral(teg.delta(x - t) * teg.delta(y - a) * x * y, (x, 0, 1), (y, 0, 1)), {"t": 0.5, "a": 0.25}, 0.125),
+        (teg.integral(teg.delta(x - t) * x * teg.integral(teg.delta(y - a) * y, (y, 0, 1)), (x, 0, 1)), {"t": 0.5, "a": 0.25}, 0.125),
+    ],
+)  # fmt: skip
+def test_values(e: teg.Expr, at: dict[str, float], expected: float) -> None:
+    eliminated = teg.eliminate(e)
+    assert not eliminated.has_delta
+    assert teg.evaluate(eliminated, at) == pytest.approx(expected, rel=1e-13, abs=1e-15)
+    assert teg.evaluate(e, at) == pytest.approx(expected, rel=1e-13, abs=1e-15)
+
+
+@pytest.mark.parametrize("e", [delta_integral(t - x, teg.exp(x)), delta_integral(a * x + b * y - t, x, (x, 0, 1), (y, 0, 1))], ids=str)
+def test_twice_is_once(e: teg.Expr) -> None:
+    once = eliminate_deltas(e)
+    assert eliminate_deltas(once) is once
+
+
+def test_the_weight_is_not_looked_at_outside() -> None:
+    e = delta_integral(t - x, 1 / (x - 2))
+    assert teg.evaluate(e, {"t": 2.0}) == 0.0
+
+
+@pytest.mark.parametrize(
+    "g",
+    [teg.sin(3 * x) - t, x**3 - t * x - a, teg.exp(x) - t, x**2 + y**2 - t, teg.sin(x) + teg.cos(y) - t],
+    ids=str,
+)
+def test_surfaces_that_come_later_are_refused(g: teg.Expr) -> None:
+    e = teg.integral(teg.bracket(g < 0), (x, -1, 1), (y, -1, 1))
+    f = teg.compile(e)
+    at = dict.fromkeys(f.parameters, 0.6)
+    assert f(at) != 0.0  # the value works all the same
+    if find_family(g, [v for v in (x, y) if v in g.free]) is not None:
+        assert teg.check_gradient(f, at)
+        return
+    with pytest.raises(errors.NoReparameterisationError) as caught:
+        teg.eliminate(teg.diff(e, t))
+    assert isinstance(caught.value.where, teg.Expr)
+    assert caught.value.hint
+
+
+def test_deltas_out_of_place() -> None:
+    for e in (
+        teg.delta(t - a),
+        teg.integral(teg.delta(t - a) * x, (x, 0, 1)),
+        teg.integral(teg.delta(x - t) * teg.delta(x - t), (x, 0, 1)),
+        teg.integral(teg.delta(x - t) * teg.delta(2 * x - a), (x, 0, 1)),
+    ):
+        with pytest.raises(errors.DeltaError):
+            eliminate_deltas(e)
+
+
+def test_products_of_numbers_far_apart() -> None:
+    for coefficients in ((1e12, 1.0), (1.0, 1e-12), (1e-8, 1e8), (0.0, 1.0), (1.0, 0.0)):
+        e = teg.integral(teg.bracket(a * x + b * y < t), (x, 0, 1), (y, 0, 1))
+        f = teg.compile(e, [a, b, t])
+        p, q = coefficients
+        at = {"a": p, "b": q, "t": 0.4 * max(p, q)}
+        small, large = min(coefficients), max(coefficients)
+        assert f(at) == pytest.approx(0.4 - small / (2 * large), rel=1e-14)
+        assert f.grad(at)["t"] == pytest.approx(1 / large, rel=1e-13)
