@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,7 +57,7 @@ def check_gradient(f: Evaluator, *args: Any, tol: float = 1e-6, **named: Any) ->
             ys = f({**values, p.name: points})
             table = np.asarray(ys, dtype=float).reshape(-1, 8)
             quotients.append((table[:, :4] - table[:, 4:]) @ _WEIGHTS / h)
-        spread = [np.abs(a - b).max() for a, b in zip(quotients, quotients[1:], strict=False)]
+        spread = [np.abs(a - b).max() for a, b in itertools.pairwise(quotients)]
         best = quotients[int(np.nanargmin(spread)) + 1]
         worst = int(np.argmax(np.abs(best - exact)))
         error = float(abs(best[worst] - exact[worst]) / max(1.0, abs(exact[worst])))

@@ -8,12 +8,11 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
-from teg import expr as ex
-from teg.build import as_number, check_parameters, check_program
+from teg.build import check_parameters, check_program
 from teg.diagnose import Diagnosis, diagnose
 from teg.errors import OptionError, ParameterError
 from teg.explain import Explanation, explain
-from teg.expr import Expr, Param, Tuple
+from teg.expr import Expr, Param, Tuple, as_number
 from teg.pipeline import compiled_outputs, flatten, program_for
 from teg.program import Program
 from teg.traverse import parameters
@@ -301,6 +300,3 @@ def _combine(pairs: list[tuple[Any, Any]], like: Any) -> Any:
     if isinstance(like, tuple):
         return tuple(_combine([(g[i], d) for g, d in pairs], v) for i, v in enumerate(like))
     return sum((g * d for g, d in pairs), start=np.float64(0.0))
-
-
-__all__ = ["Evaluator", "compile", "evaluate", "ex"]

@@ -18,8 +18,9 @@ from teg.surfaces import atoms_of
 class Diagnosis:
     """One reason why the derivative at a point is not the usual one.
 
-    kind: "tie" (two surfaces, or a surface and a bound, coincide: the gradient given is the mean over the two orders), "parameter surface" (a
-    condition on parameters only is at its border), "infinite derivative", "not a number". `index` is the place in the batch, flattened.
+    kind: "tie" (two surfaces, or a surface and a bound, coincide: the gradient given is the mean over the two orders), "parameter
+    surface" (a condition on parameters only is at its border), "infinite derivative", "not a number". `index` is the place in the
+    batch, flattened.
     """
 
     kind: str

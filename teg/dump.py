@@ -179,11 +179,15 @@ def _operation(node: Node) -> str:
             return type(node).__name__.lower()
 
 
+def _short(node: Node) -> str:
+    return show(node, 2000)
+
+
 def _install() -> None:
     """Give nodes their text: printing stands on a higher floor than the nodes, which know no mathematics."""
     for cls in (Expr, Cond):
         cls.__str__ = show  # type: ignore[assignment]
-        cls.__repr__ = lambda self: show(self, 2000)  # type: ignore[assignment]
+        cls.__repr__ = _short  # type: ignore[assignment]
 
 
 _install()

@@ -3,9 +3,10 @@
     e ::= c | p | x | e + … + e | e · … · e | e^k | f(e, …) | where(b, e, e) | (e, …, e)          (binders stand in integral.py)
     b ::= g > 0 | g >= 0 | ~b | b & … & b | b | … | b | true | false
 
-A comparison a < b is kept as the atom g = b - a > 0. The functions in lower case (`add`, `mul`, `power`, `call`, `where`, …) build nodes and
-simplify on the way what costs nothing to see: constants, neutral elements, equal terms, a bracket as a factor. They neither reorder nor
-re-associate sums, so a program is evaluated as the user wrote it.
+A comparison a < b is kept as the atom g = b - a > 0. The functions in lower case (`add`, `mul`, `power`, `call`, `where`, …) build nodes
+and simplify on the way what costs nothing to see: constants, neutral elements, equal terms, a bracket as a factor. They neither reorder
+nor re-associate sums, so a program is evaluated as the user wrote it. The operators of `Expr` are these functions, but keep what would
+vanish altogether (t - t), for its parameters are arguments of the program.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ import weakref
 from collections.abc import Hashable, Iterable
 from typing import Any, TypeVar
 
-_table: weakref.WeakValueDictionary[tuple[Hashable, ...], Node] = weakref.WeakValueDictionary()
+_table: weakref.WeakValueDictionary[tuple[object, ...], Node] = weakref.WeakValueDictionary()
 _lock = threading.RLock()
 
 N = TypeVar("N", bound="Node")
@@ -115,9 +115,9 @@ def digest(node: Node) -> int:
                 text = f"{type(n).__name__}|{digest(data) if isinstance(data, Node) else data!r}|"
                 h = hashlib.blake2b(text.encode(), digest_size=8)
                 for c in n.children:
-                    h.update(c._digest.to_bytes(8, "little"))
+                    h.update((c._digest or 0).to_bytes(8, "little"))
                 object.__setattr__(n, "_digest", int.from_bytes(h.digest(), "little"))
-    return node._digest  # type: ignore[no-any-return]
+    return node._digest or 0
 
 
 def _pack(data: Any) -> Any:

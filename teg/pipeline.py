@@ -16,10 +16,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
 from teg import expr as ex
-from teg.build import as_number, check_parameters
+from teg.build import check_parameters
 from teg.dump import dump
 from teg.errors import OptionError
-from teg.expr import ONE, Expr, Param, Tuple
+from teg.expr import ONE, Expr, Param, Tuple, as_number
 from teg.node import postorder
 from teg.passes.adjoint import gradient_of
 from teg.passes.atoms import canonicalise
@@ -74,7 +74,7 @@ def jvp(e: object, direction: Mapping[Param, object]) -> Expr:
 
 
 def grad(e: object, by: Sequence[Param] | Param | None = None) -> Tuple:
-    """The derivatives of e by each parameter (reverse mode; default: all of them), a tuple, deltas visible. For a tuple e: a tuple of these."""
+    """The derivatives of e by each parameter (reverse mode; default: all), a tuple, deltas visible. For a tuple e: a tuple of these."""
     wrt = _chosen(e, by)
     return cast(Tuple, run_pass("adjoint", lambda u: gradient_of(u, wrt), normal_form(_expression(e))))
 

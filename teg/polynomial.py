@@ -181,7 +181,7 @@ class Shadow:
             n, d = ratio
             if d != den:
                 n, num, den = self._multiply(n, den), self._multiply(num, d), self._multiply(den, d)
-                if n is None or num is None or den is None:  # type: ignore[redundant-expr]
+                if n is None or num is None or den is None:
                     return None
             for m, c in n.items():
                 c = (num.get(m, 0) + c) % P
@@ -313,8 +313,8 @@ def expanded(e: Expr, limit: int = 48) -> Expr | None:
                 if part is None or form is None:
                     form = None
                     break
-                for m, k in part.items():
-                    form[m] = form.get(m, Fraction(0)) + k
+                for m, weight in part.items():
+                    form[m] = form.get(m, Fraction(0)) + weight
             if form is not None:
                 form = {m: k for m, k in form.items() if k}
         elif isinstance(node, Mul) or (isinstance(node, Pow) and 0 < node.exponent <= 8):

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 
 
-@pytest.fixture(autouse=True)
-def verified(monkeypatch: pytest.MonkeyPatch) -> None:
-    """TEG_VERIFY=1 in every test."""
-    monkeypatch.setenv("TEG_VERIFY", "1")
+@pytest.fixture(autouse=True, scope="session")
+def verified() -> Iterator[None]:
+    """TEG_VERIFY=1 in all tests (for the session, as property tests allow no fixtures of one function)."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TEG_VERIFY", "1")
+        yield

@@ -219,7 +219,7 @@ def _inside_bounds(
         else:
             sides.append((below(point[i], b.hi, g, b.var, b.hi), below(point[i], b.lo, g, b.var, b.lo)))
     under_hi, under_lo = _select_bound(pivots, sides, 0), _select_bound(pivots, sides, 1)
-    orders = {ordered(*ranges[i]) for i in plain}
+    orders = {ordered(*ranges[i]) for i in plain} | ({1} if widened else set())
     return signed_between(under_hi, under_lo, orders.pop() if len(orders) == 1 else 0, value)
 
 

@@ -19,9 +19,7 @@ from teg import expr as ex
 from teg.expr import (
     FALSE,
     MINUS_ONE,
-    ONE,
     TRUE,
-    ZERO,
     Add,
     Call,
     Compare,
@@ -39,8 +37,8 @@ from teg.expr import (
     negation,
     positive,
 )
-from teg.integral import Integral, integral_over, scaled_integral
-from teg.node import Node, postorder
+from teg.integral import Integral, scaled_integral
+from teg.node import Node, postorder, union
 from teg.passes.jumps import assign
 from teg.polynomial import P, Point, Shadow, expanded, sign_of_residue
 from teg.surfaces import atoms_of, binders_inside
@@ -80,8 +78,8 @@ class _Canonical:
     def _atom(self, g: Expr, strict: bool, hoists: int) -> Cond:
         inner = _inner_condition(g) if hoists else None
         if inner is not None:
-            then = self._atom(cast(Expr, _decide(g, inner, True)), strict, hoists - 1)
-            otherwise = self._atom(cast(Expr, _decide(g, inner, False)), strict, hoists - 1)
+            then = self._atom(_decide(g, inner, True), strict, hoists - 1)
+            otherwise = self._atom(_decide(g, inner, False), strict, hoists - 1)
             return disjunction(conjunction(inner, then), conjunction(negation(inner), otherwise))
         if has_variable_denominator(g):
             numerator, denominator = cleared(g)
@@ -166,7 +164,7 @@ class _Canonical:
         new: dict[Node, Node] = {}
         for node in postorder([e]):
             result = rebuild(node, tuple([new[c] for c in node.children]))
-            new[node] = changed.get(cast(Compare, node), cast(Cond, result)) if isinstance(node, Compare) else result
+            new[node] = changed.get(node, cast(Cond, result)) if isinstance(node, Compare) else result
             if node is integral and isinstance(new[node], Integral):
                 rest = cast(Integral, new[node])
                 new[node] = scaled_integral(rest.body, rest.var, rest.lo, rest.hi)
@@ -195,7 +193,7 @@ def _inner_condition(g: Expr) -> Cond | None:
                 return node.condition
             stack += [node.otherwise, node.then]
         elif isinstance(node, Add | Mul | Pow | Call):
-            stack.extend(reversed(node.children))
+            stack.extend(cast("tuple[Expr, ...]", node.children[::-1]))
     return None
 
 
@@ -320,35 +318,36 @@ def _separable_terms(body: Expr, x: Var) -> list[Expr]:
             stack.extend(reversed(e.children))
         else:
             flat.append(e)
+    atoms, divergent = _facts(flat, x)
     groups: dict[object, list[Expr]] = {}
     for term in flat:
-        key: object = frozenset(a.g for a in atoms_of(term, x))
+        key: object = atoms.get(term, frozenset())
         if term.has_delta:
             key = term
-        elif _may_diverge(term, x):
+        elif term in divergent:
             key = "may diverge"
         groups.setdefault(key, []).append(term)
     return [add(*terms) for terms in groups.values()] if len(groups) > 1 else [body]
 
 
-def _may_diverge(term: Expr, x: Var) -> bool:
-    """Is there a pole or a logarithm in x, outside of conditions and of inner integrals?"""
-    stack: list[Expr] = [term]
-    seen: set[Expr] = set()
-    while stack:
-        e = stack.pop()
-        if e in seen or x not in e.free:
+def _facts(terms: list[Expr], x: Var) -> tuple[dict[Node, frozenset[Expr]], set[Node]]:
+    """For the nodes below some terms: the surfaces in x, and whether there is a pole or a logarithm in x (outside of conditions)."""
+    atoms: dict[Node, frozenset[Expr]] = {}
+    divergent: set[Node] = set()
+    for node in postorder(terms):
+        if x not in node.free:
             continue
-        seen.add(e)
-        if (isinstance(e, Pow) and e.exponent < 0) or (isinstance(e, Call) and e.name in ("log", "tan", "pow")):
-            return True
-        if isinstance(e, Where):
-            stack += [e.then, e.otherwise]
-        elif isinstance(e, Integral):
-            stack.append(e.body)
-        else:
-            stack.extend(cast("tuple[Expr, ...]", e.children))
-    return False
+        children = node.children[:1] if isinstance(node, Compare) else node.children
+        mine = union([atoms.get(c, _NONE) for c in children])
+        if isinstance(node, Compare):
+            mine = mine | {node.g}
+        atoms[node] = mine
+        pole = isinstance(node, Pow) and node.exponent < 0
+        singular = isinstance(node, Call) and node.name in ("log", "tan", "pow")
+        inherited = not isinstance(node, Compare) and any([c in divergent for c in children])
+        if pole or singular or inherited:
+            divergent.add(node)
+    return atoms, divergent
 
 
-__all__ = ["ONE", "ZERO", "canonicalise", "integral_over"]
+_NONE: frozenset[Expr] = frozenset()

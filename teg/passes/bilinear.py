@@ -3,10 +3,10 @@ bilinearly interpolated values.
 
     g = g₀ + b·(x - l) + c·(y - m) + d·(x - l)(y - m),   E = b·c - d·g₀        on g = 0:  g_x·g_y = E
 
-Two charts: x is eliminated where the curve is the steeper one in x, |g_x|·X >= |g_y|·Y with X, Y the extents, and y elsewhere. On the curve
-the first is g_x² >= |E|·Y/X, a condition on y alone, and the second g_y² > |E|·X/Y, one on x alone: both are two affine atoms, complementary
-on the curve, so that their fluxes cancel in higher derivatives. Neither chart sees a denominator below √(|E|·Y/X), and at the saddle value,
-E = 0, where the curve becomes two lines, each chart has one of them whole.
+Two charts: x is eliminated where |g_x|·X >= |g_y|·Y, X and Y being the extents, and y elsewhere. On the curve the first is
+g_x² >= |E|·Y/X, a condition on y alone, and the second g_y² > |E|·X/Y, one on x alone: each is two affine atoms, and they are
+complementary on the curve, so that their fluxes cancel in higher derivatives. Neither chart sees a denominator below √(|E|·Y/X), and at
+the saddle value, E = 0, where the curve becomes two lines, each chart has one of them whole.
 """
 
 from __future__ import annotations

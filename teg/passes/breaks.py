@@ -283,7 +283,7 @@ def _variable_where(e: Expr) -> Where | None:
         if isinstance(node, Where):
             stack += [node.then, node.otherwise]
         elif isinstance(node, Add | Mul | Pow | Call):
-            stack.extend(node.children)
+            stack.extend(cast("tuple[Expr, ...]", node.children))
     return None
 
 

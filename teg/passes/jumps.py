@@ -10,7 +10,7 @@ jump(∫ₗʰ a) = ∫ₗʰ jump(a), or ∫_{l₁}^{h₁} a₁ - ∫_{l₀}^{h�
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 from teg import expr as ex
 from teg.calculus import factor_cofactors
@@ -146,13 +146,13 @@ def vanishes_on(e: Expr, surface: Expr) -> bool:
     if isinstance(e, Const):
         return e is ZERO
     for pivot in (n for n in postorder([surface]) if isinstance(n, Var | Param)):
-        values = []
+        values: list[int | None] = []
         for trial in ("0", "1"):
             zero = Point(trial, {pivot: 0}).value(surface)
             one = Point(trial, {pivot: 1}).value(surface)
             two = Point(trial, {pivot: 2}).value(surface)
             if zero is None or one is None or two is None or (two - 2 * one + zero) % P or (one - zero) % P == 0:
-                values = []
+                values.clear()
                 break
             root = -zero * pow(one - zero, -1, P) % P
             values.append(Point(trial, {pivot: root}).value(e))
@@ -167,5 +167,5 @@ def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
     for g in surfaces:
         j = jump(body, g)
         if j is not ZERO and not vanishes_on(j, g):
-            found.append((g, cast(Expr, j)))
+            found.append((g, j))
     return found

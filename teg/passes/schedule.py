@@ -338,10 +338,10 @@ class _Scheduler:
         mine: list[Integral] = []
         for node in order:
             height[node] = max([height[c] for c in node.children], default=0)
-            if isinstance(node, Integral) and (node.free == frozenset() if level.var is None else level.var in node.free):
-                if level.var is None or not node.free & inner:
-                    height[node] += 1
-                    mine.append(node)
+            here = not node.free if level.var is None else level.var in node.free and not node.free & inner
+            if isinstance(node, Integral) and here:
+                height[node] += 1
+                mine.append(node)
         if not mine:
             return
         level.guards = self._guards(level, roots, order, inner, height, set(mine))
@@ -463,7 +463,7 @@ class _Scheduler:
             kept = [p for p in parts if level.is_constant(p)]
             if c is TRUE or not kept:
                 return True
-            conditions.append(conjunction(*cast("list[Cond]", kept)))
+            conditions.append(conjunction(*kept))
         total = disjunction(*conditions)
         if total is TRUE or (isinstance(total, Or) and len(total.children) > 2 * GUARD_TERMS):
             return True

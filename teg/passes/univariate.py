@@ -56,4 +56,3 @@ def rewrite_quadratic(g: Expr, coefficient: Expr, chain: Chain, data: Quadratic)
         terms.append(signed_inside(root, b.lo, b.hi, g, b.var, (b.lo, b.hi), value))
     total = where(positive(roots.discriminant, strict=False), add(*terms), ZERO)
     return nest(total, rest)
-

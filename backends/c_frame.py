@@ -1,0 +1,251 @@
+"""One C function in the making: what its names are called, which of them live in the workspace, where it is cut.
+
+A value that is used once, in the block and the C function that compute it, has no name: it is printed where it is used.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from teg.backends.c_text import ATOM, NEUTRAL, Text, expression, indent, kind, literal, packed, wrapped
+from teg.program import Arg, Assign
+
+PART = 800  # statements in one C function, beyond which a block is cut
+BY_VALUE = 40  # captured values passed as C arguments; more go through the workspace
+ON_STACK = 64  # results of an integral kept in arrays on the C stack
+ARITY = 64  # operands in one C expression
+LITERALS = 24  # captured literals; a routine with more keeps them in its text
+INLINE = 84  # characters of an expression printed where it is used
+ARGUMENT = 32  # … as an argument of an integral
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """An assignment, or C lines given a Scope that spells names; `area` doubles are used beyond the frame's own workspace.
+
+    `uses` has an argument as often as it is spelled, `longest` is what may be printed in its place.
+    """
+
+    defines: tuple[str, ...]
+    uses: tuple[Arg, ...]
+    assign: Assign | None = None
+    lines: Callable[[Scope], list[str]] | None = None
+    weight: int = 1
+    area: int = 0
+    longest: int = INLINE
+
+
+@dataclass(slots=True)
+class Scope:
+    """How names and literals are spelled at one place; the workspace of called routines begins at `free`."""
+
+    names: dict[Arg, str]
+    free: int
+    elsewhere: dict[Arg, str] = field(default_factory=dict)
+    waiting: dict[Arg, Text] = field(default_factory=dict)  # values to be printed where they are used
+    count: list[int] = field(default_factory=lambda: [0])
+
+    def __call__(self, arg: Arg) -> str:
+        return self.spell(arg)[0]
+
+    def spell(self, arg: Arg) -> Text:
+        if isinstance(arg, str):
+            return self.waiting.get(arg) or (self.elsewhere.get(arg) or self.names[arg], ATOM)
+        if isinstance(arg, bool):
+            return str(int(arg)), ATOM
+        return self.names.get(float(arg)) or literal(float(arg)), ATOM
+
+    def name(self, value: str, letter: str = "") -> str:
+        """A new name for a value."""
+        self.count[0] += 1
+        self.names[value] = f"{letter or ('b' if value[0] == 'b' else 'v')}{self.count[0]}"
+        return self.names[value]
+
+
+class Frame:
+    """A C function; a part is a C function of its own that runs a stretch of a long block; part 0 is the function itself."""
+
+    def __init__(
+        self,
+        captured: Sequence[Arg],
+        blocks: list[list[Step]],
+        own: Sequence[Arg],
+        ties: bool,
+        var: str | None = None,
+        prefix: str = "c",
+    ) -> None:
+        steps = [step for block in blocks for step in block]
+        self.captured, self.blocks, self.ties, self.var = captured, blocks, ties, var
+        self.indirect = len(captured) > BY_VALUE
+        self.below = max((step.area for step in steps), default=0)
+        self.names: dict[Arg, str] = {arg: f"{prefix}{i}" for i, arg in enumerate(captured)}
+        if var is not None:
+            self.names[var] = "x"
+        self.parts: list[str] = []  # their texts
+        self._count = [0]
+        self._cuts = _cut(blocks)
+        known = {*self.names, *(name for step in steps for name in step.defines)}
+        self._home: dict[Arg, int] = {}  # the part that defines a name, if it is not part 0
+        self._slots: dict[Arg, int] = {arg: i for i, arg in enumerate(captured)} if self.indirect else {}
+        self._uses = {0: dict.fromkeys(arg for arg in own if arg in known)}  # by part
+        for number, part in (numbered for cut in self._cuts for numbered in cut):
+            if number:
+                self._home |= dict.fromkeys((name for step in part for name in step.defines), number)
+            uses = self._uses.setdefault(number, {})
+            uses |= dict.fromkeys(arg for step in part for arg in step.uses if arg in known)
+        for number, uses in self._uses.items():
+            for arg in uses:
+                if self._home.get(arg, 0) != number:
+                    self._slots.setdefault(arg, len(self._slots))
+        self.size = len(self._slots)
+        times = Counter(arg for step in steps for arg in step.uses if isinstance(arg, str))
+        self._once = {arg for arg, n in times.items() if n == 1}.difference(own)
+
+    @property
+    def workspace(self) -> int:
+        return self.size + self.below
+
+    def array(self, name: str, count: int, on_stack: int | None = None) -> list[str]:
+        """Declare an array, before any block: on the C stack if it is short, else in the workspace."""
+        if count <= (ON_STACK if on_stack is None else on_stack):
+            return [f"double {name}[{count}];"]
+        self.size += count
+        return [f"double *const {name} = w + {self.size - count};"]
+
+    def scope(self) -> Scope:
+        """Names as they are spelled in the function itself."""
+        elsewhere = {arg: self._load(arg) for arg in self._uses[0] if arg in self._home}
+        return Scope(self.names, self.size, elsewhere, count=self._count)
+
+    def signature(self, *pointers: str) -> str:
+        """Name and C parameters of the function."""
+        values = [] if self.indirect else [f"{kind(arg)} {self.names[arg]}" for arg in self.captured]
+        values += [f"double *{pointer}" for pointer in (*pointers, *["w"] * (self.workspace > 0))]
+        return f"@({', '.join(values + ['teg_context *ctx'] * self.ties) or 'void'})"
+
+    def opening(self) -> list[str]:
+        """Captured values out of the workspace where the function needs them, or into it where parts do."""
+        if self.indirect:
+            return self._declarations(arg for arg in self.captured if arg in self._uses[0])
+        return packed(f"w[{self._slots[arg]}] = {self.names[arg]};" for arg in self.captured if arg in self._slots)
+
+    def block(self, index: int) -> list[str]:
+        """The lines that run a block at the variable's present value."""
+        lines = [] if self.var not in self._slots else [f"w[{self._slots[self.var]}] = x;"]
+        for number, part in self._cuts[index]:
+            lines += self._call(number, part) if number else self._lines(part, self.scope())
+        return lines
+
+    def _call(self, number: int, part: list[Step]) -> list[str]:
+        """Print a part; the line that calls it."""
+        passed = ["double *w"] * (self.workspace > 0) + ["double *f"] + ["teg_context *ctx"] * self.ties
+        loads = self._declarations(arg for arg in self._uses[number] if self._home.get(arg, 0) != number)
+        inside = indent(*loads, *self._lines(part, Scope(self.names, self.size, count=self._count)))
+        self.parts.append(wrapped([f"static void @_part_{number}({', '.join(passed)})", "{", *inside, "}"]))
+        return [f"@_part_{number}({', '.join(parameter.split('*')[1] for parameter in passed)});"]
+
+    def _lines(self, steps: list[Step], scope: Scope) -> list[str]:
+        """The lines of steps; a value used once waits until the step that uses it."""
+        here = {arg for step in steps for arg in step.uses if arg in self._once}
+        lines: list[str] = []
+        for step in steps:
+            waiting = [arg for arg in step.uses if arg in scope.waiting]
+            for arg in waiting:
+                if len(scope.waiting[arg][0]) > step.longest:
+                    lines.append(_declared(arg, scope.waiting.pop(arg), scope))
+            if step.lines is not None:
+                lines += step.lines(scope)
+            elif step.assign is not None:
+                text = _value(step.assign, step.uses, scope)
+                while len(text[0]) > INLINE and len(step.uses) < 4:
+                    longest = max(step.uses, key=lambda arg: len(scope.waiting.get(arg, ("", 0))[0]))
+                    if longest not in scope.waiting:
+                        break
+                    lines.append(_declared(longest, scope.waiting.pop(longest), scope))
+                    text = _value(step.assign, step.uses, scope)
+                if step.assign.name in here and step.assign.op != "tie" and len(text[0]) <= INLINE:
+                    scope.waiting[step.assign.name] = text
+                else:
+                    lines.append(_declared(step.assign.name, text, scope))
+            for arg in waiting:
+                scope.waiting.pop(arg, None)
+            kept = [name for name in step.defines if name in self._slots]
+            if kept:
+                lines += packed(f"w[{self._slots[name]}] = {self.names[name]};" for name in kept)
+        return lines
+
+    def _declarations(self, args: Iterable[Arg]) -> list[str]:
+        """Values out of the workspace."""
+        by_kind: dict[str, list[str]] = {"double": [], "int": []}
+        for arg in args:
+            by_kind[kind(arg)].append(f"{self.names[arg]} = {self._load(arg)}")
+        return [line for c, parts in by_kind.items() for line in packed(parts, f"const {c} ", ", ", ";")]
+
+    def _load(self, arg: Arg) -> str:
+        slot = f"w[{self._slots[arg]}]"
+        return f"({slot} != 0.0)" if kind(arg) == "int" else slot
+
+
+def captured_by(own: Sequence[Arg], steps: list[Step], var: str) -> list[Arg]:
+    """What an integral takes from outside, in order of first use: names, and literals that are not simple."""
+    defined = {name for step in steps for name in step.defines} | {var}
+    uses = dict.fromkeys((*own, *(arg for step in steps for arg in step.uses)))
+    names = [arg for arg in uses if isinstance(arg, str) and arg not in defined]
+    numbers = [float(arg) for arg in uses if not isinstance(arg, (str, bool))]
+    literals = [x for x in numbers if abs(x) < float("inf") and not (abs(x) <= 64 and (4 * x).is_integer())]
+    return [*names, *(literals if len(literals) <= LITERALS else ())]
+
+
+def assignments(stmt: Assign) -> Iterator[Step]:
+    """An assignment; a sum or product of very many operands as a chain."""
+    args, name = stmt.args, stmt.name
+    if stmt.op in NEUTRAL:
+        for link in range(1, -(-(len(args) - 1) // (ARITY - 1))):
+            yield _assignment(Assign(f"{name}+{link}", stmt.op, args[:ARITY]))
+            args = (f"{name}+{link}", *args[ARITY:])
+        stmt = Assign(name, stmt.op, args) if args is not stmt.args else stmt
+    yield _assignment(stmt)
+
+
+def _assignment(stmt: Assign) -> Step:
+    match stmt.op:
+        case "powi":
+            uses = stmt.args[:1] * (2 if stmt.args[1] == 2 else 1)
+        case "tie":
+            uses = stmt.args[:3]
+        case _:
+            uses = stmt.args
+    return Step((stmt.name,), uses, stmt, weight=1 + len(uses) // 8)
+
+
+def _value(stmt: Assign, uses: Sequence[Arg], scope: Scope) -> Text:
+    return expression(stmt.op, [scope.spell(arg) for arg in uses], stmt.args[1:] if stmt.op == "powi" else ())
+
+
+def _declared(name: Arg, value: Text, scope: Scope) -> str:
+    assert isinstance(name, str)
+    return f"const {kind(name)} {scope.name(name)} = {value[0]};"
+
+
+def _cut(blocks: list[list[Step]]) -> list[list[tuple[int, list[Step]]]]:
+    """Each block as numbered parts of bounded weight; a block that stays whole has number 0."""
+    long = sum(step.weight for block in blocks for step in block) > PART
+    cuts: list[list[tuple[int, list[Step]]]] = []
+    number = 0
+    for block in blocks:
+        if not long or sum(step.weight for step in block) <= PART:
+            cuts.append([(0, block)])
+            continue
+        cut: list[tuple[int, list[Step]]] = []
+        room = 0
+        for step in block:
+            if step.weight > room:
+                number += 1
+                cut.append((number, []))
+                room = PART
+            cut[-1][1].append(step)
+            room -= step.weight
+        cuts.append(cut)
+    return cuts
