@@ -5,6 +5,7 @@ A value that is used once, in the block and the C function that compute it, has 
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -180,6 +181,7 @@ class Frame:
         """Values out of the workspace."""
         by_kind: dict[str, list[str]] = {"double": [], "int": []}
         for arg in args:
+            self.names[arg] = re.sub(r"\[(\d+)\]", r"_\1", self.names[arg])  # not in an array any more
             by_kind[kind(arg)].append(f"{self.names[arg]} = {self._load(arg)}")
         return [line for c, parts in by_kind.items() for line in packed(parts, f"const {c} ", ", ", ";")]
 

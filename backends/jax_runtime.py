@@ -142,16 +142,16 @@ def _adaptive(
         x = p + (q - p) * (u * u * (3.0 - 2.0 * u) if smooth else u)
         weight = 0.5 * width * (q - p) * (6.0 * u * (1.0 - u) if smooth else jnp.ones_like(u))
         found, tied = jax.vmap(values)(x)
-        changed = False
+        conditions = found[:, results:] > 0.0
         if watched:  # at the ends, the last two rows, only the conditions count
-            conditions, found, tied, weight = found[:, results:] > 0.0, found[:-2, :results], tied[:-2], weight[:-2]
-            changed = jnp.any(jnp.any(conditions, axis=0) & ~jnp.all(conditions, axis=0))
+            found, tied, weight = found[:-2, :results], tied[:-2], weight[:-2]
         found = found * weight[:, None]
         kronrod, size = (jnp.sum(weights[:, None] * f, axis=0) for f in (found, jnp.abs(found)))
         gap = jnp.abs(kronrod - jnp.sum(gauss[:, None] * found[1::2], axis=0))
         enough = jnp.where(at.used == 0, tol * (size + ABSOLUTE_FLOOR), at.enough)
         fine = jnp.all((gap <= jnp.maximum(enough, ROUNDING * size)) | ~jnp.isfinite(gap))
         if watched:
+            changed = jnp.any(jnp.any(conditions, axis=0) & ~jnp.all(conditions, axis=0))
             fine = jnp.where(changed, width <= WATCH_WIDTH, fine)
         done = fine | (at.width == 1) | (at.used + 1 >= MAX_INTERVALS)
         start = jnp.where(done, at.start + at.width, at.start)

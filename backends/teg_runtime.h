@@ -1,4 +1,4 @@
-/* What every generated kernel stands on: C99, no global state, nothing on the heap. */
+/* What generated kernels stand on: C99, no global state, nothing on the heap. */
 
 #include <math.h>
 #include <stdlib.h>
@@ -12,6 +12,8 @@
 #else
 #define TEG_EXPORT
 #endif
+
+/* As needed. */
 
 /* x - y*floor(x/y): the remainder with the sign of y. */
 static inline double teg_mod(double x, double y)
@@ -83,8 +85,6 @@ static inline void teg_sort(double *t, int n)
     }
 }
 
-#ifdef TEG_TIES
-
 /* How coinciding surfaces are ordered in this run (+1 or -1), and whether any were met. */
 typedef struct {
     int order;
@@ -99,10 +99,6 @@ static inline int teg_tie(teg_context *ctx, double g, double scale, int r)
     }
     return g > 0.0;
 }
-
-#endif
-
-#ifdef TEG_ADAPTIVE
 
 /* An interval of u in (0, 1) that waits for its turn; the longest queue is TEG_MAX_DEPTH + 1. */
 typedef struct {
@@ -150,5 +146,3 @@ static inline int teg_accepts(
     }
     return 1;
 }
-
-#endif

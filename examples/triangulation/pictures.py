@@ -33,16 +33,16 @@ def draw_target(path: Path, target: np.ndarray) -> None:
 
 def write_svg(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int) -> None:
     """The triangles with their colours, and their edges as thin lines, as an SVG."""
-    faces = [
-        f'<path d="M{_point(a)}L{_point(b)}L{_point(c)}z" fill="#{red:02x}{green:02x}{blue:02x}"/>'
-        for (a, b, c), (red, green, blue) in zip(vertices[triangles], _bytes(colours), strict=True)
-    ]
+    faces = []
+    for (a, b, c), (red, green, blue) in zip(vertices[triangles], _bytes(colours), strict=True):
+        colour = f"#{red:02x}{green:02x}{blue:02x}"  # the stroke closes the seams that antialiasing leaves
+        faces.append(f'<path d="M{_point(a)}L{_point(b)}L{_point(c)}z" fill="{colour}" stroke="{colour}"/>')
     pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]))
     edges = "".join(f"M{_point(vertices[a])}L{_point(vertices[b])}" for a, b in np.unique(pairs, axis=0))
     width = size / 1000
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size} {size}" width="1024" height="1024">',
-        '<g id="faces" shape-rendering="crispEdges">',
+        f'<g id="faces" stroke-width="{width:g}" stroke-linejoin="round">',
         *faces,
         "</g>",
         f'<path id="edges" d="{edges}" fill="none" stroke="#fff" stroke-opacity="0.4" stroke-width="{width:g}"/>',

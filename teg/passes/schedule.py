@@ -16,6 +16,7 @@ from typing import cast
 
 from teg.expr import (
     FALSE,
+    MINUS_ONE,
     TRUE,
     ZERO,
     Add,
@@ -79,7 +80,7 @@ class _Level:
     block: list[Stmt] = field(default_factory=list)
     names: dict[Node, Arg | Truths] = field(default_factory=dict)
     computed: dict[tuple[str, tuple[Arg, ...]], str] = field(default_factory=dict)
-    magnitudes: dict[Expr, Arg] = field(default_factory=dict)
+    errors: dict[Expr, Arg] = field(default_factory=dict)
     groups: dict[Integral, list[Integral]] = field(default_factory=dict)
     guards: dict[Integral, Cond] = field(default_factory=dict)
     constant: dict[Node, bool] = field(default_factory=dict)  # on a piece
@@ -266,20 +267,30 @@ class _Scheduler:
 
     def _tie(self, c: Compare, g: Arg, home: _Level) -> Truths:
         holds_first = cast(Truths, self._home(cast(Cond, c.resolution), home).names[cast(Cond, c.resolution)])[0]
-        scale = self._magnitude(c.g, home)
+        scale = self._tie_scale(c.g, home)
         k = self.ties.setdefault(cast("tuple[str, str]", c.rivals), len(self.ties))
         holds = self._assign(home, "b", "tie", g, scale, holds_first, k)
         fails = self._assign(home, "b", "not", holds)
         ok = self._assign(home, "b", "ok", g)
         return (holds, self._assign(home, "b", "and", fails, ok))
 
-    def _magnitude(self, root: Expr, level: _Level) -> Arg:
-        """A number that bounds the rounding error of an expression when multiplied by a few ε: Σ|terms|, carried through."""
+    def _tie_scale(self, g: Expr, home: _Level) -> Arg:
+        """What, times a few ε, an atom may be off by where it is 0: Σ|terms|, and the rounding errors its terms come with."""
+        terms = g.children if isinstance(g, Add) else (g,)
+        sizes = [self._size(self._number(cast(Expr, t), home), home) for t in terms]
+        error = self._error(g, home)
+        return self._assign(home, "v", "add", *sizes, *(() if error == 0.0 else (error,)))
+
+    def _size(self, value: Arg, home: _Level) -> Arg:
+        return abs(value) if isinstance(value, float | int) else self._assign(home, "v", "abs", value)
+
+    def _error(self, root: Expr, level: _Level) -> Arg:
+        """A running error bound in units of ε (Wilkinson 1963): parameters and variables are exact, each operation rounds once."""
         stack: list[tuple[Expr, _Level]] = [(root, level)]
         while stack:
             e, at = stack[-1]
             home = self._home(e, at)
-            if e in home.magnitudes:
+            if e in home.errors:
                 stack.pop()
                 continue
             inside: Sequence[Expr] = ()
@@ -287,41 +298,56 @@ class _Scheduler:
                 inside = cast("Sequence[Expr]", e.children)
             elif isinstance(e, Where):
                 inside = (e.then, e.otherwise)
-            missing = [(c, home) for c in inside if c not in self._home(c, home).magnitudes]
+            missing = [(c, home) for c in inside if c not in self._home(c, home).errors]
             if missing:
                 stack.extend(missing)
                 continue
-            home.magnitudes[e] = self._own_magnitude(e, [self._home(c, home).magnitudes[c] for c in inside], home)
+            home.errors[e] = self._own_error(e, [self._home(c, home).errors[c] for c in inside], home)
             stack.pop()
-        return self._home(root, level).magnitudes[root]
+        return self._home(root, level).errors[root]
 
-    def _own_magnitude(self, e: Expr, parts: list[Arg], home: _Level) -> Arg:
+    def _own_error(self, e: Expr, errors: list[Arg], home: _Level) -> Arg:
         def put(op: str, *args: Arg) -> Arg:
             return self._assign(home, "v", op, *args)
 
+        def size(child: Expr) -> Arg:
+            return self._size(self._number(child, home), home)
+
+        def scaled(error: Arg, by: Arg) -> Arg:
+            return 0.0 if error == 0.0 else by if error == 1.0 else put("mul", error, by)
+
+        def total(*parts: Arg) -> Arg:
+            kept = [p for p in parts if p != 0.0]
+            return put("add", *kept) if len(kept) > 1 else kept[0] if kept else 0.0
+
         match e:
-            case Const():
-                return abs(cast(float, e.data))
+            case Const() | Param() | Var():
+                return 0.0
             case Add():
-                return put("add", *parts)
+                return total(size(e), *errors)
             case Mul():
-                return put("mul", *parts)
+                if e.children[0] is MINUS_ONE and len(e.children) == 2:
+                    return errors[1]
+                inverse = [put("div", err, size(f)) for f, err in zip(e.children, errors, strict=True) if err != 0.0]
+                return put("mul", size(e), total(1.0, *inverse)) if inverse else size(e)
             case Pow():
-                if e.exponent > 0:
-                    return put("powi", parts[0], e.exponent)
-                base = self._number(e.base, home)
-                return put("abs", put("mul", self._number(e, home), put("div", parts[0], base)))
+                if errors[0] == 0.0:
+                    return size(e)
+                return put("mul", size(e), total(1.0, put("mul", float(abs(e.exponent)), put("div", errors[0], size(e.base)))))
             case Where():
-                return put("select", self._truths(e.condition, home)[0], *parts)
+                return errors[0] if errors[0] == errors[1] else put("select", self._truths(e.condition, home)[0], *errors)
             case Call() if e.name == "magnitude":
-                return parts[0]
+                return errors[0]
+            case Call() if e.name == "sqrt" and errors[0] != 0.0:
+                return total(size(e), put("div", errors[0], size(e)))
+            case Call() if e.name == "log" and errors[0] != 0.0:
+                return total(size(e), put("div", errors[0], size(e.children[0])))
+            case Call() if e.name == "exp":
+                return total(size(e), scaled(errors[0], size(e)))
             case Call():
-                value = put("abs", self._number(e, home))
-                if e.name == "sqrt":
-                    return put("add", value, put("div", parts[0], value))
-                return put("add", value, *parts)
+                return total(size(e), *errors)
             case _:
-                return put("abs", self._number(e, home))
+                return size(e)
 
     # -- integrals -----------------------------------------------------------------------------------------------------
 

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from teg.backends import c_backend, c_build
-from teg.backends.c_backend import CKernel, compile_c, literal, print_kernel, standalone_c
+from teg.backends import c_build, c_frame, c_print
+from teg.backends.c_backend import CKernel, compile_c, print_kernel, standalone_c
+from teg.backends.c_text import literal
 from teg.errors import CompilerError, OptionError, ParameterError
 from teg.program import Adaptive, Assign, Gauss, Integrate, Program
 from tests.backends.programs import (
@@ -252,13 +253,14 @@ def test_many_captured_values_results_and_breaks() -> None:
     np.testing.assert_allclose(found[-1], [exact[7, 0] / 2, exact[7, 1]], rtol=1e-13)
 
 
-@pytest.mark.parametrize("limits", [{"PART": 2}, {"BY_VALUE": 0}, {"ON_STACK": 1}, {"PART": 3, "BY_VALUE": 1}, {}])
+@pytest.mark.parametrize("limits", [{"PART": 2}, {"BY_VALUE": 0}, {"ON_STACK": 1}, {"PART": 3, "BY_VALUE": 1}, {"INLINE": 0}, {}])
 @pytest.mark.parametrize("case", [c for c in CASES if " at " not in c.name], ids=lambda case: case.name)
 def test_limits_change_no_bit(case: Case, limits: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts, values and arrays in the workspace, at every size: as in one function on the stack."""
     plain = compile_c(case.program)(columns(case), case.n)
-    for name in ("PART", "BY_VALUE", "ON_STACK", "BREAKS_ON_STACK", "LITERALS"):
-        monkeypatch.setattr(c_backend, name, 0 if not limits else limits.get(name, getattr(c_backend, name)))
+    for name in ("PART", "BY_VALUE", "ON_STACK", "BREAKS_ON_STACK", "LITERALS", "INLINE", "ARGUMENT"):
+        module = c_print if name == "BREAKS_ON_STACK" else c_frame
+        monkeypatch.setattr(module, name, 0 if not limits else limits.get(name, getattr(module, name)))
     np.testing.assert_array_equal(compile_c(case.program)(columns(case), case.n), plain)
 
 
