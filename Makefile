@@ -24,7 +24,7 @@ fast: $(READY)
 	$(BIN)/python -m pytest -m "not slow"
 
 bench: $(READY)
-	$(BIN)/python -m pytest tests/bench
+	$(BIN)/python tests/bench/run.py
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

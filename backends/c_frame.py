@@ -49,14 +49,14 @@ class Scope:
     count: list[int] = field(default_factory=lambda: [0])
 
     def __call__(self, arg: Arg) -> str:
-        return self.spell(arg)[0]
+        return self.spell(arg).text
 
     def spell(self, arg: Arg) -> Text:
         if isinstance(arg, str):
-            return self.waiting.get(arg) or (self.elsewhere.get(arg) or self.names[arg], ATOM)
+            return self.waiting.get(arg) or Text(self.elsewhere.get(arg) or self.names[arg], ATOM)
         if isinstance(arg, bool):
-            return str(int(arg)), ATOM
-        return self.names.get(float(arg)) or literal(float(arg)), ATOM
+            return Text(str(int(arg)), ATOM)
+        return Text(self.names.get(float(arg)) or literal(float(arg)), ATOM)
 
     def name(self, value: str, letter: str = "") -> str:
         """A new name for a value."""
@@ -154,19 +154,19 @@ class Frame:
         for step in steps:
             waiting = [arg for arg in step.uses if arg in scope.waiting]
             for arg in waiting:
-                if len(scope.waiting[arg][0]) > step.longest:
+                if len(scope.waiting[arg].text) > step.longest:
                     lines.append(_declared(arg, scope.waiting.pop(arg), scope))
             if step.lines is not None:
                 lines += step.lines(scope)
             elif step.assign is not None:
                 text = _value(step.assign, step.uses, scope)
-                while len(text[0]) > INLINE and len(step.uses) < 4:
-                    longest = max(step.uses, key=lambda arg: len(scope.waiting.get(arg, ("", 0))[0]))
+                while len(text.text) > INLINE and len(step.uses) < 4:
+                    longest = max(step.uses, key=lambda arg: len(scope.waiting[arg].text) if arg in scope.waiting else 0)
                     if longest not in scope.waiting:
                         break
                     lines.append(_declared(longest, scope.waiting.pop(longest), scope))
                     text = _value(step.assign, step.uses, scope)
-                if step.assign.name in here and step.assign.op != "tie" and len(text[0]) <= INLINE:
+                if step.assign.name in here and step.assign.op != "tie" and len(text.text) <= INLINE:
                     scope.waiting[step.assign.name] = text
                 else:
                     lines.append(_declared(step.assign.name, text, scope))
@@ -228,7 +228,7 @@ def _value(stmt: Assign, uses: Sequence[Arg], scope: Scope) -> Text:
 
 def _declared(name: Arg, value: Text, scope: Scope) -> str:
     assert isinstance(name, str)
-    return f"const {kind(name)} {scope.name(name)} = {value[0]};"
+    return f"const {kind(name)} {scope.name(name)} = {value.text};"
 
 
 def _cut(blocks: list[list[Step]]) -> list[list[tuple[int, list[Step]]]]:

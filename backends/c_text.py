@@ -9,13 +9,21 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Sequence
 from math import isinf, isnan
+from typing import NamedTuple
 
 from teg.program import Arg
 
 WIDTH = 116  # characters in a line
 CONDITIONAL, COMPARISON, SUM, PRODUCT, UNARY, ATOM = range(6)
 
-Text = tuple[str, int]  # an expression and how tightly it binds
+
+class Text(NamedTuple):
+    """An expression, how tightly it binds, and for -x what x is."""
+
+    text: str
+    level: int
+    negated: Text | None = None
+
 
 NEUTRAL = {"add": "0.0", "mul": "1.0", "and": "1", "or": "0"}
 INFIX = {  # the sign, how the whole binds, how its first operand and the others must
@@ -27,42 +35,43 @@ INFIX = {  # the sign, how the whole binds, how its first operand and the others
     "or": (" || ", CONDITIONAL, COMPARISON, COMPARISON),
 }
 COMPARE = {"gt0": ">", "ge0": ">=", "lt0": "<", "le0": "<="}
-RENAMED = {"abs": "fabs", "mod": "teg_mod"}
+RENAMED = {"abs": "fabs", "mod": "teg_mod", "powi": "teg_powi", "tie": "teg_tie"}
 
 
 def expression(op: str, args: Sequence[Text], rest: Sequence[Arg]) -> Text:
-    """An operation in C; `rest` is a power's exponent, or a tie's number."""
+    """An operation in C; `rest` is a power's exponent."""
     if op in INFIX:
         if len(args) < 2:
-            return args[0] if args else (NEUTRAL[op], ATOM)
+            return args[0] if args else Text(NEUTRAL[op], ATOM)
         sign, level, first, others = INFIX[op]
-        return sign.join([operand(args[0], first), *[operand(arg, others) for arg in args[1:]]]), level
+        parts = [operand(args[0], first)]
+        for arg in args[1:]:
+            less = arg.negated if op == "add" else None
+            parts.append(sign + operand(arg, others) if less is None else " - " + operand(less, others))
+        return Text("".join(parts), level)
     match op:
         case "const":
             return args[0]
         case "neg":
-            return "-" + operand(args[0], ATOM), UNARY
+            return Text("-" + operand(args[0], ATOM), UNARY, args[0])
         case "not":
-            return "!" + operand(args[0], ATOM), UNARY
+            return Text("!" + operand(args[0], ATOM), UNARY)
         case "ok":
-            return f"!isnan({args[0][0]})", UNARY
+            return Text(f"!isnan({args[0].text})", UNARY)
         case "gt0" | "ge0" | "lt0" | "le0":
-            return f"{operand(args[0], SUM)} {COMPARE[op]} 0.0", COMPARISON
+            return Text(f"{operand(args[0], SUM)} {COMPARE[op]} 0.0", COMPARISON)
         case "select":
             b, x, y = (operand(arg, COMPARISON) for arg in args)
-            return f"{b} ? {x} : {y}", CONDITIONAL
+            return Text(f"{b} ? {x} : {y}", CONDITIONAL)
         case "powi" if rest[0] == 2:
-            return f"{operand(args[0], UNARY)} * {operand(args[1], UNARY)}", PRODUCT
-        case "powi":
-            return f"teg_powi({args[0][0]}, {rest[0]})", ATOM
-        case "tie":
-            return f"teg_tie(ctx, {', '.join([text for text, _ in args])})", ATOM
-    return f"{RENAMED.get(op, op)}({', '.join([text for text, _ in args])})", ATOM
+            return Text(f"{operand(args[0], UNARY)} * {operand(args[1], UNARY)}", PRODUCT)
+    given = [*(["ctx"] if op == "tie" else []), *(arg.text for arg in args), *map(str, rest)]
+    return Text(f"{RENAMED.get(op, op)}({', '.join(given)})", ATOM)
 
 
 def operand(arg: Text, least: int) -> str:
     """An expression where it must bind at least so tightly."""
-    return arg[0] if arg[1] >= least else f"({arg[0]})"
+    return arg.text if arg.level >= least else f"({arg.text})"
 
 
 def literal(x: float) -> str:

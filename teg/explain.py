@@ -11,10 +11,12 @@ from teg.errors import TegError
 from teg.expr import Expr, Param
 from teg.integral import Integral
 from teg.node import postorder
+from teg.passes.breaks import BreakAnalysis
 from teg.passes.jumps import jump, vanishes_on
 from teg.passes.reparameterize import find_family
+from teg.passes.schedule import rule_for
 from teg.pipeline import compiled_outputs, flatten, normal_form, program_for
-from teg.program import Adaptive, Gauss, Integrate, size, statements
+from teg.program import Gauss, size
 from teg.surfaces import atoms_of, binders_inside, owned_surfaces
 from teg.traverse import parameters
 from teg.traverse import size as nodes
@@ -78,14 +80,20 @@ def explain(e: Expr, wrt: Sequence[Param] | None = None, tol: float = 1e-10) -> 
         gradient = size(program_for([leaf for o in outputs for leaf in flatten(o)], names, tol))
     except TegError as problem:
         error = str(problem).splitlines()[0]
-    order = {f"x{n}": v for n, v in enumerate(variables)}
-    del order
+    analysis = BreakAnalysis()
+    integrals = [n for n in postorder([normal]) if isinstance(n, Integral)]
     return Explanation(
         {
             "expression": show(e, 400),
             "surfaces": list({(s["surface"], s["owner"]): s for s in surfaces}.values()),
             "integrals": [
-                {"variable": s.var, "breaks": len(s.breaks), "rule": _rule(s)} for s in statements(program.body) if isinstance(s, Integrate)
+                {
+                    "variable": n.var.name,
+                    "breaks": len(analysis.of(n).points),
+                    "degree": analysis.degree(n),
+                    "rule": _rule(n, analysis, tol),
+                }
+                for n in integrals
             ],
             "nodes": nodes(e),
             "value_statements": size(program),
@@ -110,8 +118,12 @@ def _treatment(g: Expr, node: Integral, variables: list[Any]) -> str:
     return f"{data.name}, {how}"
 
 
-def _rule(s: Integrate) -> str:
-    if isinstance(s.rule, Gauss):
-        return f"Gauss, {s.rule.nodes} nodes a piece (exact)"
-    assert isinstance(s.rule, Adaptive)
-    return f"adaptive Gauss-Kronrod to {s.rule.tol:.0e}" + (", √-ends smoothed" if s.rule.smooth else "")
+def _rule(n: Integral, analysis: BreakAnalysis, tol: float) -> str:
+    rule = rule_for(n, analysis, tol, 0)
+    if isinstance(rule, Gauss):
+        return f"degree {analysis.degree(n)}: Gauss, {rule.nodes} node{'s' * (rule.nodes > 1)} a piece, exact"
+    breaks = analysis.of(n)
+    text = f"adaptive Gauss-Kronrod to {tol:.0e}"
+    if not breaks.complete:
+        text += ", some breaks have no formula and are searched for"
+    return text + (", √-ends smoothed" if breaks.rooted else "")

@@ -52,6 +52,7 @@ from teg.surfaces import binders_inside
 
 MAX_GAUSS = 24
 GUARD_TERMS = 4
+TIGHTEST = 1e-14
 INNER_TIGHTER = 0.1
 """An integral inside another one is computed to a tenth of its tolerance, so that the outer one sees a smooth function."""
 
@@ -59,6 +60,14 @@ INNER_TIGHTER = 0.1
 def schedule(outputs: Sequence[Expr], parameters: Sequence[str], tol: float, rule: str = "auto") -> Program:
     """One program for several outputs. `rule`: "auto", or "adaptive" also where a polynomial could be integrated exactly."""
     return _Scheduler(parameters, tol, rule).run(outputs)
+
+
+def rule_for(node: Integral, analysis: BreakAnalysis, tol: float, depth: int) -> Rule:
+    """Gauss with as many nodes as a polynomial between known breaks needs; adaptive for anything else, tighter inside."""
+    degree = analysis.degree(node)
+    if degree is not None and degree // 2 + 1 <= MAX_GAUSS:
+        return Gauss(degree // 2 + 1)
+    return Adaptive(max(tol * INNER_TIGHTER**depth, TIGHTEST), analysis.of(node).rooted)
 
 
 Truths = tuple[Arg, Arg]  # holds, fails
@@ -277,7 +286,7 @@ class _Scheduler:
     def _tie_scale(self, g: Expr, home: _Level) -> Arg:
         """What, times a few ε, an atom may be off by where it is 0: Σ|terms|, and the rounding errors its terms come with."""
         terms = g.children if isinstance(g, Add) else (g,)
-        sizes = [self._size(self._number(cast(Expr, t), home), home) for t in terms]
+        sizes = [self._size(self._number(t, home), home) for t in terms]
         error = self._error(g, home)
         return self._assign(home, "v", "add", *sizes, *(() if error == 0.0 else (error,)))
 
@@ -373,7 +382,7 @@ class _Scheduler:
         level.guards = self._guards(level, roots, order, inner, height, set(mine))
         shared: dict[object, list[Integral]] = {}
         for node in mine:
-            rule = type(self._rule(node, level.depth))
+            rule = type(self._rule(node, level))
             key = (
                 node.var,
                 node.lo,
@@ -417,11 +426,11 @@ class _Scheduler:
                     guard[child] = TRUE if isinstance(both, Or) and len(both.children) > GUARD_TERMS else both
         return {i: guard.get(i, TRUE) for i in mine}
 
-    def _rule(self, node: Integral, depth: int) -> Rule:
-        degree = self.analysis.degree(node) if self.rule == "auto" else None
-        if degree is not None and degree // 2 + 1 <= MAX_GAUSS:
-            return Gauss(degree // 2 + 1)
-        return Adaptive(max(self.tol * INNER_TIGHTER**depth, 1e-14), self.analysis.of(node).rooted)
+    def _rule(self, node: Integral, level: _Level) -> Rule:
+        rule = rule_for(node, self.analysis, self.tol, level.depth)
+        if self.rule == "adaptive" and isinstance(rule, Gauss):
+            return Adaptive(max(self.tol * INNER_TIGHTER**level.depth, TIGHTEST), self.analysis.of(node).rooted)
+        return rule
 
     def _integrate(self, node: Integral, home: _Level) -> None:
         group = home.groups.get(node, [node])
@@ -432,7 +441,7 @@ class _Scheduler:
         lo, hi = self._number(node.lo, home), self._number(node.hi, home)
         points = self.analysis.of(node).points
         breaks = tuple(self._number(p, home) for p in points)
-        rules = [self._rule(i, home.depth) for i in group]
+        rules = [self._rule(i, home) for i in group]
         rule = max(rules, key=lambda r: r.nodes if isinstance(r, Gauss) else 0)
         if isinstance(rule, Adaptive):
             rule = Adaptive(rule.tol, any(cast(Adaptive, r).smooth for r in rules))

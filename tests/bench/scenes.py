@@ -8,7 +8,7 @@ from teg.expr import Param
 
 
 def triangle_pixel(order: int = 1) -> tuple[Expr, list[Param]]:
-    """∫ over a pixel of [in the triangle]·Σ_k (colour_k - target_k)², colours constant (order 0) or linear (1) in the triangle; counterclockwise.
+    """∫ over a pixel of [in the triangle]·Σ_k (colour_k - target_k)², colours constant (order 0) or linear (1); counterclockwise.
 
     Returns the loss and the parameters to differentiate by: six coordinates, then three or nine colours.
     """

@@ -24,7 +24,7 @@ Point = tuple[float, float]
 
 x, y = teg.vars("x y")
 PARAMETERS = teg.params("p0 p1 p2 p3")
-NODES = 24
+NODES = 60
 _GAUSS, _WEIGHTS = (a.copy() for a in np.polynomial.legendre.leggauss(NODES))
 
 
