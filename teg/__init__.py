@@ -54,6 +54,6 @@ __version__ = "0.1.0"
 __all__ = [
     "Cond", "Diagnosis", "Evaluator", "Explanation", "Expr", "GradientReport", "TegError", "abs", "acos", "asin", "atan", "atan2",
     "bracket", "check_gradient", "compile", "cos", "cosh", "delta", "diff", "dump", "eliminate", "evaluate", "exp", "explain", "floor",
-    "grad", "hessian", "integral", "jvp", "latex", "log", "maximum", "minimum", "mod", "param", "params", "sign", "sin", "sinh", "size", "sqrt",
-    "tan", "tanh", "tuple", "var", "vars", "where",
+    "grad", "hessian", "integral", "jvp", "latex", "log", "maximum", "minimum", "mod", "param", "params", "sign", "sin", "sinh", "size",
+    "sqrt", "tan", "tanh", "tuple", "var", "vars", "where",
 ]  # fmt: skip

@@ -6,13 +6,11 @@ import itertools
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from teg.compile import Evaluator
 
-_OFFSETS = np.array([1.0, 2.0, 3.0, 4.0])
-_WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])  # central differences of order 8 (Fornberg 1988)
-_STEPS = 2.0 ** -np.arange(4, 22, 2)
+_OFFSETS = (1.0, 2.0, 3.0, 4.0)
+_WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)  # central differences of order 8 (Fornberg 1988)
+_STEPS = tuple(0.1 * 2.0**-k for k in range(4, 22, 2))
 
 
 @dataclass(frozen=True)
@@ -45,6 +43,9 @@ def check_gradient(f: Evaluator, *args: Any, tol: float = 1e-6, **named: Any) ->
 
     Differences are good to some ten digits at best, and wrong where a step crosses a non-smooth point.
     """
+    import numpy as np
+
+    offsets = np.array(_OFFSETS)
     values = {k: float(v) for k, v in f._values(args, named).items()}
     gradient = f.grad(values)
     rows: dict[str, tuple[float, float, float]] = {}
@@ -52,8 +53,8 @@ def check_gradient(f: Evaluator, *args: Any, tol: float = 1e-6, **named: Any) ->
         exact = np.atleast_1d(np.asarray(gradient[p.name], dtype=float)).ravel()
         scale = max(abs(values[p.name]), 1.0)
         quotients = []
-        for h in _STEPS * scale * 0.1:
-            points = values[p.name] + h * np.concatenate([_OFFSETS, -_OFFSETS])
+        for h in (step * scale for step in _STEPS):
+            points = values[p.name] + h * np.concatenate([offsets, -offsets])
             ys = f({**values, p.name: points})
             table = np.asarray(ys, dtype=float).reshape(-1, 8)
             quotients.append((table[:, :4] - table[:, 4:]) @ _WEIGHTS / h)

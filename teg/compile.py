@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol, cast
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from teg.build import check_parameters, check_program
 from teg.diagnose import Diagnosis, diagnose
@@ -16,6 +14,9 @@ from teg.expr import Expr, Param, Tuple, as_number
 from teg.pipeline import compiled_outputs, flatten, program_for
 from teg.program import Program
 from teg.traverse import parameters
+
+if TYPE_CHECKING:
+    import numpy as np
 
 Array = Any  # a float64 array of the batch's shape, a NumPy scalar where there is no batch
 BACKENDS = ("numpy", "c", "jax")
@@ -38,7 +39,7 @@ def compile(
     tol: float = DEFAULT_TOL,
     rule: str = "auto",
     order: int | None = None,
-    dtype: object = np.float64,
+    dtype: object = "float64",
     threads: int = 1,
     memory: int = 256 * 2**20,
     discontinuities: str = "sift",
@@ -81,7 +82,7 @@ class _Options:
             raise OptionError(f"rule={rule!r} is not known", None, 'one of: "auto", "adaptive"')
         if order is not None:
             raise OptionError("order= goes with a rule that has one", None, 'leave it out: "auto" infers the order, "adaptive" has its own')
-        if np.dtype(cast(Any, dtype)) != np.float64:
+        if not _is_float64(dtype):
             raise OptionError(f"dtype={dtype!r} is not available", None, "only float64 is")
         if not isinstance(threads, int) or threads < 1:
             raise OptionError(f"threads={threads!r} is not a number of threads", None, "1, 2, …")
@@ -91,6 +92,15 @@ class _Options:
             raise OptionError(f"discontinuities={discontinuities!r} is not known", None, 'one of: "sift", "ignore"')
         self.backend, self.tol, self.rule, self.threads, self.memory = backend, float(tol), rule, threads, memory
         self.discontinuities = discontinuities
+
+
+def _is_float64(dtype: object) -> bool:
+    import numpy as np
+
+    try:
+        return dtype == "float64" or np.dtype(cast(Any, dtype)) == np.float64
+    except TypeError:
+        return False
 
 
 class Evaluator:
@@ -224,6 +234,8 @@ class Evaluator:
         return self.kernel(orders)(columns, n), shape
 
     def _columns(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[list[np.ndarray], tuple[int, ...], int]:
+        import numpy as np  # when it is needed: `import teg` stays fast
+
         values = self._values(args, named)
         arrays = [_as_float(name, values[name]) for name in self.parameters]
         try:
@@ -272,6 +284,8 @@ def _build(program: Program, options: _Options) -> Kernel:
 
 
 def _as_float(name: str, value: Any) -> np.ndarray:
+    import numpy as np
+
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "fiub":
@@ -299,4 +313,4 @@ def _by_parameter(e: Expr, blocks: Any, names: list[str]) -> dict[str, Any]:
 def _combine(pairs: list[tuple[Any, Any]], like: Any) -> Any:
     if isinstance(like, tuple):
         return tuple(_combine([(g[i], d) for g, d in pairs], v) for i, v in enumerate(like))
-    return sum((g * d for g, d in pairs), start=np.float64(0.0))
+    return sum((g * d for g, d in pairs[1:]), start=pairs[0][0] * pairs[0][1]) if pairs else 0.0

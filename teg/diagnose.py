@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, Protocol
 
 from teg.dump import show
 from teg.expr import TRUE, Expr, Param, bracket, positive
 from teg.pipeline import flatten, normal_form, program_for
 from teg.surfaces import atoms_of
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,8 @@ class _Evaluator(Protocol):
 
 def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagnosis]:
     """One Diagnosis a reason and batch element; runs the gradient, and the conditions on parameters, and watches for ties."""
+    import numpy as np
+
     from teg.backends.numpy_backend import compile_numpy
 
     outputs = [leaf for e in f.outputs(1) for leaf in flatten(e)]
