@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from teg.backends.c_text import ATOM, NEUTRAL, Text, expression, indent, kind, literal, packed, wrapped
 from teg.program import Arg, Assign
 
-PART = 800  # statements in one C function, beyond which a block is cut
+PART = 400  # statements in one C function, beyond which a block is cut
 BY_VALUE = 40  # captured values passed as C arguments; more go through the workspace
 ON_STACK = 64  # results of an integral kept in arrays on the C stack
 ARITY = 64  # operands in one C expression

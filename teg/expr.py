@@ -519,6 +519,8 @@ def integer_power(base: Expr, k: int) -> Expr:
                 pass
         elif base.data == 0.0 and k > 0:
             return ZERO
+    if isinstance(base, Call) and base.name == "sqrt" and k % 2 == 0:
+        return integer_power(base.children[0], k // 2)
     if isinstance(base, Pow) and (base.exponent == -1 or k > 0):
         return integer_power(base.base, base.exponent * k)
     if isinstance(base, Where):

@@ -1,47 +1,96 @@
-"""Where a surface meets a line: its roots in one variable, as expressions of everything else."""
+"""Where a surface meets a line: its roots in one variable, as expressions of everything else.
+
+affine       x* = l - g(l)/g′                                  from the value at a bound l, as the user wrote it
+quadratic    q = -½(B + sgn(B)·√D),  x₁ = q/A,  x₂ = C/q         neither cancels; A → 0 sends x₁ to infinity (Press et al., section 5.6)
+f(u) = c     u = f⁻¹(c), every branch inside the bounds, then u = … is solved for x in the same way
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast
 
 from teg import expr as ex
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import MINUS_ONE, ZERO, Expr, Var, add, call, const, div, mul, positive, sub, where
+from teg.expr import (
+    MINUS_ONE,
+    ONE,
+    TRUE,
+    ZERO,
+    Add,
+    Call,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Pow,
+    Var,
+    Where,
+    add,
+    call,
+    conjunction,
+    const,
+    div,
+    integer_power,
+    mul,
+    positive,
+    sub,
+    where,
+)
+from teg.node import Node, postorder
 from teg.polynomial import Shadow, expanded
-from teg.traverse import substitute
+from teg.traverse import fresh, rebuild, size, substitute
+
+MAX_PERIODIC = 16
+"""Roots of a periodic function for which code is made where the bounds are not known as numbers."""
+MAX_NUMERIC = 64
+"""And where they are."""
+MAX_DEPTH = 8
+
+
+@dataclass(frozen=True)
+class Root:
+    """One root: where it is, and under which condition it exists (elsewhere `point` is not a number, or no root)."""
+
+    point: Expr
+    exists: Cond = TRUE
 
 
 @dataclass(frozen=True)
 class Roots:
-    """Roots of a surface in one variable (NaN or infinite where there is none), its degree, and its discriminant if it has one."""
+    """All roots between the bounds. `certain` is false where there may be more of them than there is code for."""
 
-    points: tuple[Expr, ...]
-    degree: int
-    discriminant: Expr = ex.ONE
+    found: tuple[Root, ...]
+    certain: bool = True
 
 
-def roots_in(g: Expr, x: Var, origin: Expr) -> Roots | None:
-    """The roots of g in x where a formula is known: g affine or quadratic in x.
-
-    `origin` is a bound of the domain: the roots of an affine g are taken from its value there, as the user wrote it.
-    """
-    degree = Shadow((x,)).degree(g)
-    if degree == 0:
-        return Roots((), 0)
+def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH) -> Roots | None:
+    """The roots of g in x between the bounds where a formula is known, else None. Some may lie outside of the bounds."""
     try:
+        degree = Shadow((x,)).degree(g)
+        if degree == 0:
+            return Roots(())
         if degree == 1:
-            return Roots((affine_root(g, x, origin),), 1)
+            return Roots((Root(affine_root(g, x, lo)),))
         if degree == 2:
-            return quadratic_roots(g, x, origin)
+            return Roots(quadratic_roots(g, x))
+        if not depth:
+            return None
+        normal = expanded(g)
+        if normal is not None and size(normal) < size(g):
+            return solve(normal, x, lo, hi, depth - 1)
+        return _inverted(g, x, lo, hi, depth) or _rationalised(g, x, lo, hi, depth)
     except NotDifferentiableError:
         return None
-    return None
 
 
 def affine_root(g: Expr, x: Var, origin: Expr) -> Expr:
     """The root of an affine surface: origin - g(origin)/g′."""
+    if not (isinstance(origin, Const) and math.isfinite(origin.data)) and isinstance(origin, Const):
+        origin = ZERO
     at = cast(Expr, substitute(g, {x: origin}))
     rate = cast(Expr, substitute(slope(g, x), {x: origin}))
     return sub(origin, div(at, rate))
@@ -58,27 +107,211 @@ def quadratic_coefficients(g: Expr, x: Var) -> tuple[Expr, Expr, Expr]:
 
 def tidy(e: Expr) -> Expr:
     """The shorter of an expression and its exact normal form."""
-    from teg.traverse import size
-
     normal = expanded(e)
     return normal if normal is not None and size(normal) <= size(e) else e
 
 
 def discriminant(a: Expr, b: Expr, c: Expr) -> Expr:
-    """B² - 4AC, from the exact normal form where that is short."""
-    raw = sub(ex.integer_power(b, 2), mul(const(4), a, c))
+    """B² - 4AC, from the exact normal form where that is short: for (x - c)² < t it is 4t and not a difference of squares."""
+    raw = sub(integer_power(b, 2), mul(const(4), a, c))
     normal = expanded(raw)
     return normal if normal is not None else raw
 
 
-def quadratic_roots(g: Expr, x: Var, origin: Expr) -> Roots:
-    """Both roots, by the formulas that do not cancel."""
+def quadratic_roots(g: Expr, x: Var) -> tuple[Root, ...]:
+    """Both roots. Where B is twice a number or a short expression times A, they are m ± s, which is as exact and smoother."""
     a, b, c = quadratic_coefficients(g, x)
     d = discriminant(a, b, c)
+    exists = positive(d, strict=False)
     root = call("sqrt", d)
-    if b is ZERO:
-        half = div(root, mul(const(2), call("magnitude", a)))
-        return Roots((mul(MINUS_ONE, half), half), 2, d)
+    if b is ZERO or isinstance(a, Const):
+        half = div(root, mul(const(2), ex.const(abs(a.data)) if isinstance(a, Const) else call("magnitude", a)))
+        middle = tidy(mul(const(-0.5), div(b, a))) if b is not ZERO else ZERO
+        return (Root(sub(middle, half), exists), Root(add(middle, half), exists))
     signed = where(positive(b, strict=False), root, mul(MINUS_ONE, root))
     q = mul(const(-0.5), add(b, signed))
-    return Roots((div(q, a), div(c, q)), 2, d)
+    return (Root(div(q, a), exists), Root(div(c, q), exists))
+
+
+def _parts(g: Expr, x: Var) -> tuple[Expr, Expr, Expr] | None:
+    """P, Q, D of g = P + Q·√D with one square root that x runs through."""
+    found = [n for n in _functions(g, x) if isinstance(n, Call) and n.name == "sqrt"]
+    if len(found) != 1:
+        return None
+    s = fresh("√", g.free)
+    affine = _replace(g, found[0], s)
+    if Shadow((s,)).degree(affine) != 1:
+        return None
+    return cast(Expr, substitute(affine, {s: ZERO})), slope(affine, s), found[0].children[0]
+
+
+def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
+    """P + Q·√D = 0: the roots of P² - Q²·D at which P and Q have opposite signs."""
+    parts = _parts(g, x)
+    if parts is None:
+        return None
+    p, q, d = parts
+    square = sub(integer_power(p, 2), mul(integer_power(q, 2), d))
+    roots = solve(tidy(square), x, lo, hi, depth - 1)
+    if roots is None:
+        return None
+    found = []
+    for r in roots.found:
+        at = {x: r.point}
+        opposite = positive(cast(Expr, substitute(mul(MINUS_ONE, p, q), at)), strict=False)
+        found.append(Root(r.point, conjunction(r.exists, opposite)))
+    return Roots(tuple(found), roots.certain)
+
+
+# -- f(u) = c ------------------------------------------------------------------------------------------------------------
+
+
+def _functions(g: Expr, x: Var) -> list[Call | Pow]:
+    """The outermost functions and higher powers that x runs through."""
+    found: dict[Call | Pow, None] = {}
+    stack: list[Expr] = [g]
+    seen: set[Expr] = set()
+    while stack:
+        e = stack.pop()
+        if e in seen or x not in e.free:
+            continue
+        seen.add(e)
+        if isinstance(e, Call) or (isinstance(e, Pow) and not 0 < e.exponent <= 2):
+            found[e] = None
+        elif isinstance(e, Where):
+            stack += [e.then, e.otherwise]
+        elif isinstance(e, Add | Mul | Pow):
+            stack.extend(cast("tuple[Expr, ...]", e.children))
+    return list(found)
+
+
+def _replace(g: Expr, old: Expr, new: Expr) -> Expr:
+    changed: dict[Node, Node] = {}
+    for node in postorder([g]):
+        changed[node] = new if node is old else rebuild(node, tuple([changed[c] for c in node.children]))
+    return cast(Expr, changed[g])
+
+
+def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
+    """g a polynomial of degree 1 or 2 in one function of x, and in x no other way: invert the function."""
+    functions = _functions(g, x)
+    if len(functions) != 1:
+        return None
+    f = functions[0]
+    z = fresh("z", g.free)
+    outer = _replace(g, f, z)
+    if x in outer.free:
+        return None
+    levels = solve(outer, z, ZERO, ONE, depth - 1)
+    if levels is None:
+        return None
+    found: list[Root] = []
+    certain = levels.certain
+    for level in levels.found:
+        inner = _preimages(f, level.point, x, lo, hi)
+        if inner is None:
+            return None
+        pairs, complete = inner
+        certain &= complete
+        for argument, exists in pairs:
+            deeper = solve(argument, x, lo, hi, depth - 1)
+            if deeper is None:
+                return None
+            certain &= deeper.certain
+            found += [Root(r.point, conjunction(level.exists, exists, r.exists)) for r in deeper.found]
+    return Roots(tuple(found), certain)
+
+
+def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[tuple[Expr, Cond]], bool] | None:
+    """Surfaces u - uᵢ whose roots are those of f(u) = c, each with the condition under which uᵢ is a solution; and are these all?"""
+    u = cast(Expr, f.children[0])
+    if isinstance(f, Pow):
+        return [(sub(u, v), exists) for v, exists in _power_preimages(f.exponent, c)], True
+    if f.name == "pow":
+        k = f.children[1]
+        if x in k.free:
+            return None
+        return [(sub(u, call("pow", c, integer_power(k, -1))), positive(c))], True
+    if f.name in ("sin", "cos", "tan"):
+        return _periodic_preimages(f.name, u, c, x, lo, hi)
+    inverse = _INVERSES.get(f.name)
+    if inverse is None:
+        return None
+    return [(sub(u, v), exists) for v, exists in inverse(c)], True
+
+
+def _power_preimages(k: int, c: Expr) -> list[tuple[Expr, Cond]]:
+    if k < 0:
+        c, k = integer_power(c, -1), -k
+    if k == 1:
+        return [(c, TRUE)]
+    size_of_root = call("pow", call("magnitude", c), const(1.0 / k))
+    if k % 2:
+        return [(where(positive(c), size_of_root, mul(MINUS_ONE, size_of_root)), TRUE)]
+    exists = positive(c, strict=False)
+    return [(size_of_root, exists), (mul(MINUS_ONE, size_of_root), exists)]
+
+
+def _within(c: Expr, least: float, most: float) -> Cond:
+    return conjunction(positive(sub(c, const(least)), False), positive(sub(const(most), c), False))
+
+
+def _log_of(c: Expr) -> list[tuple[Expr, Cond]]:
+    return [(call("log", c), positive(c))]
+
+
+def _asinh(c: Expr) -> Expr:
+    grown = call("log", add(call("magnitude", c), call("sqrt", add(integer_power(c, 2), ONE))))
+    return where(positive(c), grown, mul(MINUS_ONE, grown))
+
+
+def _acosh(c: Expr) -> list[tuple[Expr, Cond]]:
+    grown = call("log", add(c, call("sqrt", sub(integer_power(c, 2), ONE))))
+    exists = positive(sub(c, ONE), False)
+    return [(grown, exists), (mul(MINUS_ONE, grown), exists)]
+
+
+_INVERSES: dict[str, Callable[[Expr], list[tuple[Expr, Cond]]]] = {
+    "exp": _log_of,
+    "log": lambda c: [(call("exp", c), TRUE)],
+    "sqrt": lambda c: [(integer_power(c, 2), positive(c, False))],
+    "asin": lambda c: [(call("sin", c), _within(c, -math.pi / 2, math.pi / 2))],
+    "acos": lambda c: [(call("cos", c), _within(c, 0.0, math.pi))],
+    "atan": lambda c: [(call("tan", c), _within(c, -math.pi / 2, math.pi / 2))],
+    "sinh": lambda c: [(_asinh(c), TRUE)],
+    "cosh": _acosh,
+    "tanh": lambda c: [(mul(const(0.5), call("log", div(add(ONE, c), sub(ONE, c)))), _within(c, -1.0, 1.0))],
+    "magnitude": lambda c: [(c, positive(c, False)), (mul(MINUS_ONE, c), positive(c, False))],
+}
+
+
+def _periodic_preimages(name: str, u: Expr, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[tuple[Expr, Cond]], bool] | None:
+    """sin u = c: u = mπ + (-1)^m·asin c; cos u = c: u = ½π + that of sin with -c…; tan u = c: u = mπ + atan c; for each m in reach of u."""
+    if Shadow((x,)).degree(u) != 1:
+        return None
+    if name == "cos":  # cos u = sin(u + ½π)
+        u, name = add(u, const(math.pi / 2)), "sin"
+    ends = [cast(Expr, substitute(u, {x: b})) for b in (lo, hi)]
+    exists = _within(c, -1.0, 1.0) if name == "sin" else TRUE
+    base = call("asin" if name == "sin" else "atan", c)
+    if all(isinstance(e, Const) for e in ends):
+        least, most = sorted(cast(Const, e).data / math.pi for e in ends)
+        count = math.floor(most + 0.5) - math.floor(least - 0.5) + 1
+        first: Expr = const(float(math.floor(least - 0.5)))
+        certain = count <= MAX_NUMERIC
+        count = min(count, MAX_NUMERIC)
+    else:
+        least_end = where(positive(sub(ends[1], ends[0])), ends[0], ends[1])
+        first, count, certain = call("floor", sub(div(least_end, const(math.pi)), const(0.5))), MAX_PERIODIC, False
+    pairs: list[tuple[Expr, Cond]] = []
+    for j in range(count):
+        m = add(first, const(float(j)))
+        if name == "tan":
+            angle = base
+        elif isinstance(m, Const):
+            angle = base if m.data % 2 == 0 else mul(MINUS_ONE, base)
+        else:
+            even = sub(m, mul(const(2), call("floor", mul(const(0.5), m))))  # 0 or 1
+            angle = mul(sub(ONE, mul(const(2), even)), base)
+        pairs.append((sub(u, add(mul(m, const(math.pi)), angle)), exists))
+    return pairs, certain

@@ -56,6 +56,15 @@ class Affine:
 
 
 def match_affine(g: Expr, variables: Sequence[Var]) -> Affine | None:
+    """As `match_partly_affine`, where that cannot fail at run time: g is affine in all its variables, or a slope is a number."""
+    data = match_partly_affine(g, variables)
+    if data is None:
+        return None
+    whole = len(data.variables) == sum(v in g.free for v in variables)
+    return data if whole or any(isinstance(slope(g, v), Const) for v in data.variables) else None
+
+
+def match_partly_affine(g: Expr, variables: Sequence[Var]) -> Affine | None:
     """The largest set of variables, given innermost first, that g is jointly affine in, the innermost ones preferred."""
     best: list[Var] = []
     for first in variables:

@@ -22,11 +22,11 @@ from typing import cast
 
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import ZERO, Add, Call, Compare, Const, Expr, Mul, Pow, Var, Where, mul, sub
+from teg.expr import Add, Call, Compare, Const, Expr, Mul, Pow, Var, Where, mul, sub
 from teg.integral import Integral
 from teg.node import Node, digest, postorder
 from teg.polynomial import P, Point, Poly, Ratio, Shadow, residue
-from teg.roots import discriminant, quadratic_coefficients, roots_in
+from teg.roots import discriminant, quadratic_coefficients, solve
 from teg.surfaces import atoms_of, binders_inside
 from teg.traverse import substitute
 
@@ -88,12 +88,15 @@ class BreakAnalysis:
         complete = found.complete
         functions = self._distinct(found.functions)
         for f, representative in functions.items():
-            roots = self._roots(representative, x, node.lo)
+            roots = self._roots(representative, x, node.lo, node.hi)
             if roots is None:
                 complete = False
                 continue
-            handled.add(f)
-            for r in roots:
+            if roots[1]:
+                handled.add(f)
+            else:
+                complete = False
+            for r in roots[0]:
                 if not _outside(r, node.lo, node.hi):
                     points[r] = None
         kept = tuple(dict.fromkeys(functions.values()))
@@ -135,18 +138,20 @@ class BreakAnalysis:
             result[f] = first.setdefault(key, f)
         return result
 
-    def _roots(self, f: Expr, x: Var, lo: Expr) -> list[Expr] | None:
-        origin = lo if not (isinstance(lo, Const) and abs(lo.data) == float("inf")) else ZERO
+    def _roots(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[Expr], bool] | None:
+        """The roots of a function with all its branches, and whether these are certainly all; None if no formula is known."""
         points: list[Expr] = []
+        certain = True
         branches = _branches(f)
         if branches is None:
             return None
         for branch in branches:
-            roots = roots_in(branch, x, origin)
+            roots = solve(branch, x, lo, hi)
             if roots is None:
                 return None
-            points.extend(roots.points)
-        return points
+            points.extend(r.point for r in roots.found)
+            certain &= roots.certain
+        return points, certain
 
     def _projection(self, node: Integral) -> _Found:
         if node not in self._projections:

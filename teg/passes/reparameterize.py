@@ -18,10 +18,11 @@ from teg.expr import Expr, Var, add, mul
 from teg.integral import Delta, Integral, integral_over
 from teg.nest import Binder, nest
 from teg.node import Node, postorder
-from teg.passes.affine import match_affine, rewrite_affine
+from teg.passes.affine import match_affine, match_partly_affine, rewrite_affine
 from teg.passes.bilinear import match_bilinear, rewrite_bilinear
+from teg.passes.charts import match_curve, rewrite_curve
 from teg.passes.sift import deltas_of, linear_part, without
-from teg.passes.univariate import match_quadratic, rewrite_quadratic
+from teg.passes.univariate import match_solvable, rewrite_solvable
 from teg.polynomial import Shadow
 from teg.traverse import rebuild, rename_apart
 
@@ -31,7 +32,9 @@ Rewrite = Callable[[Expr, Expr, tuple[Binder, ...], Any], Expr | None]
 FAMILIES: tuple[tuple[Match, Rewrite], ...] = (
     (match_bilinear, rewrite_bilinear),
     (match_affine, rewrite_affine),
-    (match_quadratic, rewrite_quadratic),
+    (match_curve, rewrite_curve),
+    (match_partly_affine, rewrite_affine),
+    (match_solvable, rewrite_solvable),
 )
 
 

@@ -1,58 +1,84 @@
-"""Surfaces of one variable that are quadratic in it.
+"""Surfaces that can be solved for one variable: quadratic ones, f(u) = c with f invertible, and these inside each other.
 
-    g = A·x² + B·x + C,  D = B² - 4AC > 0:      q = -½(B + sgn(B)·√D),  x₁ = q/A,  x₂ = C/q,      |g'(xᵢ)| = √D
+    ∫ₗʰ w δ(g) dx = Σᵢ [root i exists] · w(xᵢ)/|g′(xᵢ)| · ([xᵢ < h] - [xᵢ < l])
 
-D is taken from the exact normal form, so for (x - c)² < t it is 4t and not a difference of squares; neither root cancels, and A → 0 sends
-x₁ to infinity, outside of every bound (Press et al., Numerical Recipes, section 5.6). At D = 0 a region is born: the weight is infinite.
+over the formulas of `teg.roots`, every branch inside the bounds. Where two roots are born together g′ is 0 and the weight infinite. A
+periodic function whose bounds are not numbers has code for a fixed number of roots; more than that give NaN, not a wrong number.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from teg import expr as ex
-from teg.expr import ZERO, Expr, Var, add, call, mul, positive, where
-from teg.nest import Chain, nest
+from teg.calculus import slope
+from teg.errors import NotDifferentiableError
+from teg.expr import ZERO, Expr, Var, add, call, const, mul, positive, sub, where
+from teg.nest import Binder, Chain, nest
 from teg.polynomial import Shadow
-from teg.roots import quadratic_roots
+from teg.roots import solve
 from teg.surfaces import restrict, signed_inside
+from teg.traverse import substitute
 
 
 @dataclass(frozen=True)
-class Quadratic:
-    """g is of degree 2 in `variable` alone; no other variable occurs."""
+class Solvable:
+    """g can be solved for `variable`."""
 
     variable: Var
+    degree: int | None
 
-    name = "quadratic in one variable"
+    @property
+    def name(self) -> str:
+        return "quadratic in one variable" if self.degree == 2 else "solved for one variable"
 
     @property
     def variables(self) -> tuple[Var, ...]:
         return (self.variable,)
 
 
-def match_quadratic(g: Expr, variables: Sequence[Var]) -> Quadratic | None:
-    """A surface of one variable, of degree 2 in it."""
+def match_solvable(g: Expr, variables: Sequence[Var]) -> Solvable | None:
+    """The innermost variable that g can be solved for, no other variable being in it."""
     mine = [v for v in variables if v in g.free]
-    if len(mine) != 1 or Shadow((mine[0],)).degree(g) != 2:
+    if len(mine) != 1:
         return None
-    return Quadratic(mine[0])
+    try:
+        slope(g, mine[0])
+    except NotDifferentiableError:
+        return None
+    if solve(g, mine[0], ZERO, ex.ONE) is None:
+        return None
+    return Solvable(mine[0], Shadow((mine[0],)).degree(g))
 
 
-def rewrite_quadratic(g: Expr, coefficient: Expr, chain: Chain, data: Quadratic) -> Expr | None:
-    """Σ over the two roots of coefficient/√D inside the bounds."""
+def rewrite_solvable(g: Expr, coefficient: Expr, chain: Chain, data: Solvable) -> Expr | None:
+    """Σ over the roots inside the bounds."""
     (b,) = [b for b in chain if b.var is data.variable]
     rest = tuple(c for c in chain if c.var is not data.variable)
     if any(data.variable in e.free for c in rest for e in (c.lo, c.hi)):
         return None
-    roots = quadratic_roots(g, data.variable, b.lo)
+    total = sum_over_roots(g, coefficient, b, (b.var,))
+    return None if total is None else nest(total, rest)
+
+
+def sum_over_roots(g: Expr, coefficient: Expr, b: Binder, directions: Sequence[Var]) -> Expr | None:
+    """Σ over the roots of g in one variable of coefficient/|g′|, inside the bounds of its integral."""
+    roots = solve(g, b.var, b.lo, b.hi)
+    if roots is None:
+        return None
+    rate = slope(g, b.var)
     terms = []
-    for root in roots.points:
-        value = mul(
-            ex.integer_power(call("sqrt", roots.discriminant), -1),
-            restrict(coefficient, {b.var: root}, g, (b.var,)),
-        )
-        terms.append(signed_inside(root, b.lo, b.hi, g, b.var, (b.lo, b.hi), value))
-    total = where(positive(roots.discriminant, strict=False), add(*terms), ZERO)
-    return nest(total, rest)
+    for root in roots.found:
+        at = {b.var: root.point}
+        weight = ex.integer_power(call("magnitude", cast(Expr, substitute(rate, at))), -1)
+        value = mul(weight, restrict(coefficient, at, g, directions))
+        inside = signed_inside(root.point, b.lo, b.hi, g, b.var, (b.lo, b.hi), value)
+        terms.append(where(root.exists, inside, ZERO))
+    total = add(*terms)
+    if roots.certain:
+        return total
+    last = roots.found[-1].point  # counted along u: if it is inside the bounds there may be more beyond it
+    beyond = ex.conjunction(positive(sub(last, b.lo)), positive(sub(b.hi, last)))
+    return where(beyond, const(float("nan")), total)

@@ -1,0 +1,102 @@
+"""Curves g(x, y) = 0 that can be solved for either variable: circles, ellipses, parabolas, hyperbolas, and what has inverse functions.
+
+Two charts, so that neither sees the curve turn back: x is eliminated where the curve is steeper in x, |g_x|·X >= |g_y|·Y with X, Y the
+extents of the box, and y elsewhere. Each root of g is a branch of its chart:
+
+    ∫∫ w δ(g) dx dy = ∫ dy Σᵢ [root i exists][|g_x|X >= |g_y|Y] w/|g_x| · ([xᵢ < h] - [xᵢ < l])  +  the same with x and y exchanged, and >
+
+All brackets are evaluated on the curve. Their borders in the variable that stays have formulas where squaring removes the root (a circle,
+an ellipse with axes along the box); elsewhere the integrator searches for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from teg import expr as ex
+from teg.calculus import slope
+from teg.errors import NotDifferentiableError
+from teg.expr import ZERO, Cond, Expr, Var, add, call, conjunction, integer_power, mul, positive, sub, where
+from teg.nest import Binder, Chain, nest, ranges_of
+from teg.roots import Root, solve, tidy
+from teg.surfaces import free_of, restrict, signed_inside
+from teg.traverse import substitute
+
+
+@dataclass(frozen=True)
+class Curve:
+    """g can be solved for each of `variables` (outermost first); other variables may occur in it too."""
+
+    variables: tuple[Var, Var]
+
+    name = "a curve in two charts"
+
+
+def match_curve(g: Expr, variables: Sequence[Var]) -> Curve | None:
+    """The two innermost variables of a surface, if it can be solved for both."""
+    mine = [v for v in variables if v in g.free][:2]
+    if len(mine) != 2:
+        return None
+    try:
+        for v in mine:
+            roots = solve(g, v, ZERO, ex.ONE)
+            if roots is None or not roots.certain or slope(g, v) is ZERO:
+                return None
+    except NotDifferentiableError:
+        return None
+    return Curve((mine[1], mine[0]))
+
+
+def rewrite_curve(g: Expr, coefficient: Expr, chain: Chain, data: Curve) -> Expr | None:
+    """∫∫ coefficient·δ(g): both charts. None where the range of one variable is not known."""
+    outer, inner = (b for b in chain if b.var in data.variables)
+    rest = tuple(b for b in chain if b.var not in data.variables)
+    ranges = ranges_of((outer, inner))
+    if ranges is None or not all(free_of(e, data.variables) for b in rest for e in (b.lo, b.hi)):
+        return None
+    if not all(free_of(e, [b.var for b in rest]) for c in (outer, inner) for e in (c.lo, c.hi)):
+        return None
+    boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip((outer, inner), ranges, strict=True)]
+    total: list[Expr] = []
+    for pivot, other in ((1, 0), (0, 1)):
+        box = boxes[pivot]
+        roots = solve(g, box.var, box.lo, box.hi)
+        if roots is None or not roots.certain:
+            return None
+        branches = [_branch(g, coefficient, (outer, inner), boxes, pivot, root) for root in roots.found]
+        total.append(nest(add(*branches), (boxes[other], *rest)))
+    return add(*total)
+
+
+def _branch(g: Expr, coefficient: Expr, binders: tuple[Binder, Binder], boxes: Sequence[Binder], pivot: int, root: Root) -> Expr:
+    """One root of one chart, under the integral over the variable that stays."""
+    b, stay = binders[pivot], boxes[1 - pivot]
+    at = {b.var: root.point}
+    rate, across = (_simplest(cast(Expr, substitute(slope(g, v), at))) for v in (b.var, stay.var))
+    value = mul(restrict(coefficient, at, g, (binders[1].var, binders[0].var)), integer_power(call("magnitude", rate), -1))
+    point: dict[Var, Expr] = {b.var: root.point, stay.var: stay.var}
+    for c, limits in zip(binders, boxes, strict=True):
+        if c is b or (limits.lo, limits.hi) != (c.lo, c.hi):
+            lo, hi = (cast(Expr, substitute(e, at)) for e in (c.lo, c.hi))
+            value = signed_inside(point[c.var], lo, hi, g, c.var, (c.lo, c.hi), value)
+    steep = _steeper(rate, boxes[pivot], across, stay, strict=pivot == 0)
+    return where(conjunction(root.exists, steep), value, ZERO)
+
+
+def _steeper(rate: Expr, box: Binder, across: Expr, stay: Binder, strict: bool) -> Cond:
+    """|rate|·extent >= |across|·extent, as squares, which have no kinks."""
+    left = integer_power(mul(rate, sub(box.hi, box.lo)), 2)
+    right = integer_power(mul(across, sub(stay.hi, stay.lo)), 2)
+    return positive(_simplest(sub(left, right)), strict)
+
+
+def _simplest(e: Expr) -> Expr:
+    """Normal forms until nothing changes: squaring a square root can make terms cancel."""
+    for _ in range(3):
+        shorter = tidy(e)
+        if shorter is e:
+            break
+        e = shorter
+    return e
