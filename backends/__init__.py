@@ -5,7 +5,4 @@ in it would exist twice, so that is refused.
 """
 
 if __name__ != "teg.backends":
-    raise ImportError(
-        "import this package as 'teg.backends' (installing the project maps it there), not as "
-        + repr(__name__)
-    )
+    raise ImportError("import this package as 'teg.backends' (installing the project maps it there), not as " + repr(__name__))

@@ -149,7 +149,7 @@ class Frame:
 
     def _lines(self, steps: list[Step], scope: Scope) -> list[str]:
         """The lines of steps; a value used once waits until the step that uses it."""
-        here = {arg for step in steps for arg in step.uses if arg in self._once}
+        here = {arg for step in steps for arg in step.uses}
         lines: list[str] = []
         for step in steps:
             waiting = [arg for arg in step.uses if arg in scope.waiting]
@@ -166,13 +166,17 @@ class Frame:
                         break
                     lines.append(_declared(longest, scope.waiting.pop(longest), scope))
                     text = _value(step.assign, step.uses, scope)
-                if step.assign.name in here and step.assign.op != "tie" and len(text.text) <= INLINE:
-                    scope.waiting[step.assign.name] = text
+                name = step.assign.name
+                if name in here and name in self._once and step.assign.op != "tie" and len(text.text) <= INLINE:
+                    scope.waiting[name] = text
+                elif name in here or name not in self._slots:
+                    lines.append(_declared(name, text, scope))
                 else:
-                    lines.append(_declared(step.assign.name, text, scope))
+                    scope.name(name)
+                    lines.append(f"w[{self._slots[name]}] = {text.text};")
             for arg in waiting:
                 scope.waiting.pop(arg, None)
-            kept = [name for name in step.defines if name in self._slots]
+            kept = [name for name in step.defines if name in self._slots and (step.assign is None or name in here)]
             if kept:
                 lines += packed(f"w[{self._slots[name]}] = {self.names[name]};" for name in kept)
         return lines

@@ -58,9 +58,9 @@ LIMITS = {
 
 def print_kernel(program: Program, name: str = "teg_kernel") -> str:
     """The translation unit: constants, runtime, Gauss tables, integrals inside out, element, batch loop."""
-    printer = Printer(any(isinstance(s, Assign) and s.op == "tie" for s in statements(program.body)))
+    printer = Printer()
     element = printer.element(program)
-    texts = [*printer.texts, wrapped(_batch_loop(program, name, element, printer.ties))]
+    texts = [*printer.texts, wrapped(_batch_loop(program, name, element))]
     tables = [gauss_table(order) for order in sorted(printer.orders)]
     return "\n\n".join([title(program), *_runtime(texts), *tables, *texts]) + "\n"
 
@@ -76,18 +76,18 @@ def title(program: Program) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Routine:
-    """A C function that needs `workspace` doubles at `w`; if `indirect`, captured values come first there."""
+    """A C function that needs `workspace` doubles at `w`; if `indirect`, captured values come first there; `ties` want `ctx`."""
 
     name: str
     indirect: bool
     workspace: int
+    ties: bool
 
 
 class Printer:
     """Prints routines, each text once, inner integrals before outer ones."""
 
-    def __init__(self, ties: bool) -> None:
-        self.ties = ties
+    def __init__(self) -> None:
         self.orders: set[int] = set()
         self.texts: list[str] = []
         self._known: dict[str, Routine] = {}
@@ -95,7 +95,7 @@ class Printer:
     def element(self, program: Program) -> Routine:
         """The routine of the whole program at one point: from the parameters it writes the outputs to `f`."""
         steps = [*self._steps(program.body), *_yields(program.outputs)]
-        frame = Frame([f"p{i}" for i in range(len(program.parameters))], [steps], (), self.ties, prefix="p")
+        frame = Frame([f"p{i}" for i in range(len(program.parameters))], [steps], (), has_ties(program.body), prefix="p")
         inside = [*frame.opening(), *frame.block(0)]
         return self._routine("element", frame, f"static void {frame.signature('f')}", inside)
 
@@ -119,7 +119,7 @@ class Printer:
             array = scope.name(stmt.results[0], "r") if count > 1 else ""
             place = f"(w + {scope.free})" if stacked else array
             passed = ([] if routine.indirect else values) + [place] * (count > 1)
-            passed += [f"w + {below}"] * (routine.workspace > 0) + ["ctx"] * self.ties
+            passed += [f"w + {below}"] * (routine.workspace > 0) + ["ctx"] * routine.ties
             call = f"{routine.name}({', '.join(passed)})"
             before = packed(f"w[{below + i}] = {value};" for i, value in enumerate(values) if routine.indirect)
             if count == 1:
@@ -144,7 +144,7 @@ class Printer:
         own = (stmt.lo, stmt.hi, *stmt.breaks, *(() if stmt.need is None else (stmt.need,)))
         captured = captured_by(own, [*flags, *body], stmt.var)
         count, pieces = len(stmt.values), len(stmt.breaks) + 1
-        frame = Frame(captured, [flags, body], own, self.ties, stmt.var)
+        frame = Frame(captured, [flags, body], own, has_ties((stmt,)), stmt.var)
         sums = ("kronrod", "gauss", "size", "whole") if isinstance(stmt.rule, Adaptive) else ()
         arrays = [*frame.array("f", count + len(watch)), *(line for name in sums for line in frame.array(name, count))]
         arrays += frame.array("ends", pieces + 1, BREAKS_ON_STACK)
@@ -182,16 +182,20 @@ class Printer:
                 self.orders.add(nodes)
                 return gauss_piece(block, nodes, count)
             case Adaptive():
-                return adaptive_piece(block, stmt.rule, count, len(stmt.watch), self.ties)
+                return adaptive_piece(block, stmt.rule, count, len(stmt.watch), frame.ties)
 
     def _routine(self, kind: str, frame: Frame, signature: str, inside: list[str]) -> Routine:
         """The routine of this text, which is printed unless it is known. '@' stands for its name."""
         text = "\n\n".join([*frame.parts, wrapped([signature, "{", *indent(*inside), "}"])])
         if text not in self._known:
             name = kind if kind == "element" else f"{kind}_{len(self._known) + 1}"
-            self._known[text] = Routine(name, frame.indirect, frame.workspace)
+            self._known[text] = Routine(name, frame.indirect, frame.workspace, frame.ties)
             self.texts.append(text.replace("@", name))
         return self._known[text]
+
+
+def has_ties(block: tuple[Stmt, ...]) -> bool:
+    return any(isinstance(stmt, Assign) and stmt.op == "tie" for stmt in statements(block))
 
 
 def _yields(values: Sequence[Arg]) -> Iterator[Step]:
@@ -204,11 +208,12 @@ def _yielded(j: int, value: Arg, scope: Scope) -> list[str]:
     return [f"f[{j}] = {scope(value)};"]
 
 
-def _batch_loop(program: Program, name: str, element: Routine, ties: bool) -> Iterator[str]:
+def _batch_loop(program: Program, name: str, element: Routine) -> Iterator[str]:
     """The exported function: every point by itself; where ties were met, the mean of the two orders."""
     inputs, outputs = len(program.parameters), len(program.outputs)
     values = [f"p[{i}][i * stride[{i}]]" for i in range(inputs)]
-    space, results = element.workspace, ["result", "other"] if ties else ["result"]
+    space, ties = element.workspace, element.ties
+    results = ["result", "other"] if ties else ["result"]
     arrays = [f"double *const {array} = w + {space + k * outputs};" for k, array in enumerate(results)]
     run = [*([] if element.indirect else values), "result", *["w"] * (space > 0), *["&ctx"] * ties]
     call = f"element({', '.join(run)});"

@@ -22,8 +22,8 @@ from typing import Any, assert_never
 
 import numpy as np
 import numpy.typing as npt
-from teg.backends.python_text import Dialect, assignment, inside, strict, value
 
+from teg.backends.python_text import Dialect, assignment, inside, strict, value
 from teg.errors import BackendError, MissingPackageError
 from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program, Stmt
 
@@ -118,9 +118,7 @@ def _import_jax() -> Any:
     try:
         import jax
     except ImportError as error:
-        raise MissingPackageError(
-            "the package jax is not installed", hint='pip install "teg[jax]"'
-        ) from error
+        raise MissingPackageError("the package jax is not installed", hint='pip install "teg[jax]"') from error
     config: Any = jax.config
     if not config.jax_enable_x64:
         raise BackendError(

@@ -100,9 +100,7 @@ def _vector(block: tuple[tuple[Scalar, ...], Scalar]) -> tuple[Any, Any]:
     return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(tied)
 
 
-def _gauss(
-    nodes: int, p: Scalar, q: Scalar, active: Scalar, values: Callable[[Scalar], Any]
-) -> tuple[Any, Scalar]:
+def _gauss(nodes: int, p: Scalar, q: Scalar, active: Scalar, values: Callable[[Scalar], Any]) -> tuple[Any, Scalar]:
     """The integrals over one piece, (results,), and whether a tie was met."""
     at, weights = map(jnp.float64, gauss_legendre(nodes))
     half = 0.5 * (q - p)

@@ -23,9 +23,9 @@ from typing import Any, assert_never
 
 import numpy as np
 import numpy.typing as npt
+
 from teg.backends import numpy_runtime as rt
 from teg.backends.python_text import Dialect, assignment, inside, strict, value
-
 from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program, Stmt
 
 DIALECT = Dialect("np")
@@ -64,9 +64,12 @@ class NumpyKernel:
         """The numbers k of the ties that a call with these arguments meets, ascending."""
         return tuple(sorted(self._run(columns, n)[1]))
 
-    def _run(
-        self, columns: Sequence[npt.NDArray[np.float64]], n: int
-    ) -> tuple[npt.NDArray[np.float64], set[int]]:
+    def in_order(self, columns: Sequence[npt.NDArray[np.float64]], n: int, order: int) -> npt.NDArray[np.float64]:
+        """The outputs with ties resolved in one order, +1 or -1, and no averaging; in one chunk."""
+        with np.errstate(all="ignore"):
+            return self._outputs(rt.Run(order, self._room), [np.asarray(c, dtype=np.float64)[()] for c in columns], n)
+
+    def _run(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], set[int]]:
         values = [np.asarray(column, dtype=np.float64) for column in columns]
         shared = all(v.ndim == 0 for v in values)
         out = np.empty((len(self.program.outputs), n))
@@ -173,14 +176,11 @@ class _Printer:
             "",
             "",
             f"integral_{number} = rt.{kind}(",
-            f"    flags={flags}, body={body}, results={len(stmt.results)}, "
-            f"piece_width={piece_width}, node_width={node_width}, {rule}",
+            f"    flags={flags}, body={body}, results={len(stmt.results)}, piece_width={piece_width}, node_width={node_width}, {rule}",
             ")",
         ]
 
-    def function(
-        self, name: str, parameters: Sequence[str], block: tuple[Stmt, ...], results: Sequence[Arg]
-    ) -> int:
+    def function(self, name: str, parameters: Sequence[str], block: tuple[Stmt, ...], results: Sequence[Arg]) -> int:
         """Prints a block as a function; returns how many doubles a lane it may hold."""
         signature = ", ".join(["run", *parameters])
         if len(block) > PART:
@@ -203,9 +203,7 @@ class _Printer:
         uses = [list(free(part, ())) for part in parts]
         last = {n: i for i, part in enumerate(uses) for n in part}
         last |= dict.fromkeys(_names(results), len(parts))
-        shared = [
-            [n for s in part for n in assigned(s) if last.get(n, i) > i] for i, part in enumerate(parts)
-        ]
+        shared = [[n for s in part for n in assigned(s) if last.get(n, i) > i] for i, part in enumerate(parts)]
         self.lines += ["", "", f"def {name}({signature}):"]
         self.lines.append("    s = {" + ", ".join(f"{p!r}: {p}" for p in parameters if p in last) + "}")
         self.lines += [f"    {name}_{i}(run, s)" for i in range(len(parts))]
@@ -216,9 +214,7 @@ class _Printer:
         for i, part in enumerate(parts):
             self.lines += ["", "", f"def {name}_{i}(run, s):"]
             ended = {n for n in uses[i] if last[n] == i}
-            self.lines += [
-                f"    {n} = s.pop({n!r})" if n in ended else f"    {n} = s[{n!r}]" for n in uses[i]
-            ]
+            self.lines += [f"    {n} = s.pop({n!r})" if n in ended else f"    {n} = s[{n!r}]" for n in uses[i]]
             width = max(width, alive + self.statements(part))
             self.lines += [f"    s[{n!r}] = {n}" for n in shared[i]]
             alive += len(shared[i]) - len(ended)

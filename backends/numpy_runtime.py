@@ -106,9 +106,7 @@ class Integral:
         sums = np.empty((self.results, lanes))
         for part in _parts(lanes, run.chunk(self.piece_width, len(breaks) + 1)):
             count = min(part.stop, lanes) - part.start
-            sums[:, part] = self._lanes(
-                run, [_cut(v, part) for v in given], len(breaks), len(for_flags), count
-            )
+            sums[:, part] = self._lanes(run, [_cut(v, part) for v in given], len(breaks), len(for_flags), count)
         if active is not None:
             everywhere = np.zeros((self.results, int(np.prod(shape))))
             everywhere[:, active] = sums
@@ -122,16 +120,12 @@ class Integral:
         points = np.empty((breaks + 2, lanes))
         points[0], points[-1] = low, high
         for i in range(2, first):
-            points[i - 1] = np.minimum(
-                np.fmax(given[i], low), high
-            )  # fmax: a break that is NaN is put at low
+            points[i - 1] = np.minimum(np.fmax(given[i], low), high)  # fmax: a break that is NaN is put at low
         if breaks > 1:
             points[1:-1].sort(axis=0)
         p, q = points[:-1].reshape(-1), points[1:].reshape(-1)
         kept = np.flatnonzero(q - p > PIECE_EPS * np.maximum(np.abs(p), np.abs(q)))
-        sums = self._pieces(
-            run, p[kept], q[kept], kept % lanes, lanes, given[first : first + flags], given[first + flags :]
-        )
+        sums = self._pieces(run, p[kept], q[kept], kept % lanes, lanes, given[first : first + flags], given[first + flags :])
         sums *= np.where(lo <= hi, 1.0, -1.0)
         sums[:, np.broadcast_to(np.isnan(lo) | np.isnan(hi), (lanes,))] = np.nan
         return sums

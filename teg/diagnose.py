@@ -62,8 +62,13 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
     for i in range(n):
         element = [c if c.ndim == 0 else c[i : i + 1] for c in columns]
         values = {k: float(c if c.ndim == 0 else c[0]) for k, c in zip(f.parameters, element, strict=True)}
-        for k in kernel.met_ties(element, 1):
+        met = kernel.met_ties(element, 1)
+        orders = [kernel.in_order(element, 1, order)[: len(outputs)] for order in ((1, -1) if met else ())]
+        differ = bool(orders) and not np.allclose(*orders, rtol=1e-9, atol=1e-12, equal_nan=True)  # crossing at a point is no tie
+        for k in met:
             first, second = program.ties[k].surfaces
+            if second != border and not differ:
+                continue
             if second == border:
                 found.append(Diagnosis("parameter surface", (first,), values, f"the parameters lie on {first}", i))
             else:

@@ -540,6 +540,8 @@ def call(name: str, *arguments: Expr) -> Expr:
                 return const(value)
         except (ValueError, OverflowError, ZeroDivisionError):
             pass
+    if name == "exp" and isinstance(arguments[0], Call) and arguments[0].name == "log":
+        return arguments[0].children[0]
     if name in _SINGULAR and isinstance(arguments[0], Where):
         rest = arguments[1:]
         return _into_branches(arguments[0], lambda u: call(name, u, *rest))

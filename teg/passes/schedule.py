@@ -72,6 +72,7 @@ def rule_for(node: Integral, analysis: BreakAnalysis, tol: float, depth: int) ->
 
 Truths = tuple[Arg, Arg]  # holds, fails
 _NAN = float("nan")
+_EPSILON = 2.0**-52
 
 
 @dataclass
@@ -348,7 +349,8 @@ class _Scheduler:
             case Call() if e.name == "magnitude":
                 return errors[0]
             case Call() if e.name == "sqrt" and errors[0] != 0.0:
-                return total(size(e), put("div", errors[0], size(e)))
+                least = put("sqrt", put("mul", _EPSILON, errors[0]))  # √ of a rounding error is the most the root of nothing can be
+                return total(size(e), put("div", errors[0], put("add", size(e), least)))
             case Call() if e.name == "log" and errors[0] != 0.0:
                 return total(size(e), put("div", errors[0], size(e.children[0])))
             case Call() if e.name == "exp":

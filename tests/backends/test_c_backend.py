@@ -17,12 +17,16 @@ import pytest
 from teg.backends import c_build, c_frame, c_print
 from teg.backends.c_backend import CKernel, compile_c, print_kernel, standalone_c
 from teg.backends.c_text import literal
+from teg.backends.numpy_backend import compile_numpy
 from teg.errors import CompilerError, OptionError, ParameterError
 from teg.program import Adaptive, Assign, Gauss, Integrate, Program
 from tests.backends.programs import (
     CASES,
+    DISC,
+    ONE_VARIABLE,
     TIES,
     TWO_VARIABLES,
+    WATCHED,
     Case,
     columns,
     expected,
@@ -180,7 +184,7 @@ def chain(length: int, first: str = "p0") -> tuple[tuple[Assign, ...], str, Call
 def test_long_straight_line(length: int) -> None:
     body, last, value = chain(length)
     kernel = compile_c(program(1, body, last))
-    assert kernel.source.count("static void element") == 1 + (length > 800) * math.ceil((length + 1) / 800)
+    assert kernel.source.count("static void element") == 1 + math.ceil((length + 1) / c_frame.PART)
     np.testing.assert_array_equal(kernel([np.array([0.3, -0.7])], 2)[0], [value(0.3), value(-0.7)])
 
 
@@ -284,6 +288,69 @@ def test_many_breaks_are_sorted() -> None:
     integral = integrate("v9", "x0", 0.0, "p0", (), 1.0, breaks=tuple(cuts), flags=flags, need="b0", rule=Gauss(1))
     found = compile_c(program(1, (integral,), "v9"))([np.array([1.0, 0.5])], 2)
     np.testing.assert_allclose(found[0], [0.5, 0.25], rtol=1e-13)
+
+
+# Text
+
+
+def test_a_value_used_once_is_printed_where_it_is_used() -> None:
+    body = (
+        let("v0", "mul", "p0", "p1"),
+        let("v1", "neg", "v0"),
+        let("v2", "add", "p0", "v1"),
+        let("v3", "sub", "p1", "v2"),
+        let("b0", "gt0", "v3"),
+        let("v4", "div", "p0", "p1"),
+        let("v5", "powi", "v4", 2),
+        let("v6", "div", "p1", "v5"),
+        let("v7", "select", "b0", "v6", -1.0),
+        let("v8", "mul", "v7", "v7"),
+    )
+    source = print_kernel(program(2, body, "v8"))
+    inside = source.split("static void element")[1].split("}")[0].splitlines()[2:]
+    assert [line.strip() for line in inside if line] == [
+        "const double v1 = p0 / p1;",
+        "const double v2 = p1 - (p0 - p0 * p1) > 0.0 ? p1 / (v1 * v1) : (-1.0);",
+        "f[0] = v2 * v2;",
+    ]
+
+
+def test_the_order_of_operations_is_kept() -> None:
+    """Every operand in every place, against the same operations one a statement."""
+    ops = (("add", 2), ("sub", 2), ("mul", 2), ("div", 2), ("neg", 1), ("add", 3), ("mul", 3), ("powi", 1), ("select", 2))
+    outer = []
+    for op, count in ops:
+        for place in range(count):
+            for within, number in ops:
+                k = len(outer)
+                inner = [f"p{i}" for i in range(number)]
+                args: list[str | int] = [f"p{(i + 1) % 3}" for i in range(count)]
+                args[place] = f"vi{k}"
+                outer.append(let(f"vi{k}", within, *(["b0"] * (within == "select")), *inner, *([-3] * (within == "powi"))))
+                outer.append(let(f"vo{k}", op, *(["b0"] * (op == "select")), *args, *([2] * (op == "powi"))))
+    given = [np.random.default_rng(k).normal(size=50) for k in range(3)]
+    wanted = program(3, (let("b0", "gt0", "p1"), *outer), *(s.name for s in outer))  # all are outputs: all have names
+    short = program(3, (let("b0", "gt0", "p1"), *outer), *(s.name for s in outer if s.name[1] == "o"))
+    assert len(print_kernel(short).splitlines()) < 0.8 * len(print_kernel(wanted).splitlines())
+    found = compile_c(short)(given, 50)
+    np.testing.assert_array_equal(found, compile_c(wanted)(given, 50)[1::2])
+    np.testing.assert_array_equal(found, compile_numpy(wanted)(given, 50)[1::2])
+
+
+def test_only_what_is_needed_of_the_runtime_is_printed() -> None:
+    assert "teg_" not in print_kernel(square()).replace("teg_kernel", "")
+    smooth = print_kernel(DISC)
+    assert "teg_pair[21]" in smooth
+    assert "TEG_MAX_DEPTH 48" in smooth
+    for absent in ("teg_mod", "teg_tie", "teg_context", "TEG_TIE_EPS", "TEG_WATCH_WIDTH"):
+        assert absent not in smooth
+    assert "teg_pair" not in print_kernel(TWO_VARIABLES[0].program)
+    assert "teg_sink" in print_kernel(ONE_VARIABLE[4].program)
+
+
+def test_lines_are_short() -> None:
+    for text in (print_kernel(case.program) for case in CASES):
+        assert max(map(len, text.splitlines())) <= 130
 
 
 # Names
@@ -444,7 +511,7 @@ def test_standalone_names_must_be_usable(name: str) -> None:
         standalone_c(square(), name)
 
 
-@pytest.mark.parametrize("case", [TWO_VARIABLES[1], TIES[3]], ids=lambda case: case.name)
+@pytest.mark.parametrize("case", [TWO_VARIABLES[1], TIES[3], WATCHED[3], WATCHED[4]], ids=lambda case: case.name)
 def test_text_compiles_without_warnings(case: Case, tmp_path: Path) -> None:
     (tmp_path / "kernel.c").write_text(print_kernel(case.program))
     flags = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fopenmp"]

@@ -9,15 +9,16 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+
 from teg.backends.numpy_backend import compile_numpy
 from teg.backends.numpy_runtime import AdaptiveIntegral, Run
-
-from teg.program import Adaptive, Assign, Gauss, Integrate, Program
+from teg.program import WATCH_WIDTH, Adaptive, Assign, Gauss, Integrate, Program, without_dead_code
 from teg.quadrature import GAUSS_WEIGHTS, KRONROD_NODES, KRONROD_WEIGHTS, gauss_legendre
 from tests.backends.programs import (
     ADAPTIVE,
     CASES,
     TWO_VARIABLES,
+    WATCHED,
     Case,
     columns,
     expected,
@@ -94,6 +95,29 @@ def test_smooth_saves_intervals_at_a_square_root(monkeypatch: pytest.MonkeyPatch
         counts.append(intervals)
         intervals = 0
     assert counts[0] < counts[1] / 5
+
+
+def test_watched_conditions_are_not_dead_code() -> None:
+    case = WATCHED[0]
+    pruned = without_dead_code(program(1, case.program.body, "v8"))
+    np.testing.assert_allclose(compile_numpy(pruned)(columns(case), case.n)[0], expected(case)[0], rtol=1e-12, atol=1e-13)
+    (outer,) = without_dead_code(program(1, case.program.body, "v9")).body
+    assert isinstance(outer, Integrate)
+    assert [s.name for s in outer.body if isinstance(s, Assign)] == ["v0", "b0", "v1"]
+
+
+def test_a_watched_jump_costs_two_intervals_a_bisection(monkeypatch: pytest.MonkeyPatch) -> None:
+    widths: list[float] = []
+    measure = AdaptiveIntegral._measure
+
+    def counted(self: AdaptiveIntegral, run: Run, *arguments: Any) -> Any:
+        widths.extend([arguments[5]] * arguments[3].size)
+        return measure(self, run, *arguments)
+
+    monkeypatch.setattr(AdaptiveIntegral, "_measure", counted)
+    compile_numpy(WATCHED[0].program)([np.array([0.3])], 1)
+    assert min(widths) == WATCH_WIDTH
+    assert len(widths) == 1 + 2 * 44
 
 
 def test_a_hopeless_integrand_ends() -> None:

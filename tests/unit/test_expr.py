@@ -112,7 +112,9 @@ def test_reflected_comparisons_are_one_atom() -> None:
     assert (x < t) is not (x <= t)
 
 
-@pytest.mark.parametrize("e", [t * 0, t - t, t / t, t**0, 1 + 0 * t, teg.where(x < t, a, a), teg.integral(x, (x, t, t)), teg.bracket(t < t)])
+@pytest.mark.parametrize(
+    "e", [t * 0, t - t, t / t, t**0, 1 + 0 * t, teg.where(x < t, a, a), teg.integral(x, (x, t, t)), teg.bracket(t < t)]
+)
 def test_what_was_written_is_not_forgotten(e: teg.Expr) -> None:
     """A parameter that simplification removes is still an argument of the program."""
     assert t in parameters(e)
