@@ -199,13 +199,14 @@ def has_ties(block: tuple[Stmt, ...]) -> bool:
 
 
 def _yields(values: Sequence[Arg]) -> Iterator[Step]:
-    """The values of a block, written to `f`."""
-    for j, value in enumerate(values):
-        yield Step((), (value,), lines=partial(_yielded, j, value))
+    """The values of a block, written to `f`, a few a step."""
+    for first in range(0, len(values), 8):
+        some = values[first : first + 8]
+        yield Step((), tuple(some), lines=partial(_yielded, first, some), weight=len(some))
 
 
-def _yielded(j: int, value: Arg, scope: Scope) -> list[str]:
-    return [f"f[{j}] = {scope(value)};"]
+def _yielded(first: int, values: Sequence[Arg], scope: Scope) -> list[str]:
+    return packed(f"f[{j}] = {scope(value)};" for j, value in enumerate(values, first))
 
 
 def _batch_loop(program: Program, name: str, element: Routine) -> Iterator[str]:

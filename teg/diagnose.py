@@ -63,8 +63,8 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
         element = [c if c.ndim == 0 else c[i : i + 1] for c in columns]
         values = {k: float(c if c.ndim == 0 else c[0]) for k, c in zip(f.parameters, element, strict=True)}
         met = kernel.met_ties(element, 1)
-        orders = [kernel.in_order(element, 1, order)[: len(outputs)] for order in ((1, -1) if met else ())]
-        differ = bool(orders) and not np.allclose(*orders, rtol=1e-9, atol=1e-12, equal_nan=True)  # crossing at a point is no tie
+        one, other = (kernel.in_order(element, 1, order)[: len(outputs)] for order in (1, -1))
+        differ = not np.allclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True)  # surfaces that merely cross are no tie
         for k in met:
             first, second = program.ties[k].surfaces
             if second != border and not differ:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from teg.build import check_program
 from teg.dump import show
 from teg.errors import TegError
 from teg.expr import Expr, Param
@@ -52,6 +53,7 @@ class Explanation:
 
 def explain(e: Expr, wrt: Sequence[Param] | None = None, tol: float = 1e-10) -> Explanation:
     """For each surface its owner and how its δ is eliminated, or why it has none; for each integral its breaks, rule and nodes."""
+    check_program(e)
     chosen = parameters(e) if wrt is None else wrt
     normal = normal_form(e)
     variables = list(dict.fromkeys(n.var for n in postorder([normal]) if isinstance(n, Integral)))

@@ -61,10 +61,12 @@ class Root:
 
 @dataclass(frozen=True)
 class Roots:
-    """All roots between the bounds. `certain` is false where there may be more of them than there is code for."""
+    """All roots between the bounds. `certain` is false where there may be more of them than there is code for, `reliable` where
+    rounding may spoil one for extreme coefficients (it is then NaN, never wrong): the integrator looks for itself too."""
 
     found: tuple[Root, ...]
     certain: bool = True
+    reliable: bool = True
 
 
 def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH) -> Roots | None:
@@ -77,6 +79,9 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH) -> Roots 
             return Roots((Root(affine_root(g, x, lo)),))
         if degree == 2:
             return Roots(quadratic_roots(g, x))
+        if degree == 3:
+            cubic = cubic_roots(g, x)
+            return None if cubic is None else Roots(cubic, reliable=False)
         if not depth:
             return None
         normal = expanded(g)
@@ -133,6 +138,45 @@ def quadratic_roots(g: Expr, x: Var) -> tuple[Root, ...]:
     return (Root(div(q, a), exists), Root(div(c, q), exists))
 
 
+def cubic_roots(g: Expr, x: Var) -> tuple[Root, ...] | None:
+    """The roots of a cubic: by cosines where there are three, by Cardano's formula where there is one, each followed by a Newton step.
+
+    y³ + p·y + q = 0 with x = y - B/(3A). Three: y = 2√(-p/3)·cos(⅓·acos(…) - ⅔πk) (Viète); one: y = u - p/(3u) with
+    u = -sgn(q)·∛(|q|/2 + √(q²/4 + p³/27)), which does not cancel (Press et al., section 5.6). Only for a leading coefficient that is a
+    number: where it may vanish, the formulas lose every digit on the way. A root that the Newton step moves far is NaN.
+    """
+    first = slope(g, x)
+    second = slope(first, x)
+    parts = (mul(const(1 / 6), slope(second, x)), mul(const(0.5), second), first, g)
+    a, b, c, d = (tidy(cast(Expr, substitute(e, {x: ZERO}))) for e in parts)
+    if not isinstance(a, Const) or a is ZERO:
+        return None
+    middle = div(b, mul(const(3), a))
+    p = sub(div(c, a), mul(const(3), integer_power(middle, 2)))
+    q = add(mul(const(2), integer_power(middle, 3)), mul(MINUS_ONE, middle, div(c, a)), div(d, a))
+    inside = add(mul(const(0.25), integer_power(q, 2)), mul(const(1 / 27), integer_power(p, 3)))
+    three, one = positive(mul(MINUS_ONE, inside), strict=False), positive(inside)
+    radius = call("sqrt", mul(const(-1 / 3), p))
+    cosine = div(mul(const(-0.5), q), integer_power(radius, 3))
+    clamped = where(positive(sub(cosine, ONE)), ONE, where(positive(sub(MINUS_ONE, cosine)), MINUS_ONE, cosine))
+    angle = mul(const(1 / 3), call("acos", clamped))
+    points = [(mul(const(2), radius, call("cos", sub(angle, const(2 * math.pi * k / 3)))), three) for k in range(3)]
+    size_of_u = call("pow", add(call("magnitude", mul(const(0.5), q)), call("sqrt", inside)), const(1 / 3))
+    u = where(positive(q), mul(MINUS_ONE, size_of_u), size_of_u)
+    points.append((sub(u, div(p, mul(const(3), u))), one))
+    found = []
+    for y, exists in points:
+        at = {x: sub(y, middle)}
+        step = div(cast(Expr, substitute(g, at)), cast(Expr, substitute(first, at)))
+        found.append(Root(where(_is_small(step, at[x]), sub(at[x], step), const(math.nan)), exists))
+    return tuple(found)
+
+
+def _is_small(step: Expr, at: Expr) -> Cond:
+    """A Newton step that can only be a correction."""
+    return positive(sub(mul(const(1e-4), add(ONE, call("magnitude", at))), call("magnitude", step)))
+
+
 def _parts(g: Expr, x: Var) -> tuple[Expr, Expr, Expr] | None:
     """P, Q, D of g = P + Q·√D with one square root that x runs through."""
     found = [n for n in _functions(g, x) if isinstance(n, Call) and n.name == "sqrt"]
@@ -160,7 +204,7 @@ def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | No
         at = {x: r.point}
         opposite = positive(cast(Expr, substitute(mul(MINUS_ONE, p, q), at)), strict=False)
         found.append(Root(r.point, conjunction(r.exists, opposite)))
-    return Roots(tuple(found), roots.certain)
+    return Roots(tuple(found), roots.certain, roots.reliable)
 
 
 # -- f(u) = c ------------------------------------------------------------------------------------------------------------
@@ -206,7 +250,7 @@ def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
     if levels is None:
         return None
     found: list[Root] = []
-    certain = levels.certain
+    certain, reliable = levels.certain, levels.reliable
     for level in levels.found:
         inner = _preimages(f, level.point, x, lo, hi)
         if inner is None:
@@ -218,8 +262,11 @@ def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
             if deeper is None:
                 return None
             certain &= deeper.certain
-            found += [Root(r.point, conjunction(level.exists, exists, r.exists)) for r in deeper.found]
-    return Roots(tuple(found), certain)
+            reliable &= deeper.reliable
+            for r in deeper.found:
+                there = cast(Cond, substitute(exists, {x: r.point}))
+                found.append(Root(r.point, conjunction(level.exists, there, r.exists)))
+    return Roots(tuple(found), certain, reliable)
 
 
 def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[tuple[Expr, Cond]], bool] | None:
@@ -232,6 +279,9 @@ def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list
         if x in k.free:
             return None
         return [(sub(u, call("pow", c, integer_power(k, -1))), positive(c))], True
+    if f.name == "atan2":  # the half-line at the angle c
+        b, a, s, k = u, f.children[1], call("sin", c), call("cos", c)
+        return [(sub(mul(b, k), mul(a, s)), positive(add(mul(a, k), mul(b, s))))], True
     if f.name in ("sin", "cos", "tan"):
         return _periodic_preimages(f.name, u, c, x, lo, hi)
     inverse = _INVERSES.get(f.name)

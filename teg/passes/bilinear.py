@@ -17,7 +17,7 @@ from typing import cast
 
 from teg import expr as ex
 from teg.calculus import slope
-from teg.expr import ZERO, Cond, Expr, Var, add, call, disjunction, div, mul, positive, sub, where
+from teg.expr import ZERO, Cond, Expr, Var, add, call, const, disjunction, div, mul, positive, sub, where
 from teg.nest import Binder, Chain, nest, ranges_of
 from teg.polynomial import Shadow
 from teg.roots import tidy
@@ -67,11 +67,14 @@ def _extent(b: Binder) -> Expr:
 
 
 def _invariant(g: Expr, boxes: Sequence[Binder]) -> Expr:
-    """E = g_x·g_y - g_xy·g, the same everywhere."""
+    """|E| = |g_x·g_y - g_xy·g|, the same everywhere; not below its rounding error: so near the crossing of two lines a root is noise."""
     x, y = boxes[0].var, boxes[1].var
     gx, gy = slope(g, x), slope(g, y)
     corner = {b.var: b.lo for b in boxes}
-    return tidy(cast(Expr, substitute(sub(mul(gx, gy), mul(slope(gx, y), g)), corner)))
+    first, second = (cast(Expr, substitute(e, corner)) for e in (mul(gx, gy), mul(slope(gx, y), g)))
+    noise = mul(const(8 * 2.0**-52), add(call("magnitude", first), call("magnitude", second)))
+    exact = call("magnitude", tidy(sub(first, second)))
+    return where(positive(sub(exact, noise)), exact, noise)
 
 
 def _chart(
@@ -89,7 +92,7 @@ def _chart(
     origin = {b.var: box.lo}
     rate = cast(Expr, substitute(slope(g, b.var), origin))
     root = sub(box.lo, div(cast(Expr, substitute(g, origin)), rate))
-    least = call("sqrt", mul(call("magnitude", invariant), div(_extent(stay), _extent(box))))
+    least = call("sqrt", mul(invariant, div(_extent(stay), _extent(box))))
     strict = pivot == 0
     steep: Cond = disjunction(positive(sub(rate, least), strict), positive(sub(mul(ex.MINUS_ONE, rate), least), strict))
     at = {b.var: root}

@@ -150,7 +150,7 @@ class BreakAnalysis:
             if roots is None:
                 return None
             points.extend(r.point for r in roots.found)
-            certain &= roots.certain
+            certain &= roots.certain and roots.reliable
         return points, certain
 
     def _projection(self, node: Integral) -> _Found:

@@ -91,8 +91,9 @@ class _Elimination:
                 raise NoReparameterisationError(
                     f"no reparameterisation is known for the surface {_describe(g, mine)}",
                     g,
-                    "values, and derivatives that do not move this surface, work; affine surfaces in any number of variables and "
-                    "quadratic ones in one variable can be differentiated: change variables so that the surface becomes one of these",
+                    "its value, and derivatives that do not move it, work. Moving it needs a formula for one variable: write the condition "
+                    "so that a variable stands alone, y < f(x, t), or inside one invertible function, and polynomials with degree at most "
+                    "3 in one variable",
                 )
             self.decisions[g] = found
         return self.decisions[g]

@@ -286,10 +286,20 @@ class _Scheduler:
 
     def _tie_scale(self, g: Expr, home: _Level) -> Arg:
         """What, times a few ε, an atom may be off by where it is 0: Σ|terms|, and the rounding errors its terms come with."""
-        terms = g.children if isinstance(g, Add) else (g,)
-        sizes = [self._size(self._number(t, home), home) for t in terms]
-        error = self._error(g, home)
-        return self._assign(home, "v", "add", *sizes, *(() if error == 0.0 else (error,)))
+        terms, error = self._terms_size(g, home), self._error(g, home)
+        return terms if error == 0.0 else self._assign(home, "v", "add", terms, error)
+
+    def _terms_size(self, g: Expr, home: _Level) -> Arg:
+        """Σ|terms|, of the branch that is taken and behind a number in front."""
+        if isinstance(g, Where):
+            return self._assign(
+                home, "v", "select", self._truths(g.condition, home)[0], self._terms_size(g.then, home), self._terms_size(g.otherwise, home)
+            )
+        if isinstance(g, Mul) and len(g.children) == 2 and isinstance(g.children[0], Const):
+            return self._assign(home, "v", "mul", abs(g.children[0].data), self._terms_size(g.children[1], home))
+        if not isinstance(g, Add):
+            return self._size(self._number(g, home), home)
+        return self._assign(home, "v", "add", *(self._size(self._number(t, home), home) for t in g.children))
 
     def _size(self, value: Arg, home: _Level) -> Arg:
         return abs(value) if isinstance(value, float | int) else self._assign(home, "v", "abs", value)
@@ -338,12 +348,15 @@ class _Scheduler:
             case Mul():
                 if e.children[0] is MINUS_ONE and len(e.children) == 2:
                     return errors[1]
-                inverse = [put("div", err, size(f)) for f, err in zip(e.children, errors, strict=True) if err != 0.0]
-                return put("mul", size(e), total(1.0, *inverse)) if inverse else size(e)
+                carried = []
+                for i, err in enumerate(errors):
+                    if err != 0.0:
+                        carried.append(put("mul", err, *(size(f) for j, f in enumerate(e.children) if j != i)))
+                return total(size(e), *carried)
             case Pow():
                 if errors[0] == 0.0:
                     return size(e)
-                return put("mul", size(e), total(1.0, put("mul", float(abs(e.exponent)), put("div", errors[0], size(e.base)))))
+                return total(size(e), put("mul", float(abs(e.exponent)), errors[0], put("powi", size(e.base), e.exponent - 1)))
             case Where():
                 return errors[0] if errors[0] == errors[1] else put("select", self._truths(e.condition, home)[0], *errors)
             case Call() if e.name == "magnitude":
