@@ -60,7 +60,7 @@ def partials(node: Call) -> list[Expr]:
             return [node]
         case "log":
             return [integer_power(u, -1)]
-        case "sqrt":
+        case "sqrt" | "root":
             return [mul(const(0.5), integer_power(node, -1))]
         case "pow":
             k = node.children[1]

@@ -76,7 +76,7 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
         case Call():
             if node.name == "magnitude":
                 return f"|{parts[0][0]}|", _ATOM
-            if node.name == "sqrt":
+            if node.name in ("sqrt", "root"):
                 return "√" + _wrapped(parts[0], _ATOM), _ATOM
             if node.name == "pow":
                 return f"{_wrapped(parts[0], _ATOM)}^{_wrapped(parts[1], _ATOM)}", _POWER

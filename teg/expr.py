@@ -311,9 +311,10 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos, "atan": math.atan,
     "atan2": math.atan2, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "exp": math.exp, "log": math.log,
     "sqrt": math.sqrt, "pow": math.pow, "floor": lambda x: float(math.floor(x)), "mod": lambda x, y: x - y * math.floor(x / y),
-    "magnitude": abs,
+    "magnitude": abs, "root": lambda x: math.sqrt(abs(x)),
 }  # fmt: skip
-"""The functions of the language. `magnitude` is |u| with no surface at u = 0, for weights that cannot vanish."""
+"""The functions of the language, and two that only the compiler uses: `magnitude` is |u| with no surface at u = 0, for weights that cannot
+vanish; `root` is √u where u >= 0, and a number, not NaN, where rounding takes u below 0."""
 
 _SINGULAR = frozenset(("sqrt", "log", "pow", "asin", "acos"))
 
@@ -519,7 +520,7 @@ def integer_power(base: Expr, k: int) -> Expr:
                 pass
         elif base.data == 0.0 and k > 0:
             return ZERO
-    if isinstance(base, Call) and base.name == "sqrt" and k % 2 == 0:
+    if isinstance(base, Call) and base.name in ("sqrt", "root") and k % 2 == 0:
         return integer_power(base.children[0], k // 2)
     if isinstance(base, Pow) and (base.exponent == -1 or k > 0):
         return integer_power(base.base, base.exponent * k)

@@ -184,7 +184,7 @@ def _juxtaposed(factors: list[str]) -> str:
 def _call(node: Call, parts: list[Text]) -> Text:
     arguments = ", ".join(p[0] for p in parts)
     match node.name:
-        case "sqrt":
+        case "sqrt" | "root":
             return rf"\sqrt{{{arguments}}}", _ATOM
         case "pow":
             return _power(parts[0], parts[1][0]), _POWER

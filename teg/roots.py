@@ -76,7 +76,7 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH) -> Roots 
         if degree == 0:
             return Roots(())
         if degree == 1:
-            return Roots((Root(affine_root(g, x, lo)),))
+            return Roots((Root(affine_root(g, x, lo if depth == MAX_DEPTH else ZERO)),))  # inside an inverse function nothing is local
         if degree == 2:
             return Roots(quadratic_roots(g, x))
         if degree == 3:
@@ -128,7 +128,7 @@ def quadratic_roots(g: Expr, x: Var) -> tuple[Root, ...]:
     a, b, c = quadratic_coefficients(g, x)
     d = discriminant(a, b, c)
     exists = positive(d, strict=False)
-    root = call("sqrt", d)
+    root = call("root", d)
     if b is ZERO or isinstance(a, Const):
         half = div(root, mul(const(2), ex.const(abs(a.data)) if isinstance(a, Const) else call("magnitude", a)))
         middle = tidy(mul(const(-0.5), div(b, a))) if b is not ZERO else ZERO
@@ -156,12 +156,12 @@ def cubic_roots(g: Expr, x: Var) -> tuple[Root, ...] | None:
     q = add(mul(const(2), integer_power(middle, 3)), mul(MINUS_ONE, middle, div(c, a)), div(d, a))
     inside = add(mul(const(0.25), integer_power(q, 2)), mul(const(1 / 27), integer_power(p, 3)))
     three, one = positive(mul(MINUS_ONE, inside), strict=False), positive(inside)
-    radius = call("sqrt", mul(const(-1 / 3), p))
+    radius = call("root", mul(const(-1 / 3), p))
     cosine = div(mul(const(-0.5), q), integer_power(radius, 3))
     clamped = where(positive(sub(cosine, ONE)), ONE, where(positive(sub(MINUS_ONE, cosine)), MINUS_ONE, cosine))
     angle = mul(const(1 / 3), call("acos", clamped))
     points = [(mul(const(2), radius, call("cos", sub(angle, const(2 * math.pi * k / 3)))), three) for k in range(3)]
-    size_of_u = call("pow", add(call("magnitude", mul(const(0.5), q)), call("sqrt", inside)), const(1 / 3))
+    size_of_u = call("pow", add(call("magnitude", mul(const(0.5), q)), call("root", inside)), const(1 / 3))
     u = where(positive(q), mul(MINUS_ONE, size_of_u), size_of_u)
     points.append((sub(u, div(p, mul(const(3), u))), one))
     found = []
@@ -179,7 +179,7 @@ def _is_small(step: Expr, at: Expr) -> Cond:
 
 def _parts(g: Expr, x: Var) -> tuple[Expr, Expr, Expr] | None:
     """P, Q, D of g = P + Q·√D with one square root that x runs through."""
-    found = [n for n in _functions(g, x) if isinstance(n, Call) and n.name == "sqrt"]
+    found = [n for n in _functions(g, x) if isinstance(n, Call) and n.name in ("sqrt", "root")]
     if len(found) != 1:
         return None
     s = fresh("√", g.free)
@@ -239,6 +239,9 @@ def _replace(g: Expr, old: Expr, new: Expr) -> Expr:
 def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
     """g a polynomial of degree 1 or 2 in one function of x, and in x no other way: invert the function."""
     functions = _functions(g, x)
+    harmonic = _harmonic(g, x, functions)
+    if harmonic is not None:
+        g, functions = harmonic
     if len(functions) != 1:
         return None
     f = functions[0]
@@ -267,6 +270,21 @@ def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
                 there = cast(Cond, substitute(exists, {x: r.point}))
                 found.append(Root(r.point, conjunction(level.exists, there, r.exists)))
     return Roots(tuple(found), certain, reliable)
+
+
+def _harmonic(g: Expr, x: Var, functions: list[Call | Pow]) -> tuple[Expr, list[Call | Pow]] | None:
+    """A·sin u + B·cos u + C = R·sin(u + φ) + C with R = √(A² + B²), φ = atan2(B, A)."""
+    by_name = {f.name: f for f in functions if isinstance(f, Call)}
+    if len(functions) != 2 or by_name.keys() != {"sin", "cos"} or by_name["sin"].children != by_name["cos"].children:
+        return None
+    s, c = fresh("sin", g.free), fresh("cos", g.free)
+    linear = _replace(_replace(g, by_name["sin"], s), by_name["cos"], c)
+    if Shadow((s, c)).degree(linear) != 1 or x in linear.free:
+        return None
+    a, b, rest = slope(linear, s), slope(linear, c), cast(Expr, substitute(linear, {s: ZERO, c: ZERO}))
+    wave = call("sin", add(by_name["sin"].children[0], call("atan2", b, a)))
+    radius = call("sqrt", add(integer_power(a, 2), integer_power(b, 2)))
+    return add(mul(radius, wave), rest), [cast(Call, wave)]
 
 
 def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[tuple[Expr, Cond]], bool] | None:
@@ -316,7 +334,7 @@ def _asinh(c: Expr) -> Expr:
 
 
 def _acosh(c: Expr) -> list[tuple[Expr, Cond]]:
-    grown = call("log", add(c, call("sqrt", sub(integer_power(c, 2), ONE))))
+    grown = call("log", add(c, call("root", sub(integer_power(c, 2), ONE))))
     exists = positive(sub(c, ONE), False)
     return [(grown, exists), (mul(MINUS_ONE, grown), exists)]
 
@@ -325,6 +343,7 @@ _INVERSES: dict[str, Callable[[Expr], list[tuple[Expr, Cond]]]] = {
     "exp": _log_of,
     "log": lambda c: [(call("exp", c), TRUE)],
     "sqrt": lambda c: [(integer_power(c, 2), positive(c, False))],
+    "root": lambda c: [(integer_power(c, 2), positive(c, False))],
     "asin": lambda c: [(call("sin", c), _within(c, -math.pi / 2, math.pi / 2))],
     "acos": lambda c: [(call("cos", c), _within(c, 0.0, math.pi))],
     "atan": lambda c: [(call("tan", c), _within(c, -math.pi / 2, math.pi / 2))],

@@ -81,6 +81,7 @@ class _Canonical:
             then = self._atom(_decide(g, inner, True), strict, hoists - 1)
             otherwise = self._atom(_decide(g, inner, False), strict, hoists - 1)
             return disjunction(conjunction(inner, then), conjunction(negation(inner), otherwise))
+        g = _tangents_as_quotients(g)
         if has_variable_denominator(g):
             numerator, denominator = cleared(g)
             g = mul(numerator, denominator)
@@ -204,6 +205,19 @@ def _decide(g: Expr, condition: Cond, value: bool) -> Expr:
     new: dict[Node, Node] = {}
     for node in postorder([g]):
         new[node] = (TRUE if value else FALSE) if node is condition else rebuild(node, tuple([new[c] for c in node.children]))
+    return cast(Expr, new[g])
+
+
+def _tangents_as_quotients(g: Expr) -> Expr:
+    """tan u = sin u / cos u: the sign of an atom also changes at the poles."""
+    if not any(isinstance(n, Call) and n.name == "tan" and n.free for n in postorder([g])):
+        return g
+    new: dict[Node, Node] = {}
+    for node in postorder([g]):
+        result = rebuild(node, tuple([new[c] for c in node.children]))
+        if isinstance(result, Call) and result.name == "tan" and result.free:
+            result = ex.div(ex.call("sin", result.children[0]), ex.call("cos", result.children[0]))
+        new[node] = result
     return cast(Expr, new[g])
 
 

@@ -115,7 +115,7 @@ class BreakAnalysis:
             if isinstance(node, Call) and not node.free & inner:
                 if node.name == "magnitude":
                     found.functions[node.children[0]] = None
-                elif node.name in ("sqrt", "pow"):
+                elif node.name in ("sqrt", "root", "pow"):
                     found.functions[node.children[0]] = None
                     found.rooted = True
                 elif node.name in ("floor", "mod"):

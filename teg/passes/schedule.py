@@ -208,6 +208,8 @@ class _Scheduler:
                     return self._assign(home, "v", "div", 1.0, name(e.base))
                 return self._assign(home, "v", "powi", name(e.base), e.exponent)
             case Call():
+                if e.name == "root":
+                    return self._assign(home, "v", "sqrt", self._assign(home, "v", "abs", name(e.children[0])))
                 op = "abs" if e.name == "magnitude" else e.name
                 return self._assign(home, "v", op, *(name(c) for c in e.children))
             case Where():
@@ -361,7 +363,7 @@ class _Scheduler:
                 return errors[0] if errors[0] == errors[1] else put("select", self._truths(e.condition, home)[0], *errors)
             case Call() if e.name == "magnitude":
                 return errors[0]
-            case Call() if e.name == "sqrt" and errors[0] != 0.0:
+            case Call() if e.name in ("sqrt", "root") and errors[0] != 0.0:
                 least = put("sqrt", put("mul", _EPSILON, errors[0]))  # √ of a rounding error is the most the root of nothing can be
                 return total(size(e), put("div", errors[0], put("add", size(e), least)))
             case Call() if e.name == "log" and errors[0] != 0.0:

@@ -1,0 +1,113 @@
+"""Surfaces solved for one variable, and their roots as breaks."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import teg
+from teg.passes.univariate import Solvable, match_solvable
+from teg.roots import solve
+
+x, y = teg.vars("x y")
+t, a, b = teg.params("t a b")
+ONE = teg.exp(0 * t)
+
+
+def area(condition: teg.Cond, lo: float = 0.0, hi: float = 1.0, weight: object = 1.0) -> teg.Expr:
+    return teg.integral(teg.bracket(condition) * weight, (x, lo, hi))
+
+
+@pytest.mark.parametrize(
+    ("g", "degree"), [(x**2 - t, 2), (a * x**2 + b * x + t, 2), (x**3 - x - t, 3), (teg.sin(3 * x) - t, None), (teg.exp(x**2) - t, None)]
+)
+def test_matches(g: teg.Expr, degree: int | None) -> None:
+    assert match_solvable(g, [x]) == Solvable(x, degree)
+
+
+@pytest.mark.parametrize("g", [x * teg.exp(-x) - t, x + y**2 - t, a * x**3 + x - t, teg.sin(x) + teg.cos(2 * x) - t, x**5 + x - t], ids=str)
+def test_refuses(g: teg.Expr) -> None:
+    assert match_solvable(g, [x, y]) is None
+
+
+INVERTIBLE = [
+    (area(teg.exp(x) < t), 1.7, math.log(1.7), 1 / 1.7, -1 / 1.7**2),
+    (area(teg.log(x + 1) < t), 0.3, math.expm1(0.3), math.exp(0.3), math.exp(0.3)),
+    (area(teg.sqrt(x) < t), 0.6, 0.36, 1.2, 2.0),
+    (area(teg.atan(x) < t), 0.5, math.tan(0.5), 1 / math.cos(0.5) ** 2, 2 * math.tan(0.5) / math.cos(0.5) ** 2),
+    (area(teg.asin(x) < t), 0.5, math.sin(0.5), math.cos(0.5), -math.sin(0.5)),
+    (area(teg.acos(x) < t), 1.2, 1 - math.cos(1.2), math.sin(1.2), math.cos(1.2)),
+    (area(teg.sinh(x) < t), 0.5, math.asinh(0.5), 1 / math.sqrt(1.25), -0.5 / 1.25**1.5),
+    (area(teg.cosh(x) < t, -1, 1), 1.2, 2 * math.acosh(1.2), 2 / math.sqrt(0.44), -2.4 / 0.44**1.5),
+    (area(teg.tanh(x) < t), 0.5, math.atanh(0.5), 1 / 0.75, 1.0 / 0.75**2),
+    (area(x**4 < t, -1, 1), 0.3, 2 * 0.3**0.25, 0.5 * 0.3**-0.75, -0.375 * 0.3**-1.75),
+    (area(x**5 < t, -1, 1), -0.3, 1 - 0.3**0.2, 0.2 * 0.3**-0.8, 0.16 * 0.3**-1.8),
+    (area(1 / x > t, 0.5, 4), 0.5, 1.5, -4.0, 16.0),
+    (area(x**3 < t, -1, 1), 0.5, 1 + 0.5 ** (1 / 3), 0.5 ** (-2 / 3) / 3, -2 / 9 * 0.5 ** (-5 / 3)),
+    (area(teg.exp(teg.sin(x)) < t, -1, 1), 1.5, 1 + math.asin(math.log(1.5)), None, None),
+]
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize(("e", "at", "value", "first", "second"), INVERTIBLE, ids=lambda v: str(v)[:40])
+def test_inverse_functions(e: teg.Expr, at: float, value: float, first: float | None, second: float | None, backend: str) -> None:
+    f = teg.compile(e, backend=backend)
+    found, gradient = f.value_and_grad(t=at)
+    assert found == pytest.approx(value, rel=1e-13)
+    if first is None:
+        assert teg.check_gradient(f, t=at, tol=1e-9)
+        return
+    assert gradient["t"] == pytest.approx(first, rel=1e-12)
+    assert f.hessian(t=at)["t", "t"] == pytest.approx(second, rel=1e-11)
+
+
+def test_every_branch_of_a_periodic_function() -> None:
+    f = teg.compile(area(teg.sin(a * x) > t, 0, 6, teg.exp(-x)))
+    assert teg.check_gradient(f, a=3.0, t=0.4, tol=1e-9)
+    with_tan = teg.compile(area(teg.tan(a * x) > t, 0, 7))
+    poles = [math.pi / 2, 3 * math.pi / 2, 7.0]
+    roots = [math.pi / 4 + k * math.pi for k in range(3)]
+    value, gradient = with_tan.value_and_grad(a=1.0, t=1.0)
+    kept = [(r, p) for r, p in zip(roots, poles, strict=True) if r < 7]
+    assert value == pytest.approx(sum(p - r for r, p in kept) - (0 if math.tan(7) > 1 else 7 - roots[2] if roots[2] < 7 else 0), rel=1e-12)
+    assert gradient["t"] == pytest.approx(-0.5 * sum(r < 7 for r in roots), rel=1e-12)
+    assert teg.check_gradient(with_tan, a=1.0, t=1.0, tol=1e-9)  # the poles move with a
+
+
+def test_more_roots_than_code_is_nan_not_wrong() -> None:
+    f = teg.compile(area(teg.sin(a * x) > t, 0, 6))
+    value, gradient = f.value_and_grad(a=60.0, t=0.4)
+    assert math.isfinite(value)
+    assert math.isnan(gradient["t"])
+    assert f.diagnose(a=60.0, t=0.4)
+
+
+@pytest.mark.parametrize("at", [-0.5, -0.3849, -0.2, 0.0, 0.2, 0.3848, 1.0])
+def test_three_roots_or_one(at: float) -> None:
+    f = teg.compile(area(x**3 - x < t, -2, 2, teg.exp(x)))
+    exact = sum(math.exp(r) / abs(3 * r * r - 1) for r in _cubic(at))
+    assert f.grad(t=at)["t"] == pytest.approx(exact, rel=1e-16 / abs(abs(at) - 2 / 27**0.5) + 1e-12)  # its conditioning
+
+
+def _cubic(t0: float) -> list[float]:
+    from mpmath import mp, polyroots
+
+    with mp.workdps(40):
+        return [float(r.real) for r in polyroots([1, 0, -1, -t0], maxsteps=200, extraprec=200) if abs(r.imag) < 1e-25]
+
+
+def test_a_region_is_born_at_a_point() -> None:
+    f = teg.compile(area(x**2 < t, -1, 1))
+    assert f.grad(t=0.0)["t"] == math.inf
+    assert f.diagnose(t=0.0)
+    assert f.grad(t=-0.1)["t"] == 0.0
+
+
+def test_roots_tell_when_they_are_not_all() -> None:
+    certain = solve(teg.sin(x) - t, x, teg.expr.const(0), teg.expr.const(9))
+    unsure = solve(teg.sin(a * x) - t, x, teg.expr.const(0), teg.expr.const(9))
+    assert certain is not None
+    assert certain.certain
+    assert unsure is not None
+    assert not unsure.certain
