@@ -1,0 +1,29 @@
+"""The README's example does what the README says."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from pathlib import Path
+
+import pytest
+
+README = Path(__file__).parents[2] / "README.md"
+
+
+def test_the_ten_lines() -> None:
+    text = README.read_text(encoding="utf-8")
+    code, printed = re.findall(r"```python\n(.*?)```\s+```\n(.*?)```", text, re.DOTALL)[0]
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        exec(compile(code, "README.md", "exec"), {})
+    number = r"-?\d+\.\d+"
+    assert re.sub(number, "#", out.getvalue()) == re.sub(number, "#", printed)
+    for found, promised in zip(re.findall(number, out.getvalue()), re.findall(number, printed), strict=True):
+        assert float(found) == pytest.approx(float(promised), rel=1e-13)
+
+
+def test_pictures_and_pages_exist() -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", README.read_text(encoding="utf-8")):
+        assert target.startswith("http") or (README.parent / target).exists(), target
