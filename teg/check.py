@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from teg.compile import Evaluator
+from teg.errors import ParameterError
 
 _OFFSETS = (1.0, 2.0, 3.0, 4.0)
 _WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)  # central differences of order 8 (Fornberg 1988)
@@ -46,7 +47,11 @@ def check_gradient(f: Evaluator, *args: Any, tol: float = 1e-6, **named: Any) ->
     import numpy as np
 
     offsets = np.array(_OFFSETS)
-    values = {k: float(v) for k, v in f._values(args, named).items()}
+    given = f._values(args, named)
+    for k, v in given.items():
+        if np.ndim(v) != 0:
+            raise ParameterError(f"a gradient is checked at one point, but {k!r} is an array of shape {np.shape(v)}", None, "give numbers")
+    values = {k: float(v) for k, v in given.items()}
     gradient = f.grad(values)
     rows: dict[str, tuple[float, float, float]] = {}
     for p in f.wrt:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from decimal import Decimal
+from numbers import Real
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from teg.build import check_parameters, check_program
@@ -286,6 +288,8 @@ def _build(program: Program, options: _Options) -> Kernel:
 def _as_float(name: str, value: Any) -> np.ndarray:
     import numpy as np
 
+    if isinstance(value, Real | Decimal):
+        return np.asarray(float(value))
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "fiub":

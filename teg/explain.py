@@ -9,7 +9,7 @@ from typing import Any
 from teg.build import check_program
 from teg.dump import show
 from teg.errors import TegError
-from teg.expr import Expr, Param
+from teg.expr import Expr, Param, Tuple, as_number
 from teg.integral import Integral
 from teg.node import postorder
 from teg.passes.breaks import BreakAnalysis
@@ -51,8 +51,9 @@ class Explanation:
     __repr__ = __str__
 
 
-def explain(e: Expr, wrt: Sequence[Param] | None = None, tol: float = 1e-10) -> Explanation:
+def explain(expression: object, wrt: Sequence[Param] | None = None, tol: float = 1e-10) -> Explanation:
     """For each surface its owner and how its δ is eliminated, or why it has none; for each integral its breaks, rule and nodes."""
+    e = expression if isinstance(expression, Tuple) else as_number(expression)
     check_program(e)
     chosen = parameters(e) if wrt is None else wrt
     normal = normal_form(e)

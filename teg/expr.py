@@ -12,6 +12,7 @@ vanish altogether (t - t), for its parameters are arguments of the program.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterable, Iterator
 from numbers import Real
 from typing import Any, NoReturn, cast
@@ -29,7 +30,13 @@ class Expr(Node):
     """A number-valued expression."""
 
     __slots__ = ()
-    __array_ufunc__ = None  # NumPy scalars leave the arithmetic to us
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: object, **options: object) -> Expr | Cond:
+        """NumPy scalars leave the arithmetic to us; NumPy's functions do not know expressions."""
+        operate = _NUMPY_OPERATORS.get(ufunc.__name__)
+        if operate is not None and method == "__call__" and not options:
+            return cast("Expr | Cond", operate(*(as_number(i) if not isinstance(i, Expr) else i for i in inputs)))
+        raise OperandError(f"numpy.{ufunc.__name__} does not know expressions", self, f"use teg.{ufunc.__name__}, or the operators")
 
     def __add__(self, other: object) -> Expr:
         return _binary(self, other, add)
@@ -60,6 +67,12 @@ class Expr(Node):
 
     def __rmod__(self, other: object) -> Expr:
         return _binary(other, self, lambda a, b: call("mod", a, b))
+
+    def __floordiv__(self, other: object) -> Expr:
+        return call("floor", self / other)
+
+    def __rfloordiv__(self, other: object) -> Expr:
+        return call("floor", other / self)
 
     def __pow__(self, other: object) -> Expr:
         return _binary(self, other, power)
@@ -99,6 +112,12 @@ class Expr(Node):
         if isinstance(self, Const):
             return cast(float, self.data)
         raise OperandError("an expression is not a number yet", self, "teg.evaluate(e, {parameter: value}) gives its number")
+
+    def __int__(self) -> int:
+        return int(float(self))
+
+    def __round__(self, digits: int = 0) -> NoReturn:
+        raise OperandError("an expression cannot be rounded while the program is being written", self, "use teg.floor(e + 0.5)")
 
     def __and__(self, other: object) -> NoReturn:
         raise ConditionError("& joins conditions, not numbers", self, "write (a < b) & (c < d), with the brackets")
@@ -306,6 +325,12 @@ class Or(Cond):
     __slots__ = ()
     children: tuple[Cond, ...]
 
+
+_NUMPY_OPERATORS: dict[str, Callable[[Any, Any], object]] = {
+    "add": operator.add, "subtract": operator.sub, "multiply": operator.mul, "divide": operator.truediv, "true_divide": operator.truediv,
+    "power": operator.pow, "floor_divide": operator.floordiv, "remainder": operator.mod, "less": operator.lt, "less_equal": operator.le,
+    "greater": operator.gt, "greater_equal": operator.ge,
+}  # fmt: skip
 
 FUNCTIONS: dict[str, Callable[..., float]] = {
     "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos, "atan": math.atan,

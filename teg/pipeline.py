@@ -18,7 +18,7 @@ from typing import cast
 from teg import expr as ex
 from teg.build import check_parameters
 from teg.dump import dump
-from teg.errors import OptionError
+from teg.errors import OptionError, ParameterError
 from teg.expr import ONE, Expr, Param, Tuple, as_number
 from teg.node import postorder
 from teg.passes.adjoint import gradient_of
@@ -68,6 +68,8 @@ def diff(e: object, by: Param) -> Expr:
 
 def jvp(e: object, direction: Mapping[Param, object]) -> Expr:
     """The directional derivative Σ ∂e/∂p · direction[p] (forward mode), deltas visible."""
+    if not isinstance(direction, Mapping):
+        raise ParameterError("a direction is a dict parameter -> change", None, "write teg.jvp(e, {t: 1})")
     check_parameters(list(direction))
     changes = {p: as_number(v) for p, v in direction.items()}
     return run_pass("differentiate", lambda u: tangent_of(u, changes), normal_form(_expression(e)))

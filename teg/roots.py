@@ -80,8 +80,7 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH) -> Roots 
         if degree == 2:
             return Roots(quadratic_roots(g, x))
         if degree == 3:
-            cubic = cubic_roots(g, x)
-            return None if cubic is None else Roots(cubic, reliable=False)
+            return Roots(cubic_roots(g, x), reliable=False)
         if not depth:
             return None
         normal = expanded(g)
@@ -138,19 +137,17 @@ def quadratic_roots(g: Expr, x: Var) -> tuple[Root, ...]:
     return (Root(div(q, a), exists), Root(div(c, q), exists))
 
 
-def cubic_roots(g: Expr, x: Var) -> tuple[Root, ...] | None:
-    """The roots of a cubic: by cosines where there are three, by Cardano's formula where there is one, each followed by a Newton step.
+def cubic_roots(g: Expr, x: Var) -> tuple[Root, ...]:
+    """The roots of a cubic: by cosines where there are three, by Cardano's formula where there is one.
 
     y³ + p·y + q = 0 with x = y - B/(3A). Three: y = 2√(-p/3)·cos(⅓·acos(…) - ⅔πk) (Viète); one: y = u - p/(3u) with
-    u = -sgn(q)·∛(|q|/2 + √(q²/4 + p³/27)), which does not cancel (Press et al., section 5.6). Only for a leading coefficient that is a
-    number: where it may vanish, the formulas lose every digit on the way. A root that the Newton step moves far is NaN.
+    u = -sgn(q)·∛(|q|/2 + √(q²/4 + p³/27)), which does not cancel (Press et al., section 5.6). Two steps of
+    Newton's method follow. Where the leading coefficient is nearly 0 the formulas lose every digit; a root that a step moves far is NaN.
     """
     first = slope(g, x)
     second = slope(first, x)
     parts = (mul(const(1 / 6), slope(second, x)), mul(const(0.5), second), first, g)
     a, b, c, d = (tidy(cast(Expr, substitute(e, {x: ZERO}))) for e in parts)
-    if not isinstance(a, Const) or a is ZERO:
-        return None
     middle = div(b, mul(const(3), a))
     p = sub(div(c, a), mul(const(3), integer_power(middle, 2)))
     q = add(mul(const(2), integer_power(middle, 3)), mul(MINUS_ONE, middle, div(c, a)), div(d, a))
@@ -166,9 +163,12 @@ def cubic_roots(g: Expr, x: Var) -> tuple[Root, ...] | None:
     points.append((sub(u, div(p, mul(const(3), u))), one))
     found = []
     for y, exists in points:
-        at = {x: sub(y, middle)}
-        step = div(cast(Expr, substitute(g, at)), cast(Expr, substitute(first, at)))
-        found.append(Root(where(_is_small(step, at[x]), sub(at[x], step), const(math.nan)), exists))
+        point = sub(y, middle)
+        for _ in range(2):
+            at = {x: point}
+            step = div(cast(Expr, substitute(g, at)), cast(Expr, substitute(first, at)))
+            point = where(_is_small(step, point), sub(point, step), const(math.nan))
+        found.append(Root(point, exists))
     return tuple(found)
 
 

@@ -42,7 +42,7 @@ def match_curve(g: Expr, variables: Sequence[Var]) -> Curve | None:
     try:
         for v in mine:
             roots = solve(g, v, ZERO, ex.ONE)
-            if roots is None or not roots.certain or slope(g, v) is ZERO:
+            if roots is None or not (roots.certain and roots.reliable) or slope(g, v) is ZERO:
                 return None
     except NotDifferentiableError:
         return None

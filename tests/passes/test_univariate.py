@@ -26,7 +26,7 @@ def test_matches(g: teg.Expr, degree: int | None) -> None:
     assert match_solvable(g, [x]) == Solvable(x, degree)
 
 
-@pytest.mark.parametrize("g", [x * teg.exp(-x) - t, x + y**2 - t, a * x**3 + x - t, teg.sin(x) + teg.cos(2 * x) - t, x**5 + x - t], ids=str)
+@pytest.mark.parametrize("g", [x * teg.exp(-x) - t, x + y**2 - t, teg.sin(x) + teg.cos(2 * x) - t, x**5 + x - t], ids=str)
 def test_refuses(g: teg.Expr) -> None:
     assert match_solvable(g, [x, y]) is None
 

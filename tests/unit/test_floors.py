@@ -39,7 +39,7 @@ PASSES_THAT_USE_ANOTHER = {
     "atoms": {"jumps"},
     "differentiate": {"jumps"},
     "estimators.ignore": {"sift"},
-    "reparameterize": {"affine", "bilinear", "sift", "univariate"},  # the list of families
+    "reparameterize": {"affine", "bilinear", "sift", "univariate", "charts"},  # the list of families
     "schedule": {"breaks"},
 }
 OPTIONAL = ["jax", "sympy", "scipy", "matplotlib", "PIL", "skimage", "tqdm", "mpmath"]
