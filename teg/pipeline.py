@@ -20,7 +20,6 @@ from teg.build import check_parameters
 from teg.dump import dump
 from teg.errors import OptionError, ParameterError
 from teg.expr import ONE, Expr, Param, Tuple, as_number
-from teg.node import postorder
 from teg.passes.adjoint import gradient_of
 from teg.passes.atoms import canonicalise
 from teg.passes.differentiate import tangent_of
@@ -130,6 +129,3 @@ def flatten(e: Expr) -> list[Expr]:
         else:
             flat.append(node)
     return flat
-
-
-__all__ = ["ESTIMATORS", "diff", "eliminate", "grad", "hessian", "jvp", "normal_form", "postorder", "program_for"]

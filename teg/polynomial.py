@@ -15,8 +15,8 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import cast
 
-from teg.expr import Add, Call, Cond, Const, Expr, Mul, Param, Pow, Tuple, Var, Where, add, const, mul
-from teg.integral import Delta, Integral
+from teg.expr import Add, Call, Const, Expr, Mul, Param, Pow, Var, Where, add, const, mul
+from teg.integral import Integral
 from teg.node import digest, postorder
 
 P = 2**521 - 1
@@ -337,17 +337,3 @@ def expanded(e: Expr, limit: int = 48) -> Expr | None:
             return None
         terms.append(mul(const(float(coefficient)), *(atoms[i] ** k for i, k in m)))
     return add(*terms)
-
-
-__all__ = [
-    "Cond",
-    "Delta",
-    "Point",
-    "Poly",
-    "Ratio",
-    "Shadow",
-    "Tuple",
-    "expanded",
-    "residue",
-    "sign_of_residue",
-]

@@ -40,9 +40,8 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.node import Node, postorder
 from teg.polynomial import Shadow, expanded
-from teg.traverse import fresh, rebuild, size, substitute
+from teg.traverse import fresh, replace_node, size, substitute
 
 MAX_PERIODIC = 16
 """Roots of a periodic function for which code is made where the bounds are not known as numbers."""
@@ -183,7 +182,7 @@ def _parts(g: Expr, x: Var) -> tuple[Expr, Expr, Expr] | None:
     if len(found) != 1:
         return None
     s = fresh("√", g.free)
-    affine = _replace(g, found[0], s)
+    affine = cast(Expr, replace_node(g, found[0], s))
     if Shadow((s,)).degree(affine) != 1:
         return None
     return cast(Expr, substitute(affine, {s: ZERO})), slope(affine, s), found[0].children[0]
@@ -229,13 +228,6 @@ def _functions(g: Expr, x: Var) -> list[Call | Pow]:
     return list(found)
 
 
-def _replace(g: Expr, old: Expr, new: Expr) -> Expr:
-    changed: dict[Node, Node] = {}
-    for node in postorder([g]):
-        changed[node] = new if node is old else rebuild(node, tuple([changed[c] for c in node.children]))
-    return cast(Expr, changed[g])
-
-
 def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
     """g a polynomial of degree 1 or 2 in one function of x, and in x no other way: invert the function."""
     functions = _functions(g, x)
@@ -246,7 +238,7 @@ def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
         return None
     f = functions[0]
     z = fresh("z", g.free)
-    outer = _replace(g, f, z)
+    outer = cast(Expr, replace_node(g, f, z))
     if x in outer.free:
         return None
     levels = solve(outer, z, ZERO, ONE, depth - 1)
@@ -278,7 +270,7 @@ def _harmonic(g: Expr, x: Var, functions: list[Call | Pow]) -> tuple[Expr, list[
     if len(functions) != 2 or by_name.keys() != {"sin", "cos"} or by_name["sin"].children != by_name["cos"].children:
         return None
     s, c = fresh("sin", g.free), fresh("cos", g.free)
-    linear = _replace(_replace(g, by_name["sin"], s), by_name["cos"], c)
+    linear = cast(Expr, replace_node(replace_node(g, by_name["sin"], s), by_name["cos"], c))
     if Shadow((s, c)).degree(linear) != 1 or x in linear.free:
         return None
     a, b, rest = slope(linear, s), slope(linear, c), cast(Expr, substitute(linear, {s: ZERO, c: ZERO}))

@@ -27,18 +27,6 @@ from teg.expr import (
 from teg.integral import Delta, Integral, delta, integral_over
 from teg.node import Node, postorder, union
 
-__all__ = [
-    "bound_variables",
-    "fresh",
-    "parameters",
-    "postorder",
-    "rebuild",
-    "rename_apart",
-    "rewrite",
-    "size",
-    "substitute",
-]
-
 CompareHook = Callable[[Compare, Expr, "Cond | None"], Cond]
 
 
@@ -102,6 +90,14 @@ def rewrite(roots: Iterable[Node], visit: Callable[[Node, Node], Node]) -> dict[
     for node in postorder(roots):
         new[node] = visit(node, rebuild(node, tuple([new[c] for c in node.children])))
     return new
+
+
+def replace_node(root: Node, old: Node, new: Node) -> Node:
+    """The expression with one node replaced wherever it stands."""
+    changed: dict[Node, Node] = {}
+    for node in postorder([root]):
+        changed[node] = new if node is old else rebuild(node, tuple([changed[c] for c in node.children]))
+    return changed[root]
 
 
 def fresh(name: str, taken: Iterable[Var]) -> Var:

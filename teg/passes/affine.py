@@ -25,6 +25,7 @@ from teg.expr import (
     ONE,
     TRUE,
     ZERO,
+    Compare,
     Cond,
     Const,
     Expr,
@@ -32,6 +33,7 @@ from teg.expr import (
     add,
     call,
     conjunction,
+    disjunction,
     div,
     mul,
     negation,
@@ -234,8 +236,6 @@ def _inside_bounds(
 
 def _select_bound(pivots: list[Cond], sides: list[tuple[Cond, Cond]], which: int) -> Cond:
     """[v < bound] of the eliminated variable: one atom whose two sides are selected, so that it is one surface for the integrator."""
-    from teg.expr import Compare, disjunction
-
     conditions = [side[which] for side in sides]
     if all(isinstance(c, Compare) for c in conditions):
         atoms = [cast(Compare, c) for c in conditions]

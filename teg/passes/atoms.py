@@ -42,7 +42,7 @@ from teg.node import Node, postorder, union
 from teg.passes.jumps import assign
 from teg.polynomial import P, Point, Shadow, expanded, sign_of_residue
 from teg.surfaces import atoms_of, binders_inside
-from teg.traverse import parameters, rebuild, remake, rename_apart, substitute
+from teg.traverse import parameters, rebuild, remake, rename_apart, replace_node, substitute
 
 MAX_HOISTED = 6
 
@@ -202,10 +202,7 @@ def _decide(g: Expr, condition: Cond, value: bool) -> Expr:
     """g with one condition taken as true or false."""
     if isinstance(condition, Compare):
         return cast(Expr, assign(g, condition.g, value))
-    new: dict[Node, Node] = {}
-    for node in postorder([g]):
-        new[node] = (TRUE if value else FALSE) if node is condition else rebuild(node, tuple([new[c] for c in node.children]))
-    return cast(Expr, new[g])
+    return cast(Expr, replace_node(g, condition, TRUE if value else FALSE))
 
 
 def _tangents_as_quotients(g: Expr) -> Expr:

@@ -21,14 +21,13 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.calculus import slope
-from teg.errors import NotDifferentiableError
 from teg.expr import Add, Call, Compare, Const, Expr, Mul, Pow, Var, Where, mul, sub
 from teg.integral import Integral
 from teg.node import Node, digest, postorder
 from teg.polynomial import P, Point, Poly, Ratio, Shadow, residue
 from teg.roots import discriminant, quadratic_coefficients, solve
 from teg.surfaces import atoms_of, binders_inside
-from teg.traverse import substitute
+from teg.traverse import replace_node, substitute
 
 MAX_BRANCHES = 16
 MAX_FUNCTIONS = 4000
@@ -271,7 +270,7 @@ def _branches(f: Expr) -> list[Expr] | None:
             return None
         else:
             for branch in (outer.then, outer.otherwise):
-                result.append(_replaced(e, outer, branch))
+                result.append(cast(Expr, replace_node(e, outer, branch)))
     return done
 
 
@@ -290,15 +289,3 @@ def _variable_where(e: Expr) -> Where | None:
         elif isinstance(node, Add | Mul | Pow | Call):
             stack.extend(cast("tuple[Expr, ...]", node.children))
     return None
-
-
-def _replaced(e: Expr, old: Expr, new: Expr) -> Expr:
-    from teg.traverse import rebuild
-
-    changed: dict[Node, Node] = {}
-    for node in postorder([e]):
-        changed[node] = new if node is old else rebuild(node, tuple([changed[c] for c in node.children]))
-    return cast(Expr, changed[e])
-
-
-__all__ = ["BreakAnalysis", "Breaks", "NotDifferentiableError"]

@@ -15,10 +15,8 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from teg.expr import (
-    FALSE,
     MINUS_ONE,
     TRUE,
-    ZERO,
     Add,
     And,
     Call,
@@ -40,18 +38,17 @@ from teg.expr import (
     const,
     disjunction,
     div,
-    negation,
     positive,
     sub,
 )
 from teg.integral import Delta, Integral
 from teg.node import Node, postorder
 from teg.passes.breaks import BreakAnalysis, Breaks
+from teg.passes.demand import GUARD_TERMS, guards, support
 from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program, Rule, Stmt, Tie, without_dead_code
 from teg.surfaces import binders_inside
 
 MAX_GAUSS = 24
-GUARD_TERMS = 4
 TIGHTEST = 1e-14
 INNER_TIGHTER = 0.1
 """An integral inside another one is computed to a tenth of its tolerance, so that the outer one sees a smooth function."""
@@ -396,7 +393,7 @@ class _Scheduler:
                 mine.append(node)
         if not mine:
             return
-        level.guards = self._guards(level, roots, order, inner, height, set(mine))
+        level.guards = guards(roots, order, inner, height, set(mine))
         shared: dict[object, list[Integral]] = {}
         for node in mine:
             rule = type(self._rule(node, level))
@@ -413,35 +410,6 @@ class _Scheduler:
         for group in shared.values():
             for node in group:
                 level.groups[node] = group
-
-    def _guards(
-        self,
-        level: _Level,
-        roots: Sequence[Expr],
-        order: list[Node],
-        inner: frozenset[Var],
-        height: dict[Node, int],
-        mine: set[Integral],
-    ) -> dict[Integral, Cond]:
-        """For each integral the condition under which anybody looks at its value."""
-        guard: dict[Node, Cond] = dict.fromkeys(roots, TRUE)
-        for node in reversed(order):
-            g = guard.get(node, FALSE)
-            if node in mine and g is not TRUE and _height(g, height) >= height[node]:
-                g = guard[node] = TRUE  # the condition would wait for the integral
-            for child in node.children:
-                here = g
-                if isinstance(node, Where) and child is not node.condition and not node.condition.free & inner:
-                    c = node.condition if child is node.then else negation(node.condition)
-                    if node.then is not node.otherwise and (not isinstance(g, And) or len(g.children) < GUARD_TERMS):
-                        here = conjunction(g, c)
-                have = guard.get(child)
-                if have is None:
-                    guard[child] = here
-                elif have is not here and have is not TRUE:
-                    both = disjunction(have, here) if here is not TRUE else TRUE
-                    guard[child] = TRUE if isinstance(both, Or) and len(both.children) > GUARD_TERMS else both
-        return {i: guard.get(i, TRUE) for i in mine}
 
     def _rule(self, node: Integral, level: _Level) -> Rule:
         rule = rule_for(node, self.analysis, self.tol, level.depth)
@@ -510,7 +478,7 @@ class _Scheduler:
         """A condition, constant on a piece, without which all integrands are 0 there."""
         conditions: list[Cond] = []
         for body in bodies:
-            c = _support(body)
+            c = support(body)
             parts = c.children if isinstance(c, And) else (c,)
             kept = [p for p in parts if level.is_constant(p)]
             if c is TRUE or not kept:
@@ -526,37 +494,3 @@ class _Scheduler:
         name = self._fresh("b")
         cast(_Level, level.middle).block.append(Assign(name, "not", (fails,)))
         return name
-
-
-def _height(c: Cond, height: dict[Node, int]) -> int:
-    """How many integrals, one waiting for the other, must be known before a guard (made of conditions of the program) is."""
-    stack: list[Node] = [c]
-    most = 0
-    while stack:
-        node = stack.pop()
-        if node in height:
-            most = max(most, height[node])
-        else:
-            stack.extend(node.children)
-    return most
-
-
-def _support(e: Expr) -> Cond:
-    """A condition outside of which an integrand is 0."""
-    if isinstance(e, Where):
-        if e.otherwise is ZERO:
-            return e.condition
-        if e.then is ZERO:
-            return negation(e.condition)
-        if isinstance(e.then, Where) or isinstance(e.otherwise, Where):
-            then = conjunction(e.condition, e.then.condition) if isinstance(e.then, Where) and e.then.otherwise is ZERO else e.condition
-            other = negation(e.condition)
-            if isinstance(e.otherwise, Where) and e.otherwise.otherwise is ZERO:
-                other = conjunction(other, e.otherwise.condition)
-            elif isinstance(e.otherwise, Where) and e.otherwise.then is ZERO:
-                other = conjunction(other, negation(e.otherwise.condition))
-            return disjunction(then, other)
-    if isinstance(e, Mul):
-        parts = [_support(f) for f in e.children if isinstance(f, Where)]
-        return conjunction(*parts)
-    return TRUE

@@ -40,7 +40,7 @@ PASSES_THAT_USE_ANOTHER = {
     "differentiate": {"jumps"},
     "estimators.ignore": {"sift"},
     "reparameterize": {"affine", "bilinear", "sift", "univariate", "charts"},  # the list of families
-    "schedule": {"breaks"},
+    "schedule": {"breaks", "demand"},
 }
 OPTIONAL = ["jax", "sympy", "scipy", "matplotlib", "PIL", "skimage", "tqdm", "mpmath"]
 
