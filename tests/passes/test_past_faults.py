@@ -1,0 +1,115 @@
+"""Programs that were once wrong, with the right numbers and how they are known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import teg
+
+B, INT = teg.bracket, teg.integral
+x, y, z, s = teg.vars("x y z s")
+t, a, b, c, d, u, lo, r, m, n = teg.params("t a b c d u l r m n")
+TINY = 1.7764603190678118e-08
+CASES: dict[str, tuple[Callable[[], teg.Expr], dict[str, float], dict[str, float]]] = {
+    # [x < t] + 2·[c·x < c·t] is 3·[x < t]: the sign of the ratio of the two atoms is that of c, however small
+    "a small factor": (lambda: INT(B(x < t) + 2 * B(TINY * x < TINY * t), (x, 0, 1)), {"t": 0.3}, {"t": 3.0}),
+    # two atoms of parameters only, made by sifting, were taken for proportional; by finite differences
+    "unrelated guards": (
+        lambda: INT(B((3 * y - x + b < 1) & (3 * y - 0.3 * x + a > 0)), (x, y, 1), (y, 0, t)),
+        {"t": 0.6365, "a": 0.2, "b": 0.0},
+        {"a": 1 / 9, "b": -0.1365},
+    ),
+    # the user's variable has the name that sifting takes; the same as with another name
+    "a variable named s": (lambda: INT(B(x + y < t), (x, 0, s), (y, 0, s), (s, 0, 1)), {"t": 0.7}, {"t": 0.3325}),
+    # b - y - (x + a - y) has no y in it; area of {x < b - a} times that of {y < t}
+    "a variable that cancels": (
+        lambda: INT(B(y < t) * INT(B(x + a - y < b - y), (x, 0, 0.5)), (y, 0, 1)),
+        {"t": 0.3, "a": 0.1, "b": 0.4},
+        {"t": 0.3, "a": -0.3, "b": 0.3},
+    ),
+    # reversed outer bounds that are numbers, inner ones that depend: minus the forward integral
+    "reversed and widened": (lambda: INT(B(y + x < b), (x, 0, y), (y, 1, 0.5)), {"b": 1.3}, {"b": -0.35}),
+    # a line on a bound: the mean of 0 and 1, with bounds that are parameters too
+    "a line on a lower bound": (
+        lambda: INT(B(a * x + b * y < t), (x, lo, r), (y, m, n)),
+        {"t": 0.0, "a": 1.0, "b": 0.0, "l": 0.0, "r": 1.0, "m": 0.0, "n": 1.0},
+        {"t": 0.5},
+    ),
+    # ∫₀¹ [x < t]·∫₀¹[x < t] dx, differentiated before its outer integral was there
+    "an open expression": (
+        lambda: INT(teg.diff(B(x < t) * INT(B(x < t), (x, 0, 1)) * u, t), (x, 0, 1)),
+        {"t": 0.3, "u": 1.0},
+        {"u": 0.6},
+    ),
+    # max(y, t) as a bound of an integral with a step: t + (1-t)²/2 … by pieces
+    "a maximum as a bound": (lambda: INT(B(x < c), (x, 0, teg.maximum(y, t)), (y, 0, 1)), {"c": 0.7, "t": 0.4}, {"t": 0.4, "c": 0.3}),
+    # no real root: nothing moves
+    "a quadratic without roots": (
+        lambda: INT(B(x * x * a + x * t < r), (x, -1, 1)),
+        {"r": 0.86, "a": -0.534, "t": 0.451},
+        {"r": 0.0, "t": 0.0},
+    ),
+}
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("name", CASES)
+def test_gradient(name: str, backend: str) -> None:
+    build, at, expected = CASES[name]
+    found = teg.compile(build(), backend=backend).grad(at)
+    for k, v in expected.items():
+        assert found[k] == pytest.approx(v, rel=1e-12, abs=1e-14), k
+
+
+def test_second_derivatives_where_a_quadratic_has_no_roots() -> None:
+    f = teg.compile(INT(B(x * x * a + x * t < r), (x, -1, 1)))
+    for at in ({"r": 0.86, "a": -0.534, "t": 0.451}, {"r": -0.86, "a": 0.534, "t": 0.451}):
+        assert all(v == 0.0 for v in f.hessian(at).values())
+
+
+def test_a_parameter_only_pivot_ends() -> None:
+    """Taking a common factor out of a sum did not end where the factor was a selection among pivots."""
+    inside = B((-(0.5 * x + b * x) >= 0.28) & (-0.39 * y + 2 * x + 2 * a + t + 0.16 >= 0))
+    f = teg.compile(INT(teg.exp(INT(teg.sin(inside), (x, 0, 1))), (y, 0, a)))
+    assert all(math.isfinite(v) for v in f.hessian(a=0.4, b=-0.9, t=-0.3).values())
+
+
+@pytest.mark.parametrize("sides", [12, 30, 40])
+def test_many_half_planes(sides: int) -> None:
+    """The area of a regular polygon: no break may be dropped, however many there are."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    body: teg.Expr = teg.expr.const(1.0)
+    for k in angle:
+        body = body * B(float(np.cos(k)) * (x - 0.5) + float(np.sin(k)) * (y - 0.5) < t)
+    f = teg.compile(INT(body, (x, 0, 1), (y, 0, 1)), backend="c")
+    assert f(t=0.3) == pytest.approx(sides * 0.09 * math.tan(math.pi / sides), rel=1e-12)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_jumps_without_a_formula_are_found(backend: str) -> None:
+    e = INT(B(x * teg.exp(-x) < t), (x, 0, 1))
+    f = teg.compile(e, backend=backend)
+    for w in (0.1, 0.25, 0.5, 0.9973, 0.0021):
+        assert f(t=w * math.exp(-w)) == pytest.approx(w, abs=2e-13)
+    steps = teg.compile(INT(teg.floor(x / t), (x, 0, 1)), backend=backend)
+    assert steps(t=0.20808) == pytest.approx(sum(1 - k * 0.20808 for k in range(1, 5)), abs=1e-12)
+
+
+def test_floor_is_refused_where_its_steps_would_move() -> None:
+    for e in (INT(teg.floor(x / t), (x, 0, 1)), INT(teg.mod(x, t), (x, 0, 1))):
+        with pytest.raises(teg.errors.NotDifferentiableError):
+            teg.compile(e).grad(t=0.3)
+
+
+def test_infinite_bounds_are_refused() -> None:
+    with pytest.raises(teg.errors.BoundError):
+        INT(teg.exp(-x * x), (x, -math.inf, math.inf))
+
+
+def test_deltas_of_different_variables_multiply() -> None:
+    e = INT(teg.delta(x - t) * teg.delta(y - x) * (x + y), (x, 0, 1), (y, 0, 1))
+    assert teg.evaluate(e, {t: 0.3}) == pytest.approx(0.6, rel=1e-14)
