@@ -8,6 +8,7 @@ The integrand of ∫ dx is smooth between its *breaks*: the roots in x of
       a₂·f₁|z:=l - a₁·f₂|z:=l                two roots meet (f = f|z:=l + a·(z - l); a quadratic f₂ is taken at the root of f₁)
       a                                      a root runs away to infinity
       B² - 4AC                               two roots of a quadratic f meet and vanish: √-like from then on
+      the border of the condition under which a root of another formula exists, likewise
       h - l                                  the bounds cross
 
 A function with branches contributes the breaks of each branch: too many breaks cost time, never accuracy. Functions whose roots have no
@@ -171,6 +172,7 @@ class BreakAnalysis:
         put(sub(hi, lo))
         affine: list[tuple[Expr, Expr, Expr]] = []
         quadratic: list[Expr] = []
+        others = 0
         for function in breaks.functions:
             for f in _branches(function) or ():
                 degree = Shadow((z,)).degree(f)
@@ -189,13 +191,18 @@ class BreakAnalysis:
                     put(discriminant(a, b, c))
                     out.rooted = True
                     quadratic.append(f)
+                elif degree != 0:
+                    out.rooted = True
+                    others += 1
+                    for g in _borders_of_existence(f, z, lo, hi):
+                        put(g)
         for i, (_, rate1, at1) in enumerate(affine):
             for _, rate2, at2 in affine[:i]:
                 put(sub(mul(rate2, at1), mul(rate1, at2)))
             for q in quadratic:
                 put(cast(Expr, substitute(q, {z: sub(lo, at1 / rate1)})))
-        if len(quadratic) > 1:
-            out.complete = False
+        if len(quadratic) + others > 1 or (others and affine):
+            out.complete = False  # where their roots meet is not known
         return out
 
     # -- degrees -------------------------------------------------------------------------------------------------------
@@ -248,6 +255,14 @@ def _antiderivative_at(shadow: Shadow, inner: Poly, end: Poly) -> Ratio | None:
             if total is None:
                 return None
     return total
+
+
+def _borders_of_existence(f: Expr, z: Var, lo: Expr, hi: Expr) -> list[Expr]:
+    """Where roots of a function with a formula appear and vanish."""
+    roots = solve(f, z, lo, hi)
+    if roots is None:
+        return []
+    return [a.g for r in roots.found for a in atoms_of(r.exists) if z not in a.g.free]
 
 
 def _outside(r: Expr, lo: Expr, hi: Expr) -> bool:

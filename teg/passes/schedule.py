@@ -14,6 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
+from teg.calculus import slope
+from teg.errors import NotDifferentiableError
 from teg.expr import (
     MINUS_ONE,
     TRUE,
@@ -65,6 +67,14 @@ def rule_for(node: Integral, analysis: BreakAnalysis, tol: float, depth: int) ->
     if degree is not None and degree // 2 + 1 <= MAX_GAUSS:
         return Gauss(degree // 2 + 1)
     return Adaptive(max(tol * INNER_TIGHTER**depth, TIGHTEST), analysis.of(node).rooted)
+
+
+def _slope_of(g: Expr, x: Var) -> Expr | None:
+    try:
+        rate = slope(g, x)
+    except NotDifferentiableError:
+        return None
+    return None if isinstance(rate, Const) else rate
 
 
 Truths = tuple[Arg, Arg]  # holds, fails
@@ -468,6 +478,9 @@ class _Scheduler:
                 continue
             if isinstance(node, Compare) and node.g not in handled:
                 conditions[node] = None
+                turning = _slope_of(node.g, x)
+                if turning is not None:
+                    conditions[positive(turning)] = None  # two jumps between neighbouring nodes have a turning point between them
             elif isinstance(node, Call) and node.name in ("floor", "mod"):
                 u = node.children[0] if node.name == "floor" else div(*node.children)
                 conditions[positive(sub(const(0.5), sub(u, call("floor", u))))] = None  # false before a step, true after it

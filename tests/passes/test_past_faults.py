@@ -113,3 +113,21 @@ def test_infinite_bounds_are_refused() -> None:
 def test_deltas_of_different_variables_multiply() -> None:
     e = INT(teg.delta(x - t) * teg.delta(y - x) * (x + y), (x, 0, 1), (y, 0, 1))
     assert teg.evaluate(e, {t: 0.3}) == pytest.approx(0.6, rel=1e-14)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("at", [0.00086, 0.1, 0.5, 0.9, 0.99])
+def test_a_region_that_grazes_the_nodes(at: float, backend: str) -> None:
+    """Two jumps between neighbouring nodes, in the inner integral and in the outer one."""
+    sine = teg.compile(INT(B(y < teg.sin(3 * x) * t), (x, 0, 1), (y, 0, 1)), backend=backend)
+    assert sine(t=at) == pytest.approx(at * (1 - math.cos(3)) / 3, abs=1e-13)
+    cubic = teg.compile(INT(B(y < t * x * (1 - x) * (1 + x)), (x, 0, 1), (y, 0, 1)), backend=backend)
+    assert cubic(t=at) == pytest.approx(at / 4, abs=1e-12)
+
+
+@pytest.mark.parametrize("near", [1e-3, 1e-6, 1e-9])
+def test_a_condition_that_holds_but_for_a_moment(near: float) -> None:
+    """x·exp(-x) < t fails between two roots close to its maximum at 1: the turning point is watched."""
+    f = teg.compile(INT(B(x * teg.exp(-x) < t), (x, 0, 3)), backend="c")
+    width = 2 * math.sqrt(2 * near)  # of the gap, to first order: 1 ± √(2δ)
+    assert 3 - f(t=math.exp(-1) * (1 - near)) == pytest.approx(width, rel=5 * math.sqrt(near) + 1e-5)
