@@ -101,7 +101,7 @@ def test_the_triangle_stays_small() -> None:
     count = nodes(e)
     took = time.perf_counter() - start
     assert count <= 600
-    assert took < 3  # 0.3 s on a quiet machine, which the bench holds
+    assert took < 30  # seconds, against a blow-up only; `make bench` measures
     source = teg.compile(e, backend="c").kernel(1).source
     assert source.count("\n") <= 1500
     assert len(source) <= 150_000
@@ -123,7 +123,7 @@ def test_ten_thousand_brackets(backend: str) -> None:
     f = teg.compile(e, backend=backend)
     at = {f"t{i}": (i + 0.5) / n for i in range(n)}
     value, gradient = f.value_and_grad(at)
-    assert time.perf_counter() - start < 60
+    assert time.perf_counter() - start < 300  # seconds, against a blow-up only; `make bench` measures
     assert value == pytest.approx(n / 2, rel=1e-12)
     assert set(gradient.values()) == {1.0}
 
@@ -138,6 +138,6 @@ def test_an_expression_100_000_deep(backend: str) -> None:
     start = time.perf_counter()
     f = teg.compile(e, [t], backend=backend)
     value, gradient = f.value_and_grad(t=0.5)
-    assert time.perf_counter() - start < 60
+    assert time.perf_counter() - start < 300  # seconds, against a blow-up only; `make bench` measures
     assert 0 < value < 1
     assert 0 <= gradient["t"] < 1e-300
