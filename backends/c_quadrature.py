@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from decimal import Decimal, localcontext
-from functools import lru_cache
-from math import cos, pi
 
 from teg.backends.c_text import each, indent, literal
 from teg.program import Adaptive
+from teg.quadrature import gauss_legendre
 
 
 def gauss_piece(block: Sequence[str], nodes: int, count: int) -> list[str]:
@@ -94,30 +92,8 @@ def adaptive_piece(block: Sequence[str], rule: Adaptive, count: int, watched: in
     ]
 
 
-@lru_cache(maxsize=64)
 def gauss_table(nodes: int) -> str:
-    """Nodes and weights of n-point Gauss-Legendre to the last digit: Newton's method on Pₙ with 40 digits."""
-    half: list[tuple[float, float]] = []  # the nodes x > 0, the largest first
-    with localcontext() as context:
-        context.prec = 40
-        for i in range(nodes // 2):
-            x, step, slope = Decimal(cos(pi * (i + 0.75) / (nodes + 0.5))), Decimal(1), Decimal(1)
-            while abs(step) > Decimal("1e-25"):
-                before, value = _legendre(nodes, x)
-                slope = nodes * (before - x * value) / (1 - x * x)
-                step = value / slope
-                x -= step
-            half.append((float(x), float(2 / ((1 - x * x) * slope * slope))))
-        middle = [(0.0, float(2 / (nodes * _legendre(nodes, Decimal(0))[0]) ** 2))] if nodes % 2 else []
-    rule = [*((-x, weight) for x, weight in half), *middle, *reversed(half)]
-    rows = [f"    {{{node!r}, {weight!r}}}," for node, weight in rule]
+    """Nodes and weights of n-point Gauss-Legendre, as an array of C."""
+    rows = [f"    {{{node!r}, {weight!r}}}," for node, weight in zip(*gauss_legendre(nodes), strict=True)]
     kind = "static const struct {\n    double node, weight;\n}"
     return "\n".join([f"{kind} teg_gauss_{nodes}[{nodes}] = {{", *rows, "};"])
-
-
-def _legendre(n: int, x: Decimal) -> tuple[Decimal, Decimal]:
-    """The Legendre polynomials of degree n - 1 and n at x."""
-    before, value = Decimal(1), x
-    for k in range(2, n + 1):
-        before, value = value, ((2 * k - 1) * x * value - (k - 1) * before) / k
-    return before, value

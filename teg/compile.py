@@ -13,7 +13,7 @@ from teg.diagnose import Diagnosis, diagnose
 from teg.errors import OptionError, ParameterError
 from teg.explain import Explanation, explain
 from teg.expr import Expr, Param, Tuple, as_number
-from teg.pipeline import compiled_outputs, flatten, program_for
+from teg.pipeline import ESTIMATORS, compiled_outputs, flatten, program_for
 from teg.program import Program
 from teg.traverse import parameters
 
@@ -64,7 +64,10 @@ def compile(
 
 
 def evaluate(e: object, values: Mapping[Any, Any] | None = None, *, backend: str = "numpy", **options: Any) -> Any:
-    """The value of an expression at parameter values (keys are parameters or their names); e may hold deltas and derivatives."""
+    """The value of an expression at parameter values (keys are parameters or their names); e may hold deltas and derivatives.
+
+    Values of parameters that e does not have are passed over: a derivative may have lost some.
+    """
     f = compile(e, backend=backend, **options)
     names = {(k.name if isinstance(k, Param) else k): v for k, v in (values or {}).items()}
     return f({k: v for k, v in names.items() if k in f.parameters} if values else {})
@@ -90,8 +93,8 @@ class _Options:
             raise OptionError(f"threads={threads!r} is not a number of threads", None, "1, 2, …")
         if not isinstance(memory, int) or memory < 2**16:
             raise OptionError(f"memory={memory!r} is not a number of bytes of at least 65536")
-        if discontinuities not in ("sift", "ignore"):
-            raise OptionError(f"discontinuities={discontinuities!r} is not known", None, 'one of: "sift", "ignore"')
+        if discontinuities not in ESTIMATORS:
+            raise OptionError(f"discontinuities={discontinuities!r} is not known", None, "one of: " + ", ".join(ESTIMATORS))
         self.backend, self.tol, self.rule, self.threads, self.memory = backend, float(tol), rule, threads, memory
         self.discontinuities = discontinuities
 

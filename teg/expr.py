@@ -18,7 +18,7 @@ from numbers import Real
 from typing import Any, NoReturn, cast
 
 from teg.errors import ConditionError, DeltaError, OperandError
-from teg.node import _NO_NAMES, Node
+from teg.node import Node
 
 _FLATTEN = 8  # a product inside a product is merged while it is this short: longer ones would make chains quadratic
 
@@ -684,11 +684,3 @@ def _junction(cls: type[And] | type[Or], conditions: Iterable[Cond], absorbing: 
 def tuple_of(*entries: Expr) -> Tuple:
     """Several expressions evaluated together."""
     return Tuple.make(None, entries)
-
-
-def constant_value(e: Expr) -> float | None:
-    """The number an expression is, if it is one."""
-    return cast(float, e.data) if isinstance(e, Const) else None
-
-
-NOTHING_FREE = _NO_NAMES

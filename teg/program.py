@@ -62,25 +62,6 @@ WATCH_WIDTH = 2.0**-44
 
 Arg = str | float | int | bool
 
-UNARY = (
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "sinh",
-    "cosh",
-    "tanh",
-    "exp",
-    "log",
-    "sqrt",
-    "abs",
-    "floor",
-    "neg",
-)
-BOOLEAN = ("gt0", "ge0", "lt0", "le0", "ok", "and", "or", "not", "tie")
-
 
 @dataclass(frozen=True, slots=True)
 class Gauss:

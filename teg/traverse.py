@@ -40,11 +40,6 @@ def parameters(*roots: Node) -> list[Param]:
     return [n for n in postorder(roots) if isinstance(n, Param)]
 
 
-def bound_variables(*roots: Node) -> list[Var]:
-    """Every variable bound somewhere, in order of first appearance."""
-    return list(dict.fromkeys(n.var for n in postorder(roots) if isinstance(n, Integral)))
-
-
 def rebuild(node: Node, children: tuple[Node, ...]) -> Node:
     """The node with other children, through the simplifying constructors."""
     return node if children == node.children else remake(node, children)

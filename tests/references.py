@@ -1100,7 +1100,7 @@ REFERENCES: tuple[Reference, ...] = (
         "0.400573800736840817456040184992",
         {"t": "0.98510717890425097410716639878"},
         {("t", "t"): "1.88668385160157296838073478122"},
-        ("2d-implicit", "later", "atan2"),
+        ("2d-implicit", "atan2"),
         "closed form",
     ),
     Reference(
@@ -1267,7 +1267,7 @@ REFERENCES: tuple[Reference, ...] = (
             "dy": "0.599879987997599362558303975633",
         },
         {},
-        ("2d-quadratic", "later"),
+        ("2d-quadratic",),
         "closed form",
     ),
     Reference(

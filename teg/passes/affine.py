@@ -41,8 +41,7 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.integral import integral_over
-from teg.nest import Binder, Chain, ranges_of
+from teg.nest import Binder, Chain, nest, ranges_of
 from teg.polynomial import Shadow
 from teg.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
 from teg.traverse import fresh, substitute
@@ -99,7 +98,7 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     chosen = [b for b in chain if b.var in data.variables]
     rest = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of(chosen)
-    if ranges is None or not all(_free_of_chain(b, ranges, rest) for b in chosen):
+    if ranges is None or not all(free_of(e, [r.var for r in rest]) for b in chosen for e in (b.lo, b.hi)):
         return None
     corner = {b.var: lo for b, (lo, _) in zip(chosen, ranges, strict=True)}
     g0 = cast(Expr, substitute(g, corner))
@@ -120,21 +119,13 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
             break
     value = _inside_bounds(value, g, chosen, ranges, point, pivots, at)
     value = where(guard, value, ZERO)
-    for b in reversed(rest):
-        value = integral_over(value, b.var, b.lo, b.hi)
-    for s in reversed(unit):
-        value = integral_over(value, s, ZERO, ONE)
-    return value
+    return nest(value, (*(Binder(s, ZERO, ONE) for s in unit), *rest))
 
 
 def _next_unit(taken: set[Var]) -> Var:
     s = fresh("s", taken)
     taken.add(s)
     return s
-
-
-def _free_of_chain(b: Binder, ranges: object, rest: Chain) -> bool:
-    return all(r.var not in b.lo.free and r.var not in b.hi.free for r in rest)
 
 
 def _pivot_conditions(slopes: list[Expr], extents: list[Expr]) -> list[Cond]:

@@ -9,7 +9,7 @@ from teg.errors import NoReparameterisationError
 from tests.references import REFERENCES, Reference, tagged, untagged
 
 KNOWN = untagged("later")
-LATER_TOLERANCE = 1e-4  # values with no known breaks: adaptive, and no better than this on the worst of them
+LATER_TOLERANCE = 1e-9  # values with breaks that are searched for, at tol = 1e-10
 JAX_FAST = (
     "step",
     "cube-of-a-difference-tied",
