@@ -22,8 +22,8 @@ from teg.program import Program
 
 RESERVED = re.compile(
     "auto|break|case|char|class|const|continue|default|do|double|element|else|enum|extern|float|for|free|goto|if|"
-    "inline|int|integral_.*|long|main|malloc|register|restrict|return|short|signed|sizeof|static|struct|switch|"
-    "teg_.*|typedef|union|unsigned|void|volatile|while"
+    "inline|int|integral_.*|long|main|malloc|places_\\d.*|register|restrict|return|roots_\\d.*|short|signed|sizeof|static|struct|"
+    "sum_\\d.*|switch|teg_.*|typedef|union|unsigned|void|volatile|while"
 )
 
 

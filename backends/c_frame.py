@@ -74,16 +74,15 @@ class Frame:
         blocks: list[list[Step]],
         own: Sequence[Arg],
         ties: bool,
-        var: str | None = None,
+        variables: dict[str, str] | None = None,
         prefix: str = "c",
     ) -> None:
         steps = [step for block in blocks for step in block]
-        self.captured, self.blocks, self.ties, self.var = captured, blocks, ties, var
+        self.captured, self.blocks, self.ties, self.variables = captured, blocks, ties, variables or {}
         self.indirect = len(captured) > BY_VALUE
         self.below = max((step.area for step in steps), default=0)
         self.names: dict[Arg, str] = {arg: f"{prefix}{i}" for i, arg in enumerate(captured)}
-        if var is not None:
-            self.names[var] = "x"
+        self.names.update(self.variables)
         self.parts: list[str] = []  # their texts
         self._count = [0]
         self._cuts = _cut(blocks)
@@ -133,8 +132,9 @@ class Frame:
         return packed(f"w[{self._slots[arg]}] = {self.names[arg]};" for arg in self.captured if arg in self._slots)
 
     def block(self, index: int) -> list[str]:
-        """The lines that run a block at the variable's present value."""
-        lines = [] if self.var not in self._slots else [f"w[{self._slots[self.var]}] = x;"]
+        """The lines that run a block at the present values of the variables."""
+        used = {arg for step in self.blocks[index] for arg in step.uses}
+        lines = [f"w[{self._slots[arg]}] = {name};" for arg, name in self.variables.items() if arg in self._slots and arg in used]
         for number, part in self._cuts[index]:
             lines += self._call(number, part) if number else self._lines(part, self.scope())
         return lines
@@ -194,9 +194,9 @@ class Frame:
         return f"({slot} != 0.0)" if kind(arg) == "int" else slot
 
 
-def captured_by(own: Sequence[Arg], steps: list[Step], var: str) -> list[Arg]:
-    """What an integral takes from outside, in order of first use: names, and literals that are not simple."""
-    defined = {name for step in steps for name in step.defines} | {var}
+def captured_by(own: Sequence[Arg], steps: list[Step], variables: Iterable[str]) -> list[Arg]:
+    """What a routine takes from outside, in order of first use: names, and literals that are not simple."""
+    defined = {name for step in steps for name in step.defines}.union(variables)
     uses = dict.fromkeys((*own, *(arg for step in steps for arg in step.uses)))
     names = [arg for arg in uses if isinstance(arg, str) and arg not in defined]
     numbers = [float(arg) for arg in uses if not isinstance(arg, (str, bool))]

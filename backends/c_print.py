@@ -1,13 +1,13 @@
-"""The program printed as C99: loops over pieces and nodes, one C function an integral.
+"""The program printed as C99: loops over pieces and nodes, one C function an integral, a search for roots or places, or a sum.
 
     Program -> steps           an assignment or a few C lines each, with the names they define and use
     steps   -> Frame           a C function; a long block is cut into parts, functions of their own (see `c_frame`)
-    Frame   -> Routine         its text; integrals of equal text share one routine with different arguments
-    routines + batch loop      the translation unit, with what it needs of teg_runtime.h, see `print_kernel`
+    Frame   -> Routine         its text; statements of equal text share one routine with different arguments
+    routines + batch loop      the translation unit, with what it needs of teg_runtime.h (see `c_runtime`)
 
-Names. In a routine the variable is `x`, what it captures `c0, c1, …`, its own values `v1, b2, …` in order:
-the text is canonical, so a sum of 10 000 similar integrals is 10 000 calls of a few functions. Literals that
-are not simple numbers are captured as well.
+Names. In a routine the variable is `x` (of a box `left`, `right`, of a rectangle `bottom`, `top` too), what it captures
+`c0, c1, …`, its own values `v1, b2, …` in order: the text is canonical, so a sum of 10 000 similar integrals is 10 000 calls
+of a few functions. Literals that are not simple numbers are captured as well.
 
 Workspace. `w` is a stack of doubles, allocated once per thread and call: a routine uses w[0 … size) and calls
 others with w + size. In it are values that cross the border of a part, arrays too long for the C stack, and
@@ -19,41 +19,29 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
-from pathlib import Path
+from functools import partial
 
 from teg.backends import c_frame
 from teg.backends.c_frame import Frame, Scope, Step, assignments, captured_by
-from teg.backends.c_quadrature import adaptive_piece, gauss_piece, gauss_table
+from teg.backends.c_quadrature import adaptive_piece, gauss_piece, gauss_table, isolation, location, sum_over
+from teg.backends.c_runtime import runtime
 from teg.backends.c_text import each, indent, packed, wrapped
 from teg.program import (
-    ABSOLUTE_FLOOR,
-    MAX_DEPTH,
-    MAX_INTERVALS,
-    PIECE_EPS,
-    ROUNDING,
-    TIE_EPS,
-    WATCH_WIDTH,
+    INSIDE,
     Adaptive,
     Arg,
     Assign,
     Gauss,
     Integrate,
+    Isolate,
+    Locate,
     Program,
     Stmt,
+    SumOver,
     statements,
 )
 
 BREAKS_ON_STACK = 256
-LIMITS = {
-    "TEG_PIECE_EPS": PIECE_EPS,
-    "TEG_TIE_EPS": TIE_EPS,
-    "TEG_ABSOLUTE_FLOOR": ABSOLUTE_FLOOR,
-    "TEG_ROUNDING": ROUNDING,
-    "TEG_MAX_DEPTH": MAX_DEPTH,
-    "TEG_MAX_INTERVALS": MAX_INTERVALS,
-    "TEG_WATCH_WIDTH": WATCH_WIDTH,
-}
 
 
 def print_kernel(program: Program, name: str = "teg_kernel") -> str:
@@ -62,7 +50,7 @@ def print_kernel(program: Program, name: str = "teg_kernel") -> str:
     element = printer.element(program)
     texts = [*printer.texts, wrapped(_batch_loop(program, name, element))]
     tables = [gauss_table(order) for order in sorted(printer.orders)]
-    return "\n\n".join([title(program), *_runtime(texts), *tables, *texts]) + "\n"
+    return "\n\n".join([title(program), *runtime(texts), *tables, *texts]) + "\n"
 
 
 def title(program: Program) -> str:
@@ -101,15 +89,25 @@ class Printer:
 
     def _steps(self, block: Iterable[Stmt]) -> Iterator[Step]:
         for stmt in block:
-            if isinstance(stmt, Integrate):
-                if stmt.results:
-                    yield self._call(stmt)
-            else:
+            if isinstance(stmt, Assign):
                 yield from assignments(stmt)
+            elif stmt.results:
+                yield self._call(stmt)
 
-    def _call(self, stmt: Integrate) -> Step:
-        """The call of an integral's routine; many results or captured values go through the workspace."""
-        routine, captured = self._integral(stmt)
+    def _call(self, stmt: Integrate | Isolate | Locate | SumOver) -> Step:
+        """The call of a statement's routine; many results or captured values go through the workspace."""
+        absent = "0.0"
+        match stmt:
+            case Integrate():
+                routine, captured = self._integral(stmt)
+            case Isolate():
+                routine, captured = self._isolation(stmt)
+                absent = "INFINITY"
+            case Locate():
+                routine, captured = self._location(stmt)
+                absent = "INFINITY"
+            case SumOver():
+                routine, captured = self._sum(stmt)
         count = len(stmt.results)
         stacked = count if count > c_frame.ON_STACK else 0
 
@@ -123,10 +121,10 @@ class Printer:
             call = f"{routine.name}({', '.join(passed)})"
             before = packed(f"w[{below + i}] = {value};" for i, value in enumerate(values) if routine.indirect)
             if count == 1:
-                guarded = call if when is None else f"{when} ? {call} : 0.0"
+                guarded = call if when is None else f"{when} ? {call} : {absent}"
                 return [*before, f"const double {scope.name(stmt.results[0])} = {guarded};"]
             if when is not None:
-                call = f"if ({when}) {call}; else teg_fill({place}, {count}, 0.0)"
+                call = f"if ({when}) {call}; else teg_fill({place}, {count}, {absent})"
             if stacked:
                 loads = [f"{scope.name(name)} = {place}[{j}]" for j, name in enumerate(stmt.results)]
                 return [*before, f"{call};", *packed(loads, "const double ", ", ", ";")]
@@ -142,9 +140,9 @@ class Printer:
         watch = stmt.watch if isinstance(stmt.rule, Adaptive) else ()
         flags, body = list(self._steps(stmt.flags)), [*self._steps(stmt.body), *_yields((*stmt.values, *watch))]
         own = (stmt.lo, stmt.hi, *stmt.breaks, *(() if stmt.need is None else (stmt.need,)))
-        captured = captured_by(own, [*flags, *body], stmt.var)
+        captured = captured_by(own, [*flags, *body], (stmt.var,))
         count, pieces = len(stmt.values), len(stmt.breaks) + 1
-        frame = Frame(captured, [flags, body], own, has_ties((stmt,)), stmt.var)
+        frame = Frame(captured, [flags, body], own, has_ties((stmt,)), {stmt.var: "x"})
         sums = ("kronrod", "gauss", "size", "whole") if isinstance(stmt.rule, Adaptive) else ()
         arrays = [*frame.array("f", count + len(watch)), *(line for name in sums for line in frame.array(name, count))]
         arrays += frame.array("ends", pieces + 1, BREAKS_ON_STACK)
@@ -163,7 +161,7 @@ class Printer:
             *indent(
                 "const double p = ends[i], q = ends[i + 1];",
                 "if (!teg_is_piece(p, q)) continue;",
-                "double x = 0.5 * (p + q);",
+                f"double x = p + {INSIDE!r} * (q - p);",
                 *frame.block(0),
                 *([] if stmt.need is None else [f"if (!{spell(stmt.need)}) continue;"]),
                 *self._piece(stmt, frame),
@@ -171,8 +169,7 @@ class Printer:
             "}",
             "return sign * sum[0];" if count == 1 else each(count, "sum[j] *= sign;"),
         ]
-        head = f"static double {frame.signature()}" if count == 1 else f"static void {frame.signature('sum')}"
-        return self._routine("integral", frame, head, inside), tuple(captured)
+        return self._routine("integral", frame, _head(frame, "sum", count), inside), tuple(captured)
 
     def _piece(self, stmt: Integrate, frame: Frame) -> list[str]:
         """Add the integrals over the piece (p, q) to `sum`."""
@@ -183,6 +180,45 @@ class Printer:
                 return gauss_piece(block, nodes, count)
             case Adaptive():
                 return adaptive_piece(block, stmt.rule, count, len(stmt.watch), frame.ties)
+
+    def _isolation(self, stmt: Isolate) -> tuple[Routine, tuple[Arg, ...]]:
+        """The routine of an isolation: `f` holds g, g' and then the four bounds."""
+        enclosure = [*self._steps(stmt.enclosure), *_yields(stmt.bounds, 2)]
+        point = [*self._steps(stmt.point), *_yields((stmt.value, stmt.slope))]
+        own, variables = (stmt.lo, stmt.hi), {stmt.var: "x", stmt.left: "left", stmt.right: "right"}
+        captured = captured_by(own, [*enclosure, *point], variables)
+        frame = Frame(captured, [enclosure, point], own, has_ties((stmt,)), variables)
+        count, spell = len(stmt.results), frame.scope()
+        inside = [
+            *frame.opening(),
+            "double f[6] = {0.0};",
+            *isolation(frame.block(0), frame.block(1), spell(stmt.lo), spell(stmt.hi), count),
+        ]
+        return self._routine("roots", frame, _head(frame, "root", count), inside), tuple(captured)
+
+    def _location(self, stmt: Locate) -> tuple[Routine, tuple[Arg, ...]]:
+        """The routine of a location: `f` holds the four bounds."""
+        enclosure = [*self._steps(stmt.enclosure), *_yields(stmt.bounds)]
+        own = (stmt.lo, stmt.hi, stmt.low, stmt.high)
+        variables = {stmt.left: "left", stmt.right: "right", stmt.bottom: "bottom", stmt.top: "top"}
+        captured = captured_by(own, enclosure, variables)
+        frame = Frame(captured, [enclosure], own, has_ties((stmt,)), variables)
+        count, spell = len(stmt.results), frame.scope()
+        v, u = (spell(stmt.lo), spell(stmt.hi)), (spell(stmt.low), spell(stmt.high))
+        inside = [*frame.opening(), "double f[4];", *location(frame.block(0), v, u, count)]
+        return self._routine("places", frame, _head(frame, "place", count), inside), tuple(captured)
+
+    def _sum(self, stmt: SumOver) -> tuple[Routine, tuple[Arg, ...]]:
+        """The routine of a sum over points."""
+        body = [*self._steps(stmt.body), *_yields(stmt.values)]
+        captured = captured_by(stmt.points, body, (stmt.var,))
+        frame = Frame(captured, [body], stmt.points, has_ties((stmt,)), {stmt.var: "x"})
+        count = len(stmt.values)
+        arrays = [*frame.array("f", count), *frame.array("points", max(1, len(stmt.points)), BREAKS_ON_STACK)]
+        spell = frame.scope()
+        points = [f"points[{i}] = {spell(arg)};" for i, arg in enumerate(stmt.points)]
+        inside = [*arrays, *frame.opening(), *packed(points), *sum_over(frame.block(0), len(points), count)]
+        return self._routine("sum", frame, _head(frame, "sum", count), inside), tuple(captured)
 
     def _routine(self, kind: str, frame: Frame, signature: str, inside: list[str]) -> Routine:
         """The routine of this text, which is printed unless it is known. '@' stands for its name."""
@@ -198,11 +234,16 @@ def has_ties(block: tuple[Stmt, ...]) -> bool:
     return any(isinstance(stmt, Assign) and stmt.op == "tie" for stmt in statements(block))
 
 
-def _yields(values: Sequence[Arg]) -> Iterator[Step]:
-    """The values of a block, written to `f`, a few a step."""
+def _head(frame: Frame, results: str, count: int) -> str:
+    """The head of a routine: one result is returned, more are written to an array."""
+    return f"static double {frame.signature()}" if count == 1 else f"static void {frame.signature(results)}"
+
+
+def _yields(values: Sequence[Arg], place: int = 0) -> Iterator[Step]:
+    """The values of a block, written to `f` from there on, a few a step."""
     for first in range(0, len(values), 8):
         some = values[first : first + 8]
-        yield Step((), tuple(some), lines=partial(_yielded, first, some), weight=len(some))
+        yield Step((), tuple(some), lines=partial(_yielded, place + first, some), weight=len(some))
 
 
 def _yielded(first: int, values: Sequence[Arg], scope: Scope) -> list[str]:
@@ -265,29 +306,3 @@ def _batch_loop(program: Program, name: str, element: Routine) -> Iterator[str]:
         ),
         "}",
     )
-
-
-@cache
-def _paragraphs() -> tuple[str, list[tuple[str, str]]]:
-    """What every kernel needs of teg_runtime.h, and the rest of it: the texts with the names they define."""
-    text = Path(__file__).with_name("teg_runtime.h").read_text(encoding="ascii").rstrip()
-    always, rest = text.split("/* As needed. */\n\n")
-    named = []
-    for paragraph in rest.split("\n\n"):
-        name = re.search(r"\b(teg_\w+)(?=\(|\[\d+\] = |;)", re.sub(r"/\*.*?\*/", "", paragraph, flags=re.DOTALL))
-        assert name is not None
-        named.append((name[1], paragraph))
-    return always.rstrip(), named
-
-
-def _runtime(texts: Sequence[str]) -> list[str]:
-    """The part of the runtime that these texts need, directly or through other parts, and its constants."""
-    needed = {word for text in texts for word in re.findall(r"\b(?:teg|TEG)_\w+", text)}
-    always, rest = _paragraphs()
-    parts: list[str] = []
-    for name, paragraph in reversed(rest):
-        if name in needed:
-            parts.insert(0, paragraph)
-            needed.update(re.findall(r"\b(?:teg|TEG)_\w+", paragraph))
-    defines = [f"#define {name} {value!r}" for name, value in LIMITS.items() if name in needed]
-    return [always, *(["\n".join(defines)] if defines else []), *parts]

@@ -1,7 +1,8 @@
-"""The rules in C: a piece by Gauss-Legendre or by adaptive Gauss-Kronrod, and the tables of Gauss-Legendre."""
+"""The rules in C: a piece by Gauss-Legendre or by adaptive Gauss-Kronrod, roots, places and sums; the tables of Gauss-Legendre."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from teg.backends.c_text import each, indent, literal
@@ -89,6 +90,75 @@ def adaptive_piece(block: Sequence[str], rule: Adaptive, count: int, watched: in
             "}",
         ),
         "}",
+    ]
+
+
+def isolation(enclosure: Sequence[str], point: Sequence[str], lo: str, hi: str, count: int) -> list[str]:
+    """Write the roots between lo and hi to `root`: `point` writes g and g' at x to `f`, `enclosure` bounds over (left, right) to `f + 2`.
+
+    A box that its bounds alone clear spares the run of `point`.
+    """
+    return [
+        *(["double root[1];"] if count == 1 else []),
+        "teg_isolation search;",
+        f"teg_isolate(&search, {lo}, {hi}, root, {count});",
+        "while (search.asks != TEG_DONE) {",
+        *indent(
+            "if (search.asks == TEG_BOX) {",
+            *indent(
+                *_used(enclosure, left="search.box.from", right="search.box.to"),
+                *enclosure,
+                "if (teg_is_clear(&search.box, f + 2)) {",
+                *indent("teg_next_box(&search);", "continue;"),
+                "}",
+            ),
+            "}",
+            *_used(point, x="search.at"),
+            *point,
+            "teg_answer(&search, f);",
+        ),
+        "}",
+        "teg_roots(&search);",
+        *(["return root[0];"] if count == 1 else []),
+    ]
+
+
+def location(enclosure: Sequence[str], v: tuple[str, str], u: tuple[str, str], count: int) -> list[str]:
+    """Write the places between the ends of v to `place`: `enclosure` writes bounds of f and g over a rectangle to `f`."""
+    sides = {side: f"search.here.{side}" for side in ("left", "right", "bottom", "top")}
+    return [
+        *(["double place[1];"] if count == 1 else []),
+        "teg_location search;",
+        f"teg_locate(&search, {', '.join((*v, *u))});",
+        "while (teg_next_rectangle(&search)) {",
+        *indent(*_used(enclosure, **sides), *enclosure, "teg_judge(&search, f);"),
+        "}",
+        f"teg_places(&search, place, {count});",
+        *(["return place[0];"] if count == 1 else []),
+    ]
+
+
+def _used(lines: Sequence[str], **variables: str) -> list[str]:
+    """Declarations of the variables that are in these lines."""
+    text = "\n".join(lines)
+    return [f"const double {name} = {value};" for name, value in variables.items() if re.search(rf"\b{name}\b", text)]
+
+
+def sum_over(block: Sequence[str], points: int, count: int) -> list[str]:
+    """Add the values at each finite one of `points` to `sum`; `block` writes the values at x to `f`."""
+    nan = "return NAN;" if count == 1 else f"{{ teg_fill(sum, {count}, NAN); return; }}"
+    return [
+        f"for (int i = 0; i < {points}; i++) if (isnan(points[i])) {nan}",
+        "double sum[1] = {0.0};" if count == 1 else f"teg_fill(sum, {count}, 0.0);",
+        f"for (int i = 0; i < {points}; i++) {{",
+        *indent(
+            "const double x = points[i];",
+            "if (!isfinite(x)) continue;",
+            *block,
+            each(count, "sum[j] += f[j];"),
+        ),
+        "}",
+        *(["return sum[0];"] if count == 1 else []),
     ]
 
 

@@ -35,7 +35,7 @@ INFIX = {  # the sign, how the whole binds, how its first operand and the others
     "or": (" || ", CONDITIONAL, COMPARISON, COMPARISON),
 }
 COMPARE = {"gt0": ">", "ge0": ">=", "lt0": "<", "le0": "<="}
-RENAMED = {"abs": "fabs", "mod": "teg_mod", "powi": "teg_powi", "tie": "teg_tie"}
+RENAMED = {"abs": "fabs", "mod": "teg_mod", "powi": "teg_powi", "tie": "teg_tie", "min": "teg_min", "max": "teg_max"}
 
 
 def expression(op: str, args: Sequence[Text], rest: Sequence[Arg]) -> Text:

@@ -2,7 +2,8 @@
 
     compile_jax(program)  ->  JaxKernel: a call with columns of the batch gives (outputs, n)
 
-The blocks of a program become nested Python functions, traced once (see `jax_runtime`):
+The blocks of a program become nested Python functions, traced once (see `jax_runtime`, and `jax_roots` for what
+finds roots, sums over them and locates common zeros):
 
     def kernel(order, zero, p0, p1):
         v0 = p0 * p1 + zero
@@ -25,7 +26,21 @@ import numpy.typing as npt
 
 from teg.backends.python_text import Dialect, assignment, inside, strict, value
 from teg.errors import BackendError, MissingPackageError
-from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program, Stmt
+from teg.program import (
+    ISOLATE_DEPTH,
+    LOCATE_WIDTH,
+    Adaptive,
+    Arg,
+    Assign,
+    Gauss,
+    Integrate,
+    Isolate,
+    Locate,
+    Program,
+    Stmt,
+    SumOver,
+    statements,
+)
 
 DIALECT = Dialect("jnp", guard=" + zero")
 LANES = 2**22
@@ -44,11 +59,11 @@ class JaxKernel:
 
     def __init__(self, program: Program) -> None:
         jax = _import_jax()
-        from teg.backends import jax_runtime
+        from teg.backends import jax_roots, jax_runtime
 
         self.program = program
         self.source = "\n".join(_kernel(program))
-        scope: dict[str, Any] = {"jnp": jax.numpy, "rt": jax_runtime}
+        scope: dict[str, Any] = {"jnp": jax.numpy, "rt": jax_runtime, "roots": jax_roots}
         exec(compile(self.source, "<teg jax kernel>", "exec"), scope)
         self._kernel = scope["kernel"]
         self._step = 1 << max(0, (LANES // _nodes(program.body)).bit_length() - 1)
@@ -129,12 +144,23 @@ def _import_jax() -> Any:
 
 
 def _nodes(block: tuple[Stmt, ...]) -> int:
-    """The most nodes of integrals, nested ones multiplied, that one element of the batch has at a time."""
+    """The most nodes of integrals, nested ones multiplied, that one element of the batch has at a time; or points, or boxes."""
     most = 1
     for stmt in block:
-        if isinstance(stmt, Integrate):
-            nodes = stmt.rule.nodes if isinstance(stmt.rule, Gauss) else 21
-            most = max(most, (len(stmt.breaks) + 1) * nodes * _nodes(stmt.body))
+        match stmt:
+            case Integrate():
+                nodes = stmt.rule.nodes if isinstance(stmt.rule, Gauss) else 21
+                most = max(most, (len(stmt.breaks) + 1) * nodes * _nodes(stmt.body))
+            case Isolate():
+                most = max(most, ISOLATE_DEPTH, _nodes(stmt.enclosure), (len(stmt.results) + 1) * _nodes(stmt.point))
+            case Locate():
+                most = max(most, LOCATE_WIDTH, _nodes(stmt.enclosure))
+            case SumOver():
+                most = max(most, len(stmt.points) * _nodes(stmt.body))
+            case Assign():
+                pass
+            case _:
+                assert_never(stmt)
     return most
 
 
@@ -159,14 +185,22 @@ def _block(block: tuple[Stmt, ...], results: str) -> list[str]:
     for stmt in block:
         if _has_ties(stmt):
             ties.append(f"tied_{_names((stmt,))[0]}")
-        if isinstance(stmt, Integrate):
-            lines += _integral(stmt, ties[-1] if _has_ties(stmt) else "_")
-        elif stmt.op == "tie":
-            g, scale, r, _ = stmt.args
-            call = f"rt.tie(order, {strict(g, 'jnp')}, {_text(scale)}, {_text(r)})"
-            lines.append(f"{stmt.name}, {ties[-1]} = {call}")
-        else:
-            lines += assignment(stmt, DIALECT)
+        tied = ties[-1] if _has_ties(stmt) else "_"
+        match stmt:
+            case Integrate():
+                lines += _integral(stmt, tied)
+            case Isolate():
+                lines += _isolation(stmt, tied)
+            case Locate():
+                lines += _location(stmt, tied)
+            case SumOver():
+                lines += _sum(stmt, tied)
+            case Assign(name, "tie", (g, scale, r, _)):
+                lines.append(f"{name}, {tied} = rt.tie(order, {strict(g, 'jnp')}, {_text(scale)}, {_text(r)})")
+            case Assign():
+                lines += assignment(stmt, DIALECT)
+            case _:
+                assert_never(stmt)
     lines.append(f"return {results}, {' | '.join(ties) or 'False'}")
     return [f"    {line}" for line in lines]
 
@@ -199,15 +233,51 @@ def _integral(stmt: Integrate, tied: str) -> list[str]:
     return [*lines, f"({inside(stmt.results)}), {tied} = {', '.join(arguments)})"]
 
 
+def _isolation(stmt: Isolate, tied: str) -> list[str]:
+    """The functions of an isolation, and its call."""
+    enclosure, point = f"enclosure_{stmt.var}", f"point_{stmt.var}"
+    arguments = [_text(stmt.lo), _text(stmt.hi), enclosure, point, str(len(stmt.results))]
+    arguments += [f"when={stmt.when}"] if stmt.when else []
+    return [
+        f"def {enclosure}({stmt.left}, {stmt.right}):",
+        *_block(stmt.enclosure, f"({inside(map(_text, stmt.bounds))})"),
+        f"def {point}({stmt.var}):",
+        *_block(stmt.point, f"({inside(map(_text, (stmt.value, stmt.slope)))})"),
+        f"({inside(stmt.results)}), {tied} = roots.isolate({', '.join(arguments)})",
+    ]
+
+
+def _location(stmt: Locate, tied: str) -> list[str]:
+    """The function that encloses two functions, and the call that locates their common zeros."""
+    enclosure = f"enclosure_{stmt.left}"
+    arguments = [*map(_text, (stmt.lo, stmt.hi, stmt.low, stmt.high)), enclosure, str(len(stmt.results))]
+    arguments += [f"when={stmt.when}"] if stmt.when else []
+    return [
+        f"def {enclosure}({stmt.left}, {stmt.right}, {stmt.bottom}, {stmt.top}):",
+        *_block(stmt.enclosure, f"({inside(map(_text, stmt.bounds))})"),
+        f"({inside(stmt.results)}), {tied} = roots.locate({', '.join(arguments)})",
+    ]
+
+
+def _sum(stmt: SumOver, tied: str) -> list[str]:
+    """The function of a sum, and its call."""
+    body = f"body_{stmt.var}"
+    arguments = [f"({inside(map(_text, stmt.points))})", body, str(len(stmt.results))]
+    arguments += [f"when={stmt.when}"] if stmt.when else []
+    return [
+        f"def {body}({stmt.var}):",
+        *_block(stmt.body, f"({inside(map(_text, stmt.values))})"),
+        f"({inside(stmt.results)}), {tied} = roots.sum_over({', '.join(arguments)})",
+    ]
+
+
 def _names(block: tuple[Stmt, ...]) -> list[str]:
     """The names that a block gives a value."""
     return [name for s in block for name in ((s.name,) if isinstance(s, Assign) else s.results)]
 
 
 def _has_ties(stmt: Stmt) -> bool:
-    if isinstance(stmt, Assign):
-        return stmt.op == "tie"
-    return any(map(_has_ties, (*stmt.flags, *stmt.body)))
+    return any(isinstance(s, Assign) and s.op == "tie" for s in statements((stmt,)))
 
 
 def _text(arg: Arg) -> str:

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.program import ABSOLUTE_FLOOR, MAX_DEPTH, MAX_INTERVALS, PIECE_EPS, ROUNDING, TIE_EPS, WATCH_WIDTH
+from teg.program import ABSOLUTE_FLOOR, INSIDE, MAX_DEPTH, MAX_INTERVALS, PIECE_EPS, ROUNDING, TIE_EPS, WATCH_WIDTH
 from teg.quadrature import GAUSS_WEIGHTS, KRONROD_NODES, KRONROD_WEIGHTS, gauss_legendre
 
 Scalar = Any  # a traced scalar, float64 or boolean, or a Python literal
@@ -82,9 +82,9 @@ def _integrate(
     def piece(p: Scalar, q: Scalar) -> tuple[Any, Scalar]:
         active = when & (q - p > PIECE_EPS * jnp.maximum(jnp.abs(p), jnp.abs(q)))
         if flags is None:
-            return rule(p, q, active, lambda x: _vector(body(x, ())))
-        need, flagged, tied = flags(0.5 * (p + q))
-        sums, tied_body = rule(p, q, active & need, lambda x: _vector(body(x, flagged)))
+            return rule(p, q, active, lambda x: vector(body(x, ())))
+        need, flagged, tied = flags(p + INSIDE * (q - p))
+        sums, tied_body = rule(p, q, active & need, lambda x: vector(body(x, flagged)))
         return sums, (active & tied) | tied_body
 
     sums, tied = jax.vmap(piece)(points[:-1], points[1:])
@@ -94,7 +94,7 @@ def _integrate(
     return tuple(total[i] for i in range(results)), jnp.any(tied)
 
 
-def _vector(block: tuple[tuple[Scalar, ...], Scalar]) -> tuple[Any, Any]:
+def vector(block: tuple[tuple[Scalar, ...], Scalar]) -> tuple[Any, Any]:
     """The values of a body as one vector, (results,)."""
     values, tied = block
     return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(tied)

@@ -12,6 +12,12 @@ A program becomes flat Python functions, one a block, over arrays of lanes (see 
     def body_0(run, x0, v0): …
     integral_0 = rt.GaussIntegral(flags=None, body=body_0, results=1, piece_width=7, node_width=3, nodes=4)
 
+Roots, sums over them and common zeros are called likewise (see `numpy_roots`):
+
+    v1, v2 = isolation_1(run, 0.0, p1, (v0,), (v0,))             bounds, values for enclosure, for point
+    v3, = sum_2(run, (v1, v2), (v0,))                            points, values for body
+    v4, = location_3(run, 0.0, p1, -1.0, 1.0, (v0,))             bounds of v, of u, values for enclosure
+
 A long block is cut into parts of bounded size, which hand on the values that outlive them in a dictionary.
 """
 
@@ -24,9 +30,10 @@ from typing import Any, assert_never
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends import numpy_roots as roots
 from teg.backends import numpy_runtime as rt
 from teg.backends.python_text import Dialect, assignment, inside, strict, value
-from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program, Stmt
+from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Isolate, Locate, Program, Stmt, SumOver, blocks
 
 DIALECT = Dialect("np")
 MEMORY = 256 * 2**20
@@ -49,7 +56,7 @@ class NumpyKernel:
         self.source = "\n".join(printer.lines)
         self._width = printer.width
         self._room = max(1, memory // 8 // (1 + 2 * depth(program.body)))
-        scope: dict[str, Any] = {"np": np, "rt": rt}
+        scope: dict[str, Any] = {"np": np, "rt": rt, "roots": roots}
         exec(compile(self.source, "<teg numpy kernel>", "exec"), scope)
         self._function = scope["kernel"]
 
@@ -96,8 +103,8 @@ class NumpyKernel:
 
 
 def depth(block: tuple[Stmt, ...]) -> int:
-    """How many integrals stand inside one another."""
-    inner = [1 + max(depth(s.flags), depth(s.body)) for s in block if isinstance(s, Integrate)]
+    """How many integrals, searches for roots and sums stand inside one another."""
+    inner = [1 + max(depth(b) for b in blocks(s)) for s in block if not isinstance(s, Assign)]
     return max(inner, default=0)
 
 
@@ -108,10 +115,21 @@ def assigned(stmt: Stmt) -> tuple[str, ...]:
 
 def used(stmt: Stmt) -> dict[str, None]:
     """The names of its own or an enclosing block that a statement uses, in order."""
-    if isinstance(stmt, Assign):
-        return _names(stmt.args)
-    for_flags, for_body, _ = captured(stmt)
-    return _names((stmt.lo, stmt.hi, *stmt.breaks, *for_flags, *for_body, *_maybe(stmt.when)))
+    match stmt:
+        case Assign():
+            return _names(stmt.args)
+        case Integrate():
+            for_flags, for_body, _ = captured(stmt)
+            return _names((stmt.lo, stmt.hi, *stmt.breaks, *for_flags, *for_body, *_maybe(stmt.when)))
+        case Isolate():
+            for_enclosure, for_point = searched(stmt)
+            return _names((stmt.lo, stmt.hi, *for_enclosure, *for_point, *_maybe(stmt.when)))
+        case Locate():
+            return _names((stmt.lo, stmt.hi, stmt.low, stmt.high, *located(stmt), *_maybe(stmt.when)))
+        case SumOver():
+            return _names((*stmt.points, *summed(stmt), *_maybe(stmt.when)))
+        case _:
+            assert_never(stmt)
 
 
 def free(block: tuple[Stmt, ...], results: Iterable[Arg]) -> dict[str, None]:
@@ -129,7 +147,7 @@ def captured(stmt: Integrate) -> tuple[list[str], list[str], list[str]]:
     """What an integral's blocks use: `flags` from outside, `body` from outside, `body` from `flags`."""
     flagged = {name for s in stmt.flags for name in assigned(s)}
     in_flags = free(stmt.flags, _maybe(stmt.need))
-    in_body = free(stmt.body, stmt.values)
+    in_body = free(stmt.body, (*stmt.values, *stmt.watch))
     return (
         [name for name in in_flags if name != stmt.var],
         [name for name in in_body if name != stmt.var and name not in flagged],
@@ -137,22 +155,52 @@ def captured(stmt: Integrate) -> tuple[list[str], list[str], list[str]]:
     )
 
 
+def searched(stmt: Isolate) -> tuple[list[str], list[str]]:
+    """What an isolation's blocks use from outside: `enclosure`, `point`."""
+    in_enclosure, in_point = free(stmt.enclosure, stmt.bounds), free(stmt.point, (stmt.value, stmt.slope))
+    return [name for name in in_enclosure if name not in (stmt.left, stmt.right)], [name for name in in_point if name != stmt.var]
+
+
+def located(stmt: Locate) -> list[str]:
+    """What the enclosure of two functions uses from outside."""
+    sides = (stmt.left, stmt.right, stmt.bottom, stmt.top)
+    return [name for name in free(stmt.enclosure, stmt.bounds) if name not in sides]
+
+
+def summed(stmt: SumOver) -> list[str]:
+    """What the body of a sum uses from outside."""
+    return [name for name in free(stmt.body, stmt.values) if name != stmt.var]
+
+
 class _Printer:
-    """Prints blocks into `lines`, outermost first; the integrals met on the way wait in a queue."""
+    """Prints blocks into `lines`, outermost first; the statements with blocks of their own wait in a queue."""
 
     def __init__(self, program: Program) -> None:
         self.lines = ['"""NumPy kernel, generated by teg."""', ""]
         self.lines += [f"# p{i}: {name!r}" for i, name in enumerate(program.parameters)]
-        self.waiting: deque[tuple[int, Integrate]] = deque()
-        self.integrals = 0
+        self.waiting: deque[tuple[int, Integrate | Isolate | Locate | SumOver]] = deque()
+        self.printed = 0
         parameters = [f"p{i}" for i in range(len(program.parameters))]
         self.width = self.function("kernel", parameters, program.body, program.outputs)
         while self.waiting:
             self.blocks(*self.waiting.popleft())
         self.lines.append("")
 
-    def blocks(self, number: int, stmt: Integrate) -> None:
-        """The functions of an integral, and the object that runs them."""
+    def blocks(self, number: int, stmt: Integrate | Isolate | Locate | SumOver) -> None:
+        """The functions of a statement, and the object that runs them."""
+        match stmt:
+            case Integrate():
+                self.integral(number, stmt)
+            case Isolate():
+                self.isolation(number, stmt)
+            case Locate():
+                self.location(number, stmt)
+            case SumOver():
+                self.sum(number, stmt)
+            case _:
+                assert_never(stmt)
+
+    def integral(self, number: int, stmt: Integrate) -> None:
         for_flags, for_body, flagged = captured(stmt)
         flags, piece_width = "None", len(for_flags) + len(for_body) + 6
         if stmt.flags or stmt.need is not None:
@@ -172,13 +220,29 @@ class _Printer:
             case _:
                 assert_never(stmt.rule)
         node_width = self.function(body, [stmt.var, *for_body, *flagged], stmt.body, results)
-        self.lines += [
-            "",
-            "",
-            f"integral_{number} = rt.{kind}(",
-            f"    flags={flags}, body={body}, results={len(stmt.results)}, piece_width={piece_width}, node_width={node_width}, {rule}",
-            ")",
-        ]
+        fields = f"flags={flags}, body={body}, results={len(stmt.results)}, piece_width={piece_width}, node_width={node_width}, {rule}"
+        self.lines += ["", "", f"integral_{number} = rt.{kind}(", f"    {fields}", ")"]
+
+    def isolation(self, number: int, stmt: Isolate) -> None:
+        for_enclosure, for_point = searched(stmt)
+        enclosure, point = f"enclosure_{number}", f"point_{number}"
+        enclosure_width = self.function(enclosure, [stmt.left, stmt.right, *for_enclosure], stmt.enclosure, stmt.bounds)
+        point_width = self.function(point, [stmt.var, *for_point], stmt.point, (stmt.value, stmt.slope))
+        fields = f"enclosure={enclosure}, point={point}, results={len(stmt.results)}"
+        fields += f", enclosure_width={enclosure_width}, point_width={point_width}"
+        self.lines += ["", "", f"isolation_{number} = roots.Isolation(", f"    {fields}", ")"]
+
+    def location(self, number: int, stmt: Locate) -> None:
+        enclosure = f"enclosure_{number}"
+        sides = [stmt.left, stmt.right, stmt.bottom, stmt.top]
+        width = self.function(enclosure, [*sides, *located(stmt)], stmt.enclosure, stmt.bounds)
+        fields = f"enclosure={enclosure}, results={len(stmt.results)}, width={width}"
+        self.lines += ["", "", f"location_{number} = roots.Location({fields})"]
+
+    def sum(self, number: int, stmt: SumOver) -> None:
+        body = f"body_{number}"
+        width = self.function(body, [stmt.var, *summed(stmt)], stmt.body, stmt.values)
+        self.lines += ["", "", f"sum_{number} = roots.PointSum(body={body}, results={len(stmt.results)}, width={width})"]
 
     def function(self, name: str, parameters: Sequence[str], block: tuple[Stmt, ...], results: Sequence[Arg]) -> int:
         """Prints a block as a function; returns how many doubles a lane it may hold."""
@@ -229,18 +293,30 @@ class _Printer:
                 lines = [_tie(stmt)] if stmt.op == "tie" else assignment(stmt, DIALECT)
                 self.lines += [f"    {line}" for line in lines]
             else:
-                copied = max(copied, self.integral(stmt))
+                copied = max(copied, self.call(stmt))
         return width + copied
 
-    def integral(self, stmt: Integrate) -> int:
-        """Prints the call of an integral, queues its blocks; returns how many values it may have to copy."""
-        for_flags, for_body, _ = captured(stmt)
-        arguments = ["run", _text(stmt.lo), _text(stmt.hi), f"({inside(map(_text, stmt.breaks))})"]
-        arguments += [f"({inside(for_flags)})", f"({inside(for_body)})", *_maybe(stmt.when)]
-        self.lines.append(f"    {inside(stmt.results)} = integral_{self.integrals}({', '.join(arguments)})")
-        self.waiting.append((self.integrals, stmt))
-        self.integrals += 1
-        return len(for_flags) + len(for_body) + len(stmt.breaks)
+    def call(self, stmt: Integrate | Isolate | Locate | SumOver) -> int:
+        """Prints the call of a statement, queues its blocks; returns how many values it may have to copy."""
+        groups: list[Iterable[str]]
+        match stmt:
+            case Integrate():
+                for_flags, for_body, _ = captured(stmt)
+                name, limits, groups = "integral", [stmt.lo, stmt.hi], [map(_text, stmt.breaks), for_flags, for_body]
+            case Isolate():
+                name, limits, groups = "isolation", [stmt.lo, stmt.hi], [*searched(stmt)]
+            case Locate():
+                name, limits, groups = "location", [stmt.lo, stmt.hi, stmt.low, stmt.high], [located(stmt)]
+            case SumOver():
+                name, limits, groups = "sum", [], [map(_text, stmt.points), summed(stmt)]
+            case _:
+                assert_never(stmt)
+        listed = [list(group) for group in groups]
+        arguments = ["run", *map(_text, limits), *(f"({inside(group)})" for group in listed), *_maybe(stmt.when)]
+        self.lines.append(f"    {inside(stmt.results)} = {name}_{self.printed}({', '.join(arguments)})")
+        self.waiting.append((self.printed, stmt))
+        self.printed += 1
+        return sum(map(len, listed))
 
 
 def _tie(stmt: Assign) -> str:

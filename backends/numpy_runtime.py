@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.program import ABSOLUTE_FLOOR, MAX_DEPTH, MAX_INTERVALS, PIECE_EPS, ROUNDING, TIE_EPS, WATCH_WIDTH
+from teg.program import ABSOLUTE_FLOOR, INSIDE, MAX_DEPTH, MAX_INTERVALS, PIECE_EPS, ROUNDING, TIE_EPS, WATCH_WIDTH
 from teg.quadrature import GAUSS_WEIGHTS, KRONROD_NODES, KRONROD_WEIGHTS, gauss_legendre
 
 Array = npt.NDArray[Any]
@@ -68,6 +68,58 @@ def tie(run: Run, g: Value, scale: Value, r: Value, k: int) -> Value:
     return np.where(near, r if run.order > 0 else np.logical_not(r), g > 0.0)
 
 
+def gather(value: Value, index: Array | None) -> Value:
+    """The lanes `index` of a value; a scalar, or all lanes, as they are."""
+    return value if index is None or not np.ndim(value) else value[index]
+
+
+def cut(value: Value, part: slice) -> Value:
+    """A run of lanes of a value; a scalar as it is."""
+    return value[part] if np.ndim(value) else value
+
+
+def parts(size: int, step: int) -> Iterator[slice]:
+    """Slices of at most `step` that cover range(size)."""
+    return (slice(start, start + step) for start in range(0, size, step))
+
+
+def scatter(values: Array, lane: Array, lanes: int) -> Array:
+    """Each row of `values` summed into its lanes, (rows, lanes)."""
+    return np.array([np.bincount(lane, weights=row, minlength=lanes) for row in values], dtype=np.float64)
+
+
+def on_lanes(
+    work: Callable[[Sequence[Array], int], Array],
+    given: Sequence[Value],
+    when: Value,
+    results: int,
+    absent: float,
+    step: int,
+) -> tuple[Value, ...]:
+    """What `work` makes of the lanes of `given`, `results` values of the common shape; `absent` where `when` is false.
+
+    `work` takes at most `step` lanes at a time, flat, and how many they are; it returns (results, lanes).
+    """
+    if not np.any(when):
+        return (np.float64(absent),) * results
+    given = [np.asarray(v) for v in (when, *given)]
+    shape: tuple[int, ...] = max((v.shape for v in given), key=len)
+    if not shape:
+        return tuple(work(given[1:], 1)[:, 0])
+    given = [np.broadcast_to(v, shape).reshape(-1) if v.ndim else v for v in given]
+    active = None if given[0].all() else np.flatnonzero(given[0])
+    given = [gather(v, active) for v in given[1:]]
+    lanes = int(np.prod(shape)) if active is None else active.size
+    found = np.empty((results, lanes))
+    for part in parts(lanes, step):
+        found[:, part] = work([cut(v, part) for v in given], min(part.stop, lanes) - part.start)
+    if active is not None:
+        everywhere = np.full((results, int(np.prod(shape))), absent)
+        everywhere[:, active] = found
+        found = everywhere
+    return tuple(found.reshape((results, *shape)))
+
+
 @dataclass(frozen=True, slots=True)
 class Integral:
     """An integral without its rule: lanes into pieces, and the sums of the pieces back into lanes.
@@ -93,25 +145,12 @@ class Integral:
         when: Value = True,
     ) -> tuple[Value, ...]:
         """The results, of the arguments' common shape; `for_…` are what the blocks take from outside."""
-        if not np.any(when):
-            return (np.float64(0.0),) * self.results
-        given = [np.asarray(v) for v in (when, lo, hi, *breaks, *for_flags, *for_body)]
-        shape: tuple[int, ...] = max((v.shape for v in given), key=len)
-        if not shape:
-            return tuple(self._lanes(run, given[1:], len(breaks), len(for_flags), 1)[:, 0])
-        given = [np.broadcast_to(v, shape).reshape(-1) if v.ndim else v for v in given]
-        active = None if given[0].all() else np.flatnonzero(given[0])
-        given = [_gather(v, active) for v in given[1:]]
-        lanes = int(np.prod(shape)) if active is None else active.size
-        sums = np.empty((self.results, lanes))
-        for part in _parts(lanes, run.chunk(self.piece_width, len(breaks) + 1)):
-            count = min(part.stop, lanes) - part.start
-            sums[:, part] = self._lanes(run, [_cut(v, part) for v in given], len(breaks), len(for_flags), count)
-        if active is not None:
-            everywhere = np.zeros((self.results, int(np.prod(shape))))
-            everywhere[:, active] = sums
-            sums = everywhere
-        return tuple(sums.reshape((self.results, *shape)))
+
+        def work(given: Sequence[Array], lanes: int) -> Array:
+            return self._lanes(run, given, len(breaks), len(for_flags), lanes)
+
+        step = run.chunk(self.piece_width, len(breaks) + 1)
+        return on_lanes(work, (lo, hi, *breaks, *for_flags, *for_body), when, self.results, 0.0, step)
 
     def _lanes(self, run: Run, given: Sequence[Array], breaks: int, flags: int, lanes: int) -> Array:
         """The results on flat lanes, (results, lanes); `given`: lo, hi, breaks, for flags, for body."""
@@ -143,14 +182,14 @@ class Integral:
         """The sums over the pieces (p, q) of each lane, (results, lanes)."""
         flagged: list[Value] = []
         if self.flags is not None and p.size:
-            need, *flagged = self.flags(run, 0.5 * (p + q), *(_gather(v, lane) for v in for_flags))
+            need, *flagged = self.flags(run, p + INSIDE * (q - p), *(gather(v, lane) for v in for_flags))
             if not np.all(need):
                 kept = np.flatnonzero(np.broadcast_to(need, p.shape))
-                p, q, lane, *flagged = (_gather(v, kept) for v in (p, q, lane, *flagged))
+                p, q, lane, *flagged = (gather(v, kept) for v in (p, q, lane, *flagged))
         if not p.size:
             return np.zeros((self.results, lanes))
-        values = [*(_gather(v, lane) for v in for_body), *flagged]
-        return _scatter(self._rule(run, p, q, values), lane, lanes)
+        values = [*(gather(v, lane) for v in for_body), *flagged]
+        return scatter(self._rule(run, p, q, values), lane, lanes)
 
     def _rule(self, run: Run, p: Array, q: Array, values: Sequence[Value]) -> Array:
         """The integrals over the pieces (p, q), (results, pieces)."""
@@ -167,9 +206,9 @@ class GaussIntegral(Integral):
         nodes, weights = (np.array(column) for column in gauss_legendre(self.nodes))
         middle, half = 0.5 * (p + q), 0.5 * (q - p)
         sums = np.empty((self.results, p.size))
-        for part in _parts(p.size, run.chunk(self.node_width, self.nodes)):
+        for part in parts(p.size, run.chunk(self.node_width, self.nodes)):
             x = middle[part] + half[part] * nodes[:, None]
-            for total, value in zip(sums, self.body(run, x, *(_cut(v, part) for v in values)), strict=True):
+            for total, value in zip(sums, self.body(run, x, *(cut(v, part) for v in values)), strict=True):
                 total[part] = weights @ value if np.ndim(value) == 2 else 2.0 * value
         sums *= half
         return sums
@@ -199,7 +238,7 @@ class AdaptiveIntegral(Integral):
             fine = (gap <= np.maximum(enough[:, piece], ROUNDING * size)) | ~np.isfinite(gap)
             accepted = np.where(changed, width <= WATCH_WIDTH, fine.all(axis=0))
             halve = ~accepted & (used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH)
-            sums += _scatter(kronrod[:, ~halve], piece[~halve], p.size)
+            sums += scatter(kronrod[:, ~halve], piece[~halve], p.size)
             if not halve.any():
                 break
             width *= 0.5
@@ -221,10 +260,10 @@ class AdaptiveIntegral(Integral):
         condition changes, (intervals,)."""
         kronrod, gap, size = np.empty((3, self.results, piece.size))
         changed = np.zeros(piece.size, dtype=np.bool_)
-        for part in _parts(piece.size, run.chunk(self.node_width, NODES.size)):
+        for part in parts(piece.size, run.chunk(self.node_width, NODES.size)):
             index = piece[part]
             length = q[index] - p[index]
-            given = [_gather(v, index) for v in values]
+            given = [gather(v, index) for v in values]
             u = left[part] + (0.5 * width) * (1.0 + NODES)
             x = p[index] + length * self._place(u)
             weight = 0.5 * width * length * (6.0 * u * (1.0 - u) if self.smooth else 1.0)
@@ -246,23 +285,3 @@ class AdaptiveIntegral(Integral):
     def _place(self, u: Array) -> Array:
         """Where on a piece, as a part of its length, the coordinate u is."""
         return u * u * (3.0 - 2.0 * u) if self.smooth else u
-
-
-def _gather(value: Value, index: Array | None) -> Value:
-    """The lanes `index` of a value; a scalar, or all lanes, as they are."""
-    return value if index is None or not np.ndim(value) else value[index]
-
-
-def _cut(value: Value, part: slice) -> Value:
-    """A run of lanes of a value; a scalar as it is."""
-    return value[part] if np.ndim(value) else value
-
-
-def _parts(size: int, step: int) -> Iterator[slice]:
-    """Slices of at most `step` that cover range(size)."""
-    return (slice(start, start + step) for start in range(0, size, step))
-
-
-def _scatter(values: Array, lane: Array, lanes: int) -> Array:
-    """Each row of `values` summed into its lanes, (rows, lanes)."""
-    return np.array([np.bincount(lane, weights=row, minlength=lanes) for row in values])

@@ -29,6 +29,8 @@ _RENAMED = {
     "atan2": "arctan2",
     "pow": "power",
     "select": "where",
+    "min": "minimum",
+    "max": "maximum",
 }
 
 

@@ -8,6 +8,7 @@ f = teg.compile(area, [t])
 value, gradient = f.value_and_grad(t=0.5)          # 0.125, {"t": 0.5}
 """
 
+from teg import maps
 from teg.build import abs_ as abs
 from teg.build import (
     acos,
@@ -15,6 +16,7 @@ from teg.build import (
     atan,
     atan2,
     bracket,
+    ceil,
     cos,
     cosh,
     delta,
@@ -37,23 +39,29 @@ from teg.build import (
     vars,
     where,
 )
+from teg.build import round_ as round
 from teg.build import tuple_ as tuple
 from teg.check import GradientReport, check_gradient
 from teg.compile import Evaluator, compile, evaluate
 from teg.diagnose import Diagnosis
+from teg.diffeomorphism import Diffeomorphism
 from teg.dump import dump
-from teg.errors import TegError
+from teg.errors import DiffeomorphismError, TegError
 from teg.explain import Explanation, explain
 from teg.expr import Cond, Expr
 from teg.latex import latex
+from teg.maps import polar
+from teg.passes.user import change_variables
 from teg.pipeline import diff, eliminate, grad, hessian, jvp
+from teg.symbolic import from_sympy, to_sympy
 from teg.traverse import size
 
 __version__ = "0.1.0"
 
 __all__ = [
-    "Cond", "Diagnosis", "Evaluator", "Explanation", "Expr", "GradientReport", "TegError", "abs", "acos", "asin", "atan", "atan2",
-    "bracket", "check_gradient", "compile", "cos", "cosh", "delta", "diff", "dump", "eliminate", "evaluate", "exp", "explain", "floor",
-    "grad", "hessian", "integral", "jvp", "latex", "log", "maximum", "minimum", "mod", "param", "params", "sign", "sin", "sinh", "size",
-    "sqrt", "tan", "tanh", "tuple", "var", "vars", "where",
+    "Cond", "Diagnosis", "Diffeomorphism", "DiffeomorphismError", "Evaluator", "Explanation", "Expr", "GradientReport", "TegError", "abs",
+    "acos", "asin", "atan", "atan2", "bracket", "ceil", "change_variables", "check_gradient", "compile", "cos", "cosh", "delta", "diff",
+    "dump", "eliminate", "evaluate", "exp", "explain", "floor", "from_sympy", "grad", "hessian", "integral", "jvp", "latex", "log", "maps",
+    "maximum", "minimum", "mod", "param", "params", "polar", "round", "sign", "sin", "sinh", "size", "sqrt", "tan", "tanh", "to_sympy",
+    "tuple", "var", "vars", "where",
 ]  # fmt: skip

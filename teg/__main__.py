@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import runpy
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import teg
-from teg.compile import BACKENDS
+from teg.compile import BACKENDS, DEFAULT_TOL
 from teg.errors import InputError, TegError
 from teg.expr import Expr
 from teg.pipeline import ESTIMATORS
+
+if TYPE_CHECKING:
+    Demos = argparse._SubParsersAction[argparse.ArgumentParser]
 
 FAILED, INTERRUPTED = 2, 130
 
@@ -41,8 +45,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def demo_triangulation(options: argparse.Namespace) -> int:
     """A photo in triangles: run, then say what came out and where it is."""
-    if options.backend == "jax":
-        os.environ.setdefault("JAX_ENABLE_X64", "1")
     from teg.examples.triangulation.run import run_triangulation
 
     report = run_triangulation(
@@ -64,16 +66,77 @@ def demo_triangulation(options: argparse.Namespace) -> int:
     )
     if report["note"]:
         print(report["note"])
+    return _finish_demo(report, resumable=True)
+
+
+def demo_perlin(options: argparse.Namespace) -> int:
+    """A photo as a thresholded noise in two colours: run, then say what came out and where it is."""
+    from teg.examples.perlin.run import run_perlin
+
+    report = run_perlin(
+        options.photo,
+        cells=options.cells,
+        octaves=options.octaves,
+        size=options.size,
+        steps=options.steps,
+        out=options.out,
+        discontinuities=options.discontinuities,
+        compare=not options.alone,
+        backend=options.backend,
+        progress=not options.quiet,
+        resume=options.resume,
+        seed=options.seed,
+    )
+    for label, part in _parts(options, report):
+        loss = part["loss"]
+        change = f"loss {loss['start']:.5f} → {loss['end']:.5f}, {loss['ratio']:.1%}"
+        print(f"{label}: {change}, after {part['steps']} steps in {part['seconds']['descent']:.1f} s")
+        if part["note"]:
+            print(part["note"])
+    return _finish_demo(report, resumable=True)
+
+
+def demo_bouncing_ball(options: argparse.Namespace) -> int:
+    """The path of least action of a ball that bounces in a rising lift: run, then say what came out and where it is."""
+    from teg.examples.bouncing_ball.run import run_bouncing_ball
+
+    report = run_bouncing_ball(
+        contacts=options.contacts,
+        speed=options.speed,
+        duration=options.duration,
+        steps=options.steps,
+        out=options.out,
+        discontinuities=options.discontinuities,
+        compare=not options.alone,
+        backend=options.backend,
+        progress=not options.quiet,
+    )
+    for label, part in _parts(options, report):
+        error, above = part["largest_time_error"], part["action_above_exact"]
+        print(f"{label}: contacts off by {error:.2g} s, action by {above:.2g} J·s, after {part['steps']} steps")
+        if part["note"]:
+            print(part["note"])
+    return _finish_demo(report, resumable=False)
+
+
+def _parts(options: argparse.Namespace, report: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """A demo's own report, and that of the run beside it, with what became of the discontinuities in each."""
+    beside = report["beside"]
+    return [(options.discontinuities, report), *([("ignore", beside)] if beside else [])]
+
+
+def _finish_demo(report: dict[str, Any], resumable: bool) -> int:
     print("pictures: " + " ".join(report["pictures"]))
     if report["interrupted"]:
-        print("interrupted: the same command with --resume goes on from here")
+        print("interrupted" + (": the same command with --resume goes on from here" if resumable else ""))
         return INTERRUPTED
     return 0
 
 
 def explain(options: argparse.Namespace) -> int:
-    """Print what the compiler finds in an expression."""
-    print(teg.explain(load_expression(options.file)))
+    """Print what the compiler finds in an expression: its surfaces, its integrals, the cost."""
+    report = teg.explain(load_expression(options.file), tol=options.tol, derivatives=options.derivatives)
+    print(json.dumps(report.data, indent=2, ensure_ascii=False) if options.json else report)
     return 0
 
 
@@ -140,27 +203,16 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     demos = commands.add_parser("demo", help="run an example").add_subparsers(required=True, metavar="NAME")
-    demo = demos.add_parser("triangulation", help="a photo in triangles", description=demo_triangulation.__doc__)
-    demo.add_argument("photo", nargs="?", metavar="PHOTO", help="any file that Pillow reads (scikit-image's astronaut)")
-    demo.add_argument("--triangles", type=int, default=300, metavar="N", help="about how many (%(default)s)")
-    demo.add_argument("--size", type=int, default=256, metavar="S", help="pixels a side (%(default)s)")
-    demo.add_argument("--steps", type=int, default=120, metavar="K", help="of the descent, in all (%(default)s)")
-    demo.add_argument("-o", "--out", default="out/triangulation", metavar="DIR", help="folder of the results (%(default)s)")
-    demo.add_argument(
-        "--discontinuities",
-        choices=list(ESTIMATORS),
-        default="sift",
-        help="ignore: what plain automatic differentiation does (%(default)s)",
-    )
-    demo.add_argument("--backend", choices=BACKENDS, help="c if there is a C compiler, else numpy")
-    demo.add_argument("--seed", type=int, default=0, help="of the first mesh's irregularity (%(default)s)")
-    demo.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
-    demo.add_argument("--quiet", action="store_true", help="no progress bar")
-    demo.set_defaults(run=demo_triangulation)
+    _add_triangulation(demos)
+    _add_perlin(demos)
+    _add_bouncing_ball(demos)
 
     about = "a Python file, and the name of an expression in it (e)"
     show = commands.add_parser("explain", help="say what the compiler finds in an expression", description=explain.__doc__)
     show.add_argument("file", metavar="FILE[:NAME]", help=about)
+    show.add_argument("--derivatives", type=int, choices=[0, 1], default=0, help="1: the gradient's interior integrals too (%(default)s)")
+    show.add_argument("--tol", type=float, default=DEFAULT_TOL, help="of the integrals that are adaptive (%(default)s)")
+    show.add_argument("--json", action="store_true", help="everything, unshortened, as JSON")
     show.set_defaults(run=explain)
 
     write = commands.add_parser("compile", help="write an expression as C", description=compile_file.__doc__)
@@ -170,6 +222,56 @@ def _parser() -> argparse.ArgumentParser:
     write.add_argument("-o", "--out", required=True, metavar="OUT.c", help="the source; its name is the function's")
     write.set_defaults(run=compile_file)
     return parser
+
+
+def _add_triangulation(demos: Demos) -> None:
+    demo = demos.add_parser("triangulation", help="a photo in triangles", description=demo_triangulation.__doc__)
+    demo.add_argument("photo", nargs="?", metavar="PHOTO", help="any file that Pillow reads (scikit-image's astronaut)")
+    demo.add_argument("--triangles", type=int, default=300, metavar="N", help="about how many (%(default)s)")
+    demo.add_argument("--size", type=int, default=256, metavar="S", help="pixels a side (%(default)s)")
+    demo.add_argument("--steps", type=int, default=120, metavar="K", help="of the descent, in all (%(default)s)")
+    demo.add_argument("--seed", type=int, default=0, help="of the first mesh's irregularity (%(default)s)")
+    demo.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
+    _add_common(demo, demo_triangulation, "out/triangulation")
+
+
+def _add_perlin(demos: Demos) -> None:
+    demo = demos.add_parser("perlin", help="a photo as a thresholded noise in two colours", description=demo_perlin.__doc__)
+    demo.add_argument("photo", nargs="?", metavar="PHOTO", help="any file that Pillow reads (scikit-image's cat)")
+    demo.add_argument("--cells", type=int, default=8, metavar="N", help="of the coarsest lattice, a side (%(default)s)")
+    demo.add_argument("--octaves", type=int, default=3, metavar="N", help="each with twice the cells of the one before (%(default)s)")
+    demo.add_argument("--size", type=int, default=128, metavar="S", help="pixels a side (%(default)s)")
+    demo.add_argument("--steps", type=int, default=300, metavar="K", help="of the descent, in all (%(default)s)")
+    demo.add_argument("--seed", type=int, default=0, help="of the first noise (%(default)s)")
+    demo.add_argument("--resume", action="store_true", help="go on from the checkpoints in DIR")
+    demo.add_argument("--alone", action="store_true", help="without plain automatic differentiation beside it")
+    _add_common(demo, demo_perlin, "out/perlin")
+
+
+def _add_bouncing_ball(demos: Demos) -> None:
+    demo = demos.add_parser("bouncing-ball", help="the path of a ball by least action", description=demo_bouncing_ball.__doc__)
+    demo.add_argument("--contacts", type=int, default=5, metavar="N", help="with floor and ceiling, by turns (%(default)s)")
+    demo.add_argument("--speed", type=float, default=1.5, metavar="V", help="of the lift, upwards, in m/s (%(default)s)")
+    demo.add_argument("--duration", type=float, metavar="T", help="of the flight, in s (0.7 of the longest that is possible)")
+    demo.add_argument("--steps", type=int, default=300, metavar="K", help="of the descent, at most (%(default)s)")
+    demo.add_argument("--alone", action="store_true", help="without plain automatic differentiation beside it")
+    _add_common(demo, demo_bouncing_ball, "out/bouncing-ball")
+
+
+def _add_common(demo: argparse.ArgumentParser, run: Callable[[argparse.Namespace], int], out: str) -> None:
+    """The options that every demo has."""
+    demo.add_argument("-o", "--out", default=out, metavar="DIR", help="folder of the results (%(default)s)")
+    plain = "ignore: what plain automatic differentiation does (%(default)s)"
+    demo.add_argument("--discontinuities", choices=list(ESTIMATORS), default="sift", help=plain)
+    demo.add_argument("--backend", choices=BACKENDS, help="c if there is a C compiler, else numpy")
+    demo.add_argument("--quiet", action="store_true", help="no progress bar")
+    demo.set_defaults(run=lambda options: _run_demo(run, options))
+
+
+def _run_demo(run: Callable[[argparse.Namespace], int], options: argparse.Namespace) -> int:
+    if options.backend == "jax":
+        os.environ.setdefault("JAX_ENABLE_X64", "1")
+    return run(options)
 
 
 def _never_fail_on_a_character(stream: TextIO) -> None:

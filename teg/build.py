@@ -175,8 +175,19 @@ def floor(u: object) -> Expr:
     return ex.call("floor", as_number(u))
 
 
+def ceil(u: object) -> Expr:
+    """The smallest integer not below u."""
+    return ex.call("ceil", as_number(u))
+
+
+def round_(u: object) -> Expr:
+    """The nearest integer. A half goes to the even side, as in Python and NumPy; of an u with variables of integration it goes up, which
+    no integral sees."""
+    return ex.call("round", as_number(u))
+
+
 def mod(u: object, period: object) -> Expr:
-    """u - period·floor(u/period)."""
+    """u - period·floor(u/period): of the sign of the period, as in Python."""
     return ex.call("mod", as_number(u), as_number(period))
 
 

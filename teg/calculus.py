@@ -27,7 +27,7 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.node import postorder
+from teg.node import Node, postorder
 
 
 def partials(node: Call) -> list[Expr]:
@@ -67,18 +67,27 @@ def partials(node: Call) -> list[Expr]:
             return [mul(k, call("pow", u, sub(k, ONE))), mul(call("log", u), node)]
         case "magnitude":
             return [where(positive(u), ONE, MINUS_ONE)]
-        case "floor" | "mod" if node.free:
-            raise NotDifferentiableError(
-                f"{node.name} jumps where its argument crosses a step, and these surfaces cannot be moved yet",
-                node,
-                "write the steps as brackets: teg.bracket(x > t) + teg.bracket(x > 2*t) + …",
-            )
-        case "floor":
+        case "min" | "max":
+            first = positive(sub(node.children[1], u) if node.name == "min" else sub(u, node.children[1]))
+            return [where(first, ONE, ZERO), where(first, ZERO, ONE)]
+        case "floor" | "mod" | "round" | "ceil" if node.free:
+            raise steps_error(node, node)
+        case "floor" | "round" | "ceil":
             return [ZERO]
         case "mod":
             return [ONE, mul(MINUS_ONE, call("floor", div(u, node.children[1])))]
         case _:
             raise AssertionError(f"no derivative is known for {node.name}")
+
+
+def steps_error(floor: Call, inside: Node) -> NotDifferentiableError:
+    """The error for a floor whose steps should move, but are not written out as brackets."""
+    return NotDifferentiableError(
+        f"{floor.name} jumps where its argument crosses a step, and these steps could not be enumerated",
+        inside,
+        "some hundred steps, and a thousand cells of several floors in one summand, are enumerated over bounds that are known: take a "
+        "coarser step or narrower bounds, and integrate over all of its variables before differentiating",
+    )
 
 
 def factor_cofactors(node: Mul) -> list[Expr]:

@@ -9,10 +9,13 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from teg.build import check_parameters, check_program
+from teg.coverage import MapChecks
 from teg.diagnose import Diagnosis, diagnose
+from teg.diffeomorphism import Diffeomorphism, checked_maps
 from teg.errors import OptionError, ParameterError
 from teg.explain import Explanation, explain
 from teg.expr import Expr, Param, Tuple, as_number
+from teg.isolation import MAX_ROOTS
 from teg.pipeline import ESTIMATORS, compiled_outputs, flatten, program_for
 from teg.program import Program
 from teg.traverse import parameters
@@ -45,6 +48,9 @@ def compile(
     threads: int = 1,
     memory: int = 256 * 2**20,
     discontinuities: str = "sift",
+    max_roots: int = MAX_ROOTS,
+    maps: Sequence[Diffeomorphism] = (),
+    check_maps: bool = True,
 ) -> Evaluator:
     """An evaluator of a closed expression, of its gradient and of its Hessian.
 
@@ -52,7 +58,14 @@ def compile(
     arguments after them). `backend` is "numpy", "c" or "jax". `tol` is the tolerance, mixed absolute and relative, where an integral is
     adaptive; integrals of polynomials between affine breaks are exact anyway. `rule` is "auto" (the default) or "adaptive"; `threads`
     are the C backend's, `memory` (bytes) bounds the NumPy backend's temporary arrays. `discontinuities` says what becomes of the Dirac
-    deltas of a derivative: "sift" (the right thing) or "ignore" (plain automatic differentiation, for comparison).
+    deltas of a derivative: "sift" (the right thing) or "ignore" (plain automatic differentiation, for comparison). `max_roots` is how many
+    roots a condition may have whose number no theorem bounds; with more of them the result is NaN, and `diagnose` says so.
+
+    `maps` are changes of variables for the surfaces that move (`teg.Diffeomorphism`, `teg.maps`): where the integrals over all old
+    variables of a map stand inside each other, the delta of a surface that depends on one new variable only, or has a formula in the new
+    variables and none without, is eliminated in these; or in the old ones, in a program that is written in the new ones. The results are
+    those of `teg.change_variables` on the integrals of these deltas. Every call verifies the maps for its parameter values (of a batch:
+    at most 64 elements), which `check_maps=False` leaves out, and raises DiffeomorphismError.
 
     Raises ScopeError for a free variable, NameClashError for one name given to two things, OptionError for an option that is unknown.
     The gradient is derived when it is first asked for; a surface that no family can reduce raises NoReparameterisationError then.
@@ -60,7 +73,9 @@ def compile(
     program = e if isinstance(e, Tuple) else as_number(e)
     check_program(program)
     wrt = None if parameters is None else check_parameters(parameters)
-    return Evaluator(program, wrt, _Options(backend, tol, rule, order, dtype, threads, memory, discontinuities))
+    return Evaluator(
+        program, wrt, _Options(backend, tol, rule, order, dtype, threads, memory, discontinuities, max_roots, maps, check_maps)
+    )
 
 
 def evaluate(e: object, values: Mapping[Any, Any] | None = None, *, backend: str = "numpy", **options: Any) -> Any:
@@ -77,7 +92,18 @@ class _Options:
     """Checked options of a compilation."""
 
     def __init__(
-        self, backend: str, tol: float, rule: str, order: int | None, dtype: object, threads: int, memory: int, discontinuities: str
+        self,
+        backend: str,
+        tol: float,
+        rule: str,
+        order: int | None,
+        dtype: object,
+        threads: int,
+        memory: int,
+        discontinuities: str,
+        max_roots: int,
+        maps: Sequence[Diffeomorphism],
+        check_maps: bool,
     ) -> None:
         if backend not in BACKENDS:
             raise OptionError(f"backend={backend!r} is not known", None, "one of: " + ", ".join(BACKENDS))
@@ -95,8 +121,12 @@ class _Options:
             raise OptionError(f"memory={memory!r} is not a number of bytes of at least 65536")
         if discontinuities not in ESTIMATORS:
             raise OptionError(f"discontinuities={discontinuities!r} is not known", None, "one of: " + ", ".join(ESTIMATORS))
+        if not isinstance(max_roots, int) or isinstance(max_roots, bool) or not 1 <= max_roots <= 4096:
+            raise OptionError(f"max_roots={max_roots!r} is not a number of roots", None, "1 to 4096; each takes a place in the loops")
+        self.max_roots = max_roots
         self.backend, self.tol, self.rule, self.threads, self.memory = backend, float(tol), rule, threads, memory
         self.discontinuities = discontinuities
+        self.maps, self.check_maps = checked_maps(maps), bool(check_maps)
 
 
 def _is_float64(dtype: object) -> bool:
@@ -119,11 +149,12 @@ class Evaluator:
         self.expression = e
         found = parameters(e)
         self.wrt: tuple[Param, ...] = tuple(found if wrt is None else wrt)
-        every = list(dict.fromkeys([*self.wrt, *found]))
+        every = list(dict.fromkeys([*self.wrt, *found, *(p for m in options.maps for p in m.parameters)]))
         self.parameters: tuple[str, ...] = tuple(p.name for p in every)
         self._options = options
         self._outputs: dict[int, list[Expr]] = {}
         self._kernels: dict[int, Kernel] = {}
+        self._checks = MapChecks(e, options.maps if options.check_maps else ())
         self.kernel(0)
 
     # -- programs ------------------------------------------------------------------------------------------------------
@@ -131,13 +162,13 @@ class Evaluator:
     def outputs(self, orders: int) -> list[Expr]:
         """The δ-free expressions of value, gradient, Hessian (as many as asked for)."""
         if orders not in self._outputs:
-            self._outputs[orders] = compiled_outputs(self.expression, self.wrt, orders, self._options.discontinuities)
+            self._outputs[orders] = compiled_outputs(self.expression, self.wrt, orders, self._options.discontinuities, self._options.maps)
         return self._outputs[orders]
 
     def program(self, orders: int) -> Program:
         """The scheduled program of value (0), value and gradient (1), value, gradient and Hessian (2)."""
         flat = [leaf for e in self.outputs(orders) for leaf in flatten(e)]
-        return program_for(flat, self.parameters, self._options.tol, self._options.rule)
+        return program_for(flat, self.parameters, self._options.tol, self._options.rule, self._options.max_roots)
 
     def kernel(self, orders: int) -> Kernel:
         """The compiled program, built when it is first needed."""
@@ -201,9 +232,19 @@ class Evaluator:
 
     # -- reports -------------------------------------------------------------------------------------------------------
 
-    def explain(self) -> Explanation:
-        """What the compiler found and did: surfaces, reparameterisations, rules and nodes."""
-        return explain(self.expression, self.wrt, self._options.tol)
+    def explain(self, derivatives: int = 0) -> Explanation:
+        """What the compiler found and did: surfaces, reparameterisations, rules and nodes; `derivatives` as of `teg.explain`."""
+        options = self._options
+        return explain(
+            self.expression,
+            self.wrt,
+            options.tol,
+            rule=options.rule,
+            discontinuities=options.discontinuities,
+            derivatives=derivatives,
+            maps=options.maps,
+            max_roots=options.max_roots,
+        )
 
     def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:
         """Where and why the expression is not differentiable at these values; an empty list where it is."""
@@ -236,6 +277,7 @@ class Evaluator:
 
     def _run(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[np.ndarray, tuple[int, ...]]:
         columns, shape, n = self._columns(args, named)
+        self._checks.run(dict(zip(self.parameters, columns, strict=True)))
         return self.kernel(orders)(columns, n), shape
 
     def _columns(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[list[np.ndarray], tuple[int, ...], int]:

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 from teg.dump import show
 from teg.expr import TRUE, Expr, Param, bracket, positive
 from teg.pipeline import flatten, normal_form, program_for
+from teg.program import Isolate, statements
 from teg.surfaces import atoms_of
+
+STEP = 2.0**-50
+STEP_OVER_TIES = 2.0**-42
+CHANGE = 1e-3
+"""A relative change of the gradient over two relative steps that no smooth function of ordinary curvature makes."""
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,7 +26,8 @@ class Diagnosis:
     """One reason why the derivative at a point is not the usual one.
 
     kind: "tie" (two surfaces, or a surface and a bound, coincide: the gradient given is the mean over the two orders), "parameter
-    surface" (a condition on parameters only is at its border), "infinite derivative", "not a number". `index` is the place in the
+    surface" (a condition on parameters only is at its border), "one-sided" (the gradient a few roundings away is another one: a region
+    is born, two curves cross at a saddle), "infinite derivative", "second derivative", "not a number". `index` is the place in the
     batch, flattened.
     """
 
@@ -39,24 +46,28 @@ class _Evaluator(Protocol):
     wrt: tuple[Param, ...]
     parameters: tuple[str, ...]
     _options: Any
+    _kernels: dict[int, Any]
 
     def outputs(self, orders: int) -> list[Expr]: ...
 
 
 def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagnosis]:
-    """One Diagnosis a reason and batch element; runs the gradient, and the conditions on parameters, and watches for ties."""
+    """One Diagnosis a reason and batch element; runs the gradient (and the Hessian, if the evaluator was asked for one), the conditions on
+    parameters, watches for ties, and looks at the gradient a few roundings to either side."""
     import numpy as np
 
     from teg.backends.numpy_backend import compile_numpy
 
-    outputs = [leaf for e in f.outputs(1) for leaf in flatten(e)]
+    orders = 2 if 2 in f._kernels else 1
+    outputs = [leaf for e in f.outputs(orders) for leaf in flatten(e)]
+    first_order = sum(len(flatten(e)) for e in f.outputs(1))
     border = "a condition on parameters only"
     probes = [
         bracket(positive(a.g, a.strict, TRUE, (show(a.g, 300) + " = 0", border)))
         for a in atoms_of(normal_form(f.expression))
         if not a.g.free and a.resolution is None
     ]
-    program = program_for([*outputs, *probes], f.parameters, f._options.tol, f._options.rule)
+    program = program_for([*outputs, *probes], f.parameters, f._options.tol, f._options.rule, f._options.max_roots)
     kernel = compile_numpy(program)
     found: list[Diagnosis] = []
     for i in range(n):
@@ -76,10 +87,45 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
                 found.append(Diagnosis("tie", (first, second), values, message, i))
         results = kernel(element, 1)[: len(outputs)]
         if all(np.isfinite(v) for v in values.values()):
-            if np.isnan(results).any():
-                found.append(Diagnosis("not a number", (), values, "the value or a derivative is not a number here", i))
-            elif np.isinf(results).any():
+            gradient, hessian = results[:first_order], results[first_order:]
+            if np.isinf(gradient).any():
                 found.append(
                     Diagnosis("infinite derivative", (), values, "a derivative is infinite here: a region is born or meets a pole", i)
                 )
+            elif np.isnan(gradient).any():
+                reason = "the value or a derivative is not a number here"
+                if any(isinstance(s, Isolate) for s in statements(program.body)):
+                    reason += f"; if a condition has more than {f._options.max_roots} roots, raise max_roots="
+                found.append(Diagnosis("not a number", (), values, reason, i))
+            elif not np.isfinite(hessian).all():
+                found.append(Diagnosis("second derivative", (), values, "a second derivative is infinite, or not a number, here", i))
+            elif not any(d.index == i for d in found):
+                found += _one_sided(f, kernel, element, values, results[:first_order, 0], STEP_OVER_TIES if met else STEP, i)
+    return found
+
+
+def _one_sided(
+    f: _Evaluator, kernel: Any, element: Sequence[np.ndarray], values: dict[str, float], here: np.ndarray, relative: float, index: int
+) -> list[Diagnosis]:
+    """The parameters along which the gradient changes at once."""
+    import numpy as np
+
+    wrt = {p.name for p in f.wrt}
+    found = []
+    for k, name in enumerate(f.parameters):
+        if name not in wrt:
+            continue
+        step = relative * (abs(values[name]) or 1.0)
+        columns = [np.repeat(np.reshape(c, 1), 2) for c in element]
+        columns[k] = columns[k] + np.array([-step, step])
+        before, after = kernel(columns, 2)[: len(here)].T
+        scale = np.maximum(np.maximum(np.abs(before), np.abs(after)), np.abs(here).max() * 1e-3 + 1e-300)
+        change = np.maximum(np.abs(after - before), np.abs(here - 0.5 * (before + after))) / scale
+        worst = int(np.nanargmax(change)) if np.isfinite(change).any() else 0
+        if np.isfinite(change[worst]) and change[worst] > CHANGE:
+            message = (
+                f"within {step:.1e} of {name} = {values[name]:.6g} a derivative goes from {before[worst]:.6g} to {after[worst]:.6g}, "
+                f"and is given as {here[worst]:.6g}"
+            )
+            found.append(Diagnosis("one-sided", (), values, message, index))
     return found

@@ -20,7 +20,7 @@ from teg.expr import (
     Var,
     Where,
 )
-from teg.integral import Delta, Integral
+from teg.integral import Delta, Integral, PointMasses
 from teg.node import Node, postorder
 
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
@@ -95,6 +95,8 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
             return f"∫[{node.var.name}: {lo[0]}..{hi[0]}] {_wrapped(body, _PRODUCT)}", _SUM
         case Delta():
             return f"δ({parts[0][0]})", _ATOM
+        case PointMasses():
+            return f"masses({parts[0][0]} = 0)", _ATOM
         case Truth():
             return ("true" if node.data else "false"), _NOT
         case Compare():

@@ -61,6 +61,25 @@ class NoReparameterisationError(TegError, ValueError):
     """A Dirac delta on a surface that no family reduces to one variable."""
 
 
+class DiffeomorphismError(TegError, ValueError):
+    """A change of variables that is none: `point` (names and numbers) is where, and `values` are what should be there and what is."""
+
+    def __init__(
+        self,
+        what: str,
+        where: object = None,
+        hint: str = "",
+        point: dict[str, float] | None = None,
+        values: tuple[float, float] | None = None,
+    ) -> None:
+        super().__init__(what, where, hint)
+        self.point = point
+        self.values = values
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (type(self), (self.what, self.where, self.hint, self.point, self.values))
+
+
 class BackendError(TegError, RuntimeError):
     """A backend that is missing, or cannot do what was asked."""
 

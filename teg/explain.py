@@ -1,132 +1,205 @@
-"""What the compiler found and did, in words and as data."""
+"""What the compiler found and did: every surface with its owner and its family, every integral with its breaks and its rule, the cost."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Container, Iterable, Sequence
+from typing import Any, TypeVar
 
-from teg.build import check_program
-from teg.dump import show
-from teg.errors import TegError
+from teg.build import check_parameters, check_program
+from teg.diffeomorphism import Diffeomorphism
+from teg.errors import OptionError, TegError
+from teg.explanation import Explanation
 from teg.expr import Expr, Param, Tuple, as_number
-from teg.integral import Integral
-from teg.node import postorder
+from teg.integral import Integral, masses_of
+from teg.inventory import Inventory, nests, text_of
+from teg.isolation import MAX_ROOTS, max_roots
+from teg.passes.atoms import canonicalise
 from teg.passes.breaks import BreakAnalysis
-from teg.passes.jumps import jump, vanishes_on
-from teg.passes.reparameterize import find_family
-from teg.passes.schedule import rule_for
+from teg.passes.reparameterize import families_with
+from teg.passes.schedule import INNER_TIGHTER, TIGHTEST, rule_for
+from teg.passes.steps import enumerate_steps
 from teg.pipeline import compiled_outputs, flatten, normal_form, program_for
-from teg.program import Gauss, size
-from teg.surfaces import atoms_of, binders_inside, owned_surfaces
+from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Isolate, Locate, Program, Rule, Stmt, SumOver, size, statements
+from teg.quadrature import KRONROD_NODES
+from teg.roots import solve
 from teg.traverse import parameters
 from teg.traverse import size as nodes
 
+__all__ = ["Explanation", "explain"]
 
-@dataclass
-class Explanation:
-    """Surfaces, integrals and sizes; `str()` is a report, `data` the same as plain dicts and lists."""
-
-    data: dict[str, Any] = field(default_factory=dict)
-
-    def __str__(self) -> str:
-        lines = [self.data["expression"], ""]
-        if self.data["surfaces"]:
-            lines.append("surfaces")
-            width = max(len(s["surface"]) for s in self.data["surfaces"])
-            for s in self.data["surfaces"]:
-                lines.append(f"  {s['surface']:<{width}}  {s['owner']:<12} {s['treatment']}")
-        if self.data["integrals"]:
-            lines.append("integrals of the value")
-            for i in self.data["integrals"]:
-                lines.append(f"  over {i['variable']:<4} {i['breaks']:>3} breaks  {i['rule']}")
-        lines.append(
-            f"size: {self.data['nodes']} nodes, value {self.data['value_statements']} statements"
-            + (f", value and gradient {self.data['gradient_statements']}" if self.data["gradient_statements"] else "")
-        )
-        if self.data["gradient_error"]:
-            lines.append("gradient: " + self.data["gradient_error"])
-        return "\n".join(lines)
-
-    __repr__ = __str__
+T = TypeVar("T")
 
 
-def explain(expression: object, wrt: Sequence[Param] | None = None, tol: float = 1e-10) -> Explanation:
-    """For each surface its owner and how its δ is eliminated, or why it has none; for each integral its breaks, rule and nodes."""
+def explain(
+    expression: object,
+    wrt: Sequence[Param] | Param | None = None,
+    tol: float = 1e-10,
+    *,
+    rule: str = "auto",
+    discontinuities: str = "sift",
+    derivatives: int = 0,
+    maps: Sequence[Diffeomorphism] = (),
+    max_roots: int = MAX_ROOTS,
+) -> Explanation:
+    """For each surface its owner and how its δ is eliminated, or why it has none; for each integral its breaks, rule and nodes; the cost.
+
+    `wrt` are the parameters that the program is differentiated by (default: all); `tol`, `rule`, `discontinuities`, `maps` and `max_roots`
+    are those of `compile`, and `f.explain()` fills them in. The integrals are those of the value and, of the gradient, those over surfaces
+    (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate: every break inside the bounds, adaptive
+    integrals as smooth as they can be.
+
+    Raises OptionError for a `derivatives` that is not 0 or 1, and what `compile` raises for an expression that is not closed.
+    """
+    if derivatives not in (0, 1):
+        raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value and boundary integrals; 1: all of the gradient")
     e = expression if isinstance(expression, Tuple) else as_number(expression)
     check_program(e)
-    chosen = parameters(e) if wrt is None else wrt
-    normal = normal_form(e)
-    variables = list(dict.fromkeys(n.var for n in postorder([normal]) if isinstance(n, Integral)))
-    surfaces = []
-    for node in postorder([normal]):
-        if isinstance(node, Integral):
-            for g in owned_surfaces(node.body, node.var):
-                surfaces.append(
-                    {"surface": f"{show(g, 120)} = 0", "owner": f"∫ d{node.var.name}", "treatment": _treatment(g, node, variables)}
-                )
-    inner = binders_inside(normal)
-    for a in atoms_of(normal):
-        if not a.g.free & inner and not a.g.free:
-            surfaces.append(
-                {
-                    "surface": f"{show(a.g, 120)} = 0",
-                    "owner": "nobody",
-                    "treatment": "parameters only: no δ, the derivative is one-sided there",
-                }
-            )
-    names = [p.name for p in parameters(e)]
-    program = program_for(flatten(normal), names, tol)
-    gradient, error = None, ""
+    chosen = parameters(e) if wrt is None else check_parameters(wrt)
+    before = canonicalise(enumerate_steps(e))
+    normal, value_error = _attempted(lambda: normal_form(e, maps=maps))
+    ignoring, families = discontinuities == "ignore", families_with(maps)
+    final = before if normal is None else normal
+    inventory = Inventory(e, before, final, chosen, ignoring=ignoring, families=families, max_roots=max_roots)
+    names = list(dict.fromkeys(p.name for p in (*chosen, *parameters(e), *(p for m in maps for p in m.parameters))))
+    integrals = _Integrals(tol, rule, max_roots)
+    data: dict[str, Any] = {
+        "expression": text_of(e),
+        "nodes": nodes(e),
+        "options": {"tol": tol, "rule": rule, "discontinuities": discontinuities, "max_roots": max_roots},
+        "surfaces": inventory.surfaces(),
+        "dropped": inventory.dropped(),
+        "integrals": [] if normal is None else integrals.of([normal]),
+        "boundary": [],
+        "interior": [],
+        "cost": {},
+        "value_statements": None,
+        "gradient_statements": None,
+        "value_error": value_error,
+        "gradient_error": "",
+    }
+    if normal is None:
+        return Explanation(data)
+    program = program_for(flatten(normal), names, tol, rule, max_roots)
+    data["value_statements"], data["cost"]["value"] = size(program), cost_of(program)
+    if not chosen:
+        return Explanation(data)
+    outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, discontinuities, maps))
+    if outputs is not None:
+        program = program_for([leaf for o in outputs for leaf in flatten(o)], names, tol, rule, max_roots)
+        data["gradient_statements"], data["cost"]["value and gradient"] = size(program), cost_of(program)
+        interior = compiled_outputs(e, chosen, 1, "ignore")[1]
+        data["boundary"] = integrals.of([outputs[1]], but=[normal, outputs[0], interior])
+        if derivatives:
+            data["interior"] = integrals.of([interior], but=[normal, outputs[0]])
+    return Explanation(data)
+
+
+def _attempted(work: Callable[[], T]) -> tuple[T | None, str]:
+    """A result, or what is wrong with the program."""
     try:
-        outputs = compiled_outputs(e, chosen, 1, "sift")
-        gradient = size(program_for([leaf for o in outputs for leaf in flatten(o)], names, tol))
+        return work(), ""
     except TegError as problem:
-        error = str(problem).splitlines()[0]
-    analysis = BreakAnalysis()
-    integrals = [n for n in postorder([normal]) if isinstance(n, Integral)]
-    return Explanation(
-        {
-            "expression": show(e, 400),
-            "surfaces": list({(s["surface"], s["owner"]): s for s in surfaces}.values()),
-            "integrals": [
-                {
-                    "variable": n.var.name,
-                    "breaks": len(analysis.of(n).points),
-                    "degree": analysis.degree(n),
-                    "rule": _rule(n, analysis, tol),
-                }
-                for n in integrals
-            ],
-            "nodes": nodes(e),
-            "value_statements": size(program),
-            "gradient_statements": gradient,
-            "gradient_error": error,
+        what, listing, _ = problem.what.partition("%0 = ")  # an expression that is too long for a line
+        return None, f"{what.rstrip()} …" if listing else what
+
+
+# -- integrals -----------------------------------------------------------------------------------------------------------
+
+
+class _Integrals:
+    """Breaks and rules, as the scheduler has them."""
+
+    def __init__(self, tol: float, rule: str, max_roots: int) -> None:
+        self.tol = tol
+        self.rule = rule
+        self.max_roots = max_roots
+        self.analysis = BreakAnalysis(max_roots)
+
+    def of(self, roots: Sequence[Expr], but: Sequence[Expr] = ()) -> list[dict[str, Any]]:
+        """The integrals of expressions, outer ones first, without those of others; those that look the same are counted together."""
+        known = {node for root in but for node in nests(root)}
+        rows: dict[tuple[object, ...], dict[str, Any]] = {}
+        for root in roots:
+            depths: dict[Integral, int] = {}
+            for node, around in nests(root).items():
+                if not isinstance(node, Integral):
+                    continue
+                depths[node] = next((depths[i] + 1 for i in reversed(around[:-1]) if i.var in node.free), 0)
+                if node not in known:
+                    row = self._row(node, depths[node])
+                    same = rows.setdefault(tuple(row.values()), {**row, "count": 0})
+                    same["count"] += 1
+        return list(rows.values())
+
+    def _row(self, node: Integral, depth: int) -> dict[str, Any]:
+        row = {"variable": node.var.name, "lower": text_of(node.lo), "upper": text_of(node.hi), "depth": depth}
+        masses = masses_of(node.body, node.var)
+        if masses is not None:
+            roots = solve(masses.g, node.var, node.lo, node.hi)
+            formula = len(roots.found) if roots is not None and roots.certain else 0
+            isolated = 0 if formula else max_roots(masses.g, node.var, self.max_roots)
+            kind = {"kind": "sum over roots", "surface": f"{text_of(masses.g)} = 0", "rule": "sum", "nodes": None, "degree": None}
+            return {**row, **kind, "formula": formula, "isolated": isolated, "located": 0, "searched": False, "breaks": 0, "pieces": 0}
+        breaks = self.analysis.of(node)
+        formula, isolated, located = len(breaks.points), sum(i.count for i in breaks.isolated), MAX_ROOTS * len(breaks.located)
+        return {
+            **row,
+            "kind": "integral",
+            "surface": "",
+            **_described(self._rule(node, depth)),
+            "degree": self.analysis.degree(node),
+            "formula": formula,
+            "isolated": isolated,
+            "located": located,
+            "searched": not breaks.complete,
+            "breaks": formula + isolated + located,
+            "pieces": formula + isolated + located + 1,
         }
-    )
+
+    def _rule(self, node: Integral, depth: int) -> Rule:
+        rule = rule_for(node, self.analysis, self.tol, depth)
+        if self.rule == "adaptive" and isinstance(rule, Gauss):
+            return Adaptive(max(self.tol * INNER_TIGHTER**depth, TIGHTEST), self.analysis.of(node).rooted)
+        return rule
 
 
-def _treatment(g: Expr, node: Integral, variables: list[Any]) -> str:
-    if not parameters(g):
-        return "does not move: no δ"
-    j = jump(node.body, g)
-    if vanishes_on(j, g):
-        return "a kink: the integrand does not jump, no δ"
-    found = find_family(g, [v for v in variables if v in g.free])
-    if found is None:
-        return "no reparameterisation: its δ cannot be eliminated"
-    data = found[0]
-    names = ", ".join(v.name for v in data.variables)
-    how = f"eliminated over {names}" if len(data.variables) == 1 else f"eliminated over the dominant one of {names}"
-    return f"{data.name}, {how}"
+def _described(rule: Rule) -> dict[str, Any]:
+    match rule:
+        case Gauss():
+            return {"rule": "Gauss, exact", "nodes": rule.nodes}
+        case Adaptive():
+            text = f"adaptive to {rule.tol:.0e}" + (", smooth ends" if rule.smooth else "")
+            return {"rule": text, "nodes": len(KRONROD_NODES)}
 
 
-def _rule(n: Integral, analysis: BreakAnalysis, tol: float) -> str:
-    rule = rule_for(n, analysis, tol, 0)
-    if isinstance(rule, Gauss):
-        return f"degree {analysis.degree(n)}: Gauss, {rule.nodes} node{'s' * (rule.nodes > 1)} a piece, exact"
-    breaks = analysis.of(n)
-    text = f"adaptive Gauss-Kronrod to {tol:.0e}"
-    if not breaks.complete:
-        text += ", some breaks have no formula and are searched for"
-    return text + (", √-ends smoothed" if breaks.rooted else "")
+# -- cost ----------------------------------------------------------------------------------------------------------------
+
+
+def cost_of(program: Program) -> dict[str, Any]:
+    """The size of a program, and how often integrands are evaluated in one run: pieces × nodes, times those of the integral around."""
+    every = list(statements(program.body))
+    integrals = [s for s in every if isinstance(s, Integrate)]
+    hints = {r for s in every if isinstance(s, Locate) for r in s.results}
+    return {
+        "statements": len(every),
+        "integrals": len(integrals),
+        "isolations": sum(isinstance(s, Isolate | Locate) for s in every),
+        "evaluations": _evaluations(program.body, hints),
+        "adaptive": any(isinstance(s.rule, Adaptive) for s in integrals),
+    }
+
+
+def _evaluations(block: Iterable[Stmt], hints: Container[Arg]) -> int:
+    """With all breaks inside the bounds, but for the hints, of which few are there."""
+    total = 0
+    for stmt in block:
+        match stmt:
+            case Integrate():
+                nodes_a_piece = stmt.rule.nodes if isinstance(stmt.rule, Gauss) else len(KRONROD_NODES)
+                once = _evaluations(stmt.flags, hints) + nodes_a_piece * (1 + _evaluations(stmt.body, hints))
+                total += (1 + sum(b not in hints for b in stmt.breaks)) * once
+            case SumOver():
+                total += len(stmt.points) * (1 + _evaluations(stmt.body, hints))
+            case Isolate() | Locate() | Assign():
+                continue
+    return total

@@ -116,8 +116,16 @@ class Expr(Node):
     def __int__(self) -> int:
         return int(float(self))
 
-    def __round__(self, digits: int = 0) -> NoReturn:
-        raise OperandError("an expression cannot be rounded while the program is being written", self, "use teg.floor(e + 0.5)")
+    def __round__(self, digits: int | None = None) -> Expr:
+        if digits is not None:
+            raise OperandError("an expression is rounded to integers only", self, "write teg.round(e * 100) / 100 for two digits")
+        return call("round", as_number(self))
+
+    def __floor__(self) -> Expr:
+        return call("floor", as_number(self))
+
+    def __ceil__(self) -> Expr:
+        return call("ceil", as_number(self))
 
     def __and__(self, other: object) -> NoReturn:
         raise ConditionError("& joins conditions, not numbers", self, "write (a < b) & (c < d), with the brackets")
@@ -335,11 +343,12 @@ _NUMPY_OPERATORS: dict[str, Callable[[Any, Any], object]] = {
 FUNCTIONS: dict[str, Callable[..., float]] = {
     "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos, "atan": math.atan,
     "atan2": math.atan2, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "exp": math.exp, "log": math.log,
-    "sqrt": math.sqrt, "pow": math.pow, "floor": lambda x: float(math.floor(x)), "mod": lambda x, y: x - y * math.floor(x / y),
-    "magnitude": abs, "root": lambda x: math.sqrt(abs(x)),
+    "sqrt": math.sqrt, "pow": math.pow, "floor": lambda x: float(math.floor(x)), "ceil": lambda x: float(math.ceil(x)),
+    "round": lambda x: float(round(x)), "mod": lambda x, y: x - y * math.floor(x / y),
+    "magnitude": abs, "root": lambda x: math.sqrt(abs(x)), "min": min, "max": max,
 }  # fmt: skip
-"""The functions of the language, and two that only the compiler uses: `magnitude` is |u| with no surface at u = 0, for weights that cannot
-vanish; `root` is √u where u >= 0, and a number, not NaN, where rounding takes u below 0."""
+"""The functions of the language, and four that only the compiler uses: `magnitude` is |u| with no surface at u = 0, for weights that cannot
+vanish; `root` is √u where u >= 0, and a number, not NaN, where rounding takes u below 0; `min` and `max` serve interval bounds."""
 
 _SINGULAR = frozenset(("sqrt", "log", "pow", "asin", "acos"))
 
@@ -549,6 +558,8 @@ def integer_power(base: Expr, k: int) -> Expr:
         return integer_power(base.children[0], k // 2)
     if isinstance(base, Pow) and (base.exponent == -1 or k > 0):
         return integer_power(base.base, base.exponent * k)
+    if isinstance(base, Mul) and base.children[0] is MINUS_ONE and k % 2 == 0:
+        return integer_power(mul(*base.children[1:]), k)
     if isinstance(base, Where):
         if k > 0 and base.otherwise is ZERO:
             return where(base.condition, integer_power(base.then, k), ZERO)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-from teg.expr import ONE, ZERO, And, Cond, Const, Expr, Mul, Tuple, Var, Where, conjunction, mul, sub, tuple_of, where
+from teg.expr import ONE, ZERO, Add, And, Cond, Const, Expr, Mul, Tuple, Var, Where, conjunction, mul, sub, tuple_of, where
 from teg.node import union
 
 
@@ -46,6 +46,35 @@ class Delta(Expr):
     @property
     def g(self) -> Expr:
         return cast(Expr, self.children[0])
+
+
+class PointMasses(Expr):
+    """Σᵢ δ(x - xᵢ), a unit mass at each root xᵢ of g, in the variable x of the integral around it: what is left of a δ(g) whose roots
+    have no formula. ∫ₗʰ w·PointMasses(g) dx is the sum of w over the roots between l and h, which are isolated at run time."""
+
+    __slots__ = ()
+
+    @property
+    def g(self) -> Expr:
+        return cast(Expr, self.children[0])
+
+
+def masses_of(e: Expr, var: Var) -> PointMasses | None:
+    """The point masses of an integrand over `var`: a factor of it, under conditions."""
+    stack: list[Expr] = [e]
+    seen: set[Expr] = set()
+    while stack:
+        node = stack.pop()
+        if node in seen or var not in node.free:
+            continue
+        seen.add(node)
+        if isinstance(node, PointMasses):
+            return node
+        if isinstance(node, Where):
+            stack += [node.then, node.otherwise]
+        elif isinstance(node, Mul | Add):
+            stack.extend(node.children)
+    return None
 
 
 def integral_over(body: Expr, var: Var, lo: Expr, hi: Expr) -> Expr:

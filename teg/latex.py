@@ -22,7 +22,7 @@ from teg.expr import (
     Var,
     Where,
 )
-from teg.integral import Delta, Integral
+from teg.integral import Delta, Integral, PointMasses
 from teg.node import Node, postorder
 
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
@@ -38,7 +38,7 @@ _ESCAPES = {
     "^": r"\hat{}", "~": r"\sim ", " ": r"\ ", "′": "'",
 }  # fmt: skip
 _FUNCTIONS = {
-    **{f: "\\" + f for f in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log")},
+    **{f: "\\" + f for f in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "min", "max")},
     "asin": r"\arcsin", "acos": r"\arccos", "atan": r"\arctan",
 }  # fmt: skip
 
@@ -57,6 +57,8 @@ def latex(root: Expr | Cond, limit: int = _LIMIT) -> str:
     for node in order:
         if isinstance(node, Compare):
             text[node] = _comparison(node, text), _NOT
+        elif isinstance(node, Mul):
+            text[node] = _product(node, text)
         else:
             text[node] = _line(node, [text[c] for c in node.children])
         total += len(text[node][0])
@@ -113,11 +115,8 @@ def _line(node: Node, parts: list[Text]) -> Text:
             return name(node.name), _ATOM
         case Add():
             return _sum([p[0] for p in parts]), _SUM
-        case Mul():
-            return _product(node, parts)
         case Pow() if node.exponent < 0:
-            below = parts[0][0] if node.exponent == -1 else _power(parts[0], str(-node.exponent))
-            return rf"\frac{{1}}{{{below}}}", _PRODUCT
+            return rf"\frac{{1}}{{{_reciprocal(node, parts[0])[0]}}}", _PRODUCT
         case Pow():
             return _power(parts[0], str(node.exponent)), _POWER
         case Call():
@@ -125,13 +124,15 @@ def _line(node: Node, parts: list[Text]) -> Text:
         case Where():
             return _where(parts)
         case Tuple():
-            return _in_brackets(", ".join(p[0] for p in parts)), _ATOM
+            return _in_brackets(", ".join(p[0] for p in parts) + ("," if len(parts) == 1 else "")), _ATOM
         case Integral():
             body, lo, hi = parts
             sign = rf"\int_{{{lo[0]}}}^{{{hi[0]}}} "
             return sign + _wrapped(body, _PRODUCT) + rf" \,\mathrm{{d}}{name(node.var.name)}", _PRODUCT
         case Delta():
             return rf"\delta\!\left({parts[0][0]}\right)", _ATOM
+        case PointMasses():
+            return rf"\mu_{{{parts[0][0]} = 0}}", _ATOM
         case Truth():
             return rf"\mathrm{{{str(node.data).lower()}}}", _NOT
         case Not():
@@ -155,23 +156,30 @@ def _power(base: Text, exponent: str) -> str:
     return f"{_wrapped(base, _ATOM)}^{{{exponent}}}"
 
 
-def _product(node: Mul, parts: list[Text]) -> Text:
+def _reciprocal(node: Pow, base: Text) -> Text:
+    """The denominator of base^(-k)."""
+    return base if node.exponent == -1 else (_power(base, str(-node.exponent)), _POWER)
+
+
+def _product(node: Mul, text: dict[Node, Text]) -> Text:
     above: list[str] = []
-    below: list[str] = []
+    below: list[Text] = []
     sign = ""
-    for child, part in zip(node.children, parts, strict=True):
+    for child in node.children:
+        part = text[child]
         if isinstance(child, Const) and child.data < 0:
             sign = "-"
             if child.data != -1:
                 above.append(part[0][1:])
         elif isinstance(child, Pow) and child.exponent < 0:
-            below.append(part[0].removeprefix(r"\frac{1}{").removesuffix("}"))
+            below.append(_reciprocal(child, text[child.base]))
         else:
             above.append(_wrapped(part, _PRODUCT))
-    text = _juxtaposed(above) if above else "1"
+    product = _juxtaposed(above) if above else "1"
     if below:
-        text = rf"\frac{{{text}}}{{{_juxtaposed([_in_brackets(b) for b in below]) if len(below) > 1 else below[0]}}}"
-    return sign + text, _SUM if sign else _PRODUCT
+        denominator = below[0][0] if len(below) == 1 else _juxtaposed([_wrapped(b, _PRODUCT) for b in below])
+        product = rf"\frac{{{product}}}{{{denominator}}}"
+    return sign + product, _SUM if sign else _PRODUCT
 
 
 def _juxtaposed(factors: list[str]) -> str:
@@ -192,6 +200,8 @@ def _call(node: Call, parts: list[Text]) -> Text:
             return rf"\left|{arguments}\right|", _ATOM
         case "floor":
             return rf"\left\lfloor {arguments} \right\rfloor", _ATOM
+        case "ceil":
+            return rf"\left\lceil {arguments} \right\rceil", _ATOM
         case other:
             function = _FUNCTIONS.get(other, rf"\operatorname{{{other}}}")
             return function + _in_brackets(arguments), _POWER

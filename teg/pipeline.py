@@ -1,7 +1,7 @@
 """The list of passes: the one screen to read first.
 
-    value        canonicalise → eliminate δ → canonicalise → schedule
-    derivative   canonicalise → (eliminate δ) → tangent or adjoint            deltas visible: what `diff` and `grad` return
+    value        steps of floor → canonicalise → eliminate δ → canonicalise → schedule
+    derivative   steps of floor → canonicalise → (eliminate δ) → tangent or adjoint      deltas visible: what `diff` and `grad` return
     compiled     … → eliminate δ → canonicalise → schedule → a backend prints it
 
 A pass is `Expr -> Expr` (the last one `Expr -> Program`). TEG_DUMP=all, or a pass's name, prints the program after passes;
@@ -13,24 +13,31 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import cast
 
 from teg import expr as ex
 from teg.build import check_parameters
+from teg.diffeomorphism import Diffeomorphism
 from teg.dump import dump
 from teg.errors import ParameterError
 from teg.expr import ONE, Expr, Param, Tuple, as_number
+from teg.isolation import MAX_ROOTS
 from teg.passes.adjoint import gradient_of
 from teg.passes.atoms import canonicalise
 from teg.passes.differentiate import tangent_of
 from teg.passes.estimators.ignore import ignore_discontinuities
-from teg.passes.reparameterize import eliminate_deltas
+from teg.passes.implicit import with_deltas
+from teg.passes.reparameterize import eliminate_deltas, families_with
 from teg.passes.schedule import schedule
+from teg.passes.steps import enumerate_steps
+from teg.passes.uncounted import check_steps, without_uncounted
 from teg.program import Program
 from teg.traverse import parameters
 from teg.verify import verify
 
 Pass = Callable[[Expr], Expr]
+Maps = Sequence[Diffeomorphism]
 
 ESTIMATORS: dict[str, Pass] = {
     "sift": eliminate_deltas,  # ours: the boundary integrals
@@ -50,66 +57,82 @@ def run_pass(name: str, step: Pass, e: Expr) -> Expr:
     return result
 
 
-def normal_form(e: Expr) -> Expr:
-    """Canonical atoms, split integrals, no δ."""
-    e = run_pass("canonicalise", canonicalise, e)  # first: a surface must be one expression before its jump can be taken
+def normal_form(e: Expr, keep_moving: bool = False, maps: Maps = ()) -> Expr:
+    """Canonical atoms, split integrals, no δ; but for those that are carried along, if e is to be differentiated again (`keep_moving`)."""
+    e = run_pass("steps", enumerate_steps, with_deltas(e) if keep_moving else e)  # first: the steps of floor are brackets, hence atoms
+    e = run_pass("canonicalise", canonicalise, e)  # a surface must be one expression before its jump can be taken
     if e.has_delta:
-        e = run_pass("eliminate", eliminate_deltas, e)
+        e = run_pass("eliminate", partial(eliminate_deltas, keep_moving=keep_moving, families=families_with(maps)), e)
         e = run_pass("canonicalise", canonicalise, e)  # sifting makes new atoms
     return e
 
 
-def diff(e: object, by: Param) -> Expr:
+def diff(e: object, by: Param, maps: Maps = ()) -> Expr:
     """The derivative of e by a parameter, deltas visible. A δ in e is eliminated first. A tuple is differentiated entry by entry."""
     (p,) = check_parameters(by)
-    return jvp(e, {p: ONE})
+    return jvp(e, {p: ONE}, maps)
 
 
-def jvp(e: object, direction: Mapping[Param, object]) -> Expr:
+def jvp(e: object, direction: Mapping[Param, object], maps: Maps = ()) -> Expr:
     """The directional derivative Σ ∂e/∂p · direction[p] (forward mode), deltas visible."""
     if not isinstance(direction, Mapping):
         raise ParameterError("a direction is a dict parameter -> change", None, "write teg.jvp(e, {t: 1})")
     check_parameters(list(direction))
     changes = {p: as_number(v) for p, v in direction.items()}
-    return run_pass("differentiate", lambda u: tangent_of(u, changes), normal_form(_expression(e)))
+    normal = _with_moving_steps(normal_form(_expression(e), keep_moving=True, maps=maps), list(changes))
+    return run_pass("differentiate", lambda u: tangent_of(u, changes), normal)
 
 
-def grad(e: object, by: Sequence[Param] | Param | None = None) -> Tuple:
+def grad(e: object, by: Sequence[Param] | Param | None = None, maps: Maps = ()) -> Tuple:
     """The derivatives of e by each parameter (reverse mode; default: all), a tuple, deltas visible. For a tuple e: a tuple of these."""
     wrt = _chosen(e, by)
-    return cast(Tuple, run_pass("adjoint", lambda u: gradient_of(u, wrt), normal_form(_expression(e))))
+    normal = _with_moving_steps(normal_form(_expression(e), keep_moving=True, maps=maps), wrt)
+    return cast(Tuple, run_pass("adjoint", lambda u: gradient_of(u, wrt), normal))
 
 
-def hessian(e: object, by: Sequence[Param] | Param | None = None) -> Tuple:
+def hessian(e: object, by: Sequence[Param] | Param | None = None, maps: Maps = ()) -> Tuple:
     """The matrix of second derivatives of e, a tuple of tuples, deltas of the second differentiation visible."""
     wrt = _chosen(e, by)
-    return grad(grad(e, wrt), wrt)
+    return grad(grad(e, wrt, maps), wrt, maps)
 
 
-def eliminate(e: object) -> Expr:
-    """e without δ: each brought to one variable and sifted."""
-    return normal_form(_expression(e))
+def eliminate(e: object, maps: Maps = ()) -> Expr:
+    """e without δ: each brought to one variable and sifted, by the user's maps where they help."""
+    return normal_form(_expression(e), maps=maps)
 
 
-def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities: str) -> list[Expr]:
+def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities: str, maps: Maps = ()) -> list[Expr]:
     """[value], [value, gradient], or [value, gradient, Hessian] as δ-free expressions in canonical form, ready to be scheduled together."""
-    estimate = ESTIMATORS[discontinuities]
-    outputs = [normal_form(e)]
+    families = families_with(maps)
+    estimate = partial(eliminate_deltas, families=families) if discontinuities == "sift" else ESTIMATORS[discontinuities]
+    outputs = [normal_form(e, maps=maps)]
+    source = normal_form(e, keep_moving=True, maps=maps) if e.has_delta else outputs[0]
     for order in range(orders):
-        if order:
-            outputs[-1] = run_pass("canonicalise", canonicalise, outputs[-1])  # sifting made new atoms
-        outputs.append(run_pass(discontinuities, estimate, gradient_of(outputs[-1], wrt)))
+        raw: Expr = gradient_of(_with_moving_steps(source, wrt) if discontinuities == "sift" else without_uncounted(source, wrt), wrt)
+        last = order + 1 == orders
+        if not last and discontinuities == "sift":  # what is carried along is eliminated beside, not before, the next derivative
+            raw = run_pass("eliminate", partial(eliminate_deltas, keep_moving=True, families=families), raw)
+        outputs.append(run_pass(discontinuities, estimate, raw))
+        if not last:
+            source = run_pass("canonicalise", canonicalise, raw if discontinuities == "sift" else outputs[-1])
     together = canonicalise(ex.tuple_of(*outputs))  # one surface is one expression across the outputs, so that they share loops
     return list(cast(Tuple, together).children)
 
 
-def program_for(outputs: Sequence[Expr], names: Sequence[str], tol: float, rule: str = "auto") -> Program:
+def program_for(outputs: Sequence[Expr], names: Sequence[str], tol: float, rule: str = "auto", max_roots: int = MAX_ROOTS) -> Program:
     """The scheduled program of flat outputs."""
-    return schedule(outputs, names, tol, rule)
+    return schedule(outputs, names, tol, rule, max_roots)
 
 
 def _expression(e: object) -> Expr:
     return e if isinstance(e, Tuple) else as_number(e)
+
+
+def _with_moving_steps(e: Expr, wrt: Sequence[Param]) -> Expr:
+    """A normal form that is to be differentiated: NaN where steps were too many to be written out, an error where they cannot be."""
+    e = without_uncounted(e, wrt)
+    check_steps(e, wrt)
+    return e
 
 
 def _chosen(e: object, by: Sequence[Param] | Param | None) -> list[Param]:

@@ -44,9 +44,10 @@ def _residue_of_float(value: float) -> int | None:
 class Shadow:
     """Expressions as rational functions of `variables` over GF(P); everything else is a random element.
 
-    A `where` is its second branch plus a random multiple of the difference, and |u| a random multiple of u: on a piece where no condition
-    changes that has the right degree. `integral` may tell the shadow of an integral that depends on the variables; else it is None, which
-    means 'not known to be rational'. `leaves` fixes the elements of chosen parameters and variables.
+    A `where` is its second branch plus a random multiple of the difference, and with `kinks` |u| a random multiple of u: on a piece where
+    no condition changes that has the right degree. Without `kinks` an |u| of the variables is not rational. `integral` may tell the shadow
+    of an integral that depends on the variables; else it is None, which means 'not known to be rational'. `leaves` fixes the elements of
+    chosen parameters and variables.
     """
 
     def __init__(
@@ -55,8 +56,10 @@ class Shadow:
         leaves: Mapping[Expr, int] | None = None,
         integral: Callable[[Integral], Ratio | None] | None = None,
         salt: str = "",
+        kinks: bool = False,
     ) -> None:
         self._salt = salt
+        self._kinks = kinks
         self.variables = tuple(variables)
         self._index = {v: i for i, v in enumerate(self.variables)}
         self._leaves = dict(leaves or {})
@@ -157,7 +160,7 @@ class Shadow:
 
     def _function(self, node: Call) -> Ratio | None:
         arguments = [self._known[c] for c in node.children]
-        if node.name == "magnitude":
+        if node.name == "magnitude" and (self._kinks or not self._depends(node)):
             return None if arguments[0] is None else self._scale(arguments[0], self._random("sign", digest(node)))
         values = []
         for ratio in arguments:

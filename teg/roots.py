@@ -33,6 +33,7 @@ from teg.expr import (
     call,
     conjunction,
     const,
+    disjunction,
     div,
     integer_power,
     mul,
@@ -60,12 +61,10 @@ class Root:
 
 @dataclass(frozen=True)
 class Roots:
-    """All roots between the bounds. `certain` is false where there may be more of them than there is code for, `reliable` where
-    rounding may spoil one for extreme coefficients (it is then NaN, never wrong): the integrator looks for itself too."""
+    """All roots between the bounds; `certain` is false where there may be more of them than there is code for."""
 
     found: tuple[Root, ...]
     certain: bool = True
-    reliable: bool = True
 
 
 def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH) -> Roots | None:
@@ -78,8 +77,6 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH) -> Roots 
             return Roots((Root(affine_root(g, x, lo if depth == MAX_DEPTH else ZERO)),))  # inside an inverse function nothing is local
         if degree == 2:
             return Roots(quadratic_roots(g, x))
-        if degree == 3:
-            return Roots(cubic_roots(g, x), reliable=False)
         if not depth:
             return None
         normal = expanded(g)
@@ -125,7 +122,7 @@ def quadratic_roots(g: Expr, x: Var) -> tuple[Root, ...]:
     """Both roots. Where B is twice a number or a short expression times A, they are m ± s, which is as exact and smoother."""
     a, b, c = quadratic_coefficients(g, x)
     d = discriminant(a, b, c)
-    exists = positive(d, strict=False)
+    exists = conjunction(positive(d, strict=False), _not_zero(a))
     root = call("root", d)
     if b is ZERO or isinstance(a, Const):
         half = div(root, mul(const(2), ex.const(abs(a.data)) if isinstance(a, Const) else call("magnitude", a)))
@@ -133,47 +130,11 @@ def quadratic_roots(g: Expr, x: Var) -> tuple[Root, ...]:
         return (Root(sub(middle, half), exists), Root(add(middle, half), exists))
     signed = where(positive(b, strict=False), root, mul(MINUS_ONE, root))
     q = mul(const(-0.5), add(b, signed))
-    return (Root(div(q, a), exists), Root(div(c, q), exists))
+    return (Root(div(q, a), exists), Root(div(c, q), conjunction(positive(d, strict=False), _not_zero(q))))
 
 
-def cubic_roots(g: Expr, x: Var) -> tuple[Root, ...]:
-    """The roots of a cubic: by cosines where there are three, by Cardano's formula where there is one.
-
-    y³ + p·y + q = 0 with x = y - B/(3A). Three: y = 2√(-p/3)·cos(⅓·acos(…) - ⅔πk) (Viète); one: y = u - p/(3u) with
-    u = -sgn(q)·∛(|q|/2 + √(q²/4 + p³/27)), which does not cancel (Press et al., section 5.6). Two steps of
-    Newton's method follow. Where the leading coefficient is nearly 0 the formulas lose every digit; a root that a step moves far is NaN.
-    """
-    first = slope(g, x)
-    second = slope(first, x)
-    parts = (mul(const(1 / 6), slope(second, x)), mul(const(0.5), second), first, g)
-    a, b, c, d = (tidy(cast(Expr, substitute(e, {x: ZERO}))) for e in parts)
-    middle = div(b, mul(const(3), a))
-    p = sub(div(c, a), mul(const(3), integer_power(middle, 2)))
-    q = add(mul(const(2), integer_power(middle, 3)), mul(MINUS_ONE, middle, div(c, a)), div(d, a))
-    inside = add(mul(const(0.25), integer_power(q, 2)), mul(const(1 / 27), integer_power(p, 3)))
-    three, one = positive(mul(MINUS_ONE, inside), strict=False), positive(inside)
-    radius = call("root", mul(const(-1 / 3), p))
-    cosine = div(mul(const(-0.5), q), integer_power(radius, 3))
-    clamped = where(positive(sub(cosine, ONE)), ONE, where(positive(sub(MINUS_ONE, cosine)), MINUS_ONE, cosine))
-    angle = mul(const(1 / 3), call("acos", clamped))
-    points = [(mul(const(2), radius, call("cos", sub(angle, const(2 * math.pi * k / 3)))), three) for k in range(3)]
-    size_of_u = call("pow", add(call("magnitude", mul(const(0.5), q)), call("root", inside)), const(1 / 3))
-    u = where(positive(q), mul(MINUS_ONE, size_of_u), size_of_u)
-    points.append((sub(u, div(p, mul(const(3), u))), one))
-    found = []
-    for y, exists in points:
-        point = sub(y, middle)
-        for _ in range(2):
-            at = {x: point}
-            step = div(cast(Expr, substitute(g, at)), cast(Expr, substitute(first, at)))
-            point = where(_is_small(step, point), sub(point, step), const(math.nan))
-        found.append(Root(point, exists))
-    return tuple(found)
-
-
-def _is_small(step: Expr, at: Expr) -> Cond:
-    """A Newton step that can only be a correction."""
-    return positive(sub(mul(const(1e-4), add(ONE, call("magnitude", at))), call("magnitude", step)))
+def _not_zero(e: Expr) -> Cond:
+    return TRUE if isinstance(e, Const) else disjunction(positive(e), positive(mul(MINUS_ONE, e)))
 
 
 def _parts(g: Expr, x: Var) -> tuple[Expr, Expr, Expr] | None:
@@ -185,7 +146,8 @@ def _parts(g: Expr, x: Var) -> tuple[Expr, Expr, Expr] | None:
     affine = cast(Expr, replace_node(g, found[0], s))
     if Shadow((s,)).degree(affine) != 1:
         return None
-    return cast(Expr, substitute(affine, {s: ZERO})), slope(affine, s), found[0].children[0]
+    at_zero, rate = (cast(Expr, substitute(e, {s: ZERO})) for e in (affine, slope(affine, s)))
+    return at_zero, rate, found[0].children[0]
 
 
 def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
@@ -203,7 +165,7 @@ def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | No
         at = {x: r.point}
         opposite = positive(cast(Expr, substitute(mul(MINUS_ONE, p, q), at)), strict=False)
         found.append(Root(r.point, conjunction(r.exists, opposite)))
-    return Roots(tuple(found), roots.certain, roots.reliable)
+    return Roots(tuple(found), roots.certain)
 
 
 # -- f(u) = c ------------------------------------------------------------------------------------------------------------
@@ -245,7 +207,7 @@ def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
     if levels is None:
         return None
     found: list[Root] = []
-    certain, reliable = levels.certain, levels.reliable
+    certain = levels.certain
     for level in levels.found:
         inner = _preimages(f, level.point, x, lo, hi)
         if inner is None:
@@ -257,11 +219,10 @@ def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
             if deeper is None:
                 return None
             certain &= deeper.certain
-            reliable &= deeper.reliable
             for r in deeper.found:
                 there = cast(Cond, substitute(exists, {x: r.point}))
                 found.append(Root(r.point, conjunction(level.exists, there, r.exists)))
-    return Roots(tuple(found), certain, reliable)
+    return Roots(tuple(found), certain)
 
 
 def _harmonic(g: Expr, x: Var, functions: list[Call | Pow]) -> tuple[Expr, list[Call | Pow]] | None:
@@ -273,7 +234,8 @@ def _harmonic(g: Expr, x: Var, functions: list[Call | Pow]) -> tuple[Expr, list[
     linear = cast(Expr, replace_node(replace_node(g, by_name["sin"], s), by_name["cos"], c))
     if Shadow((s, c)).degree(linear) != 1 or x in linear.free:
         return None
-    a, b, rest = slope(linear, s), slope(linear, c), cast(Expr, substitute(linear, {s: ZERO, c: ZERO}))
+    parts = slope(linear, s), slope(linear, c), linear
+    a, b, rest = (cast(Expr, substitute(e, {s: ZERO, c: ZERO})) for e in parts)
     wave = call("sin", add(by_name["sin"].children[0], call("atan2", b, a)))
     radius = call("sqrt", add(integer_power(a, 2), integer_power(b, 2)))
     return add(mul(radius, wave), rest), [cast(Call, wave)]

@@ -119,11 +119,7 @@ def _leading_sign(g: Expr, directions: Sequence[Var], at: Mapping[Var, Expr]) ->
         slopes.append(substitute(s, at))  # type: ignore[arg-type]
     result: Cond = FALSE
     for s in reversed(slopes):
-        result = (
-            disjunction(positive(s), conjunction(positive(ex.mul(ex.MINUS_ONE, s), strict=False), result))
-            if result is not FALSE
-            else positive(s)
-        )
+        result = disjunction(positive(s), conjunction(positive(s, strict=False), result)) if result is not FALSE else positive(s)
     return result
 
 

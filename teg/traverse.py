@@ -24,7 +24,7 @@ from teg.expr import (
     Var,
     Where,
 )
-from teg.integral import Delta, Integral, delta, integral_over
+from teg.integral import Delta, Integral, PointMasses, delta, integral_over
 from teg.node import Node, postorder, union
 
 CompareHook = Callable[[Compare, Expr, "Cond | None"], Cond]
@@ -65,6 +65,8 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
             return integral_over(c[0], node.var, c[1], c[2])
         case Delta():
             return delta(c[0])
+        case PointMasses():
+            return PointMasses.make(None, c)
         case Compare():
             return ex.positive(c[0], node.strict, c[1] if len(c) == 2 else None, node.rivals)
         case Not():

@@ -20,7 +20,7 @@ from teg.expr import (
     Var,
     Where,
 )
-from teg.integral import Delta, Integral
+from teg.integral import Delta, Integral, PointMasses
 from teg.node import Node, postorder
 
 
@@ -44,7 +44,7 @@ def verify(root: Node, stage: str = "") -> None:
             case Integral():
                 kinds = (Expr, Expr, Expr)
                 assert isinstance(node.var, Var), f"{stage}: an integral over no variable"
-            case Delta():
+            case Delta() | PointMasses():
                 kinds = (Expr,)
             case Compare():
                 kinds = (Expr, Cond)[: len(node.children)]

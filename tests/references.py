@@ -1016,7 +1016,7 @@ REFERENCES: tuple[Reference, ...] = (
         "1.03441894639842806428510215766",
         {"t": "-3.71545043874899737692880749669"},
         {("t", "t"): "-2.4480091227534568595350085806"},
-        ("1d-nonlinear", "later"),
+        ("1d-nonlinear",),
         "Lambert W roots",
     ),
     Reference(
@@ -1287,7 +1287,7 @@ REFERENCES: tuple[Reference, ...] = (
         "2.78952786674144685871992757271",
         {"t": "4.04227020069660416071451549653"},
         {("t", "t"): "-3.66443683269626554528357436407"},
-        ("2d-implicit", "later"),
+        ("2d-implicit",),
         "Dirichlet integrals",
     ),
     Reference(
@@ -1313,7 +1313,7 @@ REFERENCES: tuple[Reference, ...] = (
             "t": "-1.46268908887486869257525691864",
         },
         {("t", "t"): "-1.16679359006318444462431101019"},
-        ("2d-implicit", "later", "perlin"),
+        ("2d-implicit", "perlin"),
         "inverse smoothstep 1/2-sin(asin(1-2w)/3)",
     ),
     Reference(

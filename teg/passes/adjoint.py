@@ -8,6 +8,7 @@
                                        for g owned by I, J = jump_g(F), (u, ḡ) in sweep(g, x):   u += w·∫ₗʰ J·ḡ·δ(g) dx
                                        h += w·F|ₓ₌ₕ ;  l -= w·F|ₓ₌ₗ
 
+      I with a δ in it:                u += w·(its forward derivative by u), one sweep a parameter
 A leaf may be the parameters themselves: whichever cut is the smaller one is taken; a surface that an outer variable runs through is
 always cut at the parameters, so that its δ can be eliminated over that variable with one integral a parameter.
 """
@@ -42,6 +43,7 @@ from teg.expr import (
 )
 from teg.integral import Delta, Integral, delta, integral_over
 from teg.node import Node, postorder
+from teg.passes.differentiate import carried
 from teg.passes.jumps import surface_terms
 from teg.surfaces import bound_surface, open_surfaces, owned_surfaces, restrict
 
@@ -64,6 +66,7 @@ class _Sweep:
     """One gradient: which nodes depend on the parameters in question is found once."""
 
     def __init__(self, root: Expr, wrt: frozenset[Param]) -> None:
+        self.wrt = sorted(wrt, key=lambda p: p.name)
         self.active: set[Node] = set()
         for node in postorder([root]):
             if node in wrt or any([c in self.active for c in node.children]):
@@ -148,13 +151,13 @@ class _Sweep:
                     (node.then, where(node.condition, w, ZERO)),
                     (node.otherwise, where(node.condition, ZERO, w)),
                 ]
+            case Integral() if node.has_delta:  # one forward sweep a parameter
+                return [(p, mul(w, carried(node, {p: ONE}))) for p in self.wrt if p in self.active]
             case Integral():
                 return self._through(node, w)
             case Delta():
                 raise DeltaError(
-                    "a delta must be eliminated before it can be differentiated again",
-                    node,
-                    "use teg.eliminate first",
+                    "a delta outside of the integrals over its variables cannot be differentiated", node, "use teg.eliminate first"
                 )
             case _:
                 raise AssertionError(f"unknown node {type(node).__name__}")

@@ -54,6 +54,7 @@ class Affine:
     variables: tuple[Var, ...]
 
     name = "affine"
+    moves = False
 
 
 def match_affine(g: Expr, variables: Sequence[Var]) -> Affine | None:

@@ -2,7 +2,8 @@
 
     [−2x + 2t > 0], [x < t], ~[t < x], [a·x < a·t]        all become conditions on the one atom  t - x > 0
 
-1. A condition inside an atom is hoisted: [g > 0] = b & [g|b:=true > 0]  |  ~b & [g|b:=false > 0], where there are few.
+1. A condition inside an atom is hoisted: [g > 0] = b & [g|b:=true > 0]  |  ~b & [g|b:=false > 0], where there are few. Of many, those
+   that are continuous (abs, minimum, maximum) become |·|, which is no condition (`teg.kinks`).
 2. Factors split: [u·v > 0] = [u > 0] & [v > 0]  |  [u < 0] & [v < 0], so that (y - c)·(x - t) has two surfaces with two owners.
 3. A surface proportional by a number to one met before becomes that one, its sign and strictness kept right.
 4. An atom that a bound decides (x < t on (0, t)) is replaced by its value at the other bound.
@@ -37,7 +38,8 @@ from teg.expr import (
     negation,
     positive,
 )
-from teg.integral import Integral, scaled_integral
+from teg.integral import Delta, Integral, delta, scaled_integral
+from teg.kinks import kinks_of, with_sizes
 from teg.node import Node, postorder, union
 from teg.passes.jumps import assign
 from teg.polynomial import P, Point, Shadow, expanded, sign_of_residue
@@ -45,6 +47,8 @@ from teg.surfaces import atoms_of, binders_inside
 from teg.traverse import parameters, rebuild, remake, rename_apart, replace_node, substitute
 
 MAX_HOISTED = 6
+MAX_KINKS = 2
+"""A surface with more kinks than that is not split into smooth ones: its roots are isolated as they are."""
 
 
 def canonicalise(root: Expr) -> Expr:
@@ -68,6 +72,8 @@ class _Canonical:
                     result = self._atom(result.g, result.strict, MAX_HOISTED)
                 else:
                     result = self._tied(result, MAX_HOISTED)
+            elif isinstance(result, Delta):
+                result = _split_delta(result, MAX_HOISTED)
             elif isinstance(result, Integral):
                 result = self._integral(result)
             new[node] = result
@@ -76,6 +82,8 @@ class _Canonical:
     # -- atoms ---------------------------------------------------------------------------------------------------------
 
     def _atom(self, g: Expr, strict: bool, hoists: int) -> Cond:
+        if hoists == MAX_HOISTED and len(kinks_of(g)) > MAX_KINKS:
+            g = with_sizes(g)
         inner = _inner_condition(g) if hoists else None
         if inner is not None:
             then = self._atom(_decide(g, inner, True), strict, hoists - 1)
@@ -170,6 +178,16 @@ class _Canonical:
                 rest = cast(Integral, new[node])
                 new[node] = scaled_integral(rest.body, rest.var, rest.lo, rest.hi)
         return cast(Expr, new[e])
+
+
+def _split_delta(d: Delta, hoists: int) -> Expr:
+    """δ(where(b, u, v)) = where(b, δ(u), δ(v)): almost everywhere, and a condition's own border is no root."""
+    g = with_sizes(d.g) if hoists == MAX_HOISTED and len(kinks_of(d.g)) > MAX_KINKS else d.g
+    inner = _inner_condition(g) if hoists else None
+    if inner is None:
+        return delta(g)
+    branches = (delta(_decide(g, inner, value)) for value in (True, False))
+    return ex.where(inner, *(_split_delta(b, hoists - 1) if isinstance(b, Delta) else b for b in branches))
 
 
 def _product_integrals(e: Expr) -> list[Integral]:

@@ -17,6 +17,7 @@ from typing import cast
 
 from teg import expr as ex
 from teg.calculus import slope
+from teg.critical import infinite_at_saddle
 from teg.expr import ZERO, Cond, Expr, Var, add, call, const, disjunction, div, mul, positive, sub, where
 from teg.nest import Binder, Chain, nest, ranges_of
 from teg.polynomial import Shadow
@@ -32,6 +33,7 @@ class Bilinear:
     variables: tuple[Var, Var]
 
     name = "bilinear"
+    moves = True
 
 
 def match_bilinear(g: Expr, variables: Sequence[Var]) -> Bilinear | None:
@@ -59,6 +61,8 @@ def rewrite_bilinear(g: Expr, coefficient: Expr, chain: Chain, data: Bilinear) -
     total = []
     for pivot, other in ((1, 0), (0, 1)):
         total.append(_chart(g, coefficient, (outer, inner), boxes, pivot, other, invariant, rest))
+    if not rest:
+        total.append(infinite_at_saddle(g, coefficient, boxes))
     return add(*total)
 
 

@@ -18,12 +18,14 @@ Source: Collins 1975 (projection); Saye 2022, for quadrature on such pieces.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import cast
 
 from teg.calculus import slope
-from teg.expr import Add, Call, Compare, Const, Expr, Mul, Pow, Var, Where, mul, sub
-from teg.integral import Integral
+from teg.errors import NotDifferentiableError
+from teg.expr import Add, Call, Compare, Const, Expr, Mul, Pow, Var, Where, integer_power, mul, sub
+from teg.integral import Integral, masses_of
+from teg.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
 from teg.node import Node, digest, postorder
 from teg.polynomial import P, Point, Poly, Ratio, Shadow, residue
 from teg.roots import discriminant, quadratic_coefficients, solve
@@ -32,21 +34,31 @@ from teg.traverse import replace_node, substitute
 
 MAX_BRANCHES = 16
 MAX_FUNCTIONS = 4000
+MAX_LOCATED = 12
+MAX_ISOLATED = 12
+"""Functions of one integral whose roots are isolated at run time: with more of them adaptive integration costs less."""
 
 
 @dataclass(frozen=True)
 class Breaks:
     """The breaks of one integral.
 
-    `functions` have them as roots; `points` are the roots; `handled` are the surfaces g whose sign is constant on every piece; `complete`
-    says that the integrand is smooth on every piece; `rooted` that it may behave like a square root at a piece's end.
+    `functions` have them as roots; `points` are the roots; `isolated` are the functions whose roots are found at run time, `located` the
+    pairs of them whose common zeros are (hints, for what has no better break); `handled` are the surfaces g whose sign is constant on every
+    piece; `complete` says that the integrand is smooth on every piece; `rooted` that it may behave like a square root at a piece's end.
     """
 
     functions: tuple[Expr, ...]
     points: tuple[Expr, ...]
+    isolated: tuple[Isolation, ...]
+    located: tuple[Location, ...]
     handled: frozenset[Expr]
     complete: bool
     rooted: bool
+
+
+Meeting = tuple[Expr, Expr, Var, Expr, Expr]
+"""Two functions, the inner variable in which they may have a root in common, and its range."""
 
 
 @dataclass
@@ -54,12 +66,14 @@ class _Found:
     functions: dict[Expr, None]
     rooted: bool = False
     complete: bool = True
+    meetings: dict[Meeting, None] = field(default_factory=dict)
 
 
 class BreakAnalysis:
     """Breaks and degrees of the integrals of a program, each computed once."""
 
-    def __init__(self) -> None:
+    def __init__(self, max_roots: int = MAX_ROOTS) -> None:
+        self.max_roots = max_roots
         self._breaks: dict[Integral, Breaks] = {}
         self._projections: dict[Integral, _Found] = {}
         self._shadows: dict[tuple[Var, ...], Shadow] = {}
@@ -78,46 +92,63 @@ class BreakAnalysis:
     def _find(self, node: Integral) -> Breaks:
         x, body = node.var, node.body
         inner = binders_inside(body)
+        masses = masses_of(body, x)
+        if masses is not None:  # no breaks of its own; what its roots and its conditions contribute outside
+            atoms = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
+            formula = solve(masses.g, x, node.lo, node.hi)
+            complete = formula is not None and formula.certain
+            return Breaks(tuple(dict.fromkeys((masses.g, *atoms))), (), (), (), frozenset(), complete, False)
         found = _Found({})
         direct = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
         for g in direct:
             found.functions[g] = None
         self._collect(body, x, inner, found)
         points: dict[Expr, None] = {}
+        isolated: dict[Expr, Isolation | None] = {}
         handled: set[Expr] = set()
         complete = found.complete
         functions = self._distinct(found.functions)
         for f, representative in functions.items():
             roots = self._roots(representative, x, node.lo, node.hi)
-            if roots is None:
-                complete = False
-                continue
-            if roots[1]:
+            if roots is not None and roots[1]:
                 handled.add(f)
             else:
+                if roots is None and representative not in isolated and len(isolated) < MAX_ISOLATED:
+                    isolated[representative] = isolate(representative, x, self.max_roots)
+                if isolated.get(representative) is not None:
+                    handled.add(f)
+                    continue
                 complete = False
-            for r in roots[0]:
+            for r in roots[0] if roots is not None else ():
                 if not _outside(r, node.lo, node.hi):
                     points[r] = None
         kept = tuple(dict.fromkeys(functions.values()))
-        return Breaks(kept, tuple(points), frozenset(handled), complete, found.rooted)
+        at_run_time = tuple(i for i in isolated.values() if i is not None)
+        located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(found.meetings)[:MAX_LOCATED]]
+        together = tuple(m for m in located if m is not None)
+        return Breaks(kept, tuple(points), at_run_time, together, frozenset(handled), complete, found.rooted)
 
     def _collect(self, body: Expr, x: Var, inner: frozenset[Var], found: _Found) -> None:
         """Functions that are not atoms: arguments of |·| and √, and what inner integrals contribute."""
-        seen: set[Node] = set()
-        stack: list[Node] = [body]
+        seen: set[tuple[Node, bool]] = set()
+        stack: list[tuple[Node, bool]] = [(body, True)]
         while stack:
-            node = stack.pop()
-            if node in seen or x not in node.free:
+            node, counts = stack.pop()
+            if (node, counts) in seen or x not in node.free:
                 continue
-            seen.add(node)
-            stack.extend(node.children[:1] if isinstance(node, Compare) else node.children)
+            seen.add((node, counts))
+            if isinstance(node, Compare):  # of its own atoms only the roots matter, not where they are smooth
+                stack.append((node.g, counts and bool(node.g.free & inner)))
+            else:
+                stack.extend((c, counts) for c in node.children)
             if isinstance(node, Call) and not node.free & inner:
                 if node.name == "magnitude":
-                    found.functions[node.children[0]] = None
+                    if counts:
+                        found.functions[node.children[0]] = None
                 elif node.name in ("sqrt", "root", "pow"):
-                    found.functions[node.children[0]] = None
-                    found.rooted = True
+                    if counts:
+                        found.functions[node.children[0]] = None
+                        found.rooted = True
                 elif node.name in ("floor", "mod"):
                     found.complete = False
             elif isinstance(node, Integral):
@@ -127,19 +158,25 @@ class BreakAnalysis:
                 for f in projection.functions:
                     if x in f.free and not f.free & inner:
                         found.functions[f] = None
+                for meeting in projection.meetings:
+                    first, second, z, low, high = meeting
+                    free = (first.free | second.free) - {z} | low.free | high.free
+                    if x in free and x not in low.free | high.free and not free & inner:
+                        found.meetings[meeting] = None
 
     def _distinct(self, functions: dict[Expr, None]) -> dict[Expr, Expr]:
         """Each function with the first one proportional to it."""
         first: dict[object, Expr] = {}
-        result: dict[Expr, Expr] = {}
-        for f in functions:
-            u, v = (p.value(f) for p in self._points)
-            key: object = v * pow(u, -1, P) % P if u and v else f
-            result[f] = first.setdefault(key, f)
-        return result
+        return {f: first.setdefault(self.key(f), f) for f in functions}
+
+    def key(self, f: Expr) -> object:
+        """The same for functions that are proportional by a number."""
+        u, v = (p.value(f) for p in self._points)
+        return v * pow(u, -1, P) % P if u and v else f
 
     def _roots(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[Expr], bool] | None:
-        """The roots of a function with all its branches, and whether these are certainly all; None if no formula is known."""
+        """The roots of a function with all its branches, and whether these are certainly all (else the rule searches for the others); None
+        if no formula is known."""
         points: list[Expr] = []
         certain = True
         branches = _branches(f)
@@ -150,7 +187,7 @@ class BreakAnalysis:
             if roots is None:
                 return None
             points.extend(r.point for r in roots.found)
-            certain &= roots.certain and roots.reliable
+            certain &= roots.certain
         return points, certain
 
     def _projection(self, node: Integral) -> _Found:
@@ -162,8 +199,12 @@ class BreakAnalysis:
         z, lo, hi = node.var, node.lo, node.hi
         breaks = self.of(node)
         out = _Found({}, breaks.rooted and not breaks.complete, breaks.complete)
+        if any(i.g.free != {z} for i in breaks.isolated):
+            out.rooted, out.complete = True, False  # where such roots are born is not known
 
         def put(f: Expr) -> None:
+            if isinstance(f, Pow):
+                f = f.base
             if len(out.functions) >= MAX_FUNCTIONS:
                 out.complete = False
             elif f.free:
@@ -171,8 +212,8 @@ class BreakAnalysis:
 
         put(sub(hi, lo))
         affine: list[tuple[Expr, Expr, Expr]] = []
-        quadratic: list[Expr] = []
-        others = 0
+        quadratic: list[tuple[Expr, tuple[Expr, Expr, Expr]]] = []
+        others: list[Expr] = []
         for function in breaks.functions:
             for f in _branches(function) or ():
                 degree = Shadow((z,)).degree(f)
@@ -190,19 +231,34 @@ class BreakAnalysis:
                     put(a)
                     put(discriminant(a, b, c))
                     out.rooted = True
-                    quadratic.append(f)
+                    quadratic.append((f, (a, b, c)))
                 elif degree != 0:
                     out.rooted = True
-                    others += 1
+                    others.append(f)
                     for g in _borders_of_existence(f, z, lo, hi):
                         put(g)
         for i, (_, rate1, at1) in enumerate(affine):
             for _, rate2, at2 in affine[:i]:
                 put(sub(mul(rate2, at1), mul(rate1, at2)))
-            for q in quadratic:
+            for q, _ in quadratic:
                 put(cast(Expr, substitute(q, {z: sub(lo, at1 / rate1)})))
-        if len(quadratic) + others > 1 or (others and affine):
-            out.complete = False  # where their roots meet is not known
+        for i, (_, first) in enumerate(quadratic):
+            for _, second in quadratic[:i]:
+                put(_resultant(first, second))
+        curved = [*others, *(f for f, *_ in quadratic)]
+        for i, f in enumerate(others):
+            formula = solve(f, z, lo, hi)
+            if formula is None or not formula.certain:
+                out.complete = False  # where its roots are born, and where they meet others, is searched for
+                for g in (*_turning(f, z), *curved[i + 1 :]):
+                    if (f.free | g.free) - {z}:
+                        out.meetings[f, g, z, lo, hi] = None
+                for _, rate1, at1 in affine:
+                    put(cast(Expr, substitute(f, {z: sub(lo, at1 / rate1)})))
+                continue
+            for root in formula.found:
+                for g in (*curved[i + 1 :], *(f for f, *_ in affine)):
+                    put(cast(Expr, substitute(g, {z: root.point})))
         return out
 
     # -- degrees -------------------------------------------------------------------------------------------------------
@@ -215,13 +271,13 @@ class BreakAnalysis:
 
     def _shadow(self, variables: tuple[Var, ...]) -> Shadow:
         if variables not in self._shadows:
-            self._shadows[variables] = Shadow(variables, integral=lambda inner: self._integral_shadow(inner, variables))
+            self._shadows[variables] = Shadow(variables, integral=lambda inner: self._integral_shadow(inner, variables), kinks=True)
         return self._shadows[variables]
 
     def _integral_shadow(self, node: Integral, variables: tuple[Var, ...]) -> Ratio | None:
         """An integral as a polynomial of outer variables: a random combination of its antiderivative at its bounds and breaks."""
         breaks = self.of(node)
-        if not breaks.complete or node.var in variables:
+        if not breaks.complete or node.var in variables or any(v in i.g.free for i in breaks.isolated for v in variables):
             return None
         inner = self._shadow((node.var, *variables)).polynomial(node.body)
         if inner is None:
@@ -255,6 +311,20 @@ def _antiderivative_at(shadow: Shadow, inner: Poly, end: Poly) -> Ratio | None:
             if total is None:
                 return None
     return total
+
+
+def _turning(f: Expr, z: Var) -> list[Expr]:
+    """The slope of f, which is 0 where two of its roots meet; nothing where f has steps."""
+    try:
+        return [slope(f, z)]
+    except NotDifferentiableError:
+        return []
+
+
+def _resultant(first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]) -> Expr:
+    """0 where two quadratics have a root in common: (A₁C₂ - A₂C₁)² - (A₁B₂ - A₂B₁)·(B₁C₂ - B₂C₁)."""
+    (a1, b1, c1), (a2, b2, c2) = first, second
+    return sub(integer_power(a1 * c2 - a2 * c1, 2), mul(a1 * b2 - a2 * b1, b1 * c2 - b2 * c1))
 
 
 def _borders_of_existence(f: Expr, z: Var, lo: Expr, hi: Expr) -> list[Expr]:

@@ -1,12 +1,11 @@
-"""Curves g(x, y) = 0 that can be solved for either variable: circles, ellipses, parabolas, hyperbolas, and what has inverse functions.
+"""Curves g(x, y) = 0 that can be solved for either variable, where another curve crosses them: δ(g)·δ(h) becomes a δ of one variable.
 
 Two charts, so that neither sees the curve turn back: x is eliminated where the curve is steeper in x, |g_x|·X >= |g_y|·Y with X, Y the
 extents of the box, and y elsewhere. Each root of g is a branch of its chart:
 
     ∫∫ w δ(g) dx dy = ∫ dy Σᵢ [root i exists][|g_x|X >= |g_y|Y] w/|g_x| · ([xᵢ < h] - [xᵢ < l])  +  the same with x and y exchanged, and >
 
-All brackets are evaluated on the curve. Their borders in the variable that stays have formulas where squaring removes the root (a circle,
-an ellipse with axes along the box); elsewhere the integrator searches for them.
+All brackets are evaluated on the curve; where w holds another δ there is nothing to integrate, and the border of the charts costs nothing.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ def match_curve(g: Expr, variables: Sequence[Var]) -> Curve | None:
     try:
         for v in mine:
             roots = solve(g, v, ZERO, ex.ONE)
-            if roots is None or not (roots.certain and roots.reliable) or slope(g, v) is ZERO:
+            if roots is None or not roots.certain or slope(g, v) is ZERO:
                 return None
     except NotDifferentiableError:
         return None

@@ -4,15 +4,23 @@
 
 (dF)ₐₑ takes conditions as constant; a surface whose jump vanishes on it (a kink) has no δ; a surface of parameters only belongs to no
 integral and contributes nothing. Cost: one visit a node, and one jump a surface.
-Source: Bangaru et al. 2021, section 4; Leibniz' rule for the bounds.
+
+A δ(g) that is still in the program is carried along with its surface. Points that move with V = -dg·∇g/|∇g|² stay on g = 0, so in the
+coordinates they move in δ(g) is constant, and (Reynolds' transport theorem)
+
+    d ∫…∫ w δ(g)  =  ∫…∫ (D w + w div V) δ(g)  +  the terms of bounds and surfaces as above,  each moving with D instead of d,   D = d + V·∇
+
+where a bound of x moves, relative to its points, with D(bound) - Vₓ. So no chart of the surface is ever differentiated.
+Source: Bangaru et al. 2021, section 4; Leibniz' rule for the bounds; Flanders 1973 for moving domains.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, cast
 
 from teg import expr as ex
-from teg.calculus import factor_cofactors, partials
+from teg.calculus import factor_cofactors, partials, slope
 from teg.errors import DeltaError
 from teg.expr import (
     MINUS_ONE,
@@ -31,23 +39,46 @@ from teg.expr import (
     const,
     integer_power,
     mul,
+    sub,
     where,
 )
 from teg.integral import Delta, Integral, delta, integral_over
-from teg.node import postorder
+from teg.nest import Binder, Chain, nest
+from teg.node import Node
 from teg.passes.jumps import surface_terms
+from teg.passes.sift import deltas_of, linear_part, without
 from teg.surfaces import bound_surface, open_surfaces, owned_surfaces, restrict
+from teg.traverse import substitute
+
+Direction = Mapping[Any, Expr]
+"""How parameters, and variables that are carried along, change."""
 
 
-def tangent_of(e: Expr, direction: Mapping[Param, Expr]) -> Expr:
+def tangent_of(e: Expr, direction: Direction) -> Expr:
     """The directional derivative: Σ ∂e/∂p · direction[p]."""
-    tangent: dict[Expr, Expr] = {}
-    for node in postorder([e]):
-        if isinstance(node, Expr):
-            tangent[node] = _tangent(node, direction, tangent)
+    tangent = _tangents(e, direction)
     if isinstance(e, Tuple):
         return ex.tuple_of(*(_with_open_surfaces(entry, tangent) for entry in e.children))
     return _with_open_surfaces(e, tangent)
+
+
+def _tangents(e: Expr, direction: Direction) -> dict[Expr, Expr]:
+    """The tangents of e and of what it is made of; an integral with a δ in it is carried along as a whole."""
+    tangent: dict[Expr, Expr] = {}
+    opened: set[Node] = set()
+    stack: list[Node] = [e]
+    while stack:
+        node = stack.pop()
+        if node in tangent:
+            continue
+        whole = isinstance(node, Integral) and node.has_delta
+        if node not in opened and not whole:
+            opened.add(node)
+            stack.append(node)
+            stack.extend(c for c in reversed(node.children) if c not in opened)
+        elif isinstance(node, Expr):
+            tangent[node] = carried(cast(Integral, node), direction) if whole else _tangent(node, direction, tangent)
+    return tangent
 
 
 def _with_open_surfaces(e: Expr, tangent: dict[Expr, Expr]) -> Expr:
@@ -57,11 +88,11 @@ def _with_open_surfaces(e: Expr, tangent: dict[Expr, Expr]) -> Expr:
     return add(tangent[e], *terms)
 
 
-def _tangent(node: Expr, direction: Mapping[Param, Expr], tangent: dict[Expr, Expr]) -> Expr:
+def _tangent(node: Expr, direction: Direction, tangent: dict[Expr, Expr]) -> Expr:
     match node:
-        case Param():
+        case Param() | Var():
             return direction.get(node, ZERO)
-        case Const() | Var():
+        case Const():
             return ZERO
         case Add():
             return add(*(tangent[c] for c in node.children))
@@ -85,9 +116,7 @@ def _tangent(node: Expr, direction: Mapping[Param, Expr], tangent: dict[Expr, Ex
             return _integral(node, tangent)
         case Delta():
             raise DeltaError(
-                "a delta must be eliminated before it can be differentiated again",
-                node,
-                "use teg.eliminate first",
+                "a delta outside of the integrals over its variables cannot be differentiated", node, "use teg.eliminate first"
             )
         case _:
             raise AssertionError(f"unknown node {type(node).__name__}")
@@ -104,3 +133,49 @@ def _integral(node: Integral, tangent: dict[Expr, Expr]) -> Expr:
     for g, jump in surface_terms(body, moving):
         terms.append(integral_over(mul(jump, tangent[g], delta(g)), x, lo, hi))
     return add(*terms)
+
+
+def carried(node: Integral, direction: Direction) -> Expr:
+    """The derivative of an integral with deltas in it, outermost."""
+    deltas = deltas_of(node.body)
+    if node.lo.has_delta or node.hi.has_delta:
+        raise DeltaError("a delta in a bound has no meaning", node)
+    rest = integral_over(without(node.body, set(deltas)), node.var, node.lo, node.hi)
+    terms = [_tangents(rest, direction)[rest]]
+    for d in deltas:
+        for chain, weight in linear_part(node.body, d).items():
+            terms.append(_transported((Binder(node.var, node.lo, node.hi), *chain), weight, d, direction))
+    return add(*terms)
+
+
+def _transported(chain: Chain, weight: Expr, d: Delta, direction: Direction) -> Expr:
+    """d ∫…∫ weight·δ(g), the points moving with the surface."""
+    if weight.has_delta:
+        raise DeltaError("a product of deltas must be eliminated before it can be differentiated again", mul(weight, d))
+    g = d.g
+    moving = tangent_of(g, direction)
+    along = dict(direction)
+    expansion: Expr = ZERO
+    if moving is not ZERO:
+        slopes = {b.var: slope(g, b.var) for b in chain if b.var in g.free}
+        speed = mul(MINUS_ONE, moving, integer_power(add(*(integer_power(s, 2) for s in slopes.values())), -1))
+        velocity = {v: mul(speed, s) for v, s in slopes.items()}
+        along.update(velocity)
+        expansion = add(*(_divergence(u, v) for v, u in velocity.items()))
+    change = add(tangent_of(weight, along), mul(weight, expansion))
+    nobodys = {h for h in deltas_of(change) if len(h.g.free | g.free) == 1}  # two points of one line meet for single parameter values only
+    terms = [nest(mul(d, without(change, nobodys)), chain)]
+    for i, b in enumerate(chain):
+        for bound, sign in ((b.hi, ex.ONE), (b.lo, MINUS_ONE)):
+            rate = sub(tangent_of(bound, along), along.get(b.var, ZERO))
+            if rate is ZERO or not substitute(g, {b.var: bound}).free:
+                continue
+            inner = nest(mul(sign, rate, weight, d), chain[i + 1 :])
+            terms.append(nest(restrict(inner, {b.var: bound}, bound_surface(b.var, bound), (b.var,)), chain[:i]))
+    return add(*terms)
+
+
+def _divergence(u: Expr, v: Var) -> Expr:
+    """∂u/∂v with the jumps of u: a surface with kinks has a velocity that jumps there."""
+    jumps = (mul(jump, slope(h, v), delta(h)) for h, jump in surface_terms(u, [h for h in open_surfaces(u) if v in h.free]))
+    return add(slope(u, v), *jumps)

@@ -13,35 +13,58 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, cast
 
+from teg.diffeomorphism import Diffeomorphism, checked_maps
 from teg.errors import DeltaError, NoReparameterisationError
-from teg.expr import Expr, Var, add, mul
+from teg.expr import ZERO, Expr, Var, add, mul
 from teg.integral import Delta, Integral, integral_over
-from teg.nest import Binder, nest
+from teg.nest import Binder, Chain, nest
 from teg.node import Node, postorder
 from teg.passes.affine import match_affine, match_partly_affine, rewrite_affine
 from teg.passes.bilinear import match_bilinear, rewrite_bilinear
 from teg.passes.charts import match_curve, rewrite_curve
+from teg.passes.implicit import match_implicit, rewrite_implicit
 from teg.passes.sift import deltas_of, linear_part, without
 from teg.passes.univariate import match_solvable, rewrite_solvable
+from teg.passes.user import user_families
 from teg.polynomial import Shadow
 from teg.traverse import rebuild, rename_apart
 
 Match = Callable[[Expr, Sequence[Var]], Any]
 Rewrite = Callable[[Expr, Expr, tuple[Binder, ...], Any], Expr | None]
 
-FAMILIES: tuple[tuple[Match, Rewrite], ...] = (
+Families = tuple[tuple[Match, Rewrite], ...]
+
+FORMULAS: Families = (
     (match_bilinear, rewrite_bilinear),
     (match_affine, rewrite_affine),
-    (match_curve, rewrite_curve),
-    (match_partly_affine, rewrite_affine),
     (match_solvable, rewrite_solvable),
+)
+FAMILIES: Families = (
+    *FORMULAS,
+    (match_implicit, rewrite_implicit),
+    (match_partly_affine, rewrite_affine),
 )
 
 
-def eliminate_deltas(root: Expr) -> Expr:
-    """The program without δ. Raises NoReparameterisationError for a surface that no family reduces, DeltaError for a δ out of place."""
+def families_with(maps: Sequence[Diffeomorphism]) -> Families:
+    """The families with a user's maps among them: first for surfaces that depend on one new variable, then where they lead to a formula
+    and there is none without them, last for what no family knows."""
+    if not checked_maps(maps):
+        return FAMILIES
+    alone, formulas, others = (user_families(maps, f, a) for f, a in ((FAMILIES, True), (FORMULAS, False), (FAMILIES, False)))
+    return (*alone, *FORMULAS, *formulas, *FAMILIES[len(FORMULAS) :], *others)
+
+
+def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families = FAMILIES) -> Expr:
+    """The program without δ. Raises NoReparameterisationError for a surface that no family reduces, DeltaError for a δ out of place.
+
+    `keep_moving` leaves those deltas in the program that are carried along when it is differentiated again.
+    """
     while root.has_delta:  # a product of deltas loses one a round
-        reduced = _Elimination(cast(Expr, rename_apart(root))).run()
+        round_ = _Elimination(cast(Expr, rename_apart(root)), keep_moving, families)
+        reduced = round_.run()
+        if reduced is root and round_.kept:
+            break
         if reduced is root:
             raise DeltaError(
                 "a Dirac delta is under no integral over its variables", deltas_of(root)[0], "integrate over one of the variables in it"
@@ -50,9 +73,9 @@ def eliminate_deltas(root: Expr) -> Expr:
     return root
 
 
-def find_family(g: Expr, variables: Sequence[Var]) -> tuple[Any, Rewrite] | None:
+def find_family(g: Expr, variables: Sequence[Var], families: Families = FAMILIES) -> tuple[Any, Rewrite] | None:
     """The first family that matches a surface: its data and its rewriting."""
-    for match, rewrite in FAMILIES:
+    for match, rewrite in families:
         data = match(g, variables)
         if data is not None:
             return data, rewrite
@@ -62,8 +85,11 @@ def find_family(g: Expr, variables: Sequence[Var]) -> tuple[Any, Rewrite] | None
 class _Elimination:
     """One program: its variables from the innermost outwards, and what was decided for each surface."""
 
-    def __init__(self, root: Expr) -> None:
+    def __init__(self, root: Expr, keep_moving: bool, families: Families) -> None:
         self.root = root
+        self.families = families
+        self.keep_moving = keep_moving
+        self.kept = False
         self.variables = list(dict.fromkeys(n.var for n in postorder([root]) if isinstance(n, Integral)))
         self.decisions: dict[Expr, tuple[Any, Rewrite]] = {}
 
@@ -86,14 +112,13 @@ class _Elimination:
                     g,
                     "it needs a variable of integration",
                 )
-            found = find_family(g, mine)
+            found = find_family(g, mine, self.families)
             if found is None:
                 raise NoReparameterisationError(
                     f"no reparameterisation is known for the surface {_describe(g, mine)}",
                     g,
                     "its value, and derivatives that do not move it, work. Moving it needs a formula for one variable: write the condition "
-                    "so that a variable stands alone, y < f(x, t), or inside one invertible function, and polynomials with degree at most "
-                    "3 in one variable",
+                    "so that a variable stands alone, y < f(x, t), or without an integral over its own variable",
                 )
             self.decisions[g] = found
         return self.decisions[g]
@@ -104,16 +129,31 @@ class _Elimination:
         for d in deltas_of(node.body):
             data, rewrite = self._decide(d.g)
             if x in data.variables and not any(v in node.free for v in data.variables):
+                self.kept |= self.keep_moving and data.moves
                 ready.append((d, data, rewrite))
-        if not ready:
+        ready.sort(key=lambda r: r[1].moves)  # of a product of deltas the one with a formula goes first
+        if not any(not self._is_kept(node.body, d, data) for d, data, _ in ready):
             return node
         terms: list[Expr] = []
         rest = node.body
         for d, data, rewrite in ready:  # a product of two deltas goes with the first one
             for chain, coefficient in linear_part(rest, d).items():
-                terms.append(self._sifted(d, coefficient, (Binder(x, node.lo, node.hi), *chain), data, rewrite))
+                whole = (Binder(x, node.lo, node.hi), *chain)
+                others = deltas_of(coefficient) if data.moves else []
+                for other in others:
+                    for inner, k in linear_part(coefficient, other).items():
+                        terms.append(self._crossing(d, other, k, (*whole, *inner)))
+                coefficient = without(coefficient, set(others))
+                if self.keep_moving and data.moves:
+                    terms.append(nest(mul(d, coefficient), whole))
+                elif coefficient is not ZERO:
+                    terms.append(self._sifted(d, coefficient, whole, data, rewrite))
             rest = without(rest, {d})
         return add(integral_over(rest, x, node.lo, node.hi), *terms)
+
+    def _is_kept(self, body: Expr, d: Delta, data: Any) -> bool:
+        """A δ that is to be carried along, and not multiplied with another one."""
+        return self.keep_moving and data.moves and not any(k.has_delta for k in linear_part(body, d).values())
 
     def _sifted(self, d: Delta, coefficient: Expr, chain: tuple[Binder, ...], data: Any, rewrite: Rewrite) -> Expr:
         for other in deltas_of(coefficient):
@@ -130,13 +170,26 @@ class _Elimination:
             )
         return result
 
+    def _crossing(self, d: Delta, other: Delta, coefficient: Expr, chain: Chain) -> Expr:
+        """Where two curves cross: one of them is solved for a variable by a formula, then the other has one variable only."""
+        mine = [b.var for b in reversed(chain)]
+        for first, second in ((d, other), (other, d)):
+            data = match_curve(first.g, mine)
+            result = rewrite_curve(first.g, mul(coefficient, second), chain, data) if data is not None else None
+            if result is not None:
+                return result
+        raise NoReparameterisationError(
+            f"where the surface {d.g} = 0 meets another one has no formula",
+            d.g,
+            "first derivatives work; for second ones write one of the two conditions so that a variable stands alone in it",
+        )
+
     def _innermost(self, g: Expr, coefficient: Expr, chain: tuple[Binder, ...]) -> Expr | None:
         """Where the joint change of variables is not possible in these bounds: one variable alone, the innermost that will do."""
         for i in range(len(chain) - 1, -1, -1):
-            found = find_family(g, [chain[i].var])
-            if found is not None and chain[i].var in g.free:
-                data, rewrite = found
-                inner = rewrite(g, coefficient, chain[i:], data)
+            for match, rewrite in self.families if chain[i].var in g.free else ():
+                data = match(g, [chain[i].var])
+                inner = rewrite(g, coefficient, chain[i:], data) if data is not None else None
                 if inner is not None:
                     return nest(inner, chain[:i])
         return None

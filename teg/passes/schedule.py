@@ -18,6 +18,7 @@ from teg.calculus import slope
 from teg.errors import NotDifferentiableError
 from teg.expr import (
     MINUS_ONE,
+    ONE,
     TRUE,
     Add,
     And,
@@ -43,12 +44,30 @@ from teg.expr import (
     positive,
     sub,
 )
-from teg.integral import Delta, Integral
+from teg.integral import Delta, Integral, PointMasses, masses_of
+from teg.isolation import MAX_ROOTS, Isolation, Location, isolate, off_the_grid, widened
 from teg.node import Node, postorder
 from teg.passes.breaks import BreakAnalysis, Breaks
 from teg.passes.demand import GUARD_TERMS, guards, support
-from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program, Rule, Stmt, Tie, without_dead_code
-from teg.surfaces import binders_inside
+from teg.program import (
+    TIE_EPS,
+    Adaptive,
+    Arg,
+    Assign,
+    Gauss,
+    Integrate,
+    Isolate,
+    Locate,
+    Program,
+    Rule,
+    Stmt,
+    SumOver,
+    Tie,
+    without_dead_code,
+)
+from teg.roots import Root, solve
+from teg.surfaces import atoms_of, binders_inside
+from teg.traverse import replace_node
 
 MAX_GAUSS = 24
 TIGHTEST = 1e-14
@@ -56,9 +75,9 @@ INNER_TIGHTER = 0.1
 """An integral inside another one is computed to a tenth of its tolerance, so that the outer one sees a smooth function."""
 
 
-def schedule(outputs: Sequence[Expr], parameters: Sequence[str], tol: float, rule: str = "auto") -> Program:
+def schedule(outputs: Sequence[Expr], parameters: Sequence[str], tol: float, rule: str = "auto", max_roots: int = MAX_ROOTS) -> Program:
     """One program for several outputs. `rule`: "auto", or "adaptive" also where a polynomial could be integrated exactly."""
-    return _Scheduler(parameters, tol, rule).run(outputs)
+    return _Scheduler(parameters, tol, rule, max_roots).run(outputs)
 
 
 def rule_for(node: Integral, analysis: BreakAnalysis, tol: float, depth: int) -> Rule:
@@ -74,11 +93,12 @@ def _slope_of(g: Expr, x: Var) -> Expr | None:
         rate = slope(g, x)
     except NotDifferentiableError:
         return None
-    return None if isinstance(rate, Const) else rate
+    return rate if x in rate.free else None
 
 
 Truths = tuple[Arg, Arg]  # holds, fails
 _NAN = float("nan")
+_NOWHERE = float("inf")
 _EPSILON = 2.0**-52
 
 
@@ -100,6 +120,8 @@ class _Level:
     errors: dict[Expr, Arg] = field(default_factory=dict)
     groups: dict[Integral, list[Integral]] = field(default_factory=dict)
     guards: dict[Integral, Cond] = field(default_factory=dict)
+    isolated: dict[object, tuple[Arg, ...]] = field(default_factory=dict)
+    coincident: dict[Compare, Arg] = field(default_factory=dict)  # of a sum over roots: the conditions that may tie with its surface
     constant: dict[Node, bool] = field(default_factory=dict)  # on a piece
 
     def is_constant(self, node: Node) -> bool:
@@ -128,12 +150,13 @@ class _Level:
 
 
 class _Scheduler:
-    def __init__(self, parameters: Sequence[str], tol: float, rule: str) -> None:
+    def __init__(self, parameters: Sequence[str], tol: float, rule: str, max_roots: int) -> None:
         self.rule = rule
         self.parameters = list(parameters)
         self.parameter_names = {p: f"p{i}" for i, p in enumerate(parameters)}
         self.tol = tol
-        self.analysis = BreakAnalysis()
+        self.max_roots = max_roots
+        self.analysis = BreakAnalysis(max_roots)
         self.count = 0
         self.ties: dict[tuple[str, str], int] = {}
         self.binders: dict[Node, frozenset[Var]] = {}
@@ -287,6 +310,8 @@ class _Scheduler:
     def _tie(self, c: Compare, g: Arg, home: _Level) -> Truths:
         holds_first = cast(Truths, self._home(cast(Cond, c.resolution), home).names[cast(Cond, c.resolution)])[0]
         scale = self._tie_scale(c.g, home)
+        if c in home.coincident:
+            scale = self._assign(home, "v", "select", home.coincident[c], scale, 0.0)
         k = self.ties.setdefault(cast("tuple[str, str]", c.rivals), len(self.ties))
         holds = self._assign(home, "b", "tie", g, scale, holds_first, k)
         fails = self._assign(home, "b", "not", holds)
@@ -406,7 +431,8 @@ class _Scheduler:
         level.guards = guards(roots, order, inner, height, set(mine))
         shared: dict[object, list[Integral]] = {}
         for node in mine:
-            rule = type(self._rule(node, level))
+            masses = masses_of(node.body, node.var)
+            rule: object = type(self._rule(node, level)) if masses is None else masses
             key = (
                 node.var,
                 node.lo,
@@ -427,15 +453,154 @@ class _Scheduler:
             return Adaptive(max(self.tol * INNER_TIGHTER**level.depth, TIGHTEST), self.analysis.of(node).rooted)
         return rule
 
+    def _isolated(self, isolation: Isolation, lo: Expr, hi: Expr, home: _Level, when: Arg) -> tuple[Arg, ...]:
+        """The roots of a function between two bounds, found at run time."""
+        key = (isolation.g, isolation.var, lo, hi, when)
+        if key not in home.isolated:
+            ends = self._number(lo, home), self._number(hi, home)
+            left, right, var = (self._fresh("x") for _ in range(3))
+            at_left = _Level(isolation.left, home, home.depth + 1, names={isolation.left: left})
+            at_both = _Level(isolation.right, at_left, home.depth + 1, names={isolation.right: right})
+            bounds = cast("tuple[Arg, Arg, Arg, Arg]", tuple(self._number(b, at_both) for b in isolation.bounds))
+            at_point = _Level(isolation.var, home, home.depth + 1, names={isolation.var: var})
+            value, rate = self._number(isolation.g, at_point), self._number(isolation.slope, at_point)
+            results = tuple(self._fresh("v") for _ in range(isolation.count))
+            enclosure = (*at_left.block, *at_both.block)
+            guard = when if isinstance(when, str) else None
+            home.block.append(Isolate(var, *ends, left, right, enclosure, bounds, tuple(at_point.block), value, rate, results, guard))
+            home.isolated[key] = results
+        return home.isolated[key]
+
+    def _decisive(self, group: Sequence[Integral], home: _Level) -> set[Expr]:
+        """The functions of an integral without whose roots it would be wrong: those of its own conditions; all of them where a rule of
+        fixed order, or conditions decided in the middle of pieces, rely on them. The others only help the adaptive rule."""
+        functions = set(self.analysis.of(group[0]).functions)
+        exact = any(isinstance(self._rule(i, home), Gauss) for i in group)
+        if exact or any(isinstance(n, PointMasses) for n in postorder([i.body for i in group])):
+            return functions
+        inner: frozenset[Var] = frozenset().union(*(self._binders(i.body) for i in group))
+        own = {a.g for i in group for a in atoms_of(i.body, i.var) if not a.g.free & inner}
+        keys = {self.analysis.key(g) for g in own}
+        return {f for f in functions if self.analysis.key(f) in keys}
+
+    def _located(self, location: Location, lo: Expr, hi: Expr, home: _Level, when: Arg) -> tuple[Arg, ...]:
+        """Where two surfaces meet, seen from the outer variable."""
+        key = (location.f, location.g, location.inner, location.outer, location.low, location.high, lo, hi, when)
+        if key not in home.isolated:
+            rectangle = (*off_the_grid(lo, hi), *off_the_grid(location.low, location.high))
+            first, last, low, high = (self._number(e, home) for e in rectangle)
+            left, right, bottom, top = (self._fresh("x") for _ in location.corners)
+            level, blocks = home, []
+            for corner, name in zip(location.corners, (left, right, bottom, top), strict=True):
+                level = _Level(corner, level, home.depth + 1, names={corner: name})
+                blocks.append(level.block)
+            bounds = cast("tuple[Arg, Arg, Arg, Arg]", tuple(self._number(b, level) for b in location.bounds))
+            enclosure = tuple(s for block in blocks for s in block)
+            results = tuple(self._fresh("v") for _ in range(MAX_ROOTS))
+            guard = when if isinstance(when, str) else None
+            home.block.append(Locate(first, last, low, high, left, right, bottom, top, enclosure, bounds, results, guard))
+            home.isolated[key] = results
+        return home.isolated[key]
+
+    def _formula(self, g: Expr, node: Integral) -> tuple[Root, ...] | None:
+        """The roots of g in the variable of an integral, where there is a formula for all of them."""
+        roots = solve(g, node.var, node.lo, node.hi)
+        return roots.found if roots is not None and roots.certain else None
+
+    def _point(self, root: Root, home: _Level) -> Arg:
+        """A root by its formula; +inf where it does not exist."""
+        holds, fails = self._truths(root.exists, home)
+        at = self._number(root.point, home)
+        known = self._assign(home, "v", "select", self._assign(home, "b", "ok", at), at, _NOWHERE)  # 0/0: the degree is lower
+        absent = _NOWHERE if fails is True else self._assign(home, "v", "select", fails, _NOWHERE, _NAN)
+        return known if holds is True else self._assign(home, "v", "select", holds, known, absent)
+
+    def _sum_over_roots(self, group: list[Integral], masses: PointMasses, home: _Level, when: Arg) -> tuple[Arg, ...]:
+        """Σ over the roots of g of what multiplies its point masses."""
+        node = group[0]
+        bodies = [cast(Expr, replace_node(i.body, masses, ONE)) for i in group]
+        formula = self._formula(masses.g, node)
+        if formula is not None:
+            return self._sum_of_branches(bodies, node.var, formula, home)
+        isolation = isolate(masses.g, node.var, self.max_roots)
+        if isolation is None:
+            raise AssertionError(f"the roots of {masses.g} cannot be isolated")
+        points = self._isolated(isolation, node.lo, node.hi, home, when)
+        var = self._fresh("x")
+        level = _Level(node.var, home, home.depth + 1, names={node.var: var})
+        level.errors[node.var] = self._assign(level, "v", "mul", 4.0, self._assign(level, "v", "abs", var))  # a root is not exact
+        if home.middle is not None:
+            level.coincident = self._coincident(node, isolation, bodies, home.middle)
+        self._plan_integrals(level, bodies)
+        values = tuple(self._number(b, level) for b in bodies)
+        results = tuple(self._fresh("v") for _ in group)
+        home.block.append(SumOver(var, points, tuple(level.block), values, results, when if isinstance(when, str) else None))
+        return results
+
+    def _sum_of_branches(self, bodies: Sequence[Expr], x: Var, roots: Sequence[Root], home: _Level) -> tuple[Arg, ...]:
+        """The same where the roots have formulas: one after the other. On a piece between complete breaks the conditions at a root are
+        constant, and are decided in its middle, away from where they change."""
+        inner: frozenset[Var] = frozenset().union(*(self._binders(b) for b in bodies))
+        terms: list[list[Arg]] = [[] for _ in bodies]
+        for root in roots:
+            at = self._point(root, home)
+            level = _Level(x, home, home.depth + 1, names={x: at}, block=home.block)
+            level.errors[x] = self._error(root.point, home)
+            if home.middle is not None and cast(Breaks, home.breaks).complete:
+                middle = _Level(x, home.middle, home.depth + 1, names={x: self._point(root, home.middle)}, block=home.middle.block)
+                middle.errors[x] = self._error(root.point, home.middle)
+                for atom in dict.fromkeys(c for b in bodies for c in atoms_of(b, x)):
+                    if not atom.g.free & inner:
+                        level.names[atom] = self._truths(atom, middle)
+            finite = self._assign(home, "b", "ok", self._assign(home, "v", "sub", at, at))
+            absent = self._assign(home, "v", "select", self._assign(home, "b", "ok", at), 0.0, _NAN)
+            self._plan_integrals(level, bodies)
+            for body, found in zip(bodies, terms, strict=True):
+                found.append(self._assign(home, "v", "select", finite, self._number(body, level), absent))
+        return tuple(found[0] if len(found) == 1 else self._assign(home, "v", "add", *found) if found else 0.0 for found in terms)
+
+    def _coincident(self, node: Integral, isolation: Isolation, bodies: Sequence[Expr], middle: _Level) -> dict[Compare, Arg]:
+        """Which conditions tie with the surface g in the middle of a piece of the integral outside: only they can do so all along it. That
+        the two touch in a point is no tie."""
+        inner: frozenset[Var] = frozenset().union(*(self._binders(b) for b in bodies))
+        rivals = [c for b in bodies for c in atoms_of(b, node.var) if c.resolution is not None and not c.g.free & inner]
+        if not rivals:
+            return {}
+        points = self._isolated(isolation, node.lo, node.hi, middle, True)
+        var = self._fresh("x")
+        level = _Level(node.var, middle, middle.depth + 1, names={node.var: var})
+        level.errors[node.var] = self._assign(level, "v", "mul", 4.0, self._assign(level, "v", "abs", var))
+        values = []
+        for c in dict.fromkeys(rivals):
+            room = self._assign(level, "v", "mul", TIE_EPS, self._tie_scale(c.g, level))
+            near = self._assign(level, "b", "ge0", self._assign(level, "v", "sub", room, self._size(self._number(c.g, level), level)))
+            values.append(self._assign(level, "v", "select", near, 1.0, 0.0))
+        results = tuple(self._fresh("v") for _ in values)
+        middle.block.append(SumOver(var, points, tuple(level.block), tuple(values), results))
+        return {c: self._assign(middle, "b", "gt0", r) for c, r in zip(dict.fromkeys(rivals), results, strict=True)}
+
     def _integrate(self, node: Integral, home: _Level) -> None:
         group = home.groups.get(node, [node])
         guard = home.guards.get(node, TRUE)
         when: Arg = True
         if guard is not TRUE:
             when = self._truths(guard, home)[0]
+        masses = masses_of(node.body, node.var)
+        if masses is not None:
+            home.names.update(zip(group, self._sum_over_roots(group, masses, home, when), strict=True))
+            return
         lo, hi = self._number(node.lo, home), self._number(node.hi, home)
         points = self.analysis.of(node).points
         breaks = tuple(self._number(p, home) for p in points)
+        decisive = self._decisive(group, home)
+        for isolation in self.analysis.of(node).isolated:
+            found = self._isolated(isolation, *widened(node.lo, node.hi), home, when)
+            if isolation.g in decisive:  # too many roots: no number
+                lo = self._assign(home, "v", "select", self._assign(home, "b", "ok", found[0]), lo, _NAN)
+            breaks += found
+        if home.var is None:  # inside another integral it would be done for each of its nodes
+            for location in self.analysis.of(node).located:
+                breaks += self._located(location, node.lo, node.hi, home, when)
         rules = [self._rule(i, home) for i in group]
         rule = max(rules, key=lambda r: r.nodes if isinstance(r, Gauss) else 0)
         if isinstance(rule, Adaptive):
@@ -503,7 +668,9 @@ class _Scheduler:
         holds, fails = self._truths(total, level)
         if not isinstance(fails, str):
             return True
-        self._home(total, level).names[total] = (holds, False)  # from here on: it holds, or is not a number
+        home = self._home(total, level)
+        if home is level.middle:
+            home.names[total] = (holds, False)  # on the pieces that are not skipped: it holds, or is not a number
         name = self._fresh("b")
         cast(_Level, level.middle).block.append(Assign(name, "not", (fails,)))
         return name

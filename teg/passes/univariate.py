@@ -2,8 +2,7 @@
 
     ∫ₗʰ w δ(g) dx = Σᵢ [root i exists] · w(xᵢ)/|g′(xᵢ)| · ([xᵢ < h] - [xᵢ < l])
 
-over the formulas of `teg.roots`, every branch inside the bounds. Where two roots are born together g′ is 0 and the weight infinite. A
-periodic function whose bounds are not numbers has code for a fixed number of roots; more than that give NaN, not a wrong number.
+over the formulas of `teg.roots`, every branch inside the bounds. Where two roots are born together g′ is 0 and the weight infinite.
 """
 
 from __future__ import annotations
@@ -15,12 +14,12 @@ from typing import cast
 from teg import expr as ex
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import ZERO, Expr, Var, add, call, const, mul, positive, sub, where
+from teg.expr import ZERO, Expr, Var, add, call, mul, where
 from teg.nest import Binder, Chain, nest
 from teg.polynomial import Shadow
 from teg.roots import solve
 from teg.surfaces import restrict, signed_inside
-from teg.traverse import substitute
+from teg.traverse import fresh, substitute
 
 
 @dataclass(frozen=True)
@@ -29,6 +28,8 @@ class Solvable:
 
     variable: Var
     degree: int | None
+
+    moves = False
 
     @property
     def name(self) -> str:
@@ -48,7 +49,9 @@ def match_solvable(g: Expr, variables: Sequence[Var]) -> Solvable | None:
         slope(g, mine[0])
     except NotDifferentiableError:
         return None
-    if solve(g, mine[0], ZERO, ex.ONE) is None:
+    somewhere = fresh("lo", g.free), fresh("hi", g.free)
+    roots = solve(g, mine[0], *somewhere)
+    if roots is None or not roots.certain:  # whatever the bounds are
         return None
     return Solvable(mine[0], Shadow((mine[0],)).degree(g))
 
@@ -66,7 +69,7 @@ def rewrite_solvable(g: Expr, coefficient: Expr, chain: Chain, data: Solvable) -
 def sum_over_roots(g: Expr, coefficient: Expr, b: Binder, directions: Sequence[Var]) -> Expr | None:
     """Σ over the roots of g in one variable of coefficient/|g′|, inside the bounds of its integral."""
     roots = solve(g, b.var, b.lo, b.hi)
-    if roots is None:
+    if roots is None or not roots.certain:
         return None
     rate = slope(g, b.var)
     terms = []
@@ -76,9 +79,4 @@ def sum_over_roots(g: Expr, coefficient: Expr, b: Binder, directions: Sequence[V
         value = mul(weight, restrict(coefficient, at, g, directions))
         inside = signed_inside(root.point, b.lo, b.hi, g, b.var, (b.lo, b.hi), value)
         terms.append(where(root.exists, inside, ZERO))
-    total = add(*terms)
-    if roots.certain:
-        return total
-    last = roots.found[-1].point  # counted along u: if it is inside the bounds there may be more beyond it
-    beyond = ex.conjunction(positive(sub(last, b.lo)), positive(sub(b.hi, last)))
-    return where(beyond, const(float("nan")), total)
+    return add(*terms)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program, Rule, Stmt, Tie
+from teg.program import INSIDE, Adaptive, Arg, Assign, Gauss, Integrate, Program, Rule, Stmt, Tie
 
 Row = float | tuple[float, ...]
 NAN, INF = math.nan, math.inf
@@ -811,7 +811,7 @@ TIES = (
                     ),
                     "v1",
                     breaks=(0.5,),
-                    flags=(let("v0", "sub", "x0", 0.75), let("b0", "tie", "v0", "x0", True, 0)),
+                    flags=(let("v0", "sub", "x0", 0.5 + INSIDE * (1.0 - 0.5)), let("b0", "tie", "v0", "x0", True, 0)),
                 ),
             ),
             "v9",

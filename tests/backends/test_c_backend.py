@@ -19,7 +19,7 @@ from teg.backends.c_backend import CKernel, compile_c, print_kernel, standalone_
 from teg.backends.c_text import literal
 from teg.backends.numpy_backend import compile_numpy
 from teg.errors import CompilerError, OptionError, ParameterError
-from teg.program import Adaptive, Assign, Gauss, Integrate, Program
+from teg.program import INSIDE, Adaptive, Assign, Gauss, Integrate, Program
 from tests.backends.programs import (
     CASES,
     DISC,
@@ -195,7 +195,8 @@ def test_long_body_and_long_flags_of_an_integral() -> None:
     integral = integrate("v9", "x0", 0.0, "p0", inner, "v2", flags=(*flags, let("bn", "ok", flag)), need="bn", rule=Gauss(2))
     found = compile_c(program(1, (integral,), "v9"))([np.array([2.0, -1.0])], 2)
     for p, result in zip((2.0, -1.0), found[0], strict=True):
-        middle = flag_value(p / 2)
+        low, high = sorted((0.0, p))
+        middle = flag_value(low + INSIDE * (high - low))
         assert result == pytest.approx(p * (value(p) * middle + middle + p / 2), rel=1e-13)
 
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import pytest
 
 import teg
-from teg.errors import NoReparameterisationError
-from tests.references import REFERENCES, Reference, tagged, untagged
+from tests.references import REFERENCES, Reference
 
-KNOWN = untagged("later")
-LATER_TOLERANCE = 1e-9  # values with breaks that are searched for, at tol = 1e-10
+KNOWN = REFERENCES
 JAX_FAST = (
     "step",
     "cube-of-a-difference-tied",
@@ -88,22 +86,6 @@ def test_jax(reference: Reference, x64: None) -> None:
 @pytest.mark.parametrize("reference", [r for r in KNOWN if "slow" not in r.tags], ids=name)
 def test_jax_hessian(reference: Reference, x64: None) -> None:
     check(reference, compiled(reference, "jax"), hessian="1d-affine" in reference.tags)
-
-
-@pytest.mark.parametrize("reference", tagged("later"), ids=name)
-def test_what_comes_later_is_refused_or_right(reference: Reference) -> None:
-    f = compiled(reference, "numpy")
-    assert is_close(f(reference.params), reference.value, LATER_TOLERANCE)
-    try:
-        gradient = f.grad(reference.params)
-    except NoReparameterisationError as error:
-        refused = error
-    else:
-        for k, exact in reference.grad.items():
-            assert is_close(gradient[k], exact, 1e-9), (k, gradient[k], exact)
-        return
-    assert isinstance(refused.where, teg.Expr)
-    assert refused.hint
 
 
 @pytest.mark.parametrize("reference", [r for r in KNOWN if "coincident" not in r.tags], ids=name)

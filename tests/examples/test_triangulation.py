@@ -15,10 +15,10 @@ Image = pytest.importorskip("PIL.Image")
 pytest.importorskip("matplotlib")
 pytest.importorskip("tqdm")
 
+from teg.examples.photo import read_target  # noqa: E402
 from teg.examples.triangulation import descent, run  # noqa: E402
 from teg.examples.triangulation.image_loss import ImageLoss, overlapping_pairs  # noqa: E402
 from teg.examples.triangulation.mesh import SHRINK, Mesh, limit_step, make_mesh, signed_areas  # noqa: E402
-from teg.examples.triangulation.photo import read_target  # noqa: E402
 from teg.examples.triangulation.run import run_triangulation  # noqa: E402
 from teg.examples.triangulation.scene import CompiledScene, compile_scene  # noqa: E402
 

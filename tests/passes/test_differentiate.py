@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 import teg
-from teg import errors
 from teg.expr import ONE, ZERO
 from teg.passes.differentiate import tangent_of
 
@@ -57,9 +58,30 @@ def test_deltas_of_an_integral_over_one_more_variable() -> None:
     assert teg.evaluate(e, {t: 1.4}) == 0.0
 
 
-def test_a_delta_is_not_differentiated() -> None:
-    with pytest.raises(errors.DeltaError):
-        d(teg.integral(teg.delta(t - x) * x, (x, 0, 1)))
+def test_a_delta_is_carried_along_with_its_surface() -> None:
+    """d/dt of w(t)/2√t-like sums over roots, with a moving bracket, a moving bound, and a weight that depends on t."""
+    e = teg.integral(teg.delta(t - x * x * a) * teg.exp(t * x) * teg.bracket(x < 2 * t), (x, 0, 1 + t))
+    at = {"t": 0.5, "a": 1.2}
+    root = (0.5 / 1.2) ** 0.5
+    slope_of_root = 0.5 / (0.5 * 1.2) ** 0.5
+    weight, rate = math.exp(0.5 * root), 2 * 1.2 * root
+    exact = weight * (root + 0.5 * slope_of_root) / rate - weight / rate**2 * 2 * 1.2 * slope_of_root
+    assert teg.evaluate(d(e), at) == pytest.approx(exact, rel=1e-13)
+    assert teg.evaluate(d(teg.eliminate(e)), at) == pytest.approx(exact, rel=1e-13)
+
+
+def test_deltas_that_are_carried_move_through_brackets_and_bounds() -> None:
+    """∫∫ δ(g)·[h > 0] over a box: forward derivative against differences of the value, in one and two variables."""
+    y = teg.var("y")
+    e = teg.integral(teg.delta(t - x * x - y**4) * teg.exp(a * x) * teg.bracket(x + y < t * a), (x, -1, 0.1 + t * a), (y, -0.3 * t, 1))
+    f = teg.compile(e, [t, a], backend="numpy")
+    g = teg.compile(teg.tuple(teg.diff(e, t), teg.diff(e, a)), [t, a], backend="numpy")(t=0.6, a=0.9)
+    for k, name in enumerate(("t", "a")):
+        at = {"t": 0.6, "a": 0.9}
+        h = 1e-4
+        values = [f({**at, name: at[name] + s * h}) for s in (-2, -1, 1, 2)]
+        quotient = (8 * (values[2] - values[1]) - (values[3] - values[0])) / (12 * h)
+        assert g[k] == pytest.approx(quotient, rel=2e-6)
 
 
 def test_derivatives_nest() -> None:

@@ -20,7 +20,7 @@ def area(condition: teg.Cond, lo: float = 0.0, hi: float = 1.0, weight: object =
 
 
 @pytest.mark.parametrize(
-    ("g", "degree"), [(x**2 - t, 2), (a * x**2 + b * x + t, 2), (x**3 - x - t, 3), (teg.sin(3 * x) - t, None), (teg.exp(x**2) - t, None)]
+    ("g", "degree"), [(x**2 - t, 2), (a * x**2 + b * x + t, 2), (teg.atan(3 * x) - t, None), (teg.exp(x**2) - t, None)]
 )
 def test_matches(g: teg.Expr, degree: int | None) -> None:
     assert match_solvable(g, [x]) == Solvable(x, degree)

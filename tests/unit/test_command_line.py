@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -42,6 +43,13 @@ def test_explain(program: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", str(program)]) == 0
     assert "affine" in capsys.readouterr().out
     assert main(["explain", f"{program}:twice"]) == 0
+
+
+def test_explain_as_json(program: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", str(program), "--json", "--derivatives", "1", "--tol", "1e-6"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert [s["family"] for s in data["surfaces"]] == ["affine"]
+    assert data["options"]["tol"] == 1e-6
 
 
 def test_compile(program: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -253,6 +253,17 @@ def test_an_expression_has_no_truth_value_and_is_no_number() -> None:
     assert float(const(2)) == 2.0
 
 
+def test_python_rounds_expressions_to_integers_only() -> None:
+    assert round(x) is teg.round(x)
+    assert math.floor(x) is teg.floor(x)
+    assert math.ceil(x) is teg.ceil(x)
+    assert (round(const(2.5)), round(const(3.5)), math.ceil(const(-0.5))) == (const(2), const(4), const(0))
+    with pytest.raises(errors.OperandError) as caught:
+        round(x, 2)
+    assert caught.value.where is x
+    assert "teg.round" in caught.value.hint
+
+
 @pytest.mark.parametrize("wrong", ["1", None, [1, 2], 1j, np.array([1.0, 2.0]), object()])
 def test_operands_that_are_none(wrong: object) -> None:
     with pytest.raises(errors.OperandError):

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 import teg
+from teg.expr import FUNCTIONS, call
 from teg.latex import latex
+from teg.node import Node
 from tests.references import REFERENCES, Reference
 
 x, y = teg.vars("x y")
@@ -47,11 +49,42 @@ def is_balanced(text: str) -> bool:
         (v00 + theta, "v_{00} + \\theta"),
         (height * 1e-9, "10^{-9} \\, \\mathrm{drop\\_height}"),
         (x * 1.5e30, "1.5 \\cdot 10^{30} \\, x"),
+        (x / (t + 1) ** 2 / a, "\\frac{x}{\\left(t + 1\\right)^{2} \\, a}"),
+        (-teg.floor(x) / 3, "-\\frac{\\left\\lfloor x \\right\\rfloor}{3}"),
+        (teg.mod(x, t), "\\operatorname{mod}\\left(x, t\\right)"),
+        (teg.tuple(t), "\\left(t,\\right)"),
+        (call("ceil", x), "\\left\\lceil x \\right\\rceil"),
+        (call("root", x), "\\sqrt{x}"),
+        (call("magnitude", x - t), "\\left|x - t\\right|"),
+        (call("min", x, t), "\\min\\left(x, t\\right)"),
     ],
     ids=str,
 )
 def test_normal_form(e: teg.Expr, text: str) -> None:
     assert latex(e) == text
+
+
+def test_every_function_has_a_form() -> None:
+    for f in FUNCTIONS:
+        e = call(f, x, t) if f in ("atan2", "mod", "pow", "min", "max") else call(f, x)
+        assert is_balanced(latex(e))
+        assert is_balanced(latex(1 / e**2 + e))
+
+
+def test_every_node_has_a_form() -> None:
+    leaves: set[type[Node]] = set()
+    stack: list[type[Node]] = [Node]
+    while stack:
+        kind = stack.pop()
+        stack += kind.__subclasses__()
+        leaves |= {kind} if not kind.__subclasses__() else set()
+    children = {"Where": (x < t, x, t), "Integral": (x, t, t), "And": (x < t, t < a), "Or": (x < t, t < a), "Not": (x < t,)}
+    data = {"Const": 0.5, "Truth": True, "Pow": 2, "Call": "sin", "Integral": x, "Param": "t", "Var": "x", "Compare": (True, None)}
+    few = {"Const": 0, "Truth": 0, "Param": 0, "Var": 0, "Pow": 1, "Call": 1, "Delta": 1, "PointMasses": 1, "Compare": 1}
+    for kind in leaves:
+        name = kind.__name__
+        parts = children.get(name, (x, t)[: few.get(name, 2)])
+        assert is_balanced(latex(kind.make(data.get(name), parts)))  # type: ignore[type-var]
 
 
 def test_conditions() -> None:

@@ -11,29 +11,29 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 from teg.errors import InputError, MissingPackageError
 
 
-def read_target(photo: str | Path | None, size: int) -> np.ndarray:
-    """The picture as an array of shape (size, size, 3), sRGB values in [0, 1]; `None` is scikit-image's astronaut.
+def read_target(photo: str | Path | None, size: int, bundled: str = "astronaut") -> np.ndarray:
+    """The picture as an array of shape (size, size, 3), sRGB values in [0, 1]; `None` is scikit-image's `bundled` one.
 
     Any file that Pillow reads (of an animation the first frame): turned as its EXIF data say, transparency on
     white, cropped to the square in its middle. Raises InputError if the file is missing or not a picture.
     """
-    image = _astronaut() if photo is None else _read(Path(photo))
+    image = _bundled(bundled) if photo is None else _read(Path(photo))
     side = min(image.size)
     left, top = (image.width - side) // 2, (image.height - side) // 2
     square = image.crop((left, top, left + side, top + side)).resize((size, size), Image.Resampling.LANCZOS)
     return np.asarray(square, dtype=float) / 255
 
 
-def _astronaut() -> Image.Image:
+def _bundled(name: str) -> Image.Image:
     try:
         from skimage import data
     except ImportError:
         raise MissingPackageError(
             "the default photo is scikit-image's, which is not installed",
             None,
-            'pip install "teg[demo]", or name a photo of your own: teg demo triangulation photo.jpg',
+            'pip install "teg[demo]", or name a photo of your own: teg demo … photo.jpg',
         ) from None
-    picture: np.ndarray = data.astronaut()  # type: ignore[no-untyped-call]
+    picture: np.ndarray = getattr(data, name)()
     return Image.fromarray(picture)
 
 

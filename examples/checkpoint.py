@@ -8,35 +8,37 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from teg.errors import InputError
-from teg.examples.triangulation.descent import State
 
-ARRAYS = tuple(f.name for f in fields(State))
+S = TypeVar("S")
 
 
-def save_checkpoint(path: Path, identity: Mapping[str, Any], state: State, losses: list[float], seconds: float) -> None:
-    """Replace the checkpoint in one step: a crash leaves the old one or the new one."""
+def save_checkpoint(path: Path, identity: Mapping[str, Any], state: Any, losses: list[float], seconds: float) -> None:
+    """Replace the checkpoint in one step: a crash leaves the old one or the new one.
+
+    `state` is a dataclass of arrays, numbers and booleans.
+    """
     partial = path.with_name(path.name + ".partial")
     with partial.open("wb") as file:
-        arrays: dict[str, Any] = {name: getattr(state, name) for name in ARRAYS}
+        arrays: dict[str, Any] = {f.name: getattr(state, f.name) for f in fields(state)}
         np.savez(file, identity=json.dumps(identity), losses=losses, seconds=seconds, **arrays)
     os.replace(partial, path)
 
 
-def load_checkpoint(path: Path, identity: Mapping[str, Any]) -> tuple[State, list[float], float]:
-    """The state, the losses so far and the seconds they took. `identity` is what must be as it was.
+def load_checkpoint(path: Path, identity: Mapping[str, Any], kind: type[S]) -> tuple[S, list[float], float]:
+    """The state, of the dataclass `kind`, the losses so far and the seconds they took. `identity` is what must be as it was.
 
-    Raises InputError if there is no checkpoint, it is damaged, or belongs to a run of another picture or mesh.
+    Raises InputError if there is no checkpoint, it is damaged, or belongs to another run.
     """
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             stored = dict(archive)
         before = json.loads(str(stored["identity"]))
-        state = State(**{name: _plain(stored[name]) for name in ARRAYS})
+        state = kind(**{f.name: _plain(stored[f.name]) for f in fields(kind)})  # type: ignore[arg-type]
         losses, seconds = [float(loss) for loss in stored["losses"]], float(stored["seconds"])
     except FileNotFoundError:
         hint = "leave --resume out, or name the folder of an earlier run with -o"

@@ -1,0 +1,64 @@
+"""What a kernel needs of teg_runtime.h: its paragraphs and its numbered constants, no more of them than are used."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+from teg.program import (
+    ABSOLUTE_FLOOR,
+    ISOLATE_DEPTH,
+    ISOLATE_STEPS,
+    ISOLATE_WIDTH,
+    LOCATE_DEPTH,
+    LOCATE_WIDTH,
+    MAX_DEPTH,
+    MAX_INTERVALS,
+    PIECE_EPS,
+    ROUNDING,
+    TIE_EPS,
+    WATCH_WIDTH,
+)
+
+LIMITS = {
+    "TEG_PIECE_EPS": PIECE_EPS,
+    "TEG_TIE_EPS": TIE_EPS,
+    "TEG_ABSOLUTE_FLOOR": ABSOLUTE_FLOOR,
+    "TEG_ROUNDING": ROUNDING,
+    "TEG_MAX_DEPTH": MAX_DEPTH,
+    "TEG_MAX_INTERVALS": MAX_INTERVALS,
+    "TEG_WATCH_WIDTH": WATCH_WIDTH,
+    "TEG_ISOLATE_DEPTH": ISOLATE_DEPTH,
+    "TEG_ISOLATE_WIDTH": ISOLATE_WIDTH,
+    "TEG_ISOLATE_STEPS": ISOLATE_STEPS,
+    "TEG_LOCATE_DEPTH": LOCATE_DEPTH,
+    "TEG_LOCATE_WIDTH": LOCATE_WIDTH,
+}
+
+
+def runtime(texts: Sequence[str]) -> list[str]:
+    """The part of the runtime that these texts need, directly or through other parts, and its constants."""
+    needed = {word for text in texts for word in re.findall(r"\b(?:teg|TEG)_\w+", text)}
+    always, rest = _paragraphs()
+    parts: list[str] = []
+    for name, paragraph in reversed(rest):
+        if name in needed:
+            parts.insert(0, paragraph)
+            needed.update(re.findall(r"\b(?:teg|TEG)_\w+", paragraph))
+    defines = [f"#define {name} {value!r}" for name, value in LIMITS.items() if name in needed]
+    return [always, *(["\n".join(defines)] if defines else []), *parts]
+
+
+@cache
+def _paragraphs() -> tuple[str, list[tuple[str, str]]]:
+    """What every kernel needs of teg_runtime.h, and the rest of it: the texts with the names they define."""
+    text = Path(__file__).with_name("teg_runtime.h").read_text(encoding="ascii").rstrip()
+    always, rest = text.split("/* As needed. */\n\n")
+    named = []
+    for paragraph in rest.split("\n\n"):
+        name = re.search(r"\b(teg_\w+)(?=\(|\[\d+\] = |;)", re.sub(r"/\*.*?\*/", "", paragraph, flags=re.DOTALL))
+        assert name is not None
+        named.append((name[1], paragraph))
+    return always.rstrip(), named

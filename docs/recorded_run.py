@@ -1,0 +1,283 @@
+"""A scheduled program run statement by statement, and what it did written down: the pieces of its integrals, and the points it looked at.
+
+This is `teg.program` read literally, one number at a time; the printed programs do the same, faster.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from teg.backends import numpy_roots, numpy_runtime
+from teg.program import (
+    ABSOLUTE_FLOOR,
+    LOCATE_DEPTH,
+    LOCATE_WIDTH,
+    MAX_DEPTH,
+    MAX_INTERVALS,
+    PIECE_EPS,
+    ROUNDING,
+    TIE_EPS,
+    WATCH_WIDTH,
+    Adaptive,
+    Assign,
+    Gauss,
+    Integrate,
+    Isolate,
+    Locate,
+    Program,
+    Stmt,
+    SumOver,
+    statements,
+)  # fmt: skip
+from teg.quadrature import GAUSS_WEIGHTS, KRONROD_NODES, KRONROD_WEIGHTS, gauss_legendre
+
+SHIFT = 64.0
+"""The mark of a point (x, y) in an integrand is atan2(y + SHIFT, x + SHIFT)."""
+Values = dict[str, Any]
+
+
+@dataclass
+class Piece:
+    """One piece (p, q) of an integral, the values of the variables outside, and its nodes; none if it was skipped."""
+
+    around: tuple[float, ...]
+    p: float
+    q: float
+    nodes: list[float] = field(default_factory=list)
+
+
+@dataclass
+class Mark:
+    """A point of the plane that an integrand was evaluated at, with the variables of the integrals around, the innermost one last, and what
+    multiplies the integrand there."""
+
+    around: tuple[float, ...]
+    x: float
+    y: float
+    weight: float
+
+
+class RecordedRun:
+    """One run, for numbers; `outputs`, `pieces` and `marks` are what came of it."""
+
+    def __init__(self, program: Program, parameters: Mapping[str, float]) -> None:
+        self.pieces: list[Piece] = []
+        self.marks: list[Mark] = []
+        self._marked: dict[str, tuple[Mark, float]] = {}
+        self._around: list[float] = []
+        names: Values = {f"p{i}": np.float64(parameters[p]) for i, p in enumerate(program.parameters)}
+        with np.errstate(all="ignore"):
+            self._run(program.body, names)
+        self.outputs = [float(_get(names, a)) for a in program.outputs]
+
+    # -- statements ----------------------------------------------------------------------------------------------------
+
+    def _run(self, block: Sequence[Stmt], names: Values) -> None:
+        for stmt in block:
+            if isinstance(stmt, Assign):
+                names[stmt.name] = _operation(stmt, names)
+                self._mark(stmt, names)
+            elif stmt.when is not None and not names[stmt.when]:
+                names.update(dict.fromkeys(stmt.results, np.float64(np.inf if isinstance(stmt, Isolate | Locate) else 0.0)))
+            elif isinstance(stmt, Integrate):
+                names.update(zip(stmt.results, self._integrate(stmt, names), strict=True))
+            elif isinstance(stmt, Isolate):
+                names.update(zip(stmt.results, self._isolate(stmt, names), strict=True))
+            elif isinstance(stmt, Locate):
+                names.update(zip(stmt.results, self._locate(stmt, names), strict=True))
+            else:
+                names.update(zip(stmt.results, self._sum(stmt, names), strict=True))
+
+    def _sum(self, stmt: SumOver, names: Values) -> np.ndarray:
+        total = np.zeros(len(stmt.values))
+        for point in (_get(names, p) for p in stmt.points):
+            if np.isfinite(point):
+                inner = {**names, stmt.var: point}
+                self._run(stmt.body, inner)
+                total += [_get(inner, v) for v in stmt.values]
+        return total
+
+    def _isolate(self, stmt: Isolate, names: Values) -> tuple[Any, ...]:
+        def enclosure(_: object, p: Any, q: Any) -> tuple[Any, ...]:
+            inner = {**names, stmt.left: p, stmt.right: q}
+            self._run(stmt.enclosure, inner)
+            return tuple(np.broadcast_to(_get(inner, b), p.shape) for b in stmt.bounds)
+
+        def point(_: object, v: Any) -> tuple[Any, ...]:
+            inner = {**names, stmt.var: v}
+            self._run(stmt.point, inner)
+            return tuple(np.broadcast_to(_get(inner, b), v.shape) for b in (stmt.value, stmt.slope))
+
+        search = numpy_roots.Isolation(enclosure, point, len(stmt.results), 1, 1)
+        return search(numpy_runtime.Run(1, 2**20), _get(names, stmt.lo), _get(names, stmt.hi), (), ())
+
+    def _locate(self, stmt: Locate, names: Values) -> list[float]:
+        absent = [np.float64(np.inf)] * len(stmt.results)
+        left, right, bottom, top = (np.array([float(_get(names, e))]) for e in (stmt.lo, stmt.hi, stmt.low, stmt.high))
+        left, right = np.minimum(left, right), np.maximum(left, right)
+        bottom, top = np.minimum(bottom, top), np.maximum(bottom, top)
+        if not np.isfinite([left, right, bottom, top]).all() or left == right or bottom == top:
+            return absent
+        for level in range(LOCATE_DEPTH + 1):
+            if left.size > LOCATE_WIDTH:
+                return absent
+            inner = {**names, stmt.left: left, stmt.right: right, stmt.bottom: bottom, stmt.top: top}
+            self._run(stmt.enclosure, inner)
+            f0, f1, g0, g1 = (np.broadcast_to(_get(inner, b), left.shape) for b in stmt.bounds)
+            away = (f0 > 0.0) | (f1 < 0.0) | (g0 > 0.0) | (g1 < 0.0) | (np.isnan(f0) & np.isnan(f1)) | (np.isnan(g0) & np.isnan(g1))
+            left, right, bottom, top = (v[~away] for v in (left, right, bottom, top))
+            if level < LOCATE_DEPTH and level % 2 == 0:
+                m = 0.5 * (left + right)
+                left, right, bottom, top = np.r_[left, m], np.r_[m, right], np.r_[bottom, bottom], np.r_[top, top]
+            elif level < LOCATE_DEPTH:
+                m = 0.5 * (bottom + top)
+                left, right, bottom, top = np.r_[left, left], np.r_[right, right], np.r_[bottom, m], np.r_[m, top]
+        joined: list[list[float]] = []
+        for p, q in sorted(zip(left, right, strict=True)):
+            if joined and p <= joined[-1][1]:
+                joined[-1][1] = max(q, joined[-1][1])
+            else:
+                joined.append([p, q])
+        found = [np.float64(0.5 * (p + q)) for p, q in joined]
+        return absent if len(found) > len(absent) else found + absent[len(found) :]
+
+    # -- integrals -----------------------------------------------------------------------------------------------------
+
+    def _integrate(self, stmt: Integrate, names: Values) -> np.ndarray:
+        lo, hi = (float(_get(names, b)) for b in (stmt.lo, stmt.hi))
+        a, b = min(lo, hi), max(lo, hi)
+        breaks = [float(_get(names, r)) for r in stmt.breaks]
+        ends = [a, *sorted(a if r != r else min(max(r, a), b) for r in breaks), b]
+        total = np.zeros(len(stmt.values))
+        for p, q in pairwise(ends):
+            if q - p > PIECE_EPS * max(abs(p), abs(q)):
+                total += self._piece(stmt, names, p, q)
+        return total if lo <= hi else -total
+
+    def _piece(self, stmt: Integrate, names: Values, p: float, q: float) -> np.ndarray:
+        middle = {**names, stmt.var: np.float64(0.5 * (p + q))}
+        self._run(stmt.flags, middle)
+        piece = Piece(tuple(self._around), p, q)
+        self.pieces.append(piece)
+        if stmt.need is not None and not middle[stmt.need]:
+            return np.zeros(len(stmt.values))
+
+        def at(v: float) -> Values:
+            inner = {**middle, stmt.var: np.float64(v)}
+            self._around.append(v)
+            self._run(stmt.body, inner)
+            self._around.pop()
+            return inner
+
+        def values(v: float) -> list[float]:
+            inner = at(v)
+            return [float(_get(inner, name)) for name in stmt.values]
+
+        if isinstance(stmt.rule, Gauss):
+            xs, weights = gauss_legendre(stmt.rule.nodes)
+            piece.nodes = [0.5 * (p + q) + 0.5 * (q - p) * x for x in xs]
+            return 0.5 * (q - p) * np.array(weights) @ np.array([values(v) for v in piece.nodes])
+        return self._adaptive(stmt, stmt.rule, piece, at)
+
+    def _adaptive(self, stmt: Integrate, rule: Adaptive, piece: Piece, at: Any) -> np.ndarray:
+        def place(u: float) -> float:
+            return piece.p + (piece.q - piece.p) * (u * u * (3.0 - 2.0 * u) if rule.smooth else u)
+
+        total, enough, used = np.zeros(len(stmt.values)), np.empty(0), 0
+        stack = [(0.0, 1.0)]
+        while stack:
+            left, width = stack.pop(0)
+            used += 1
+            us = [left + 0.5 * width * (1.0 + x) for x in KRONROD_NODES]
+            marks, runs = len(self.marks), [at(place(u)) for u in us]
+            weights = np.array([0.5 * width * (piece.q - piece.p) * (6.0 * u * (1.0 - u) if rule.smooth else 1.0) for u in us])
+            found = np.array([[float(_get(r, v)) for v in stmt.values] for r in runs]) * weights[:, None]
+            kronrod, size = KRONROD_WEIGHTS @ found, KRONROD_WEIGHTS @ np.abs(found)
+            enough = enough if enough.size else rule.tol * (size + ABSOLUTE_FLOOR)
+            gap = np.abs(kronrod - np.array(GAUSS_WEIGHTS) @ found[1::2])
+            seen = len(self.marks)
+            watched = [[bool(_get(r, w)) for w in stmt.watch] for r in (*runs, *(at(place(u)) for u in (left, left + width) if stmt.watch))]
+            del self.marks[seen:]
+            changed = any(any(column) and not all(column) for column in zip(*watched, strict=True))
+            good = width <= WATCH_WIDTH if changed else bool(np.all((gap <= np.maximum(enough, ROUNDING * size)) | ~np.isfinite(gap)))
+            if good or used >= MAX_INTERVALS or width <= 2.0**-MAX_DEPTH:
+                total += kronrod
+                piece.nodes += [place(u) for u in us]
+            else:
+                del self.marks[marks:]
+                stack += [(left, 0.5 * width), (left + 0.5 * width, 0.5 * width)]
+        return total
+
+    # -- marks ---------------------------------------------------------------------------------------------------------
+
+    def _mark(self, stmt: Assign, names: Values) -> None:
+        """Follow the mark of a point through what it is multiplied by."""
+        if stmt.op == "atan2":
+            y, x = (_get(names, a) - SHIFT for a in stmt.args)
+            if np.ndim(x) == 0 and np.ndim(y) == 0 and abs(x) < 0.5 * SHIFT and abs(y) < 0.5 * SHIFT:
+                mark = Mark(tuple(self._around), float(x), float(y), 1.0)
+                self.marks.append(mark)
+                self._marked[stmt.name] = (mark, float(names[stmt.name]))
+            return
+        self._marked.pop(stmt.name, None)
+        for a in stmt.args if stmt.op in ("mul", "div", "select", "neg") else ():
+            if isinstance(a, str) and a in self._marked:
+                mark, angle = self._marked[a]
+                mark.weight = abs(float(names[stmt.name])) / angle
+                self._marked[stmt.name] = (mark, angle)
+
+
+def _get(names: Values, a: Any) -> Any:
+    return names[a] if isinstance(a, str) else np.float64(a) if isinstance(a, float) else a
+
+
+def _operation(stmt: Assign, names: Values) -> Any:
+    v = [_get(names, a) for a in stmt.args]
+    match stmt.op:
+        case "const":
+            return v[0]
+        case "add" | "mul" | "and" | "or":
+            total = v[0]
+            for u in v[1:]:
+                total = _FOLDED[stmt.op](total, u)
+            return total
+        case "sub":
+            return v[0] - v[1]
+        case "div":
+            return np.divide(v[0], v[1])
+        case "neg":
+            return -v[0]
+        case "mod":
+            return v[0] - v[1] * np.floor(v[0] / v[1])
+        case "powi":
+            return numpy_runtime.powi(np.asarray(v[0], dtype=np.float64)[()], v[1])
+        case "gt0" | "ge0" | "lt0" | "le0":
+            return _COMPARED[stmt.op](v[0], 0.0)
+        case "ok":
+            return v[0] == v[0]
+        case "not":
+            return np.logical_not(v[0])
+        case "select":
+            return np.where(v[0], v[1], v[2])[()]
+        case "tie":
+            g, scale, r, _ = v
+            return np.where((np.abs(g) <= TIE_EPS * scale) & np.isfinite(g), r, g > 0.0)[()]
+        case "abs":
+            return np.abs(v[0])
+        case op:
+            return getattr(np, _RENAMED.get(op, op))(*v)
+
+
+_FOLDED = {"add": np.add, "mul": np.multiply, "and": np.logical_and, "or": np.logical_or}
+_COMPARED = {"gt0": np.greater, "ge0": np.greater_equal, "lt0": np.less, "le0": np.less_equal}
+_RENAMED = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "pow": "power", "min": "minimum", "max": "maximum"}
+
+
+def integrals_of(program: Program) -> Iterator[Integrate]:
+    """The integrals of a program, in the order of their numbers."""
+    return (s for s in statements(program.body) if isinstance(s, Integrate))

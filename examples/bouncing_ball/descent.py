@@ -1,0 +1,97 @@
+"""Descent of the action by the times of the contacts, the heights of the arcs always the best ones.
+
+With the heights eliminated, the gradient by the times is the one at the best heights (envelope theorem). The length of a step is that
+of Barzilai and Borwein (1988): it comes from the last two gradients and needs no value of the action. That matters for
+the comparison: what plain automatic differentiation gives is not the gradient of the action, so a descent that looked
+at the action would only stop somewhere; this one shows where that gradient leads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from teg.examples.bouncing_ball.scene import GIVEN, CompiledScene, contact_names, height_names
+from teg.examples.bouncing_ball.throw import Throw, straight
+
+FIRST = 0.05  # the first step, of the mean length of an arc
+SHORTEST = 0.5  # an arc keeps this part of its time in one step
+CONVERGED = 1e-12  # of m·g·room
+
+
+@dataclass(frozen=True)
+class State:
+    """Times of the contacts (n,), heights of the arcs (n + 1,), the gradient by the times (n,), the action in J·s."""
+
+    times: np.ndarray
+    heights: np.ndarray
+    gradient: np.ndarray
+    action: float
+
+
+class ActionDescent:
+    """The descent of one throw with one compiled scene; `states` holds all it went through, from straight lines on."""
+
+    def __init__(self, throw: Throw, scene: CompiledScene) -> None:
+        self.throw, self.scene = throw, scene
+        self.given = {name: getattr(throw, name) for name in GIVEN} | {"end": throw.arrival}
+        times, heights = straight(throw)
+        _, gradient, action = self._evaluate(times, heights)
+        self.states = [State(times, heights, gradient, action)]
+
+    @property
+    def converged(self) -> bool:
+        """Whether the gradient is zero to rounding."""
+        throw = self.throw
+        return bool(np.abs(self.states[-1].gradient).max() <= CONVERGED * throw.mass * throw.gravity * throw.room)
+
+    def step(self) -> None:
+        """One step of the times, then the best heights; the first one is of the heights alone."""
+        last = self.states[-1]
+        times = last.times
+        if len(self.states) > 1:
+            times = last.times + self._limited(last.times, self._change())
+        by_height, _, _ = self._evaluate(times, last.heights)
+        heights = last.heights - by_height / self._curvature(times, last.heights)
+        _, gradient, action = self._evaluate(times, heights)
+        self.states.append(State(times, heights, gradient, action))
+
+    def hessian(self) -> np.ndarray:
+        """All second derivatives at the last state, times first."""
+        names = self.scene.action.parameters[: 2 * self.throw.contacts + 1]
+        entries = self.scene.action.hessian(self._values(self.states[-1].times, self.states[-1].heights))
+        return np.array([[entries[a, b] for b in names] for a in names])
+
+    def _curvature(self, times: np.ndarray, heights: np.ndarray) -> np.ndarray:
+        """The second derivative by each height."""
+        values = self._values(times, heights)
+        curvature = self.scene.curvature
+        return np.array(curvature({name: values[name] for name in curvature.parameters}))
+
+    def _change(self) -> np.ndarray:
+        """Down the gradient, by the length that the last change of the gradient suggests."""
+        last, before = self.states[-1], self.states[-2]
+        moved, turned = last.times - before.times, last.gradient - before.gradient
+        if not moved.any():
+            arc = self.throw.duration / (self.throw.contacts + 1)
+            return np.asarray(-last.gradient * (FIRST * arc / np.abs(last.gradient).max()))
+        return np.asarray(-last.gradient * (abs(moved @ turned) / (turned @ turned)))
+
+    def _limited(self, times: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """As much of the change as leaves every arc half of its time: the contacts keep their order."""
+        length = np.diff(self.throw.knots(times)[0])
+        growth = np.diff(np.concatenate([[0.0], change, [0.0]]))
+        shrinking = growth < 0
+        most = np.min(SHORTEST * length[shrinking] / -growth[shrinking], initial=1.0)
+        return change * most
+
+    def _evaluate(self, times: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """The gradient by the heights and by the times, and the action."""
+        action, slopes = self.scene.action.value_and_grad(self._values(times, heights))
+        by_height, by_time = (np.array([slopes[k] for k in names(len(times))]) for names in (height_names, contact_names))
+        return by_height, by_time, float(action)
+
+    def _values(self, times: np.ndarray, heights: np.ndarray) -> dict[str, float]:
+        names = contact_names(len(times)) + height_names(len(times))
+        return dict(zip(names, [*times, *heights], strict=True)) | self.given

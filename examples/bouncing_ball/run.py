@@ -1,0 +1,145 @@
+"""The path of a bouncing ball by least action: contacts and heights, by descent of an integral whose integrand jumps.
+
+throw → straight lines → (times of contacts → best heights → compiled gradient) × steps → pictures, against the exact path
+"""
+
+from __future__ import annotations
+
+import shlex
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from teg.errors import InputError
+from teg.examples.bouncing_ball.descent import ActionDescent, State
+from teg.examples.bouncing_ball.scene import compile_scene
+from teg.examples.bouncing_ball.throw import Throw, exact, make_throw
+from teg.examples.harness import default_backend, machine, progress_bar, require_packages, result_folder, versions, write_report
+
+STEPS = 300
+PACKAGES = {"scipy": "scipy", "matplotlib": "matplotlib", "tqdm": "tqdm"}
+LABELS = {"sift": "exact gradient", "ignore": "plain automatic differentiation"}
+SHEET = "bouncing_ball.png"
+LIFT_AT_REST = (
+    "in a lift at rest automatic differentiation finds the same contacts: what it gives is then twice the gradient, "
+    "which is zero in the same place (with --speed 1.5, the default, it is not)"
+)
+HALF_SPEED = "without the jumps of the integrand the ball rebounds as if the lift moved at half its speed"
+ELSEWHERE = "without the jumps of the integrand the contacts go to wrong places"
+
+
+def run_bouncing_ball(
+    contacts: int = 5,
+    speed: float = 1.5,
+    duration: float | None = None,
+    steps: int = STEPS,
+    out: str | Path = "out/bouncing-ball",
+    discontinuities: str = "sift",
+    compare: bool = True,
+    backend: str | None = None,
+    progress: bool = True,
+) -> dict[str, Any]:
+    """Find the path of a ball thrown in a rising lift; write a picture to `out`, return what run.json holds.
+
+    The ball makes that many `contacts` with the lift's floor and ceiling, by turns; `speed` is the lift's, in m/s, and
+    `duration` in s (None: 0.7 of the longest that allows so many contacts). At most `steps` steps; the descent ends when
+    the gradient is zero to rounding. `backend` None is "c" if there is a C compiler, else "numpy".
+    `discontinuities="ignore"` differentiates as plain automatic differentiation does; unless that is asked for, the
+    same descent is run that way too and shown beside (`compare`). Ctrl-C ends it: the report says "interrupted".
+
+    Raises InputError for a throw or folder that is not possible, MissingPackageError.
+    """
+    require_packages("bouncing ball", PACKAGES, progress)
+    from teg.examples.bouncing_ball import pictures
+
+    throw = make_throw(contacts, speed, duration)
+    if steps < 1:
+        raise InputError(f"{steps} steps", None, "1 or more")
+    chosen = backend or default_backend()
+    folder = result_folder(Path(out))
+    times, heights, least = exact(throw)
+    runs, reports, interrupted = {}, [], False
+    for kind in dict.fromkeys([discontinuities, "ignore"] if compare else [discontinuities]):
+        begun = time.perf_counter()
+        descent = ActionDescent(throw, compile_scene(contacts, chosen, kind))
+        setup = time.perf_counter() - begun
+        interrupted = interrupted or descend(descent, steps, progress, LABELS.get(kind, kind))
+        seconds = {"setup": setup, "descent": time.perf_counter() - begun - setup}
+        runs[LABELS.get(kind, kind)] = descent.states
+        reports.append(_report(descent, kind, times, least) | {"seconds": seconds})
+    first = next(iter(runs.values()))[0]
+    pictures.draw_sheet(
+        folder / SHEET,
+        throw,
+        (times, heights),
+        (first.times, first.heights),
+        {label: (states[-1].times, states[-1].heights) for label, states in runs.items()},
+        {label: [_error(s, times) for s in states] for label, states in runs.items()},
+    )
+    report = reports[0] | {
+        "beside": reports[1] if len(reports) > 1 else None,
+        "interrupted": interrupted,
+        "exact": {"times": times.tolist(), "heights": heights.tolist(), "action": least},
+        "throw": asdict(throw),
+        "options": {"steps": steps, "discontinuities": discontinuities, "backend": chosen},
+        "command": _command(throw, steps, discontinuities, chosen, compare, out),
+        "versions": versions(),
+        "machine": machine(),
+        "pictures": [str(folder / SHEET)],
+    }
+    write_report(folder / "run.json", report)
+    return report
+
+
+def descend(descent: ActionDescent, steps: int, progress: bool, label: str = "") -> bool:
+    """Step until the gradient is zero to rounding, or all steps are done; True if Ctrl-C came before that."""
+    try:
+        with progress_bar(progress, steps, 0, label) as bar:
+            while len(descent.states) <= steps and not (descent.converged and len(descent.states) > 1):
+                descent.step()
+                if bar is not None:
+                    bar.update()
+                    bar.set_postfix_str(f"action {descent.states[-1].action:.6f} J·s")
+    except KeyboardInterrupt:
+        return True
+    return False
+
+
+def _report(descent: ActionDescent, kind: str, times: np.ndarray, least: float) -> dict[str, Any]:
+    throw, states = descent.throw, descent.states
+    end = states[-1]
+    before, after = throw.contact_speeds(end.times, end.heights)
+    report: dict[str, Any] = {
+        "discontinuities": kind,
+        "steps": len(states) - 1,
+        "converged": descent.converged,
+        "times": end.times.tolist(),
+        "heights": end.heights.tolist(),
+        "action": end.action,
+        "action_above_exact": end.action - least,
+        "largest_time_error": _error(end, times),
+        "speed_of_lift_by_rebounds": ((before + after) / 2).tolist(),  # of a wall that moves at (v₋ + v₊)/2
+        "gradient": float(np.abs(end.gradient).max()),
+        "errors": [_error(s, times) for s in states],
+        "actions": [s.action for s in states],
+        "note": "",
+    }
+    if kind == "ignore":
+        halved = np.allclose(report["speed_of_lift_by_rebounds"], throw.speed / 2, atol=1e-6)
+        report["note"] = LIFT_AT_REST if throw.speed == 0 else HALF_SPEED if halved else ELSEWHERE
+    elif kind == "sift":
+        report["smallest_curvature"] = float(np.linalg.eigvalsh(descent.hessian())[0])  # positive: the action is a minimum
+    return report
+
+
+def _error(state: State, times: np.ndarray) -> float:
+    return float(np.abs(state.times - times).max())
+
+
+def _command(throw: Throw, steps: int, discontinuities: str, backend: str, compare: bool, out: str | Path) -> str:
+    words = ["teg", "demo", "bouncing-ball", "--contacts", str(throw.contacts), "--speed", str(throw.speed)]
+    words += ["--duration", repr(throw.duration), "--steps", str(steps), "--discontinuities", discontinuities]
+    return shlex.join([*words, "--backend", backend, *([] if compare else ["--alone"]), "-o", str(out)])

@@ -1,0 +1,87 @@
+"""What every demonstration needs around its computation: packages, a backend, a folder, a progress bar, a report."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib import metadata, util
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any
+
+from teg.errors import CompilerError, InputError, MissingPackageError
+
+REPORTED = ("teg", "numpy", "scipy", "pillow", "scikit-image", "matplotlib")
+
+
+def require_packages(demonstration: str, packages: Mapping[str, str], progress: bool) -> None:
+    """Raise MissingPackageError unless all can be imported; `packages` is import name -> name to install."""
+    wanted = [k for k in packages if k != "tqdm" or progress]
+    missing = [packages[k] for k in wanted if util.find_spec(k) is None]
+    if missing:
+        raise MissingPackageError(f"the {demonstration} needs {', '.join(missing)}", None, 'pip install "teg[demo]"')
+
+
+def default_backend() -> str:
+    """ "c" if there is a C compiler, else "numpy"."""
+    from teg.backends.c_build import find_compiler
+
+    try:
+        find_compiler()
+    except CompilerError:
+        return "numpy"
+    return "c"
+
+
+def result_folder(path: Path) -> Path:
+    """The folder, made if need be. Raises InputError if it cannot be written to."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=path).close()
+    except OSError as problem:
+        raise InputError(f"cannot write to {str(path)!r}", None, f"{problem.strerror}; name another folder") from None
+    return path
+
+
+def write_report(path: Path, report: Mapping[str, Any]) -> None:
+    """Write a report as JSON, whole or not at all."""
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    os.replace(partial, path)
+
+
+@contextmanager
+def progress_bar(shown: bool, total: int, done: int, label: str = "") -> Iterator[Any]:
+    """A bar on the standard error, or None."""
+    if not shown:
+        yield None
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=total, initial=done, desc=label or None, unit="step", file=sys.stderr, dynamic_ncols=True) as bar:
+        yield bar
+
+
+def ratio(end: float, start: float) -> float:
+    """end / start, 1 where nothing was to be gained."""
+    return end / start if start > 0 else 1.0
+
+
+def versions() -> dict[str, str]:
+    """The versions of Python and of the packages that take part."""
+    found = {"python": platform.python_version()}
+    for package in REPORTED:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def machine() -> dict[str, Any]:
+    """What the run ran on."""
+    return {"platform": platform.platform(), "processors": os.cpu_count()}

@@ -1,0 +1,64 @@
+"""Gradient descent on all parameters at once, with the steps of Adam (Kingma and Ba 2015).
+
+The length of a step falls like 1/√(1 + step/100), and so depends on nothing but its number: a run that is resumed goes on as
+if it had not been interrupted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from teg.examples.perlin.shader_loss import AFTER_GRADIENTS, COLOURS, ShaderLoss
+
+GRADIENTS, THRESHOLD, COLOUR = 0.1, 0.01, 0.01  # the first lengths of steps: of a lattice gradient, the threshold, a colour
+HORIZON = 100
+MEAN, SQUARE, TINY = 0.9, 0.99, 1e-12
+ROUNDING = 1e-14  # a gradient of this size is one of rounding errors, which Adam would follow like any other
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a descent stands: all that its next step depends on.
+
+    Parameters, the gradient there, and the running means of the gradient and its square, (n,) each.
+    """
+
+    parameters: np.ndarray
+    gradient: np.ndarray
+    mean: np.ndarray
+    square: np.ndarray
+    step: int
+    loss: float
+    stuck: bool = False
+
+
+def first_state(shader: ShaderLoss, gradients: np.ndarray, target: np.ndarray) -> State:
+    """The first noise, cut at 0; the colours one standard deviation above and below the target's mean."""
+    mean, deviation = target.mean(axis=(0, 1)), target.std(axis=(0, 1))
+    colours = np.clip([mean + deviation, mean - deviation], 0, 1).ravel()
+    parameters = np.concatenate([gradients, [0.0], colours])
+    loss, gradient = shader.value_and_gradient(parameters)
+    still = np.zeros(len(parameters))
+    return State(parameters, gradient, still, still, 0, loss, _is_zero(gradient))
+
+
+def next_state(shader: ShaderLoss, state: State) -> State:
+    """One step down. `stuck` is set where the gradient is zero to rounding."""
+    step = state.step + 1
+    mean = MEAN * state.mean + (1 - MEAN) * state.gradient
+    square = SQUARE * state.square + (1 - SQUARE) * state.gradient**2
+    length = _lengths(len(mean)) / np.sqrt(1 + state.step / HORIZON)
+    change = (mean / (1 - MEAN**step)) / (np.sqrt(square / (1 - SQUARE**step)) + TINY)
+    parameters = state.parameters - length * change
+    loss, gradient = shader.value_and_gradient(parameters)
+    return State(parameters, gradient, mean, square, step, loss, _is_zero(gradient))
+
+
+def _is_zero(gradient: np.ndarray) -> bool:
+    return bool(np.abs(gradient).max() <= ROUNDING)
+
+
+def _lengths(count: int) -> np.ndarray:
+    return np.repeat([GRADIENTS, THRESHOLD, COLOUR], [count - AFTER_GRADIENTS, 1, len(COLOURS)])

@@ -1,0 +1,111 @@
+"""Critical points of surfaces: where a region is born, or two branches of a curve meet.
+
+A quadric g has one, where ∇g = 0: from the middle o of a box the step d to it solves H·d = -∇g(o). If g is 0 there, the region {g > 0} is a
+point, or the curve g = 0 two crossing lines, and its derivatives are one-sided or infinite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from teg.calculus import slope
+from teg.expr import (
+    MINUS_ONE,
+    ONE,
+    ZERO,
+    Cond,
+    Expr,
+    Var,
+    add,
+    call,
+    conjunction,
+    const,
+    disjunction,
+    integer_power,
+    mul,
+    positive,
+    sub,
+    where,
+)
+from teg.nest import Binder
+from teg.polynomial import Shadow
+from teg.traverse import substitute
+
+ROUNDING = 8 * 2.0**-52
+NOTHING = 1e-12
+"""A factor of the boundary term that is smaller than this, in parts of its values on the box, is 0 at the critical point."""
+
+
+@dataclass(frozen=True)
+class Critical:
+    """The critical point of a quadric, g there, det H, whether the point is in the box, and the size of g on the box."""
+
+    point: Mapping[Var, Expr]
+    value: Expr
+    determinant: Expr
+    inside: Cond
+    size: Expr
+
+
+def critical_point(g: Expr, boxes: Sequence[Binder]) -> Critical | None:
+    """Of a surface that is quadratic in the variables of the boxes together (two or three)."""
+    variables = [b.var for b in boxes]
+    if not 2 <= len(boxes) <= 3 or Shadow(tuple(variables)).degree(g) != 2:
+        return None
+    middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in boxes}
+    gradient = [slope(g, v) for v in variables]
+    hessian = [[_at(slope(s, v), middle) for v in variables] for s in gradient]
+    down = [mul(MINUS_ONE, _at(s, middle)) for s in gradient]
+    whole = _determinant(hessian)
+    if whole is ZERO:
+        return None
+    point: dict[Var, Expr] = {}
+    for i, v in enumerate(variables):
+        replaced = [[down[r] if c == i else entry for c, entry in enumerate(row)] for r, row in enumerate(hessian)]
+        point[v] = add(middle[v], mul(_determinant(replaced), integer_power(whole, -1)))
+    inside = conjunction(
+        disjunction(positive(whole), positive(mul(MINUS_ONE, whole))),
+        *(positive(mul(sub(b.hi, point[b.var]), sub(point[b.var], b.lo)), strict=False) for b in boxes),
+    )
+    return Critical(point, _at(g, point), whole, inside, _size(g, boxes, middle))
+
+
+def infinite_at_saddle(g: Expr, coefficient: Expr, boxes: Sequence[Binder]) -> Expr:
+    """±inf where ∫∫ coefficient·δ(g) diverges: two variables, the curve crosses itself in the box, and the coefficient is not 0 there."""
+    variables = {b.var for b in boxes}
+    if len(boxes) != 2 or coefficient.has_delta or coefficient.has_integral or not (g.free | coefficient.free) <= variables:
+        return ZERO
+    critical = critical_point(g, boxes)
+    if critical is None:
+        return ZERO
+    near = positive(sub(mul(const(ROUNDING), critical.size), call("magnitude", critical.value)), strict=False)
+    saddle = positive(mul(MINUS_ONE, critical.determinant))
+    middle = {b.var: mul(const(0.5), add(b.lo, b.hi)) for b in boxes}
+    there, nothing = _at(coefficient, critical.point), mul(const(NOTHING), _size(coefficient, boxes, middle))
+    endless = const(float("inf"))
+    signed = where(
+        positive(sub(there, nothing)), endless, where(positive(sub(mul(MINUS_ONE, there), nothing)), mul(MINUS_ONE, endless), ZERO)
+    )
+    return where(conjunction(saddle, near, critical.inside), signed, ZERO)
+
+
+def _at(e: Expr, point: Mapping[Var, Expr]) -> Expr:
+    return cast(Expr, substitute(e, point))
+
+
+def _size(e: Expr, boxes: Sequence[Binder], middle: Mapping[Var, Expr]) -> Expr:
+    """Σ|e| over the middles of the sides of the box."""
+    return add(*(call("magnitude", _at(e, {**middle, b.var: end})) for b in boxes for end in (b.lo, b.hi)))
+
+
+def _determinant(rows: Sequence[Sequence[Expr]]) -> Expr:
+    """Of a matrix of one to three rows."""
+    if len(rows) == 1:
+        return rows[0][0]
+    terms = []
+    for c, entry in enumerate(rows[0]):
+        minor = _determinant([[e for k, e in enumerate(row) if k != c] for row in rows[1:]])
+        terms.append(mul(MINUS_ONE if c % 2 else ONE, entry, minor))
+    return add(*terms)

@@ -1,0 +1,184 @@
+"""A report as data, as text of at most 100 columns, and as HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from html import escape
+from textwrap import wrap
+from typing import Any
+
+WIDTH = 100
+GAP = "  "
+MAX_ROWS = 16
+"""Rows of one table that are printed; `data` has all of them."""
+NARROWEST = 12
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: of numbers, aligned on the right; of expressions, which are shortened; of prose, which goes on in the next line."""
+
+    title: str
+    kind: str = "prose"  # "number", "expression", "prose"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A titled table; `note` stands under it."""
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+
+@dataclass
+class Explanation:
+    """What the compiler found and did. `str()` is a report to read, `data` the same, unshortened, as dicts, lists, strings and numbers.
+
+    data["surfaces"] are those on which integrands change, data["dropped"] those of the program that are not among them, and
+    data["integrals"], data["boundary"] and data["interior"] the integrals of the value and the two kinds of the gradient.
+    """
+
+    data: dict[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        blocks = [shortened(self.data["expression"], WIDTH), *(_text(table) for table in self._tables())]
+        return "\n\n".join([*blocks, *("\n".join(wrap(line, WIDTH, subsequent_indent=GAP)) for line in self._remarks())])
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        parts = [f"<p><code>{escape(shortened(self.data['expression'], 4 * WIDTH))}</code></p>", *(_html(t) for t in self._tables())]
+        return "".join([*parts, *(f"<p>{escape(line)}</p>" for line in self._remarks())])
+
+    def _tables(self) -> list[Table]:
+        data = self.data
+        moving = [s for s in data["surfaces"] if s["status"] in ("eliminated", "stuck")]
+        still = [s for s in data["surfaces"] if s not in moving]
+        tables = [
+            _surfaces("surfaces that move", moving, "how δ is eliminated"),
+            _surfaces("no δ", [*still, *data["dropped"]], "why"),
+            _integrals("integrals of the value", data["integrals"]),
+            _integrals("boundary integrals of the gradient", data["boundary"]),
+            _integrals("interior integrals of the gradient", data["interior"] or ()),
+        ]
+        costs = (
+            Column(""), Column("statements", "number"), Column("integrals", "number"), Column("integrand evaluations a call", "number"),
+        )  # fmt: skip
+        rows = tuple((name, _grouped(c["statements"]), _grouped(c["integrals"]), _evaluations(c)) for name, c in data["cost"].items())
+        return [t for t in tables if t.rows] + (
+            [Table(f"cost of the expression of {_grouped(data['nodes'])} nodes", costs, rows)] if rows else []
+        )
+
+    def _remarks(self) -> list[str]:
+        data = self.data
+        lines = [f"No {name}: {data[key]}" for name, key in (("value", "value_error"), ("gradient", "gradient_error")) if data[key]]
+        if not data["integrals"] and not data["value_error"]:
+            lines.append("There is no integral in the value.")
+        elif not data["surfaces"] and not data["value_error"]:
+            lines.append("There is no surface: no integrand jumps.")
+        if data["gradient_statements"] and not data["boundary"] and any(s["status"] == "eliminated" for s in data["surfaces"]):
+            lines.append("The boundary terms of the gradient are values at points: they need no integral.")
+        return lines
+
+
+def _surfaces(title: str, found: Sequence[dict[str, Any]], last: str) -> Table:
+    rows = []
+    for s in found[:MAX_ROWS]:
+        others = f"{s['count']} parallel surfaces of {s['of']}: " if s["count"] > 1 else ""
+        rows.append((s["surface"], s["owner"] or "-", others + s["treatment"]))
+    rest: dict[str, int] = {}
+    for s in found[MAX_ROWS:]:
+        kind = s["family"] or s["status"]
+        rest[kind] = rest.get(kind, 0) + s["count"]
+    note = "… and " + ", ".join(f"{k} more: {name}" for name, k in rest.items()) if rest else ""
+    return Table(title, (Column("surface", "expression"), Column("owner"), Column(last)), tuple(rows), note)
+
+
+def _integrals(title: str, found: Sequence[dict[str, Any]]) -> Table:
+    columns = (
+        Column("over", "expression"), Column("from .. to", "expression"), Column("breaks"), Column("degree", "number"), Column("rule"),
+        Column("nodes a piece", "number"),
+    )  # fmt: skip
+    rows = []
+    for i in found[:MAX_ROWS]:
+        over = i["variable"] + (f" ×{i['count']}" if i["count"] > 1 else "")
+        degree = "-" if i["degree"] is None else str(i["degree"])
+        nodes = "-" if i["nodes"] is None else ("≥ " if i["rule"].startswith("adaptive") else "") + str(i["nodes"])
+        domain = "-" if i["kind"] == "sum over roots" else f"{i['lower']} .. {i['upper']}"
+        rows.append((over, domain, _breaks(i), degree, i["rule"], nodes))
+    left = sum(i["count"] for i in found[MAX_ROWS:])
+    return Table(title, columns, tuple(rows), f"… and {left} more" if left else "")
+
+
+def _breaks(i: dict[str, Any]) -> str:
+    if i["kind"] == "sum over roots":
+        return f"{i['formula']} roots by formula" if i["formula"] else f"≤ {i['isolated']} roots isolated"
+    parts = [f"{i['formula']} by formula"] if i["formula"] else []
+    parts += [f"≤ {i['isolated']} isolated"] if i["isolated"] else []
+    parts += [f"≤ {i['located']} where curves meet"] if i["located"] else []
+    parts += ["others searched for" if parts else "searched for"] if i["searched"] else []
+    return ", ".join(parts) or "none"
+
+
+def _evaluations(cost: dict[str, Any]) -> str:
+    return f"about {_grouped(cost['evaluations'])}" + (", more where adaptive" if cost["adaptive"] else "")
+
+
+def _grouped(n: int) -> str:
+    return f"{n:,}".replace(",", " ")
+
+
+# -- text ----------------------------------------------------------------------------------------------------------------
+
+
+def shortened(text: str, width: int) -> str:
+    """One line of at most `width` characters: what is too long loses its middle."""
+    text = " ".join(text.split())
+    if len(text) <= width:
+        return text
+    tail = (width - 3) // 3
+    return f"{text[: width - 3 - tail].rstrip()} … {text[len(text) - tail :].lstrip()}"
+
+
+def _widths(table: Table, room: int) -> list[int]:
+    """The widths of the columns: what they need, and where that is too much the widest ones less."""
+    cells = [tuple(c.title for c in table.columns), *table.rows]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(table.columns))]
+    least = [w if c.kind == "number" else min(w, NARROWEST) for w, c in zip(widths, table.columns, strict=True)]
+    excess = sum(widths) - room
+    while excess > 0:
+        i = max(range(len(widths)), key=lambda k: widths[k] - least[k])
+        if widths[i] == least[i]:
+            break
+        widths[i] -= 1
+        excess -= 1
+    return widths
+
+
+def _text(table: Table) -> str:
+    widths = _widths(table, WIDTH - len(GAP) * len(table.columns))
+    lines = [table.title] if table.title else []
+    head = [tuple(c.title for c in table.columns)]
+    for row in [*head, *table.rows]:
+        cells = []
+        for text, column, width in zip(row, table.columns, widths, strict=True):
+            cells.append([shortened(text, width)] if column.kind == "expression" else wrap(text, width) or [""])
+        for k in range(max(len(c) for c in cells)):
+            parts = [c[k] if k < len(c) else "" for c in cells]
+            aligned = [
+                p.rjust(w) if column.kind == "number" else p.ljust(w) for p, w, column in zip(parts, widths, table.columns, strict=True)
+            ]
+            lines.append((GAP + GAP.join(aligned)).rstrip())
+    return "\n".join([*lines, *([GAP + table.note] if table.note else [])])
+
+
+def _html(table: Table) -> str:
+    def row(cells: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag} style='text-align:left'>{escape(c)}</{tag}>" for c in cells) + "</tr>"
+
+    body = row([c.title for c in table.columns], "th") + "".join(row(r, "td") for r in table.rows)
+    note = f"<p>{escape(table.note)}</p>" if table.note else ""
+    return f"<table><caption style='text-align:left'><b>{escape(table.title)}</b></caption>{body}</table>{note}"

@@ -1,0 +1,279 @@
+"""Where a nest of integrals lies in other coordinates: the image of its bounds under a map.
+
+Exact images. Where an old variable is a function of one new variable and of those that stand outside of it (translations, scalings, shears,
+every map of one variable), its bounds are carried over by the inverse:  ∫ₗʰ dx = ∫ du from u(l) to u(h), or back where u falls.
+
+Enclosures. Elsewhere the image of a box is no box. The new variables run over a box that holds it: the given bounds, the domain where it is
+finite, else interval bounds of the inverse; and the old bounds become brackets, [l < x(u) < h], ordinary surfaces that move and have flux.
+Interval bounds that depend on parameters are rounded outwards to steps of the size of the box: they are constant almost everywhere and the
+integrand vanishes near them, so they contribute nothing to derivatives and never touch the brackets.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from teg.calculus import slope
+from teg.diffeomorphism import INFINITY, MINUS_INFINITY, Diffeomorphism
+from teg.errors import BoundError, NotDifferentiableError, ScopeError
+from teg.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, add, call, const, div, mul, sub
+from teg.identities import simplified
+from teg.intervals import Interval, enclose
+from teg.nest import Binder, Chain
+from teg.node import Node, postorder
+from teg.numerics import folded, values_of
+from teg.roots import tidy
+from teg.traverse import parameters, rewrite, substitute
+from teg.verification import TRIALS, Constraint
+
+_MARGIN = 2.0**-4
+"""By how much enclosures are widened, relative to their size."""
+_NOTHING = 1e-280
+"""Keeps the step of an empty box from being 0."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """An old integral sign whose bounds have become a bracket: [lo < point < hi]. A bound that the map cannot reach is None."""
+
+    binder: Binder
+    point: Expr
+    lo: Expr | None
+    hi: Expr | None
+
+
+@dataclass(frozen=True)
+class Image:
+    """A nest in new variables: ∫ over `chain` of F(at)·weight·[sides]·[constraints] is ∫ over the old nest of F."""
+
+    chain: Chain
+    at: dict[Var, Expr]
+    weight: Expr
+    sides: tuple[Side, ...]
+    constraints: tuple[Constraint, ...]
+    known: dict[Node, Expr]
+    """inverse∘forward as it is written out, and the new variable that it is."""
+
+
+def image_of(chain: Chain, m: Diffeomorphism, exact: bool = False) -> Image:
+    """The image of a nest, outermost first, that binds all old variables of the map and none of the new ones.
+
+    `exact` says that the given bounds of the map are the image itself. Raises BoundError where finite bounds cannot be derived.
+    """
+    if sum(b.var in m.forward for b in chain) != len(m.old):
+        raise ScopeError("a map needs integrals over all of its old variables", m, "nest them directly inside each other")
+    return _Image(chain, m, exact).run()
+
+
+class _Image:
+    """One nest on its way through a map: what stands, outermost first, and what is left to be carried over."""
+
+    def __init__(self, chain: Chain, m: Diffeomorphism, exact: bool) -> None:
+        self.m, self.whole, self.exact = m, chain, exact
+        self.left = [b for b in chain if b.var in m.forward]
+        self.inner = _depending([b for b in chain if b.var not in m.forward], m.old)
+        self.done: dict[Var, Expr] = {}
+        self.found: list[Binder] = []
+        self.boxed: set[Var] = set()
+        self.sides: list[Binder] = []
+        self.signs: list[Expr] = []  # of the slopes of what was carried over
+        self.rates: list[Expr] = []  # and the slopes, relative to the order of the new bounds
+
+    def run(self) -> Image:
+        while self.left:
+            if not any(self._carried(b) for b in self.left):
+                self._enclosed()
+        m, at = self.m, dict(self.m.forward)
+        outer = [b for b in self.whole if b.var not in m.forward and b not in self.inner]
+        inner = [Binder(b.var, _at(b.lo, at), _at(b.hi, at)) for b in self.inner]
+        known = {_at(m.inverse[u], at): cast(Expr, u) for u in m.new}
+        return Image(
+            chain=(*outer, *self.found, *inner),
+            at=at,
+            weight=mul(*self.signs, m.weight()) if self.boxed else mul(*self.rates),
+            sides=tuple(self._side(b) for b in self.sides),
+            constraints=() if self.exact else tuple(c for c in m.within if c.value.free & self.boxed),
+            known={e: u for e, u in known.items() if not isinstance(e, Var)},
+        )
+
+    def _side(self, b: Binder) -> Side:
+        least, most = self.m.image[b.var]
+        lo, hi = (_at(e, dict(self.m.forward)) for e in (b.lo, b.hi))
+        below = isinstance(lo, Const) and isinstance(least, Const) and lo.data <= least.data
+        above = isinstance(hi, Const) and isinstance(most, Const) and hi.data >= most.data
+        return Side(b, self.m.forward[b.var], None if below else lo, None if above else hi)
+
+    def _waiting(self, b: Binder) -> set[Var]:
+        """The new variables that an old one depends on and that have no integral yet."""
+        return set(self.m.forward[b.var].free) - {f.var for f in self.found}
+
+    def _carried(self, b: Binder) -> bool:
+        """Carry the bounds of one old variable over, where they determine those of one new variable."""
+        m, waiting = self.m, self._waiting(b)
+        not_yet = {c.var for c in (*self.left, *self.inner)}
+        if len(waiting) != 1 or (b.lo.free | b.hi.free) & not_yet:
+            return False
+        (u,) = waiting
+        rate = simplified(slope(m.forward[b.var], u), m.domain)
+        sign = m.sign_of(rate)
+        if u in m.bounds or sign is None or not m.inverse[u].free <= self.done.keys() | {b.var}:
+            return False
+        ends = [_at(m.inverse[u], {**self.done, b.var: _at(e, self.done)}) for e in (b.lo, b.hi)]
+        for end, bound in zip(ends, (b.lo, b.hi), strict=True):
+            if not _may_be_finite(folded(end)):
+                raise BoundError(
+                    f"the map sends the bound {b.var.name} = {bound} to {u.name} = {end}, which is not finite",
+                    m,
+                    f"cut the tail off: bounds={{{u.name}: (lower, upper)}}",
+                )
+        if sign is MINUS_ONE:
+            ends.reverse()
+            rate = mul(MINUS_ONE, rate)
+        elif sign is not ONE:
+            self.signs.append(sign)
+        self.rates.append(rate)
+        self.found.append(Binder(u, *ends))
+        self._finish([b])
+        return True
+
+    def _enclosed(self) -> None:
+        """The smallest outer part of the nest that depends on as many new variables: these run over a box."""
+        block: list[Binder] = []
+        waiting: set[Var] = set()
+        for b in self.left:
+            block.append(b)
+            waiting |= self._waiting(b)
+            if len(waiting) == len(block):
+                break
+        ranges = _ranges(self.whole)
+        for u in reversed(self.m.new):  # the first one is innermost
+            if u in waiting:
+                self.found.append(Binder(u, *_enclosure(self.m, u, ranges)))
+        self.boxed |= waiting
+        if not self.exact:
+            self.sides += block
+        self._finish(block)
+
+    def _finish(self, binders: Sequence[Binder]) -> None:
+        for b in binders:
+            self.left.remove(b)
+            self.done[b.var] = self.m.forward[b.var]
+
+
+def _at(e: Expr, at: dict[Var, Expr]) -> Expr:
+    return cast(Expr, substitute(e, at))
+
+
+def _depending(binders: Sequence[Binder], variables: Sequence[Var]) -> list[Binder]:
+    """The integral signs whose bounds depend on these variables, or on one another."""
+    moved = set(variables)
+    found = []
+    for b in binders:
+        if (b.lo.free | b.hi.free) & moved:
+            moved.add(b.var)
+            found.append(b)
+    return found
+
+
+def _may_be_finite(e: Expr) -> bool:
+    return not isinstance(e, Const) or math.isfinite(e.data)
+
+
+def _is_finite_somewhere(e: Expr, m: Diffeomorphism) -> bool:
+    """Is a bound with an infinite branch finite at the sample values of its parameters?"""
+    infinite = any(isinstance(n, Const) and math.isinf(n.data) for n in postorder([e]))
+    if not infinite or e.free or e.has_integral:
+        return True
+    return any(math.isfinite(float(values_of([e], m.sample_values(parameters(e), trial))[0])) for trial in range(TRIALS))
+
+
+# -- enclosures ----------------------------------------------------------------------------------------------------------
+
+
+def _ranges(chain: Chain) -> dict[Var, Interval]:
+    """For each variable of a nest, outermost first, bounds that are free of the others."""
+    box: dict[Var, Interval] = {}
+    for b in chain:
+        lo, hi = enclose(b.lo, box), enclose(b.hi, box)
+        box[b.var] = _extremum("min", lo[0], hi[0]), _extremum("max", lo[1], hi[1])
+    return box
+
+
+def _extremum(name: str, a: Expr, b: Expr) -> Expr:
+    return a if a is b else call(name, a, b)
+
+
+def _enclosure(m: Diffeomorphism, u: Var, ranges: dict[Var, Interval]) -> Interval:
+    """Finite bounds of a new variable."""
+    if u in m.bounds:
+        return m.bounds[u]
+    derived = _derived(m, u, ranges)
+    ends = list(m.domain[u])
+    if all(isinstance(e, Const) and math.isfinite(e.data) for e in derived):
+        least, most = (cast(Const, e).data for e in derived)
+        margin = _MARGIN * (most - least)
+        for i, value, tighter in ((0, least - margin, max), (1, most + margin, min)):
+            end = ends[i]
+            if isinstance(end, Const):
+                ends[i] = const(tighter(end.data, value))
+        return ends[0], ends[1]
+    unbounded = [not _may_be_finite(e) for e in ends]
+    ends = [mine if free else given for mine, free, given in zip(derived, unbounded, ends, strict=True)]
+    if not all(_may_be_finite(e) and _is_finite_somewhere(e, m) for e in ends):
+        raise BoundError(
+            f"finite bounds of {u.name} = {m.inverse[u]} cannot be derived from those of the integrals",
+            m,
+            f"give a box that holds the image: bounds={{{u.name}: (lower, upper), …}}",
+        )
+    return _rounded(ends[0], ends[1], unbounded) if any(unbounded) else (ends[0], ends[1])
+
+
+def _derived(m: Diffeomorphism, u: Var, ranges: dict[Var, Interval]) -> Interval:
+    try:
+        lo, hi = enclose(m.inverse[u], ranges)
+    except NotDifferentiableError:
+        return MINUS_INFINITY, INFINITY
+    return folded(_shorter(lo)), folded(_shorter(hi))
+
+
+def _shorter(e: Expr) -> Expr:
+    """Interval bounds, shorter: no branch for what is not defined anyway, no max(0, u) of squares."""
+
+    def visit(old: Node, new: Node) -> Node:
+        if isinstance(new, Where) and isinstance(new.otherwise, Const) and math.isnan(new.otherwise.data):
+            return new.then
+        if isinstance(new, Call) and new.name in ("min", "max") and ZERO in new.children:
+            other = new.children[0] if new.children[1] is ZERO else new.children[1]
+            if _is_positive(other):
+                return other if new.name == "max" else ZERO
+        return new
+
+    return cast(Expr, rewrite([e], visit)[e])
+
+
+def _is_positive(e: Expr) -> bool:
+    """Is e >= 0, as far as one sees?"""
+    if isinstance(e, Const):
+        return bool(e.data >= 0.0)
+    if isinstance(e, Pow):
+        return e.exponent % 2 == 0
+    if isinstance(e, Call):
+        return e.name in ("sqrt", "root", "magnitude", "exp") or (e.name == "max" and any(_is_positive(c) for c in e.children))
+    return isinstance(e, Add | Mul) and all(_is_positive(c) for c in e.children)
+
+
+def _rounded(lo: Expr, hi: Expr, sides: Sequence[bool]) -> Interval:
+    """Bounds further out, on the sides that are asked for: multiples of a step that is a power of ⁴√e, 1.1 to 1.5 extents."""
+    extent = sub(hi, lo)
+    if extent.free:  # bounds that vary with outer variables: rounding would make them jump
+        margin = mul(const(_MARGIN), extent)
+        return (sub(lo, margin) if sides[0] else lo), (add(hi, margin) if sides[1] else hi)
+    quarters = mul(const(4.0), call("log", add(tidy(extent), const(_NOTHING))))
+    step = call("exp", mul(const(0.25), add(call("floor", add(quarters, const(0.5))), ONE)))
+    if lo is ZERO and sides == [False, True]:
+        return lo, step
+    nearest = call("floor", add(div(mul(const(0.5), tidy(add(lo, hi))), step), const(0.5)))
+    return (mul(step, sub(nearest, ONE)) if sides[0] else lo), (mul(step, add(nearest, ONE)) if sides[1] else hi)

@@ -1,0 +1,302 @@
+"""Interval enclosures as expressions: bounds of a value over a box of variables, to be evaluated at run time.
+
+    enclose(e, {x: (p, q)})  =  (e₋, e₊)   with   e₋ <= e(x) <= e₊   for every p <= x <= q
+
+Natural interval extension, node by node: monotone functions at the ends, |·| and even powers by the least and largest size, waves by
+whether a crest lies inside. A branch whose condition is open on the box gives the hull of both values. Where a function is not defined
+on the whole box the bounds are those of the part where it is; where it is nowhere defined both are NaN. Roundings are not directed: the
+bounds may be off by a few of them. Linear in the number of nodes.
+Source: Moore, Kearfott, Cloud 2009, chapters 2 and 5.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import cast
+
+from teg.errors import NotDifferentiableError
+from teg.expr import (
+    MINUS_ONE,
+    ONE,
+    TRUE,
+    ZERO,
+    Add,
+    And,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Not,
+    Or,
+    Pow,
+    Truth,
+    Var,
+    Where,
+    add,
+    call,
+    conjunction,
+    const,
+    disjunction,
+    div,
+    integer_power,
+    mul,
+    negation,
+    positive,
+    sub,
+    where,
+)
+from teg.node import Node, postorder
+
+Interval = tuple[Expr, Expr]
+Decision = tuple[Cond, Cond]
+"""Of a condition on a box: does it hold everywhere, does it fail everywhere?"""
+
+_INFINITY = const(math.inf)
+_NO_NUMBER = const(math.nan)
+_EVERYTHING: Interval = (const(-math.inf), _INFINITY)
+
+
+def enclose(e: Expr, box: Mapping[Var, Interval]) -> Interval:
+    """Bounds of e over a box. Raises NotDifferentiableError for an integral that a variable of the box runs through."""
+    return Enclosure(box).of(e)
+
+
+class Enclosure:
+    """Enclosures over one box; nodes that several expressions share are enclosed once."""
+
+    def __init__(self, box: Mapping[Var, Interval]) -> None:
+        self.box = dict(box)
+        self.found: dict[Node, Interval | Decision] = {}
+
+    def of(self, e: Expr) -> Interval:
+        """Bounds of e."""
+        for node in postorder([e]):
+            if node not in self.found:
+                if isinstance(node, Cond):
+                    self.found[node] = self._decision(node)
+                else:
+                    self.found[node] = self._interval(cast(Expr, node))
+        return cast(Interval, self.found[e])
+
+    def _interval(self, e: Expr) -> Interval:
+        if not any(v in e.free for v in self.box):
+            return e, e
+        parts = [cast(Interval, self.found[c]) for c in e.children if not isinstance(c, Cond)]
+        match e:
+            case Var():
+                return self.box[e]
+            case Add():
+                return add(*(p[0] for p in parts)), add(*(p[1] for p in parts))
+            case Mul():
+                result = parts[0]
+                for p in parts[1:]:
+                    result = _product(result, p)
+                return result
+            case Pow():
+                return _power(parts[0], e.exponent)
+            case Call():
+                return _function(e.name, parts)
+            case Where():
+                return _hull(cast(Decision, self.found[e.condition]), parts[0], parts[1])
+            case _:
+                raise NotDifferentiableError("the values of this expression over an interval are not known", e)
+
+    def _decision(self, c: Cond) -> Decision:
+        if not any(v in c.free for v in self.box):
+            return c, negation(c)
+        match c:
+            case Truth():
+                return c, negation(c)
+            case Compare():
+                lo, hi = cast(Interval, self.found[c.g])
+                return positive(lo, c.strict), negation(positive(hi, c.strict))
+            case Not():
+                holds, fails = cast(Decision, self.found[c.operand])
+                return fails, holds
+            case And() | Or():
+                parts = [cast(Decision, self.found[child]) for child in c.children]
+                both, either = (conjunction, disjunction) if isinstance(c, And) else (disjunction, conjunction)
+                return both(*(p[0] for p in parts)), either(*(p[1] for p in parts))
+            case _:
+                raise AssertionError(f"unknown condition {type(c).__name__}")
+
+
+def _least(*values: Expr) -> Expr:
+    result = values[0]
+    for v in values[1:]:
+        result = result if v is result else call("min", result, v)
+    return result
+
+
+def _most(*values: Expr) -> Expr:
+    result = values[0]
+    for v in values[1:]:
+        result = result if v is result else call("max", result, v)
+    return result
+
+
+def _negative(u: Expr) -> Expr:
+    return mul(MINUS_ONE, u)
+
+
+def _sizes(u: Interval) -> Interval:
+    """The least and the largest |u|."""
+    lo, hi = u
+    return _most(ZERO, lo, _negative(hi)), _most(hi, _negative(lo))
+
+
+def _product(a: Interval, b: Interval) -> Interval:
+    if a[0] is not a[1] and b[0] is b[1]:
+        a, b = b, a
+    if a[0] is a[1]:  # a number
+        c = a[0]
+        if isinstance(c, Const):
+            ends = mul(c, b[0]), mul(c, b[1])
+            return ends if c.data >= 0 else (ends[1], ends[0])
+        ends = mul(c, b[0]), mul(c, b[1])
+        return _least(*ends), _most(*ends)
+    corners = [mul(u, v) for u in a for v in b]
+    return _least(*corners), _most(*corners)
+
+
+def _power(u: Interval, k: int) -> Interval:
+    if k < 0:
+        lo, hi = _power(u, -k) if k != -1 else u
+        apart = disjunction(positive(lo), positive(_negative(hi)))
+        return where(apart, integer_power(hi, -1), _EVERYTHING[0]), where(apart, integer_power(lo, -1), _EVERYTHING[1])
+    if k % 2:
+        return integer_power(u[0], k), integer_power(u[1], k)
+    least, most = _sizes(u)
+    return integer_power(least, k), integer_power(most, k)
+
+
+def _hull(c: Decision, a: Interval, b: Interval) -> Interval:
+    holds, fails = c
+    if negation(holds) is fails:  # the box does not matter
+        return where(holds, a[0], b[0]), where(holds, a[1], b[1])
+    return (
+        where(holds, a[0], where(fails, b[0], _least(a[0], b[0]))),
+        where(holds, a[1], where(fails, b[1], _most(a[1], b[1]))),
+    )
+
+
+def _wave(lo: Expr, hi: Expr) -> Interval:
+    """cos over [lo, hi]: 1 if a multiple of 2π lies inside, -1 if an odd one of π does."""
+    turn = const(0.5 / math.pi)
+    a, b = mul(turn, lo), mul(turn, hi)
+    ends = call("cos", lo), call("cos", hi)
+    crest = positive(sub(call("floor", b), a), strict=False)
+    half = const(0.5)
+    trough = positive(sub(call("floor", sub(b, half)), sub(a, half)), strict=False)
+    return where(trough, MINUS_ONE, _least(*ends)), where(crest, ONE, _most(*ends))
+
+
+def _clipped(name: str, u: Interval, least: float | None, most: float | None) -> Interval:
+    """A rising function defined between `least` and `most` only."""
+    lo, hi = u
+    inside = conjunction(
+        positive(sub(hi, const(least)), strict=False) if least is not None else TRUE,
+        positive(sub(const(most), lo), strict=False) if most is not None else TRUE,
+    )
+    if least is not None:
+        lo, hi = _most(lo, const(least)), _most(hi, const(least))
+    if most is not None:
+        lo, hi = _least(lo, const(most)), _least(hi, const(most))
+    return where(inside, call(name, lo), _NO_NUMBER), where(inside, call(name, hi), _NO_NUMBER)
+
+
+def _function(name: str, parts: list[Interval]) -> Interval:
+    u = parts[0]
+    if name in _RISING:
+        return call(name, u[0]), call(name, u[1])
+    if name in _BY_NAME:
+        return _BY_NAME[name](u)
+    match name:
+        case "min" | "max":
+            return call(name, u[0], parts[1][0]), call(name, u[1], parts[1][1])
+        case "pow":
+            return _real_power(u, parts[1])
+        case "atan2":
+            return _angle(*parts)
+        case "mod":
+            return _remainder(u, parts[1])
+        case _:
+            raise AssertionError(f"no enclosure is known for {name}")
+
+
+def _angle(y: Interval, x: Interval) -> Interval:
+    """atan2 in the half-planes x > 0, y > 0 and y < 0; (-π, π) for a box that lies in none of them."""
+    flat, steep = (_function("atan", [_product(u, _power(v, -1))]) for u, v in ((y, x), (x, y)))
+    quarter = const(math.pi / 2)
+    lo: Expr = const(-math.pi)
+    hi: Expr = const(math.pi)
+    for inside, bounds in (
+        (positive(_negative(y[1])), (sub(_negative(quarter), steep[1]), sub(_negative(quarter), steep[0]))),
+        (positive(y[0]), (sub(quarter, steep[1]), sub(quarter, steep[0]))),
+        (positive(x[0]), flat),
+    ):
+        lo, hi = where(inside, bounds[0], lo), where(inside, bounds[1], hi)
+    return lo, hi
+
+
+def _tangent(u: Interval) -> Interval:
+    """tan rises between its poles."""
+    one_branch = [call("floor", sub(div(v, const(math.pi)), const(0.5))) for v in u]
+    same = positive(sub(*one_branch), strict=False)
+    return where(same, call("tan", u[0]), _EVERYTHING[0]), where(same, call("tan", u[1]), _EVERYTHING[1])
+
+
+def _logarithm(u: Interval) -> Interval:
+    lo, hi = u
+    return (
+        where(positive(hi), where(positive(lo), call("log", lo), _EVERYTHING[0]), _NO_NUMBER),
+        where(positive(hi), call("log", hi), _NO_NUMBER),
+    )
+
+
+def _real_power(u: Interval, k: Interval) -> Interval:
+    """u^k of a u > 0: monotone in both, so its bounds are at corners."""
+    base = _most(ZERO, u[0]), u[1]
+    exponents = (k[0],) if k[0] is k[1] else k
+    corners = [where(positive(b), call("pow", b, e), where(positive(e), ZERO, _INFINITY)) for b in base for e in exponents]
+    defined = positive(u[1], strict=False)
+    return where(defined, _least(*corners), _NO_NUMBER), where(defined, _most(*corners), _NO_NUMBER)
+
+
+def _remainder(u: Interval, m: Interval) -> Interval:
+    """u mod m within one period, else everything between 0 and m."""
+    if m[0] is m[1]:
+        steps = [call("floor", div(v, m[0])) for v in u]
+        same = conjunction(positive(sub(steps[0], steps[1]), strict=False), positive(sub(steps[1], steps[0]), strict=False))
+        ends = [call("mod", v, m[0]) for v in u]
+        return where(same, ends[0], _least(ZERO, m[0])), where(same, ends[1], _most(ZERO, m[0]))
+    return _least(ZERO, m[0]), _most(ZERO, m[1])
+
+
+def _falling_arc(u: Interval) -> Interval:
+    rising = _clipped("asin", u, -1.0, 1.0)
+    quarter = const(math.pi / 2)
+    return sub(quarter, rising[1]), sub(quarter, rising[0])
+
+
+def _root_of_size(u: Interval) -> Interval:
+    least, most = _sizes(u)
+    return call("sqrt", least), call("sqrt", most)
+
+
+_RISING = frozenset(("exp", "atan", "sinh", "tanh", "floor"))
+_BY_NAME: dict[str, Callable[[Interval], Interval]] = {
+    "cos": lambda u: _wave(*u),
+    "sin": lambda u: _wave(sub(u[0], const(math.pi / 2)), sub(u[1], const(math.pi / 2))),
+    "tan": _tangent,
+    "log": _logarithm,
+    "sqrt": lambda u: _clipped("sqrt", u, 0.0, None),
+    "asin": lambda u: _clipped("asin", u, -1.0, 1.0),
+    "acos": _falling_arc,
+    "cosh": lambda u: cast(Interval, tuple(call("cosh", v) for v in _sizes(u))),
+    "magnitude": _sizes,
+    "root": _root_of_size,
+}

@@ -1,0 +1,72 @@
+"""Continuous branches as absolute values: a surface with many kinks in it stays one surface.
+
+    where(h > 0, p, q)  =  ½(p + q) ± ½|p - q|        if p - q = k·h with a number k; ± is the sign of k
+
+`abs`, `minimum` and `maximum` are such branches. Hoisting n of them out of a condition makes 2ⁿ cases; as |·| (`magnitude`, which has no
+surface of its own) they make none, and the roots of the whole are isolated at run time, between the kinks. Linear.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+from teg.expr import MINUS_ONE, Add, Call, Compare, Expr, Mul, Pow, Where, add, call, const, mul, sub
+from teg.node import Node
+from teg.polynomial import P, Point, sign_of_residue
+from teg.traverse import rebuild
+
+
+def kinks_of(g: Expr) -> list[Where]:
+    """The branches in value position whose condition variables run through."""
+    found: dict[Where, None] = {}
+    for node in _value_nodes(g):
+        if isinstance(node, Where) and node.condition.free:
+            found[node] = None
+    return list(found)
+
+
+def with_sizes(g: Expr) -> Expr:
+    """g with its continuous branches written as absolute values."""
+    new: dict[Node, Node] = {}
+    for node in _value_nodes(g):
+        result = cast(Expr, rebuild(node, tuple([new.get(c, c) for c in node.children])))
+        if isinstance(result, Where) and result.condition.free:
+            result = _as_size(result)
+        new[node] = result
+    return cast(Expr, new[g])
+
+
+def _as_size(e: Where) -> Expr:
+    if not isinstance(e.condition, Compare) or e.condition.resolution is not None:
+        return e
+    h, difference = e.condition.g, sub(e.then, e.otherwise)
+    ratios: list[int] = []
+    for trial in ("first", "second"):
+        of_h, of_difference = (Point(trial).value(u) for u in (h, difference))
+        if not of_h or of_difference is None:
+            return e
+        ratios.append(of_difference * pow(of_h, -1, P) % P)
+    sign = sign_of_residue(ratios[0]) if ratios[0] == ratios[1] else None
+    if not sign:
+        return e
+    size = mul(const(0.5), call("magnitude", difference))
+    return add(mul(const(0.5), add(e.then, e.otherwise)), size if sign > 0 else mul(MINUS_ONE, size))
+
+
+def _value_nodes(g: Expr) -> list[Expr]:
+    """The nodes of g in value position, children first: not those of conditions, nor inside integrals."""
+    order: list[Expr] = []
+    done: set[Expr] = set()
+    stack: list[tuple[Expr, bool]] = [(g, False)]
+    while stack:
+        node, ready = stack.pop()
+        if ready:
+            order.append(node)
+        elif node not in done:
+            done.add(node)
+            stack.append((node, True))
+            if isinstance(node, Where):
+                stack += [(node.otherwise, False), (node.then, False)]
+            elif isinstance(node, Add | Mul | Pow | Call):
+                stack.extend((cast(Expr, c), False) for c in reversed(node.children))
+    return order

@@ -1,0 +1,191 @@
+"""Maps that are often needed, as `teg.Diffeomorphism`s: old variables first, then the new ones, then what shapes the map.
+
+    m = teg.maps.rotation(x, y, u, v, angle) @ teg.maps.scaling((u, v), (p, q), (2, 3))
+    teg.change_variables(e, m);  teg.compile(e, maps=[m])
+
+Whatever shapes a map (a centre, an angle, a matrix) may be numbers or expressions of parameters, which one may differentiate by. In the
+integrals that a map makes, the first new variable is innermost. Angles are in radians. `polar` is `teg.polar` too.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import cast
+
+from teg import expr as ex
+from teg.build import asin, atan2, cos, cosh, exp, log, sin, sinh, sqrt, where
+from teg.diffeomorphism import Diffeomorphism
+from teg.errors import ScopeError
+from teg.expr import Expr, Var, as_number
+
+Point = tuple[object, object]
+_TURN = (-math.pi, math.pi)
+
+# -- straight ------------------------------------------------------------------------------------------------------------
+
+
+def translation(old: Var | Sequence[Var], new: Var | Sequence[Var], by: object) -> Diffeomorphism:
+    """x = u + a, for one variable or several: `translation((x, y), (u, v), (a, b))`. The image of a box is a box."""
+    rows = _rows(old, new, by)
+    return Diffeomorphism({x: u + a for x, u, a in rows}, {u: x - a for x, u, a in rows}, jacobian=1)
+
+
+def scaling(old: Var | Sequence[Var], new: Var | Sequence[Var], by: object) -> Diffeomorphism:
+    """x = a·u, a not 0, for one variable or several: `scaling((x, y), (u, v), (a, b))`. The image of a box is a box."""
+    rows = _rows(old, new, by)
+    return Diffeomorphism({x: a * u for x, u, a in rows}, {u: x / a for x, u, a in rows}, jacobian=ex.mul(*(a for _, _, a in rows)))
+
+
+def rotation(x: Var, y: Var, u: Var, v: Var, angle: object, centre: Point = (0, 0)) -> Diffeomorphism:
+    """(u, v) turned by the angle about (0, 0), then moved to the centre: x = a + u·cos - v·sin, y = b + u·sin + v·cos."""
+    c, s = cos(angle), sin(angle)
+    a, b = map(as_number, centre)
+    return Diffeomorphism(
+        {x: a + u * c - v * s, y: b + u * s + v * c}, {u: (x - a) * c + (y - b) * s, v: (y - b) * c - (x - a) * s}, jacobian=1
+    )
+
+
+def shear(x: Var, y: Var, u: Var, v: Var, slope: object) -> Diffeomorphism:
+    """x = u + slope·v, y = v. The image of a box is a nest of integrals, with no brackets."""
+    k = as_number(slope)
+    return Diffeomorphism({x: u + k * v, y: cast(Expr, v)}, {u: x - k * y, v: y}, jacobian=1)
+
+
+def affine(
+    old: Sequence[Var], new: Sequence[Var], matrix: Sequence[Sequence[object]], offset: Sequence[object] | None = None
+) -> Diffeomorphism:
+    """x = A·u + b, A a matrix by rows whose determinant is not 0."""
+    n = len(old)
+    if len(matrix) != n or any(len(row) != n for row in matrix):
+        raise ScopeError(f"the matrix of {n} old variables has {n} rows of {n} entries", None, "[[a, b], [c, d]]")
+    a = [[as_number(e) for e in row] for row in matrix]
+    b = [as_number(e) for e in (offset if offset is not None else [0] * n)]
+    rows = _rows(old, new, b)
+    determinant = _determinant(a)
+    forward = {x: ex.add(*(ex.mul(a[i][j], u) for j, u in enumerate(new)), b[i]) for i, (x, _, _) in enumerate(rows)}
+    inverse: dict[Var, object] = {}
+    for j, u in enumerate(new):
+        cofactors = [_minor(a, i, j) if (i + j) % 2 == 0 else ex.mul(ex.MINUS_ONE, _minor(a, i, j)) for i in range(n)]
+        inverse[u] = ex.div(ex.add(*(ex.mul(c, x - d) for c, x, d in zip(cofactors, old, b, strict=True))), determinant)
+    return Diffeomorphism(forward, inverse, jacobian=determinant)
+
+
+def _minor(a: Sequence[Sequence[Expr]], row: int, column: int) -> Expr:
+    return _determinant([[e for j, e in enumerate(r) if j != column] for i, r in enumerate(a) if i != row])
+
+
+def _determinant(a: Sequence[Sequence[Expr]]) -> Expr:
+    """The sum over all permutations: for matrices of a few rows."""
+    terms = []
+    for order in itertools.permutations(range(len(a))):
+        swaps = sum(i > j for i, j in itertools.combinations(order, 2))
+        terms.append(ex.mul(ex.const(-1.0 if swaps % 2 else 1.0), *(a[i][j] for i, j in enumerate(order))))
+    return ex.add(*terms)
+
+
+def _rows(old: Var | Sequence[Var], new: Var | Sequence[Var], shape: object) -> list[tuple[Var, Var, Expr]]:
+    """Old variable, new variable, number, for one or for several."""
+    if isinstance(old, Var) and isinstance(new, Var):
+        return [(old, new, as_number(shape))]
+    if isinstance(old, Var) or isinstance(new, Var) or not isinstance(shape, Sequence) or not len(old) == len(new) == len(shape):
+        raise ScopeError(
+            f"{old!r:.60}, {new!r:.60} and {shape!r:.60} do not go together", None, "give one of each, or three sequences of one length"
+        )
+    return [(x, u, as_number(a)) for x, u, a in zip(old, new, shape, strict=True)]
+
+
+# -- of one variable -----------------------------------------------------------------------------------------------------
+
+
+def smoothstep(x: Var, u: Var, edges: Point = (0, 1)) -> Diffeomorphism:
+    """x = l + (h - l)·(3u² - 2u³) for 0 < u < 1: nodes gather at both edges, where the Jacobian is 0. Integrals inside the edges only."""
+    lo, hi = map(as_number, edges)
+    share = (x - lo) / (hi - lo)
+    return Diffeomorphism(
+        {x: lo + (hi - lo) * (3 * u**2 - 2 * u**3)},
+        {u: 0.5 - sin(asin(1 - 2 * share) / 3)},
+        domain={u: (0, 1)},
+        jacobian=6 * (hi - lo) * u * (1 - u),
+    )
+
+
+def exponential(x: Var, u: Var) -> Diffeomorphism:
+    """x = exp(u), for integrals over x > 0."""
+    return Diffeomorphism({x: exp(u)}, {u: log(x)}, jacobian=exp(u))
+
+
+def logarithm(x: Var, u: Var) -> Diffeomorphism:
+    """x = log(u), u > 0."""
+    return Diffeomorphism({x: log(u)}, {u: exp(x)}, domain={u: (0, None)}, jacobian=1 / u)
+
+
+# -- of the plane --------------------------------------------------------------------------------------------------------
+
+
+def polar(x: Var, y: Var, r: Var, p: Var, centre: Point = (0, 0)) -> Diffeomorphism:
+    """x = a + r·cos p, y = b + r·sin p, r > 0, -π < p < π. Circles about the centre are r = …, rays from it p = …"""
+    a, b = map(as_number, centre)
+    return Diffeomorphism(
+        {x: a + r * cos(p), y: b + r * sin(p)},
+        {r: sqrt((x - a) ** 2 + (y - b) ** 2), p: atan2(y - b, x - a)},
+        domain={r: (0, None), p: _TURN},
+        jacobian=r,
+    )
+
+
+def elliptic(x: Var, y: Var, u: Var, v: Var, focus: object = 1) -> Diffeomorphism:
+    """x = c·cosh u·cos v, y = c·sinh u·sin v, u > 0, -π < v < π: ellipses u = … and hyperbolas v = … with the foci (±c, 0), c > 0."""
+    c = as_number(focus)
+    sum_of_distances = sqrt((x + c) ** 2 + y**2) + sqrt((x - c) ** 2 + y**2)
+    ratio = sum_of_distances / (2 * c)
+    grown = log(ratio + ex.call("root", ratio**2 - 1))
+    return Diffeomorphism(
+        {x: c * cosh(u) * cos(v), y: c * sinh(u) * sin(v)},
+        {u: grown, v: atan2(y * cosh(grown), x * sinh(grown))},
+        domain={u: (0, None), v: _TURN},
+        jacobian=c**2 * (sinh(u) ** 2 + sin(v) ** 2),
+    )
+
+
+def parabolic(x: Var, y: Var, u: Var, v: Var) -> Diffeomorphism:
+    """x = (u² - v²)/2, y = u·v, v > 0: parabolas u = … and v = … with their focus at (0, 0)."""
+    distance = sqrt(x**2 + y**2)
+    return Diffeomorphism(
+        {x: (u**2 - v**2) / 2, y: u * v},
+        {u: where(y < 0, -sqrt(distance + x), sqrt(distance + x)), v: sqrt(distance - x)},
+        domain={v: (0, None)},
+        jacobian=u**2 + v**2,
+    )
+
+
+def hyperbolic(x: Var, y: Var, u: Var, v: Var) -> Diffeomorphism:
+    """x = v·exp(u), y = v·exp(-u), v > 0: hyperbolas x·y = v² and rays, in the quadrant x > 0, y > 0."""
+    return Diffeomorphism({x: v * exp(u), y: v * exp(-u)}, {u: 0.5 * log(x / y), v: sqrt(x * y)}, domain={v: (0, None)}, jacobian=2 * v)
+
+
+# -- of space ------------------------------------------------------------------------------------------------------------
+
+
+def cylindrical(x: Var, y: Var, z: Var, r: Var, p: Var, h: Var, centre: Point = (0, 0)) -> Diffeomorphism:
+    """x = a + r·cos p, y = b + r·sin p, z = h, r > 0, -π < p < π."""
+    a, b = map(as_number, centre)
+    return Diffeomorphism(
+        {x: a + r * cos(p), y: b + r * sin(p), z: h},
+        {r: sqrt((x - a) ** 2 + (y - b) ** 2), p: atan2(y - b, x - a), h: z},
+        domain={r: (0, None), p: _TURN},
+        jacobian=r,
+    )
+
+
+def spherical(x: Var, y: Var, z: Var, r: Var, theta: Var, phi: Var, centre: tuple[object, object, object] = (0, 0, 0)) -> Diffeomorphism:
+    """x = a + r·sin θ·cos φ, y = b + r·sin θ·sin φ, z = c + r·cos θ; r > 0, 0 < θ < π from the z axis, -π < φ < π around it."""
+    a, b, c = map(as_number, centre)
+    across = (x - a) ** 2 + (y - b) ** 2
+    return Diffeomorphism(
+        {x: a + r * sin(theta) * cos(phi), y: b + r * sin(theta) * sin(phi), z: c + r * cos(theta)},
+        {r: sqrt(across + (z - c) ** 2), theta: atan2(sqrt(across), z - c), phi: atan2(y - b, x - a)},
+        domain={r: (0, None), theta: (0, math.pi), phi: _TURN},
+        jacobian=r**2 * sin(theta),
+    )

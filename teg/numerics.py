@@ -1,0 +1,72 @@
+"""Expressions as numbers, straight from the tree: for checks at sample points; programs are compiled."""
+
+from __future__ import annotations
+
+import functools
+import math
+import operator
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from teg.errors import OperandError
+from teg.expr import Add, And, Call, Compare, Const, Expr, Mul, Not, Or, Pow, Truth, Where, const
+from teg.node import Node, postorder
+from teg.traverse import parameters
+
+
+def values_of(expressions: Sequence[Expr], at: Mapping[Any, Any]) -> list[Any]:
+    """The values of expressions, float64 arrays that broadcast together, at values of their parameters and variables.
+
+    NaN and infinities are answers. Raises OperandError for what is no function of them: an integral, a delta, a tuple.
+    """
+    import numpy as np
+
+    known: dict[Any, Any] = dict(at)
+    with np.errstate(all="ignore"):
+        for node in postorder(expressions):
+            if node not in known:
+                known[node] = _value(node, [known[c] for c in node.children], np)
+    return [known[e] for e in expressions]
+
+
+def folded(e: Expr) -> Expr:
+    """The number that an expression of numbers alone is, ±∞ and NaN among them."""
+    if isinstance(e, Const) or e.free or e.has_integral or parameters(e):
+        return e
+    return const(float(values_of([e], {})[0]))
+
+
+def _value(node: Node, parts: list[Any], np: Any) -> Any:
+    match node:
+        case Const() | Truth():
+            return np.asarray(node.data)
+        case Add():
+            return sum(parts[1:], start=parts[0])
+        case Mul():
+            return math.prod(parts[1:], start=parts[0])
+        case Pow():
+            return np.power(parts[0], float(node.exponent))
+        case Call():
+            if node.name == "mod":
+                return parts[0] - parts[1] * np.floor(parts[0] / parts[1])
+            if node.name == "root":
+                return np.sqrt(np.abs(parts[0]))
+            return getattr(np, _NAMES.get(node.name, node.name))(*parts)
+        case Where():
+            return np.where(*parts)
+        case Compare():
+            return parts[0] > 0.0 if node.strict else parts[0] >= 0.0
+        case Not():
+            return ~parts[0]
+        case And():
+            return functools.reduce(operator.and_, parts)
+        case Or():
+            return functools.reduce(operator.or_, parts)
+        case _:
+            raise OperandError(f"{type(node).__name__} has no value at a point", node)
+
+
+_NAMES = {
+    "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "pow": "power", "magnitude": "abs", "min": "minimum",
+    "max": "maximum",
+}  # fmt: skip

@@ -1,0 +1,127 @@
+"""Surfaces without a formula for their roots: implicit ones, in one, two or three variables.
+
+    ∫…∫ w δ(g) dx₁…dxₙ  =  Σᵢ ∫…∫ dxⱼ (j ≠ i)  Σ_{xᵢ : g = 0}  w·φᵢ/|gᵢ|·[inside],        φᵢ = (gᵢXᵢ)⁴ / Σⱼ (gⱼXⱼ)⁴
+
+one chart a variable, with gᵢ = ∂g/∂xᵢ and Xᵢ the extent of the box. The weights φ are a partition of unity that vanishes, with the factor
+1/|gᵢ|, where the surface turns back in xᵢ: no chart has a border, and no integrand a pole. The roots are isolated at run time. The sums
+over roots are `PointMasses`; they are not differentiated again: a further derivative carries the δ itself along (`differentiate.py`).
+Source: the coarea formula; Saye 2022, section 3, for charts by the dominant slope, which have borders instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from teg.calculus import slope
+from teg.critical import critical_point, infinite_at_saddle
+from teg.dump import show
+from teg.errors import NotDifferentiableError
+from teg.expr import (
+    MINUS_ONE,
+    TRUE,
+    ZERO,
+    Expr,
+    Var,
+    add,
+    call,
+    const,
+    integer_power,
+    mul,
+    positive,
+    sub,
+    where,
+)
+from teg.integral import Integral, PointMasses, delta, integral_over, masses_of
+from teg.isolation import isolate, widened
+from teg.nest import Binder, Chain, nest, ranges_of
+from teg.node import Node, postorder
+from teg.surfaces import free_of, restrict, signed_inside
+from teg.traverse import rebuild, replace_node
+
+MAX_CHARTS = 3
+APART = 2.0**-45
+"""How far from its critical value, in parts of its values on the box, a surface is taken where that is 0 to rounding."""
+
+
+@dataclass(frozen=True)
+class Implicit:
+    """g = 0 is isolated in each of `variables` (outermost first)."""
+
+    variables: tuple[Var, ...]
+
+    name = "isolated at run time"
+    moves = True
+    """A further derivative moves the δ itself."""
+
+
+def match_implicit(g: Expr, variables: Sequence[Var]) -> Implicit | None:
+    """The innermost variables, three at most, if the surface is smooth in all of them."""
+    mine = [v for v in variables if v in g.free][:MAX_CHARTS]
+    if not mine or any(isolate(g, v) is None for v in mine):
+        return None
+    return Implicit(tuple(reversed(mine)))
+
+
+def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit) -> Expr | None:
+    """Every chart of the surface. None where the range of a variable is not known."""
+    mine = tuple(b for b in chain if b.var in data.variables)
+    rest = tuple(b for b in chain if b.var not in data.variables)
+    ranges = ranges_of(mine)
+    if ranges is None or not all(free_of(e, data.variables) for b in rest for e in (b.lo, b.hi)):
+        return None
+    if not all(free_of(e, [b.var for b in rest]) for b in mine for e in (b.lo, b.hi)):
+        return None
+    try:
+        slopes = [slope(g, b.var) for b in mine]
+    except NotDifferentiableError:
+        return None
+    boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip(mine, ranges, strict=True)]
+    sizes = [mul(s, sub(b.hi, b.lo)) for s, b in zip(slopes, boxes, strict=True)]
+    total = integer_power(add(*(integer_power(s, 4) for s in sizes)), -1)
+    at = {b.var: b.var for b in mine}
+    value = restrict(coefficient, cast("dict[Var, Expr]", at), g, tuple(b.var for b in reversed(mine)))
+    masses = PointMasses.make(None, (_apart_from_birth(g, boxes),))
+    charts = []
+    for i, box in enumerate(boxes):
+        if len(mine) == 1:
+            weight = integer_power(call("magnitude", slopes[0]), -1)
+        else:
+            extent = integer_power(sub(box.hi, box.lo), 4)
+            weight = mul(integer_power(call("magnitude", slopes[i]), 3), extent, total)
+        inside = mul(masses, weight, value)
+        for b, limits in zip(mine, boxes, strict=True):
+            if b.var is box.var or (limits.lo, limits.hi) != (b.lo, b.hi):
+                inside = signed_inside(b.var, b.lo, b.hi, g, b.var, (b.lo, b.hi), inside)
+        summed = integral_over(inside, box.var, *widened(box.lo, box.hi))
+        charts.append(nest(summed, (*(b for b in boxes if b is not box), *rest)))
+    if not rest:
+        charts.append(infinite_at_saddle(g, coefficient, boxes))
+    return add(*charts)
+
+
+def with_deltas(root: Expr) -> Expr:
+    """The program with δ(g)·|g′| for every sum over roots, so that it can be differentiated."""
+    new: dict[Node, Node] = {}
+    for node in postorder([root]):
+        result = rebuild(node, tuple([new[c] for c in node.children]))
+        masses = masses_of(result.body, result.var) if isinstance(result, Integral) else None
+        if masses is not None and isinstance(result, Integral):
+            weighted = mul(delta(masses.g), call("magnitude", slope(masses.g, result.var)))
+            result = integral_over(cast(Expr, replace_node(result.body, masses, weighted)), result.var, result.lo, result.hi)
+        new[node] = result
+    return cast(Expr, new[root])
+
+
+def _apart_from_birth(g: Expr, boxes: Sequence[Binder]) -> Expr:
+    """A quadric whose critical value is 0 to rounding, inside the box, is moved off it, to one side in each order of the tie: there a
+    region is born (a disk of radius 0), the derivative is that of neither side, and the mean is taken."""
+    critical = critical_point(g, boxes)
+    if critical is None:
+        return g
+    least = mul(const(APART), critical.size)
+    rivals = (show(g, 300) + " = 0", "its own critical point, where a region is born or branches meet")
+    above = positive(critical.value, True, TRUE, rivals)
+    moved = where(above, call("max", critical.value, least), call("min", critical.value, mul(MINUS_ONE, least)))
+    return add(g, where(critical.inside, sub(moved, critical.value), ZERO))

@@ -1,0 +1,390 @@
+"""The steps of floor, written out: one bracket, or one cell, for each.
+
+Inside the integrals that bind the variables of u, with k₀ < k₁ < … the integers that u passes over their ranges (`teg/staircase.py`),
+
+    linear       A + B·floor(u)  =  A + B·(k₀ - [u < k₀] + Σ_{j≥1} [u ≥ kⱼ])
+    otherwise    F(floor(u))     =  Σⱼ [kⱼ ≤ u < kⱼ₊₁]·F(kⱼ)                F the whole summand: a condition, a product, an inner integral
+                                 =  F(k₀) + Σⱼ [u ≥ kⱼ]·(F(kⱼ) - F(kⱼ₋₁))      where F has no variables but in its floors
+
+mod(u, m) is u - m·floor(u/m), ceil(u) is -floor(-u), round(u) is floor(u + ½) but for the halves themselves. The brackets are ordinary
+atoms, so breaks, jumps and sifting need to know nothing of steps. Several floors in one summand make a grid of cells.
+
+The derivative of k₀ = floor(least u) by parameters is 0: what k₀ does at its own jumps cancels against the step that enters or leaves.
+Where the number of steps depends on parameters, and there may be more than have code, the nest becomes
+
+    where(u has no more steps, the nest with steps, the nest with floor)      the value exact, or to the tolerance; no derivative beyond
+
+Linear in the number of cells times the size of the summand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import cast
+
+from teg.errors import NotDifferentiableError
+from teg.expr import (
+    FALSE,
+    MINUS_ONE,
+    ONE,
+    TRUE,
+    ZERO,
+    Add,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Var,
+    Where,
+    add,
+    call,
+    conjunction,
+    disjunction,
+    mul,
+    negation,
+    positive,
+    where,
+)
+from teg.integral import Integral
+from teg.intervals import enclose
+from teg.node import Node, postorder
+from teg.passes.jumps import jump
+from teg.staircase import Box, Range, Steps, between_integers, count_steps, is_step, uncounted, with_floors
+from teg.traverse import fresh, rebuild, rename_apart, replace_node
+
+MAX_CELLS = 1024
+"""Cells of one summand."""
+MAX_DEPTH = 32
+"""Floors whose cells stand inside each other."""
+
+Env = tuple[tuple[Var, Range], ...]
+Term = tuple[tuple[Cond, ...], Expr]
+"""Conditions and what is added where all of them hold."""
+Known = tuple[Call, Env]
+"""A floor and the ranges of its variables."""
+
+
+class _TooManyError(Exception):
+    """More cells than MAX_CELLS."""
+
+
+def enumerate_steps(root: Expr) -> Expr:
+    """The program without floor, mod, round and ceil of variables, wherever their steps can be counted; its value is the same."""
+    root = with_floors(root)
+    if not any(is_step(n) for n in postorder([root])):
+        return root
+    return _Walk(cast(Expr, rename_apart(root))).run()
+
+
+# -- the walk ------------------------------------------------------------------------------------------------------------
+
+
+class _Walk:
+    """From the root downwards the ranges of the variables, from the leaves upwards the steps. A job is a node, the ranges of its free
+    variables, and whether floors whose steps cannot be counted now are to stay floors."""
+
+    def __init__(self, root: Expr) -> None:
+        self.root = root
+        self.holding: set[Node] = set()
+        for node in postorder([root]):
+            if is_step(node) or any([c in self.holding for c in node.children]):
+                self.holding.add(node)
+        self.given_up: set[Known] = set()
+
+    def run(self) -> Expr:
+        start = (self.root, (), False)
+        done: dict[tuple[Node, Env, bool], tuple[Node, tuple[Cond, ...]]] = {}
+        stack: list[tuple[Node, Env, bool]] = [start]
+        while stack:
+            job = stack[-1]
+            node, env, plain = job
+            if job in done:
+                stack.pop()
+                continue
+            if node not in self.holding:
+                done[job] = (node, ())
+                stack.pop()
+                continue
+            inner = self._inside(node, env) if isinstance(node, Integral) else env
+            jobs = [_job(c, inner if i == 0 else env, plain) for i, c in enumerate(node.children)]
+            missing = [j for j in jobs if j not in done]
+            if missing:
+                stack.extend(missing)
+                continue
+            new = rebuild(node, tuple([done[j][0] for j in jobs]))
+            guards = dict.fromkeys(g for j in jobs for g in done[j][1])
+            if isinstance(new, Integral):
+                summands = _Summands(new.var, Box(dict(inner)), plain, self.given_up)
+                new = rebuild(new, (summands.of(new.body), new.lo, new.hi))
+                guards.update(summands.guards)
+                if guards and not env:
+                    alternative = (node, env, True)
+                    if alternative not in done:
+                        stack.append(alternative)
+                        continue
+                    new = where(conjunction(*guards), cast(Expr, new), cast(Expr, done[alternative][0]))
+                    guards = {}
+            done[job] = (new, tuple(guards))
+            stack.pop()
+        return cast(Expr, done[start][0])
+
+    def _inside(self, node: Integral, env: Env) -> Env:
+        """The ranges inside an integral; none for its variable if its bounds have no enclosure."""
+        rest = tuple((v, r) for v, r in env if v is not node.var)
+        if not node.lo.free and not node.hi.free:
+            return (*rest, (node.var, Range(node.lo, node.hi)))
+        box = {v: r.interval for v, r in env}
+        try:
+            ends = [enclose(b, box) for b in (node.lo, node.hi)]
+        except NotDifferentiableError:
+            return rest
+        if any(e.free for pair in ends for e in pair):
+            return rest
+        hull = Range(call("min", ends[0][0], ends[1][0]), call("max", ends[0][1], ends[1][1]))
+        return (*rest, (node.var, hull))
+
+
+def _job(node: Node, env: Env, plain: bool) -> tuple[Node, Env, bool]:
+    """A job, with no more than it depends on: an integral with nothing around it decides for itself what stays a floor."""
+    mine = tuple((v, r) for v, r in env if v in node.free)
+    return node, mine, plain and not (isinstance(node, Integral) and not mine)
+
+
+# -- summands ------------------------------------------------------------------------------------------------------------
+
+
+class _Summands:
+    """The summands of the integrand over one variable."""
+
+    def __init__(self, var: Var, box: Box, plain: bool, given_up: set[Known]) -> None:
+        self.var = var
+        self.box = box
+        self.plain = plain
+        self.given_up = given_up
+        self.guards: dict[Cond, None] = {}
+        self._pending: dict[Cond, None] = {}
+        self._cells = 0
+
+    def of(self, body: Expr) -> Expr:
+        """The integrand with its steps written out."""
+        parts: list[Expr] = []
+        stack = [body]
+        while stack:
+            e = stack.pop()
+            if isinstance(e, Add):
+                stack.extend(reversed(e.children))
+            else:
+                parts.append(e)
+        new = [self._summand(p) for p in parts]
+        return body if new == parts else add(*new)
+
+    def _summand(self, e: Expr) -> Expr:
+        self._pending, self._cells = {}, 0
+        if self._next(e, self.box) is None:
+            return e
+        try:
+            terms = self._terms(e, self.box, False)
+        except _TooManyError:
+            return self._in_place(e)
+        self.guards.update(self._pending)
+        return add(*(where(conjunction(*conditions), value, ZERO) for conditions, value in terms))
+
+    def _in_place(self, e: Expr) -> Expr:
+        """Too many cells: where no condition holds floors they become sums of brackets in a summand that is kept whole; else they stay."""
+        floors = [n for n in postorder([e]) if isinstance(n, Call) and is_step(n) and n.free <= self.box.ranges.keys()]
+        counted = {n: count_steps(n.children[0], self.box) for n in floors}
+        if None in counted.values() or any(_is_asked(e, n) for n in floors):
+            self.given_up.update(_known(n, self.box) for n in floors)
+            return e
+        for n, steps in cast("dict[Call, Steps]", counted).items():
+            if steps.guard is not TRUE and self.plain:
+                e = cast(Expr, replace_node(e, n, uncounted(n.children[0])))
+                continue
+            if steps.guard is not TRUE:
+                self.guards[steps.guard] = None
+            e = cast(Expr, replace_node(e, n, _sum_of_brackets(steps)))
+        return e
+
+    def _next(self, e: Expr, box: Box) -> tuple[Call, bool] | None:
+        """The floor that is to be written out first, and whether its place is linear: the innermost whose place is not, of this variable
+        or, inside a cell, of any; else the first one of this variable."""
+        linear = None
+        for floor, is_linear in _floors(e).items():
+            if not floor.free <= box.ranges.keys() or _known(floor, box) in self.given_up:
+                continue
+            if not is_linear and (self.var in floor.free or box.cells):
+                return floor, False
+            if linear is None and self.var in floor.free:
+                linear = floor, True
+        return linear
+
+    def _terms(self, e: Expr, box: Box, nested: bool) -> list[Term]:
+        """e as a sum of terms; only the first floor in a linear place makes terms of its own."""
+        while (found := self._next(e, box)) is not None:
+            floor, is_linear = found
+            steps = count_steps(floor.children[0], box)
+            if steps is None:
+                self.given_up.add(_known(floor, box))
+            elif steps.guard is not TRUE and self.plain:
+                e = cast(Expr, replace_node(e, floor, uncounted(floor.children[0])))
+            elif not steps.over:
+                e = cast(Expr, replace_node(e, floor, steps.level(0)))
+            else:
+                if steps.guard is not TRUE:
+                    self._pending[disjunction(negation(_reached(e, floor)), steps.guard)] = None
+                if not is_linear:
+                    return self._grid(e, floor, steps, box)
+                if not nested:
+                    return self._brackets(e, floor, steps, box)
+                e = cast(Expr, replace_node(e, floor, _sum_of_brackets(steps)))
+        self._cells += 1
+        if self._cells > MAX_CELLS:
+            raise _TooManyError
+        return [((), e)]
+
+    def _brackets(self, e: Expr, floor: Call, steps: Steps, box: Box) -> list[Term]:
+        """e = A + B·floor: from the step nearest to 0 (or from the base) brackets upwards and downwards."""
+        mark = fresh("⌊⌋", e.free)
+        rate = jump(cast(Expr, replace_node(e, floor, where(positive(mark), ONE, ZERO))), mark)
+        rest = cast(Expr, replace_node(e, floor, ZERO))
+        origin = _nearest_to_zero(steps)
+        terms = self._terms(add(rest, mul(steps.level(origin), rate)), box, True)
+        inner = self._terms(rate, box, True)
+        self._cells += len(inner) * (len(steps.over) - 1)
+        for i, over in enumerate(steps.over):
+            if i >= origin:
+                terms += [((over, *c), value) for c, value in inner]
+            else:
+                terms += [((negation(over), *c), mul(MINUS_ONE, value)) for c, value in inner]
+        return terms
+
+    def _grid(self, e: Expr, floor: Call, steps: Steps, box: Box) -> list[Term]:
+        """One cell a step; where all cells are free of variables, their differences at the steps."""
+        if len(box.cells) >= MAX_DEPTH:
+            raise _TooManyError
+        order = _holding(e, floor)
+        levels = [steps.level(i) for i in range(len(steps.over) + 1)]
+        inner = [self._terms(_with_value(order, floor, k), box.cell(floor.children[0], k), True) for k in levels]
+        if any(value.free for terms in inner for _, value in terms):
+            return _cells(inner, steps.over)
+        return _differences(inner, steps.over, 0 if isinstance(steps.base, Const) else 1)
+
+
+def _nearest_to_zero(steps: Steps) -> int:
+    """The level with the smallest number; that of the base where it is no number."""
+    if not isinstance(steps.base, Const):
+        return 1
+    return max(0, min(len(steps.over), 1 - int(steps.base.data)))
+
+
+def _sum_of_brackets(steps: Steps) -> Expr:
+    origin = _nearest_to_zero(steps)
+    downwards = (where(over, ZERO, MINUS_ONE) for over in steps.over[:origin])
+    return add(steps.level(origin), *downwards, *(where(over, ONE, ZERO) for over in steps.over[origin:]))
+
+
+def _cells(inner: Sequence[list[Term]], over: Sequence[Cond]) -> list[Term]:
+    """Σᵢ [over i - 1, not over i]·innerᵢ; equal neighbours are one cell."""
+    terms: list[Term] = []
+    first = 0
+    for i, mine in enumerate(inner):
+        if i + 1 < len(inner) and inner[i + 1] == mine:
+            continue
+        above = (over[first - 1],) if first > 0 else ()
+        below = (negation(over[i]),) if i < len(over) else ()
+        terms += [((*above, *below, *c), value) for c, value in mine]
+        first = i + 1
+    return terms
+
+
+def _differences(inner: Sequence[list[Term]], over: Sequence[Cond], origin: int) -> list[Term]:
+    """The same with one bracket a step: what changes there, upwards and downwards from a cell that is certainly met."""
+    terms = list(inner[origin])
+    for i, step in enumerate(over):
+        near, far, side = (inner[i], inner[i + 1], step) if i >= origin else (inner[i + 1], inner[i], negation(step))
+        change: dict[tuple[Cond, ...], Expr] = {}
+        for sign, part in ((ONE, far), (MINUS_ONE, near)):
+            for c, value in part:
+                change[c] = add(change.get(c, ZERO), mul(sign, value))
+        terms += [((side, *c), value) for c, value in change.items() if value is not ZERO]
+    return terms
+
+
+def _known(floor: Call, box: Box) -> Known:
+    return floor, tuple((v, r) for v, r in box.ranges.items() if v in floor.free)
+
+
+def _is_asked(root: Node, floor: Node) -> bool:
+    """Does a condition, or the argument of another floor, hold the floor?"""
+    return any(isinstance(n, Compare) or is_step(n) for n in _holding(root, floor))
+
+
+def _holding(root: Node, inner: Node) -> list[Node]:
+    """The nodes that contain one, children first."""
+    found: set[Node] = {inner}
+    order: list[Node] = []
+    for node in postorder([root]):
+        if any([c in found for c in node.children]):
+            found.add(node)
+            order.append(node)
+    return order
+
+
+def _reached(root: Node, floor: Node) -> Cond:
+    """The condition on parameters under which anybody looks at the floor."""
+    order = _holding(root, floor)
+    found = {floor, *order}
+    reached: dict[Node, Cond] = {root: TRUE}
+    for node in reversed(order):
+        for child in node.children:
+            if child in found:
+                here = reached[node]
+                if isinstance(node, Where) and not node.condition.free and child is not node.condition:
+                    here = conjunction(here, node.condition if child is node.then else negation(node.condition))
+                reached[child] = disjunction(reached.get(child, FALSE), here)
+    return reached[floor]
+
+
+def _floors(root: Node) -> dict[Call, bool]:
+    """The floors with variables, innermost first, and whether the expression is affine in each as a number: no node on the way to it is
+    more than a sum, a product with something free of it, a branch, or an integral. Sets of floors are the bits of integers."""
+    floors: list[Call] = []
+    below: dict[Node, int] = {}  # the floors in a node
+    bent: dict[Node, int] = {}  # those of them in no linear place
+    for node in postorder([root]):
+        every = several = curved = 0
+        for i, c in enumerate(node.children):
+            several |= every & below[c]
+            every |= below[c]
+            curved |= bent[c] if _keeps_lines(node, i) else below[c]
+        if isinstance(node, Mul):
+            curved |= several
+        if isinstance(node, Call) and is_step(node):
+            every |= 1 << len(floors)
+            floors.append(node)
+        below[node], bent[node] = every, curved
+    return {floor: not bent[root] >> i & 1 for i, floor in enumerate(floors)}
+
+
+def _keeps_lines(node: Node, i: int) -> bool:
+    """Is a node affine in child number i, as long as that is in no other child?"""
+    match node:
+        case Add() | Mul():
+            return True
+        case Where():
+            return i > 0
+        case Integral():
+            return i == 0
+        case _:
+            return False
+
+
+def _with_value(order: Sequence[Node], floor: Expr, value: Expr) -> Expr:
+    """The last node of `order` with a value in place of the floor."""
+    new: dict[Node, Node] = {floor: value}
+    for node in order:
+        result = rebuild(node, tuple([new.get(c, c) for c in node.children]))
+        new[node] = between_integers(result) if isinstance(result, Compare) else result
+    return cast(Expr, new[order[-1]])

@@ -1,0 +1,381 @@
+"""The steps of a staircase: which integers u passes while its variables run over their ranges.
+
+    k₀ = floor(least u),  kᵢ = k₀ + i,  as many as the range of u is wide
+
+The range of an affine u is exact: its value where all variables start, and the change along each of them. That of another one is its
+interval enclosure. Parameters may move the steps, but not change their number, as in floor(3x + t): k₀ is then an expression of
+parameters, and the steps at both ends of the range are among those counted, for they are the ones that enter and leave. Where parameters
+change the number as well, as in floor(t·x), MAX_PERIODIC are counted, and a condition tells whether these are all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import cast
+
+from teg.calculus import slope
+from teg.errors import NotDifferentiableError
+from teg.expr import (
+    FALSE,
+    MINUS_ONE,
+    ONE,
+    TRUE,
+    ZERO,
+    Add,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Param,
+    Pow,
+    Var,
+    Where,
+    add,
+    call,
+    conjunction,
+    const,
+    disjunction,
+    div,
+    mul,
+    positive,
+    sub,
+    where,
+)
+from teg.integral import Integral
+from teg.intervals import enclose
+from teg.node import Node, postorder
+from teg.polynomial import Shadow
+from teg.roots import MAX_PERIODIC, tidy
+from teg.traverse import parameters, rewrite, substitute
+
+MAX_STEPS = 256
+"""Steps of one floor that are counted."""
+_SLACK = 1e-9
+"""A range that is so near to a whole number of steps may contain one more, by rounding."""
+_LEAST_RATE = 1e-300
+_HALF = const(0.5)
+
+
+@dataclass(frozen=True)
+class Range:
+    """The values of a variable: from `start` to `end`, expressions of parameters, in either order."""
+
+    start: Expr
+    end: Expr
+
+    @property
+    def interval(self) -> tuple[Expr, Expr]:
+        """The smaller end, the larger end."""
+        return call("min", self.start, self.end), call("max", self.start, self.end)
+
+
+Extent = tuple[Expr, Expr, Expr]
+"""The least and the largest value, and their difference."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """The ranges of variables, and the cells of other floors that they are in: (v, k) says that v lies between k and k + 1."""
+
+    ranges: Mapping[Var, Range]
+    cells: tuple[tuple[Expr, Expr], ...] = ()
+
+    def cell(self, u: Expr, level: Expr) -> Box:
+        """The part where u lies between a level and the next; where all are numbers, its variable has a shorter range there."""
+        return Box(_narrowed(u, number(level), self.ranges), (*self.cells, (u, level)))
+
+
+@dataclass(frozen=True)
+class Steps:
+    """u passes base, base + 1, …: `over[i]` says that it is beyond base + i. Under `guard` there are no more of them."""
+
+    base: Expr
+    over: tuple[Cond, ...]
+    guard: Cond = TRUE
+
+    def level(self, i: int) -> Expr:
+        """floor(u) between step i - 1 and step i."""
+        return add(self.base, const(i - 1.0))
+
+
+# -- floors --------------------------------------------------------------------------------------------------------------
+
+
+def is_step(node: Node) -> bool:
+    """A floor with variables in it whose steps may be counted."""
+    return isinstance(node, Call) and node.name == "floor" and bool(node.free) and not is_uncounted(node)
+
+
+def is_uncounted(node: Node) -> bool:
+    """A floor that `uncounted` made."""
+    if not (isinstance(node, Call) and node.name == "floor" and isinstance(node.children[0], Call)):
+        return False
+    inner = node.children[0]
+    return inner.name == "max" and inner.children[0] is inner.children[1]
+
+
+def uncounted(u: Expr) -> Expr:
+    """floor(u) for where there are too many steps: written with max(u, u), which is u, so that nobody counts them again."""
+    return call("floor", call("max", u, u))
+
+
+def with_floors(root: Expr) -> Expr:
+    """round and ceil, and mod of variables, by floor. At the halves round goes to the even side where parameters decide, up elsewhere."""
+    if not any(isinstance(n, Call) and (n.name in ("round", "ceil") or (n.name == "mod" and n.free)) for n in postorder([root])):
+        return root
+    return cast(Expr, rewrite([root], lambda _, new: _by_floor(new) if isinstance(new, Call) else new)[root])
+
+
+def _by_floor(e: Call) -> Expr:
+    u = e.children[0]
+    match e.name:
+        case "mod" if e.free:
+            return sub(u, mul(e.children[1], call("floor", div(u, e.children[1]))))
+        case "ceil":
+            return mul(MINUS_ONE, call("floor", mul(MINUS_ONE, u)))
+        case "round" if e.free:
+            return call("floor", add(u, _HALF))
+        case "round":
+            whole = call("floor", u)
+            over = sub(sub(u, whole), _HALF)
+            odd = positive(call("mod", whole, const(2.0)))
+            return where(disjunction(positive(over), conjunction(positive(over, strict=False), odd)), add(whole, ONE), whole)
+        case _:
+            return e
+
+
+def between_integers(c: Compare) -> Cond:
+    """A condition on an integer that parameters decide is asked half-way between two integers: its own value is no border."""
+    if c.g.free or c.resolution is not None or not _is_whole(c.g):
+        return c
+    return positive(sub(c.g, _HALF) if c.strict else add(c.g, _HALF))
+
+
+def _is_whole(e: Expr) -> bool:
+    """Is the value certainly an integer?"""
+    stack: list[Expr] = [e]
+    while stack:
+        node = stack.pop()
+        match node:
+            case Call() if node.name == "floor":
+                continue
+            case Const() if float(node.data).is_integer():
+                continue
+            case Add() | Mul():
+                stack.extend(node.children)
+            case Pow() if node.exponent > 0:
+                stack.append(node.base)
+            case Where():
+                stack += [node.then, node.otherwise]
+            case Call() if node.name in ("mod", "min", "max", "magnitude"):
+                stack.extend(node.children)
+            case _:
+                return False
+    return True
+
+
+# -- how many steps ------------------------------------------------------------------------------------------------------
+
+
+def count_steps(u: Expr, box: Box) -> Steps | None:
+    """The integers that u passes in a box; None where they are not known, or too many."""
+    if not u.free <= box.ranges.keys():
+        return None
+    affine = _affine_extent(u, box.ranges)
+    best = _steps(u, affine or _extent(u, box.ranges), affine is None)
+    for v, level in box.cells:
+        inside = _steps(u, _related_extent(u, v, level, box.ranges), False)
+        if inside is not None and (best is None or best.guard is not TRUE or len(inside.over) < len(best.over)):
+            best = inside
+    return best
+
+
+def _steps(u: Expr, extent: Extent | None, is_curved: bool) -> Steps | None:
+    if extent is None:
+        return None
+    least, most, width = extent
+    lowest, highest, span = number(least), number(most), number(width)
+    if lowest is not None and highest is not None:
+        if not (math.isfinite(lowest) and math.isfinite(highest)):
+            return None
+        first = math.floor(lowest) + 1
+        last = math.ceil(highest) - 1 if _is_analytic(u) else math.floor(highest + _SLACK)  # a flat piece may lie at the end
+        if last - first >= MAX_STEPS:
+            return None
+        return Steps(const(float(first)), tuple(_beyond(u, const(float(k))) for k in range(first, last + 1)))
+    base = call("floor", least) if lowest is None else const(float(math.floor(lowest)))
+    if span is None and (bound := greatest_size(width)) <= MAX_STEPS:
+        span = bound
+    guard: Cond = TRUE
+    if span is None:
+        count = MAX_PERIODIC + 1
+        guard = positive(sub(add(base, const(float(count))), most))
+    elif math.isfinite(span) and span <= MAX_STEPS:
+        count = math.ceil(span * (1.0 + _SLACK) + _SLACK) + 1
+    else:
+        return None
+    levels = [add(base, const(float(i))) for i in range(count)]
+    if is_curved:
+        levels = _moved_out(levels, least, most)
+    return Steps(base, tuple(_beyond(u, level) for level in levels), guard)
+
+
+def _beyond(u: Expr, level: Expr) -> Cond:
+    return positive(sub(u, level), strict=False)
+
+
+def _moved_out(levels: list[Expr], least: Expr, most: Expr) -> list[Expr]:
+    """The levels, but those at an end of the range that does not move, as that of t·x² at 0 does not, moved out of it: no step enters
+    there, and the slope may be 0."""
+    first, *others = levels
+    below, above = _touching(least), _touching(most)
+    if below is not None:
+        first = where(_is_near(first, least, below), sub(first, ONE), first)
+    if above is not None:
+        others = [where(_is_near(level, most, above), add(level, ONE), level) for level in others]
+    return [first, *others]
+
+
+def _is_near(level: Expr, end: Expr, distance: Expr) -> Cond:
+    return positive(sub(distance, call("magnitude", sub(level, end))))
+
+
+def _touching(end: Expr) -> Expr | None:
+    """How near a level at an end of the range is: a little if the end does not move, negative if it does; None if that is certain."""
+    moves: Cond = FALSE
+    for p in parameters(end):
+        rate = slope(end, p)
+        if isinstance(rate, Const) and rate.data != 0.0:
+            return None
+        moves = disjunction(moves, positive(sub(call("magnitude", rate), const(_LEAST_RATE))))
+    return where(moves, MINUS_ONE, const(_SLACK))
+
+
+def _affine_extent(u: Expr, ranges: Mapping[Var, Range]) -> Extent | None:
+    """Least and largest value and their difference, of a u that is affine in all its variables: from its value, as it is written, where
+    all of them start."""
+    variables = [v for v in ranges if v in u.free]
+    if not _is_analytic(u) or (Shadow(tuple(variables)).degree(u) or 2) > 1:
+        return None
+    start = {v: ranges[v].start for v in variables}
+    at_start = cast(Expr, substitute(u, start))
+    down, up = [at_start], [at_start]
+    sizes: list[Expr] = []
+    for v in variables:
+        rate = tidy(cast(Expr, substitute(slope(u, v), start)))
+        change = tidy(mul(rate, tidy(sub(ranges[v].end, ranges[v].start))))
+        known = number(change)
+        if known is not None:
+            change = const(known)
+        down.append(call("min", ZERO, change))
+        up.append(call("max", ZERO, change))
+        sizes.append(call("max", change, mul(MINUS_ONE, change)))
+    return add(*down), add(*up), add(*sizes)
+
+
+def _related_extent(u: Expr, v: Expr, level: Expr, ranges: Mapping[Var, Range]) -> Extent | None:
+    """Of u = r·v + d where v runs from one level to the next; r a number, d free of variables."""
+    if u.free != v.free or not (_is_analytic(u) and _is_analytic(v)):
+        return None
+    shadow = Shadow(tuple(u.free))
+    if shadow.degree(u) != 1 or shadow.degree(v) != 1:
+        return None
+    start = {x: ranges[x].start for x in u.free}
+    first = min(u.free, key=lambda x: str(x.name))
+    rate = number(tidy(cast(Expr, substitute(div(slope(u, first), slope(v, first)), start))))
+    if rate is None or not math.isfinite(rate) or shadow.degree(rest := sub(u, mul(const(rate), v))) != 0:
+        return None
+    least = add(mul(const(rate), level), cast(Expr, substitute(rest, start)))
+    return add(least, const(min(rate, 0.0))), add(least, const(max(rate, 0.0))), const(abs(rate))
+
+
+def _extent(u: Expr, ranges: Mapping[Var, Range]) -> Extent | None:
+    """The same by interval arithmetic; what is free of variables is kept apart, so that it does not widen the range."""
+    terms = u.children if isinstance(u, Add) else (u,)
+    fixed = add(*(t for t in terms if not t.free))
+    try:
+        least, most = enclose(add(*(t for t in terms if t.free)), {v: ranges[v].interval for v in ranges if v in u.free})
+    except NotDifferentiableError:
+        return None
+    if least.free or most.free:
+        return None
+    return add(fixed, least), add(fixed, most), tidy(sub(most, least))
+
+
+def _is_analytic(u: Expr) -> bool:
+    """No branch, kink or step with variables: it is constant on no piece."""
+    kinked = ("magnitude", "min", "max", "floor", "mod")
+    return not any(n.free and (isinstance(n, Where) or (isinstance(n, Call) and n.name in kinked)) for n in postorder([u]))
+
+
+def _narrowed(u: Expr, level: float | None, ranges: Mapping[Var, Range]) -> Mapping[Var, Range]:
+    if level is None or len(u.free) != 1 or not _is_analytic(u):
+        return ranges
+    (v,) = u.free
+    if Shadow((v,)).degree(u) != 1:
+        return ranges
+    ends = [number(e) for e in ranges[v].interval]
+    at_zero, rate = number(cast(Expr, substitute(u, {v: ZERO}))), number(slope(u, v))
+    if at_zero is None or not rate or ends[0] is None or ends[1] is None:
+        return ranges
+    cuts = sorted((k - at_zero) / rate for k in (level, level + 1.0))
+    lo, hi = max(ends[0], cuts[0]), min(ends[1], cuts[1])
+    return {**ranges, v: Range(const(lo), const(hi))} if lo < hi else ranges
+
+
+def number(e: Expr) -> float | None:
+    """The value of an expression of numbers alone; None for anything else."""
+    if isinstance(e, Const):
+        return cast(float, e.data)
+    order = postorder([e])
+    if any(isinstance(n, Param | Var | Integral) for n in order):
+        return None
+    value = rewrite([e], lambda _, new: _power_of_number(new))[e]
+    return cast(float, value.data) if isinstance(value, Const) else None
+
+
+def greatest_size(e: Expr) -> float:
+    """What |e| cannot exceed, whatever the parameters are: 3 for 2·sin(t) - cos(t); infinite if there is no such number."""
+    sizes: dict[Node, float] = {}
+    for node in postorder([e]):
+        parts = [sizes[c] for c in node.children if isinstance(c, Expr)]
+        match node:
+            case Const():
+                size = abs(cast(float, node.data))
+            case Add():
+                size = math.fsum(parts)
+            case Mul():
+                size = math.prod(parts)
+            case Pow() if node.exponent > 0 or isinstance(node.base, Const):
+                size = abs(number(node) or 0.0) if isinstance(node.base, Const) else parts[0] ** node.exponent
+            case Where():
+                size = max(parts)
+            case Call() if node.name in ("min", "max"):
+                size = max(parts)
+            case Call() if node.name in _BOUNDED:
+                size = _BOUNDED[node.name]
+            case Call() if node.name == "magnitude":
+                size = parts[0]
+            case Expr():
+                size = math.inf
+            case _:
+                continue
+        sizes[node] = size if size == size else math.inf
+    return sizes[e]
+
+
+_BOUNDED = {"sin": 1.0, "cos": 1.0, "tanh": 1.0, "asin": math.pi / 2, "acos": math.pi, "atan": math.pi / 2, "atan2": math.pi}
+
+
+def _power_of_number(node: Node) -> Node:
+    """1/3, which is kept as it was written elsewhere, as the nearest float."""
+    if isinstance(node, Pow) and isinstance(node.base, Const) and node.base.data != 0.0:
+        try:
+            return const(node.base.data**node.exponent)
+        except OverflowError:
+            return node
+    return node

@@ -1,0 +1,455 @@
+"""Programs with `Locate`, written by hand, with known answers: every backend runs over this table.
+
+A pair of functions f, g of (v, u) is written once, as the block of a `Locate` that bounds them by interval arithmetic.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from teg.program import LOCATE_DEPTH, LOCATE_WIDTH, Adaptive, Arg, Assign, Locate, Stmt
+from tests.backends.isolate_programs import numbered, sum_over
+from tests.backends.programs import INF, NAN, Case, Row, integrate, let, program
+
+LEFT, RIGHT, BOTTOM, TOP = "x0l", "x0r", "x1l", "x1r"
+LAST = 2.0 ** -(LOCATE_DEPTH // 2)  # width of the last rectangles in the unit square, in v and in u
+NEAR = 8 * LAST  # of places in a range of a few units
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Bounds of f and g for v between x0l and x0r and u between x1l and x1r."""
+
+    enclosure: tuple[Stmt, ...]
+    bounds: tuple[Arg, Arg, Arg, Arg]
+
+
+def locate(results: str, pair: Pair, lo: Arg, hi: Arg, low: Arg, high: Arg, when: str | None = None) -> Locate:
+    """The places of a pair; the names of the results are written in one string."""
+    return Locate(lo, hi, low, high, LEFT, RIGHT, BOTTOM, TOP, pair.enclosure, pair.bounds, tuple(results.split()), when)
+
+
+def distance(name: str, low: Arg, high: Arg, p: Arg) -> tuple[Assign, ...]:
+    """Bounds v‹name›low, v‹name›high of (x - p)² for x between low and high."""
+    return (
+        let(f"v{name}a", "sub", low, p),
+        let(f"v{name}b", "sub", high, p),
+        let(f"v{name}aa", "mul", f"v{name}a", f"v{name}a"),
+        let(f"v{name}bb", "mul", f"v{name}b", f"v{name}b"),
+        let(f"v{name}ab", "mul", f"v{name}a", f"v{name}b"),
+        let(f"b{name}", "lt0", f"v{name}ab"),
+        let(f"v{name}min", "min", f"v{name}aa", f"v{name}bb"),
+        let(f"v{name}low", "select", f"b{name}", 0.0, f"v{name}min"),
+        let(f"v{name}high", "max", f"v{name}aa", f"v{name}bb"),
+    )
+
+
+def circle(name: str, v: Arg, u: Arg, p: Arg) -> tuple[Assign, ...]:
+    """Bounds v‹name›0, v‹name›1 of the squared distance from (v, u), less p."""
+    return (
+        *distance(f"{name}v", LEFT, RIGHT, v),
+        *distance(f"{name}u", BOTTOM, TOP, u),
+        let(f"v{name}s0", "add", f"v{name}vlow", f"v{name}ulow"),
+        let(f"v{name}s1", "add", f"v{name}vhigh", f"v{name}uhigh"),
+        let(f"v{name}0", "sub", f"v{name}s0", p),
+        let(f"v{name}1", "sub", f"v{name}s1", p),
+    )
+
+
+def ends(v: Arg, u: Arg, p: Arg) -> Pair:
+    """A circle and 2(u - its centre), its derivative by u: zero where v is an end of the circle."""
+    slope = (let("vda", "mul", 2.0, "vfua"), let("vdb", "mul", 2.0, "vfub"))
+    return Pair((*circle("f", v, u, p), *slope), ("vf0", "vf1", "vda", "vdb"))
+
+
+def two_circles(v: Arg, u: Arg, p: Arg, q: Arg) -> Pair:
+    """v² + u² - p, and a circle of squared radius q about (v, u)."""
+    return Pair((*circle("f", 0.0, 0.0, p), *circle("g", v, u, q)), ("vf0", "vf1", "vg0", "vg1"))
+
+
+def point(v: Arg, u: Arg) -> Pair:
+    """v less a number, and u less another."""
+    body = (let("va", "sub", LEFT, v), let("vb", "sub", RIGHT, v), let("vc", "sub", BOTTOM, u), let("vd", "sub", TOP, u))
+    return Pair(body, ("va", "vb", "vc", "vd"))
+
+
+def chord(v: Arg, p: Arg) -> Pair:
+    """v² + u² - p, and v less a number."""
+    return Pair((*circle("f", 0.0, 0.0, p), let("va", "sub", LEFT, v), let("vb", "sub", RIGHT, v)), ("vf0", "vf1", "va", "vb"))
+
+
+def wave(k: Arg, u: Arg) -> Pair:
+    """sin(k·v) for k >= 0, bounded by its value in the middle; and u less a number."""
+    body = (
+        let("vends", "add", LEFT, RIGHT),
+        let("vwide", "sub", RIGHT, LEFT),
+        let("vkm", "mul", 0.5, "vends", k),
+        let("vkh", "mul", 0.5, "vwide", k),
+        let("vsin", "sin", "vkm"),
+        let("vlow", "sub", "vsin", "vkh"),
+        let("vhigh", "add", "vsin", "vkh"),
+        let("vc", "sub", BOTTOM, u),
+        let("vd", "sub", TOP, u),
+    )
+    return Pair(body, ("vlow", "vhigh", "vc", "vd"))
+
+
+def corner(v: Arg, u: Arg) -> Pair:
+    """f is 0 for v below a number, else 1; g is 0 for u below another, else 1."""
+    body = (
+        let("va", "sub", LEFT, v),
+        let("ba", "ge0", "va"),
+        let("vlow", "select", "ba", 1.0, 0.0),
+        let("vb", "sub", BOTTOM, u),
+        let("bb", "ge0", "vb"),
+        let("vlow2", "select", "bb", 1.0, 0.0),
+    )
+    return Pair(body, ("vlow", 1.0, "vlow2", 1.0))
+
+
+def root(p: Arg, u: Arg) -> Pair:
+    """√v - p, whose lower bound is NaN where v < 0 is met, its upper one where v > 0 is not; and u less a number."""
+    body = (
+        let("vsl", "sqrt", LEFT),
+        let("vsr", "sqrt", RIGHT),
+        let("va", "sub", "vsl", p),
+        let("vb", "sub", "vsr", p),
+        let("vc", "sub", BOTTOM, u),
+        let("vd", "sub", TOP, u),
+    )
+    return Pair(body, ("va", "vb", "vc", "vd"))
+
+
+def exchanged(pair: Pair) -> Pair:
+    """g, f for f, g."""
+    return Pair(pair.enclosure, (*pair.bounds[2:], *pair.bounds[:2]))
+
+
+MULTIPLE = (let("vz0", "mul", 0.0, LEFT), let("vz1", "mul", 0.0, RIGHT))
+ZERO = Pair(MULTIPLE, ("vz0", "vz1", "vz0", "vz1"))
+SAME = Pair(circle("f", 0.0, 0.0, 1.0), ("vf0", "vf1", "vf0", "vf1"))
+UPRIGHT = Pair((let("va", "sub", LEFT, 0.3), let("vb", "sub", RIGHT, 0.3)), ("va", "vb", "va", "vb"))
+LEVEL = Pair((let("va", "sub", BOTTOM, 0.3), let("vb", "sub", TOP, 0.3)), ("va", "vb", "va", "vb"))
+
+
+def places_of(
+    name: str,
+    pair: Pair,
+    columns: tuple[Row, ...],
+    expected: tuple[Row, ...],
+    n: int = 1,
+    v: tuple[Arg, Arg] = (-2.0, 3.0),
+    u: tuple[Arg, Arg] = (-1.5, 1.75),
+    tolerance: float = NEAR,
+) -> Case:
+    """The places of a pair in order, as many results as there are rows expected."""
+    results = numbered(len(expected))
+    return Case(name, program(len(columns), (locate(results, pair, *v, *u),), *results.split()), columns, expected, n, tolerance)
+
+
+PLACES = (
+    places_of(
+        "the ends of a circle: two, one in the rectangle, none",
+        ends(0.0, 0.0, "p0"),
+        ((1.0, 0.5, 2.25, 6.25, 16.0, -0.5),),
+        ((-1.0, -math.sqrt(0.5), -1.5, 2.5, INF, INF), (1.0, math.sqrt(0.5), 1.5, INF, INF, INF), INF),
+        6,
+    ),
+    places_of("g before f", exchanged(ends(0.0, 0.0, "p0")), ((1.0, 0.5),), ((-1.0, -math.sqrt(0.5)), (1.0, math.sqrt(0.5))), 2),
+    places_of("the centre outside of the rectangle", ends(0.0, "p0", 1.0), ((1.8, -1.6, 1.7),), ((INF, INF, -1.0), (INF, INF, 1.0)), 3),
+    places_of(
+        "two circles that cross",
+        two_circles("p0", "p1", "p2", "p3"),
+        ((-1.0, 7.0, -1.0, 20.0), (7.0, 1.0, 7.0, 0.0), (25.0, 25.0, 25.0, 25.0), (25.0, 25.0, 1.0, 1.0)),
+        ((-4.0, 3.0, INF, INF), (3.0, 4.0, INF, INF), INF),
+        4,
+        v=(-6.0, 5.0),
+        u=(-6.5, 7.0),
+        tolerance=2 * NEAR,
+    ),
+    places_of(
+        "a tiny circle off the grid",
+        ends("p0", "p1", 1e-6),
+        ((0.3712, 0.7071, -1.0001), (0.2345, 0.1, 0.0003)),
+        ((0.3702, 0.7061, -1.0011), (0.3722, 0.7081, -0.9991), INF),
+        3,
+    ),
+    places_of("a circle thinner than the last rectangles", ends("p0", 0.2345, 1e-30), ((0.3712, -0.1),), ((0.3712, -0.1), INF), 2),
+    places_of("a point", ends("p0", 0.2345, 0.0), ((0.3712, -0.1),), ((0.3712, -0.1), INF), 2),
+    places_of("two solutions at one v are one place", chord("p0", 1.0), ((0.3, -0.8, 1.5),), ((0.3, -0.8, INF), INF), 3),
+    places_of("in the middle of the rectangle", point(0.0, 0.0), (), (0.0, INF), v=(-1.0, 1.0), u=(-1.0, 1.0), tolerance=0.0),
+    places_of(
+        "on the border of the rectangle",
+        point("p0", "p1"),
+        ((0.0, 1.0, 0.0, 1.0, -1e-9), (0.0, 1.0, 1.0, 0.5, 0.5)),
+        ((0.5 * LAST, 1 - 0.5 * LAST, 0.5 * LAST, 1 - 0.5 * LAST, INF), INF),
+        5,
+        v=(0.0, 1.0),
+        u=(0.0, 1.0),
+        tolerance=0.0,
+    ),
+    places_of(
+        "many places",
+        wave(math.pi, "p0"),
+        ((0.3, 2.0),),
+        (*((float(i), INF) for i in range(1, 17)), INF),
+        2,
+        v=(0.4, 16.75),
+        tolerance=4 * NEAR,
+    ),
+    places_of(
+        "as many places as results, or more",
+        wave("p0", 0.3),
+        ((math.pi, 5.0, 2.0),),
+        ((1.0, INF, math.pi / 2), (2.0, INF, math.pi), (3.0, INF, INF)),
+        3,
+        v=(0.4, 3.5),
+    ),
+    places_of("a single result", ends("p0", 0.0, 1.0), ((2.5, -2.5, 0.0),), ((1.5, -1.5, INF),), 3),
+    places_of("zero everywhere", ZERO, (), (INF, INF)),
+    places_of("zero on a circle", SAME, (), (INF, INF, INF)),
+    places_of("zero on a line of constant v", UPRIGHT, (), (INF, INF)),
+    places_of("zero on a line of constant u", LEVEL, (), (INF, INF)),
+    places_of("bounds that know nothing", Pair((), (-INF, INF, -INF, INF)), (), (INF,)),
+    places_of("bounds that exclude 0", Pair((), (1.0, 2.0, -1.0, 1.0)), (), (INF, INF)),
+    places_of(
+        "as many rectangles as there is room for, or two more",
+        corner("p0", "p1"),
+        (tuple(i * LAST for i in (32, 27, 512, 513, 1, 1, 64)), tuple(i * LAST for i in (32, 38, 2, 1, 1024, 1025, 16))),
+        ((16 * LAST, INF, 256 * LAST, INF, 0.5 * LAST, INF, 32 * LAST), INF),
+        7,
+        v=(0.0, 1.0),
+        u=(0.0, 1.0),
+        tolerance=0.0,
+    ),
+    places_of(
+        "undefined on the left: the border is a place where the upper bound says nothing",
+        root("p0", "p1"),
+        ((1.5, 0.5, 2.5, 0.0, -1.0, 1.5), (0.3, 0.3, 0.3, 0.3, 0.3, 2.0)),
+        ((2.25, 0.25, INF, 0.0, 0.0, INF), INF),
+        6,
+        v=(-1.0, 4.0),
+    ),
+    places_of("undefined everywhere in the rectangle", root(1.0, 0.3), (), (INF, INF), v=(-4.0, -1.0)),
+    places_of("f is undefined", Pair((), (NAN, NAN, -1.0, 1.0)), (), (INF, INF)),
+    places_of("g is undefined", Pair((), (-1.0, 1.0, NAN, NAN)), (), (INF, INF)),
+    places_of("NaN in, no place out", ends("p0", "p1", "p2"), ((NAN, 0.0, 0.0), (0.0, NAN, 0.0), (1.0, 1.0, NAN)), (INF, INF), 3),
+    places_of(
+        "bounds of v: reversed, NaN, infinite, equal",
+        point(0.25, 0.5),
+        ((0.0, 1.0, NAN, 0.0, -INF, 0.0, 0.25, 0.5, 1.0), (1.0, 0.0, 1.0, NAN, 1.0, INF, 0.25, 0.75, 0.5)),
+        ((0.25, 0.25, INF, INF, INF, INF, INF, INF, INF), INF),
+        9,
+        v=("p0", "p1"),
+        u=(0.0, 1.0),
+        tolerance=0.0,
+    ),
+    places_of(
+        "bounds of u: reversed, NaN, infinite, equal",
+        point(0.25, 0.5),
+        ((0.0, 1.0, NAN, 0.0, -INF, 0.0, 0.5, 0.75, 0.25), (1.0, 0.0, 1.0, NAN, 1.0, INF, 0.5, 1.0, -0.5)),
+        ((0.25, 0.25, INF, INF, INF, INF, INF, INF, INF), INF),
+        9,
+        v=(0.0, 1.0),
+        u=("p0", "p1"),
+        tolerance=0.0,
+    ),
+    places_of("far from 0, and wide", point("p0", 0.5), (1e6 + 1 / 3,), (1e6 + 1 / 3,), v=(-1e7, 1e7), tolerance=2 * NEAR),
+    places_of(
+        "a side that cannot be halved so often: rectangles repeat where the middle is an end",
+        point("p0", 0.3),
+        ((1.0 + 2.0**-52, 1.0),),
+        ((1.0 + 2.0**-52, INF), INF),
+        2,
+        v=(1.0, 1.0 + 2.0**-51),
+        u=(0.0, 1.0),
+        tolerance=0.0,
+    ),
+)
+
+SPAN = (  # ∫ [v² < p0]·(1, √(p0 - v²)) dv over (-2, 3), broken at the ends of the circle
+    locate("vr0 vr1 vr2", ends(0.0, 0.0, "p0"), -2.0, 3.0, -1.5, 1.75),
+    integrate(
+        "vspan varea",
+        "x2",
+        -2.0,
+        3.0,
+        (
+            let("v22", "mul", "x2", "x2"),
+            let("vunder", "sub", "p0", "v22"),
+            let("vsafe", "max", "vunder", 0.0),
+            let("vhigh2", "sqrt", "vsafe"),
+        ),
+        1.0,
+        "vhigh2",
+        rule=Adaptive(1e-10, smooth=True),
+        breaks=("vr0", "vr1", "vr2"),
+        flags=(let("vmm", "mul", "x2", "x2"), let("vin", "sub", "p0", "vmm"), let("bin", "gt0", "vin")),
+        need="bin",
+    ),
+)
+
+NESTS = (
+    Case(
+        "when: nothing is evaluated",
+        program(
+            2,
+            (
+                let("b0", "gt0", "p0"),
+                locate("vr0 vr1", point("p1", 0.5), 0.0, 1.0, 0.0, 1.0, when="b0"),
+                Locate("p1", 0.0, 0.0, 1.0, "x2l", "x2r", "x3l", "x3r", (), (0.0, "x2r", 0.0, "x3l"), ("vq0",), "b0"),
+            ),
+            "vr0",
+            "vr1",
+            "vq0",
+        ),
+        ((1.0, -1.0, 0.0, -1.0), (0.5, 0.5, 0.5, NAN)),
+        ((0.5, INF, INF, INF), INF, INF),
+        4,
+    ),
+    Case(
+        "places as the breaks of an integral",
+        program(1, SPAN, "vspan", "varea"),
+        ((1.0, 0.3, 0.0, 2.25),),
+        ((2.0, 2 * math.sqrt(0.3), 0.0, 3.0), (0.5 * math.pi, 0.15 * math.pi, 0.0, 1.125 * math.pi)),
+        4,
+        2e-7,
+    ),
+    Case(
+        "in the body of an integral, and the places in that of a sum",
+        program(
+            1,
+            (
+                integrate(
+                    "vi vj",
+                    "x4",
+                    0.0,
+                    "p0",
+                    (
+                        let("v44", "mul", "x4", "x4"),
+                        locate("vr0 vr1 vr2", ends("x4", 0.25, "v44"), -1.0, 5.0, -1.0, "x4"),
+                        sum_over("vs vn", "x2", ("vr0", "vr1", "vr2"), (), "x2", 1.0),
+                    ),
+                    "vs",
+                    "vn",
+                    breaks=(0.25,),  # where the places, 0 and 2·x4, enter the rectangle
+                ),
+            ),
+            "vi",
+            "vj",
+        ),
+        ((2.0, 1.0, 0.125),),
+        ((4.0 - 0.0625, 1.0 - 0.0625, 0.0), (3.5, 1.5, 0.0)),
+        3,
+        4e-7,
+    ),
+    Case(
+        "an integral, a sum and a rectangle in the enclosure",
+        program(
+            1,
+            (
+                Locate(
+                    0.0,
+                    3.0,
+                    -1.0,
+                    0.75,
+                    LEFT,
+                    RIGHT,
+                    BOTTOM,
+                    TOP,
+                    (
+                        Locate(
+                            0.0,
+                            1.0,
+                            0.0,
+                            1.0,
+                            "x2l",
+                            "x2r",
+                            "x3l",
+                            "x3r",
+                            (let("vm", "sub", "x2l", 0.5),),
+                            ("vm", "x2r", 0.0, 1.0),
+                            ("vi",),
+                        ),
+                        let("bi", "lt0", "vi"),
+                        let("vp", "select", "bi", 0.0, "p0"),
+                        integrate("vl", "x4", 0.0, LEFT, (let("v2t", "mul", 2.0, "x4"),), "v2t"),
+                        integrate("vr", "x5", 0.0, RIGHT, (let("v2s", "mul", 2.0, "x5"),), "v2s"),
+                        let("va", "sub", "vl", "vp"),
+                        let("vb", "sub", "vr", "vp"),
+                        sum_over("vc", "x6", (BOTTOM,), (let("vc6", "sub", "x6", 0.3),), "vc6"),
+                        sum_over("vd", "x7", (TOP,), (let("vd7", "sub", "x7", 0.3),), "vd7"),
+                    ),
+                    ("va", "vb", "vc", "vd"),
+                    ("vr0", "vr1"),
+                ),
+            ),
+            "vr0",
+            "vr1",
+        ),
+        ((0.25, 2.0, 9.5),),
+        ((0.5, math.sqrt(2.0), INF), INF),
+        3,
+        NEAR,
+    ),
+)
+
+LOCATE_CASES = (*PLACES, *NESTS)
+
+
+def literally(pair: Pair, lo: float, hi: float, low: float, high: float, room: int, given: dict[Arg, float]) -> list[float]:
+    """The text of `teg.program` in plain Python, for a pair whose block is assignments only; `given` are the parameters."""
+    nothing = [INF] * room
+    if not all(map(math.isfinite, (lo, hi, low, high))) or lo == hi or low == high:
+        return nothing
+    level = [(min(lo, hi), max(lo, hi), min(low, high), max(low, high))]
+    kept = []
+    for depth in range(LOCATE_DEPTH + 1):
+        if len(level) > LOCATE_WIDTH:
+            return nothing
+        kept = [box for box in level if not _dropped(*_bounds(pair, dict(zip((LEFT, RIGHT, BOTTOM, TOP), box, strict=True)) | given))]
+        level = []
+        for p, q, r, s in kept:
+            m, n = 0.5 * (p + q), 0.5 * (r + s)
+            level += [(p, q, r, n), (p, q, n, s)] if depth % 2 else [(p, m, r, s), (m, q, r, s)]
+    joined: list[tuple[float, float]] = []
+    for p, q in sorted((p, q) for p, q, *_ in kept):
+        joined[-1:] = [*joined[-1:], (p, q)] if not joined or p > joined[-1][1] else [(joined[-1][0], max(q, joined[-1][1]))]
+    return nothing if len(joined) > room else [0.5 * (p + q) for p, q in joined] + [INF] * (room - len(joined))
+
+
+def _dropped(f0: float, f1: float, g0: float, g1: float) -> bool:
+    undefined = (math.isnan(f0) and math.isnan(f1)) or (math.isnan(g0) and math.isnan(g1))
+    return f0 > 0 or f1 < 0 or g0 > 0 or g1 < 0 or undefined
+
+
+def _bounds(pair: Pair, values: dict[Arg, float]) -> list[float]:
+    for stmt in pair.enclosure:
+        assert isinstance(stmt, Assign)
+        x, *rest = (values[arg] if isinstance(arg, str) else float(arg) for arg in stmt.args)
+        values[stmt.name] = _operation(stmt.op, x, *rest)
+    return [values[arg] if isinstance(arg, str) else float(arg) for arg in pair.bounds]
+
+
+def _operation(op: str, x: float, y: float = 1.0, z: float = 1.0) -> float:
+    match op:
+        case "add":
+            return x + y
+        case "sub":
+            return x - y
+        case "mul":
+            return x * y * z
+        case "min" | "max":
+            return NAN if x != x or y != y else min(x, y) if op == "min" else max(x, y)
+        case "select":
+            return y if x else z
+        case "lt0":
+            return float(x < 0)
+        case "ge0":
+            return float(x >= 0)
+        case "sqrt":
+            return math.sqrt(x) if x >= 0 else NAN
+        case "sin":
+            return math.sin(x)
+    raise ValueError(op)

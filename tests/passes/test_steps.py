@@ -1,0 +1,715 @@
+"""The steps of floor, mod, round and ceil, written out: values, derivatives, ties, growth, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+import teg
+from teg.errors import NotDifferentiableError
+from teg.node import postorder
+from teg.passes.steps import enumerate_steps
+from teg.pipeline import compiled_outputs, normal_form
+from teg.staircase import Box, Range, count_steps, is_step, is_uncounted
+from teg.surfaces import atoms_of
+
+B, INT = teg.bracket, teg.integral
+x, y, z = teg.vars("x y z")
+t, a, b, c, m, s = teg.params("t a b c m s")
+SQUARE = ((x, 0, 1), (y, 0, 1))
+
+
+def board(u: teg.Expr, v: teg.Expr, even: object, odd: object) -> teg.Expr:
+    """A checkerboard in the coordinates u and v."""
+    return teg.where(teg.mod(teg.floor(u) + teg.floor(v), 2) < 1, even, odd)
+
+
+Formula = tuple[teg.Expr, Callable[..., Any]]
+"""A program and the same in NumPy."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A program, and what value, gradient and Hessian are. From the crossings by hand, or the moments of the clipped cells (polygons), and
+    derivatives of these formulas, in mpmath with 60 digits at exactly these float64 parameters."""
+
+    build: Callable[[], teg.Expr]
+    params: dict[str, float]
+    value: str
+    grad: dict[str, str]
+    hess: dict[tuple[str, str], str]
+
+
+PROBLEMS = {
+    "floor-of-a-product": Problem(
+        lambda: INT(teg.floor(x * t), (x, 0, 3)),
+        {"t": 1.7},
+        "6.1764705882352938872",
+        {"t": "5.1903114186851213784"},
+        {("t", "t"): "-6.10624872786484884"},
+    ),
+    "remainder-by-a-parameter": Problem(
+        lambda: INT(teg.mod(x, t), (x, 0, 1)),
+        {"t": 0.3},
+        "0.13999999999999999334",
+        {"t": "0.59999999999999986677"},
+        {("t", "t"): "12.0"},
+    ),
+    "floor-times-exp": Problem(
+        lambda: INT(teg.exp(x) * teg.floor(4 * x + t), (x, 0, 1)),
+        {"t": 0.3},
+        "3.6663894412324489311",
+        {"t": "1.8016844681509330026"},
+        {("t", "t"): "-0.45042111703773325065"},
+    ),
+    "sine-of-a-floor": Problem(
+        lambda: INT(teg.sin(a * teg.floor(5 * x + t) + x), (x, 0, 1)),
+        {"t": 0.3, "a": 0.7},
+        "0.28786524042137698207",
+        {"t": "-0.1616346715672446753", "a": "-1.3132924134931361777"},
+        {("t", "t"): "0.036917222360376117639", ("t", "a"): "-0.18932333009935545208", ("a", "a"): "1.3495067443489941447"},
+    ),
+    "stripes-weighted": Problem(
+        lambda: INT(x * B(teg.mod(x + t, 0.25) < a), (x, 0, 1)),
+        {"t": 0.13, "a": 0.1},
+        "0.21800000000000001144",
+        {"t": "-0.4000000000000000222", "a": "2.3800000000000000044"},
+        {("t", "t"): "0", ("t", "a"): "-4.0", ("a", "a"): "4.0"},
+    ),
+    "floor-of-a-sum-over-a-square": Problem(
+        lambda: INT(teg.floor(x + y + t), *SQUARE),
+        {"t": 0.3},
+        "0.7999999999999999889",
+        {"t": "1.0"},
+        {("t", "t"): "0"},
+    ),
+    "floor-of-a-plane-weighted": Problem(
+        lambda: INT(x * teg.floor(2 * x + a * y + t), *SQUARE),
+        {"t": 0.35, "a": 1.3},
+        "0.92104166666666666704",
+        {"t": "0.5", "a": "0.25833333333333333148"},
+        {("t", "t"): "-0.11538461538461539775", ("t", "a"): "-0.057692307692307698877", ("a", "a"): "-0.070512820512820516105"},
+    ),
+    "stripes-at-an-angle": Problem(
+        lambda: INT(B(teg.mod(c * x + s * y + t, 0.3) < a), *SQUARE),
+        {"c": 0.8, "s": 0.55, "t": 0.11, "a": 0.12},
+        "0.40499999999999999811",
+        {"c": "0.016477272727272488443", "s": "-0.054545454545454758393", "t": "0.090909090909090567422", "a": "3.2954545454545456616"},
+        {
+            ("c", "c"): "-2.3139204545454536364",
+            ("c", "s"): "-0.88223140495867685719",
+            ("c", "t"): "-2.3863636363636356206",
+            ("c", "a"): "0.42613636363636298692",
+            ("s", "s"): "-2.0743801652892551304",
+            ("s", "t"): "-2.4380165289256188905",
+            ("s", "a"): "0.82644628099173471557",
+            ("t", "t"): "-2.2727272727272724176",
+            ("t", "a"): "0",
+            ("a", "a"): "0",
+        },
+    ),
+    "checkerboard-rotated-shaded": Problem(
+        lambda: INT(x * board(3 * (0.8 * x - 0.6 * y) + t, 3 * (0.6 * x + 0.8 * y), a, b), *SQUARE),
+        {"t": 0.3, "a": 1.0, "b": 0.25},
+        "0.29969760802469136625",
+        {"t": "0.034495370370370349973", "a": "0.23293014403292182166", "b": "0.26706985596707817834"},
+        {
+            ("t", "t"): "-0.011157407407407398061",
+            ("t", "a"): "0.045993827160493799963",
+            ("t", "b"): "-0.045993827160493799963",
+            ("a", "a"): "0",
+            ("a", "b"): "0",
+            ("b", "b"): "0",
+        },
+    ),
+    "checkerboard-by-an-angle": Problem(
+        lambda: INT(board(2 * (teg.cos(t) * x - teg.sin(t) * y), 2 * (teg.sin(t) * x + teg.cos(t) * y), a, b), *SQUARE),
+        {"t": 0.3, "a": 1.0, "b": 0.25},
+        "0.65741402109367678935",
+        {"t": "0.21553101307511156281", "a": "0.54321869479156905247", "b": "0.45678130520843094753"},
+        {
+            ("t", "t"): "0.73907554934409213908",
+            ("t", "a"): "0.28737468410014875041",
+            ("t", "b"): "-0.28737468410014875041",
+            ("a", "a"): "0",
+            ("a", "b"): "0",
+            ("b", "b"): "0",
+        },
+    ),
+    "remainder-by-a-negative-number": Problem(
+        lambda: INT(teg.mod(x + t, -0.3), (x, 0, 1)),
+        {"t": 0.17},
+        "-0.14299999999999998868",
+        {"t": "0.10000000000000003331"},
+        {("t", "t"): "0"},
+    ),
+    "remainder-by-a-negative-parameter": Problem(
+        lambda: INT((x + t) % m, (x, 0, 1)),
+        {"t": 0.17, "m": -0.4},
+        "-0.18600000000000001843",
+        {"t": "0.19999999999999995559", "m": "0.9399999999999998912"},
+        {("t", "t"): "0", ("t", "m"): "2.0", ("m", "m"): "6.0"},
+    ),
+    "floor-of-a-square": Problem(
+        lambda: INT(teg.floor(t * x * x), (x, 0, 2)),
+        {"t": 1.3},
+        "2.6482081941794876758",
+        {"t": "2.8276122330078892588"},
+        {("t", "t"): "-3.2626294996244874949"},
+    ),
+    "floor-of-a-wave": Problem(
+        lambda: INT(teg.floor(2 * teg.sin(3 * x) + t), (x, 0, 2)),
+        {"t": 0.3},
+        "-0.29939678050456241155",
+        {"t": "1.5958207147386523897"},
+        {("t", "t"): "-0.78029095271555028071"},
+    ),
+    "floor-in-a-floor": Problem(
+        lambda: INT(teg.floor(1.5 * teg.floor(x * t) + x + 0.2), (x, 0, 2)),
+        {"t": 1.6},
+        "4.5750000000000003234",
+        {"t": "3.5156249999999996097"},
+        {("t", "t"): "-4.3945312499999992682"},
+    ),
+    "round-of-a-product": Problem(
+        lambda: INT(round(x * t), (x, 0, 3)),
+        {"t": 1.7},
+        "7.6470588235294115726",
+        {"t": "4.325259515570934482"},
+        {("t", "t"): "-5.0885406065540407"},
+    ),
+    "ceil-of-a-product": Problem(
+        lambda: INT(teg.ceil(x * t), (x, 0, 3)),
+        {"t": 1.7},
+        "9.1764705882352938872",
+        {"t": "5.1903114186851213784"},
+        {("t", "t"): "-6.10624872786484884"},
+    ),
+    "triangle-wave": Problem(
+        lambda: INT(x * teg.abs(teg.mod(2 * x + t, 1) - 0.5), (x, 0, 1)),
+        {"t": 0.3},
+        "0.14000000000000000028",
+        {"t": "-0.024999999999999994449"},
+        {("t", "t"): "-0.5"},
+    ),
+    "remainder-by-a-variable": Problem(
+        lambda: INT(teg.mod(t, x), (x, 1, 2)),
+        {"t": 3.4},
+        "0.81277777777777779801",
+        {"t": "-0.2277777777777777457"},
+        {("t", "t"): "-0.36111111111111111111"},
+    ),
+    "floor-as-a-bound": Problem(
+        lambda: INT(teg.exp(-x), (x, 0, teg.floor(y + t) + 1), (y, 0, 2)),
+        {"t": 0.3},
+        "1.5922129874330184966",
+        {"t": "0.31809237280357837862"},
+        {("t", "t"): "0"},
+    ),
+    "product-of-floors": Problem(
+        lambda: INT(teg.floor(2 * x + t) * teg.floor(3 * y + a), *SQUARE),
+        {"t": 0.3, "a": 0.4},
+        "1.1200000000000000022",
+        {"t": "1.4000000000000000222", "a": "0.7999999999999999889"},
+        {("t", "t"): "0", ("t", "a"): "1.0", ("a", "a"): "0"},
+    ),
+    "quotient-by-a-floor": Problem(
+        lambda: INT(1 / (1 + teg.floor(4 * x + t)), (x, 0, 1)),
+        {"t": 0.3},
+        "0.46083333333333333555",
+        {"t": "-0.2"},
+        {("t", "t"): "0"},
+    ),
+    "root-of-a-floor": Problem(
+        lambda: INT(teg.sqrt(teg.floor(4 * x + t)), (x, 0, 1)),
+        {"t": 0.3},
+        "1.18656609248549308",
+        {"t": "0.5"},
+        {("t", "t"): "0"},
+    ),
+    "floor-up-to-a-parameter": Problem(
+        lambda: INT(teg.floor(x), (x, 0, t)),
+        {"t": 3.3},
+        "3.8999999999999994671",
+        {"t": "3.0"},
+        {("t", "t"): "0"},
+    ),
+    "floor-between-parameters": Problem(
+        lambda: INT(teg.floor(3 * x), (x, t, t + 1)),
+        {"t": 0.3},
+        "1.8999999999999999667",
+        {"t": "3.0"},
+        {("t", "t"): "0"},
+    ),
+    "exp-of-an-integral": Problem(
+        lambda: teg.exp(INT(x * teg.floor(2 * x + t), (x, 0, 1))),
+        {"t": 0.3},
+        "1.7815789113950580449",
+        {"t": "1.0689473468370348368"},
+        {("t", "t"): "-0.24942104759530811442"},
+    ),
+    "floor-over-a-triangle": Problem(
+        lambda: INT(teg.floor(3 * x + 2 * y + t), (x, 0, y), (y, 0, 1)),
+        {"t": 0.3},
+        "1.0666666666666666611",
+        {"t": "0.5"},
+        {("t", "t"): "0"},
+    ),
+    "checkerboard-scaled": Problem(
+        lambda: INT(board(a * x, a * y, 1, 0), *SQUARE),
+        {"a": 3.7},
+        "0.503287070854638418",
+        {"a": "-0.023690600754150773234"},
+        {("a", "a"): "0.098177264386570817797"},
+    ),
+    "condition-on-two-floors": Problem(
+        lambda: INT(B(teg.floor(4 * x + t) <= teg.floor(3.5 * y)), *SQUARE),
+        {"t": 0.3},
+        "0.49642857142857143135",
+        {"t": "-0.25"},
+        {("t", "t"): "0"},
+    ),
+    "exp-of-a-remainder": Problem(
+        lambda: INT(teg.exp(a * teg.mod(3 * x + t, 1)), (x, 0, 1)),
+        {"t": 0.3, "a": 0.6},
+        "1.3701980006508482747",
+        {"t": "0", "a": "0.75320133289943446068"},
+        {("t", "t"): "0", ("t", "a"): "0", ("a", "a"): "0.52619355765273337458"},
+    ),
+    "two-floors-of-one-variable": Problem(
+        lambda: INT(teg.floor(x * t) * teg.floor(2 * x * t), (x, 0, 2)),
+        {"t": 1.3},
+        "5.7692307692307697169",
+        {"t": "10.946745562130176767"},
+        {("t", "t"): "-16.841147018661809835"},
+    ),
+    "stripes-of-varying-width": Problem(
+        lambda: INT(B(teg.mod(x + a, 0.25) < t * y), *SQUARE),
+        {"t": 0.2, "a": 0.1},
+        "0.4000000000000000222",
+        {"t": "2.0", "a": "0"},
+        {("t", "t"): "0", ("t", "a"): "0", ("a", "a"): "0"},
+    ),
+}
+HEAVY = ("stripes-at-an-angle", "checkerboard-by-an-angle", "checkerboard-rotated-shaded", "two-floors-of-one-variable")
+"""Second derivatives of many cells."""
+IN_C = (
+    "floor-of-a-product", "remainder-by-a-negative-parameter", "stripes-weighted", "floor-of-a-wave", "floor-as-a-bound",
+    "stripes-of-varying-width", "checkerboard-rotated-shaded", "floor-of-a-square",
+)  # fmt: skip
+IN_JAX = ("floor-of-a-product", "stripes-weighted", "floor-of-a-sum-over-a-square")
+
+
+def check(name: str, backend: str, orders: int) -> None:
+    problem = PROBLEMS[name]
+    f = teg.compile(problem.build(), [teg.param(k) for k in problem.params], backend=backend)
+    assert f(problem.params) == pytest.approx(float(problem.value), rel=1e-12, abs=1e-14)
+    gradient = f.grad(problem.params)
+    for k, exact in problem.grad.items():
+        assert gradient[k] == pytest.approx(float(exact), rel=1e-12, abs=1e-13), k
+    if orders == 2:
+        hessian = f.hessian(problem.params)
+        for (p, q), exact in problem.hess.items():
+            assert hessian[p, q] == pytest.approx(float(exact), rel=1e-11, abs=1e-12), (p, q)
+            assert hessian[q, p] == pytest.approx(float(exact), rel=1e-11, abs=1e-12), (q, p)
+
+
+@pytest.mark.parametrize("name", [k for k in PROBLEMS if k not in HEAVY])
+def test_numpy(name: str) -> None:
+    check(name, "numpy", 2)
+
+
+@pytest.mark.parametrize("name", HEAVY)
+def test_numpy_where_cells_are_many(name: str) -> None:
+    check(name, "numpy", 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HEAVY)
+def test_second_derivatives_where_cells_are_many(name: str) -> None:
+    check(name, "numpy", 2)
+
+
+@pytest.mark.parametrize("name", IN_C)
+def test_c(name: str) -> None:
+    check(name, "c", 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [k for k in PROBLEMS if k not in HEAVY])
+def test_c_to_second_order(name: str) -> None:
+    check(name, "c", 2)
+
+
+@pytest.mark.parametrize("name", IN_JAX)
+def test_jax(name: str) -> None:
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    check(name, "jax", 1)
+
+
+def test_rings() -> None:
+    """[mod(r + t, ½) < ⅕] over a square, r the distance from its centre: areas of discs cut by a square."""
+
+    def disc(r: float) -> float:
+        if r <= 1:
+            return math.pi * max(r, 0.0) ** 2
+        if r * r >= 2:
+            return 4.0
+        corner = math.sqrt(r * r - 1)
+        return 4 * (corner + 0.5 * r * r * (math.asin(1 / r) - math.asin(corner / r)))
+
+    f = teg.compile(INT(B(teg.mod(teg.sqrt(x * x + y * y) + t, 0.5) < 0.2), (x, -1, 1), (y, -1, 1)))
+    assert f(t=0.1) == pytest.approx(sum(disc(0.5 * k + 0.1) - disc(0.5 * k - 0.1) for k in range(4)), rel=1e-11)
+
+
+# -- the form ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("e", "written_out"),
+    [
+        (INT(x * teg.floor(x), (x, 0, 3)), INT(x * B(x >= 1) + x * B(x >= 2), (x, 0, 3))),
+        (INT(x * teg.floor(x), (x, -1, 2)), INT(-x * B(~(x >= 0)) + x * B(x >= 1), (x, -1, 2))),
+        (INT(B(teg.floor(x) < 2), (x, 0, 4)), INT(1 - B(x >= 2), (x, 0, 4))),
+        (INT(x * B(teg.floor(x) < 2), (x, 0, 4)), INT(x * B(~(x >= 2)), (x, 0, 4))),
+        (INT(teg.floor(x), (x, 0.25, 0.75)), teg.expr.ZERO),
+        (INT(teg.ceil(x), (x, 0, 1)), INT(1, (x, 0, 1))),
+        (INT(x % 2, (x, 0, 2)), INT(x, (x, 0, 2))),
+    ],
+    ids=lambda e: str(e),
+)
+def test_normal_form(e: teg.Expr, written_out: teg.Expr) -> None:
+    assert str(normal_form(e)) == str(normal_form(written_out))
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_twice_is_once(name: str) -> None:
+    e = PROBLEMS[name].build()
+    once = enumerate_steps(e)
+    assert not any(is_step(n) for n in postorder([once]))
+    assert enumerate_steps(once) is once
+    normal = normal_form(e)
+    assert enumerate_steps(normal) is normal
+
+
+def test_what_has_no_steps_is_left_alone() -> None:
+    e = INT(teg.floor(t) * x + teg.mod(t, a), (x, 0, 1))
+    assert enumerate_steps(e) is e
+
+
+def test_one_body_under_two_ranges() -> None:
+    """The same floor has two steps in one integral, a thousand in another."""
+    e = INT(teg.floor(x), (x, 0, 1000)) + t * INT(teg.floor(x), (x, 0, 2))
+    value, gradient = teg.compile(e).value_and_grad(t=2.0)
+    assert value == pytest.approx(499502, rel=1e-12)
+    assert gradient["t"] == pytest.approx(1.0, rel=1e-14)
+
+
+def test_the_sign_of_a_condition_on_integers_is_no_border() -> None:
+    f = teg.compile(INT(x * board(4 * x + t, 4 * y, a, 0), *SQUARE))
+    assert f.diagnose(t=0.3, a=1.0) == []
+
+
+@pytest.mark.parametrize(
+    ("u", "count"),
+    [
+        (3 * x + t, 5),  # three inside, and one at each end
+        (3 * x - 2 * y + t, 7),
+        (x * x + t, 3),
+        (2 * teg.cos(t) * x - teg.sin(t) * y, 5),  # at most |2·cos t| + |sin t| ≤ 3
+        (t * x, 17),
+        (t * x + a * y, 17),
+        (x / 0.1, 9),
+        (2.5 * x, 2),
+        (teg.where(y < 0.5, 3 * x, 2), 3),  # 2 and 3 are not passed, but 2 is stayed at
+        (teg.where(y < 0.5, 0.5 * x, 2), 2),
+    ],
+    ids=lambda v: str(v),
+)
+def test_how_many_steps(u: teg.Expr, count: int) -> None:
+    unit = Range(teg.expr.ZERO, teg.expr.ONE)
+    steps = count_steps(u, Box({x: unit, y: unit}))
+    assert steps is not None
+    assert len(steps.over) == count
+    assert (steps.guard is teg.expr.TRUE) == (count < 17)
+
+
+@pytest.mark.parametrize("u", [300 * x, 300 * x + t, 1 / (x - 0.5), x + z], ids=lambda v: str(v))
+def test_steps_that_are_not_counted(u: teg.Expr) -> None:
+    assert count_steps(u, Box({x: Range(teg.expr.ZERO, teg.expr.ONE)})) is None
+
+
+def test_fewer_steps_inside_the_cell_of_another_floor() -> None:
+    whole = Box({x: Range(teg.expr.ZERO, teg.expr.const(8))})
+    for u, v, count in ((2 * x, x, 1), (2 * x + t, x + t, 4), (a * x, a * x + t, 3), (x - t, x + t, 3)):
+        steps = count_steps(u, whole.cell(v, teg.expr.const(3)))
+        assert steps is not None
+        assert (len(steps.over), steps.guard) == (count, teg.expr.TRUE)
+
+
+# -- rounding ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [-2.5, -1.5, -0.5, -0.2, 0.0, 0.2, 0.49999999999999994, 0.5, 1.5, 2.5, 3.7, -3.0, 2.0**52 + 1, -1e300])
+def test_rounding_parameters_is_pythons(value: float) -> None:
+    f = teg.compile(teg.tuple(teg.round(t), teg.floor(t), teg.ceil(t), teg.mod(t, 3)))
+    assert f(t=value) == (round(value), math.floor(value), math.ceil(value), value % 3)
+    assert [g["t"] for g in (f.grad(t=value),)] == [(0.0, 0.0, 0.0, 1.0)]
+
+
+def test_rounding_numbers() -> None:
+    assert teg.evaluate(teg.round(2.5) + teg.ceil(-0.5)) == 2.0
+
+
+# -- ties ----------------------------------------------------------------------------------------------------------------
+
+TIES = {  # a step on a bound, a stripe's border on another or on a bound
+    "a step on both bounds": (INT(teg.exp(x) * teg.floor(3 * x + t), (x, 0, 1)), {"t": 2.0}),
+    "a step on one bound": (INT(teg.exp(x) * teg.floor(2.5 * x + t), (x, 0, 1)), {"t": 2.0}),
+    "a period that is not binary": (INT(x * teg.mod(x + t, 0.1), (x, 0, 1)), {"t": 0.3}),
+    "stripes that leave": (INT(x * B(teg.mod(x + t, 0.1) < a), (x, 0, 1)), {"t": 0.3, "a": 0.05}),
+    "stripes without width": (INT(x * B(teg.mod(x + t, 0.25) < a), (x, 0, 1)), {"t": 0.3, "a": 0.0}),
+    "stripes that touch": (INT(x * B(teg.mod(x + t, 0.25) < a), (x, 0, 1)), {"t": 0.3, "a": 0.25}),
+    "a scaled step on a bound": (INT(x * teg.floor(x * t), (x, 1, 3)), {"t": -2.0}),
+    "a period that fits": (INT(x * teg.mod(x, m), (x, 0, 1)), {"m": 0.25}),
+    "a bound on a step": (INT(x * teg.floor(x), (x, 0, t)), {"t": 3.0}),
+    "a bracket on a step": (INT(B(x < t) * x * teg.floor(2 * x), (x, 0, 3)), {"t": 1.5}),
+    "a curved step": (INT(teg.floor(teg.exp(x) + t), (x, 0, 1)), {"t": 1.0}),
+    "a corner": (INT(x * x * teg.floor(x + y + t), *SQUARE), {"t": 1.0}),
+}
+
+
+@pytest.mark.parametrize("name", TIES)
+def test_ties_give_the_mean_of_both_sides(name: str) -> None:
+    e, at = TIES[name]
+    f = teg.compile(e)
+    gradient = f.grad(at)
+    for k in at:
+        h = 1e-4
+        v = [f({**at, k: at[k] + i * h}) for i in range(-3, 4)]
+        right = (-11 * v[3] + 18 * v[4] - 9 * v[5] + 2 * v[6]) / (6 * h)
+        left = (11 * v[3] - 18 * v[2] + 9 * v[1] - 2 * v[0]) / (6 * h)
+        assert gradient[k] == pytest.approx(0.5 * (left + right), rel=1e-7, abs=1e-9), k
+
+
+def test_a_floor_is_closed_on_the_left() -> None:
+    for at in (1.0, 2.0):
+        assert teg.evaluate(INT(teg.delta(x - t) * B(teg.floor(t) <= teg.floor(x)), (x, 0, 3)), {t: at + 0.25}) == 1.0
+    e = INT(B((x >= 1) & (teg.floor(x) < 1)), (x, 0, 3))
+    assert teg.evaluate(e) == 0.0
+
+
+# -- steps that are too many ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("at", [0.3, 5.1, -3.3, 16.9, 17.5, 23.7, -20.2])
+def test_a_number_of_steps_that_parameters_decide(at: float) -> None:
+    """∫₀¹ floor(x·t) dx; beyond MAX_PERIODIC steps there is a value but no derivative."""
+    f = teg.compile(INT(teg.floor(x * t), (x, 0, 1)))
+    steps = math.floor(abs(at))
+    exact = steps - steps * (steps + 1) / (2 * abs(at))
+    value, gradient = f.value_and_grad(t=at)
+    assert value == pytest.approx(exact if at > 0 else -1 - exact, rel=1e-9)
+    if abs(at) < 17:
+        assert gradient["t"] == pytest.approx(steps * (steps + 1) / (2 * at * at), rel=1e-12)
+    else:
+        assert math.isnan(gradient["t"])
+        assert math.isnan(f.hessian(t=at)["t", "t"])
+
+
+def test_a_derivative_that_steps_have_no_part_in_has_no_end() -> None:
+    """Only the bound moves: the derivative of ∫₀ᵗ floor(x) dx is floor(t), however many steps there are."""
+    f = teg.compile(INT(teg.floor(x), (x, 0, t)))
+    value, gradient = f.value_and_grad(t=30.5)
+    assert value == pytest.approx(450, rel=1e-9)
+    assert gradient["t"] == 30.0
+
+
+def test_a_branch_that_is_not_taken_needs_no_steps() -> None:
+    inside = INT(teg.where(t > 0, x * teg.floor(x * t), 7), (x, 0, 1))
+    outside = teg.where(t > 0, INT(x * teg.floor(x * t), (x, 0, 1)), 7)
+    for e in (inside, outside):
+        f = teg.compile(e)
+        assert f.value_and_grad(t=-30.0) == (7.0, {"t": 0.0})
+        assert math.isnan(f.grad(t=30.0)["t"])
+
+
+def test_what_stays_a_floor_is_left_alone() -> None:
+    once = normal_form(INT(teg.floor(x * t), (x, 0, 1)))
+    assert sum(is_uncounted(n) for n in postorder([once])) == 1
+    assert normal_form(once) is once
+
+
+@pytest.mark.parametrize(
+    "e",
+    [
+        INT(teg.floor(300 * x + t), (x, 0, 1)),
+        INT(B(teg.mod(300 * x, 1) < t), (x, 0, 1)),
+        INT(board(40 * x + t, 40 * y, 1, 0), *SQUARE),
+        INT(teg.floor(1 / (x - 0.3) + t), (x, 0, 1)),
+    ],
+    ids=lambda e: str(e),
+)
+def test_steps_that_cannot_be_written_out_are_refused(e: teg.Expr) -> None:
+    with pytest.raises(NotDifferentiableError) as caught:
+        teg.compile(e).grad(t=0.3)
+    assert caught.value.where is not None
+    assert "bounds" in caught.value.hint
+
+
+def test_an_open_expression_is_refused() -> None:
+    with pytest.raises(NotDifferentiableError):
+        teg.diff(teg.floor(x * t), t)
+
+
+def test_floors_that_do_not_move_may_be_many() -> None:
+    f = teg.compile(INT(t * teg.floor(300 * x) + B(y < t), *SQUARE))
+    assert f.grad(t=0.3)["t"] == pytest.approx(149.5 + 1, rel=1e-6)
+
+
+def test_a_product_of_many_floors() -> None:
+    """Their grid would have too many cells: the sums of brackets are multiplied as they stand."""
+    shifts = [0.15 + 0.1 * i for i in range(8)]
+    at = dict(zip("abcdefgh", shifts, strict=True))
+    factors = [teg.floor((1 + 0.1 * i) * x + teg.param(k)) + 1 for i, k in enumerate(at)]
+    value, gradient = teg.compile(INT(reduce(lambda p, q: p * q, factors), (x, 0, 1))).value_and_grad(at)
+
+    def exact(at: dict[str, float]) -> float:
+        crossings = [(n - v) / (1 + 0.1 * i) for i, v in enumerate(at.values()) for n in (1, 2)]
+        ends = np.unique(np.clip([0.0, 1.0, *crossings], 0, 1))
+        middle = 0.5 * (ends[1:] + ends[:-1])
+        levels = [np.floor((1 + 0.1 * i) * middle + v) + 1 for i, v in enumerate(at.values())]
+        return float(np.sum(np.prod(levels, axis=0) * np.diff(ends)))
+
+    assert value == pytest.approx(exact(at), rel=1e-13)
+    h = 1e-3
+    for k in at:
+        difference = (exact({**at, k: at[k] + h}) - exact({**at, k: at[k] - h})) / (2 * h)  # linear in each shift, nearby
+        assert gradient[k] == pytest.approx(difference, rel=1e-9)
+
+
+@pytest.mark.parametrize("at", [1.3, -2.2, 9.7])
+def test_a_product_of_floors_whose_steps_parameters_decide(at: float) -> None:
+    f = teg.compile(INT(teg.floor(x * t) * teg.floor(2 * x * t) * teg.floor(x * t + 0.5), (x, 0, 1)))
+
+    def exact(t: float) -> float:
+        ends = np.unique(np.clip([0.0, 1.0, *(n / (2 * t) for n in range(-40, 41))], 0, 1))
+        middle = 0.5 * t * (ends[1:] + ends[:-1])
+        return float(np.sum(np.floor(middle) * np.floor(2 * middle) * np.floor(middle + 0.5) * np.diff(ends)))
+
+    value, gradient = f.value_and_grad(t=at)
+    assert value == pytest.approx(exact(at), rel=1e-9)
+    if abs(at) < 8:
+        h = 1e-3
+        difference = (exact(at - 2 * h) - 8 * exact(at - h) + 8 * exact(at + h) - exact(at + 2 * h)) / (12 * h)
+        assert gradient["t"] == pytest.approx(difference, rel=1e-8)
+    else:
+        assert math.isnan(gradient["t"])
+
+
+class Random:
+    """Programs of floors of one variable, and the same in NumPy."""
+
+    def __init__(self, seed: int) -> None:
+        self.random = np.random.default_rng(seed)
+
+    def number(self) -> float:
+        return round(float(self.random.uniform(-3, 3)), 2)
+
+    def affine(self) -> Formula:
+        p, q = self.number(), self.number()
+        formulas: list[Formula] = [
+            (p * x + t + q, lambda x, t, a: p * x + t + q),
+            (p * x + q, lambda x, t, a: p * x + q),
+            (a * x + q * t, lambda x, t, a: a * x + q * t),
+        ]
+        return formulas[self.random.choice(3, p=[0.7, 0.2, 0.1])]
+
+    def step(self, depth: int) -> Formula:
+        e, f = self.affine()
+        if depth and self.random.uniform() < 0.3:
+            (g, h), weight = self.step(depth - 1), abs(self.number()) + 0.2
+            return teg.floor(e + weight * g), lambda *v: np.floor(f(*v) + weight * h(*v))
+        period = (abs(self.number()) + 0.4) * float(self.random.choice([-1, 1]))
+        formulas: list[Formula] = [
+            (teg.floor(e), lambda *v: np.floor(f(*v))),
+            (teg.ceil(e), lambda *v: np.ceil(f(*v))),
+            (teg.round(e), lambda *v: np.floor(f(*v) + 0.5)),
+            (teg.mod(e, period), lambda *v: np.mod(f(*v), period)),
+        ]
+        return formulas[self.random.integers(4)]
+
+    def value(self) -> Formula:
+        (e, f), (g, h) = self.step(1), self.step(0)
+        formulas: list[Formula] = [
+            (e + g * x, lambda *v: f(*v) + h(*v) * v[0]),
+            (e * g, lambda *v: f(*v) * h(*v)),
+            (teg.sin(e) + teg.cos(g), lambda *v: np.sin(f(*v)) + np.cos(h(*v))),
+            (teg.where(e < g, x, e), lambda *v: np.where(f(*v) < h(*v), v[0], f(*v))),
+            (teg.where((e < 0.7) & (g > -0.5), x * x, 2), lambda *v: np.where((f(*v) < 0.7) & (h(*v) > -0.5), v[0] ** 2, 2.0)),
+            (g / (1 + e * e), lambda *v: h(*v) / (1 + f(*v) ** 2)),
+        ]
+        return formulas[self.random.integers(6)]
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_random_programs(seed: int) -> None:
+    """The value against 400 000 points; the gradient against differences of the value, where these agree among themselves."""
+    program = Random(seed)
+    (e, f), at = program.value(), {"t": program.number() + 0.000317, "a": program.number() + 0.000113}
+    compiled = teg.compile(INT(e, (x, -0.6, 0.9)), [t, a])
+    points = -0.6 + 1.5 * (np.arange(400_000) + 0.5) / 400_000
+    samples = f(points, at["t"], at["a"]) + 0 * points
+    assert compiled(at) == pytest.approx(1.5 * float(np.mean(samples)), abs=1e-4 * (1 + float(np.max(np.abs(samples)))))
+    gradient = compiled.grad(at)
+    for k in at:
+        wide, narrow = ((compiled({**at, k: at[k] + h}) - compiled({**at, k: at[k] - h})) / (2 * h) for h in (1e-5, 3e-6))
+        if abs(wide - narrow) < 1e-4 * (1 + abs(wide)):
+            assert gradient[k] == pytest.approx(narrow, rel=2e-4, abs=2e-4), k
+
+
+# -- how things grow -----------------------------------------------------------------------------------------------------
+
+
+def slope(sizes: dict[int, int]) -> float:
+    """The exponent of growth between the first and the last."""
+    (n0, s0), *_, (n1, s1) = sizes.items()
+    return math.log(s1 / s0) / math.log(n1 / n0)
+
+
+@pytest.mark.parametrize(
+    ("program", "most"),
+    [
+        (lambda n: INT(teg.exp(x) * teg.floor(n * x + t), (x, 0, 1)), 1.1),
+        (lambda n: INT(x * B(teg.mod(n * x + t, 1) < a), (x, 0, 1)), 1.1),
+        (lambda n: INT(teg.sin(teg.floor(n * x + t) * a), (x, 0, 1)), 1.1),
+        (lambda n: INT(teg.floor(n * (x + 0.5 * y) + t) * x, *SQUARE), 1.1),
+        (lambda n: INT(board(n**0.5 * x + t, n**0.5 * y, a, b), *SQUARE), 1.1),
+    ],
+)
+def test_code_is_linear_in_the_number_of_cells(program: Callable[[int], teg.Expr], most: float) -> None:
+    sizes = {n: teg.size(*compiled_outputs(program(n), [t], 1, "sift")) for n in (16, 64, 144)}
+    assert slope(sizes) <= most
+
+
+def test_one_surface_a_step() -> None:
+    body = cast(teg.Expr, normal_form(INT(teg.sin(teg.floor(10 * x)) * teg.floor(10 * x), (x, 0, 1))))
+    assert len({atom.g for atom in atoms_of(body)}) == 9
+
+
+def test_deep_expressions() -> None:
+    e: teg.Expr = teg.floor(2 * x + t)
+    for _ in range(20_000):
+        e = teg.sin(e) + 1
+    assert not any(is_step(n) for n in postorder([enumerate_steps(INT(e, (x, 0, 1)))]))
+    f: teg.Expr = teg.floor(2 * x + t)
+    for _ in range(20_000):
+        f = f * 0.5 + 1
+    assert not any(is_step(n) for n in postorder([enumerate_steps(INT(f, (x, 0, 1)))]))
