@@ -24,7 +24,6 @@ from typing import cast
 
 from teg.errors import NotDifferentiableError
 from teg.expr import (
-    FALSE,
     MINUS_ONE,
     ONE,
     TRUE,
@@ -35,9 +34,7 @@ from teg.expr import (
     Cond,
     Const,
     Expr,
-    Mul,
     Var,
-    Where,
     add,
     call,
     conjunction,
@@ -51,6 +48,7 @@ from teg.integral import Integral
 from teg.intervals import enclose
 from teg.node import Node, postorder
 from teg.passes.jumps import jump
+from teg.places import holding, linear_places, reached
 from teg.staircase import Box, Range, Steps, between_integers, count_steps, is_step, uncounted, with_floors
 from teg.traverse import fresh, rebuild, rename_apart, replace_node
 
@@ -62,7 +60,7 @@ MAX_DEPTH = 32
 Env = tuple[tuple[Var, Range], ...]
 Term = tuple[tuple[Cond, ...], Expr]
 """Conditions and what is added where all of them hold."""
-Known = tuple[Call, Env]
+Known = tuple[Expr, Env]
 """A floor and the ranges of its variables."""
 
 
@@ -207,11 +205,11 @@ class _Summands:
             e = cast(Expr, replace_node(e, n, _sum_of_brackets(steps)))
         return e
 
-    def _next(self, e: Expr, box: Box) -> tuple[Call, bool] | None:
+    def _next(self, e: Expr, box: Box) -> tuple[Expr, bool] | None:
         """The floor that is to be written out first, and whether its place is linear: the innermost whose place is not, of this variable
         or, inside a cell, of any; else the first one of this variable."""
         linear = None
-        for floor, is_linear in _floors(e).items():
+        for floor, is_linear in linear_places(e, is_step).items():
             if not floor.free <= box.ranges.keys() or _known(floor, box) in self.given_up:
                 continue
             if not is_linear and (self.var in floor.free or box.cells):
@@ -224,16 +222,16 @@ class _Summands:
         """e as a sum of terms; only the first floor in a linear place makes terms of its own."""
         while (found := self._next(e, box)) is not None:
             floor, is_linear = found
-            steps = count_steps(floor.children[0], box)
+            steps = count_steps(_argument(floor), box)
             if steps is None:
                 self.given_up.add(_known(floor, box))
             elif steps.guard is not TRUE and self.plain:
-                e = cast(Expr, replace_node(e, floor, uncounted(floor.children[0])))
+                e = cast(Expr, replace_node(e, floor, uncounted(_argument(floor))))
             elif not steps.over:
                 e = cast(Expr, replace_node(e, floor, steps.level(0)))
             else:
                 if steps.guard is not TRUE:
-                    self._pending[disjunction(negation(_reached(e, floor)), steps.guard)] = None
+                    self._pending[disjunction(negation(reached(e, floor)), steps.guard)] = None
                 if not is_linear:
                     return self._grid(e, floor, steps, box)
                 if not nested:
@@ -244,7 +242,7 @@ class _Summands:
             raise _TooManyError
         return [((), e)]
 
-    def _brackets(self, e: Expr, floor: Call, steps: Steps, box: Box) -> list[Term]:
+    def _brackets(self, e: Expr, floor: Expr, steps: Steps, box: Box) -> list[Term]:
         """e = A + B·floor: from the step nearest to 0 (or from the base) brackets upwards and downwards."""
         mark = fresh("⌊⌋", e.free)
         rate = jump(cast(Expr, replace_node(e, floor, where(positive(mark), ONE, ZERO))), mark)
@@ -260,16 +258,18 @@ class _Summands:
                 terms += [((negation(over), *c), mul(MINUS_ONE, value)) for c, value in inner]
         return terms
 
-    def _grid(self, e: Expr, floor: Call, steps: Steps, box: Box) -> list[Term]:
-        """One cell a step; where all cells are free of variables, their differences at the steps."""
+    def _grid(self, e: Expr, floor: Expr, steps: Steps, box: Box) -> list[Term]:
+        """One cell a step; where all cells are free of variables, their differences at the steps, if these are not longer."""
         if len(box.cells) >= MAX_DEPTH:
             raise _TooManyError
-        order = _holding(e, floor)
+        order = holding(e, floor)
         levels = [steps.level(i) for i in range(len(steps.over) + 1)]
-        inner = [self._terms(_with_value(order, floor, k), box.cell(floor.children[0], k), True) for k in levels]
-        if any(value.free for terms in inner for _, value in terms):
-            return _cells(inner, steps.over)
-        return _differences(inner, steps.over, 0 if isinstance(steps.base, Const) else 1)
+        inner = [self._terms(_with_value(order, floor, k), box.cell(_argument(floor), k), True) for k in levels]
+        cells = _cells(inner, steps.over)
+        if any(value.free for _, value in cells):
+            return cells
+        differences = _differences(inner, steps.over, 0 if isinstance(steps.base, Const) else 1)
+        return min(differences, cells, key=lambda terms: sum(len(conditions) for conditions, _ in terms))
 
 
 def _nearest_to_zero(steps: Steps) -> int:
@@ -312,73 +312,17 @@ def _differences(inner: Sequence[list[Term]], over: Sequence[Cond], origin: int)
     return terms
 
 
-def _known(floor: Call, box: Box) -> Known:
+def _argument(floor: Expr) -> Expr:
+    return cast(Expr, floor.children[0])
+
+
+def _known(floor: Expr, box: Box) -> Known:
     return floor, tuple((v, r) for v, r in box.ranges.items() if v in floor.free)
 
 
 def _is_asked(root: Node, floor: Node) -> bool:
     """Does a condition, or the argument of another floor, hold the floor?"""
-    return any(isinstance(n, Compare) or is_step(n) for n in _holding(root, floor))
-
-
-def _holding(root: Node, inner: Node) -> list[Node]:
-    """The nodes that contain one, children first."""
-    found: set[Node] = {inner}
-    order: list[Node] = []
-    for node in postorder([root]):
-        if any([c in found for c in node.children]):
-            found.add(node)
-            order.append(node)
-    return order
-
-
-def _reached(root: Node, floor: Node) -> Cond:
-    """The condition on parameters under which anybody looks at the floor."""
-    order = _holding(root, floor)
-    found = {floor, *order}
-    reached: dict[Node, Cond] = {root: TRUE}
-    for node in reversed(order):
-        for child in node.children:
-            if child in found:
-                here = reached[node]
-                if isinstance(node, Where) and not node.condition.free and child is not node.condition:
-                    here = conjunction(here, node.condition if child is node.then else negation(node.condition))
-                reached[child] = disjunction(reached.get(child, FALSE), here)
-    return reached[floor]
-
-
-def _floors(root: Node) -> dict[Call, bool]:
-    """The floors with variables, innermost first, and whether the expression is affine in each as a number: no node on the way to it is
-    more than a sum, a product with something free of it, a branch, or an integral. Sets of floors are the bits of integers."""
-    floors: list[Call] = []
-    below: dict[Node, int] = {}  # the floors in a node
-    bent: dict[Node, int] = {}  # those of them in no linear place
-    for node in postorder([root]):
-        every = several = curved = 0
-        for i, c in enumerate(node.children):
-            several |= every & below[c]
-            every |= below[c]
-            curved |= bent[c] if _keeps_lines(node, i) else below[c]
-        if isinstance(node, Mul):
-            curved |= several
-        if isinstance(node, Call) and is_step(node):
-            every |= 1 << len(floors)
-            floors.append(node)
-        below[node], bent[node] = every, curved
-    return {floor: not bent[root] >> i & 1 for i, floor in enumerate(floors)}
-
-
-def _keeps_lines(node: Node, i: int) -> bool:
-    """Is a node affine in child number i, as long as that is in no other child?"""
-    match node:
-        case Add() | Mul():
-            return True
-        case Where():
-            return i > 0
-        case Integral():
-            return i == 0
-        case _:
-            return False
+    return any(isinstance(n, Compare) or is_step(n) for n in holding(root, floor))
 
 
 def _with_value(order: Sequence[Node], floor: Expr, value: Expr) -> Expr:

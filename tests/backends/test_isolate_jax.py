@@ -12,8 +12,8 @@ from tests.backends.programs import INF, Case, columns, expected, let, program
 from tests.backends.test_isolate_numpy import polynomial, polynomials_at_random, roots
 
 QUICK = (*EXTREMES, *ROOTS[::3], *SUMS)
-CASES = (*QUICK, *(pytest.param(case, marks=pytest.mark.slow) for case in ROOTS if case not in QUICK))
-"""JAX takes half a second to compile each of them."""
+CASES = (*QUICK, *(pytest.param(case, marks=pytest.mark.slow) for case in ROOTS[1::3]))
+"""JAX takes half a second to compile each of them: two thirds, and NumPy has them all."""
 
 
 @pytest.mark.usefixtures("x64")

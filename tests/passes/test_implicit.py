@@ -220,7 +220,7 @@ _CONIC = teg.compile(
 _number = st.sampled_from([0.0, 0.0, 1.0, -1.0, 0.5, -0.25, 2.0]) | st.floats(-2, 2).map(lambda v: round(v, 3))
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 @given(st.tuples(*[_number] * 6))
 def test_conics_at_random(coefficients: tuple[float, ...]) -> None:
     """Every type, many of them exactly degenerate: against slices in closed form; at points without a derivative a diagnosis."""

@@ -16,6 +16,7 @@ from teg.errors import NotDifferentiableError
 from teg.node import postorder
 from teg.passes.steps import enumerate_steps
 from teg.pipeline import compiled_outputs, normal_form
+from teg.places import linear_places
 from teg.staircase import Box, Range, count_steps, is_step, is_uncounted
 from teg.surfaces import atoms_of
 
@@ -593,6 +594,39 @@ def test_a_product_of_many_floors() -> None:
     for k in at:
         difference = (exact({**at, k: at[k] + h}) - exact({**at, k: at[k] - h})) / (2 * h)  # linear in each shift, nearby
         assert gradient[k] == pytest.approx(difference, rel=1e-9)
+
+
+def test_many_floors_of_one_variable_in_one_summand() -> None:
+    """Twenty floors in a square and in a condition: as many cells as there are crossings, not as there are combinations."""
+    shifts = [i / 20 + 0.01 for i in range(20)]
+    total = reduce(lambda p, q: p + q, [teg.floor(x + s) for s in shifts])
+    e = INT(total * total * t + B(total < 7), (x, 0, 2))
+    ends = np.unique([0.0, 2.0, *(n - s for s in shifts for n in (1, 2))])
+    levels = sum(np.floor(0.5 * (ends[1:] + ends[:-1]) + s) for s in shifts)
+    squares = float(np.sum(levels**2 * np.diff(ends)))
+    value, gradient = teg.compile(e).value_and_grad(t=1.0)
+    assert value == pytest.approx(squares + float(np.sum((levels < 7) * np.diff(ends))), rel=1e-13)
+    assert gradient["t"] == pytest.approx(squares, rel=1e-13)
+    assert teg.size(enumerate_steps(e)) < 1000
+
+
+@pytest.mark.parametrize(
+    ("e", "linear"),
+    [
+        (teg.floor(x) * y + 1, [True]),
+        (teg.floor(x) * teg.floor(y), [True, True]),
+        (teg.floor(x) * (1 + teg.floor(x)), [False]),
+        (teg.where(x < t, teg.floor(x), 0), [True]),
+        (teg.where(teg.floor(x) < t, 1, y), [False]),
+        (teg.sin(teg.floor(x)), [False]),
+        (teg.floor(teg.floor(x) + y), [False, True]),
+        (INT(z * teg.floor(x), (z, 0, 1)), [True]),
+        (INT(z, (z, 0, teg.floor(x))), [False]),
+    ],
+    ids=lambda v: str(v),
+)
+def test_linear_places(e: teg.Expr, linear: list[bool]) -> None:
+    assert list(linear_places(e, is_step).values()) == linear
 
 
 @pytest.mark.parametrize("at", [1.3, -2.2, 9.7])

@@ -20,7 +20,7 @@ FLOORS: tuple[frozenset[str], ...] = tuple(
         "teg.expr",
         "teg.integral",
         "teg.traverse teg.calculus teg.dump teg.latex teg.verify teg.polynomial",
-        "teg.build teg.roots teg.surfaces teg.nest teg.intervals teg.kinks",
+        "teg.build teg.roots teg.surfaces teg.nest teg.places teg.intervals teg.kinks",
         "teg.isolation teg.staircase teg.critical teg.identities teg.numerics",
         "teg.symbolic teg.verification",
         "teg.diffeomorphism",
