@@ -132,6 +132,7 @@ def test_cost(g: Surface, p: float, most: int) -> None:
 # Text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limits", [{"PART": 2}, {"BY_VALUE": 0}, {"ON_STACK": 1}, {}], ids=str)
 @pytest.mark.parametrize("case", [ROOTS[0], ROOTS[4], *SUMS], ids=lambda case: case.name)
 def test_limits_change_no_bit(case: Case, limits: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:

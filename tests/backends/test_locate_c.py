@@ -140,6 +140,7 @@ def test_cost(pair: Pair, p: float, most: int) -> None:
 # Text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limits", [{"PART": 2}, {"BY_VALUE": 0}, {"ON_STACK": 1}, {}], ids=str)
 @pytest.mark.parametrize("case", [PLACES[0], PLACES[3], PLACES[13], *NESTS], ids=lambda case: case.name)
 def test_limits_change_no_bit(case: Case, limits: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -337,6 +337,7 @@ def test_second_derivatives_where_cells_are_many(name: str) -> None:
     check(name, "numpy", 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", IN_C)
 def test_c(name: str) -> None:
     check(name, "c", 1)
