@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import teg
@@ -67,6 +67,7 @@ def values_in(e: Expr, p: float, q: float, t: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
+@settings(max_examples=25, deadline=None)
 @given(ends=st.tuples(st.floats(-3.5, 3.5), st.floats(0, 3)), t=st.floats(-2, 2))
 def test_bounds_hold_every_value(name: str, ends: tuple[float, float], t: float) -> None:
     e = FUNCTIONS[name]
