@@ -1,6 +1,7 @@
 # make demo    a photo in triangles, in out/triangulation
 # make test    every test        make fast    without the slow ones
 # make bench   measurements      make lint    format, ruff, mypy
+# make chart   the chart and the tables of docs/integration.md, minutes; what is there already is kept (make chart FRESH=--fresh)
 #
 # The first of them creates .venv with the project (editable) and all extras. Another Python: make test PYTHON=python3.12
 
@@ -10,7 +11,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT := out/triangulation
 
-.PHONY: demo test fast bench lint
+.PHONY: demo test fast bench chart lint
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -25,6 +26,10 @@ fast: $(READY)
 
 bench: $(READY)
 	$(BIN)/python tests/bench/run.py
+
+chart: $(READY)
+	$(BIN)/teg chart stability -o docs/integration --page docs/integration.md $(FRESH)
+	$(BIN)/teg chart integration -o docs/integration --page docs/integration.md $(FRESH)
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

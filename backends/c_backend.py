@@ -18,7 +18,7 @@ import numpy as np
 from teg.backends.c_build import load_library
 from teg.backends.c_print import print_kernel, title
 from teg.errors import BackendError, OptionError, ParameterError
-from teg.program import Program
+from teg.program import Outcome, Program
 
 RESERVED = re.compile(
     "auto|break|case|char|class|const|continue|default|do|double|element|else|enum|extern|float|for|free|goto|if|"
@@ -30,23 +30,29 @@ RESERVED = re.compile(
 class CKernel:
     """A compiled program. `source` is its C text; pickling keeps the program and compiles it again."""
 
-    def __init__(self, program: Program, threads: int = 1) -> None:
-        """`threads` share the batch; 0 is one for each processor. Results are the same for any number."""
+    def __init__(self, program: Program, threads: int = 1, counted: bool = False) -> None:
+        """`threads` share the batch; 0 is one for each processor. Results are the same for any number. A `counted` kernel counts the
+        evaluations of integrands."""
         if threads < 0:
             raise OptionError("threads must be 0 (one for each processor) or positive", threads)
         self.program = program
         self.threads = threads
-        self.source = print_kernel(program)
+        self.counted = counted
+        self.source = print_kernel(program, counted=counted)
         library = load_library(self.source, optimise=_optimisation(self.source), openmp=threads != 1)
         self._function = library.teg_kernel
         self._function.restype = ctypes.c_int
-        self._function.argtypes = [ctypes.c_long, *[ctypes.c_void_p] * 3, ctypes.c_int]
+        self._function.argtypes = [ctypes.c_long, *[ctypes.c_void_p] * 4, ctypes.c_int]
 
     def __call__(self, columns: Sequence[np.ndarray], n: int) -> np.ndarray:
         """The outputs on a batch of n, shape (outputs, n), float64.
 
         A column is float64, of shape (n,) with any stride, or () for one value shared by the batch.
         """
+        return self.outcome(columns, n).values
+
+    def outcome(self, columns: Sequence[np.ndarray], n: int) -> Outcome:
+        """The outputs, whether a tolerance was missed, and how many evaluations it took (0 if the kernel does not count)."""
         parameters = self.program.parameters
         if len(columns) != len(parameters):
             raise ParameterError(f"{len(parameters)} columns are needed, not {len(columns)}")
@@ -54,18 +60,22 @@ class CKernel:
         pointers = np.array([column.__array_interface__["data"][0] for column in kept], dtype=np.uintp)
         strides = np.array([column.strides[0] // 8 if column.ndim else 0 for column in kept], dtype=np.dtype(ctypes.c_long))
         out = np.empty((len(self.program.outputs), n))
+        notes = np.empty(n, dtype=np.dtype(ctypes.c_long))
         threads = min(self.threads or os.cpu_count() or 1, max(n, 1))
-        if out.size and self._function(n, pointers.ctypes.data, strides.ctypes.data, out.ctypes.data, threads):
+        given = (pointers.ctypes.data, strides.ctypes.data, out.ctypes.data, notes.ctypes.data)
+        if out.size and self._function(n, *given, threads):
             raise BackendError("there is no memory for the kernel's workspace")
-        return out
+        if not out.size:
+            return Outcome(out, False, 0)
+        return Outcome(out, bool((notes & 2).any()), int((notes >> 2).sum()))
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (CKernel, (self.program, self.threads))
+        return (CKernel, (self.program, self.threads, self.counted))
 
 
-def compile_c(program: Program, *, threads: int = 1) -> CKernel:
+def compile_c(program: Program, *, threads: int = 1, counted: bool = False) -> CKernel:
     """The program as a compiled C kernel (from the cache on disk if it was compiled before)."""
-    return CKernel(program, threads)
+    return CKernel(program, threads, counted)
 
 
 def standalone_c(program: Program, name: str) -> tuple[str, str]:
@@ -84,9 +94,10 @@ extern "C" {{
 
 /* Evaluate the program at n points. Parameter i at point k is p[i][k * stride[i]]; stride 0 shares one value.
    Output j at point k is written to out[j * n + k]. Compiled with OpenMP, `threads` threads share the points.
+   `notes` may be NULL; else notes[k] is 2 if a tolerance was missed at point k, plus 1 if surfaces coincide there.
    Returns 0, or 1 if there was no memory for the workspace, and then `out` is not complete.
    Nothing is kept between calls: several threads may call at once. */
-int {name}(long n, const double *const *p, const long *stride, double *out, int threads);
+int {name}(long n, const double *const *p, const long *stride, double *out, long *notes, int threads);
 
 #ifdef __cplusplus
 }}

@@ -73,12 +73,12 @@ class Frame:
         captured: Sequence[Arg],
         blocks: list[list[Step]],
         own: Sequence[Arg],
-        ties: bool,
+        context: bool,
         variables: dict[str, str] | None = None,
         prefix: str = "c",
     ) -> None:
         steps = [step for block in blocks for step in block]
-        self.captured, self.blocks, self.ties, self.variables = captured, blocks, ties, variables or {}
+        self.captured, self.blocks, self.context, self.variables = captured, blocks, context, variables or {}
         self.indirect = len(captured) > BY_VALUE
         self.below = max((step.area for step in steps), default=0)
         self.names: dict[Arg, str] = {arg: f"{prefix}{i}" for i, arg in enumerate(captured)}
@@ -123,7 +123,7 @@ class Frame:
         """Name and C parameters of the function."""
         values = [] if self.indirect else [f"{kind(arg)} {self.names[arg]}" for arg in self.captured]
         values += [f"double *{pointer}" for pointer in (*pointers, *["w"] * (self.workspace > 0))]
-        return f"@({', '.join(values + ['teg_context *ctx'] * self.ties) or 'void'})"
+        return f"@({', '.join(values + ['teg_context *ctx'] * self.context) or 'void'})"
 
     def opening(self) -> list[str]:
         """Captured values out of the workspace where the function needs them, or into it where parts do."""
@@ -141,7 +141,7 @@ class Frame:
 
     def _call(self, number: int, part: list[Step]) -> list[str]:
         """Print a part; the line that calls it."""
-        passed = ["double *w"] * (self.workspace > 0) + ["double *f"] + ["teg_context *ctx"] * self.ties
+        passed = ["double *w"] * (self.workspace > 0) + ["double *f"] + ["teg_context *ctx"] * self.context
         loads = self._declarations(arg for arg in self._uses[number] if self._home.get(arg, 0) != number)
         inside = indent(*loads, *self._lines(part, Scope(self.names, self.size, count=self._count)))
         self.parts.append(wrapped([f"static void @_part_{number}({', '.join(passed)})", "{", *inside, "}"]))

@@ -23,11 +23,22 @@ from functools import partial
 
 from teg.backends import c_frame
 from teg.backends.c_frame import Frame, Scope, Step, assignments, captured_by
-from teg.backends.c_quadrature import adaptive_piece, gauss_piece, gauss_table, isolation, location, sum_over
+from teg.backends.c_quadrature import (
+    adaptive_piece,
+    bent_piece,
+    gauss_piece,
+    gauss_table,
+    isolation,
+    location,
+    middle_of_piece,
+    midpoint_piece,
+    node_table,
+    sum_over,
+)
 from teg.backends.c_runtime import runtime
+from teg.backends.c_sampling import sample_loop, sobol_table, used_points
 from teg.backends.c_text import each, indent, packed, wrapped
 from teg.program import (
-    INSIDE,
     Adaptive,
     Arg,
     Assign,
@@ -35,22 +46,28 @@ from teg.program import (
     Integrate,
     Isolate,
     Locate,
+    Midpoint,
     Program,
+    Sample,
     Stmt,
     SumOver,
+    assigned,
     statements,
 )
+from teg.sampling import REPLICATES
 
 BREAKS_ON_STACK = 256
 
 
-def print_kernel(program: Program, name: str = "teg_kernel") -> str:
-    """The translation unit: constants, runtime, Gauss tables, integrals inside out, element, batch loop."""
-    printer = Printer()
+def print_kernel(program: Program, name: str = "teg_kernel", counted: bool = False) -> str:
+    """The translation unit: constants, runtime, Gauss tables, integrals inside out, element, batch loop. A `counted` one counts the
+    evaluations of integrands."""
+    printer = Printer(counted)
     element = printer.element(program)
     texts = [*printer.texts, wrapped(_batch_loop(program, name, element))]
-    tables = [gauss_table(order) for order in sorted(printer.orders)]
-    return "\n\n".join([title(program), *runtime(texts), *tables, *texts]) + "\n"
+    tables = [*map(gauss_table, sorted(printer.orders)), *map(node_table, sorted(printer.measured))]
+    tables += [sobol_table(printer.dimensions)] if printer.dimensions else []
+    return "\n\n".join([title(program), *runtime([*tables, *texts]), *tables, *texts]) + "\n"
 
 
 def title(program: Program) -> str:
@@ -64,26 +81,29 @@ def title(program: Program) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Routine:
-    """A C function that needs `workspace` doubles at `w`; if `indirect`, captured values come first there; `ties` want `ctx`."""
+    """A C function that needs `workspace` doubles at `w`; if `indirect`, captured values come first there; some want a `context`."""
 
     name: str
     indirect: bool
     workspace: int
-    ties: bool
+    context: bool
 
 
 class Printer:
     """Prints routines, each text once, inner integrals before outer ones."""
 
-    def __init__(self) -> None:
+    def __init__(self, counted: bool = False) -> None:
+        self.counted = counted
         self.orders: set[int] = set()
+        self.measured: set[int] = set()  # orders whose null rules are used
+        self.dimensions = 0  # of Sobol' points
         self.texts: list[str] = []
         self._known: dict[str, Routine] = {}
 
     def element(self, program: Program) -> Routine:
         """The routine of the whole program at one point: from the parameters it writes the outputs to `f`."""
         steps = [*self._steps(program.body), *_yields(program.outputs)]
-        frame = Frame([f"p{i}" for i in range(len(program.parameters))], [steps], (), has_ties(program.body), prefix="p")
+        frame = Frame([f"p{i}" for i in range(len(program.parameters))], [steps], (), needs_context(program.body, self.counted), prefix="p")
         inside = [*frame.opening(), *frame.block(0)]
         return self._routine("element", frame, f"static void {frame.signature('f')}", inside)
 
@@ -94,7 +114,7 @@ class Printer:
             elif stmt.results:
                 yield self._call(stmt)
 
-    def _call(self, stmt: Integrate | Isolate | Locate | SumOver) -> Step:
+    def _call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample) -> Step:
         """The call of a statement's routine; many results or captured values go through the workspace."""
         absent = "0.0"
         match stmt:
@@ -108,43 +128,53 @@ class Printer:
                 absent = "INFINITY"
             case SumOver():
                 routine, captured = self._sum(stmt)
-        count = len(stmt.results)
+            case Sample():
+                routine, captured = self._sample(stmt)
+        names = assigned(stmt)
+        count = len(names)
         stacked = count if count > c_frame.ON_STACK else 0
 
         def lines(scope: Scope) -> list[str]:
             values, when = [scope(arg) for arg in captured], None if stmt.when is None else scope(stmt.when)
             below = scope.free + stacked
-            array = scope.name(stmt.results[0], "r") if count > 1 else ""
+            array = scope.name(names[0], "r") if count > 1 else ""
             place = f"(w + {scope.free})" if stacked else array
             passed = ([] if routine.indirect else values) + [place] * (count > 1)
-            passed += [f"w + {below}"] * (routine.workspace > 0) + ["ctx"] * routine.ties
+            passed += [f"w + {below}"] * (routine.workspace > 0) + ["ctx"] * routine.context
             call = f"{routine.name}({', '.join(passed)})"
             before = packed(f"w[{below + i}] = {value};" for i, value in enumerate(values) if routine.indirect)
             if count == 1:
                 guarded = call if when is None else f"{when} ? {call} : {absent}"
-                return [*before, f"const double {scope.name(stmt.results[0])} = {guarded};"]
+                return [*before, f"const double {scope.name(names[0])} = {guarded};"]
             if when is not None:
                 call = f"if ({when}) {call}; else teg_fill({place}, {count}, {absent})"
             if stacked:
-                loads = [f"{scope.name(name)} = {place}[{j}]" for j, name in enumerate(stmt.results)]
+                loads = [f"{scope.name(name)} = {place}[{j}]" for j, name in enumerate(names)]
                 return [*before, f"{call};", *packed(loads, "const double ", ", ", ";")]
-            scope.names.update((name, f"{array}[{j}]") for j, name in enumerate(stmt.results))
+            scope.names.update((name, f"{array}[{j}]") for j, name in enumerate(names))
             return [*before, f"double {array}[{count}];", f"{call};"]
 
         uses = captured if stmt.when is None else (*captured, stmt.when)
         weight = 4 + (len(captured) if routine.indirect else len(captured) // 4) + (count if count > 1 else 0)
-        return Step(stmt.results, uses, None, lines, weight, stacked + routine.workspace, c_frame.ARGUMENT)
+        return Step(names, uses, None, lines, weight, stacked + routine.workspace, c_frame.ARGUMENT)
 
     def _integral(self, stmt: Integrate) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of an integral, and what this occurrence passes to it."""
         watch = stmt.watch if isinstance(stmt.rule, Adaptive) else ()
         flags, body = list(self._steps(stmt.flags)), [*self._steps(stmt.body), *_yields((*stmt.values, *watch))]
-        own = (stmt.lo, stmt.hi, *stmt.breaks, *(() if stmt.need is None else (stmt.need,)))
+        decided = (*(() if stmt.need is None else (stmt.need,)), *(b.when for b in stmt.bends))
+        of_bends = (stmt.base, *(c for b in stmt.bends for c in b.coefficients)) if stmt.bends else ()
+        own = (stmt.lo, stmt.hi, *stmt.breaks, *decided, *of_bends, *((stmt.scale,) if stmt.infinite else ()))
         captured = captured_by(own, [*flags, *body], (stmt.var,))
-        count, pieces = len(stmt.values), len(stmt.breaks) + 1
-        frame = Frame(captured, [flags, body], own, has_ties((stmt,)), {stmt.var: "x"})
-        sums = ("kronrod", "gauss", "size", "whole") if isinstance(stmt.rule, Adaptive) else ()
-        arrays = [*frame.array("f", count + len(watch)), *(line for name in sums for line in frame.array(name, count))]
+        values, count, pieces = len(stmt.values), len(assigned(stmt)), len(stmt.breaks) + 1
+        frame = Frame(captured, [flags, body], own, needs_context((stmt,), self.counted), {stmt.var: "x"})
+        arrays = frame.array("f", values + len(watch))
+        if isinstance(stmt.rule, Midpoint) and stmt.estimates:
+            arrays += frame.array("last", stmt.tested)
+        if isinstance(stmt.rule, Adaptive):
+            arrays += frame.array("measured", 8 * stmt.tested)
+            arrays += frame.array("plain", values - stmt.tested) if values > stmt.tested else []
+            arrays += frame.array("whole", stmt.tested)
         arrays += frame.array("ends", pieces + 1, BREAKS_ON_STACK)
         spell = frame.scope()
         ends = [f"ends[{i}] = teg_clamp({spell(arg)}, a, b);" for i, arg in enumerate(stmt.breaks, 1)]
@@ -152,7 +182,7 @@ class Printer:
             *arrays,
             *frame.opening(),
             f"const double lo = {spell(stmt.lo)}, hi = {spell(stmt.hi)};",
-            "if (lo != lo || hi != hi) " + ("return NAN;" if count == 1 else f"{{ teg_fill(sum, {count}, NAN); return; }}"),
+            ("if (lo != lo || hi != hi) " if stmt.infinite else "if (!isfinite(lo) || !isfinite(hi)) ") + ("return NAN;" if count == 1 else f"{{ teg_fill(sum, {count}, NAN); return; }}"),
             "const double a = lo <= hi ? lo : hi, b = lo <= hi ? hi : lo, sign = lo <= hi ? 1.0 : -1.0;",
             *packed(["ends[0] = a;", *ends, f"ends[{pieces}] = b;"]),
             *([f"teg_sort(ends + 1, {pieces - 1});"] if pieces > 2 else []),
@@ -161,25 +191,43 @@ class Printer:
             *indent(
                 "const double p = ends[i], q = ends[i + 1];",
                 "if (!teg_is_piece(p, q)) continue;",
-                f"double x = p + {INSIDE!r} * (q - p);",
+                middle_of_piece(stmt.infinite, spell(stmt.scale) if stmt.infinite else ""),
                 *frame.block(0),
                 *([] if stmt.need is None else [f"if (!{spell(stmt.need)}) continue;"]),
-                *self._piece(stmt, frame),
+                *self._piece(stmt, frame, spell),
             ),
             "}",
-            "return sign * sum[0];" if count == 1 else each(count, "sum[j] *= sign;"),
+            "return sign * sum[0];" if count == 1 else each(values, "sum[j] *= sign;"),
         ]
         return self._routine("integral", frame, _head(frame, "sum", count), inside), tuple(captured)
 
-    def _piece(self, stmt: Integrate, frame: Frame) -> list[str]:
+    def _piece(self, stmt: Integrate, frame: Frame, spell: Scope) -> list[str]:
         """Add the integrals over the piece (p, q) to `sum`."""
-        block, count = frame.block(1), len(stmt.values)
+        block, count, tested, estimated = frame.block(1), len(stmt.values), stmt.tested, bool(stmt.estimates)
+        counted = self._is_counted(stmt)
         match stmt.rule:
+            case Midpoint(points):
+                return midpoint_piece(block, points, count, tested if estimated else 0, counted)
             case Gauss(nodes):
                 self.orders.add(nodes)
-                return gauss_piece(block, nodes, count)
-            case Adaptive():
-                return adaptive_piece(block, stmt.rule, count, len(stmt.watch), frame.ties)
+                return gauss_piece(block, nodes, count, len(stmt.estimates), counted)
+            case Adaptive() as rule:
+                self.measured |= {rule.order} if stmt.watch else {rule.first, rule.order}
+                bent = bool(stmt.bends) or stmt.infinite
+                way: list[str] = []
+                if bent:
+                    bends = [(b, spell(b.when), [spell(c) for c in b.coefficients]) for b in stmt.bends]
+                    scale = spell(stmt.scale) if stmt.infinite else ""
+                    way = bent_piece(bends, spell(stmt.base), rule.cubic, stmt.infinite, scale)
+                noted = needs_context(stmt.body, False)
+                watched = len(stmt.watch)
+                return [
+                    *way,
+                    *adaptive_piece(block, rule, count, tested, watched, bent=bent, noted=noted, estimated=estimated, counted=counted),
+                ]
+
+    def _is_counted(self, stmt: Integrate | Sample) -> bool:
+        return self.counted and not any(isinstance(s, Integrate | Sample) for s in statements(stmt.body))
 
     def _isolation(self, stmt: Isolate) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of an isolation: `f` holds g, g' and then the four bounds."""
@@ -187,7 +235,7 @@ class Printer:
         point = [*self._steps(stmt.point), *_yields((stmt.value, stmt.slope))]
         own, variables = (stmt.lo, stmt.hi), {stmt.var: "x", stmt.left: "left", stmt.right: "right"}
         captured = captured_by(own, [*enclosure, *point], variables)
-        frame = Frame(captured, [enclosure, point], own, has_ties((stmt,)), variables)
+        frame = Frame(captured, [enclosure, point], own, needs_context((stmt,), self.counted), variables)
         count, spell = len(stmt.results), frame.scope()
         inside = [
             *frame.opening(),
@@ -202,7 +250,7 @@ class Printer:
         own = (stmt.lo, stmt.hi, stmt.low, stmt.high)
         variables = {stmt.left: "left", stmt.right: "right", stmt.bottom: "bottom", stmt.top: "top"}
         captured = captured_by(own, enclosure, variables)
-        frame = Frame(captured, [enclosure], own, has_ties((stmt,)), variables)
+        frame = Frame(captured, [enclosure], own, needs_context((stmt,), self.counted), variables)
         count, spell = len(stmt.results), frame.scope()
         v, u = (spell(stmt.lo), spell(stmt.hi)), (spell(stmt.low), spell(stmt.high))
         inside = [*frame.opening(), "double f[4];", *location(frame.block(0), v, u, count)]
@@ -212,7 +260,7 @@ class Printer:
         """The routine of a sum over points."""
         body = [*self._steps(stmt.body), *_yields(stmt.values)]
         captured = captured_by(stmt.points, body, (stmt.var,))
-        frame = Frame(captured, [body], stmt.points, has_ties((stmt,)), {stmt.var: "x"})
+        frame = Frame(captured, [body], stmt.points, needs_context((stmt,), self.counted), {stmt.var: "x"})
         count = len(stmt.values)
         arrays = [*frame.array("f", count), *frame.array("points", max(1, len(stmt.points)), BREAKS_ON_STACK)]
         spell = frame.scope()
@@ -220,18 +268,41 @@ class Printer:
         inside = [*arrays, *frame.opening(), *packed(points), *sum_over(frame.block(0), len(points), count)]
         return self._routine("sum", frame, _head(frame, "sum", count), inside), tuple(captured)
 
+    def _sample(self, stmt: Sample) -> tuple[Routine, tuple[Arg, ...]]:
+        """The routine of a mean over points."""
+        body = [*self._steps(stmt.body), *_yields(stmt.values)]
+        captured = captured_by((), body, stmt.points)
+        names = [f"x{d}" for d in range(1, len(stmt.points) + 1)]
+        frame = Frame(captured, [body], (), needs_context((stmt,), self.counted), dict(zip(stmt.points, names, strict=True)))
+        values, tested = len(stmt.values), len(stmt.estimates)
+        arrays = [*frame.array("f", values), *frame.array("part", values)]
+        arrays += frame.array("all", tested * (REPLICATES if stmt.kind == "qmc" else 2)) if tested else []
+        opening, block = frame.opening(), frame.block(0)
+        if stmt.kind == "qmc":
+            self.dimensions = max([self.dimensions, *(d + 1 for d in used_points(block, names))])
+        inside = [*arrays, *opening, *sample_loop(stmt, block, names, self._is_counted(stmt))]
+        return self._routine("mean", frame, _head(frame, "mean", values + tested), inside), tuple(captured)
+
     def _routine(self, kind: str, frame: Frame, signature: str, inside: list[str]) -> Routine:
         """The routine of this text, which is printed unless it is known. '@' stands for its name."""
         text = "\n\n".join([*frame.parts, wrapped([signature, "{", *indent(*inside), "}"])])
         if text not in self._known:
             name = kind if kind == "element" else f"{kind}_{len(self._known) + 1}"
-            self._known[text] = Routine(name, frame.indirect, frame.workspace, frame.ties)
+            self._known[text] = Routine(name, frame.indirect, frame.workspace, frame.context)
             self.texts.append(text.replace("@", name))
         return self._known[text]
 
 
 def has_ties(block: tuple[Stmt, ...]) -> bool:
     return any(isinstance(stmt, Assign) and stmt.op == "tie" for stmt in statements(block))
+
+
+def needs_context(block: tuple[Stmt, ...], counted: bool) -> bool:
+    """Whether a run of it can meet a tie, miss a tolerance, or count."""
+    return has_ties(block) or any(
+        (isinstance(s, Integrate) and (counted or isinstance(s.rule, Adaptive))) or (isinstance(s, Sample) and counted)
+        for s in statements(block)
+    )
 
 
 def _head(frame: Frame, results: str, count: int) -> str:
@@ -254,17 +325,17 @@ def _batch_loop(program: Program, name: str, element: Routine) -> Iterator[str]:
     """The exported function: every point by itself; where ties were met, the mean of the two orders."""
     inputs, outputs = len(program.parameters), len(program.outputs)
     values = [f"p[{i}][i * stride[{i}]]" for i in range(inputs)]
-    space, ties = element.workspace, element.ties
+    space, ties, context = element.workspace, has_ties(program.body), element.context
     results = ["result", "other"] if ties else ["result"]
     arrays = [f"double *const {array} = w + {space + k * outputs};" for k, array in enumerate(results)]
-    run = [*([] if element.indirect else values), "result", *["w"] * (space > 0), *["&ctx"] * ties]
+    run = [*([] if element.indirect else values), "result", *["w"] * (space > 0), *["&ctx"] * context]
     call = f"element({', '.join(run)});"
     again = call.replace("result", "other")
     gather = f"for (int j = 0; j < {inputs}; j++) w[j] = p[j][i * stride[j]];"
     both = f"for (int j = 0; j < {outputs}; j++) result[j] = 0.5 * (result[j] + other[j]);"
     yield from (
         f"TEG_EXPORT int {name}(",
-        "    long n, const double *const *p, const long *stride, double *out, int threads)",
+        "    long n, const double *const *p, const long *stride, double *out, long *notes, int threads)",
         "{",
         *indent(
             "const int team = threads > 1 ? threads : 1;",
@@ -293,10 +364,11 @@ def _batch_loop(program: Program, name: str, element: Routine) -> Iterator[str]:
                     *indent("failed = 1;", "continue;"),
                     "}",
                     *([gather] if element.indirect else []),
-                    *(["teg_context ctx = {+1, 0};"] if ties else []),
+                    *(["teg_context ctx = {+1, 0, 0, 0};"] if context else []),
                     call,
                     *(["if (ctx.tied) {", *indent("ctx.order = -1;", again, both), "}"] if ties else []),
                     f"for (int j = 0; j < {outputs}; j++) out[j * n + i] = result[j];",
+                    f"if (notes) notes[i] = {'4 * ctx.evaluations + 2 * ctx.missed + ctx.tied' if context else '0'};",
                 ),
                 "}",
                 "free(w);",

@@ -1,4 +1,4 @@
-"""The rules in C: a piece by Gauss-Legendre or by adaptive Gauss-Kronrod, roots, places and sums; the tables of Gauss-Legendre."""
+"""The rules in C: a piece by Gauss-Legendre, of fixed order or adaptive, roots, places and sums; the tables of Gauss-Legendre."""
 
 from __future__ import annotations
 
@@ -6,88 +6,184 @@ import re
 from collections.abc import Sequence
 
 from teg.backends.c_text import each, indent, literal
-from teg.program import Adaptive
-from teg.quadrature import gauss_legendre
+from teg.program import INSIDE, Adaptive, Bend
+from teg.quadrature import decay_power, gauss_legendre, null_rules
 
 
-def gauss_piece(block: Sequence[str], nodes: int, count: int) -> list[str]:
-    """Add a Gauss-Legendre rule over (p, q) to `sum`; `block` writes the values at x to `f`."""
+def gauss_piece(block: Sequence[str], nodes: int, count: int, estimated: int, counted: bool) -> list[str]:
+    """Add a Gauss-Legendre rule over (p, q) to `sum`, and behind it the estimates of the first values; `block` writes the values at x to
+    `f`."""
     return [
         "const double middle = 0.5 * (p + q), half = 0.5 * (q - p);",
+        *(["const double rounding = teg_rounding(p, q);"] if estimated else []),
+        *([f"ctx->evaluations += {nodes};"] if counted else []),
         f"for (int k = 0; k < {nodes}; k++) {{",
         *indent(
             f"const double weight = half * teg_gauss_{nodes}[k].weight;",
             f"x = middle + half * teg_gauss_{nodes}[k].node;",
             *block,
-            each(count, "sum[j] += weight * f[j];"),
+            each(count, "sum[j] += weight * f[j];") if not estimated else _each(count, "sum[j] += weight * f[j];"),
+            *([_each(estimated, f"sum[{count} + j] += rounding * weight * fabs(f[j]);")] if estimated else []),
         ),
         "}",
     ]
 
 
-def adaptive_piece(block: Sequence[str], rule: Adaptive, count: int, watched: int, ties: bool) -> list[str]:
+def midpoint_piece(block: Sequence[str], points: int, count: int, tested: int, counted: bool) -> list[str]:
+    """Add the midpoint rule over (p, q) to `sum`, and the error estimates of the first values, if any, behind them."""
+    n = f"{float(points)!r}"
+    variation = [
+        f"for (int j = 0; j < {tested}; j++) {{",
+        *indent(
+            "const double step = k > 0 ? fabs(f[j] - last[j]) : 0.0;",
+            f"sum[{count} + j] += 0.5 * weight * (step + TEG_ROUNDING * fabs(f[j]));",
+            "last[j] = f[j];",
+        ),
+        "}",
+    ]
+    return [
+        f"const double weight = (q - p) / {n};",
+        *([f"ctx->evaluations += {points};"] if counted else []),
+        f"for (int k = 0; k < {points}; k++) {{",
+        *indent(
+            f"x = p + (q - p) * ((k + 0.5) / {n});",
+            *block,
+            each(count, "sum[j] += weight * f[j];"),
+            *(variation if tested else []),
+        ),
+        "}",
+    ]
+
+
+def _cleared(count: int, tested: int) -> list[str]:
+    return [f"teg_fill(measured, {8 * tested}, 0.0);", *([f"teg_fill(plain, {count - tested}, 0.0);"] if count > tested else [])]
+
+
+def _added(count: int, tested: int) -> list[str]:
+    """Add the values in `f`, by dv/du, to what is measured."""
+    plain = _each(count - tested, f"plain[j] += rule[0] * (slope * f[{tested} + j]);")
+    return [
+        f"for (int j = 0; j < {tested}; j++) {{",
+        *indent(
+            "const double y = slope * f[j];",
+            "for (int r = 0; r < 7; r++) measured[8 * j + r] += rule[r] * y;",
+            "measured[8 * j + 7] += rule[0] * fabs(y);",
+        ),
+        "}",
+        *([plain] if count > tested else []),
+    ]
+
+
+def _taken(count: int, tested: int, estimated: bool) -> list[str]:
+    """Add what was measured to `sum`."""
+    lines = [_each(tested, "sum[j] += measured[8 * j];")]
+    if count > tested:
+        lines.append(_each(count - tested, f"sum[{tested} + j] += plain[j];"))
+    if estimated:
+        lines.append(_each(tested, f"sum[{count} + j] += measured[8 * j + 1] + rounding * measured[8 * j + 7];"))
+    return lines
+
+
+def _each(count: int, statement: str) -> str:
+    return f"for (int j = 0; j < {count}; j++) {statement}"
+
+
+def middle_of_piece(infinite: bool, scale: str) -> str:
+    """Where on the piece (p, q) its conditions are decided."""
+    return f"double x = teg_inside(p, q, {scale});" if infinite else f"double x = p + {INSIDE!r} * (q - p);"
+
+
+def bent_piece(bends: Sequence[tuple[Bend, str, Sequence[str]]], base: str, cubic: bool, infinite: bool, scale: str) -> list[str]:
+    """The substitution of a piece: each bend with how its `when` and its coefficients are spelled."""
+    lines = ["teg_substitution way;", f"teg_straight(&way, p, q, {int(cubic)});"]
+    for bend, when, coefficients in bends:
+        lines.append(f"teg_bend(&way, '{bend.kind[0]}', {when}, {', '.join([base, *coefficients])});")
+    return [*lines, *(["teg_bent(&way);"] if bends else []), *([f"teg_tail(&way, {scale});"] if infinite else [])]
+
+
+def adaptive_piece(
+    block: Sequence[str], rule: Adaptive, count: int, tested: int, watched: int, *, bent: bool, noted: bool, estimated: bool, counted: bool
+) -> list[str]:
     """Add the adaptive rule over (p, q) to `sum`, from the left; `waiting` is a stack of intervals.
 
     `block` writes the values at x to `f`, then the watched conditions. Where there are any, k runs over the ends of the
-    interval (-2, -1) before the nodes, and stops where a condition changed and the interval will be halved anyway.
+    interval (-2, -1) before the nodes, and stops where a condition changed and the interval will be halved anyway. `bent`: places are
+    those of the substitution `way`; `noted`: the block may note ties and missed tolerances, which at the ends do not count.
     """
-    place = "x = p + (q - p) * u;"
-    slope = "half * (q - p)"
-    if rule.smooth:
-        place, slope = "x = p + (q - p) * (u * u * (3.0 - 2.0 * u));", f"{slope} * (6.0 * u * (1.0 - u))"
-    good = f"teg_accepts({count}, kronrod, gauss, size, whole, {literal(rule.tol)})"
-    good = f"here.depth >= TEG_MAX_DEPTH || used >= TEG_MAX_INTERVALS || {good}"
-    node, first = "teg_pair[k].node", "0"
+    place = ["const double slope = half * (q - p);", "x = p + (q - p) * u;"]
+    if bent:
+        place = ["double slope;", "x = teg_place(&way, u, &slope);", "slope *= half;"]
+    elif rule.cubic:
+        place = ["const double slope = half * (q - p) * (6.0 * u * (1.0 - u));", "x = p + (q - p) * (u * u * (3.0 - 2.0 * u));"]
+    good = f"teg_assess({tested}, measured, whole, {literal(rule.tol)}, {decay_power(rule.order)})"
+    choose = [f"const int nodes = {rule.order};", f"const teg_node *const table = teg_nodes_{rule.order};"]
+    node, first = "table[k].node", "0"
     before: list[str] = []
     after: list[str] = []
     if watched:
-        node, first, good = f"(k < 0 ? 2 * k + 3 : {node})", "-2", f"changed ? last : {good}"
-        before = [
-            "const int last = used >= TEG_MAX_INTERVALS || here.to - here.from <= TEG_WATCH_WIDTH;",
-            f"int changed = 0, seen[{watched}] = {{0}};",
-        ]
+        node, first = f"(k < 0 ? 2 * k + 3 : {node})", "-2"
+        before = ["const int fine = here.to - here.from <= TEG_WATCH_WIDTH;", f"int changed = 0, seen[{watched}] = {{0}};"]
         after = [
             f"for (int j = 0; j < {watched}; j++) changed |= (seen[j] |= f[{count} + j] != 0.0 ? 1 : 2) == 3;",
-            *(["if (k < 0) ctx->tied = tied;"] if ties else []),
-            "if (changed && !last && used > 1) break;",
+            *(["if (k < 0) ctx->tied = tied, ctx->missed = missed;"] if noted else []),
+            "if (changed && !fine && !last && used > 1) break;",
             "if (k < 0) continue;",
         ]
+        good = f"(changed ? fine : {good})"
+    else:
+        power = f"used == 1 ? {decay_power(rule.first)} : {decay_power(rule.order)}"
+        good = f"teg_assess({tested}, measured, whole, {literal(rule.tol)}, {power})"
+        choose = [
+            f"const int nodes = used == 1 ? {rule.first} : {rule.order};",
+            f"const teg_node *const table = used == 1 ? teg_nodes_{rule.first} : teg_nodes_{rule.order};",
+        ]
+    again = [
+        "waiting[n++] = (teg_interval){middle, here.to, here.depth + 1};",
+        "waiting[n++] = (teg_interval){here.from, middle, here.depth + 1};",
+    ]
+    if not watched:
+        again = ["if (used == 1) {", *indent("waiting[n++] = here;", "continue;"), "}", *again]
+    diverges = "isfinite(measured[8 * j + 1]) && measured[8 * j + 7] > TEG_DIVERGENT * whole[j]"
+    if watched:
+        diverges = f"!changed && {diverges}"
     return [
+        *(["const double rounding = teg_rounding(p, q);"] if estimated else []),
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
         "waiting[0] = (teg_interval){0.0, 1.0, 0};",
         "for (int n = 1, used = 1; n > 0; used++) {",
         *indent(
             "const teg_interval here = waiting[--n];",
             "const double middle = 0.5 * (here.from + here.to), half = 0.5 * (here.to - here.from);",
-            *(f"teg_fill({name}, {count}, 0.0);" for name in ("kronrod", "gauss", "size")),
+            "const int last = here.depth >= TEG_MAX_DEPTH || used >= TEG_MAX_INTERVALS;",
+            *choose,
+            *([f"ctx->evaluations += nodes + {2 * (watched > 0)};"] if counted else []),
+            *_cleared(count, tested),
             *before,
-            f"for (int k = {first}; k < 21; k++) {{",
+            f"for (int k = {first}; k < nodes; k++) {{",
             *indent(
                 f"const double u = middle + half * {node};",
-                f"const double slope = {slope};",
-                place,
-                *(["const int tied = ctx->tied;"] if watched and ties else []),
+                *place,
+                *(["const int tied = ctx->tied, missed = ctx->missed;"] if watched and noted else []),
                 *block,
                 *after,
-                f"for (int j = 0; j < {count}; j++) {{",
-                *indent(
-                    "const double y = slope * f[j];",
-                    "kronrod[j] += teg_pair[k].kronrod * y;",
-                    "gauss[j] += teg_pair[k].gauss * y;",
-                    "size[j] += teg_pair[k].kronrod * fabs(y);",
-                ),
+                "const double *const rule = table[k].rule;",
+                *_added(count, tested),
+            ),
+            "}",
+            f"if (used == 1) {_each(tested, 'whole[j] = measured[8 * j + 7];')}",
+            f"const int good = {good};",
+            "if (!good && !last) {",
+            *indent(*again, "continue;"),
+            "}",
+            "if (!good) {",
+            *indent(
+                "ctx->missed = 1;",
+                "if (here.depth >= TEG_DEEP) {",
+                *indent(_each(tested, f"if ({diverges}) measured[8 * j] = copysign(INFINITY, measured[8 * j]);")),
                 "}",
             ),
             "}",
-            f"if (used == 1) {each(count, 'whole[j] = size[j];')}",
-            f"if ({good}) {{",
-            *indent(each(count, "sum[j] += kronrod[j];")),
-            "} else {",
-            *indent(
-                "waiting[n++] = (teg_interval){middle, here.to, here.depth + 1};",
-                "waiting[n++] = (teg_interval){here.from, middle, here.depth + 1};",
-            ),
-            "}",
+            *_taken(count, tested, estimated),
         ),
         "}",
     ]
@@ -167,3 +263,13 @@ def gauss_table(nodes: int) -> str:
     rows = [f"    {{{node!r}, {weight!r}}}," for node, weight in zip(*gauss_legendre(nodes), strict=True)]
     kind = "static const struct {\n    double node, weight;\n}"
     return "\n".join([f"{kind} teg_gauss_{nodes}[{nodes}] = {{", *rows, "};"])
+
+
+def node_table(nodes: int) -> str:
+    """Nodes, weights and null rules of n-point Gauss-Legendre, as an array of C."""
+    at, weights = gauss_legendre(nodes)
+    rows = []
+    for x, *rule in zip(at, weights, *null_rules(nodes), strict=True):
+        first, second = (", ".join(map(repr, part)) for part in (rule[:4], rule[4:]))
+        rows += [f"    {{{x!r},", f"     {{{first},", f"      {second}}}}},"]
+    return "\n".join([f"static const teg_node teg_nodes_{nodes}[{nodes}] = {{", *rows, "};"])

@@ -9,6 +9,11 @@ from pathlib import Path
 
 from teg.program import (
     ABSOLUTE_FLOOR,
+    DEEP,
+    DIVERGENT,
+    EDGE,
+    FAR,
+    INSIDE,
     ISOLATE_DEPTH,
     ISOLATE_STEPS,
     ISOLATE_WIDTH,
@@ -16,13 +21,18 @@ from teg.program import (
     LOCATE_WIDTH,
     MAX_DEPTH,
     MAX_INTERVALS,
+    NEAR,
+    NOISE,
     PIECE_EPS,
     ROUNDING,
     TIE_EPS,
     WATCH_WIDTH,
 )
 
+BLOCK = 64
+"""Sobol' points in a block."""
 LIMITS = {
+    "TEG_BLOCK": BLOCK,
     "TEG_PIECE_EPS": PIECE_EPS,
     "TEG_TIE_EPS": TIE_EPS,
     "TEG_ABSOLUTE_FLOOR": ABSOLUTE_FLOOR,
@@ -30,6 +40,13 @@ LIMITS = {
     "TEG_MAX_DEPTH": MAX_DEPTH,
     "TEG_MAX_INTERVALS": MAX_INTERVALS,
     "TEG_WATCH_WIDTH": WATCH_WIDTH,
+    "TEG_NOISE": NOISE,
+    "TEG_DIVERGENT": DIVERGENT,
+    "TEG_DEEP": DEEP,
+    "TEG_NEAR": NEAR,
+    "TEG_EDGE": EDGE,
+    "TEG_FAR": FAR,
+    "TEG_INSIDE": INSIDE,
     "TEG_ISOLATE_DEPTH": ISOLATE_DEPTH,
     "TEG_ISOLATE_WIDTH": ISOLATE_WIDTH,
     "TEG_ISOLATE_STEPS": ISOLATE_STEPS,

@@ -9,9 +9,9 @@ finds roots, sums over them and locates common zeros):
         v0 = p0 * p1 + zero
         def body_0(x0, _):
             v1 = x0 * v0 + zero
-            return (v1,), False                              values, and whether a tie was met
-        (v2,), _ = rt.gauss(4, 0.0, p1, (v0,), None, body_0, 1)
-        return (v2,), False
+            return (v1,), 0                                  values, and a note: was a tie met, a tolerance missed?
+        (v2,), _ = rt.gauss(rt.Pieces(1, 1), 4, 0.0, p1, (v0,), (), None, body_0)
+        return (v2,), 0
 
 JAX is imported when a kernel is compiled, not with this module.
 """
@@ -36,13 +36,20 @@ from teg.program import (
     Integrate,
     Isolate,
     Locate,
+    Midpoint,
+    Outcome,
     Program,
+    Sample,
     Stmt,
     SumOver,
+    assigned,
     statements,
 )
+from teg.sampling import replicated
 
 DIALECT = Dialect("jnp", guard=" + zero")
+SAMPLES = 1024
+"""Points of a sample that one element has at a time."""
 LANES = 2**22
 """The batch is cut so that its elements, times the nodes of each, are about this many."""
 ODD, TINY = 1.8275645e-301, 2.0**-1022
@@ -59,11 +66,11 @@ class JaxKernel:
 
     def __init__(self, program: Program) -> None:
         jax = _import_jax()
-        from teg.backends import jax_roots, jax_runtime
+        from teg.backends import jax_roots, jax_runtime, jax_sampling
 
         self.program = program
         self.source = "\n".join(_kernel(program))
-        scope: dict[str, Any] = {"jnp": jax.numpy, "rt": jax_runtime, "roots": jax_roots}
+        scope: dict[str, Any] = {"jnp": jax.numpy, "rt": jax_runtime, "roots": jax_roots, "sampling": jax_sampling}
         exec(compile(self.source, "<teg jax kernel>", "exec"), scope)
         self._kernel = scope["kernel"]
         self._step = 1 << max(0, (LANES // _nodes(program.body)).bit_length() - 1)
@@ -74,10 +81,14 @@ class JaxKernel:
 
     def function(self, arguments: Sequence[Any]) -> Any:
         """The outputs, a JAX array (outputs,), from one scalar a parameter: pure, for jit and vmap."""
-        return self._resolve(self._once, arguments)
+        return self._resolve(self._once, arguments)[0]
 
     def __call__(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> npt.NDArray[np.float64]:
         """The outputs of a batch of n, (outputs, n); a column is (n,), or () where the batch shares it."""
+        return self.outcome(columns, n).values
+
+    def outcome(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> Outcome:
+        """The outputs, and whether a tolerance was missed; evaluations are not counted."""
         _import_jax()
         values = [np.asarray(column, dtype=np.float64) for column in columns]
         mapped = tuple(v.ndim > 0 for v in values)
@@ -86,47 +97,57 @@ class JaxKernel:
         call = self._batched[mapped]
         out = np.empty((len(self.program.outputs), n))
         if not any(mapped):
-            out[:] = np.asarray(call(*values))[:, None]
-            return out
+            found, note = call(*values)
+            out[:] = np.asarray(found)[:, None]
+            return Outcome(out, bool(note & 2), 0)
+        missed = False
         for start in range(0, n, self._step):
             count = min(self._step, n - start)
             padding = (0, (1 << (count - 1).bit_length()) - count)  # few lengths: few compilations
             part = slice(start, start + count)
             given = [np.pad(v[part], padding, mode="edge") if v.ndim else v for v in values]
-            out[:, part] = np.asarray(call(*given))[:, :count]
-        return out
+            found, note = call(*given)
+            out[:, part] = np.asarray(found)[:, :count]
+            missed |= bool(note & 2)
+        return Outcome(out, missed, 0)
 
     def _batch(self, mapped: tuple[bool, ...]) -> Callable[..., Any]:
-        """The jitted function of columns, those `mapped` with a batch axis: (outputs, n), or (outputs,)."""
+        """The jitted function of columns, those `mapped` with a batch axis: (outputs, n), or (outputs,); and the note of all."""
         jax = _import_jax()
+        from teg.backends.jax_runtime import union
+
         axes = tuple(0 if m else None for m in mapped)
 
         def once(order: Any, arguments: Sequence[Any]) -> tuple[Any, Any]:
             if not any(mapped):
                 return self._once(order, arguments)
             run = jax.vmap(lambda *scalars: self._once(order, scalars), in_axes=axes, out_axes=(1, 0))
-            out, tied = run(*arguments)
-            return out, jax.numpy.any(tied)
+            out, notes = run(*arguments)
+            return out, union(notes)
 
         batched: Callable[..., Any] = jax.jit(lambda *arguments: self._resolve(once, arguments))
         return batched
 
     def _once(self, order: Any, arguments: Sequence[Any]) -> tuple[Any, Any]:
-        """The outputs with ties resolved by `order`, (outputs,), and whether there were ties."""
+        """The outputs with ties resolved by `order`, (outputs,), and the note: were there ties, was a tolerance missed."""
         jnp = _import_jax().numpy
         scalars = [jnp.asarray(argument, jnp.float64) for argument in arguments]
         # always -0.0, which the compiler cannot know (see python_text)
         zero = jnp.where(scalars[0] == ODD, TINY, -0.0) if scalars else jnp.float64(-0.0)
-        outputs, tied = self._kernel(order, zero, *scalars)
-        return jnp.array([jnp.asarray(o, jnp.float64) for o in outputs]), jnp.asarray(tied)
+        outputs, note = self._kernel(order, zero, *scalars)
+        return jnp.array([jnp.asarray(o, jnp.float64) for o in outputs]), jnp.asarray(note, jnp.int32)
 
-    def _resolve(self, once: Callable[..., tuple[Any, Any]], arguments: Sequence[Any]) -> Any:
-        """Both orders averaged if a tie was met, the first if none was."""
-        out, tied = once(+1, arguments)
+    def _resolve(self, once: Callable[..., tuple[Any, Any]], arguments: Sequence[Any]) -> tuple[Any, Any]:
+        """Both orders averaged if a tie was met, the first if none was; and the note."""
+        out, note = once(+1, arguments)
         if not self.program.ties:
-            return out
-        cond = _import_jax().lax.cond
-        return cond(tied, lambda: 0.5 * out + 0.5 * once(-1, arguments)[0], lambda: out)
+            return out, note
+
+        def averaged() -> tuple[Any, Any]:
+            other, again = once(-1, arguments)
+            return 0.5 * out + 0.5 * other, note | again
+
+        return tuple(_import_jax().lax.cond((note & 1) > 0, averaged, lambda: (out, note)))
 
 
 def _import_jax() -> Any:
@@ -149,7 +170,7 @@ def _nodes(block: tuple[Stmt, ...]) -> int:
     for stmt in block:
         match stmt:
             case Integrate():
-                nodes = stmt.rule.nodes if isinstance(stmt.rule, Gauss) else 21
+                nodes = stmt.rule.order if isinstance(stmt.rule, Adaptive) else min(stmt.rule.nodes, SAMPLES)
                 most = max(most, (len(stmt.breaks) + 1) * nodes * _nodes(stmt.body))
             case Isolate():
                 most = max(most, ISOLATE_DEPTH, _nodes(stmt.enclosure), (len(stmt.results) + 1) * _nodes(stmt.point))
@@ -157,6 +178,8 @@ def _nodes(block: tuple[Stmt, ...]) -> int:
                 most = max(most, LOCATE_WIDTH, _nodes(stmt.enclosure))
             case SumOver():
                 most = max(most, len(stmt.points) * _nodes(stmt.body))
+            case Sample():
+                most = max(most, min(SAMPLES, replicated(stmt.kind, stmt.count)[1]) * _nodes(stmt.body))
             case Assign():
                 pass
             case _:
@@ -179,61 +202,66 @@ def _kernel(program: Program) -> list[str]:
 
 
 def _block(block: tuple[Stmt, ...], results: str) -> list[str]:
-    """The inside of a function: the statements, then the results and whether a tie was met."""
+    """The inside of a function: the statements, then the results and the note."""
     lines: list[str] = []
-    ties: list[str] = []
+    notes: list[str] = []
     for stmt in block:
-        if _has_ties(stmt):
-            ties.append(f"tied_{_names((stmt,))[0]}")
-        tied = ties[-1] if _has_ties(stmt) else "_"
+        if _has_note(stmt):
+            notes.append(f"note_{_names((stmt,))[0]}")
+        note = notes[-1] if _has_note(stmt) else "_"
         match stmt:
             case Integrate():
-                lines += _integral(stmt, tied)
+                lines += _integral(stmt, note)
             case Isolate():
-                lines += _isolation(stmt, tied)
+                lines += _isolation(stmt, note)
             case Locate():
-                lines += _location(stmt, tied)
+                lines += _location(stmt, note)
             case SumOver():
-                lines += _sum(stmt, tied)
+                lines += _sum(stmt, note)
+            case Sample():
+                lines += _mean(stmt, note)
             case Assign(name, "tie", (g, scale, r, _)):
-                lines.append(f"{name}, {tied} = rt.tie(order, {strict(g, 'jnp')}, {_text(scale)}, {_text(r)})")
+                lines.append(f"{name}, {note} = rt.tie(order, {strict(g, 'jnp')}, {_text(scale)}, {_text(r)})")
             case Assign():
                 lines += assignment(stmt, DIALECT)
             case _:
                 assert_never(stmt)
-    lines.append(f"return {results}, {' | '.join(ties) or 'False'}")
+    lines.append(f"return {results}, {' | '.join(notes) or '0'}")
     return [f"    {line}" for line in lines]
 
 
-def _integral(stmt: Integrate, tied: str) -> list[str]:
+def _integral(stmt: Integrate, note: str) -> list[str]:
     """The functions of an integral, and its call."""
     flagged = f"({inside(_names(stmt.flags))})"
-    has_flags = bool(stmt.flags) or stmt.need is not None
+    has_flags = bool(stmt.flags) or stmt.need is not None or bool(stmt.bends)
     flags, body = f"flags_{stmt.var}" if has_flags else "None", f"body_{stmt.var}"
-    extra, values = "", stmt.values
+    values, cubic = stmt.values, False
     match stmt.rule:
         case Gauss(nodes):
-            call = f"rt.gauss({nodes}"
-        case Adaptive(tol, smooth):
-            call = f"rt.adaptive({tol!r}, {smooth!r}"
-            if stmt.watch:
-                values += stmt.watch
-                extra = f"watched={len(stmt.watch)}"
+            name, options = "gauss", [str(nodes)]
+        case Midpoint(nodes):
+            name, options = "midpoint", [str(nodes), "zero"]
+        case Adaptive(tol, first, order, cubic):
+            name, options = "adaptive", [_text(tol), f"({first}, {order})", str(len(stmt.watch))]
+            values += stmt.watch
         case _:
             assert_never(stmt.rule)
-    arguments = [call, _text(stmt.lo), _text(stmt.hi), f"({inside(map(_text, stmt.breaks))})", flags, body]
-    arguments += [str(len(stmt.results))] + ([f"when={stmt.when}"] if stmt.when else []) + ([extra] if extra else [])
+    kinds = f"({inside(repr(b.kind) for b in stmt.bends)})"
+    pieces = f"rt.Pieces({len(stmt.values)}, {stmt.tested}, {bool(stmt.estimates)}, {kinds}, {cubic}, {stmt.infinite})"
+    of_bends = [stmt.base, stmt.scale, *(c for b in stmt.bends for c in b.coefficients)] if stmt.bends or stmt.infinite else []
+    arguments = [pieces, *options, _text(stmt.lo), _text(stmt.hi), f"({inside(map(_text, stmt.breaks))})"]
+    arguments += [f"({inside(map(_text, of_bends))})", flags, body] + ([f"when={stmt.when}"] if stmt.when else [])
     lines: list[str] = []
     if has_flags:
         lines += [f"def {flags}({stmt.var}):"]
-        lines += _block(stmt.flags, f"{stmt.need or True}, {flagged}")
+        lines += _block(stmt.flags, f"{stmt.need or True}, ({inside(_text(b.when) for b in stmt.bends)}), {flagged}")
     lines += [f"def {body}({stmt.var}, flagged):"]
     lines += [f"    {flagged} = flagged"] if _names(stmt.flags) else []
     lines += _block(stmt.body, f"({inside(map(_text, values))})")
-    return [*lines, f"({inside(stmt.results)}), {tied} = {', '.join(arguments)})"]
+    return [*lines, f"({inside(assigned(stmt))}), {note} = rt.{name}({', '.join(arguments)})"]
 
 
-def _isolation(stmt: Isolate, tied: str) -> list[str]:
+def _isolation(stmt: Isolate, note: str) -> list[str]:
     """The functions of an isolation, and its call."""
     enclosure, point = f"enclosure_{stmt.var}", f"point_{stmt.var}"
     arguments = [_text(stmt.lo), _text(stmt.hi), enclosure, point, str(len(stmt.results))]
@@ -243,11 +271,11 @@ def _isolation(stmt: Isolate, tied: str) -> list[str]:
         *_block(stmt.enclosure, f"({inside(map(_text, stmt.bounds))})"),
         f"def {point}({stmt.var}):",
         *_block(stmt.point, f"({inside(map(_text, (stmt.value, stmt.slope)))})"),
-        f"({inside(stmt.results)}), {tied} = roots.isolate({', '.join(arguments)})",
+        f"({inside(stmt.results)}), {note} = roots.isolate({', '.join(arguments)})",
     ]
 
 
-def _location(stmt: Locate, tied: str) -> list[str]:
+def _location(stmt: Locate, note: str) -> list[str]:
     """The function that encloses two functions, and the call that locates their common zeros."""
     enclosure = f"enclosure_{stmt.left}"
     arguments = [*map(_text, (stmt.lo, stmt.hi, stmt.low, stmt.high)), enclosure, str(len(stmt.results))]
@@ -255,11 +283,11 @@ def _location(stmt: Locate, tied: str) -> list[str]:
     return [
         f"def {enclosure}({stmt.left}, {stmt.right}, {stmt.bottom}, {stmt.top}):",
         *_block(stmt.enclosure, f"({inside(map(_text, stmt.bounds))})"),
-        f"({inside(stmt.results)}), {tied} = roots.locate({', '.join(arguments)})",
+        f"({inside(stmt.results)}), {note} = roots.locate({', '.join(arguments)})",
     ]
 
 
-def _sum(stmt: SumOver, tied: str) -> list[str]:
+def _sum(stmt: SumOver, note: str) -> list[str]:
     """The function of a sum, and its call."""
     body = f"body_{stmt.var}"
     arguments = [f"({inside(map(_text, stmt.points))})", body, str(len(stmt.results))]
@@ -267,17 +295,35 @@ def _sum(stmt: SumOver, tied: str) -> list[str]:
     return [
         f"def {body}({stmt.var}):",
         *_block(stmt.body, f"({inside(map(_text, stmt.values))})"),
-        f"({inside(stmt.results)}), {tied} = roots.sum_over({', '.join(arguments)})",
+        f"({inside(stmt.results)}), {note} = roots.sum_over({', '.join(arguments)})",
+    ]
+
+
+def _mean(stmt: Sample, note: str) -> list[str]:
+    """The function of a mean over points, and its call."""
+    body = f"body_{stmt.points[0]}"
+    rule = f"({stmt.kind!r}, {stmt.seed}, {len(stmt.points)}, {stmt.count})"
+    arguments = [rule, body, str(len(stmt.results)), f"chunk={SAMPLES}"]
+    arguments += [f"when={stmt.when}"] if stmt.when else []
+    arguments += [f"estimates={len(stmt.estimates)}"] if stmt.estimates else []
+    return [
+        f"def {body}({', '.join(stmt.points)}):",
+        *_block(stmt.body, f"({inside(map(_text, stmt.values))})"),
+        f"({inside(assigned(stmt))}), {note} = sampling.mean({', '.join(arguments)})",
     ]
 
 
 def _names(block: tuple[Stmt, ...]) -> list[str]:
     """The names that a block gives a value."""
-    return [name for s in block for name in ((s.name,) if isinstance(s, Assign) else s.results)]
+    return [name for s in block for name in assigned(s)]
 
 
-def _has_ties(stmt: Stmt) -> bool:
-    return any(isinstance(s, Assign) and s.op == "tie" for s in statements((stmt,)))
+def _has_note(stmt: Stmt) -> bool:
+    """Whether a tie may be met there, or a tolerance missed."""
+    return any(
+        (isinstance(s, Assign) and s.op == "tie") or (isinstance(s, Integrate) and isinstance(s.rule, Adaptive))
+        for s in statements((stmt,))
+    )
 
 
 def _text(arg: Arg) -> str:

@@ -13,10 +13,10 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.backends.jax_runtime import Scalar, vector
+from teg.backends.jax_runtime import Note, Scalar, union, vector, where
 from teg.program import ISOLATE_DEPTH, ISOLATE_STEPS, ISOLATE_WIDTH, LOCATE_DEPTH, LOCATE_WIDTH
 
-Block = Callable[..., tuple[tuple[Scalar, ...], Scalar]]  # variables -> values, tied
+Block = Callable[..., tuple[tuple[Scalar, ...], Note]]  # variables -> values, note
 
 END = 2**ISOLATE_DEPTH
 """Where a box of the last level begins is counted from 0 to END."""
@@ -46,7 +46,7 @@ class _Search(NamedTuple):
     last: Any
     found: Any
     places: _Places
-    tied: Any
+    note: Any
 
 
 class _Places(NamedTuple):
@@ -65,36 +65,36 @@ class _Places(NamedTuple):
 def isolate(
     lo: Scalar, hi: Scalar, enclosure: Block, point: Block, results: int, *, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Scalar]:
-    """The roots in ascending order, then +inf; and whether a tie was met."""
+    """The roots in ascending order, then +inf; and the note."""
     lo, hi = jnp.asarray(lo, jnp.float64), jnp.asarray(hi, jnp.float64)
     finite = jnp.isfinite(lo) & jnp.isfinite(hi)
     active = when & finite & (lo != hi)
     p, q = jnp.minimum(lo, hi), jnp.maximum(lo, hi)
-    at_ends, tied = jax.vmap(lambda v: vector(point(v)))(jnp.stack([p, q]))
+    at_ends, note = jax.vmap(lambda v: vector(point(v)))(jnp.stack([p, q]))
     end = _search(active, p, q, _sign(at_ends[:, 0]), enclosure, point, results + 1)
     places = end.places
     there = jnp.arange(results + 1) < end.found
-    searched, tied_steps = jax.vmap(lambda *box: _crossing(point, *box))(there & places.monotone, places.p, places.q, places.sign_q)
+    searched, note_steps = jax.vmap(lambda *box: _crossing(point, *box))(there & places.monotone, places.p, places.q, places.sign_q)
     times = jnp.where(there, places.times, 0)
     root = jnp.where(places.monotone, searched, 0.5 * (places.p + places.q))
     listed = jnp.sort(jnp.concatenate([jnp.where(times >= i, root, jnp.inf) for i in (1, 2)]))[:results]
     crowded = jnp.any(end.count > ISOLATE_WIDTH) | (end.found > results + 1) | (jnp.sum(times) > results)
     listed = jnp.where(~finite | (active & crowded), jnp.nan, listed)
     listed = jnp.where(when, listed, jnp.inf)
-    return tuple(listed[i] for i in range(results)), (active & jnp.any(tied)) | end.tied | jnp.any(tied_steps)
+    return tuple(listed[i] for i in range(results)), where(active, union(note)) | end.note | union(note_steps)
 
 
 def sum_over(points: tuple[Scalar, ...], body: Block, results: int, *, when: Scalar = True) -> tuple[tuple[Scalar, ...], Scalar]:
-    """The sums of the body's values over the points that are finite, and whether a tie was met."""
+    """The sums of the body's values over the points that are finite, and the note."""
     if not points:
-        return (jnp.float64(0.0),) * results, jnp.bool_(False)
+        return (jnp.float64(0.0),) * results, jnp.int32(0)
     at = jnp.stack([jnp.asarray(point, jnp.float64) for point in points])
     unknown = jnp.any(jnp.isnan(at))
     there = when & ~unknown & jnp.isfinite(at)
-    found, tied = jax.vmap(lambda x: vector(body(x)))(jnp.where(there, at, jnp.nan))  # at NaN, searches end at once
+    found, note = jax.vmap(lambda x: vector(body(x)))(jnp.where(there, at, jnp.nan))  # at NaN, searches end at once
     sums = jnp.sum(jnp.where(there[:, None], found, 0.0), axis=0)
     sums = jnp.where(when & unknown, jnp.nan, sums)
-    return tuple(sums[i] for i in range(results)), jnp.any(there & tied)
+    return tuple(sums[i] for i in range(results)), union(where(there, note))
 
 
 def _search(active: Scalar, p: Scalar, q: Scalar, signs: Any, enclosure: Block, point: Block, room: int) -> _Search:
@@ -107,8 +107,8 @@ def _search(active: Scalar, p: Scalar, q: Scalar, signs: Any, enclosure: Block, 
 
     def step(at: _Search) -> _Search:
         m, h = 0.5 * (at.p + at.q), 0.5 * (at.q - at.p)
-        (least, most, slowest, fastest), tied_box = vector(enclosure(at.p, at.q))
-        (g, _), tied_middle = vector(point(m))
+        (least, most, slowest, fastest), note_box = vector(enclosure(at.p, at.q))
+        (g, _), note_middle = vector(point(m))
         reach = h * jnp.maximum(jnp.abs(slowest), jnp.abs(fastest))
         bounded = jnp.isfinite(slowest) & jnp.isfinite(fastest)
         away = (least > 0.0) | (most < 0.0) | (bounded & ((g - reach > 0.0) | (g + reach < 0.0)))
@@ -154,7 +154,7 @@ def _search(active: Scalar, p: Scalar, q: Scalar, signs: Any, enclosure: Block, 
             last=jnp.where(undecided, at.q, at.last),
             found=found,
             places=_Places(*(jnp.where(here, value, old) for value, old in zip(new, at.places, strict=True))),
-            tied=at.tied | tied_box | tied_middle,
+            note=at.note | note_box | note_middle,
         )
 
     beginning = _Search(
@@ -172,7 +172,7 @@ def _search(active: Scalar, p: Scalar, q: Scalar, signs: Any, enclosure: Block, 
         last=jnp.float64(jnp.nan),
         found=jnp.int64(0),
         places=_Places(*(jnp.zeros(room, kind) for kind in (jnp.float64, jnp.float64, jnp.int8, jnp.bool_, jnp.int8))),
-        tied=jnp.bool_(False),
+        note=jnp.int32(0),
     )
     return lax.while_loop(lambda at: at.start < END, step, beginning)
 
@@ -192,14 +192,14 @@ class _Newton(NamedTuple):
     last: Any
     steps: Any
     done: Any
-    tied: Any
+    note: Any
 
 
 def _crossing(point: Block, active: Scalar, p: Scalar, q: Scalar, sign_q: Scalar) -> tuple[Scalar, Scalar]:
-    """The root in a monotone box, by Newton's method kept inside by bisection, and whether a tie was met."""
+    """The root in a monotone box, by Newton's method kept inside by bisection, and the note."""
 
     def step(at: _Newton) -> _Newton:
-        (g, slope), tied = vector(point(at.v))
+        (g, slope), note = vector(point(at.v))
         at_right = (g > 0.0) == (sign_q > 0)
         p, q = jnp.where(at_right, at.p, at.v), jnp.where(at_right, at.v, at.q)
         step, middle = -g / slope, 0.5 * (p + q)
@@ -207,12 +207,12 @@ def _crossing(point: Block, active: Scalar, p: Scalar, q: Scalar, sign_q: Scalar
         v = jnp.where(g == 0.0, at.v, jnp.where(newton, at.v + step, middle))
         size = jnp.abs(jnp.where(newton, step, middle - at.v))
         done = (g == 0.0) | (size <= 2.0**-52 * jnp.abs(v))
-        return _Newton(v, p, q, at.last, size, at.steps + 1, done, at.tied | tied)
+        return _Newton(v, p, q, at.last, size, at.steps + 1, done, at.note | note)
 
     infinite = jnp.float64(jnp.inf)
-    beginning = _Newton(0.5 * (p + q), p, q, infinite, infinite, jnp.int64(0), ~active, jnp.bool_(False))
+    beginning = _Newton(0.5 * (p + q), p, q, infinite, infinite, jnp.int64(0), ~active, jnp.int32(0))
     end = lax.while_loop(lambda at: ~at.done & (at.steps < ISOLATE_STEPS), step, beginning)
-    return end.v, end.tied
+    return end.v, end.note
 
 
 class _Walk(NamedTuple):
@@ -237,17 +237,17 @@ class _Walk(NamedTuple):
     crowded: Any
     kept: Any
     found: Any
-    tied: Any
+    note: Any
 
 
 def locate(
     lo: Scalar, hi: Scalar, low: Scalar, high: Scalar, enclosure: Block, results: int, *, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Scalar]:
-    """The places v of common zeros in ascending order, then +inf; and whether a tie was met."""
+    """The places v of common zeros in ascending order, then +inf; and the note."""
     lo, hi, low, high = (jnp.asarray(v, jnp.float64) for v in (lo, hi, low, high))
     active = when & jnp.all(jnp.isfinite(jnp.stack([lo, hi, low, high]))) & (lo != hi) & (low != high)
     whole = jnp.stack([jnp.minimum(lo, hi), jnp.maximum(lo, hi), jnp.minimum(low, high), jnp.maximum(low, high)])
-    kept, crowded, tied = _walk(active, whole, enclosure)
+    kept, crowded, note = _walk(active, whole, enclosure)
     # intervals of one level of bisection: in the order of their left ends their right ends ascend too
     left, right = lax.sort((kept[:, 0], kept[:, 1]), num_keys=2)
     begins = jnp.concatenate([jnp.array([True]), left[1:] > right[:-1]])  # the entries behind the last one, +inf, are one interval
@@ -256,11 +256,11 @@ def locate(
     places = 0.5 * (left[ends[:-1]] + right[begin[1:] - 1])
     refused = ~active | crowded | jnp.isfinite(left[ends[results]])
     places = jnp.where(refused, jnp.inf, places)
-    return tuple(places[i] for i in range(results)), tied
+    return tuple(places[i] for i in range(results)), note
 
 
 def _walk(active: Scalar, whole: Any, enclosure: Block) -> tuple[Any, Scalar, Scalar]:
-    """What of a rectangle is kept, intervals of v and +inf, (·, 2); whether a level has too many; whether a tie was met.
+    """What of a rectangle is kept, intervals of v and +inf, (·, 2); whether a level has too many, and the note.
 
     Depth first, like `_search`: behind a rectangle that is not halved comes the one that waits on the deepest level.
     """
@@ -269,7 +269,7 @@ def _walk(active: Scalar, whole: Any, enclosure: Block) -> tuple[Any, Scalar, Sc
 
     def step(at: _Walk) -> _Walk:
         left, right, bottom, top = at.left, at.right, at.bottom, at.top
-        (f_least, f_most, g_least, g_most), tied = vector(enclosure(left, right, bottom, top))
+        (f_least, f_most, g_least, g_most), note = vector(enclosure(left, right, bottom, top))
         away = (f_least > 0.0) | (f_most < 0.0) | (g_least > 0.0) | (g_most < 0.0)
         away |= (jnp.isnan(f_least) & jnp.isnan(f_most)) | (jnp.isnan(g_least) & jnp.isnan(g_most))
         keep = ~away & (at.level == LOCATE_DEPTH)
@@ -295,7 +295,7 @@ def _walk(active: Scalar, whole: Any, enclosure: Block) -> tuple[Any, Scalar, Sc
             crowded=crowded,
             kept=jnp.where(here[:, None], jnp.stack([left, right]), at.kept),
             found=at.found + keep,
-            tied=at.tied | tied,
+            note=at.note | note,
         )
 
     def fill(at: tuple[_Walk, Any, Any]) -> tuple[_Walk, Any, Any]:
@@ -318,8 +318,8 @@ def _walk(active: Scalar, whole: Any, enclosure: Block) -> tuple[Any, Scalar, Sc
         crowded=jnp.bool_(False),
         kept=nothing,
         found=jnp.int64(0),
-        tied=jnp.bool_(False),
+        note=jnp.int32(0),
     )
     rows = jnp.full((LOCATE_WIDTH // ROW + 1, ROW, 2), jnp.inf)  # one more: some of the last one's entries are +inf
     end, rows, _ = lax.while_loop(lambda at: at[0].level >= 0, fill, (beginning, rows, jnp.int64(0)))
-    return rows.reshape((-1, 2)), end.crowded, end.tied
+    return rows.reshape((-1, 2)), end.crowded, end.note

@@ -15,14 +15,32 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.program import ABSOLUTE_FLOOR, INSIDE, MAX_DEPTH, MAX_INTERVALS, PIECE_EPS, ROUNDING, TIE_EPS, WATCH_WIDTH
-from teg.quadrature import GAUSS_WEIGHTS, KRONROD_NODES, KRONROD_WEIGHTS, gauss_legendre
+from teg.backends.jax_bends import Substitution, inside, place, substitution, ways
+from teg.program import (
+    ABSOLUTE_FLOOR,
+    DEEP,
+    DIVERGENT,
+    EDGE,
+    INSIDE,
+    MAX_DEPTH,
+    MAX_INTERVALS,
+    NOISE,
+    PIECE_EPS,
+    ROUNDING,
+    TIE_EPS,
+    WATCH_WIDTH,
+)
+from teg.quadrature import decay_power, gauss_legendre, null_rules
 
 Scalar = Any  # a traced scalar, float64 or boolean, or a Python literal
-Body = Callable[[Scalar, tuple[Scalar, ...]], tuple[tuple[Scalar, ...], Scalar]]  # x, flags -> values, tied
-Flags = Callable[[Scalar], tuple[Scalar, tuple[Scalar, ...], Scalar]]  # middle -> need, flags, tied
-Rule = Callable[[Scalar, Scalar, Scalar, Callable[[Scalar], Any]], tuple[Any, Scalar]]
+Note = Any  # an int32: TIED where a tie was met, MISSED where a tolerance was
+Body = Callable[[Scalar, tuple[Scalar, ...]], tuple[tuple[Scalar, ...], Note]]  # x, flags -> values, note
+Flags = Callable[[Scalar], tuple[Scalar, tuple[Scalar, ...], tuple[Scalar, ...], Note]]  # middle -> need, bends, flags, note
+Rule = Callable[[Substitution, Scalar, Callable[[Scalar], Any]], tuple[Any, Note]]
+TIED, MISSED = 1, 2
 
+MIDPOINTS = 1024
+"""Points of the midpoint rule at a time."""
 END = 2**MAX_DEPTH
 """The coordinate u in (0, 1) of an adaptive interval is counted in units of 1/END."""
 
@@ -41,72 +59,158 @@ def powi(x: Scalar, n: int) -> Scalar:
     return power
 
 
-def tie(order: Scalar, g: Scalar, scale: Scalar, r: Scalar) -> tuple[Scalar, Scalar]:
+def tie(order: Scalar, g: Scalar, scale: Scalar, r: Scalar) -> tuple[Scalar, Note]:
     """g > 0, but where g vanishes to rounding the order decides; and whether it did."""
     near = (jnp.abs(g) <= TIE_EPS * scale) & jnp.isfinite(g)
-    return jnp.where(near, jnp.where(order > 0, r, jnp.logical_not(r)), g > 0.0), near
+    return jnp.where(near, jnp.where(order > 0, r, jnp.logical_not(r)), g > 0.0), jnp.where(near, jnp.int32(TIED), jnp.int32(0))
 
 
-def gauss(nodes: int, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Scalar]:
+def union(notes: Note) -> Note:
+    """All that an array of notes says."""
+    return jnp.bitwise_or.reduce(jnp.asarray(notes, jnp.int32), axis=None)
+
+
+def where(condition: Scalar, note: Note) -> Note:
+    """A note where it counts."""
+    return jnp.where(condition, jnp.asarray(note, jnp.int32), jnp.int32(0))
+
+
+class Pieces(NamedTuple):
+    """What an integral has beside its body: `values` of which `tested` count, estimates if `estimated`, kinds of bends, tails."""
+
+    values: int
+    tested: int
+    estimated: bool = False
+    kinds: tuple[str, ...] = ()
+    cubic: bool = False
+    infinite: bool = False
+
+    @property
+    def ways(self) -> tuple[int, ...]:
+        return ways(self.kinds, self.cubic, self.infinite)
+
+
+def gauss(pieces: Pieces, nodes: int, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
     """Gauss-Legendre on each piece; the arguments are those of `_integrate`."""
-    return _integrate(partial(_gauss, nodes), *integral, when=when)
+    return _integrate(pieces, partial(_gauss, pieces, nodes), *integral, when=when)
 
 
-def adaptive(tol: float, smooth: bool, *integral: Any, when: Scalar = True, watched: int = 0) -> tuple[tuple[Scalar, ...], Scalar]:
-    """Gauss-Kronrod (10, 21) with bisection on each piece; the arguments are those of `_integrate`.
+def midpoint(pieces: Pieces, points: int, zero: Scalar, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
+    """The midpoint rule on each piece; `zero` keeps a product and a sum apart (see `python_text`), the rest are for `_integrate`."""
+    return _integrate(pieces, partial(_midpoint, pieces, points, zero), *integral, when=when)
+
+
+def adaptive(
+    pieces: Pieces, tol: float, orders: tuple[int, int], watched: int, *integral: Any, when: Scalar = True
+) -> tuple[tuple[Scalar, ...], Note]:
+    """Gauss-Legendre with bisection on each piece; the arguments are those of `_integrate`.
 
     The last `watched` values of the body are conditions: an interval on which one changes is halved.
     """
-    return _integrate(partial(_adaptive, tol, smooth, watched), *integral, when=when)
+    return _integrate(pieces, partial(_adaptive, pieces, tol, orders, watched), *integral, when=when)
 
 
 def _integrate(
+    pieces: Pieces,
     rule: Rule,
     lo: Scalar,
     hi: Scalar,
     breaks: tuple[Scalar, ...],
+    bends: tuple[Scalar, ...],
     flags: Flags | None,
     body: Body,
-    results: int,
     *,
     when: Scalar,
-) -> tuple[tuple[Scalar, ...], Scalar]:
-    """The results, and whether a tie was met."""
+) -> tuple[tuple[Scalar, ...], Note]:
+    """The results, and the note; `bends`: base, scale, and three coefficients a bend, or nothing."""
     lo, hi = jnp.asarray(lo, jnp.float64), jnp.asarray(hi, jnp.float64)
     low, high = jnp.minimum(lo, hi), jnp.maximum(lo, hi)
     clamped = [jnp.where(jnp.isnan(b), low, jnp.clip(b, low, high)) for b in breaks]
     points = jnp.stack([low, *clamped, high])
     if len(breaks) > 1:
         points = jnp.sort(points)
+    base, scale, *coefficients = bends or (0.0, 1.0)
 
-    def piece(p: Scalar, q: Scalar) -> tuple[Any, Scalar]:
-        active = when & (q - p > PIECE_EPS * jnp.maximum(jnp.abs(p), jnp.abs(q)))
-        if flags is None:
-            return rule(p, q, active, lambda x: vector(body(x, ())))
-        need, flagged, tied = flags(p + INSIDE * (q - p))
-        sums, tied_body = rule(p, q, active & need, lambda x: vector(body(x, flagged)))
-        return sums, (active & tied) | tied_body
+    def piece(p: Scalar, q: Scalar) -> tuple[Any, Note]:
+        wide = q - p > PIECE_EPS * jnp.maximum(jnp.abs(p), jnp.abs(q))
+        active = when & (wide | jnp.isposinf(q - p))
+        need, counts, flagged, note = True, (), (), jnp.int32(0)
+        if flags is not None:
+            need, counts, flagged, note = flags(inside(p, q, INSIDE, pieces.infinite, scale))
+        bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
+        places = substitution(p, q, base, bent, pieces.cubic, pieces.infinite, scale)
+        sums, note_body = rule(places, active & need, lambda x: vector(body(x, flagged)))
+        return sums, where(active, note) | note_body
 
-    sums, tied = jax.vmap(piece)(points[:-1], points[1:])
-    total = jnp.where(lo <= hi, 1.0, -1.0) * jnp.sum(sums, axis=0)
-    total = jnp.where(jnp.isnan(lo) | jnp.isnan(hi), jnp.nan, total)
+    sums, notes = jax.vmap(piece)(points[:-1], points[1:])
+    total = jnp.sum(sums, axis=0)
+    sign = jnp.where(lo <= hi, 1.0, -1.0)
+    total = jnp.concatenate([sign * total[: pieces.values], total[pieces.values :]])
+    ends = jnp.stack([lo, hi])
+    total = jnp.where(jnp.any(jnp.isnan(ends) if pieces.infinite else ~jnp.isfinite(ends)), jnp.nan, total)
     total = jnp.where(when, total, 0.0)
-    return tuple(total[i] for i in range(results)), jnp.any(tied)
+    return tuple(total[i] for i in range(pieces.values + (pieces.tested if pieces.estimated else 0))), union(notes)
 
 
-def vector(block: tuple[tuple[Scalar, ...], Scalar]) -> tuple[Any, Any]:
+def vector(block: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
     """The values of a body as one vector, (results,)."""
-    values, tied = block
-    return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(tied)
+    values, note = block
+    return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(note, jnp.int32)
 
 
-def _gauss(nodes: int, p: Scalar, q: Scalar, active: Scalar, values: Callable[[Scalar], Any]) -> tuple[Any, Scalar]:
-    """The integrals over one piece, (results,), and whether a tie was met."""
+def _measure(nodes: int, tested: int, found: Any) -> tuple[Any, Any, Any]:
+    """K of every value, A and E of those tested (see `teg.program`), of values at Gauss nodes by dv/du, (nodes, values)."""
+    weights = jnp.array(gauss_legendre(nodes)[1], jnp.float64)[:, None]
+    rules = jnp.array(null_rules(nodes), jnp.float64)
+    total, size = jnp.sum(weights * found, axis=0), jnp.sum(weights * jnp.abs(found[:, :tested]), axis=0)
+    e = jnp.abs(jnp.sum(rules[:, :, None] * found[None, :, :tested], axis=1))
+    a, b, c = (jnp.maximum(e[i], e[i + 1]) for i in (0, 2, 4))
+    tail = jnp.where(b > c, jnp.maximum(a, b), a)
+    last, before = a / b, b / c
+    ratio = jnp.maximum(last, before) * jnp.maximum(1.0, last / before)
+    ratio = jnp.maximum(ratio, (15.0 * ratio - 2.0) / 7.0)
+    error = 4.0 * tail * powi(jnp.where(ratio < 1.0, ratio, 1.0), decay_power(nodes))
+    return total, size, jnp.where(tail <= NOISE * size, 0.0, error)
+
+
+def _rounding(places: Substitution) -> Scalar:
+    """What rounding does to the integral over a piece, relative to that of |values|: theirs, and that of the ends."""
+    length = places.q - places.p
+    return 0.5 * ROUNDING + jnp.where(jnp.isfinite(length), EDGE * jnp.maximum(jnp.abs(places.p), jnp.abs(places.q)) / length, 0.0)
+
+
+def _gauss(pieces: Pieces, nodes: int, places: Substitution, active: Scalar, values: Callable[[Scalar], Any]) -> tuple[Any, Note]:
+    """The integrals over one piece and their estimates, (results,), and the note."""
     at, weights = map(jnp.float64, gauss_legendre(nodes))
-    half = 0.5 * (q - p)
-    found, tied = jax.vmap(values)(0.5 * (p + q) + half * at)
+    half = 0.5 * (places.q - places.p)
+    found, notes = jax.vmap(values)(0.5 * (places.p + places.q) + half * at)
     sums = half * jnp.sum(weights[:, None] * found, axis=0)
-    return jnp.where(active, sums, 0.0), active & jnp.any(tied)
+    if pieces.estimated:
+        size = half * jnp.sum(weights[:, None] * jnp.abs(found[:, : pieces.tested]), axis=0)
+        sums = jnp.concatenate([sums, _rounding(places) * size])
+    return jnp.where(active, sums, 0.0), where(active, union(notes))
+
+
+def _midpoint(
+    pieces: Pieces, points: int, zero: Scalar, places: Substitution, active: Scalar, values: Callable[[Scalar], Any]
+) -> tuple[Any, Note]:
+    """The integrals over one piece and their estimates, (results,), and the note; so many points at a time."""
+    p, q, chunk = places.p, places.q, min(points, MIDPOINTS)
+    tested = pieces.tested if pieces.estimated else 0
+
+    def stretch(carried: Any, start: Any) -> tuple[Any, None]:
+        sums, errors, last, note = carried
+        k = start + jnp.arange(chunk)
+        there = active & (k < points)
+        found, notes = jax.vmap(values)(p + ((q - p) * ((jnp.minimum(k, points - 1) + 0.5) / points) + zero))
+        steps = jnp.abs(found[:, :tested] - jnp.concatenate([last[None], found[:-1, :tested]]))
+        steps = jnp.where((k > 0)[:, None], steps, 0.0) + ROUNDING * jnp.abs(found[:, :tested])
+        total, error = (jnp.sum(jnp.where(there[:, None], v, 0.0), axis=0) for v in (found, steps))
+        return (sums + total, errors + 0.5 * error, found[-1, :tested], note | union(where(there, notes))), None
+
+    nothing = jnp.zeros(pieces.values), jnp.zeros(tested), jnp.zeros(tested), jnp.int32(0)
+    sums, errors, _, note = lax.scan(stretch, nothing, jnp.arange(0, points, chunk))[0]
+    return jnp.where(active, jnp.concatenate([sums, errors]) * ((q - p) / points), 0.0), note
 
 
 class _Progress(NamedTuple):
@@ -116,59 +220,90 @@ class _Progress(NamedTuple):
     width: Any
     used: Any
     enough: Any
+    whole: Any
     sums: Any
-    tied: Any
+    note: Any
 
 
 def _adaptive(
-    tol: float, smooth: bool, watched: int, p: Scalar, q: Scalar, active: Scalar, values: Callable[[Scalar], Any]
-) -> tuple[Any, Scalar]:
-    """The integrals over one piece, (results,), and whether a tie was met.
+    pieces: Pieces,
+    tol: float,
+    orders: tuple[int, int],
+    watched: int,
+    places: Substitution,
+    active: Scalar,
+    values: Callable[[Scalar], Any],
+) -> tuple[Any, Note]:
+    """The integrals over one piece and their estimates, (results,), and the note.
 
     The intervals are visited from left to right. No stack is needed: behind an accepted interval that ends at
     u, the next one waiting is the largest dyadic one that begins at u: its width is the lowest bit of u.
     """
-    tables = (KRONROD_NODES, KRONROD_WEIGHTS, GAUSS_WEIGHTS)
-    nodes, weights, gauss = (jnp.array(table, jnp.float64) for table in tables)
-    if watched:
-        nodes = jnp.concatenate([nodes, jnp.array([-1.0, 1.0])])
-    results = jax.eval_shape(values, p)[0].shape[0] - watched
+    possible = pieces.ways
+
+    def measured(nodes: int, left: Scalar, width: Scalar) -> tuple[Any, Any, Any, Any, Any]:
+        at = jnp.array(gauss_legendre(nodes)[0], jnp.float64)
+        if watched:
+            at = jnp.concatenate([at, jnp.array([-1.0, 1.0])])
+        x, rate = place(places, possible, left + 0.5 * width * (1.0 + at))
+        found, notes = jax.vmap(values)(x)
+        changed = jnp.bool_(False)
+        if watched:  # at the ends, the last two rows, only the conditions count
+            conditions = found[:, pieces.values :] > 0.0
+            changed = jnp.any(jnp.any(conditions, axis=0) & ~jnp.all(conditions, axis=0))
+            found, notes, rate = found[:-2, : pieces.values], notes[:-2], rate[:-2]
+        total, size, error = _measure(nodes, pieces.tested, found * (0.5 * width * rate)[:, None])
+        return total, size, error, changed, union(notes)
+
+    def listed(total: Any, size: Any, error: Any) -> Any:
+        return jnp.concatenate([total, error + _rounding(places) * size]) if pieces.estimated else total
+
+    def fine(size: Any, error: Any, enough: Any) -> Scalar:
+        return jnp.all((error <= jnp.maximum(enough, ROUNDING * size)) | ~jnp.isfinite(error))
 
     def step(at: _Progress) -> _Progress:
         width = at.width / END
-        u = at.start / END + 0.5 * width * (1.0 + nodes)
-        x = p + (q - p) * (u * u * (3.0 - 2.0 * u) if smooth else u)
-        weight = 0.5 * width * (q - p) * (6.0 * u * (1.0 - u) if smooth else jnp.ones_like(u))
-        found, tied = jax.vmap(values)(x)
-        conditions = found[:, results:] > 0.0
-        if watched:  # at the ends, the last two rows, only the conditions count
-            found, tied, weight = found[:-2, :results], tied[:-2], weight[:-2]
-        found = found * weight[:, None]
-        kronrod, size = (jnp.sum(weights[:, None] * f, axis=0) for f in (found, jnp.abs(found)))
-        gap = jnp.abs(kronrod - jnp.sum(gauss[:, None] * found[1::2], axis=0))
+        total, size, error, changed, note = measured(orders[1], at.start / END, width)
+        whole = jnp.where(at.used == 0, size, at.whole)
         enough = jnp.where(at.used == 0, tol * (size + ABSOLUTE_FLOOR), at.enough)
-        fine = jnp.all((gap <= jnp.maximum(enough, ROUNDING * size)) | ~jnp.isfinite(gap))
-        if watched:
-            changed = jnp.any(jnp.any(conditions, axis=0) & ~jnp.all(conditions, axis=0))
-            fine = jnp.where(changed, width <= WATCH_WIDTH, fine)
-        done = fine | (at.width == 1) | (at.used + 1 >= MAX_INTERVALS)
+        good = jnp.where(changed, width <= WATCH_WIDTH, fine(size, error, enough))
+        deepest = at.width == 1
+        done = good | deepest | (at.used + 1 >= MAX_INTERVALS)
+        endless = done & (at.width <= END >> DEEP) & ~good & ~changed & jnp.isfinite(error) & (size > DIVERGENT * whole)
+        tested = jnp.where(endless, jnp.copysign(jnp.inf, total[: pieces.tested]), total[: pieces.tested])
+        total = jnp.concatenate([tested, total[pieces.tested :]])
         start = jnp.where(done, at.start + at.width, at.start)
         return _Progress(
             start=start,
             width=jnp.where(done, start & -start, at.width // 2),
             used=at.used + 1,
             enough=enough,
-            sums=jnp.where(done, at.sums + kronrod, at.sums),
-            tied=at.tied | jnp.any(tied),
+            whole=whole,
+            sums=jnp.where(done, at.sums + listed(total, size, error), at.sums),
+            note=at.note | note | where(done & ~good, MISSED),
         )
 
+    zeros = jnp.zeros(pieces.tested)
     beginning = _Progress(
         start=jnp.where(active, jnp.int64(0), END),
         width=jnp.int64(END),
         used=jnp.int64(0),
-        enough=jnp.zeros(results),
-        sums=jnp.zeros(results),
-        tied=jnp.bool_(False),
+        enough=zeros,
+        whole=zeros,
+        sums=jnp.zeros(pieces.values + (pieces.tested if pieces.estimated else 0)),
+        note=jnp.int32(0),
     )
+    if not watched:
+        total, size, error, _, note = measured(orders[0], 0.0, 1.0)
+        enough = tol * (size + ABSOLUTE_FLOOR)
+        done = active & fine(size, error, enough)
+        beginning = beginning._replace(
+            start=jnp.where(done, END, beginning.start),
+            used=jnp.int64(1),
+            enough=enough,
+            whole=size,
+            sums=jnp.where(done, listed(total, size, error), 0.0),
+            note=where(active, note),
+        )
     end = lax.while_loop(lambda at: at.start < END, step, beginning)
-    return end.sums, end.tied
+    return end.sums, end.note

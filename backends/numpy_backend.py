@@ -17,6 +17,7 @@ Roots, sums over them and common zeros are called likewise (see `numpy_roots`):
     v1, v2 = isolation_1(run, 0.0, p1, (v0,), (v0,))             bounds, values for enclosure, for point
     v3, = sum_2(run, (v1, v2), (v0,))                            points, values for body
     v4, = location_3(run, 0.0, p1, -1.0, 1.0, (v0,))             bounds of v, of u, values for enclosure
+    v5, = mean_4(run, (v0,))                                     values for body: a mean over points (see `numpy_sampling`)
 
 A long block is cut into parts of bounded size, which hand on the values that outlive them in a dictionary.
 """
@@ -32,8 +33,26 @@ import numpy.typing as npt
 
 from teg.backends import numpy_roots as roots
 from teg.backends import numpy_runtime as rt
+from teg.backends import numpy_sampling as sampling
 from teg.backends.python_text import Dialect, assignment, inside, strict, value
-from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Isolate, Locate, Program, Stmt, SumOver, blocks
+from teg.program import (
+    Adaptive,
+    Arg,
+    Assign,
+    Gauss,
+    Integrate,
+    Isolate,
+    Locate,
+    Midpoint,
+    Outcome,
+    Program,
+    Sample,
+    Stmt,
+    SumOver,
+    assigned,
+    blocks,
+    statements,
+)
 
 DIALECT = Dialect("np")
 MEMORY = 256 * 2**20
@@ -56,7 +75,7 @@ class NumpyKernel:
         self.source = "\n".join(printer.lines)
         self._width = printer.width
         self._room = max(1, memory // 8 // (1 + 2 * depth(program.body)))
-        scope: dict[str, Any] = {"np": np, "rt": rt, "roots": roots}
+        scope: dict[str, Any] = {"np": np, "rt": rt, "roots": roots, "sampling": sampling}
         exec(compile(self.source, "<teg numpy kernel>", "exec"), scope)
         self._function = scope["kernel"]
 
@@ -67,6 +86,11 @@ class NumpyKernel:
         """The outputs of a batch of n, (outputs, n); a column is (n,), or () where the batch shares it."""
         return self._run(columns, n)[0]
 
+    def outcome(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> Outcome:
+        """The outputs, whether a tolerance was missed, and how many evaluations it took."""
+        out, _, missed, evaluations = self._run(columns, n)
+        return Outcome(out, missed, evaluations)
+
     def met_ties(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[int, ...]:
         """The numbers k of the ties that a call with these arguments meets, ascending."""
         return tuple(sorted(self._run(columns, n)[1]))
@@ -76,11 +100,12 @@ class NumpyKernel:
         with np.errstate(all="ignore"):
             return self._outputs(rt.Run(order, self._room), [np.asarray(c, dtype=np.float64)[()] for c in columns], n)
 
-    def _run(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], set[int]]:
+    def _run(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], set[int], bool, int]:
         values = [np.asarray(column, dtype=np.float64) for column in columns]
         shared = all(v.ndim == 0 for v in values)
         out = np.empty((len(self.program.outputs), n))
         met: set[int] = set()
+        missed, evaluations = False, 0
         with np.errstate(all="ignore"):
             step = n if shared else rt.Run(1, self._room).chunk(self._width)
             for start in range(0, n, max(1, step)):
@@ -93,7 +118,11 @@ class NumpyKernel:
                     reverse = self._outputs(again, arguments, min(step, n - start))
                     out[:, part] = 0.5 * out[:, part] + 0.5 * reverse
                     met |= run.met | again.met
-        return out, met
+                    run.missed |= again.missed
+                    run.evaluations += again.evaluations
+                missed |= run.missed
+                evaluations += run.evaluations
+        return out, met, missed, evaluations
 
     def _outputs(self, run: rt.Run, arguments: Iterable[Any], n: int) -> npt.NDArray[np.float64]:
         out = np.empty((len(self.program.outputs), n))
@@ -108,11 +137,6 @@ def depth(block: tuple[Stmt, ...]) -> int:
     return max(inner, default=0)
 
 
-def assigned(stmt: Stmt) -> tuple[str, ...]:
-    """The names a statement gives a value."""
-    return (stmt.name,) if isinstance(stmt, Assign) else stmt.results
-
-
 def used(stmt: Stmt) -> dict[str, None]:
     """The names of its own or an enclosing block that a statement uses, in order."""
     match stmt:
@@ -120,7 +144,7 @@ def used(stmt: Stmt) -> dict[str, None]:
             return _names(stmt.args)
         case Integrate():
             for_flags, for_body, _ = captured(stmt)
-            return _names((stmt.lo, stmt.hi, *stmt.breaks, *for_flags, *for_body, *_maybe(stmt.when)))
+            return _names((stmt.lo, stmt.hi, *stmt.breaks, *of_bends(stmt), *for_flags, *for_body, *_maybe(stmt.when)))
         case Isolate():
             for_enclosure, for_point = searched(stmt)
             return _names((stmt.lo, stmt.hi, *for_enclosure, *for_point, *_maybe(stmt.when)))
@@ -128,6 +152,8 @@ def used(stmt: Stmt) -> dict[str, None]:
             return _names((stmt.lo, stmt.hi, stmt.low, stmt.high, *located(stmt), *_maybe(stmt.when)))
         case SumOver():
             return _names((*stmt.points, *summed(stmt), *_maybe(stmt.when)))
+        case Sample():
+            return _names((*sampled(stmt), *_maybe(stmt.when)))
         case _:
             assert_never(stmt)
 
@@ -146,13 +172,21 @@ def free(block: tuple[Stmt, ...], results: Iterable[Arg]) -> dict[str, None]:
 def captured(stmt: Integrate) -> tuple[list[str], list[str], list[str]]:
     """What an integral's blocks use: `flags` from outside, `body` from outside, `body` from `flags`."""
     flagged = {name for s in stmt.flags for name in assigned(s)}
-    in_flags = free(stmt.flags, _maybe(stmt.need))
+    in_flags = free(stmt.flags, (*_maybe(stmt.need), *(b.when for b in stmt.bends)))
     in_body = free(stmt.body, (*stmt.values, *stmt.watch))
     return (
         [name for name in in_flags if name != stmt.var],
         [name for name in in_body if name != stmt.var and name not in flagged],
         [name for name in in_body if name in flagged],
     )
+
+
+def of_bends(stmt: Integrate) -> list[Arg]:
+    """What the bends and tails of an integral use from outside: its base and scale, and the coefficients of each bend; nothing if it has
+    neither."""
+    if not stmt.bends and not stmt.infinite:
+        return []
+    return [stmt.base, stmt.scale, *(c for b in stmt.bends for c in b.coefficients)]
 
 
 def searched(stmt: Isolate) -> tuple[list[str], list[str]]:
@@ -172,13 +206,18 @@ def summed(stmt: SumOver) -> list[str]:
     return [name for name in free(stmt.body, stmt.values) if name != stmt.var]
 
 
+def sampled(stmt: Sample) -> list[str]:
+    """What the body of a sample uses from outside."""
+    return [name for name in free(stmt.body, stmt.values) if name not in stmt.points]
+
+
 class _Printer:
     """Prints blocks into `lines`, outermost first; the statements with blocks of their own wait in a queue."""
 
     def __init__(self, program: Program) -> None:
         self.lines = ['"""NumPy kernel, generated by teg."""', ""]
         self.lines += [f"# p{i}: {name!r}" for i, name in enumerate(program.parameters)]
-        self.waiting: deque[tuple[int, Integrate | Isolate | Locate | SumOver]] = deque()
+        self.waiting: deque[tuple[int, Integrate | Isolate | Locate | SumOver | Sample]] = deque()
         self.printed = 0
         parameters = [f"p{i}" for i in range(len(program.parameters))]
         self.width = self.function("kernel", parameters, program.body, program.outputs)
@@ -186,7 +225,7 @@ class _Printer:
             self.blocks(*self.waiting.popleft())
         self.lines.append("")
 
-    def blocks(self, number: int, stmt: Integrate | Isolate | Locate | SumOver) -> None:
+    def blocks(self, number: int, stmt: Integrate | Isolate | Locate | SumOver | Sample) -> None:
         """The functions of a statement, and the object that runs them."""
         match stmt:
             case Integrate():
@@ -197,31 +236,38 @@ class _Printer:
                 self.location(number, stmt)
             case SumOver():
                 self.sum(number, stmt)
+            case Sample():
+                self.mean(number, stmt)
             case _:
                 assert_never(stmt)
 
     def integral(self, number: int, stmt: Integrate) -> None:
         for_flags, for_body, flagged = captured(stmt)
         flags, piece_width = "None", len(for_flags) + len(for_body) + 6
-        if stmt.flags or stmt.need is not None:
+        if stmt.flags or stmt.need is not None or stmt.bends:
             flags = f"flags_{number}"
-            found = [True if stmt.need is None else stmt.need, *flagged]
+            found = [True if stmt.need is None else stmt.need, *(b.when for b in stmt.bends), *flagged]
             piece_width += self.function(flags, [stmt.var, *for_flags], stmt.flags, found)
         body = f"body_{number}"
         results: tuple[Arg, ...] = stmt.values
         match stmt.rule:
             case Gauss(nodes):
                 kind, rule = "GaussIntegral", f"nodes={nodes}"
-            case Adaptive(tol, smooth):
-                kind, rule = "AdaptiveIntegral", f"tol={tol!r}, smooth={smooth!r}"
+            case Midpoint(nodes):
+                kind, rule = "MidpointIntegral", f"nodes={nodes}"
+            case Adaptive(tol, first, order, cubic):
+                kind, rule = "AdaptiveIntegral", f"tol={_text(tol)}, first={first}, order={order}, cubic={cubic!r}"
                 if stmt.watch:
                     results += stmt.watch
                     rule += f", watched={len(stmt.watch)}"
             case _:
                 assert_never(stmt.rule)
         node_width = self.function(body, [stmt.var, *for_body, *flagged], stmt.body, results)
-        fields = f"flags={flags}, body={body}, results={len(stmt.results)}, piece_width={piece_width}, node_width={node_width}, {rule}"
-        self.lines += ["", "", f"integral_{number} = rt.{kind}(", f"    {fields}", ")"]
+        leaf = not any(isinstance(s, Integrate | Sample) for s in statements(stmt.body))
+        counts = f"values={len(stmt.values)}, tested={stmt.tested}, estimated={bool(stmt.estimates)!r}, leaf={leaf!r}, infinite={stmt.infinite!r}"
+        fields = f"flags={flags}, body={body}, {counts}, piece_width={piece_width}, node_width={node_width}"
+        bends = f"bends=({inside(repr(b.kind) for b in stmt.bends)})"
+        self.lines += ["", "", f"integral_{number} = rt.{kind}(", f"    {fields},", f"    {bends}, {rule}", ")"]
 
     def isolation(self, number: int, stmt: Isolate) -> None:
         for_enclosure, for_point = searched(stmt)
@@ -243,6 +289,14 @@ class _Printer:
         body = f"body_{number}"
         width = self.function(body, [stmt.var, *summed(stmt)], stmt.body, stmt.values)
         self.lines += ["", "", f"sum_{number} = roots.PointSum(body={body}, results={len(stmt.results)}, width={width})"]
+
+    def mean(self, number: int, stmt: Sample) -> None:
+        body, tested = f"body_{number}", len(stmt.estimates)
+        width = self.function(body, [*stmt.points, *sampled(stmt)], stmt.body, stmt.values) + len(stmt.values)
+        rule = f"kind={stmt.kind!r}, seed={stmt.seed}, dimensions={len(stmt.points)}, count={stmt.count}"
+        leaf = not any(isinstance(s, Integrate | Sample) for s in statements(stmt.body))
+        counts = f"values={len(stmt.values)}, tested={tested}, estimated={tested > 0!r}, width={width}, leaf={leaf!r}, infinite={stmt.infinite!r}"
+        self.lines += ["", "", f"mean_{number} = sampling.Mean(", f"    body={body}, {rule},", f"    {counts}", ")"]
 
     def function(self, name: str, parameters: Sequence[str], block: tuple[Stmt, ...], results: Sequence[Arg]) -> int:
         """Prints a block as a function; returns how many doubles a lane it may hold."""
@@ -296,24 +350,27 @@ class _Printer:
                 copied = max(copied, self.call(stmt))
         return width + copied
 
-    def call(self, stmt: Integrate | Isolate | Locate | SumOver) -> int:
+    def call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample) -> int:
         """Prints the call of a statement, queues its blocks; returns how many values it may have to copy."""
         groups: list[Iterable[str]]
         match stmt:
             case Integrate():
                 for_flags, for_body, _ = captured(stmt)
-                name, limits, groups = "integral", [stmt.lo, stmt.hi], [map(_text, stmt.breaks), for_flags, for_body]
+                listed_breaks, bends = map(_text, stmt.breaks), map(_text, of_bends(stmt))
+                name, limits, groups = "integral", [stmt.lo, stmt.hi], [listed_breaks, bends, for_flags, for_body]
             case Isolate():
                 name, limits, groups = "isolation", [stmt.lo, stmt.hi], [*searched(stmt)]
             case Locate():
                 name, limits, groups = "location", [stmt.lo, stmt.hi, stmt.low, stmt.high], [located(stmt)]
             case SumOver():
                 name, limits, groups = "sum", [], [map(_text, stmt.points), summed(stmt)]
+            case Sample():
+                name, limits, groups = "mean", [], [sampled(stmt)]
             case _:
                 assert_never(stmt)
         listed = [list(group) for group in groups]
         arguments = ["run", *map(_text, limits), *(f"({inside(group)})" for group in listed), *_maybe(stmt.when)]
-        self.lines.append(f"    {inside(stmt.results)} = {name}_{self.printed}({', '.join(arguments)})")
+        self.lines.append(f"    {inside(assigned(stmt))} = {name}_{self.printed}({', '.join(arguments)})")
         self.waiting.append((self.printed, stmt))
         self.printed += 1
         return sum(map(len, listed))

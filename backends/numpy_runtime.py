@@ -19,8 +19,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.program import ABSOLUTE_FLOOR, INSIDE, MAX_DEPTH, MAX_INTERVALS, PIECE_EPS, ROUNDING, TIE_EPS, WATCH_WIDTH
-from teg.quadrature import GAUSS_WEIGHTS, KRONROD_NODES, KRONROD_WEIGHTS, gauss_legendre
+from teg.backends.numpy_bends import Substitution, inside, substitution
+from teg.program import (
+    ABSOLUTE_FLOOR,
+    DEEP,
+    DIVERGENT,
+    EDGE,
+    INSIDE,
+    MAX_DEPTH,
+    MAX_INTERVALS,
+    NOISE,
+    PIECE_EPS,
+    ROUNDING,
+    TIE_EPS,
+    WATCH_WIDTH,
+)
+from teg.quadrature import decay_power, gauss_legendre, null_rules
 
 Array = npt.NDArray[Any]
 Value = Any  # an Array of lanes, or a scalar: numpy.float64, numpy.bool_, float, bool
@@ -28,17 +42,18 @@ Block = Callable[..., tuple[Value, ...]]  # (run, variable, *values from outside
 
 MAX_LANES = 2**15
 """No block runs on more lanes than this at a time: longer arrays only fall out of the cache."""
-NODES, WEIGHTS, WEIGHTS_10 = np.array(KRONROD_NODES)[:, None], np.array(KRONROD_WEIGHTS), np.array(GAUSS_WEIGHTS)
-"""The Gauss-Kronrod pair: nodes, weights of all 21, weights of the 10 that are Gauss nodes."""
 
 
 @dataclass(slots=True)
 class Run:
-    """One run of a program: how ties are decided, the doubles a block may hold, and the ties met so far."""
+    """One run of a program: how ties are decided, the doubles a block may hold; the ties met so far, whether a tolerance was
+    missed, and at how many points integrands without integrals inside were evaluated."""
 
     order: int
     room: int
     met: set[int] = field(default_factory=set)
+    missed: bool = False
+    evaluations: int = 0
 
     def chunk(self, width: int, lanes: int = 1) -> int:
         """How many items, of `lanes` lanes of `width` doubles each, a block may run on at a time."""
@@ -124,15 +139,26 @@ def on_lanes(
 class Integral:
     """An integral without its rule: lanes into pieces, and the sums of the pieces back into lanes.
 
-    `flags` and `body` are printed blocks, `results` the number of values, `piece_width` and `node_width` the
-    doubles that a piece and a node take.
+    `flags` and `body` are printed blocks, `values` the number of values, `piece_width` and `node_width` the doubles that a piece and a
+    node take. The first `tested` values count for the error, and have estimates if these are `estimated`. `bends` are the kinds of the
+    bends; `flags` returns the need, when each bend counts, and what `body` takes. `leaf`: there is no integral inside.
     """
 
     flags: Block | None
     body: Block
-    results: int
+    values: int
+    tested: int
+    estimated: bool
     piece_width: int
     node_width: int
+    leaf: bool
+    infinite: bool = False
+    bends: tuple[str, ...] = ()
+
+    @property
+    def results(self) -> int:
+        """The number of results: one a value, and the estimates."""
+        return self.values + (self.tested if self.estimated else 0)
 
     def __call__(
         self,
@@ -140,33 +166,38 @@ class Integral:
         lo: Value,
         hi: Value,
         breaks: tuple[Value, ...],
+        bends: tuple[Value, ...],
         for_flags: tuple[Value, ...],
         for_body: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """The results, of the arguments' common shape; `for_…` are what the blocks take from outside."""
+        """The results, of the arguments' common shape; `bends`: base, scale, coefficients; `for_…`: what blocks take from outside."""
+        counts = (len(breaks), len(bends), len(for_flags))
 
         def work(given: Sequence[Array], lanes: int) -> Array:
-            return self._lanes(run, given, len(breaks), len(for_flags), lanes)
+            return self._lanes(run, given, counts, lanes)
 
         step = run.chunk(self.piece_width, len(breaks) + 1)
-        return on_lanes(work, (lo, hi, *breaks, *for_flags, *for_body), when, self.results, 0.0, step)
+        return on_lanes(work, (lo, hi, *breaks, *bends, *for_flags, *for_body), when, self.results, 0.0, step)
 
-    def _lanes(self, run: Run, given: Sequence[Array], breaks: int, flags: int, lanes: int) -> Array:
-        """The results on flat lanes, (results, lanes); `given`: lo, hi, breaks, for flags, for body."""
+    def _lanes(self, run: Run, given: Sequence[Array], counts: tuple[int, int, int], lanes: int) -> Array:
+        """The results on flat lanes, (results, lanes); `given`: lo, hi, breaks, of bends, for flags, for body."""
         lo, hi = given[0], given[1]
-        first, low, high = 2 + breaks, np.minimum(lo, hi), np.maximum(lo, hi)
-        points = np.empty((breaks + 2, lanes))
+        first, low, high = 2 + counts[0], np.minimum(lo, hi), np.maximum(lo, hi)
+        points = np.empty((counts[0] + 2, lanes))
         points[0], points[-1] = low, high
         for i in range(2, first):
             points[i - 1] = np.minimum(np.fmax(given[i], low), high)  # fmax: a break that is NaN is put at low
-        if breaks > 1:
+        if counts[0] > 1:
             points[1:-1].sort(axis=0)
         p, q = points[:-1].reshape(-1), points[1:].reshape(-1)
-        kept = np.flatnonzero(q - p > PIECE_EPS * np.maximum(np.abs(p), np.abs(q)))
-        sums = self._pieces(run, p[kept], q[kept], kept % lanes, lanes, given[first : first + flags], given[first + flags :])
-        sums *= np.where(lo <= hi, 1.0, -1.0)
-        sums[:, np.broadcast_to(np.isnan(lo) | np.isnan(hi), (lanes,))] = np.nan
+        length = q - p
+        kept = np.flatnonzero((length > PIECE_EPS * np.maximum(np.abs(p), np.abs(q))) | np.isposinf(length))
+        second, third = first + counts[1], first + counts[1] + counts[2]
+        sums = self._pieces(run, p[kept], q[kept], kept % lanes, lanes, given[first:second], given[second:third], given[third:])
+        sums[: self.values] *= np.where(lo <= hi, 1.0, -1.0)
+        broken = np.isnan if self.infinite else _not_finite
+        sums[:, np.broadcast_to(broken(lo) | broken(hi), (lanes,))] = np.nan
         return sums
 
     def _pieces(
@@ -176,112 +207,205 @@ class Integral:
         q: Array,
         lane: Array,
         lanes: int,
+        of_bends: Sequence[Array],
         for_flags: Sequence[Array],
         for_body: Sequence[Array],
     ) -> Array:
         """The sums over the pieces (p, q) of each lane, (results, lanes)."""
         flagged: list[Value] = []
+        base, scale, *coefficients = (gather(v, lane) for v in of_bends) if of_bends else (0.0, 1.0)
         if self.flags is not None and p.size:
-            need, *flagged = self.flags(run, p + INSIDE * (q - p), *(gather(v, lane) for v in for_flags))
+            need, *flagged = self.flags(run, inside(p, q, INSIDE, scale), *(gather(v, lane) for v in for_flags))
             if not np.all(need):
                 kept = np.flatnonzero(np.broadcast_to(need, p.shape))
-                p, q, lane, *flagged = (gather(v, kept) for v in (p, q, lane, *flagged))
+                p, q, lane, base, scale, *coefficients = (gather(v, kept) for v in (p, q, lane, base, scale, *coefficients))
+                flagged = [gather(v, kept) for v in flagged]
         if not p.size:
             return np.zeros((self.results, lanes))
+        active, flagged = flagged[: len(self.bends)], flagged[len(self.bends) :]
         values = [*(gather(v, lane) for v in for_body), *flagged]
-        return scatter(self._rule(run, p, q, values), lane, lanes)
+        bends = [(kind, *coefficients[3 * i : 3 * i + 3], active[i]) for i, kind in enumerate(self.bends)]
+        return scatter(self._rule(run, self._places(p, q, base, bends, scale), values), lane, lanes)
 
-    def _rule(self, run: Run, p: Array, q: Array, values: Sequence[Value]) -> Array:
-        """The integrals over the pieces (p, q), (results, pieces)."""
+    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Any], scale: Value) -> Substitution:
+        return substitution(p, q, base, bends, False, scale)
+
+    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
+        """The integrals over the pieces, and the estimates of their errors, (results, pieces)."""
         raise NotImplementedError
+
+    def _count(self, run: Run, points: int) -> None:
+        if self.leaf:
+            run.evaluations += points
 
 
 @dataclass(frozen=True, slots=True)
 class GaussIntegral(Integral):
     """Gauss-Legendre on each piece."""
 
-    nodes: int
+    nodes: int = 1
 
-    def _rule(self, run: Run, p: Array, q: Array, values: Sequence[Value]) -> Array:
+    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
         nodes, weights = (np.array(column) for column in gauss_legendre(self.nodes))
+        p, q = places.p, places.q
         middle, half = 0.5 * (p + q), 0.5 * (q - p)
         sums = np.empty((self.results, p.size))
+        self._count(run, p.size * self.nodes)
         for part in parts(p.size, run.chunk(self.node_width, self.nodes)):
             x = middle[part] + half[part] * nodes[:, None]
-            for total, value in zip(sums, self.body(run, x, *(cut(v, part) for v in values)), strict=True):
+            found = self.body(run, x, *(cut(v, part) for v in values))
+            for total, value in zip(sums, found, strict=False):
                 total[part] = weights @ value if np.ndim(value) == 2 else 2.0 * value
+            if self.estimated:
+                for total, value in zip(sums[self.values :], found, strict=False):
+                    total[part] = rounding(p[part], q[part]) * (weights @ np.abs(np.broadcast_to(value, x.shape)))
         sums *= half
+        return sums
+
+
+def _not_finite(x: Array) -> Array:
+    return ~np.isfinite(x)
+
+
+def rounding(p: Array, q: Array) -> Array:
+    """What rounding does to the integral over (p, q), relative to that of |values|: theirs, and that of the ends."""
+    length = q - p
+    return 0.5 * ROUNDING + np.where(np.isfinite(length), EDGE * np.maximum(np.abs(p), np.abs(q)) / length, 0.0)
+
+
+def measure(values: Array, nodes: int) -> tuple[Array, Array, Array]:
+    """Sum, sum of sizes, and error (see `teg.program`) of the values at Gauss nodes, (nodes, lanes), each (lanes,)."""
+    weights = np.array(gauss_legendre(nodes)[1])
+    rules = np.array(null_rules(nodes))
+    total, size = weights @ values, weights @ np.abs(values)
+    found = np.abs(rules @ values)
+    a, b, c = (np.maximum(found[i], found[i + 1]) for i in (0, 2, 4))
+    tail = np.where(b > c, np.maximum(a, b), a)
+    last, before = a / b, b / c
+    ratio = np.maximum(last, before) * np.maximum(1.0, last / before)
+    ratio = np.maximum(ratio, (15.0 * ratio - 2.0) / 7.0)
+    growth = np.where(ratio < 1.0, ratio, 1.0)
+    error = 4.0 * tail * powi(growth, decay_power(nodes))
+    return total, size, np.where(tail <= NOISE * size, 0.0, error)
+
+
+@dataclass(frozen=True, slots=True)
+class MidpointIntegral(Integral):
+    """The composite midpoint rule on each piece."""
+
+    nodes: int = 1
+
+    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
+        p, q = places.p, places.q
+        sums = np.zeros((self.results, p.size))
+        self._count(run, p.size * self.nodes)
+        for part in parts(p.size, run.chunk(self.node_width, self.nodes)):
+            given = [cut(v, part) for v in values]
+            last: Value = None
+            for few in parts(self.nodes, run.chunk(self.node_width, p[part].size)):
+                u = (np.arange(few.start, min(few.stop, self.nodes)) + 0.5) / self.nodes
+                x = p[part] + (q[part] - p[part]) * u[:, None]
+                found = np.stack([np.broadcast_to(v, x.shape) for v in self.body(run, x, *given)])
+                sums[: self.values, part] += found.sum(axis=1)
+                if self.estimated:
+                    tested = found[: self.tested]
+                    steps = np.abs(np.diff(tested if last is None else np.concatenate([last, tested], axis=1), axis=1))
+                    last = tested[:, -1:]
+                    sums[self.values :, part] += 0.5 * steps.sum(axis=1) + 0.5 * ROUNDING * np.abs(tested).sum(axis=1)
+        sums *= (q - p) / self.nodes
         return sums
 
 
 @dataclass(frozen=True, slots=True)
 class AdaptiveIntegral(Integral):
-    """Gauss-Kronrod (10, 21) with bisection: at a time, all intervals of one depth, over all pieces.
+    """Gauss-Legendre with bisection: at a time, all intervals of one depth, over all pieces.
 
     The last `watched` results of `body` are conditions: an interval on which one changes is halved.
     """
 
-    tol: float
-    smooth: bool
+    tol: float = 0.0
+    first: int = 10
+    order: int = 18
+    cubic: bool = False
     watched: int = 0
 
-    def _rule(self, run: Run, p: Array, q: Array, values: Sequence[Value]) -> Array:
-        sums = np.zeros((self.results, p.size))
-        piece, left, width = np.arange(p.size), np.zeros(p.size), 1.0
-        used = np.zeros(p.size, dtype=np.int64)
+    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Any], scale: Value) -> Substitution:
+        return substitution(p, q, base, bends, self.cubic, scale)
+
+    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
+        pieces = places.p.size
+        sums = np.zeros((self.results, pieces))
+        piece, left, width = np.arange(pieces), np.zeros(pieces), 1.0
+        used = np.zeros(pieces, dtype=np.int64)
         enough = np.empty(0)
-        for depth in range(MAX_DEPTH + 1):
-            kronrod, gap, size, changed = self._measure(run, p, q, values, piece, left, width)
-            if depth == 0:
+        whole = np.empty(0)
+        depth, first = 0, not self.watched
+        while True:
+            nodes = self.first if first else self.order
+            total, size, error, changed = self._measure(run, places, values, piece, left, width, nodes)
+            if not whole.size:
+                whole = size
                 enough = self.tol * (size + ABSOLUTE_FLOOR)
-            used += np.bincount(piece, minlength=p.size)
-            fine = (gap <= np.maximum(enough[:, piece], ROUNDING * size)) | ~np.isfinite(gap)
+            used += np.bincount(piece, minlength=pieces)
+            fine = (error <= np.maximum(enough[:, piece], ROUNDING * size)) | ~np.isfinite(error)
             accepted = np.where(changed, width <= WATCH_WIDTH, fine.all(axis=0))
-            halve = ~accepted & (used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH)
-            sums += scatter(kronrod[:, ~halve], piece[~halve], p.size)
-            if not halve.any():
-                break
+            again = ~accepted & ((used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH))
+            missed = ~accepted & ~again
+            if missed.any():
+                run.missed = True
+                if depth >= DEEP:
+                    endless = missed & ~changed & np.isfinite(error) & (size > DIVERGENT * whole[:, piece])
+                    total[: self.tested][endless] = np.copysign(np.inf, total[: self.tested][endless])
+            done = np.flatnonzero(~again)
+            sums[: self.values] += scatter(total[:, done], piece[done], pieces)
+            if self.estimated:
+                estimate = error[:, done] + rounding(places.p, places.q)[piece[done]] * size[:, done]
+                sums[self.values :] += scatter(estimate, piece[done], pieces)
+            if not again.any():
+                return sums
+            if first:
+                piece, left, first = piece[again], left[again], False
+                continue
+            depth += 1
             width *= 0.5
-            piece, left = np.repeat(piece[halve], 2), np.repeat(left[halve], 2)
+            piece, left = np.repeat(piece[again], 2), np.repeat(left[again], 2)
             left[1::2] += width
-        return sums
 
     def _measure(
         self,
         run: Run,
-        p: Array,
-        q: Array,
+        places: Substitution,
         values: Sequence[Value],
         piece: Array,
         left: Array,
         width: float,
+        nodes: int,
     ) -> tuple[Array, Array, Array, Array]:
-        """K, |K - G| and A on the intervals (left, left + width) of each `piece`, (results, intervals), and where a watched
-        condition changes, (intervals,)."""
-        kronrod, gap, size = np.empty((3, self.results, piece.size))
+        """K of every value, (values, intervals), A and E of those tested, (tested, intervals), on the intervals (left, left + width) of
+        each `piece`; and where a watched condition changes, (intervals,)."""
+        total, size, error = np.empty((self.values, piece.size)), np.empty((self.tested, piece.size)), np.empty((self.tested, piece.size))
         changed = np.zeros(piece.size, dtype=np.bool_)
-        for part in parts(piece.size, run.chunk(self.node_width, NODES.size)):
+        at, weights = (np.array(column) for column in gauss_legendre(nodes))
+        self._count(run, piece.size * (nodes + 2 * (self.watched > 0)))
+        for part in parts(piece.size, run.chunk(self.node_width, nodes)):
             index = piece[part]
-            length = q[index] - p[index]
             given = [gather(v, index) for v in values]
-            u = left[part] + (0.5 * width) * (1.0 + NODES)
-            x = p[index] + length * self._place(u)
-            weight = 0.5 * width * length * (6.0 * u * (1.0 - u) if self.smooth else 1.0)
+            here = places.part(index)
+            x, rate = here(left[part] + (0.5 * width) * (1.0 + at[:, None]))
+            rate *= 0.5 * width
             found = self.body(run, x, *given)
-            for i, value in enumerate(found[: self.results]):
-                weighted = np.broadcast_to(value * weight, x.shape)
-                kronrod[i, part] = WEIGHTS @ weighted
-                gap[i, part] = np.abs(kronrod[i, part] - WEIGHTS_10 @ weighted[1::2])
-                size[i, part] = WEIGHTS @ np.abs(weighted)
+            for i, value in enumerate(found[: self.values]):
+                weighted = np.broadcast_to(value * rate, x.shape)
+                if i < self.tested:
+                    total[i, part], size[i, part], error[i, part] = measure(weighted, nodes)
+                else:
+                    total[i, part] = weights @ weighted
             if self.watched:
                 aside = Run(run.order, run.room)  # ties at the ends do not count
-                ends = p[index] + length * self._place(np.array([left[part], left[part] + width]))
+                ends = here(np.array([left[part], left[part] + width]))[0]
                 at_ends = self.body(aside, ends, *given)
-                for inner, outer in zip(found[self.results :], at_ends[self.results :], strict=True):
+                run.evaluations += aside.evaluations
+                for inner, outer in zip(found[self.values :], at_ends[self.values :], strict=True):
                     both = np.concatenate([np.broadcast_to(inner, x.shape), np.broadcast_to(outer, ends.shape)])
                     changed[part] |= both.any(axis=0) & ~both.all(axis=0)
-        return kronrod, gap, size, changed
-
-    def _place(self, u: Array) -> Array:
-        """Where on a piece, as a part of its length, the coordinate u is."""
-        return u * u * (3.0 - 2.0 * u) if self.smooth else u
+        return total, size, error, changed

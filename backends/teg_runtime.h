@@ -1,6 +1,7 @@
 /* What generated kernels stand on: C99, no global state, nothing on the heap. */
 
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 
 #ifdef __clang__
@@ -56,7 +57,7 @@ static inline double teg_clamp(double x, double a, double b)
 static inline int teg_is_piece(double p, double q)
 {
     const double left = fabs(p), right = fabs(q);
-    return q - p > TEG_PIECE_EPS * (left > right ? left : right);
+    return q - p > TEG_PIECE_EPS * (left > right ? left : right) || (isinf(q - p) && p < q);
 }
 
 static inline void teg_fill(double *values, int n, double x)
@@ -97,10 +98,11 @@ static inline void teg_sort(double *t, int n)
     }
 }
 
-/* How coinciding surfaces are ordered in this run (+1 or -1), and whether any were met. */
+/* How coinciding surfaces are ordered in this run (+1 or -1), whether any were met, and a tolerance was missed; the
+   evaluations. */
 typedef struct {
-    int order;
-    int tied;
+    int order, tied, missed;
+    long evaluations;
 } teg_context;
 
 static inline int teg_tie(teg_context *ctx, double g, double scale, int r)
@@ -118,45 +120,197 @@ typedef struct {
     int depth;
 } teg_interval;
 
-/* One node of the Gauss-Kronrod pair (10, 21) on (-1, 1); constants of QUADPACK's qk21. */
+/* A node of Gauss-Legendre on (-1, 1): its weight and its weights in the six null rules. */
 typedef struct {
-    double node, kronrod, gauss;
-} teg_pair_node;
+    double node, rule[7];
+} teg_node;
 
-static const teg_pair_node teg_pair[21] = {
-    {-0.995657163025808080735527280689003, 0.011694638867371874278064396062192, 0.0},
-    {-0.973906528517171720077964012084452, 0.032558162307964727478818972459390, 0.066671344308688137593568809893332},
-    {-0.930157491355708226001207180059508, 0.054755896574351996031381300244580, 0.0},
-    {-0.865063366688984510732096688423493, 0.075039674810919952767043140916190, 0.149451349150580593145863396957696},
-    {-0.780817726586416897063717578345042, 0.093125454583697605535065465083366, 0.0},
-    {-0.679409568299024406234327365114874, 0.109387158802297641899210590325805, 0.219086362515982043995534934228163},
-    {-0.562757134668604683339000099272694, 0.123491976262065851077958109585166, 0.0},
-    {-0.433395394129247190799265943165784, 0.134709217311473325928054001771707, 0.269266719309996355091226921569469},
-    {-0.294392862701460198131126603103866, 0.142775938577060080797094273138717, 0.0},
-    {-0.148874338981631210884826001129720, 0.147739104901338491374841515972068, 0.295524224714752870173815619188769},
-    {0.0, 0.149445554002916905664936468389821, 0.0},
-    {0.148874338981631210884826001129720, 0.147739104901338491374841515972068, 0.295524224714752870173815619188769},
-    {0.294392862701460198131126603103866, 0.142775938577060080797094273138717, 0.0},
-    {0.433395394129247190799265943165784, 0.134709217311473325928054001771707, 0.269266719309996355091226921569469},
-    {0.562757134668604683339000099272694, 0.123491976262065851077958109585166, 0.0},
-    {0.679409568299024406234327365114874, 0.109387158802297641899210590325805, 0.219086362515982043995534934228163},
-    {0.780817726586416897063717578345042, 0.093125454583697605535065465083366, 0.0},
-    {0.865063366688984510732096688423493, 0.075039674810919952767043140916190, 0.149451349150580593145863396957696},
-    {0.930157491355708226001207180059508, 0.054755896574351996031381300244580, 0.0},
-    {0.973906528517171720077964012084452, 0.032558162307964727478818972459390, 0.066671344308688137593568809893332},
-    {0.995657163025808080735527280689003, 0.011694638867371874278064396062192, 0.0},
-};
-
-/* Whether every value's Kronrod sum k is good enough; g is the Gauss sum, a the sum of |value|, whole a of the piece. */
-static inline int teg_accepts(
-    int n, const double *k, const double *g, const double *a, const double *whole, double tol)
+/* The errors of n values from their sums: 8 numbers each, the sum, the six null rules, and the sum of sizes. The error of a
+   value is written in the place of its first null rule. Whether all are small enough, or not finite. */
+static inline int teg_assess(int n, double *sums, const double *whole, double tol, int power)
 {
-    for (int j = 0; j < n; j++) {
-        const double error = fabs(k[j] - g[j]);
-        const double rounding = TEG_ROUNDING * a[j], wanted = tol * (whole[j] + TEG_ABSOLUTE_FLOOR);
-        if (error > (wanted > rounding ? wanted : rounding) && isfinite(error)) return 0;
+    int good = 1;
+    for (int j = 0; j < n; j++, sums += 8) {
+        const double e1 = fabs(sums[1]), e2 = fabs(sums[2]), e3 = fabs(sums[3]), e4 = fabs(sums[4]);
+        const double e5 = fabs(sums[5]), e6 = fabs(sums[6]);
+        const double a = e1 > e2 ? e1 : e2, b = e3 > e4 ? e3 : e4, c = e5 > e6 ? e5 : e6;
+        const double tail = b > c && b > a ? b : a;
+        const double last = a / b, before = b / c;
+        double ratio = last > before ? last * (last / before) : before;
+        if (ratio > 0.25) ratio = (15.0 * ratio - 2.0) / 7.0;
+        double error = 4.0 * tail;
+        if (tail <= TEG_NOISE * sums[7]) error = 0.0;
+        else if (ratio < 1.0 && last == last) for (int k = 0; k < power; k++) error *= ratio;
+        const double rounding = TEG_ROUNDING * sums[7], wanted = tol * (whole[j] + TEG_ABSOLUTE_FLOOR);
+        if (error > (wanted > rounding ? wanted : rounding) && isfinite(error)) good = 0;
+        sums[1] = error;
     }
-    return 1;
+    return good;
+}
+
+/* Where u in (0, 1) is on a piece (p, q), and how fast it goes: centre + radius*phi(start + step*u), phi by kind. */
+typedef struct {
+    enum { TEG_LINE, TEG_CUBIC, TEG_SQUARE, TEG_SINE, TEG_COSH, TEG_SINH, TEG_EXP, TEG_POWER, TEG_TAIL } kind;
+    int at_p, at_q, both, number;
+    double p, q, centre, radius, start, step, nearest;
+} teg_substitution;
+
+/* What rounding does to an integral over (p, q), relative to that of |values|: theirs, and that of the ends. */
+static inline double teg_rounding(double p, double q)
+{
+    const double left = fabs(p), right = fabs(q);
+    return 0.5 * TEG_ROUNDING + (isfinite(q - p) ? TEG_EDGE * (left > right ? left : right) / (q - p) : 0.0);
+}
+
+/* The straight one, or the one with flat ends. */
+static inline void teg_straight(teg_substitution *s, double p, double q, int cubic)
+{
+    s->kind = cubic ? TEG_CUBIC : TEG_LINE;
+    s->at_p = s->at_q = -1;
+    s->both = s->number = 0;
+    s->p = s->centre = p;
+    s->q = q;
+    s->radius = q - p;
+    s->start = 0.0;
+    s->step = 1.0;
+    s->nearest = TEG_NEAR;
+}
+
+/* A tail, if the piece is one. */
+static inline void teg_tail(teg_substitution *s, double scale)
+{
+    if (isfinite(s->q - s->p)) return;
+    const int left = isinf(s->p);
+    s->kind = TEG_TAIL;
+    s->centre = left ? s->q : s->p;
+    s->radius = left ? -scale : scale;
+    s->start = left ? 1.0 : 0.0;
+    s->step = left ? -1.0 : 1.0;
+}
+
+/* Where on a piece its conditions are decided. */
+static inline double teg_inside(double p, double q, double scale)
+{
+    if (isinf(p)) return q - scale * ((1.0 - TEG_INSIDE) / TEG_INSIDE);
+    return isinf(q) ? p + scale * (TEG_INSIDE / (1.0 - TEG_INSIDE)) : p + TEG_INSIDE * (q - p);
+}
+
+/* The sum of the distances of y from the foci of the ellipses around (p, q), scaled to (-1, 1). */
+static inline double teg_nearness(double y, double p, double q)
+{
+    return (fabs(y - p) + fabs(y - q)) * (2.0 / (q - p));
+}
+
+/* The zeros of c0 + c1*w + c2*w*w, w from the base, as a bend of a kind ('r'oot, 'p'ole, 'e'nd): if it is nearer than what was
+   found before, it gives the substitution. */
+static void teg_bend(teg_substitution *s, int kind, int when, double base, double c0, double c1, double c2)
+{
+    const int number = s->number++;
+    const double p = s->p - base, q = s->q - base, length = q - p, width = fabs(p) > fabs(q) ? fabs(p) : fabs(q);
+    const int linear = fabs(c2) * width * width <= 1e-13 * (fabs(c1) * width + fabs(c0));
+    if (!when || !isfinite(c0) || !isfinite(c1) || !isfinite(c2) || !isfinite(length)) return;
+    if (linear && fabs(c1) * width <= 1e-13 * fabs(c0)) return;
+    const double square = c1 * c1 - 4.0 * c0 * c2, larger = -0.5 * (c1 + copysign(sqrt(fabs(square)), c1)), end = 1e-9 * length;
+    const int paired = !linear && square < 0.0;
+    double one = linear ? -c0 / c1 : c0 / larger, other = linear ? one : larger / c2;
+    const double to_one = teg_nearness(one, p, q), to_other = teg_nearness(other, p, q);
+    const int alone = !paired && (linear || to_one > TEG_FAR || to_other > TEG_FAR || !isfinite(to_one + to_other));
+    if (alone && !(to_one <= to_other)) one = other;
+    if (alone) other = one;
+    const double below = one < other ? one : other, above = one < other ? other : one;
+    double m = paired ? -0.5 * c1 / c2 : 0.5 * (below + above);
+    double h = paired ? sqrt(fabs(square)) * fabs(0.5 / c2) : 0.5 * (above - below);
+    if (!alone && !(h >= 1e-12 * length)) return;
+    const double to_below = teg_nearness(below, p, q), to_above = teg_nearness(above, p, q);
+    const double near = paired ? (hypot(m - p, h) + hypot(m - q, h)) * (2.0 / length) : to_below < to_above ? to_below : to_above;
+    const int at_p = !paired && (fabs(below - p) <= end || fabs(above - p) <= end);
+    const int at_q = !paired && (fabs(below - q) <= end || fabs(above - q) <= end);
+    if (kind == 'p') {
+        const double y = to_below <= to_above ? below : above;
+        if (!paired && !(y < p - end || y > q + end)) return;
+    } else if (!paired && ((below > p + end && below < q - end) || (above > p + end && above < q - end))) {
+        return; /* the substitution would leave out what is beyond a zero */
+    } else if (at_p != at_q) {
+        if (at_p ? s->at_q >= 0 : s->at_p >= 0) s->both = 1;
+        if (at_p) s->at_p = number;
+        if (at_q) s->at_q = number;
+    }
+    if (!(near < s->nearest)) return;
+    s->nearest = near;
+    const double centre = 0.5 * (p + q);
+    const double at_left = fabs(above - p) <= end ? above : below, at_right = fabs(below - q) <= end ? below : above;
+    const double left = at_p ? fmin(0.0, p - at_left) : 0.0; /* zeros at the ends do not stay inside */
+    const double right = at_q ? fmax(0.0, q - at_right) : 0.0;
+    double sign = m <= centre ? 1.0 : -1.0, from, to;
+    if (paired) {
+        s->kind = TEG_SINH;
+        sign = 1.0;
+        from = asinh((p - m) / h);
+        to = asinh((q - m) / h);
+    } else if (kind == 'p') {
+        s->kind = TEG_EXP;
+        m = to_below <= to_above ? below : above;
+        sign = m <= centre ? 1.0 : -1.0;
+        h = 1.0;
+        from = log(sign * (p - m));
+        to = log(sign * (q - m));
+    } else if (kind == 'e' && alone && (at_p || at_q)) {
+        s->kind = TEG_POWER;
+        m = at_p ? p : q;
+        sign = at_p ? 1.0 : -1.0;
+        h = length;
+        from = at_p ? 0.0 : 1.0;
+        to = at_p ? 1.0 : 0.0;
+    } else if (alone) {
+        s->kind = TEG_SQUARE;
+        m += left + right;
+        h = 1.0;
+        from = sqrt(fmax(0.0, sign * (p - m)));
+        to = sqrt(fmax(0.0, sign * (q - m)));
+    } else if (fabs(centre - m) <= h) {
+        s->kind = TEG_SINE;
+        m += 0.5 * (left + right);
+        h += 0.5 * (right - left);
+        sign = 1.0;
+        from = asin(fmax(-1.0, fmin(1.0, (p - m) / h)));
+        to = asin(fmax(-1.0, fmin(1.0, (q - m) / h)));
+    } else {
+        s->kind = TEG_COSH;
+        m += left + right;
+        from = acosh(fmax(1.0, sign * (p - m) / h));
+        to = acosh(fmax(1.0, sign * (q - m) / h));
+    }
+    s->centre = base + m;
+    s->radius = sign * h;
+    s->start = from;
+    s->step = to - from;
+}
+
+/* Two bends at the two ends: flat ends. */
+static inline void teg_bent(teg_substitution *s)
+{
+    if (s->both) teg_straight(s, s->p, s->q, 1);
+}
+
+/* The place of u; dv/du is written to `slope`. */
+static double teg_place(const teg_substitution *s, double u, double *slope)
+{
+    const double t = s->start + s->step * u;
+    double place, rate;
+    switch (s->kind) {
+    case TEG_CUBIC: place = t * t * (3.0 - 2.0 * t); rate = 6.0 * t * (1.0 - t); break;
+    case TEG_SQUARE: place = t * t; rate = 2.0 * t; break;
+    case TEG_SINE: place = sin(t); rate = cos(t); break;
+    case TEG_COSH: place = cosh(t); rate = sinh(t); break;
+    case TEG_SINH: place = sinh(t); rate = cosh(t); break;
+    case TEG_EXP: place = rate = exp(t); break;
+    case TEG_POWER: place = t * t * t * t * t * t; rate = 6.0 * (t * t * t * t * t); break;
+    case TEG_TAIL: place = t / (1.0 - t); rate = 1.0 / ((1.0 - t) * (1.0 - t)); break;
+    default: place = t; rate = 1.0; break;
+    }
+    *slope = s->radius * s->step * rate;
+    place = s->centre + s->radius * place;
+    return place > s->p ? (place < s->q ? place : s->q) : s->p;
 }
 
 /* The sign of g, as boxes know it: 1 if g > 0, 0 if not, 2 if g is NaN. */
@@ -404,4 +558,97 @@ static void teg_places(teg_location *s, double *places, int room)
     }
     if (found > room) found = 0;
     teg_fill(places + found, room - found, INFINITY);
+}
+
+/* Points of sampled integrals: see teg/sampling.py. 64 bits well mixed. */
+static inline uint64_t teg_mix(uint64_t z)
+{
+    z = (z ^ z >> 30) * UINT64_C(0xBF58476D1CE4E5B9);
+    z = (z ^ z >> 27) * UINT64_C(0x94D049BB133111EB);
+    return z ^ z >> 31;
+}
+
+/* The 64 bits that tell one replicate of one dimension from all others. */
+static inline uint64_t teg_key(uint64_t seed, int replicate, int dimension)
+{
+    return teg_mix(teg_mix(seed + UINT64_C(0x9E3779B97F4A7C15)) ^ ((uint64_t)replicate << 32 | (uint64_t)dimension));
+}
+
+/* The centre of a cell of width 2^-52. */
+static inline double teg_centre(uint64_t cell)
+{
+    return (double)(int64_t)(2 * cell + 1) * 0x1p-53;
+}
+
+/* The coordinate of a pseudo-random point. */
+static inline double teg_random(uint64_t key, uint64_t index)
+{
+    return teg_centre(teg_mix(key + index * UINT64_C(0x9E3779B97F4A7C15)) >> 12);
+}
+
+/* 32 bits in reverse. */
+static inline uint32_t teg_reversed(uint32_t x)
+{
+    x = x >> 16 | x << 16;
+    x = (x >> 8 & 0x00FF00FFu) | (x & 0x00FF00FFu) << 8;
+    x = (x >> 4 & 0x0F0F0F0Fu) | (x & 0x0F0F0F0Fu) << 4;
+    x = (x >> 2 & 0x33333333u) | (x & 0x33333333u) << 2;
+    return (x >> 1 & 0x55555555u) | (x & 0x55555555u) << 1;
+}
+
+/* The coordinate of a Sobol' point, scrambled; x is the point's 32 bits in reverse. */
+static inline double teg_scrambled(uint64_t key, uint32_t x)
+{
+    x ^= x * 0x3D20ADEAu;
+    x = (x + (uint32_t)key) * ((uint32_t)(key >> 32) | 1u);
+    x ^= x * 0x05526C56u;
+    x ^= x * 0x53A22864u;
+    const uint64_t upper = teg_reversed(x);
+    return teg_centre(upper << 20 | teg_mix(key + upper * UINT64_C(0x9E3779B97F4A7C15)) >> 44);
+}
+
+/* Which direction number leads from Sobol' point i to the next one, in the order of Gray's code. */
+static inline int teg_column(uint64_t i)
+{
+    int column = 0;
+    for (; i & 1u; i >>= 1) column++;
+    return column;
+}
+
+/* The first block of Sobol' points of a dimension, 32 bits in reverse. The points of another block differ from them by its first one. */
+static inline void teg_first_block(uint32_t *points, const uint32_t *directions)
+{
+    points[0] = 0;
+    for (int i = 0; i + 1 < TEG_BLOCK; i++) points[i + 1] = points[i] ^ directions[teg_column((uint64_t)i)];
+}
+
+/* The coordinates of the points of a block that begins with x. */
+static inline void teg_coordinates(double *at, int n, uint64_t key, uint32_t x, const uint32_t *first_block)
+{
+    for (int k = 0; k < n; k++) at[k] = teg_scrambled(key, x ^ first_block[k]);
+}
+
+/* The first point of the next block, from that of the block that begins with point i; TEG_BLOCK is 2^6. */
+static inline uint32_t teg_next_block(uint32_t x, uint64_t i, const uint32_t *directions)
+{
+    return x ^ directions[5] ^ directions[6 + teg_column(i / TEG_BLOCK)];
+}
+
+/* Standard errors of n means over replicates, from the means of each replicate. */
+static inline void teg_scatter(int n, int replicates, const double *all, const double *mean, double *error)
+{
+    for (int j = 0; j < n; j++) {
+        double squares = 0.0;
+        for (int r = 0; r < replicates; r++) squares += (all[n * r + j] - mean[j]) * (all[n * r + j] - mean[j]);
+        error[j] = sqrt(squares / (replicates * (replicates - 1.0)));
+    }
+}
+
+/* Standard errors of n means over `count` independent points, from the first values and the sums of squares relative to them. */
+static inline void teg_spread(int n, double count, const double *all, const double *mean, double *error)
+{
+    for (int j = 0; j < n; j++) {
+        const double away = mean[j] - all[j], squares = all[n + j] - count * (away * away);
+        error[j] = sqrt((squares < 0.0 ? 0.0 : squares) / (count - 1.0) / count);
+    }
 }

@@ -1,20 +1,22 @@
 """A scheduled program run statement by statement, and what it did written down: the pieces of its integrals, and the points it looked at.
 
-This is `teg.program` read literally, one number at a time; the printed programs do the same, faster.
+This is `teg.program` read literally, one number at a time; the printed programs do the same, faster. What is not known here, a statement,
+a part of one, a rule or an operation, raises NotImplementedError.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from teg.backends import numpy_roots, numpy_runtime
+from teg.backends import numpy_bends, numpy_roots, numpy_runtime
 from teg.program import (
     ABSOLUTE_FLOOR,
+    INSIDE,
     LOCATE_DEPTH,
     LOCATE_WIDTH,
     MAX_DEPTH,
@@ -25,6 +27,7 @@ from teg.program import (
     WATCH_WIDTH,
     Adaptive,
     Assign,
+    Bend,
     Gauss,
     Integrate,
     Isolate,
@@ -34,11 +37,26 @@ from teg.program import (
     SumOver,
     statements,
 )  # fmt: skip
-from teg.quadrature import GAUSS_WEIGHTS, KRONROD_NODES, KRONROD_WEIGHTS, gauss_legendre
+from teg.quadrature import gauss_legendre
 
 SHIFT = 64.0
 """The mark of a point (x, y) in an integrand is atan2(y + SHIFT, x + SHIFT)."""
 Values = dict[str, Any]
+
+KNOWN: dict[type, frozenset[str]] = {
+    kind: frozenset(names.split())
+    for kind, names in (
+        (Assign, "name op args"),
+        (Integrate, "var lo hi breaks flags need body values results rule when watch bends base"),
+        (Isolate, "var lo hi left right enclosure bounds point value slope results when"),
+        (Locate, "lo hi low high left right bottom top enclosure bounds results when"),
+        (SumOver, "var points body values results when"),
+        (Gauss, "nodes"),
+        (Bend, "kind coefficients when"),
+        (Adaptive, "tol first order cubic"),
+    )
+}
+"""The statements and rules that a recorded run knows, and their parts."""
 
 
 @dataclass
@@ -79,23 +97,34 @@ class RecordedRun:
 
     def _run(self, block: Sequence[Stmt], names: Values) -> None:
         for stmt in block:
+            _check(stmt)
             if isinstance(stmt, Assign):
                 names[stmt.name] = _operation(stmt, names)
                 self._mark(stmt, names)
             elif stmt.when is not None and not names[stmt.when]:
                 names.update(dict.fromkeys(stmt.results, np.float64(np.inf if isinstance(stmt, Isolate | Locate) else 0.0)))
-            elif isinstance(stmt, Integrate):
-                names.update(zip(stmt.results, self._integrate(stmt, names), strict=True))
-            elif isinstance(stmt, Isolate):
-                names.update(zip(stmt.results, self._isolate(stmt, names), strict=True))
-            elif isinstance(stmt, Locate):
-                names.update(zip(stmt.results, self._locate(stmt, names), strict=True))
             else:
-                names.update(zip(stmt.results, self._sum(stmt, names), strict=True))
+                names.update(zip(stmt.results, self._results(stmt, names), strict=True))
+
+    def _results(self, stmt: Integrate | Isolate | Locate | SumOver, names: Values) -> Sequence[Any]:
+        match stmt:
+            case Integrate():
+                return list(self._integrate(stmt, names))
+            case Isolate():
+                return self._isolate(stmt, names)
+            case Locate():
+                return self._locate(stmt, names)
+            case SumOver():
+                return list(self._sum(stmt, names))
+            case _:
+                raise NotImplementedError(f"a recorded run does not know {type(stmt).__name__}")
 
     def _sum(self, stmt: SumOver, names: Values) -> np.ndarray:
         total = np.zeros(len(stmt.values))
-        for point in (_get(names, p) for p in stmt.points):
+        points = [_get(names, p) for p in stmt.points]
+        if np.isnan(points).any():
+            return total * np.nan
+        for point in points:
             if np.isfinite(point):
                 inner = {**names, stmt.var: point}
                 self._run(stmt.body, inner)
@@ -150,6 +179,8 @@ class RecordedRun:
 
     def _integrate(self, stmt: Integrate, names: Values) -> np.ndarray:
         lo, hi = (float(_get(names, b)) for b in (stmt.lo, stmt.hi))
+        if lo != lo or hi != hi:
+            return np.full(len(stmt.values), np.nan)
         a, b = min(lo, hi), max(lo, hi)
         breaks = [float(_get(names, r)) for r in stmt.breaks]
         ends = [a, *sorted(a if r != r else min(max(r, a), b) for r in breaks), b]
@@ -160,7 +191,7 @@ class RecordedRun:
         return total if lo <= hi else -total
 
     def _piece(self, stmt: Integrate, names: Values, p: float, q: float) -> np.ndarray:
-        middle = {**names, stmt.var: np.float64(0.5 * (p + q))}
+        middle = {**names, stmt.var: np.float64(p + INSIDE * (q - p))}
         self._run(stmt.flags, middle)
         piece = Piece(tuple(self._around), p, q)
         self.pieces.append(piece)
@@ -178,39 +209,52 @@ class RecordedRun:
             inner = at(v)
             return [float(_get(inner, name)) for name in stmt.values]
 
-        if isinstance(stmt.rule, Gauss):
-            xs, weights = gauss_legendre(stmt.rule.nodes)
-            piece.nodes = [0.5 * (p + q) + 0.5 * (q - p) * x for x in xs]
-            return 0.5 * (q - p) * np.array(weights) @ np.array([values(v) for v in piece.nodes])
-        return self._adaptive(stmt, stmt.rule, piece, at)
+        _check(stmt.rule)
+        match stmt.rule:
+            case Gauss():
+                xs, weights = gauss_legendre(stmt.rule.nodes)
+                piece.nodes = [0.5 * (p + q) + 0.5 * (q - p) * x for x in xs]
+                return 0.5 * (q - p) * np.array(weights) @ np.array([values(v) for v in piece.nodes])
+            case Adaptive():
+                return self._adaptive(stmt, stmt.rule, piece, self._places(stmt, stmt.rule, middle, p, q), at)
+            case _:
+                raise NotImplementedError(f"a recorded run does not know the rule {type(stmt.rule).__name__}")
 
-    def _adaptive(self, stmt: Integrate, rule: Adaptive, piece: Piece, at: Any) -> np.ndarray:
-        def place(u: float) -> float:
-            return piece.p + (piece.q - piece.p) * (u * u * (3.0 - 2.0 * u) if rule.smooth else u)
+    def _places(self, stmt: Integrate, rule: Adaptive, names: Values, p: float, q: float) -> numpy_bends.Substitution:
+        """Where on the piece the coordinate u in (0, 1) is."""
+        bends = []
+        for bend in stmt.bends:
+            _check(bend)
+            bends.append((bend.kind, *(_get(names, c) for c in bend.coefficients), _get(names, bend.when)))
+        return numpy_bends.substitution(np.array([p]), np.array([q]), _get(names, stmt.base), bends, rule.cubic, 1.0)
 
+    def _adaptive(self, stmt: Integrate, rule: Adaptive, piece: Piece, places: numpy_bends.Substitution, at: Any) -> np.ndarray:
         total, enough, used = np.zeros(len(stmt.values)), np.empty(0), 0
-        stack = [(0.0, 1.0)]
-        while stack:
-            left, width = stack.pop(0)
+        waiting = [(0.0, 1.0, rule.order if stmt.watch else rule.first)]
+        while waiting:
+            left, width, nodes = waiting.pop(0)
             used += 1
-            us = [left + 0.5 * width * (1.0 + x) for x in KRONROD_NODES]
-            marks, runs = len(self.marks), [at(place(u)) for u in us]
-            weights = np.array([0.5 * width * (piece.q - piece.p) * (6.0 * u * (1.0 - u) if rule.smooth else 1.0) for u in us])
-            found = np.array([[float(_get(r, v)) for v in stmt.values] for r in runs]) * weights[:, None]
-            kronrod, size = KRONROD_WEIGHTS @ found, KRONROD_WEIGHTS @ np.abs(found)
+            u = left + 0.5 * width * (1.0 + np.array(gauss_legendre(nodes)[0])[:, None])
+            place, rate = (column[:, 0] for column in places(u))
+            marks, runs = len(self.marks), [at(v) for v in place]
+            found = np.array([[float(_get(r, v)) for v in stmt.values] for r in runs]) * (0.5 * width * rate)[:, None]
+            whole, size, error = numpy_runtime.measure(found, nodes)
             enough = enough if enough.size else rule.tol * (size + ABSOLUTE_FLOOR)
-            gap = np.abs(kronrod - np.array(GAUSS_WEIGHTS) @ found[1::2])
             seen = len(self.marks)
-            watched = [[bool(_get(r, w)) for w in stmt.watch] for r in (*runs, *(at(place(u)) for u in (left, left + width) if stmt.watch))]
+            ends = places(np.array([[left], [left + width]]))[0][:, 0] if stmt.watch else ()
+            watched = [[bool(_get(r, w)) for w in stmt.watch] for r in (*runs, *map(at, ends))]
             del self.marks[seen:]
             changed = any(any(column) and not all(column) for column in zip(*watched, strict=True))
-            good = width <= WATCH_WIDTH if changed else bool(np.all((gap <= np.maximum(enough, ROUNDING * size)) | ~np.isfinite(gap)))
-            if good or used >= MAX_INTERVALS or width <= 2.0**-MAX_DEPTH:
-                total += kronrod
-                piece.nodes += [place(u) for u in us]
+            fine = bool(np.all((error <= np.maximum(enough, ROUNDING * size)) | ~np.isfinite(error)))
+            if (width <= WATCH_WIDTH if changed else fine) or used >= MAX_INTERVALS or width <= 2.0**-MAX_DEPTH:
+                total += whole
+                piece.nodes += list(place)
+                continue
+            del self.marks[marks:]
+            if used == 1 and not stmt.watch:
+                waiting.append((left, width, rule.order))
             else:
-                del self.marks[marks:]
-                stack += [(left, 0.5 * width), (left + 0.5 * width, 0.5 * width)]
+                waiting += [(left, 0.5 * width, rule.order), (left + 0.5 * width, 0.5 * width, rule.order)]
         return total
 
     # -- marks ---------------------------------------------------------------------------------------------------------
@@ -230,6 +274,16 @@ class RecordedRun:
                 mark, angle = self._marked[a]
                 mark.weight = abs(float(names[stmt.name])) / angle
                 self._marked[stmt.name] = (mark, angle)
+
+
+def _check(part: object) -> None:
+    """Raises NotImplementedError for a kind that is not known, or a known one that says more than it did."""
+    if type(part) not in KNOWN:
+        raise NotImplementedError(f"a recorded run does not know {type(part).__name__}")
+    for f in fields(cast(Any, part)):
+        default = f.default if f.default_factory is MISSING else f.default_factory()
+        if f.name not in KNOWN[type(part)] and getattr(part, f.name) != default:
+            raise NotImplementedError(f"a recorded run does not know {f.name} of {type(part).__name__}")
 
 
 def _get(names: Values, a: Any) -> Any:
@@ -267,15 +321,18 @@ def _operation(stmt: Assign, names: Values) -> Any:
         case "tie":
             g, scale, r, _ = v
             return np.where((np.abs(g) <= TIE_EPS * scale) & np.isfinite(g), r, g > 0.0)[()]
-        case "abs":
-            return np.abs(v[0])
+        case op if op in _FUNCTIONS:
+            return _FUNCTIONS[op](*v)
         case op:
-            return getattr(np, _RENAMED.get(op, op))(*v)
+            raise NotImplementedError(f"a recorded run does not know the operation {op!r}")
 
 
 _FOLDED = {"add": np.add, "mul": np.multiply, "and": np.logical_and, "or": np.logical_or}
 _COMPARED = {"gt0": np.greater, "ge0": np.greater_equal, "lt0": np.less, "le0": np.less_equal}
-_RENAMED = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "pow": "power", "min": "minimum", "max": "maximum"}
+_SAME = ("abs", "floor", "sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
+_FUNCTIONS = {op: getattr(np, op) for op in _SAME} | {
+    "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2, "pow": np.power, "min": np.minimum, "max": np.maximum,
+}  # fmt: skip
 
 
 def integrals_of(program: Program) -> Iterator[Integrate]:

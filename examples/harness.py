@@ -18,12 +18,12 @@ from teg.errors import CompilerError, InputError, MissingPackageError
 REPORTED = ("teg", "numpy", "scipy", "pillow", "scikit-image", "matplotlib")
 
 
-def require_packages(demonstration: str, packages: Mapping[str, str], progress: bool) -> None:
-    """Raise MissingPackageError unless all can be imported; `packages` is import name -> name to install."""
+def require_packages(demonstration: str, packages: Mapping[str, str], progress: bool, extra: str = "demo") -> None:
+    """Raise MissingPackageError unless all can be imported; `packages` is import name -> name to install, `extra` has them all."""
     wanted = [k for k in packages if k != "tqdm" or progress]
     missing = [packages[k] for k in wanted if util.find_spec(k) is None]
     if missing:
-        raise MissingPackageError(f"the {demonstration} needs {', '.join(missing)}", None, 'pip install "teg[demo]"')
+        raise MissingPackageError(f"the {demonstration} needs {', '.join(missing)}", None, f'pip install "teg[{extra}]"')
 
 
 def default_backend() -> str:

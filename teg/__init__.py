@@ -9,6 +9,7 @@ value, gradient = f.value_and_grad(t=0.5)          # 0.125, {"t": 0.5}
 """
 
 from teg import maps
+from teg.accuracy import AccuracyWarning
 from teg.build import abs_ as abs
 from teg.build import (
     acos,
@@ -46,7 +47,7 @@ from teg.compile import Evaluator, compile, evaluate
 from teg.diagnose import Diagnosis
 from teg.diffeomorphism import Diffeomorphism
 from teg.dump import dump
-from teg.errors import DiffeomorphismError, TegError
+from teg.errors import AccuracyError, DiffeomorphismError, TegError
 from teg.explain import Explanation, explain
 from teg.expr import Cond, Expr
 from teg.latex import latex
@@ -59,7 +60,8 @@ from teg.traverse import size
 __version__ = "0.1.0"
 
 __all__ = [
-    "Cond", "Diagnosis", "Diffeomorphism", "DiffeomorphismError", "Evaluator", "Explanation", "Expr", "GradientReport", "TegError", "abs",
+    "AccuracyError", "AccuracyWarning", "Cond", "Diagnosis", "Diffeomorphism", "DiffeomorphismError", "Evaluator", "Explanation", "Expr",
+    "GradientReport", "TegError", "abs",
     "acos", "asin", "atan", "atan2", "bracket", "ceil", "change_variables", "check_gradient", "compile", "cos", "cosh", "delta", "diff",
     "dump", "eliminate", "evaluate", "exp", "explain", "floor", "from_sympy", "grad", "hessian", "integral", "jvp", "latex", "log", "maps",
     "maximum", "minimum", "mod", "param", "params", "polar", "round", "sign", "sin", "sinh", "size", "sqrt", "tan", "tanh", "to_sympy",

@@ -1,4 +1,4 @@
-"""The command line: `teg demo`, `teg explain`, `teg compile`."""
+"""The command line: `teg demo`, `teg chart`, `teg explain`, `teg compile`."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import teg
-from teg.compile import BACKENDS, DEFAULT_TOL
+from teg.compile import BACKENDS
 from teg.errors import InputError, TegError
 from teg.expr import Expr
+from teg.integration import DEFAULT_TOL
 from teg.pipeline import ESTIMATORS
 
 if TYPE_CHECKING:
@@ -133,6 +134,49 @@ def _finish_demo(report: dict[str, Any], resumable: bool) -> int:
     return 0
 
 
+def chart_integration(options: argparse.Namespace) -> int:
+    """Error against time and against evaluations for ten regions, by all rules and by what one would use instead."""
+    from teg.examples.charts.run import run_integration
+
+    return _chart(options, run_integration)
+
+
+def chart_stability(options: argparse.Namespace) -> int:
+    """Difficult cases by all methods: right, imprecise, wrong, crashes, says it cannot."""
+    from teg.examples.charts.run import run_stability
+
+    return _chart(options, run_stability)
+
+
+def _chart(options: argparse.Namespace, run: Callable[..., dict[str, Any]]) -> int:
+    from teg.examples.charts.run import summary
+
+    report = run(
+        options.out,
+        options.page,
+        quick=options.quick,
+        fresh=options.fresh,
+        backend=options.backend,
+        progress=not options.quiet,
+    )
+    print(summary(report))
+    print(f"results in {options.out}" + (f", tables in {options.page}" if options.page else ""))
+    if report["interrupted"]:
+        print("interrupted: the same command goes on from here")
+        return INTERRUPTED
+    return 0
+
+
+def list_charts(options: argparse.Namespace) -> int:
+    """The charts there are."""
+    for name, (chart, _) in CHARTS.items():
+        print(f"{name:<12} {chart.__doc__}")
+    return 0
+
+
+CHARTS = {"integration": (chart_integration, "error against cost"), "stability": (chart_stability, "difficult cases")}
+
+
 def explain(options: argparse.Namespace) -> int:
     """Print what the compiler finds in an expression: its surfaces, its integrals, the cost."""
     report = teg.explain(load_expression(options.file), tol=options.tol, derivatives=options.derivatives)
@@ -207,6 +251,8 @@ def _parser() -> argparse.ArgumentParser:
     _add_perlin(demos)
     _add_bouncing_ball(demos)
 
+    _add_charts(commands)
+
     about = "a Python file, and the name of an expression in it (e)"
     show = commands.add_parser("explain", help="say what the compiler finds in an expression", description=explain.__doc__)
     show.add_argument("file", metavar="FILE[:NAME]", help=about)
@@ -256,6 +302,21 @@ def _add_bouncing_ball(demos: Demos) -> None:
     demo.add_argument("--steps", type=int, default=300, metavar="K", help="of the descent, at most (%(default)s)")
     demo.add_argument("--alone", action="store_true", help="without plain automatic differentiation beside it")
     _add_common(demo, demo_bouncing_ball, "out/bouncing-ball")
+
+
+def _add_charts(commands: Demos) -> None:
+    charts = commands.add_parser("chart", help="measure, beside what one would use instead", description=list_charts.__doc__)
+    charts.set_defaults(run=list_charts)
+    names = charts.add_subparsers(metavar="NAME")
+    for name, (run, about) in CHARTS.items():
+        chart = names.add_parser(name, help=about, description=run.__doc__)
+        chart.add_argument("-o", "--out", default="out/charts", metavar="DIR", help="folder of the results (%(default)s)")
+        chart.add_argument("--page", metavar="FILE.md", help="a page whose tables, between marks, are written anew")
+        chart.add_argument("--quick", action="store_true", help="a few points only, in seconds")
+        chart.add_argument("--fresh", action="store_true", help="measure again what DIR has already")
+        chart.add_argument("--backend", choices=["numpy", "c"], help="c if there is a C compiler, else numpy")
+        chart.add_argument("--quiet", action="store_true", help="no progress bar")
+        chart.set_defaults(run=run)
 
 
 def _add_common(demo: argparse.ArgumentParser, run: Callable[[argparse.Namespace], int], out: str) -> None:

@@ -54,8 +54,8 @@ def params(names: str) -> tuple[Param, ...]:
 def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
     """∫ … ∫ integrand over the triples (variable, lower bound, upper bound), the first one innermost.
 
-    A bound may be a number or an expression of parameters and of the variables of the triples after it; lower > upper is the signed
-    integral. Raises ScopeError for a triple that is none, or whose first entry is not a variable.
+    A bound may be a number (also ±math.inf) or an expression of parameters and of the variables of the triples after it; lower > upper is
+    the signed integral. Raises ScopeError for a triple that is none, or whose first entry is not a variable.
     """
     e = integrand if isinstance(integrand, Tuple) else as_number(integrand)
     if not domain:
@@ -73,11 +73,11 @@ def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
             raise ScopeError(f"one integrates over a variable, not over {kind}", v, 'make one with x = teg.var("x")')
         bounds = as_number(lo), as_number(hi)
         for bound in bounds:
-            if isinstance(bound, Const) and not math.isfinite(bound.data):
+            if isinstance(bound, Const) and math.isnan(bound.data):
                 raise BoundError(
-                    f"the bound {bound} of {v.name} is not finite",
+                    f"a bound of {v.name} is not a number",
                     e,
-                    f"substitute, for instance {v.name} = tan(u) with u in (-π/2, π/2) and the factor 1 + tan(u)², or cut the tail off",
+                    "a number, an expression, or ±math.inf",
                 )
         whole = integral_over(e, v, *bounds)
         e = Integral.make(v, (e, *bounds)) if whole is ex.ZERO and not isinstance(e, Const) else whole  # as written: no parameter is lost

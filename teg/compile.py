@@ -8,6 +8,7 @@ from decimal import Decimal
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
+from teg.accuracy import report_missed
 from teg.build import check_parameters, check_program
 from teg.coverage import MapChecks
 from teg.diagnose import Diagnosis, diagnose
@@ -15,9 +16,10 @@ from teg.diffeomorphism import Diffeomorphism, checked_maps
 from teg.errors import OptionError, ParameterError
 from teg.explain import Explanation, explain
 from teg.expr import Expr, Param, Tuple, as_number
+from teg.integration import DEFAULT_TOL, Integration
 from teg.isolation import MAX_ROOTS
 from teg.pipeline import ESTIMATORS, compiled_outputs, flatten, program_for
-from teg.program import Program
+from teg.program import Outcome, Program
 from teg.traverse import parameters
 
 if TYPE_CHECKING:
@@ -25,13 +27,14 @@ if TYPE_CHECKING:
 
 Array = Any  # a float64 array of the batch's shape, a NumPy scalar where there is no batch
 BACKENDS = ("numpy", "c", "jax")
-DEFAULT_TOL = 1e-10
 
 
 class Kernel(Protocol):
     """What a backend makes of a program: columns of shape () or (n,) in, outputs of shape (number of outputs, n) out."""
 
     source: str
+
+    def outcome(self, columns: Sequence[np.ndarray], n: int) -> Outcome: ...
 
     def __call__(self, columns: Sequence[np.ndarray], n: int) -> np.ndarray: ...
 
@@ -44,6 +47,8 @@ def compile(
     tol: float = DEFAULT_TOL,
     rule: str = "auto",
     order: int | None = None,
+    seed: int = 0,
+    inaccurate: str = "warn",
     dtype: object = "float64",
     threads: int = 1,
     memory: int = 256 * 2**20,
@@ -55,11 +60,22 @@ def compile(
     """An evaluator of a closed expression, of its gradient and of its Hessian.
 
     `parameters` are those to differentiate by, in the order of `f.parameters` (default: all that occur in e; others that occur are
-    arguments after them). `backend` is "numpy", "c" or "jax". `tol` is the tolerance, mixed absolute and relative, where an integral is
-    adaptive; integrals of polynomials between affine breaks are exact anyway. `rule` is "auto" (the default) or "adaptive"; `threads`
-    are the C backend's, `memory` (bytes) bounds the NumPy backend's temporary arrays. `discontinuities` says what becomes of the Dirac
-    deltas of a derivative: "sift" (the right thing) or "ignore" (plain automatic differentiation, for comparison). `max_roots` is how many
-    roots a condition may have whose number no theorem bounds; with more of them the result is NaN, and `diagnose` says so.
+    arguments after them). `backend` is "numpy", "c" or "jax". `threads` are the C backend's, `memory` (bytes) bounds the NumPy backend's
+    temporary arrays. `discontinuities` says what becomes of the Dirac deltas of a derivative: "sift" (the right thing) or "ignore" (plain
+    automatic differentiation, for comparison). `max_roots` is how many roots a condition may have whose number no theorem bounds; with
+    more of them the result is NaN, and `diagnose` says so.
+
+    `tol` is the tolerance, absolute and relative to the integral of |integrand| over a piece. `rule`, and what `order` means to it:
+
+        "auto"        exact with the fewest nodes where the integrand is a polynomial between its breaks, else "adaptive"
+        "adaptive"    Gauss-Legendre between the breaks, halved until the error estimate is below `tol`; order: nodes of the first look
+        "gauss"       exact where "auto" is with no more, else `order` (16) nodes a piece and variable, whatever the error
+        "midpoint"    `order` (256) points a variable, breaks ignored: the uniform rule of Teg (2021), for comparison
+        "montecarlo"  `order` (2¹⁴) independent samples of a whole nest of integrals, from `seed`
+        "qmc"         `order` (2¹⁴) points of 8 scrambled Sobol' sequences
+
+    `inaccurate` says what happens where the tolerance is not reached, or an integral diverges: "warn" (AccuracyWarning, with the
+    estimate), "raise" (AccuracyError) or "ignore".
 
     `maps` are changes of variables for the surfaces that move (`teg.Diffeomorphism`, `teg.maps`): where the integrals over all old
     variables of a map stand inside each other, the delta of a surface that depends on one new variable only, or has a formula in the new
@@ -74,7 +90,11 @@ def compile(
     check_program(program)
     wrt = None if parameters is None else check_parameters(parameters)
     return Evaluator(
-        program, wrt, _Options(backend, tol, rule, order, dtype, threads, memory, discontinuities, max_roots, maps, check_maps)
+        program,
+        wrt,
+        _Options(
+            backend, Integration(tol, rule, order, seed, max_roots), inaccurate, dtype, threads, memory, discontinuities, maps, check_maps
+        ),
     )
 
 
@@ -94,25 +114,19 @@ class _Options:
     def __init__(
         self,
         backend: str,
-        tol: float,
-        rule: str,
-        order: int | None,
+        integration: Integration,
+        inaccurate: str,
         dtype: object,
         threads: int,
         memory: int,
         discontinuities: str,
-        max_roots: int,
         maps: Sequence[Diffeomorphism],
         check_maps: bool,
     ) -> None:
         if backend not in BACKENDS:
             raise OptionError(f"backend={backend!r} is not known", None, "one of: " + ", ".join(BACKENDS))
-        if not isinstance(tol, int | float) or not 0 < tol < 1:
-            raise OptionError(f"tol={tol!r} is not a tolerance", None, "a number between 0 and 1, such as 1e-10")
-        if rule not in ("auto", "adaptive"):
-            raise OptionError(f"rule={rule!r} is not known", None, 'one of: "auto", "adaptive"')
-        if order is not None:
-            raise OptionError("order= goes with a rule that has one", None, 'leave it out: "auto" infers the order, "adaptive" has its own')
+        if inaccurate not in ("warn", "raise", "ignore"):
+            raise OptionError(f"inaccurate={inaccurate!r} is not known", None, 'one of: "warn", "raise", "ignore"')
         if not _is_float64(dtype):
             raise OptionError(f"dtype={dtype!r} is not available", None, "only float64 is")
         if not isinstance(threads, int) or threads < 1:
@@ -121,11 +135,8 @@ class _Options:
             raise OptionError(f"memory={memory!r} is not a number of bytes of at least 65536")
         if discontinuities not in ESTIMATORS:
             raise OptionError(f"discontinuities={discontinuities!r} is not known", None, "one of: " + ", ".join(ESTIMATORS))
-        if not isinstance(max_roots, int) or isinstance(max_roots, bool) or not 1 <= max_roots <= 4096:
-            raise OptionError(f"max_roots={max_roots!r} is not a number of roots", None, "1 to 4096; each takes a place in the loops")
-        self.max_roots = max_roots
-        self.backend, self.tol, self.rule, self.threads, self.memory = backend, float(tol), rule, threads, memory
-        self.discontinuities = discontinuities
+        self.backend, self.threads, self.memory = backend, threads, memory
+        self.integration, self.inaccurate, self.discontinuities = integration, inaccurate, discontinuities
         self.maps, self.check_maps = checked_maps(maps), bool(check_maps)
 
 
@@ -154,6 +165,7 @@ class Evaluator:
         self._options = options
         self._outputs: dict[int, list[Expr]] = {}
         self._kernels: dict[int, Kernel] = {}
+        self._special: dict[tuple[str, int], Kernel] = {}
         self._checks = MapChecks(e, options.maps if options.check_maps else ())
         self.kernel(0)
 
@@ -167,14 +179,31 @@ class Evaluator:
 
     def program(self, orders: int) -> Program:
         """The scheduled program of value (0), value and gradient (1), value, gradient and Hessian (2)."""
-        flat = [leaf for e in self.outputs(orders) for leaf in flatten(e)]
-        return program_for(flat, self.parameters, self._options.tol, self._options.rule, self._options.max_roots)
+        return program_for(self._flat(orders), self.parameters, self._options.integration)
+
+    def _flat(self, orders: int) -> list[Expr]:
+        return [leaf for e in self.outputs(orders) for leaf in flatten(e)]
 
     def kernel(self, orders: int) -> Kernel:
         """The compiled program, built when it is first needed."""
         if orders not in self._kernels:
             self._kernels[orders] = _build(self.program(orders), self._options)
         return self._kernels[orders]
+
+    def _estimating(self, orders: int) -> Kernel:
+        """The program with error estimates."""
+        key = "errors", orders
+        if key not in self._special:
+            program = program_for(self._flat(orders), self.parameters, self._options.integration, errors=True)
+            self._special[key] = _build(program, self._options)
+        return self._special[key]
+
+    def _counting(self, orders: int) -> Kernel:
+        """The program as one that counts evaluations; for JAX, which does not, by NumPy."""
+        key = "count", orders
+        if key not in self._special:
+            self._special[key] = _build(self.program(orders), self._options, counted=True)
+        return self._special[key]
 
     @property
     def source(self) -> str:
@@ -199,6 +228,31 @@ class Evaluator:
     def grad(self, *args: Any, **named: Any) -> dict[str, Any]:
         """The dict parameter name -> derivative."""
         return self.value_and_grad(*args, **named)[1]
+
+    def value_and_error(self, *args: Any, **named: Any) -> tuple[Any, Any]:
+        """The value, and an estimate of its error of the same shape: a bound for nearly all programs; with the rules "montecarlo" and "qmc"
+        the standard error."""
+        rows, shape = self._estimated(0, args, named)
+        source = iter(rows)
+        return _nested(self.expression, source, shape), _nested(self.expression, source, shape)
+
+    def grad_and_error(self, *args: Any, **named: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        """The dict parameter name -> derivative, and the dict of estimates of their errors."""
+        rows, shape = self._estimated(1, args, named)
+        source = iter(rows)
+        found = []
+        for _ in range(2):
+            _nested(self.expression, source, shape)
+            found.append(self._gradient(source, shape))
+        return found[0], found[1]
+
+    def evaluations(self, *args: Any, derivatives: int = 0, **named: Any) -> int:
+        """At how many points a call (`derivatives`: 0 the value, 1 value and gradient, 2 Hessian too) evaluates integrands that have no
+        integral inside, over the whole batch. What a bracket decides about a whole piece is no evaluation."""
+        if derivatives not in (0, 1, 2):
+            raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value, 1: and gradient, 2: and Hessian")
+        columns, _, n = self._columns(args, named)
+        return self._counting(derivatives).outcome(columns, n).evaluations
 
     def hessian(self, *args: Any, **named: Any) -> dict[tuple[str, str], Any]:
         """Second derivatives, a dict (name, name) -> array, with both orders of the names."""
@@ -238,12 +292,14 @@ class Evaluator:
         return explain(
             self.expression,
             self.wrt,
-            options.tol,
-            rule=options.rule,
+            options.integration.tol,
+            rule=options.integration.rule,
+            order=options.integration.order,
+            seed=options.integration.seed,
             discontinuities=options.discontinuities,
             derivatives=derivatives,
             maps=options.maps,
-            max_roots=options.max_roots,
+            max_roots=options.integration.max_roots,
         )
 
     def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:
@@ -278,7 +334,24 @@ class Evaluator:
     def _run(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[np.ndarray, tuple[int, ...]]:
         columns, shape, n = self._columns(args, named)
         self._checks.run(dict(zip(self.parameters, columns, strict=True)))
-        return self.kernel(orders)(columns, n), shape
+        outcome = self.kernel(orders).outcome(columns, n)
+        if outcome.missed and self._options.inaccurate != "ignore":
+            found = self._estimating(orders).outcome(columns, n).values
+            results = len(found) // 2
+            given = dict(zip(self.parameters, columns, strict=True))
+            names = self._result_names(orders)
+            report_missed(found[:results], found[results:], names, self._options.integration.tol, self._options.inaccurate, given)
+        return outcome.values, shape
+
+    def _estimated(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[np.ndarray, tuple[int, ...]]:
+        columns, shape, n = self._columns(args, named)
+        self._checks.run(dict(zip(self.parameters, columns, strict=True)))
+        return self._estimating(orders).outcome(columns, n).values, shape
+
+    def _result_names(self, orders: int) -> list[str]:
+        """What each result is, for messages."""
+        kinds = ("the value", "the gradient", "the Hessian")
+        return [kind for kind, e in zip(kinds, self.outputs(orders), strict=False) for _ in flatten(e)]
 
     def _columns(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[list[np.ndarray], tuple[int, ...], int]:
         import numpy as np  # when it is needed: `import teg` stays fast
@@ -316,12 +389,13 @@ class Evaluator:
         return "the parameters are " + (", ".join(self.parameters) or "none")
 
 
-def _build(program: Program, options: _Options) -> Kernel:
+def _build(program: Program, options: _Options, counted: bool = False) -> Kernel:
+    """A backend's kernel of a program; a `counted` one counts evaluations (JAX does not: its twin is NumPy's)."""
     if options.backend == "c":
         from teg.backends.c_backend import compile_c
 
-        return compile_c(program, threads=options.threads)
-    if options.backend == "jax":
+        return compile_c(program, threads=options.threads, counted=counted)
+    if options.backend == "jax" and not counted:
         from teg.backends.jax_backend import compile_jax
 
         return compile_jax(program)

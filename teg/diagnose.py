@@ -67,7 +67,7 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
         for a in atoms_of(normal_form(f.expression))
         if not a.g.free and a.resolution is None
     ]
-    program = program_for([*outputs, *probes], f.parameters, f._options.tol, f._options.rule, f._options.max_roots)
+    program = program_for([*outputs, *probes], f.parameters, f._options.integration)
     kernel = compile_numpy(program)
     found: list[Diagnosis] = []
     for i in range(n):
@@ -95,7 +95,7 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
             elif np.isnan(gradient).any():
                 reason = "the value or a derivative is not a number here"
                 if any(isinstance(s, Isolate) for s in statements(program.body)):
-                    reason += f"; if a condition has more than {f._options.max_roots} roots, raise max_roots="
+                    reason += f"; if a condition has more than {f._options.integration.max_roots} roots, raise max_roots="
                 found.append(Diagnosis("not a number", (), values, reason, i))
             elif not np.isfinite(hessian).all():
                 found.append(Diagnosis("second derivative", (), values, "a second derivative is infinite, or not a number, here", i))

@@ -80,6 +80,10 @@ class DiffeomorphismError(TegError, ValueError):
         return (type(self), (self.what, self.where, self.hint, self.point, self.values))
 
 
+class AccuracyError(TegError, ArithmeticError):
+    """An integral that did not reach its tolerance, or diverges, where the evaluator was told to raise (`inaccurate="raise"`)."""
+
+
 class BackendError(TegError, RuntimeError):
     """A backend that is missing, or cannot do what was asked."""
 

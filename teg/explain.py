@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Container, Iterable, Sequence
-from typing import Any, TypeVar
+from typing import Any, TypeVar, assert_never
 
 from teg.build import check_parameters, check_program
 from teg.diffeomorphism import Diffeomorphism
@@ -11,17 +12,35 @@ from teg.errors import OptionError, TegError
 from teg.explanation import Explanation
 from teg.expr import Expr, Param, Tuple, as_number
 from teg.integral import Integral, masses_of
+from teg.integration import Integration
 from teg.inventory import Inventory, nests, text_of
 from teg.isolation import MAX_ROOTS, max_roots
 from teg.passes.atoms import canonicalise
 from teg.passes.breaks import BreakAnalysis
 from teg.passes.reparameterize import families_with
-from teg.passes.schedule import INNER_TIGHTER, TIGHTEST, rule_for
+from teg.passes.sampled import MIDPOINTS, SAMPLES
+from teg.passes.schedule import rule_for
 from teg.passes.steps import enumerate_steps
 from teg.pipeline import compiled_outputs, flatten, normal_form, program_for
-from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Isolate, Locate, Program, Rule, Stmt, SumOver, size, statements
-from teg.quadrature import KRONROD_NODES
+from teg.program import (
+    Adaptive,
+    Arg,
+    Assign,
+    Gauss,
+    Integrate,
+    Isolate,
+    Locate,
+    Midpoint,
+    Program,
+    Rule,
+    Sample,
+    Stmt,
+    SumOver,
+    size,
+    statements,
+)
 from teg.roots import solve
+from teg.sampling import replicated
 from teg.traverse import parameters
 from teg.traverse import size as nodes
 
@@ -36,6 +55,8 @@ def explain(
     tol: float = 1e-10,
     *,
     rule: str = "auto",
+    order: int | None = None,
+    seed: int = 0,
     discontinuities: str = "sift",
     derivatives: int = 0,
     maps: Sequence[Diffeomorphism] = (),
@@ -43,10 +64,10 @@ def explain(
 ) -> Explanation:
     """For each surface its owner and how its δ is eliminated, or why it has none; for each integral its breaks, rule and nodes; the cost.
 
-    `wrt` are the parameters that the program is differentiated by (default: all); `tol`, `rule`, `discontinuities`, `maps` and `max_roots`
-    are those of `compile`, and `f.explain()` fills them in. The integrals are those of the value and, of the gradient, those over surfaces
-    (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate: every break inside the bounds, adaptive
-    integrals as smooth as they can be.
+    `wrt` are the parameters that the program is differentiated by (default: all); `tol`, `rule`, `order`, `seed`, `discontinuities`,
+    `maps` and `max_roots` are those of `compile`, and `f.explain()` fills them in. The integrals are those of the value and, of the
+    gradient, those over surfaces (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate: every
+    break inside the bounds, adaptive integrals as smooth as they can be (`f.evaluations(…)` counts those of a call).
 
     Raises OptionError for a `derivatives` that is not 0 or 1, and what `compile` raises for an expression that is not closed.
     """
@@ -61,11 +82,12 @@ def explain(
     final = before if normal is None else normal
     inventory = Inventory(e, before, final, chosen, ignoring=ignoring, families=families, max_roots=max_roots)
     names = list(dict.fromkeys(p.name for p in (*chosen, *parameters(e), *(p for m in maps for p in m.parameters))))
-    integrals = _Integrals(tol, rule, max_roots)
+    how = Integration(tol, rule, order, seed, max_roots)
+    integrals = _Integrals(how)
     data: dict[str, Any] = {
         "expression": text_of(e),
         "nodes": nodes(e),
-        "options": {"tol": tol, "rule": rule, "discontinuities": discontinuities, "max_roots": max_roots},
+        "options": {"tol": tol, "rule": rule, "order": order, "discontinuities": discontinuities, "max_roots": max_roots},
         "surfaces": inventory.surfaces(),
         "dropped": inventory.dropped(),
         "integrals": [] if normal is None else integrals.of([normal]),
@@ -79,13 +101,13 @@ def explain(
     }
     if normal is None:
         return Explanation(data)
-    program = program_for(flatten(normal), names, tol, rule, max_roots)
+    program = program_for(flatten(normal), names, how)
     data["value_statements"], data["cost"]["value"] = size(program), cost_of(program)
     if not chosen:
         return Explanation(data)
     outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, discontinuities, maps))
     if outputs is not None:
-        program = program_for([leaf for o in outputs for leaf in flatten(o)], names, tol, rule, max_roots)
+        program = program_for([leaf for o in outputs for leaf in flatten(o)], names, how)
         data["gradient_statements"], data["cost"]["value and gradient"] = size(program), cost_of(program)
         interior = compiled_outputs(e, chosen, 1, "ignore")[1]
         data["boundary"] = integrals.of([outputs[1]], but=[normal, outputs[0], interior])
@@ -109,11 +131,9 @@ def _attempted(work: Callable[[], T]) -> tuple[T | None, str]:
 class _Integrals:
     """Breaks and rules, as the scheduler has them."""
 
-    def __init__(self, tol: float, rule: str, max_roots: int) -> None:
-        self.tol = tol
-        self.rule = rule
-        self.max_roots = max_roots
-        self.analysis = BreakAnalysis(max_roots)
+    def __init__(self, how: Integration) -> None:
+        self.how = how
+        self.analysis = BreakAnalysis(how.max_roots)
 
     def of(self, roots: Sequence[Expr], but: Sequence[Expr] = ()) -> list[dict[str, Any]]:
         """The integrals of expressions, outer ones first, without those of others; those that look the same are counted together."""
@@ -134,10 +154,15 @@ class _Integrals:
     def _row(self, node: Integral, depth: int) -> dict[str, Any]:
         row = {"variable": node.var.name, "lower": text_of(node.lo), "upper": text_of(node.hi), "depth": depth}
         masses = masses_of(node.body, node.var)
+        if masses is None and self.how.rule in SAMPLES_OF:
+            text = f"{SAMPLES_OF[self.how.rule]}, {self.how.order or SAMPLES} in all"
+            return {**row, **_unbroken(text), "nodes": None}
+        if masses is None and self.how.rule == "midpoint":
+            return {**row, **_unbroken("midpoint"), "nodes": self.how.order or MIDPOINTS}
         if masses is not None:
             roots = solve(masses.g, node.var, node.lo, node.hi)
             formula = len(roots.found) if roots is not None and roots.certain else 0
-            isolated = 0 if formula else max_roots(masses.g, node.var, self.max_roots)
+            isolated = 0 if formula else max_roots(masses.g, node.var, self.how.max_roots)
             kind = {"kind": "sum over roots", "surface": f"{text_of(masses.g)} = 0", "rule": "sum", "nodes": None, "degree": None}
             return {**row, **kind, "formula": formula, "isolated": isolated, "located": 0, "searched": False, "breaks": 0, "pieces": 0}
         breaks = self.analysis.of(node)
@@ -146,7 +171,7 @@ class _Integrals:
             **row,
             "kind": "integral",
             "surface": "",
-            **_described(self._rule(node, depth)),
+            **_described(rule_for(node, self.analysis, self.how, depth)),
             "degree": self.analysis.degree(node),
             "formula": formula,
             "isolated": isolated,
@@ -156,20 +181,43 @@ class _Integrals:
             "pieces": formula + isolated + located + 1,
         }
 
-    def _rule(self, node: Integral, depth: int) -> Rule:
-        rule = rule_for(node, self.analysis, self.tol, depth)
-        if self.rule == "adaptive" and isinstance(rule, Gauss):
-            return Adaptive(max(self.tol * INNER_TIGHTER**depth, TIGHTEST), self.analysis.of(node).rooted)
-        return rule
+
+SAMPLES_OF = {"montecarlo": "Monte Carlo samples", "qmc": "scrambled Sobol' points"}
+"""What the rules take that sample."""
+
+
+def _unbroken(rule: str) -> dict[str, Any]:
+    """An integral without breaks."""
+    counts = dict.fromkeys(("formula", "isolated", "located", "breaks"), 0)
+    return {"kind": "integral", "surface": "", "rule": rule, "degree": None, **counts, "searched": False, "pieces": 1}
 
 
 def _described(rule: Rule) -> dict[str, Any]:
     match rule:
         case Gauss():
-            return {"rule": "Gauss, exact", "nodes": rule.nodes}
+            text = "Gauss, exact"
+        case Midpoint():
+            text = "midpoint"
         case Adaptive():
-            text = f"adaptive to {rule.tol:.0e}" + (", smooth ends" if rule.smooth else "")
-            return {"rule": text, "nodes": len(KRONROD_NODES)}
+            text = (
+                f"Gauss, {rule.order} nodes"
+                if rule.tol == math.inf
+                else f"adaptive to {rule.tol:.0e}" + (", smooth ends" if rule.cubic else "")
+            )
+        case _:
+            assert_never(rule)
+    return {"rule": text, "nodes": _nodes_a_piece(rule)}
+
+
+def _nodes_a_piece(rule: Rule) -> int:
+    """How many nodes a piece has, if it is not cut further."""
+    match rule:
+        case Gauss() | Midpoint():
+            return rule.nodes
+        case Adaptive():
+            return rule.first
+        case _:
+            assert_never(rule)
 
 
 # -- cost ----------------------------------------------------------------------------------------------------------------
@@ -182,7 +230,7 @@ def cost_of(program: Program) -> dict[str, Any]:
     hints = {r for s in every if isinstance(s, Locate) for r in s.results}
     return {
         "statements": len(every),
-        "integrals": len(integrals),
+        "integrals": len(integrals) + sum(isinstance(s, Sample) for s in every),
         "isolations": sum(isinstance(s, Isolate | Locate) for s in every),
         "evaluations": _evaluations(program.body, hints),
         "adaptive": any(isinstance(s.rule, Adaptive) for s in integrals),
@@ -190,16 +238,21 @@ def cost_of(program: Program) -> dict[str, Any]:
 
 
 def _evaluations(block: Iterable[Stmt], hints: Container[Arg]) -> int:
-    """With all breaks inside the bounds, but for the hints, of which few are there."""
+    """Of integrands without integrals inside, with all breaks inside the bounds, but for the hints, of which few are there. A search for
+    roots evaluates no integrand, nor does a sum over them."""
     total = 0
     for stmt in block:
         match stmt:
             case Integrate():
-                nodes_a_piece = stmt.rule.nodes if isinstance(stmt.rule, Gauss) else len(KRONROD_NODES)
-                once = _evaluations(stmt.flags, hints) + nodes_a_piece * (1 + _evaluations(stmt.body, hints))
+                once = _evaluations(stmt.flags, hints) + _nodes_a_piece(stmt.rule) * (_evaluations(stmt.body, hints) or 1)
                 total += (1 + sum(b not in hints for b in stmt.breaks)) * once
             case SumOver():
-                total += len(stmt.points) * (1 + _evaluations(stmt.body, hints))
+                total += len(stmt.points) * _evaluations(stmt.body, hints)
+            case Sample():
+                replicates, points = replicated(stmt.kind, stmt.count)
+                total += replicates * points * (_evaluations(stmt.body, hints) or 1)
             case Isolate() | Locate() | Assign():
                 continue
+            case _:
+                assert_never(stmt)
     return total

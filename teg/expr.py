@@ -465,17 +465,30 @@ def add(*terms: Expr) -> Expr:
 def guarded_sum(terms: Iterable[Expr]) -> Expr:
     """The sum of cotangents. Where all terms are branches, so is the sum: what multiplies it cannot leak a NaN when no branch is taken."""
     kept = [t for t in terms if t is not ZERO]
-    conditions = dict.fromkeys(t.condition for t in kept if isinstance(t, Where) and t.otherwise is ZERO)
-    if not kept or len(conditions) > _GUARDS or not all(isinstance(t, Where) and t.otherwise is ZERO for t in kept):
+    guarded = [_guarded(t) for t in kept]
+    conditions = list(dict.fromkeys(c for c, _ in guarded))
+    if not kept or len(conditions) > _GUARDS or TRUE in conditions:
         return add(*kept)
     if len(conditions) == 1:
-        (c,) = conditions
-        return where(c, add(*(cast(Where, t).then for t in kept)), ZERO)
+        return where(conditions[0], add(*(u for _, u in guarded)), ZERO)
     sets = [dict.fromkeys(c.children if isinstance(c, And) else (c,)) for c in conditions]
     common = [c for c in sets[0] if all(c in s for s in sets[1:])]
     rests = {c: conjunction(*(p for p in s if p not in common)) for c, s in zip(conditions, sets, strict=True)}
-    total = add(*(where(rests[t.condition], t.then, ZERO) for t in cast("list[Where]", kept)))
+    total = add(*(where(rests[c], u, ZERO) for c, u in guarded))
     return where(conjunction(*common, disjunction(*rests.values())), total, ZERO)
+
+
+def _guarded(term: Expr) -> tuple[Cond, Expr]:
+    """A term as where(c, u, 0): from that, from where(~c, 0, u), and from one of these inside another. c is TRUE where it is no branch."""
+    conditions: list[Cond] = []
+    while isinstance(term, Where) and (term.otherwise is ZERO or term.then is ZERO):
+        if term.otherwise is ZERO:
+            conditions.append(term.condition)
+            term = term.then
+        else:
+            conditions.append(negation(term.condition))
+            term = term.otherwise
+    return conjunction(*conditions), term
 
 
 def sub(a: Expr, b: Expr) -> Expr:

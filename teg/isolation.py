@@ -17,7 +17,7 @@ from typing import cast
 
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import Add, Call, Expr, Mul, Pow, Var, Where, add, const, mul, sub
+from teg.expr import Add, Call, Const, Expr, Mul, Pow, Var, Where, add, const, mul, sub
 from teg.intervals import Enclosure
 from teg.node import postorder
 from teg.polynomial import Shadow
@@ -89,6 +89,8 @@ def locate(f: Expr, g: Expr, inner: Var, low: Expr, high: Expr, outer: Var) -> L
 
 def widened(lo: Expr, hi: Expr) -> tuple[Expr, Expr]:
     """The range in which roots are looked for: a little beyond the bounds, so that those on a bound are found (and are ties)."""
+    if any(isinstance(b, Const) and math.isinf(b.data) for b in (lo, hi)):
+        return lo, hi
     margin = mul(const(MARGIN), sub(hi, lo))
     return sub(lo, margin), add(hi, margin)
 
@@ -101,6 +103,8 @@ def off_the_grid(lo: Expr, hi: Expr) -> tuple[Expr, Expr]:
 
 def max_roots(g: Expr, x: Var, limit: int = MAX_ROOTS) -> int:
     """No more than so many roots in x, as long as they are simple; `limit` where no theorem helps."""
+    if isinstance(g, Where) and not g.condition.free:
+        return max(max_roots(g.then, x, limit), max_roots(g.otherwise, x, limit))
     kinks = 0
     for node in postorder([g]):
         if x in node.free and (isinstance(node, Where) or (isinstance(node, Call) and node.name == "magnitude")):

@@ -22,15 +22,17 @@ from teg.diffeomorphism import Diffeomorphism
 from teg.dump import dump
 from teg.errors import ParameterError
 from teg.expr import ONE, Expr, Param, Tuple, as_number
-from teg.isolation import MAX_ROOTS
+from teg.integration import Integration
 from teg.passes.adjoint import gradient_of
 from teg.passes.atoms import canonicalise
 from teg.passes.differentiate import tangent_of
+from teg.passes.error_bounds import with_error_estimates
 from teg.passes.estimators.ignore import ignore_discontinuities
 from teg.passes.implicit import with_deltas
 from teg.passes.reparameterize import eliminate_deltas, families_with
 from teg.passes.schedule import schedule
 from teg.passes.steps import enumerate_steps
+from teg.passes.unbounded import with_finite_bounds
 from teg.passes.uncounted import check_steps, without_uncounted
 from teg.program import Program
 from teg.traverse import parameters
@@ -62,6 +64,7 @@ def normal_form(e: Expr, keep_moving: bool = False, maps: Maps = ()) -> Expr:
     e = run_pass("steps", enumerate_steps, with_deltas(e) if keep_moving else e)  # first: the steps of floor are brackets, hence atoms
     e = run_pass("canonicalise", canonicalise, e)  # a surface must be one expression before its jump can be taken
     if e.has_delta:
+        e = run_pass("finite bounds", with_finite_bounds, e)
         e = run_pass("eliminate", partial(eliminate_deltas, keep_moving=keep_moving, families=families_with(maps)), e)
         e = run_pass("canonicalise", canonicalise, e)  # sifting makes new atoms
     return e
@@ -110,6 +113,8 @@ def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities
     for order in range(orders):
         raw: Expr = gradient_of(_with_moving_steps(source, wrt) if discontinuities == "sift" else without_uncounted(source, wrt), wrt)
         last = order + 1 == orders
+        if discontinuities == "sift":
+            raw = run_pass("finite bounds", with_finite_bounds, raw)
         if not last and discontinuities == "sift":  # what is carried along is eliminated beside, not before, the next derivative
             raw = run_pass("eliminate", partial(eliminate_deltas, keep_moving=True, families=families), raw)
         outputs.append(run_pass(discontinuities, estimate, raw))
@@ -119,9 +124,10 @@ def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities
     return list(cast(Tuple, together).children)
 
 
-def program_for(outputs: Sequence[Expr], names: Sequence[str], tol: float, rule: str = "auto", max_roots: int = MAX_ROOTS) -> Program:
-    """The scheduled program of flat outputs."""
-    return schedule(outputs, names, tol, rule, max_roots)
+def program_for(outputs: Sequence[Expr], names: Sequence[str], how: Integration, errors: bool = False) -> Program:
+    """The scheduled program of flat outputs; with `errors`, an estimate of the error of each behind them."""
+    program = schedule(outputs, names, how)
+    return with_error_estimates(program) if errors else program
 
 
 def _expression(e: object) -> Expr:

@@ -5,6 +5,7 @@
            | results = roots of g in v in [lo, hi]                         Isolate: interval bisection, then Newton's method
            | results = places v where f = g = 0 in a rectangle            Locate: interval bisection; hints where to break
            | results = Σ v in points: body                                 SumOver: the roots found by an Isolate
+           | results = mean over points (v, …) of the unit cube: body      Sample: pseudo-random, or Sobol' points in replicates
 
 A program is closed and free of δ. Every name is assigned exactly once in the whole program, and a statement uses only names of
 its own block assigned earlier, of the enclosing blocks, or parameters. Floats are named 'v…', booleans 'b…', variables of
@@ -13,26 +14,61 @@ integration 'x…', parameters 'p…'; a `str` argument is a name, a `float`, `i
 Semantics of `Integrate` (the three printers share it to the letter):
 
     if `when` names a boolean that is false, every result is 0 and nothing below is evaluated
-    if lo or hi is NaN every result is NaN
+    if lo or hi is NaN, or infinite in an integral that is not `infinite`, every result is NaN
     s, a, b = +1, lo, hi  if lo <= hi  else  -1, hi, lo
     each break is clamped to [a, b] (a break that is NaN is absent: it is clamped to a); the breaks are sorted
-    for neighbouring points p < q of a, breaks…, b with q - p > PIECE_EPS·max(|p|, |q|)        (thinner pieces are skipped)
-        v := p + INSIDE·(q - p); run `flags`                              (everything constant on the open piece)
+    for neighbouring points p < q of a, breaks…, b with q - p > PIECE_EPS·max(|p|, |q|), or q - p infinite     (thinner pieces are skipped)
+        v := p + INSIDE·(q - p), or the tail's place of INSIDE if q - p is infinite; run `flags`  (everything constant on the open piece)
         skip the piece if `need` names a boolean that is false
         add to each value's sum its integral over (p, q) by `rule`, `body` being run at every node v
-    results = s · sums
+    results = s · sums; estimates = the sums of the error estimates of the first `len(estimates)` values
 
-`Gauss(n)`: n-point Gauss-Legendre on each piece.
+`Gauss(n)`: n-point Gauss-Legendre on each piece, in v, of a finite piece.
 
-`Adaptive(tol, smooth)`: on each piece, in a coordinate u in (0, 1) with v = p + (q-p)·u, or v = p + (q-p)·u²(3-2u) if `smooth`
-(which makes √-like behaviour at both ends of a piece analytic), the (10, 21) Gauss-Kronrod pair with bisection. On an interval
-K, G and A are the Kronrod sum, the Gauss sum and the Kronrod sum of |value|; A₀ is A of the whole piece, before any bisection.
-An interval is accepted if for every value  |K - G| <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A), or |K - G| is not finite,
-or it was bisected MAX_DEPTH times, or the piece has used MAX_INTERVALS intervals; else it is halved.
+`Adaptive(tol, first, order, cubic)`: on each piece, in a coordinate u in (0, 1), Gauss-Legendre with bisection. The whole of (0, 1) is
+measured with `first` nodes (not if there is something to watch); then, if it was not accepted, with `order` nodes, and so is every
+interval that comes of halving one. Measuring an interval gives for every value K, the sum, A, the sum of |value|, and an error E; A₀ is
+the first A of the piece. An interval is accepted if for each of the `tested` first values
+    E <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A), or E is not finite.
+If it was bisected MAX_DEPTH times, or the piece has used MAX_INTERVALS measurements, it is accepted as well, but the tolerance was
+*missed*, and the run's outcome says so; after DEEP bisections a value with A > DIVERGENT·A₀ diverges: its K is replaced by an infinity
+of its sign.
+
+The error E of n nodes: with e₁, …, e₆ the sizes of the six null rules of `teg.quadrature`,
+    a, b, c = max(e₁, e₂), max(e₃, e₄), max(e₅, e₆);   t = max(a, b) if b > c else a;   r = max(a/b, b/c)·max(1, (a/b)/(b/c))
+    E = 4·t·min(1, max(r, (15·r - 2)/7))^decay_power(n), the power 1 where r is NaN, or 0 if t <= NOISE·A
+    the estimate is E + (½·ROUNDING + EDGE·M/L)·A, M = max(|p|, |q|), the last term for finite L
+For `Gauss` E is 0: it is chosen where it is exact.
+
+The place of u, v(u), on a piece of length L = q - p is the first of these that applies (nodes are kept within [p, q]):
+
+    a tail, q or p infinite      p + scale·u/(1 - u),   q - scale·(1 - u)/u
+    a bend                       see below
+    `cubic`                      p + L·u²·(3 - 2u)                     (√-like behaviour at both ends becomes analytic)
+    else                         p + L·u
+
+`bends` are places where a function of v turns into another branch or has a pole: a Bend holds D(v) = c₀ + c₁·w + c₂·w², w = v - base, and
+counts on a piece where its `when` (of `flags`) holds and its coefficients are finite. With P, Q the ends as w, y the zeros of D (with
+c₂·W² <= 1e-13·(|c₁|·W + |c₀|), W = max(|P|, |Q|), D is linear; it has no zero if c₁·W <= 1e-13·|c₀|), and for complex y = m ± i·h its size
+    s = 2·(|y - P| + |y - Q|)/L           (the sum of the distances from the foci of [-1, 1]; 2 on the piece, 2 + small near it)
+a bend's s is that of its nearest zero. Two real zeros closer than 1e-12·L are none; nor is a "root" or an "end" with a real zero inside of
+the piece, which should be a break; one that is inside by at most 1e-9·L is moved to the end there. Of the bends with s < NEAR the nearest
+counts:
+
+    "root", one zero           y ± t²                      √D is t
+    "root", two real zeros     m + h·sin t  between them,  m ± h·cosh t  beyond them
+    "root", complex zeros      m + h·sinh t
+    "pole"                     y ± eᵗ,  y the nearest real zero; no bend if y is within 1e-9·L of the piece; complex zeros as for a "root"
+    "end"                      D linear: p + L·u⁶ if y is within 1e-9·L of p, q - L·(1 - u)⁶ if of q; else it is a "root"
+
+with t linear in u. If two different bends have a zero within 1e-9·L of p and of q, one at either end, the place is the cubic's.
+
+`Midpoint(n)`: on a finite piece v = p + (q - p)·((k + ½)/n), k = 0, …, n - 1, every value counted (q - p)/n times. The estimate is
+½·(q - p)/n times Σₖ|fₖ₊₁ - fₖ|, what a function of that total variation can be off by, plus ½·ROUNDING·A.
 
 `watch` names booleans of `body` that may change where no break is known (rule Adaptive only; by Gauss it is ignored). On an interval
 `body` is then also run at the two ends, whose v come from u like a node's; of these two runs only the watched booleans count, no value,
-NaN or not, and no tie. If at the 23 points a watched boolean is not always the same, the error does not matter: the interval is halved,
+NaN or not, and no tie. If at these points a watched boolean is not always the same, the error does not matter: the interval is halved,
 unless it is at most WATCH_WIDTH wide in u, or MAX_DEPTH or MAX_INTERVALS was reached; then it is accepted, its K counts as any other.
 An interval that will be halved anyway need not be evaluated further, but the first one is, for A₀.
 
@@ -76,6 +112,15 @@ Semantics of `Locate`: f and g are functions of v, between `lo` and `hi`, and of
 Semantics of `SumOver`: if `when` names a boolean that is false, every result is 0; else if a point is NaN every result is NaN; else `body`
 is run with `var` at each point that is finite, and each result is the sum of its value, in the order of the points.
 
+Semantics of `Sample`: `points` names the coordinates of a point of the unit cube, all in (0, 1), by `teg.sampling` from `kind`, `seed` and
+its number. There are R = 8 replicates of n = ⌈count/8⌉ points for "qmc", and R = 1 of n = count for "montecarlo".
+
+    if `when` names a boolean that is false, every result and every estimate is 0
+    else `body` is run at each of the R·n points; mᵣ is the mean of a value over replicate r
+    results = (m₁ + … + m_R)/R = m
+    estimates = of the first `len(estimates)` values the standard error of m: √(Σᵣ(mᵣ - m)²/(R(R - 1))) for "qmc", √(Σᵢ(fᵢ - m)²/(n(n - 1)))
+        over the n values fᵢ for "montecarlo" (relative to f₁, so that nothing cancels); NaN where m is not finite, or n = 1 there
+
 Operations (arithmetic is plain IEEE double, without contraction to fused multiply-add):
 
     floats    const(x)  add(x, y, …)  sub(x, y)  mul(x, y, …)  div(x, y)  neg(x)  powi(x, n)  pow(x, y)  abs(x)  floor(x)  mod(x, y)
@@ -95,6 +140,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
 
 PIECE_EPS = 4 * 2.0**-52
 TIE_EPS = 4 * 2.0**-52
@@ -105,6 +154,15 @@ ROUNDING = 64 * 2.0**-52
 MAX_DEPTH = 48
 MAX_INTERVALS = 4000
 WATCH_WIDTH = 2.0**-44
+NOISE = 10 * 2.0**-52
+EDGE = 4 * 2.0**-52
+"""How far an end of a piece may be off, relative to its distance from 0: of a thin piece that is much."""
+DIVERGENT = 2.0**-10
+DEEP = 30
+FAR = 64.0
+"""The size of a zero that is too far to count beside another one: what it costs is less than the rounding of large numbers."""
+NEAR = 6.0 + 1.0 / 6.0
+"""The size of a bend whose ellipse is ρ = 6: Gauss-Legendre with 12 nodes errs there by 6⁻²⁴."""
 ISOLATE_DEPTH = 40
 ISOLATE_WIDTH = 128
 ISOLATE_STEPS = 100
@@ -123,13 +181,22 @@ class Gauss:
 
 @dataclass(frozen=True, slots=True)
 class Adaptive:
-    """Gauss-Kronrod (10, 21) with bisection, to a relative tolerance on each piece."""
+    """Gauss-Legendre with bisection, to a relative tolerance on each piece: `first` nodes, then `order` nodes."""
 
     tol: float
-    smooth: bool = False
+    first: int = 10
+    order: int = 18
+    cubic: bool = False
 
 
-Rule = Gauss | Adaptive
+@dataclass(frozen=True, slots=True)
+class Midpoint:
+    """The composite midpoint rule with `nodes` nodes a piece."""
+
+    nodes: int
+
+
+Rule = Gauss | Adaptive | Midpoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,8 +209,20 @@ class Assign:
 
 
 @dataclass(frozen=True, slots=True)
+class Bend:
+    """Where the integrand turns into another branch, or has a pole: the zeros of c₀ + c₁·w + c₂·w², w = v - base of its integral."""
+
+    kind: str  # "root", "pole" or "end"
+    coefficients: tuple[Arg, Arg, Arg]
+    when: Arg = True
+
+
+@dataclass(frozen=True, slots=True)
 class Integrate:
-    """results = ∫ values over `var` from lo to hi, piece by piece between the breaks."""
+    """results = ∫ values over `var` from lo to hi, piece by piece between the breaks.
+
+    `tested` of the values decide how fine the pieces are cut; `infinite`: a bound may be, and tails have the length `scale`.
+    """
 
     var: str
     lo: Arg
@@ -157,6 +236,16 @@ class Integrate:
     rule: Rule
     when: str | None = None
     watch: tuple[str, ...] = ()
+    bends: tuple[Bend, ...] = ()
+    base: Arg = 0.0
+    infinite: bool = False
+    scale: Arg = 1.0
+    estimates: tuple[str, ...] = ()
+
+    @property
+    def tested(self) -> int:
+        """How many of the values count for the error: all, or those that have estimates."""
+        return len(self.estimates) or len(self.values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +296,22 @@ class SumOver:
     when: str | None = None
 
 
-Stmt = Assign | Integrate | Isolate | Locate | SumOver
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """results = the means of the values over `count` points of the unit cube, whose coordinates are called `points`."""
+
+    points: tuple[str, ...]
+    count: int
+    kind: str  # "montecarlo" or "qmc"
+    seed: int
+    body: tuple[Stmt, ...]
+    values: tuple[Arg, ...]
+    results: tuple[str, ...]
+    estimates: tuple[str, ...] = ()
+    when: str | None = None
+
+
+Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample
 
 
 def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
@@ -219,10 +323,19 @@ def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
             return (stmt.enclosure, stmt.point)
         case Locate():
             return (stmt.enclosure,)
-        case SumOver():
+        case SumOver() | Sample():
             return (stmt.body,)
         case Assign():
             return ()
+
+
+class Outcome(NamedTuple):
+    """What a run of a program gives: its outputs, (outputs, n), whether a tolerance was missed anywhere, and the number of evaluations of
+    integrands without integrals inside (0 if the kernel was not asked to count)."""
+
+    values: np.ndarray
+    missed: bool
+    evaluations: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,6 +353,17 @@ class Program:
     body: tuple[Stmt, ...]
     outputs: tuple[Arg, ...]
     ties: tuple[Tie, ...] = ()
+
+
+def assigned(stmt: Stmt) -> tuple[str, ...]:
+    """The names a statement gives a value."""
+    match stmt:
+        case Assign():
+            return (stmt.name,)
+        case Integrate() | Sample():
+            return (*stmt.results, *stmt.estimates)
+        case _:
+            return stmt.results
 
 
 def statements(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
@@ -273,7 +397,7 @@ def _live_part(block: tuple[Stmt, ...], live: set[Arg]) -> tuple[Stmt, ...]:
                 kept.append(stmt)
             continue
         wanted = [i for i, r in enumerate(stmt.results) if r in live]
-        if not wanted:
+        if not wanted and not live.intersection(assigned(stmt)):
             continue
         if isinstance(stmt, Isolate):  # the number of results is part of its meaning
             live.update((*stmt.bounds, stmt.value, stmt.slope))
@@ -300,15 +424,41 @@ def _live_part(block: tuple[Stmt, ...], live: set[Arg]) -> tuple[Stmt, ...]:
                 live.add(stmt.when)
             kept.append(replace(stmt, body=body, values=values, results=tuple(stmt.results[i] for i in wanted)))
             continue
-        values = tuple(stmt.values[i] for i in wanted)
-        live.update((*values, *stmt.watch))
-        body = _live_part(stmt.body, live)
-        if stmt.need is not None:
-            live.add(stmt.need)
-        flags = _live_part(stmt.flags, live)
-        live.update((stmt.lo, stmt.hi, *stmt.breaks))
-        if stmt.when is not None:
-            live.add(stmt.when)
-        results = tuple(stmt.results[i] for i in wanted)
-        kept.append(replace(stmt, flags=flags, body=body, values=values, results=results))
+        kept.append(_live_sample(stmt, live) if isinstance(stmt, Sample) else _live_integral(stmt, live))
     return tuple(reversed(kept))
+
+
+def _live_results(stmt: Integrate | Sample, live: set[Arg]) -> tuple[list[int], tuple[str, ...]]:
+    """Which of the results matter, and their estimates; what has an estimate that does matters too."""
+    tested = len(stmt.estimates)
+    wanted = [i for i, r in enumerate(stmt.results) if r in live or (i < tested and stmt.estimates[i] in live)]
+    estimates = tuple(stmt.estimates[i] for i in wanted if i < tested)
+    return wanted, estimates if any(e in live for e in estimates) else ()
+
+
+def _live_sample(stmt: Sample, live: set[Arg]) -> Sample:
+    """A sample with those of its values that matter."""
+    wanted, estimates = _live_results(stmt, live)
+    values = tuple(stmt.values[i] for i in wanted)
+    live.update(values)
+    body = _live_part(stmt.body, live)
+    if stmt.when is not None:
+        live.add(stmt.when)
+    return replace(stmt, body=body, values=values, results=tuple(stmt.results[i] for i in wanted), estimates=estimates)
+
+
+def _live_integral(stmt: Integrate, live: set[Arg]) -> Integrate:
+    """An integral with those of its values that matter; what has an estimate that does matters too."""
+    wanted, estimates = _live_results(stmt, live)
+    values = tuple(stmt.values[i] for i in wanted)
+    live.update((*values, *stmt.watch))
+    body = _live_part(stmt.body, live)
+    live.update(b.when for b in stmt.bends)
+    if stmt.need is not None:
+        live.add(stmt.need)
+    flags = _live_part(stmt.flags, live)
+    live.update((stmt.lo, stmt.hi, *stmt.breaks, stmt.base, stmt.scale, *(c for b in stmt.bends for c in b.coefficients)))
+    if stmt.when is not None:
+        live.add(stmt.when)
+    results = tuple(stmt.results[i] for i in wanted)
+    return replace(stmt, flags=flags, body=body, values=values, results=results, estimates=estimates)

@@ -67,6 +67,11 @@ class Roots:
     certain: bool = True
 
 
+def local_origin(lo: Expr, hi: Expr) -> Expr:
+    """A finite bound: roots are computed relative to it."""
+    return next((b for b in (lo, hi) if not (isinstance(b, Const) and math.isinf(b.data))), ZERO)
+
+
 def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH) -> Roots | None:
     """The roots of g in x between the bounds where a formula is known, else None. Some may lie outside of the bounds."""
     try:
@@ -74,7 +79,9 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH) -> Roots 
         if degree == 0:
             return Roots(())
         if degree == 1:
-            return Roots((Root(affine_root(g, x, lo if depth == MAX_DEPTH else ZERO)),))  # inside an inverse function nothing is local
+            return Roots(
+                (Root(affine_root(g, x, local_origin(lo, hi) if depth == MAX_DEPTH else ZERO)),)
+            )  # inside an inverse function nothing is local
         if degree == 2:
             return Roots(quadratic_roots(g, x))
         if not depth:
@@ -314,6 +321,8 @@ def _periodic_preimages(name: str, u: Expr, c: Expr, x: Var, lo: Expr, hi: Expr)
         return None
     if name == "cos":  # cos u = sin(u + ½π)
         u, name = add(u, const(math.pi / 2)), "sin"
+    if any(isinstance(b, Const) and math.isinf(b.data) for b in (lo, hi)):
+        return None  # endlessly many
     ends = [cast(Expr, substitute(u, {x: b})) for b in (lo, hi)]
     exists = _within(c, -1.0, 1.0) if name == "sin" else TRUE
     base = call("asin" if name == "sin" else "atan", c)

@@ -9,6 +9,7 @@ structural digest, the same in every process.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from teg import expr as ex
@@ -146,6 +147,8 @@ def below(point: Expr, bound: Expr, surface: Expr, var: Var, original: Expr) -> 
     """[point < bound] for a point of `surface`; `original` is the bound as it stood in the integral over `var`."""
     other = bound_surface(var, original)
     truth = TRUE if comes_first(surface, other) else FALSE
+    if isinstance(bound, Const) and math.isinf(bound.data):
+        return TRUE if bound.data > 0 else FALSE
     return positive(sub(bound, point), True, truth, (_tie_name(surface), f"the bound {var.name} = {show(original, 300)}"))
 
 

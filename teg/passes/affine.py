@@ -13,6 +13,7 @@ where a coefficient is 0 or 1e-12 and where the box is 1 × 1e-8; the selection 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
@@ -99,6 +100,8 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     chosen = [b for b in chain if b.var in data.variables]
     rest = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of(chosen)
+    if ranges is not None and any(isinstance(e, Const) and math.isinf(e.data) for ends in ranges for e in ends):
+        return None  # of one variable only; with several the bounds have been made finite
     if ranges is None or not all(free_of(e, [r.var for r in rest]) for b in chosen for e in (b.lo, b.hi)):
         return None
     corner = {b.var: lo for b, (lo, _) in zip(chosen, ranges, strict=True)}

@@ -18,34 +18,75 @@ Source: Collins 1975 (projection); Saye 2022, for quadrature on such pieces.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import cast
 
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import Add, Call, Compare, Const, Expr, Mul, Pow, Var, Where, integer_power, mul, sub
+from teg.expr import (
+    FALSE,
+    TRUE,
+    Add,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Or,
+    Pow,
+    Var,
+    Where,
+    add,
+    call,
+    conjunction,
+    const,
+    disjunction,
+    div,
+    integer_power,
+    mul,
+    positive,
+    sub,
+    where,
+)
 from teg.integral import Integral, masses_of
-from teg.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
+from teg.isolation import MARGIN, MAX_ROOTS, Isolation, Location, isolate, locate
 from teg.node import Node, digest, postorder
 from teg.polynomial import P, Point, Poly, Ratio, Shadow, residue
-from teg.roots import discriminant, quadratic_coefficients, solve
+from teg.roots import discriminant, local_origin, quadratic_coefficients, solve
 from teg.surfaces import atoms_of, binders_inside
 from teg.traverse import replace_node, substitute
 
 MAX_BRANCHES = 16
 MAX_FUNCTIONS = 4000
 MAX_LOCATED = 12
+MAX_BENDS = 8
+MAX_PLACES = 8
 MAX_ISOLATED = 12
 """Functions of one integral whose roots are isolated at run time: with more of them adaptive integration costs less."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A function whose zeros are branch points ("root"), poles ("pole") or singular ends ("end") of an integrand, if `when` holds in the
+    middle of a piece."""
+
+    kind: str
+    function: Expr
+    when: Cond = TRUE
 
 
 @dataclass(frozen=True)
 class Breaks:
     """The breaks of one integral.
 
-    `functions` have them as roots; `points` are the roots; `isolated` are the functions whose roots are found at run time, `located` the
+    `functions` have them as roots; `points` are the roots; `matters` says of a function found at run time whether a root of it is one of
+    the picture inside the bounds (a condition, at the root); `isolated` are the functions whose roots are found at run time, `located` the
     pairs of them whose common zeros are (hints, for what has no better break); `handled` are the surfaces g whose sign is constant on every
-    piece; `complete` says that the integrand is smooth on every piece; `rooted` that it may behave like a square root at a piece's end.
+    piece; `complete` says that the integrand is smooth on every piece; `bends` are where it turns into another branch, also outside of a
+    piece; `rooted` says that it may behave like a square root at a piece's end for other reasons.
     """
 
     functions: tuple[Expr, ...]
@@ -55,6 +96,8 @@ class Breaks:
     handled: frozenset[Expr]
     complete: bool
     rooted: bool
+    bends: tuple[Turn, ...] = ()
+    matters: Mapping[Expr, Cond] = field(default_factory=dict)
 
 
 Meeting = tuple[Expr, Expr, Var, Expr, Expr]
@@ -63,10 +106,11 @@ Meeting = tuple[Expr, Expr, Var, Expr, Expr]
 
 @dataclass
 class _Found:
-    functions: dict[Expr, None]
+    functions: dict[Expr, Cond]  # with where in the outer variable their zeros matter
     rooted: bool = False
     complete: bool = True
     meetings: dict[Meeting, None] = field(default_factory=dict)
+    turns: dict[Turn, None] = field(default_factory=dict)
 
 
 class BreakAnalysis:
@@ -101,13 +145,13 @@ class BreakAnalysis:
         found = _Found({})
         direct = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
         for g in direct:
-            found.functions[g] = None
+            found.functions[g] = TRUE
         self._collect(body, x, inner, found)
         points: dict[Expr, None] = {}
         isolated: dict[Expr, Isolation | None] = {}
         handled: set[Expr] = set()
         complete = found.complete
-        functions = self._distinct(found.functions)
+        functions, matters = self._distinct(found.functions)
         for f, representative in functions.items():
             roots = self._roots(representative, x, node.lo, node.hi)
             if roots is not None and roots[1]:
@@ -121,12 +165,26 @@ class BreakAnalysis:
                 complete = False
             for r in roots[0] if roots is not None else ():
                 if not _outside(r, node.lo, node.hi):
-                    points[r] = None
+                    points[_kept(r, matters[representative], x)] = None
         kept = tuple(dict.fromkeys(functions.values()))
         at_run_time = tuple(i for i in isolated.values() if i is not None)
         located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(found.meetings)[:MAX_LOCATED]]
         together = tuple(m for m in located if m is not None)
-        return Breaks(kept, tuple(points), at_run_time, together, frozenset(handled), complete, found.rooted)
+        bends = self._bends(found, x)
+        return Breaks(kept, tuple(points), at_run_time, together, frozenset(handled), complete, found.rooted, bends, matters)
+
+    def _bends(self, found: _Found, x: Var) -> tuple[Turn, ...]:
+        """The turns that are quadratic in the variable, each once; of others remains that there may be roots at the ends of pieces."""
+        bends: dict[object, Turn] = {}
+        for turn in found.turns:
+            degree = Shadow((x,)).degree(turn.function)
+            if degree == 0:
+                continue
+            if degree in (1, 2) and len(bends) < MAX_BENDS:
+                bends.setdefault((turn.kind, self.key(turn.function)), turn)
+            elif turn.kind != "pole":
+                found.rooted = True
+        return tuple(bends.values())
 
     def _collect(self, body: Expr, x: Var, inner: frozenset[Var], found: _Found) -> None:
         """Functions that are not atoms: arguments of |·| and √, and what inner integrals contribute."""
@@ -144,30 +202,46 @@ class BreakAnalysis:
             if isinstance(node, Call) and not node.free & inner:
                 if node.name == "magnitude":
                     if counts:
-                        found.functions[node.children[0]] = None
+                        found.functions[node.children[0]] = TRUE
                 elif node.name in ("sqrt", "root", "pow"):
                     if counts:
-                        found.functions[node.children[0]] = None
-                        found.rooted = True
+                        found.functions[node.children[0]] = TRUE
+                        found.turns[Turn("end" if node.name == "pow" else "root", node.children[0])] = None
+                elif node.name == "log":
+                    if counts:
+                        found.turns[Turn("end", node.children[0])] = None
                 elif node.name in ("floor", "mod"):
                     found.complete = False
+            elif isinstance(node, Pow) and node.exponent < 0 and counts and not node.free & inner:
+                if Shadow((x,)).degree(node.base) in (1, 2):
+                    found.functions[node.base] = TRUE
+                    found.turns[Turn("pole", node.base)] = None
             elif isinstance(node, Integral):
                 projection = self._projection(node)
                 found.complete &= projection.complete
                 found.rooted |= projection.rooted
-                for f in projection.functions:
+                for f, condition in projection.functions.items():
                     if x in f.free and not f.free & inner:
-                        found.functions[f] = None
+                        condition = TRUE if condition.free & inner else condition
+                        found.functions[f] = disjunction(found.functions.get(f, FALSE), condition)
+                for turn in projection.turns:
+                    if x in turn.function.free and not (turn.function.free | turn.when.free) & inner:
+                        found.turns[turn] = None
                 for meeting in projection.meetings:
                     first, second, z, low, high = meeting
                     free = (first.free | second.free) - {z} | low.free | high.free
                     if x in free and x not in low.free | high.free and not free & inner:
                         found.meetings[meeting] = None
 
-    def _distinct(self, functions: dict[Expr, None]) -> dict[Expr, Expr]:
-        """Each function with the first one proportional to it."""
+    def _distinct(self, functions: dict[Expr, Cond]) -> tuple[dict[Expr, Expr], dict[Expr, Cond]]:
+        """Each function with the first one proportional to it; and of those where their zeros matter."""
         first: dict[object, Expr] = {}
-        return {f: first.setdefault(self.key(f), f) for f in functions}
+        distinct = {f: first.setdefault(self.key(f), f) for f in functions}
+        matters: dict[Expr, Cond] = {}
+        for f, representative in distinct.items():
+            condition = disjunction(matters.get(representative, FALSE), functions[f])
+            matters[representative] = TRUE if isinstance(condition, Or) and len(condition.children) > MAX_PLACES else condition
+        return distinct, matters
 
     def key(self, f: Expr) -> object:
         """The same for functions that are proportional by a number."""
@@ -202,15 +276,17 @@ class BreakAnalysis:
         if any(i.g.free != {z} for i in breaks.isolated):
             out.rooted, out.complete = True, False  # where such roots are born is not known
 
-        def put(f: Expr) -> None:
+        def put(f: Expr, matters: Cond = TRUE) -> None:
             if isinstance(f, Pow):
                 f = f.base
             if len(out.functions) >= MAX_FUNCTIONS:
                 out.complete = False
             elif f.free:
-                out.functions[f] = None
+                out.functions[f] = disjunction(out.functions.get(f, FALSE), matters)
 
         put(sub(hi, lo))
+        finite = not any(isinstance(b, Const) and math.isinf(b.data) for b in (lo, hi))
+        origin = local_origin(lo, hi)
         affine: list[tuple[Expr, Expr, Expr]] = []
         quadratic: list[tuple[Expr, tuple[Expr, Expr, Expr]]] = []
         others: list[Expr] = []
@@ -218,19 +294,24 @@ class BreakAnalysis:
             for f in _branches(function) or ():
                 degree = Shadow((z,)).degree(f)
                 for bound in (lo, hi):
-                    put(cast(Expr, substitute(f, {z: bound})))
+                    if not (isinstance(bound, Const) and math.isinf(bound.data)):
+                        put(cast(Expr, substitute(f, {z: bound})))
                 if degree == 1:
                     at_lo, rate = (
-                        cast(Expr, substitute(f, {z: lo})),
-                        cast(Expr, substitute(slope(f, z), {z: lo})),
+                        cast(Expr, substitute(f, {z: origin})),
+                        cast(Expr, substitute(slope(f, z), {z: origin})),
                     )
-                    put(rate)
+                    if not finite:
+                        put(rate)
                     affine.append((f, rate, at_lo))
+                    if rate.free:
+                        out.turns[Turn("pole", rate, _within(sub(origin, div(at_lo, rate)), lo, hi))] = None
                 elif degree == 2:
                     a, b, c = quadratic_coefficients(f, z)
-                    put(a)
-                    put(discriminant(a, b, c))
-                    out.rooted = True
+                    if not finite:
+                        put(a)
+                    put(discriminant(a, b, c), _near(div(b, mul(const(-2.0), a)), lo, hi))
+                    out.turns[Turn("root", discriminant(a, b, c), self._somewhere(f, z, lo, hi))] = None
                     quadratic.append((f, (a, b, c)))
                 elif degree != 0:
                     out.rooted = True
@@ -238,13 +319,15 @@ class BreakAnalysis:
                     for g in _borders_of_existence(f, z, lo, hi):
                         put(g)
         for i, (_, rate1, at1) in enumerate(affine):
+            crossing = sub(origin, div(at1, rate1))
             for _, rate2, at2 in affine[:i]:
-                put(sub(mul(rate2, at1), mul(rate1, at2)))
+                put(sub(mul(rate2, at1), mul(rate1, at2)), _near(crossing, lo, hi))
             for q, _ in quadratic:
-                put(cast(Expr, substitute(q, {z: sub(lo, at1 / rate1)})))
-        for i, (_, first) in enumerate(quadratic):
-            for _, second in quadratic[:i]:
-                put(_resultant(first, second))
+                put(cast(Expr, substitute(q, {z: crossing})), _near(crossing, lo, hi))
+        for i, (f, first) in enumerate(quadratic):
+            here = self._nearby(f, z, lo, hi)
+            for g, second in quadratic[:i]:
+                put(_resultant(first, second), conjunction(here, self._nearby(g, z, lo, hi)))
         curved = [*others, *(f for f, *_ in quadratic)]
         for i, f in enumerate(others):
             formula = solve(f, z, lo, hi)
@@ -254,12 +337,24 @@ class BreakAnalysis:
                     if (f.free | g.free) - {z}:
                         out.meetings[f, g, z, lo, hi] = None
                 for _, rate1, at1 in affine:
-                    put(cast(Expr, substitute(f, {z: sub(lo, at1 / rate1)})))
+                    put(cast(Expr, substitute(f, {z: sub(origin, at1 / rate1)})))
                 continue
             for root in formula.found:
                 for g in (*curved[i + 1 :], *(f for f, *_ in affine)):
                     put(cast(Expr, substitute(g, {z: root.point})))
         return out
+
+    def _somewhere(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
+        """Whether a root of f with a formula lies between the bounds."""
+        roots = solve(f, z, lo, hi)
+        if roots is None:
+            return TRUE
+        return disjunction(*(conjunction(r.exists, _within(r.point, lo, hi)) for r in roots.found))
+
+    def _nearby(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
+        """Whether a root of a quadratic lies between the bounds or near them; near a double root it need not exist."""
+        roots = solve(f, z, lo, hi)
+        return TRUE if roots is None else disjunction(*(_near(r.point, lo, hi) for r in roots.found))
 
     # -- degrees -------------------------------------------------------------------------------------------------------
 
@@ -313,6 +408,24 @@ def _antiderivative_at(shadow: Shadow, inner: Poly, end: Poly) -> Ratio | None:
     return total
 
 
+def _within(point: Expr, lo: Expr, hi: Expr) -> Cond:
+    """A point strictly between two bounds, whatever their order."""
+    return positive(mul(sub(point, lo), sub(hi, point)))
+
+
+def _near(point: Expr, lo: Expr, hi: Expr) -> Cond:
+    """A point between two bounds, or a little outside."""
+    margin = mul(const(MARGIN), sub(hi, lo))
+    return positive(mul(add(sub(point, lo), margin), add(sub(hi, point), margin)))
+
+
+def _kept(root: Expr, matters: Cond, x: Var) -> Expr:
+    """A root where it matters, NaN elsewhere."""
+    if matters is TRUE:
+        return root
+    return where(cast(Cond, substitute(matters, {x: root})), root, const(math.nan))
+
+
 def _turning(f: Expr, z: Var) -> list[Expr]:
     """The slope of f, which is 0 where two of its roots meet; nothing where f has steps."""
     try:
@@ -322,9 +435,13 @@ def _turning(f: Expr, z: Var) -> list[Expr]:
 
 
 def _resultant(first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]) -> Expr:
-    """0 where two quadratics have a root in common: (A₁C₂ - A₂C₁)² - (A₁B₂ - A₂B₁)·(B₁C₂ - B₂C₁)."""
+    """0 where two quadratics have a root in common: (A₁C₂ - A₂C₁)² - (A₁B₂ - A₂B₁)·(B₁C₂ - B₂C₁); where both are linear the last factor."""
     (a1, b1, c1), (a2, b2, c2) = first, second
-    return sub(integer_power(a1 * c2 - a2 * c1, 2), mul(a1 * b2 - a2 * b1, b1 * c2 - b2 * c1))
+    linear = sub(mul(b1, c2), mul(b2, c1))
+    result = sub(integer_power(sub(mul(a1, c2), mul(a2, c1)), 2), mul(sub(mul(a1, b2), mul(a2, b1)), linear))
+    if a1.free or a2.free or isinstance(a1, Const) or isinstance(a2, Const):
+        return result
+    return where(positive(add(call("magnitude", a1), call("magnitude", a2))), result, linear)
 
 
 def _borders_of_existence(f: Expr, z: Var, lo: Expr, hi: Expr) -> list[Expr]:

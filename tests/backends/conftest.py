@@ -15,3 +15,11 @@ def x64() -> Iterator[None]:
     jax.config.update("jax_enable_x64", True)
     yield
     jax.config.update("jax_enable_x64", before)
+
+
+@pytest.fixture(scope="module")
+def one_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """One empty cache of compiled C for the tests of a module."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TEG_CACHE_DIR", str(tmp_path_factory.mktemp("teg")))
+        yield

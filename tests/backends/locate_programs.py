@@ -283,7 +283,7 @@ SPAN = (  # ∫ [v² < p0]·(1, √(p0 - v²)) dv over (-2, 3), broken at the en
         ),
         1.0,
         "vhigh2",
-        rule=Adaptive(1e-10, smooth=True),
+        rule=Adaptive(1e-10, cubic=True),
         breaks=("vr0", "vr1", "vr2"),
         flags=(let("vmm", "mul", "x2", "x2"), let("vin", "sub", "p0", "vmm"), let("bin", "gt0", "vin")),
         need="bin",

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teg.program import INSIDE, Adaptive, Arg, Assign, Gauss, Integrate, Program, Rule, Stmt, Tie
+from teg.program import INSIDE, Adaptive, Arg, Assign, Bend, Gauss, Integrate, Program, Rule, Stmt, Tie
 
 Row = float | tuple[float, ...]
 NAN, INF = math.nan, math.inf
@@ -20,7 +20,8 @@ FOUR, TWO, TIGHT = Gauss(4), Gauss(2), Adaptive(1e-12)
 
 @dataclass(frozen=True)
 class Case:
-    """One call: a program, its columns, and the exact outputs to a tolerance, both relative and absolute."""
+    """One call: a program, its columns, and the exact outputs to a tolerance, both relative and absolute; the ties it meets, and whether
+    it misses a tolerance of the program."""
 
     name: str
     program: Program
@@ -29,6 +30,7 @@ class Case:
     n: int = 1
     tolerance: float = 2e-15
     ties: tuple[int, ...] = ()
+    missed: bool = False
 
 
 def program(parameters: int, body: tuple[Stmt, ...], *outputs: Arg, ties: int = 0) -> Program:
@@ -54,9 +56,15 @@ def integrate(
     need: str | None = None,
     when: str | None = None,
     watch: tuple[str, ...] = (),
+    bends: tuple[Bend, ...] = (),
+    base: Arg = 0.0,
+    infinite: bool = False,
+    scale: Arg = 1.0,
+    estimates: str = "",
 ) -> Integrate:
-    """An integral; the names of its results are written in one string."""
-    return Integrate(var, lo, hi, breaks, flags, need, body, values, tuple(results.split()), rule, when, watch)
+    """An integral; the names of its results, and those of its estimates, are written in one string each."""
+    named, errors = tuple(results.split()), tuple(estimates.split())
+    return Integrate(var, lo, hi, breaks, flags, need, body, values, named, rule, when, watch, bends, base, infinite, scale, errors)
 
 
 def operation(op: str, args: tuple[Arg, ...], columns: tuple[Row, ...], expected: Row, n: int = 1) -> Case:
@@ -357,7 +365,7 @@ DISC = program(  # area and second moment ∫∫ x² of the disc of radius √p0
             breaks=("v1", "v0"),
             flags=(let("v11", "powi", "x1", 2), let("v12", "sub", "p0", "v11"), let("b0", "gt0", "v12")),
             need="b0",
-            rule=Adaptive(1e-13, smooth=True),
+            rule=Adaptive(1e-13, cubic=True),
         ),
     ),
     "v8",
@@ -487,7 +495,7 @@ ADAPTIVE = (
         1e-13,
     ),
     Case(
-        "√ at one end, with and without smooth; x² beside it; values free of the variable",
+        "√ at one end, with and without flat ends; x² beside it; values free of the variable",
         program(
             1,
             (
@@ -502,7 +510,7 @@ ADAPTIVE = (
                     "v2",
                     2.0,
                     "p0",
-                    rule=Adaptive(1e-12, smooth=True),
+                    rule=Adaptive(1e-12, cubic=True),
                 ),
             ),
             *("v7", "v8", "v9", "v6", "v5"),
@@ -604,7 +612,7 @@ DISCS = (1e-6, 0.25, 1.0)
 WATCHED = (
     *(
         Case(
-            f"[x < p0] exp(x) without its break, watched{', smooth' * smooth}",
+            f"[x < p0] exp(x) without its break, watched{', flat ends' * cubic}",
             program(
                 1,
                 (
@@ -616,7 +624,7 @@ WATCHED = (
                         (*BELOW, let("v1", "exp", "x0"), let("v2", "select", "b0", "v1", 0.0)),
                         "v2",
                         "v1",
-                        rule=Adaptive(1e-12, smooth),
+                        rule=Adaptive(1e-12, cubic=cubic),
                         watch=("b0",),
                     ),
                 ),
@@ -628,7 +636,7 @@ WATCHED = (
             len(CUTS),
             1e-12,
         )
-        for smooth in (False, True)
+        for cubic in (False, True)
     ),
     Case(
         "two watched conditions, the other way round and one of them always true; NaN at both ends only",
@@ -696,7 +704,7 @@ WATCHED = (
                     "v6",
                     "v7",
                     breaks=("v0",),
-                    rule=Adaptive(1e-10, smooth=True),
+                    rule=Adaptive(1e-10, cubic=True),
                 ),
             ),
             "v8",

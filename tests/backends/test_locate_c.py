@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
-import shutil
-import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from teg.backends import c_build, c_frame, c_print
 from teg.backends.c_backend import compile_c, print_kernel, standalone_c
-from teg.backends.c_text import literal
 from teg.errors import OptionError
 from teg.program import LOCATE_DEPTH, LOCATE_WIDTH, Arg, Locate, Stmt
+from tests.backends.c_checks import (
+    LIMITS,
+    any_number_of_threads_gives_the_same,
+    behaviour_is_defined,
+    count_of_calls,
+    has_its_values,
+    in_c,
+    limits_change_no_bit,
+    lines_are_short,
+    standalone_files_work,
+    text_compiles_without_warnings,
+)
 from tests.backends.isolate_programs import ROOTS, numbered, sum_over
 from tests.backends.locate_programs import (
     BOTTOM,
@@ -39,17 +45,9 @@ from tests.backends.locate_programs import (
     two_circles,
     wave,
 )
-from tests.backends.programs import Case, columns, expected, let, program
+from tests.backends.programs import Case, columns, let, program
 
-pytestmark = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
-
-
-@pytest.fixture(autouse=True, scope="module")
-def shared_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """One empty cache for the tests of this module."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TEG_CACHE_DIR", str(tmp_path_factory.mktemp("teg")))
-        yield
+pytestmark = in_c
 
 
 # Values
@@ -57,16 +55,12 @@ def shared_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.mark.parametrize("case", LOCATE_CASES, ids=lambda case: case.name)
 def test_value(case: Case) -> None:
-    found = compile_c(case.program)(columns(case), case.n)
-    np.testing.assert_allclose(found, expected(case), rtol=case.tolerance, atol=case.tolerance)
+    has_its_values(case)
 
 
 @pytest.mark.parametrize("case", [PLACES[0], PLACES[3], *NESTS], ids=lambda case: case.name)
-def test_any_number_of_threads_gives_the_same(case: Case) -> None:
-    many = [np.tile(column, 40) if column.ndim else column for column in columns(case)]
-    one = compile_c(case.program)(many, 40 * case.n)
-    for threads in (2, 7):
-        np.testing.assert_array_equal(compile_c(case.program, threads=threads)(many, 40 * case.n), one)
+def test_any_number_of_threads(case: Case) -> None:
+    any_number_of_threads_gives_the_same(case, 40)
 
 
 @pytest.mark.parametrize("case", PLACES, ids=lambda case: case.name)
@@ -112,14 +106,8 @@ def test_random_pairs_are_the_text(pair: Pair) -> None:
 
 def rectangles(pair: Pair, p: float) -> int:
     """How many rectangles are bounded to locate the places of a pair in (-2, 3) × (-1.5, 1.75)."""
-    text = print_kernel(program(1, (locate("vr0 vr1 vr2", pair, -2.0, 3.0, -1.5, 1.75),), "vr0"))
-    counted = text.replace("teg_judge(&search, f);", "teg_judge(&search, f); rectangles++;")
-    library = c_build.load_library(counted.replace("static void teg_locate", "int rectangles;\n\nstatic void teg_locate"))
-    counter = ctypes.c_int.in_dll(library, "rectangles")
-    counter.value = 0
-    value, out, stride = ctypes.c_double(p), ctypes.c_double(), ctypes.c_long(0)
-    assert library.teg_kernel(ctypes.c_long(1), ctypes.byref(ctypes.pointer(value)), ctypes.byref(stride), ctypes.byref(out), 1) == 0
-    return counter.value
+    counted = program(1, (locate("vr0 vr1 vr2", pair, -2.0, 3.0, -1.5, 1.75),), "vr0")
+    return count_of_calls(counted, "teg_judge(&search, f);", "static void teg_locate", p)
 
 
 @pytest.mark.parametrize(
@@ -141,15 +129,10 @@ def test_cost(pair: Pair, p: float, most: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("limits", [{"PART": 2}, {"BY_VALUE": 0}, {"ON_STACK": 1}, {}], ids=str)
+@pytest.mark.parametrize("limits", LIMITS, ids=str)
 @pytest.mark.parametrize("case", [PLACES[0], PLACES[3], PLACES[13], *NESTS], ids=lambda case: case.name)
 def test_limits_change_no_bit(case: Case, limits: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Parts, values and arrays in the workspace, at every size: as in one function on the stack."""
-    plain = compile_c(case.program)(columns(case), case.n)
-    for name in ("PART", "BY_VALUE", "ON_STACK", "BREAKS_ON_STACK", "LITERALS", "INLINE", "ARGUMENT"):
-        module = c_print if name == "BREAKS_ON_STACK" else c_frame
-        monkeypatch.setattr(module, name, 0 if not limits else limits.get(name, getattr(module, name)))
-    np.testing.assert_array_equal(compile_c(case.program)(columns(case), case.n), plain)
+    limits_change_no_bit(case, limits, monkeypatch)
 
 
 def test_a_long_block_and_many_captured_values() -> None:
@@ -204,38 +187,14 @@ def test_only_what_is_needed_of_the_runtime_is_printed() -> None:
     assert "ISOLATE" not in text
     assert "teg_pair" not in text
     assert "LOCATE" not in print_kernel(ROOTS[0].program)
-    for case in LOCATE_CASES:
-        assert max(map(len, print_kernel(case.program).splitlines())) <= 130
+    lines_are_short(LOCATE_CASES)
 
 
 # Standalone files
 
 
-STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wshadow", "-Werror", "-pedantic"]
-MAIN = """
-#include <stdio.h>
-#include "span.h"
-int main(void) {
-    double t[3] = {1.0, 2.0, 0.5}, out[6];
-    const double *p[1] = {t};
-    const long stride[1] = {1};
-    const int status = span(3, p, stride, out, 1);
-    for (int i = 0; i < 6; i++) printf("%.17g\\n", out[i]);
-    return status;
-}
-"""
-
-
 def test_standalone_files(tmp_path: Path) -> None:
-    whole = program(1, SPAN, "vspan", "varea")
-    source, header = standalone_c(whole, "span")
-    (tmp_path / "span.c").write_text(source)
-    (tmp_path / "span.h").write_text(header)
-    (tmp_path / "main.c").write_text(MAIN)
-    subprocess.run([*c_build.find_compiler(), *STRICT, "-O2", "main.c", "span.c", "-o", "main", "-lm"], cwd=tmp_path, check=True)
-    printed = subprocess.run([str(tmp_path / "main")], check=True, capture_output=True, text=True).stdout.split()
-    found = np.array([float(word) for word in printed]).reshape(2, 3)
-    np.testing.assert_allclose(found, compile_c(whole)([np.array([1.0, 2.0, 0.5])], 3), rtol=1e-15)
+    standalone_files_work(tmp_path, program(1, SPAN, "vspan", "varea"), "span", [1.0, 2.0, 0.5])
 
 
 def test_names_of_routines_are_taken() -> None:
@@ -244,36 +203,9 @@ def test_names_of_routines_are_taken() -> None:
 
 
 def test_text_compiles_without_warnings(tmp_path: Path) -> None:
-    names = []
-    for case in LOCATE_CASES:
-        names.append(f"kernel_{len(names)}.c")
-        (tmp_path / names[-1]).write_text(print_kernel(case.program))
-    subprocess.run([*c_build.find_compiler(), *STRICT, "-O1", "-fopenmp", "-c", *names], cwd=tmp_path, check=True)
+    text_compiles_without_warnings(tmp_path, LOCATE_CASES)
 
 
 def test_no_undefined_behaviour(tmp_path: Path) -> None:
-    """Every case under the sanitizers, at the fullest level and beyond it."""
-    compiler, flags = c_build.find_compiler(), ["-std=c99", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    (tmp_path / "probe.c").write_text("int main(void) { return 0; }")
-    if subprocess.run([*compiler, *flags, "probe.c", "-o", "probe"], cwd=tmp_path, capture_output=True, check=False).returncode:
-        pytest.skip("the compiler has no sanitizers")
-    calls, sources = [], ["main.c"]
-    for i, case in enumerate(LOCATE_CASES):
-        sources.append(f"case_{i}.c")
-        (tmp_path / sources[-1]).write_text(print_kernel(case.program, f"case_{i}"))
-        given = [np.broadcast_to(column, case.n) for column in columns(case)]
-        table = ", ".join(f"{{{', '.join(map(literal, map(float, column)))}}}" for column in given) or "{0.0}"
-        rows, outputs = max(1, len(given)), len(case.program.outputs)
-        calls += [
-            f"int case_{i}(long, const double *const *, const long *, double *, int);",
-            f"static int run_{i}(void) {{",
-            f"    static double t[{rows}][{case.n}] = {{{table}}}, out[{outputs * case.n}];",
-            f"    const double *p[{rows}]; long stride[{rows}];",
-            f"    for (int k = 0; k < {rows}; k++) p[k] = t[k], stride[k] = 1;",
-            f"    return case_{i}({case.n}, p, stride, out, 1);",
-            "}",
-        ]
-    run = " + ".join(f"run_{i}()" for i in range(len(sources) - 1))
-    (tmp_path / "main.c").write_text("\n".join(["#include <math.h>", *calls, f"int main(void) {{ return {run}; }}"]))
-    subprocess.run([*compiler, *flags, *sources, "-o", "main", "-lm"], cwd=tmp_path, check=True)
-    subprocess.run([str(tmp_path / "main")], check=True)
+    """Every case, at the fullest level and beyond it."""
+    behaviour_is_defined(tmp_path, LOCATE_CASES)

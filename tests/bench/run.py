@@ -1,6 +1,6 @@
 """Measure: `make bench`. Medians of several runs; compare ratios of one run only, machines are noisy.
 
-python tests/bench/run.py [--json FILE]
+python tests/bench/run.py [--json FILE]: tables as Markdown, and all of it in out/bench.json. Less than a minute.
 """
 
 from __future__ import annotations
@@ -9,10 +9,8 @@ import argparse
 import json
 import os
 import platform
-import statistics
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,76 +18,21 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import teg
-from teg.program import size
-from tests.bench.scenes import half_planes, heavisides, triangle_pixel
-
-Row = dict[str, Any]
-
-
-def median_time(action: Callable[[], object], runs: int = 7) -> float:
-    """Seconds, the median."""
-    times = []
-    for _ in range(runs):
-        start = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - start)
-    return statistics.median(times)
-
-
-def compile_row(name: str, e: teg.Expr, wrt: list[Any]) -> Row:
-    """Derive, eliminate, schedule; sizes."""
-    start = time.perf_counter()
-    gradient = teg.eliminate(teg.grad(e, wrt))
-    derived = time.perf_counter() - start
-    start = time.perf_counter()
-    f = teg.compile(e, wrt)
-    program = f.program(1)
-    scheduled = time.perf_counter() - start
-    return {
-        "program": name,
-        "parameters": len(wrt),
-        "nodes": teg.size(e),
-        "gradient nodes": teg.size(gradient),
-        "derive + eliminate, s": derived,
-        "to statements, s": scheduled,
-        "statements": size(program),
-    }
-
-
-def triangle_pairs(n: int, order: int) -> dict[str, np.ndarray]:
-    """Triangles of about 10 pixels and pixels that they cover partly, counterclockwise, in an image of 512²."""
-    rng = np.random.default_rng(1)
-    kept: list[np.ndarray] = []
-    while sum(len(k) for k in kept) < n:
-        corner = rng.integers(0, 512, (4 * n, 2)).astype(float)
-        v = corner[:, None, :] + 0.5 + 10 * rng.standard_normal((4 * n, 3, 2))
-        a, b, c = v[:, 0], v[:, 1], v[:, 2]
-        turn = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-        v[turn < 0] = v[turn < 0][:, ::-1]
-        centre = corner + 0.5
-        outside, inside = np.zeros(4 * n, bool), np.ones(4 * n, bool)
-        for i in range(3):
-            p, e = v[:, i], v[:, (i + 1) % 3] - v[:, i]
-            at = e[:, 0] * (centre - p)[:, 1] - e[:, 1] * (centre - p)[:, 0]
-            reach = 0.5 * np.abs(e).sum(1)
-            outside |= at < -reach
-            inside &= at > reach
-        partial = ~outside & ~inside & (v.min(1) < corner + 1).all(1) & (v.max(1) > corner).all(1)
-        kept.append(np.concatenate([v.reshape(-1, 6), corner], axis=1)[partial])
-    rows = np.concatenate(kept)[:n]
-    values = {f"{'xy'[j]}{i}": rows[:, 2 * i + j] for i in range(3) for j in range(2)}
-    values |= {"left": rows[:, 6], "right": rows[:, 6] + 1, "bottom": rows[:, 7], "top": rows[:, 7] + 1}
-    values |= {f"t{k}": rng.random(n) for k in range(3)}
-    names = [f"c{k}" for k in range(3)] if order == 0 else [f"c{i}{k}" for i in range(3) for k in range(3)]
-    return values | {name: rng.random(n) for name in names}
-
-
-def evaluation_row(name: str, e: teg.Expr, wrt: list[Any], values: dict[str, np.ndarray], backend: str) -> Row:
-    """Nanoseconds of value and gradient an element."""
-    f = teg.compile(e, wrt, backend=backend)
-    n = max(np.size(v) for v in values.values())
-    f.value_and_grad(values)
-    return {"program": name, "backend": backend, "elements": n, "ns an element": 1e9 * median_time(lambda: f.value_and_grad(values)) / n}
+from teg.backends.c_backend import standalone_c
+from tests.backends import isolate_programs, locate_programs, programs
+from tests.bench.rows import (
+    Row,
+    compile_row,
+    curved_row,
+    evaluation_row,
+    import_time,
+    kink_row,
+    median_time,
+    search_row,
+    sympy_rows,
+    triangle_pairs,
+)
+from tests.bench.scenes import disk, distances, half_planes, heart, heavisides, nested_sines, sphere, squares, superellipse, triangle_pixel
 
 
 def table(rows: list[Row]) -> str:
@@ -102,30 +45,94 @@ def table(rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Print the tables; write them as JSON too if asked to."""
-    arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("--json", type=Path)
-    chosen = arguments.parse_args()
-    compiled = [
+OUT = Path(__file__).resolve().parents[2] / "out" / "bench.json"
+
+
+def compiled() -> list[Row]:
+    """Sizes and times of compiling."""
+    return [
         compile_row("triangle-pixel, constant colour", *triangle_pixel(0)),
         compile_row("triangle-pixel, linear colour", *triangle_pixel(1)),
         compile_row("12 half-planes", *half_planes(12)),
         *(compile_row(f"{n} Heavisides", *heavisides(n)) for n in (10, 100, 1000)),
     ]
-    evaluated = []
+
+
+def evaluated() -> list[Row]:
+    """Value and gradient of polygons in pixels."""
+    rows = []
     for order, colour in ((0, "constant"), (1, "linear")):
         for backend, n in (("c", 20_000), ("numpy", 2_000)):
             e, wrt = triangle_pixel(order)
-            evaluated.append(evaluation_row(f"triangle-pixel, partial cover, {colour}", e, wrt, triangle_pairs(n, order), backend))
-    x = teg.var("x")
-    t = teg.param("t")
+            rows.append(evaluation_row(f"triangle-pixel, partial cover, {colour}", e, wrt, triangle_pairs(n, order), backend))
+    return rows
+
+
+def curved() -> list[Row]:
+    """Surfaces that are no lines."""
+    return [
+        curved_row("disk", *disk(), {"t": 0.5, "a": 0.1, "b": -0.2}, 2_000, True),
+        curved_row("superellipse", *superellipse(), {"t": 0.4, "a": 1.3}, 1_000, True),
+        curved_row("heart", *heart(), {"t": 1.0}, 100, False),
+        curved_row("sphere", *sphere(), {"t": 0.5}, 100, True),
+    ]
+
+
+def searches() -> list[Row]:
+    """Roots isolated at run time, and places located."""
+    n = 20_000
+    p = np.random.default_rng(3).uniform(0.2, 0.8, n)
+
+    def roots(g: isolate_programs.Surface, lo: float, hi: float) -> Any:
+        names = isolate_programs.numbered(12)
+        return programs.program(1, (isolate_programs.isolate(names, g, lo, hi),), *names.split())
+
+    circles = locate_programs.locate("vr0 vr1", locate_programs.two_circles(0.5, "p0", 1.0, 1.0), -2.0, 3.0, -1.5, 1.75)
+    return [
+        search_row("roots of a line", roots(isolate_programs.line(2.0, "p0"), 0.0, 1.0), [p]),
+        search_row("roots of x³ - p·x", roots(isolate_programs.cubic("p0"), -1.0, 1.5), [p]),
+        search_row("roots of sin(7x + p)", roots(isolate_programs.wave(7.0, "p0"), -1.0, 1.0), [p]),
+        search_row("places of two circles", programs.program(1, (circles,), "vr0", "vr1"), [p[:1000]]),
+    ]
+
+
+def single() -> list[Row]:
+    """Numbers that stand alone."""
+    x, t = teg.var("x"), teg.param("t")
     scalar = teg.compile(teg.integral(teg.bracket(x < t) * x, (x, 0, 1)), [t], backend="c")
-    call = median_time(lambda: [scalar(t=0.5) for _ in range(1000)]) / 1000
-    sys.stdout.write(table(compiled) + "\n\n" + table(evaluated) + f"\n\none scalar call, C backend: {1e6 * call:.1f} µs\n")
-    if chosen.json:
-        machine = {"python": platform.python_version(), "machine": platform.machine(), "cores": os.cpu_count()}
-        chosen.json.write_text(json.dumps({"machine": machine, "compile": compiled, "evaluate": evaluated, "call": call}, indent=1))
+    e, wrt = triangle_pixel(1)
+    source, _ = standalone_c(teg.compile(e, wrt, backend="c").program(1), "pixel")
+    return [
+        {"number": "one scalar call, C backend, µs", "is": 1e6 * median_time(lambda: [scalar(t=0.5) for _ in range(1000)]) / 1000},
+        {"number": "lines of C, value and gradient of triangle-pixel, linear colour", "is": len(source.splitlines())},
+        {"number": "import teg, s", "is": import_time()},
+    ]
+
+
+def main() -> None:
+    """Print the tables; write them as JSON too."""
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--json", type=Path, default=OUT, help="where to (default: %(default)s)")
+    chosen = arguments.parse_args()
+    start = time.perf_counter()
+    tables = {
+        "compile": compiled,
+        "evaluate": evaluated,
+        "curved": curved,
+        "kinks": lambda: [kink_row(n, *distances(n)) for n in (8, 20)],
+        "search": searches,
+        "sympy": lambda: sympy_rows(nested_sines(100_000), squares(2_000)),
+        "single": single,
+    }
+    found: dict[str, Any] = {}
+    for name, measure in tables.items():
+        found[name] = measure()
+        sys.stdout.write(f"{name}\n\n{table(found[name])}\n\n")
+        sys.stdout.flush()
+    machine = {"python": platform.python_version(), "machine": platform.machine(), "cores": os.cpu_count()}
+    chosen.json.parent.mkdir(parents=True, exist_ok=True)
+    chosen.json.write_text(json.dumps({"machine": machine, **found}, indent=1, ensure_ascii=False), encoding="utf-8")
+    sys.stdout.write(f"{time.perf_counter() - start:.0f} s in all; {chosen.json}\n")
 
 
 if __name__ == "__main__":

@@ -51,3 +51,55 @@ def half_planes(n: int) -> tuple[Expr, list[Param]]:
         body = body * teg.bracket(a * x + b * y < c)
         wrt += [a, b, c]
     return teg.integral(body, (x, 0, 1), (y, 0, 1)), wrt
+
+
+def disk() -> tuple[Expr, list[Param]]:
+    """∫∫ [(x - a)² + (y - b)² < t]·(1 + x/2) over a square: three parameters."""
+    x, y = teg.vars("x y")
+    t, a, b = teg.params("t a b")
+    return teg.integral(teg.bracket((x - a) ** 2 + (y - b) ** 2 < t) * (1 + 0.5 * x), (x, -1, 1), (y, -1, 1)), [t, a, b]
+
+
+def superellipse() -> tuple[Expr, list[Param]]:
+    """∫∫ [x⁴ + a·y⁴ < t] over a square."""
+    x, y = teg.vars("x y")
+    t, a = teg.params("t a")
+    return teg.integral(teg.bracket(x**4 + a * y**4 < t), (x, -1, 1), (y, -1, 1)), [t, a]
+
+
+def heart() -> tuple[Expr, list[Param]]:
+    """The area of (x² + y² - t)³ < x²·y³, roots isolated at run time."""
+    x, y = teg.vars("x y")
+    t = teg.param("t")
+    return teg.integral(teg.bracket((x * x + y * y - t) ** 3 < x**2 * y**3), (x, -1.4, 1.4), (y, -1.4, 1.4)), [t]
+
+
+def sphere() -> tuple[Expr, list[Param]]:
+    """The volume of a ball, three integrals inside each other."""
+    x, y, z = teg.vars("x y z")
+    t = teg.param("t")
+    return teg.integral(teg.bracket(x * x + y * y + z * z < t), (x, -1, 1), (y, -1, 1), (z, -1, 1)), [t]
+
+
+def distances(n: int) -> tuple[Expr, list[Param]]:
+    """∫₀¹ [Σᵢ |x - cᵢ| < r] dx: one condition with n kinks, n + 1 parameters."""
+    x, r = teg.var("x"), teg.param("r")
+    centres = [teg.param(f"c{i}") for i in range(n)]
+    return teg.integral(teg.bracket(sum((teg.abs(x - c) for c in centres), start=0 * x) < r), (x, 0, 1)), [r, *centres]
+
+
+def nested_sines(n: int) -> Expr:
+    """An expression of n nodes, n/2 deep: sin(sin(…) + t)."""
+    t = teg.param("t")
+    e: Expr = t
+    for _ in range(n // 2):
+        e = teg.sin(e) + t
+    return e
+
+
+def squares(n: int) -> Expr:
+    """e² + 1 of itself, n times: 2ⁿ terms if it were written out."""
+    e: Expr = teg.param("t")
+    for _ in range(n):
+        e = e * e + 1
+    return e

@@ -1,4 +1,4 @@
-"""Surfaces in charts weighted by slope: conics at random against an independent quadrature, implicit curves, cells, births and saddles."""
+"""Surfaces in charts weighted by slope: roots of one variable, kinks, implicit curves and surfaces, births and saddles."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
-from hypothesis import strategies as st
 
 import teg
 from teg.expr import Where
@@ -22,9 +20,6 @@ from teg.passes.implicit import Implicit, match_implicit
 x, y, z = teg.vars("x y z")
 t, a, b, r = teg.params("t a b r")
 SQUARE = ((x, -1, 1), (y, -1, 1))
-NAMES = ("xx", "xy", "yy", "x", "y", "1")
-COEFFICIENTS = teg.params("cxx cxy cyy cx cy c1")
-MONOMIALS = (x * x, x * y, y * y, x, y, 1 + 0 * x)
 
 
 def _differences(f: teg.Evaluator, at: dict[str, float], h: float = 1e-4) -> dict[tuple[str, str], float]:
@@ -83,7 +78,7 @@ def _polynomial_case(coefficients: list[float], shift: float) -> tuple[float, fl
     return value, gradient, hessian
 
 
-@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("backend", ["numpy", pytest.param("c", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("coefficients", "shift"),
     [
@@ -163,112 +158,24 @@ def test_a_sum_of_many_distances(n: int) -> None:
     assert gradient["r"] == pytest.approx(exact, rel=1e-11)
 
 
+POLYGON = teg.integral(teg.bracket(teg.abs(x - a) + teg.abs(y) + teg.abs(x + y) < t) * teg.exp(0.3 * x + 0.2 * y), *SQUARE)
+
+
 def test_a_polygon_in_the_l1_norm() -> None:
-    """The kinks of the surface are corners of the region, and move its second derivatives."""
-    e = teg.integral(teg.bracket(teg.abs(x - a) + teg.abs(y) + teg.abs(x + y) < t) * teg.exp(0.3 * x + 0.2 * y), *SQUARE)
-    f = teg.compile(e)
+    assert teg.check_gradient(teg.compile(POLYGON, tol=1e-12, backend="c"), {"t": 0.8, "a": 0.1}, tol=1e-7)
+
+
+@pytest.mark.slow
+def test_second_derivatives_of_a_polygon_in_the_l1_norm() -> None:
+    """The kinks of the surface are corners of the region, and move them."""
+    f = teg.compile(POLYGON, tol=1e-12, backend="c")
     at = {"t": 0.8, "a": 0.1}
-    assert teg.check_gradient(f, at, tol=1e-4)  # values hold tol = 1e-10, differences of them little more than half of that
-    assert teg.compile(e, tol=1e-12).grad(at)["t"] == pytest.approx(f.grad(at)["t"], rel=1e-10)
-    hessian, differences = f.hessian(at), _differences(f, at)
+    hessian, differences = f.hessian(at), _differences(f, at, 1e-3)
     for pair, exact in differences.items():
-        assert hessian[pair] == pytest.approx(exact, rel=1e-6, abs=1e-7)
+        assert hessian[pair] == pytest.approx(exact, rel=1e-10, abs=1e-10)
 
 
-# -- conics ----------------------------------------------------------------------------------------------------------------
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(60)
-_U = 0.5 * (_NODES + 1)
-
-
-def _conic_by_slices(c: list[float]) -> tuple[float, list[float]]:
-    """∫∫ [q < 0]·(1 + x/2) over the square and its gradient by the coefficients: the slices in closed form, between every y where they
-    change, with nodes for square roots at both ends."""
-    cxx, cxy, cyy, cx, cy, c1 = c
-    at_sides = [[cyy, cy + s * cxy, cxx + s * cx + c1] for s in (-1, 1)]
-    discriminant = [cxy**2 - 4 * cxx * cyy, 2 * cxy * cx - 4 * cxx * cy, cx**2 - 4 * cxx * c1]
-    breaks = [-1.0, 1.0]
-    for p in (*at_sides, discriminant, [cxy, cx], [0.0, cyy, cy, c1]):
-        trimmed = np.trim_zeros(np.asarray(p), "f")
-        if len(trimmed) > 1:
-            breaks += [float(u.real) for u in np.roots(trimmed) if abs(u.imag) < 1e-9 and abs(u.real) < 1]
-    breaks = sorted(set(breaks))
-    value, gradient = 0.0, np.zeros(6)
-    for low, high in pairwise(breaks):
-        ys = low + (high - low) * _U**2 * (3 - 2 * _U)
-        ws = 0.5 * _WEIGHTS * (high - low) * 6 * _U * (1 - _U)
-        for yy, w in zip(ys, ws, strict=True):
-            p = np.array([cxx, cxy * yy + cx, cyy * yy**2 + cy * yy + c1])
-            trimmed = np.trim_zeros(p, "f")
-            found = np.roots(trimmed) if len(trimmed) > 1 else np.zeros(0)
-            roots = sorted(float(u.real) for u in found if u.imag == 0 and abs(u.real) < 1)
-            ends = [-1.0, *roots, 1.0]
-            for u, v in pairwise(ends):
-                if np.polyval(p, 0.5 * (u + v)) < 0:
-                    value += w * (v - u + 0.25 * (v * v - u * u))
-            for u in roots:
-                slope = abs(2 * cxx * u + p[1]) or math.inf
-                gradient -= w * (1 + 0.5 * u) / slope * np.array([u * u, u * yy, yy * yy, u, yy, 1.0])
-    return value, list(gradient)
-
-
-_CONIC = teg.compile(
-    teg.integral(teg.bracket(sum((c * m for c, m in zip(COEFFICIENTS, MONOMIALS, strict=True)), 0 * x) < 0) * (1 + 0.5 * x), *SQUARE),
-    list(COEFFICIENTS),
-    backend="c",
-)
-_number = st.sampled_from([0.0, 0.0, 1.0, -1.0, 0.5, -0.25, 2.0]) | st.floats(-2, 2).map(lambda v: round(v, 3))
-
-
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
-@given(st.tuples(*[_number] * 6))
-def test_conics_at_random(coefficients: tuple[float, ...]) -> None:
-    """Every type, many of them exactly degenerate: against slices in closed form; at points without a derivative a diagnosis."""
-    c = list(coefficients)
-    assume(any(abs(v) > 0.1 for v in c[:5]))
-    at = dict(zip((p.name for p in COEFFICIENTS), c, strict=True))
-    value, gradient = _CONIC.value_and_grad(at)
-    exact_value, exact = _conic_by_slices(c)
-    assert value == pytest.approx(exact_value, abs=2e-9)
-    scale = 1 + max(abs(v) for v in exact)
-    if not all(math.isfinite(v) for v in gradient.values()):
-        assert _CONIC.diagnose(at)
-        return
-    if max(abs(gradient[p.name] - e) for p, e in zip(COEFFICIENTS, exact, strict=True)) > 1e-6 * scale:  # the slices are singular too
-        near = [_CONIC.grad({**at, "c1": c[5] + s * 1e-7}) for s in (-1, 1)]
-        smooth = all(abs(near[0][k] - near[1][k]) < 1e-3 * scale for k in at)
-        if smooth:
-            for k in at:
-                assert gradient[k] == pytest.approx(0.5 * (near[0][k] + near[1][k]), abs=1e-4 * scale)
-        else:
-            assert _CONIC.diagnose(at) or scale > 1e3
-
-
-@pytest.mark.parametrize(
-    "coefficients",
-    [
-        (1.0, 0.0, 1.0, 0.0, 0.0, -0.5),
-        (1.0, 0.0, 2.0, -0.2, 0.3, -0.4),
-        (1.0, 0.7, 1.3, 0.1, -0.2, -0.4),
-        (1.0, 0.0, 0.0, 0.0, -1.0, 0.1),
-        (1.0, 2.0, 1.0, 0.0, -1.0, 0.1),
-        (1.0, 0.0, -1.0, 0.0, 0.0, 0.2),
-        (0.0, 1.0, 0.0, 0.2, 0.0, 0.1),
-        (0.0, 0.0, 0.0, 1.0, 0.5, 0.1),
-        (1.0, 1e-9, 1e-12, 0.0, -1.0, 0.1),
-    ],
-    ids=["circle", "ellipse", "rotated", "parabola", "rotated-parabola", "hyperbola", "bilinear", "line", "nearly-a-parabola"],
-)
-def test_second_derivatives_of_conics(coefficients: tuple[float, ...]) -> None:
-    at = dict(zip((p.name for p in COEFFICIENTS), coefficients, strict=True))
-    exact_value, exact = _conic_by_slices(list(coefficients))
-    value, gradient = _CONIC.value_and_grad(at)
-    assert value == pytest.approx(exact_value, rel=1e-12)
-    assert [gradient[k] for k in at] == pytest.approx(exact, rel=2e-8, abs=1e-9)  # what slices reach
-    hessian = _CONIC.hessian(at)
-    for pair, quotient in _differences(_CONIC, at, 1e-3).items():
-        assert hessian[pair] == pytest.approx(quotient, rel=1e-5, abs=1e-6)
-        assert hessian[pair] == pytest.approx(hessian[pair[::-1]], rel=1e-9, abs=1e-10)
+# -- circles and other conics --------------------------------------------------------------------------------------------
 
 
 def test_a_disk_weighted_with_an_exponential() -> None:
@@ -280,7 +187,7 @@ def test_a_disk_weighted_with_an_exponential() -> None:
     assert f.hessian(t=0.5)["t", "t"] == pytest.approx(0.27275, abs=5e-6)
 
 
-@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("backend", ["numpy", pytest.param("c", marks=pytest.mark.slow)])
 def test_two_circles(backend: str) -> None:
     """A lens: its Hessian has point terms where the circles cross."""
     lens = teg.bracket(x * x + y * y < t) * teg.bracket((x - a) ** 2 + (y - 0.1) ** 2 < r * r)
@@ -324,7 +231,7 @@ IMPLICIT = {
 }
 
 
-@pytest.mark.parametrize("name", IMPLICIT)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in ("waves", "product") else ()) for n in IMPLICIT])
 def test_implicit_curves(name: str) -> None:
     condition, side, at = IMPLICIT[name]
     f = teg.compile(teg.integral(teg.bracket(condition) * teg.exp(a * x), (x, -side, side), (y, -side, side)), tol=1e-11)
@@ -362,7 +269,7 @@ def test_point_masses_are_no_deltas() -> None:
     assert teg.evaluate(e, {t: 0.05}) == pytest.approx(1 / abs(5 * 0.05**4 - 1), rel=1e-3)
 
 
-@pytest.mark.parametrize("radius", [0.5, 0.1, 0.02, 1e-3])
+@pytest.mark.parametrize("radius", [0.5, *(pytest.param(r, marks=pytest.mark.slow) for r in (0.1, 0.02)), 1e-3])
 def test_a_loop_is_found_however_small(radius: float) -> None:
     """Where its roots are born is searched for in two dimensions: the nodes of the outer integral would step over it."""
     u, v = (x - a) / r, (y - b) / r
@@ -383,7 +290,10 @@ def test_births_inside_the_box_are_breaks() -> None:
 
 @pytest.mark.parametrize(
     "condition",
-    [(y**2 - x**3 + x - t < 0) & (x**2 + y**2 < a), (x**5 + y**3 + x * y + y < t) & (x * x + y * y < a)],
+    [
+        (y**2 - x**3 + x - t < 0) & (x**2 + y**2 < a),
+        pytest.param((x**5 + y**3 + x * y + y < t) & (x * x + y * y < a), marks=pytest.mark.slow),
+    ],
     ids=str,
 )
 def test_a_curve_cut_by_a_circle(condition: teg.Cond) -> None:

@@ -105,9 +105,9 @@ def test_the_steps_of_floor_move() -> None:
     assert found == pytest.approx([-6.0, -1.2 + 1.8], rel=1e-13)
 
 
-def test_infinite_bounds_are_refused() -> None:
+def test_bounds_that_are_no_number_are_refused() -> None:
     with pytest.raises(teg.errors.BoundError):
-        INT(teg.exp(-x * x), (x, -math.inf, math.inf))
+        INT(teg.exp(-x * x), (x, math.nan, 1))
 
 
 def test_deltas_of_different_variables_multiply() -> None:
@@ -119,7 +119,7 @@ def test_deltas_of_different_variables_multiply() -> None:
 @pytest.mark.parametrize("at", [0.00086, 0.1, 0.5, 0.9, 0.99])
 def test_a_region_that_grazes_the_nodes(at: float, backend: str) -> None:
     """Two jumps between neighbouring nodes, in the inner integral and in the outer one."""
-    sine = teg.compile(INT(B(y < teg.sin(3 * x) * t), (x, 0, 1), (y, 0, 1)), backend=backend)
+    sine = teg.compile(INT(B(y < teg.sin(3 * x) * t), (x, 0, 1), (y, 0, 1)), backend=backend, tol=1e-12)
     assert sine(t=at) == pytest.approx(at * (1 - math.cos(3)) / 3, abs=1e-13)
     cubic = teg.compile(INT(B(y < t * x * (1 - x) * (1 + x)), (x, 0, 1), (y, 0, 1)), backend=backend)
     assert cubic(t=at) == pytest.approx(at / 4, abs=1e-12)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 import teg
+from teg.integration import Integration
 from teg.passes.schedule import schedule
 from teg.pipeline import flatten, normal_form
-from teg.program import Assign, Integrate, Isolate, Locate, Program, SumOver, size, statements
+from teg.program import Assign, Integrate, Isolate, Locate, Program, Sample, SumOver, size, statements
 from tests.references import Reference, untagged
 
 x, y = teg.vars("x y")
@@ -15,7 +16,7 @@ t, a = teg.params("t a")
 
 
 def program(e: teg.Expr, *names: str) -> Program:
-    return schedule(flatten(normal_form(e)), names, 1e-10)
+    return schedule(flatten(normal_form(e)), names, Integration())
 
 
 def test_the_smallest_program() -> None:
@@ -119,6 +120,13 @@ def names_of(p: Program) -> None:
                     check(arg, inside)
                 seen.extend((s.var, *s.results))
                 known |= set(s.results)
+            elif isinstance(s, Sample):
+                check(s.when, known)
+                inside = walk(s.body, known | set(s.points))
+                for arg in s.values:
+                    check(arg, inside)
+                seen.extend((*s.points, *s.results, *s.estimates))
+                known |= {*s.results, *s.estimates}
         return known
 
     top = walk(p.body, {f"p{i}" for i in range(len(p.parameters))})
@@ -145,6 +153,6 @@ def test_scheduling_is_deterministic() -> None:
 
 def test_the_adaptive_rule_is_everywhere_if_asked_for() -> None:
     e = normal_form(teg.integral(teg.bracket(x < t), (x, 0, 1)))
-    p = schedule([e], ["t"], 1e-6, "adaptive")
+    p = schedule([e], ["t"], Integration(1e-6, "adaptive"))
     rules = [s.rule for s in statements(p.body) if isinstance(s, Integrate)]
     assert [getattr(r, "tol", None) for r in rules] == [1e-6]

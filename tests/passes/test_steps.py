@@ -526,6 +526,24 @@ def test_a_number_of_steps_that_parameters_decide(at: float) -> None:
         assert math.isnan(f.hessian(t=at)["t", "t"])
 
 
+@pytest.mark.parametrize(
+    ("at", "value", "slope", "bend"),
+    [
+        (0.5, 0.5, 1.0, 0.0),  # t
+        (1.5, 0.875, -0.5, -1.0),  # t - (t² - 1)/2
+        (3.7, 3.7 - 13 / 72 * 3.7**2 - 0.5, 1 - 13 / 36 * 3.7, -13 / 36),  # t - 13t²/72 - 1/2
+        (-0.5, 1.0, 1.0, 0.0),  # t + 3/2
+        (-2.5, 0.78125, 0.375, 0.25),  # t + t²/8 + 5/2
+    ],
+)
+def test_steps_that_may_lie_at_infinity(at: float, value: float, slope: float, bend: float) -> None:
+    """t/x steps at x = t/k: where k is 0 there is no step, and nothing of it may come into a derivative."""
+    f = teg.compile(INT(teg.mod(t, x), (x, 1, 2)), [t])
+    assert f(t=at) == pytest.approx(value, rel=1e-14)
+    assert f.grad(t=at)["t"] == pytest.approx(slope, rel=1e-14)
+    assert f.hessian(t=at)["t", "t"] == pytest.approx(bend, rel=1e-14, abs=1e-14)
+
+
 def test_a_derivative_that_steps_have_no_part_in_has_no_end() -> None:
     """Only the bound moves: the derivative of ∫₀ᵗ floor(x) dx is floor(t), however many steps there are."""
     f = teg.compile(INT(teg.floor(x), (x, 0, t)))

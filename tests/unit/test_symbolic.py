@@ -20,6 +20,8 @@ from teg.expr import FUNCTIONS, Compare, Const, Param, Var, call, const
 from teg.integral import Delta, Integral
 from teg.node import Node, postorder
 from teg.symbolic import from_sympy, jacobian_determinant, to_sympy
+from teg.sympy_nodes import as_it_is, sympy_package
+from teg.sympy_reader import functions
 from teg.traverse import substitute
 from tests.properties.strategies import Scene, scenes
 from tests.references import REFERENCES, Reference
@@ -280,13 +282,13 @@ def test_values_are_those_of_sympy(s: Any, points: tuple[float, ...]) -> None:
 def test_every_function_that_is_read_is_tested() -> None:
     pieces = {type(n) for s in [*(s for s, _ in NUMBERS), *(s for _, s in FORMS)] for n in sympy.preorder_traversal(s)}
     unevaluated = {sympy.Nand, sympy.Nor, sympy.Implies, sympy.Xor}  # which SymPy writes with And, Or and Not at once
-    assert set(symbolic._functions()) <= pieces | unevaluated | {sympy.And, sympy.Or, sympy.Mul, sympy.Gt, sympy.Ge, sympy.Tuple}
+    assert set(functions()) <= pieces | unevaluated | {sympy.And, sympy.Or, sympy.Mul, sympy.Gt, sympy.Ge, sympy.Tuple}
 
 
 def test_connectives_that_sympy_rewrites() -> None:
     C, D = U > 0, U < V
     for kind in (sympy.Nand, sympy.Nor, sympy.Implies, sympy.Xor, sympy.Equivalent):
-        e = teg.bracket(symbolic._functions()[kind](from_sympy(C), from_sympy(D)))
+        e = teg.bracket(functions()[kind](from_sympy(C), from_sympy(D)))
         for u, v in ((1.0, 2.0), (1.0, 0.5), (-1.0, 2.0), (-1.0, -2.0)):
             assert value(e, u=u, v=v) == (1.0 if kind(u > 0, u < v) else 0.0), kind
 
@@ -426,7 +428,7 @@ def test_what_is_no_expression_of_sympy(s: Any) -> None:
 
 def test_without_sympy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sympy", None)
-    symbolic._sympy.cache_clear()
+    sympy_package.cache_clear()
     try:
         for use in (lambda: to_sympy(t), lambda: from_sympy(1)):
             with pytest.raises(errors.MissingPackageError) as caught:
@@ -435,7 +437,7 @@ def test_without_sympy(monkeypatch: pytest.MonkeyPatch) -> None:
         polar = {x: r * teg.cos(p), y: r * teg.sin(p)}
         assert "cos" in str(jacobian_determinant(polar, [r, p]))
     finally:
-        symbolic._sympy.cache_clear()
+        sympy_package.cache_clear()
 
 
 def test_sympy_is_imported_when_it_is_needed() -> None:
@@ -628,7 +630,7 @@ def test_too_deep_for_sympy_is_said() -> None:
 def test_an_error_in_something_long_is_short() -> None:
     s = to_sympy(squares(300))
     with pytest.raises(errors.OperandError) as caught:
-        from_sympy(symbolic._Writer({}, False, "auto").as_it_is(sympy.gamma, s))
+        from_sympy(as_it_is(sympy.gamma, s))
     assert len(str(caught.value)) < 500
 
 

@@ -1,0 +1,144 @@
+"""What one would use instead: the integrators of SciPy and vegas, and a uniform midpoint rule, on a plain integrand.
+
+None of them is told where the integrand jumps. Each takes a problem, the values of its parameters, a setting and a deadline, and
+gives a value with whatever the method itself says about its error. Derivatives are central differences.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from teg.examples.charts.problem import Integrand, Problem
+
+CHUNK = 2**20
+"""Points of the midpoint rule that are evaluated at a time."""
+TRAINING, ITERATIONS = 5, 10
+"""Iterations in which vegas adapts, and those that count, as its documentation has it."""
+SUBDIVISIONS = 1500
+"""Of cubature, after which it says that it has not converged (its default, 10 000, takes many seconds)."""
+SEED = 20210809
+SMALLEST_STEP, LARGEST_STEP = 1e-5, 0.05
+"""Of a central difference, relative to the parameter."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A number, the method's own estimate of its error (NaN: it gives none), a warning it gave, and how many evaluations it took."""
+
+    value: float
+    error: float = math.nan
+    warning: str = ""
+    evaluations: int = 0
+
+
+Method = Callable[[Problem, Mapping[str, float], float, float], Outcome]
+
+
+def midpoint(problem: Problem, parameters: Mapping[str, float], n: float, deadline: float = math.inf) -> Outcome:
+    """n points a variable."""
+    f, side = Integrand(problem, parameters, deadline), int(n)
+    total, points = 0.0, side**problem.dimension
+    for first in range(0, points, CHUNK):
+        index = np.arange(first, min(first + CHUNK, points))
+        place = np.stack(np.unravel_index(index, (side,) * problem.dimension), axis=-1)
+        total += float(f.on_cube((place + 0.5) / side).sum())
+    return Outcome(total / points, evaluations=f.evaluations)
+
+
+def dblquad(problem: Problem, parameters: Mapping[str, float], tol: float, deadline: float = math.inf) -> Outcome:
+    """scipy.integrate.dblquad, or quad in one variable: QUADPACK, Gauss-Kronrod with extrapolation; a scalar integrand."""
+    from scipy import integrate
+
+    f = Integrand(problem, parameters, deadline)
+    limits = [f.limits(i) for i in range(problem.dimension)]
+    with warnings.catch_warnings(record=True) as given:
+        warnings.simplefilter("always")
+        if problem.dimension == 1:
+            value, error = integrate.quad(f.scalar, limits[0][0](), limits[0][1](), epsabs=tol, epsrel=tol)[:2]
+        else:
+            value, error = integrate.dblquad(f.scalar, limits[1][0](), limits[1][1](), *limits[0], epsabs=tol, epsrel=tol)
+    said = [str(w.message) for w in given if issubclass(w.category, integrate.IntegrationWarning)]
+    return Outcome(float(value), float(error), said[0] if said else "", f.evaluations)
+
+
+def cubature(problem: Problem, parameters: Mapping[str, float], tol: float, deadline: float = math.inf) -> Outcome:
+    """scipy.integrate.cubature: adaptive Gauss-Kronrod (21 points a variable), vectorised."""
+    from scipy import integrate
+
+    f = Integrand(problem, parameters, deadline)
+    d = problem.dimension
+    found = integrate.cubature(f.on_cube, np.zeros(d), np.ones(d), rtol=tol, atol=0.0, max_subdivisions=SUBDIVISIONS)
+    said = "" if found.status == "converged" else "not converged"
+    return Outcome(float(found.estimate), float(found.error), said, f.evaluations)
+
+
+def vegas(problem: Problem, parameters: Mapping[str, float], samples: float, deadline: float = math.inf) -> Outcome:
+    """The vegas package (Lepage): adaptive importance and stratified sampling; always with the same random numbers."""
+    import gvar
+    import vegas as package
+
+    f = Integrand(problem, parameters, deadline)
+    gvar.ranseed(SEED)
+    integrator = package.Integrator([[0.0, 1.0]] * problem.dimension)
+    batch = package.lbatchintegrand(lambda x: f.on_cube(np.asarray(x)))
+    integrator(batch, nitn=TRAINING, neval=int(samples))
+    result = integrator(batch, nitn=ITERATIONS, neval=int(samples))
+    return Outcome(float(result.mean), float(result.sdev), "", f.evaluations)
+
+
+PEERS: dict[str, Method] = {"midpoint": midpoint, "dblquad": dblquad, "cubature": cubature, "vegas": vegas}
+PACKAGES = {"scipy": "scipy>=1.15", "vegas": "vegas", "matplotlib": "matplotlib", "tqdm": "tqdm"}
+
+
+def best_step(name: str, setting: float, relative_error: float) -> float:
+    """The step at which the error of a central difference, ε/h + h², is least: the cube root of the value's relative error ε.
+
+    ε is the true error, which whoever uses the method does not know; but no less than the method can be trusted to reach at
+    this setting, as a value may be right by accident.
+    """
+    trusted = {"midpoint": 1 / setting, "vegas": 1 / setting}.get(name, setting)
+    known = relative_error if math.isfinite(relative_error) else 1.0
+    return float(np.clip(max(known, trusted) ** (1 / 3), SMALLEST_STEP, LARGEST_STEP))
+
+
+def differences(
+    method: Method, problem: Problem, setting: float, step: float, deadline: float = math.inf
+) -> tuple[dict[str, Outcome], int, float]:
+    """Central differences by all parameters over `step` of their size: outcomes, evaluations, and seconds."""
+    begun, found, evaluations = time.perf_counter(), {}, 0
+    for name, p in problem.parameters.items():
+        h = step * (abs(p) or 1.0)
+        high, low = p + h, p - h
+        ahead, behind = (method(problem, {**problem.parameters, name: q}, setting, deadline) for q in (high, low))
+        evaluations += ahead.evaluations + behind.evaluations
+        error = (ahead.error + behind.error) / (high - low)
+        found[name] = Outcome((ahead.value - behind.value) / (high - low), error, ahead.warning or behind.warning)
+    return found, evaluations, time.perf_counter() - begun
+
+
+def relative_error(got: float, exact: float, scale: float = 1.0) -> float:
+    """|got - exact| / |exact|, or / scale if that is 0; 0 for the same infinity, inf where anything else is not finite."""
+    if got == exact:
+        return 0.0
+    if not (math.isfinite(got) and math.isfinite(exact)):
+        return math.inf
+    return abs(got - exact) / (abs(exact) or scale)
+
+
+def gradient_error(got: Mapping[str, Any], exact: Mapping[str, float], scale: float = 1.0) -> float:
+    """The largest error of a derivative, relative to the largest finite derivative (or to the scale, where all are 0)."""
+    size = max((abs(d) for d in exact.values() if math.isfinite(d)), default=0.0) or scale
+    return max(_entry_error(float(got[k]), d, size) for k, d in exact.items())
+
+
+def _entry_error(got: float, exact: float, size: float) -> float:
+    if got == exact:
+        return 0.0
+    return abs(got - exact) / size if math.isfinite(got) and math.isfinite(exact) else math.inf

@@ -1,0 +1,168 @@
+"""The stability table: every difficult case by every method, and what is to be thought of the answers.
+
+    right            off by at most 1e-9, relative
+    imprecise        by at most 1e-2
+    says it cannot   by more, or no number at all, but not silently: an error of the package's own, a warning, a diagnosis, an
+                     estimate of the error that admits it (a fifth of the true one or more), or no answer within the time limit
+    wrong            by more, silently
+    crashes          any other exception
+
+A value is compared with the exact one, relative to it; a gradient by its worst entry, relative to its largest one. Where the exact
+answer is 0, errors are relative to the case's scale. Where one-sided derivatives differ, their mean is right.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from teg.errors import AccuracyWarning, TegError
+from teg.examples.charts.case import Case
+from teg.examples.charts.ours import compiled
+from teg.examples.charts.peers import PEERS, Outcome, best_step, differences, gradient_error, relative_error
+from teg.examples.charts.problem import OutOfTimeError, Problem
+from teg.examples.charts.references import Reference
+
+RIGHT, IMPRECISE = 1e-9, 1e-2
+VERDICTS = ("right", "imprecise", "says it cannot", "wrong", "crashes")
+ADMITTED = 5
+"""A method whose estimate times this covers its error has said so."""
+TOL = 1e-12
+SECONDS = 1.0
+"""For one integral by another method."""
+MIDPOINTS = {1: 10**6, 2: 1000}
+SETTINGS = {"dblquad": 1.49e-8, "cubature": 1e-8, "vegas": 10**4}
+"""The defaults of SciPy; ten times vegas's number of samples."""
+DIFFERENCED, PLAIN = "ours, differenced", "plain automatic differentiation"
+COLUMNS: dict[str, tuple[str, ...]] = {
+    "ours": ("value", "gradient"),
+    **dict.fromkeys(PEERS, ("value", "gradient")),
+    DIFFERENCED: ("gradient",),
+    PLAIN: ("gradient",),
+}
+
+Answer = dict[str, Any]  # verdict, error, note
+
+
+def verdict(error: float, admitted: bool) -> str:
+    if error <= RIGHT:
+        return "right"
+    if error <= IMPRECISE:
+        return "imprecise"
+    return "says it cannot" if admitted else "wrong"
+
+
+def judge(case: Case, exact: Reference, method: str, backend: str) -> dict[str, Answer]:
+    """The answers of one method to one case: "value", "gradient" or both."""
+    if method == "ours":
+        return _ours(case, exact, backend)
+    if method == PLAIN:
+        return {"gradient": _guarded(lambda: _plain(case, exact, backend))}
+    if method == DIFFERENCED:
+        return {"gradient": _guarded(lambda: _differences_of_ours(case, exact, backend))}
+    return _peer(case, exact, method)
+
+
+def _answer(error: float, note: str, admitted: bool) -> Answer:
+    return {"verdict": verdict(error, admitted), "error": error if math.isfinite(error) else str(error), "note": note}
+
+
+def _guarded(attempt: Callable[[], Answer]) -> Answer:
+    """The answer, or what became of it."""
+    try:
+        return attempt()
+    except TegError as problem:
+        return {"verdict": "says it cannot", "error": "inf", "note": f"{type(problem).__name__}: {problem.what}"}
+    except OutOfTimeError:
+        return {"verdict": "says it cannot", "error": "inf", "note": f"no answer in {SECONDS:g} s"}
+    except Exception as problem:
+        return {"verdict": "crashes", "error": "inf", "note": f"{type(problem).__name__}: {problem}"}
+
+
+def _ours(case: Case, exact: Reference, backend: str) -> dict[str, Answer]:
+    parameters = case.problem.parameters
+
+    def value() -> Answer:
+        with _own_warnings() as said:
+            found = float(compiled(case.problem, "auto", TOL, backend)(**parameters))
+        return _answer(relative_error(found, exact.value, case.scale), "; ".join(said), bool(said))
+
+    def gradient() -> Answer:
+        with _own_warnings() as said:
+            f = compiled(case.problem, "auto", TOL, backend)
+            slopes = f.grad(**parameters)
+            reasons = [str(d) for d in f.diagnose(**parameters)]
+        said += reasons
+        return _answer(gradient_error(slopes, exact.gradient, case.scale), "; ".join(said), bool(said))
+
+    return {"value": _guarded(value), "gradient": _guarded(gradient)}
+
+
+@contextmanager
+def _own_warnings() -> Iterator[list[str]]:
+    """Collects this package's own warnings; others are shown as ever."""
+    said: list[str] = []
+    with warnings.catch_warnings(record=True) as given:
+        warnings.simplefilter("always")
+        yield said
+    for w in given:
+        if issubclass(w.category, AccuracyWarning):
+            said += [str(w.message).splitlines()[0]]
+        else:
+            warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)
+
+
+def _plain(case: Case, exact: Reference, backend: str) -> Answer:
+    with _own_warnings() as said:
+        slopes = compiled(case.problem, "auto", TOL, backend, "ignore").grad(**case.problem.parameters)
+    return _answer(gradient_error(slopes, exact.gradient, case.scale), "; ".join(said), bool(said))
+
+
+def _differences_of_ours(case: Case, exact: Reference, backend: str) -> Answer:
+    f = compiled(case.problem, "auto", TOL, backend)
+
+    def method(problem: Problem, parameters: Mapping[str, float], setting: float, deadline: float) -> Outcome:
+        return Outcome(float(f(**parameters)))
+
+    with _own_warnings() as said:
+        error = relative_error(method(case.problem, case.problem.parameters, TOL, math.inf).value, exact.value, case.scale)
+        found = differences(method, case.problem, TOL, best_step(DIFFERENCED, TOL, error))[0]
+    error = gradient_error({k: o.value for k, o in found.items()}, exact.gradient, case.scale)
+    return _answer(error, "; ".join(dict.fromkeys(said)), bool(said))
+
+
+def _peer(case: Case, exact: Reference, name: str) -> dict[str, Answer]:
+    problem, method = case.problem, PEERS[name]
+    setting = SETTINGS.get(name) or MIDPOINTS[problem.dimension]
+    errors = [1.0]
+
+    def value() -> Answer:
+        found = method(problem, problem.parameters, setting, time.perf_counter() + SECONDS)
+        error = relative_error(found.value, exact.value, case.scale)
+        errors.append(error)
+        return _answer(error, _note(found), _admits(found, exact.value))
+
+    def gradient() -> Answer:
+        # the deadline is for all integrals together; a slow method has already been stopped at the value
+        deadline = time.perf_counter() + 2 * SECONDS * len(problem.parameters)
+        found = differences(method, problem, setting, best_step(name, setting, errors[-1]), deadline)[0]
+        error = gradient_error({k: o.value for k, o in found.items()}, exact.gradient, case.scale)
+        admitted = any(_admits(found[k], d) for k, d in exact.gradient.items())
+        return _answer(error, next((n for n in map(_note, found.values()) if n), ""), admitted)
+
+    answers = {"value": _guarded(value)}
+    late = answers["value"]["note"].startswith("no answer")
+    return answers | {"gradient": answers["value"] if late else _guarded(gradient)}
+
+
+def _admits(found: Outcome, exact: float) -> bool:
+    return bool(found.warning) or not math.isfinite(found.value) or abs(found.value - exact) <= ADMITTED * found.error
+
+
+def _note(found: Outcome) -> str:
+    estimate = "" if math.isnan(found.error) else f"own estimate of the error {found.error:.1e}"
+    return "; ".join(filter(None, [found.warning.strip().splitlines()[0] if found.warning else "", estimate]))

@@ -1,0 +1,48 @@
+"""What a call says where the tolerance was not reached: a warning with the estimate, or an error."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from teg.errors import AccuracyError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+FLOOR = 1e-6
+"""Below this size a value's tolerance is absolute."""
+SLACK = 10.0
+"""An estimate is a bound for nearly all programs: it is about so much larger than the error of the usual one."""
+
+
+class AccuracyWarning(UserWarning):
+    """An integral that did not reach its tolerance, or diverges."""
+
+
+def report_missed(
+    values: np.ndarray, errors: np.ndarray, names: Sequence[str], tol: float, inaccurate: str, parameters: dict[str, np.ndarray]
+) -> None:
+    """Warn of the worst result, or raise: `values` and `errors` are (results, n), `names` say what each result is."""
+    import numpy as np
+
+    with np.errstate(all="ignore"):
+        excess = errors / (tol * np.maximum(np.abs(values), FLOOR))
+    meant = np.all([np.isfinite(v) for v in parameters.values()], axis=0) if parameters else np.True_
+    endless = ~np.isfinite(values) & meant
+    excess = np.where(endless, np.inf, np.where(np.isnan(excess), 0.0, excess))
+    if not excess.size or not excess.max() > SLACK:
+        return
+    i, j = map(int, np.unravel_index(int(np.argmax(excess)), excess.shape))
+    shown = [f"{k} = {float(v if v.ndim == 0 else v[j]):.6g}" for k, v in list(parameters.items())[:8]]
+    place = f" at {', '.join(shown)}" + (", …" if len(parameters) > 8 else "") if shown else ""
+    if np.isinf(excess[i, j]) and endless[i, j]:
+        what = f"{names[i]} does not converge{place}: the integral seems to diverge (given as {values[i, j]:g})"
+        hint = "is the integrand integrable there? where its singularity has a formula of the variable alone, put it on a bound"
+    else:
+        what = f"{names[i]} misses the tolerance {tol:g}{place}: {values[i, j]:.10g}, error estimate {errors[i, j]:.1e}"
+        hint = "a larger tol=, a smaller region, or a formula for what the integrand jumps at; f.value_and_error() gives the estimates"
+    if inaccurate == "raise":
+        raise AccuracyError(what, None, hint)
+    warnings.warn(f"{what}\n  hint: {hint}", AccuracyWarning, stacklevel=5)

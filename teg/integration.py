@@ -1,0 +1,57 @@
+"""How integrals are computed: tolerance, rule, order, and what belongs to them, checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from teg.errors import OptionError
+from teg.isolation import MAX_ROOTS
+
+DEFAULT_TOL = 1e-10
+RULES = {
+    "auto": "the nodes of its first look at a piece",
+    "adaptive": "the nodes of its first look at a piece",
+    "gauss": "nodes a piece and variable",
+    "midpoint": "points a variable",
+    "montecarlo": "samples",
+    "qmc": "samples",
+}
+"""The rules, and what `order` means to each."""
+MAX_ORDER = 64
+"""Nodes of a Gauss rule: beyond that pieces are better halved."""
+
+
+@dataclass(frozen=True)
+class Integration:
+    """Tolerance (mixed absolute and relative), rule, its order (None: the rule's own choice), the seed of samples, and how many roots a
+    condition may have whose number no theorem bounds. Raises OptionError for values that they cannot have."""
+
+    tol: float = DEFAULT_TOL
+    rule: str = "auto"
+    order: int | None = None
+    seed: int = 0
+    max_roots: int = MAX_ROOTS
+
+    def __post_init__(self) -> None:
+        tol: Any = self.tol
+        if isinstance(tol, bool) or not isinstance(tol, int | float) or not 0 < tol < 1:
+            raise OptionError(f"tol={tol!r} is not a tolerance", None, "a number between 0 and 1, such as 1e-10")
+        if self.rule not in RULES:
+            raise OptionError(f"rule={self.rule!r} is not known", None, "one of: " + ", ".join(RULES))
+        order: Any = self.order
+        if order is not None:
+            most = MAX_ORDER if self.rule in ("auto", "adaptive", "gauss") else 2**35
+            if not isinstance(order, int) or isinstance(order, bool) or not 1 <= order <= most:
+                meaning = f"order= is {RULES[self.rule]} with rule={self.rule!r}"
+                raise OptionError(f"order={order!r} is not a number from 1 to {most}", None, meaning)
+            if self.rule in ("auto", "adaptive") and order < 4:
+                raise OptionError(f"order={order} is too few for rule={self.rule!r}", None, "from 4 on the error can be estimated")
+        if not _is_whole(self.seed) or not 0 <= self.seed < 2**32:
+            raise OptionError(f"seed={self.seed!r} is not a seed", None, "a whole number from 0 to 2³² - 1")
+        if not _is_whole(self.max_roots) or not 1 <= self.max_roots <= 4096:
+            raise OptionError(f"max_roots={self.max_roots!r} is not a number of roots", None, "1 to 4096; each takes a place in the loops")
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)

@@ -1,0 +1,174 @@
+"""Roots as statements of `teg.program`, and what is summed over them.
+
+`∫ F·δ(g) dx` is, once |∂g/∂x| has been divided out, the sum of F over the roots of g in x. Where all roots have formulas these are written
+out, one after the other (`solve`); otherwise an `Isolate` finds them at run time and a `SumOver` goes through them. A `Locate` finds where
+two surfaces meet, for the breaks of an outer integral.
+
+A root is not exact: what is evaluated there carries its error, so that conditions on surfaces through the same point tie (`Emitter.tie`).
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import cast
+
+from teg.expr import ONE, Compare, Expr, Var
+from teg.integral import Integral, PointMasses
+from teg.isolation import MAX_ROOTS, Isolation, Location, isolate, off_the_grid, widened
+from teg.passes.emit import NAN, Emitter, Level
+from teg.program import TIE_EPS, Arg, Isolate, Locate, SumOver
+from teg.roots import Root, solve
+from teg.surfaces import atoms_of
+from teg.tails import finite_place, is_unbounded
+from teg.traverse import replace_node, substitute
+
+_NOWHERE = float("inf")
+_ROOT_ERROR = 4.0
+"""A root found at run time is off by at most so many ε of its size."""
+
+
+class RootEmitter(Emitter):
+    """An emitter that also finds roots, and sums over them; `when`: the guard of the integral that asks, if it has one."""
+
+    def __init__(self, parameters: Sequence[str], max_roots: int) -> None:
+        super().__init__(parameters)
+        self.max_roots = max_roots
+
+    @abstractmethod
+    def plan_integrals(self, level: Level, roots: Sequence[Expr]) -> None:
+        """Find the integrals that belong to a new level, before anything there is emitted."""
+
+    # -- roots ---------------------------------------------------------------------------------------------------------
+
+    def isolated(self, isolation: Isolation, lo: Expr, hi: Expr, home: Level, when: str | None) -> tuple[Arg, ...]:
+        """The roots of a function between two bounds, found at run time."""
+        key = (isolation.g, isolation.var, lo, hi, when)
+        if key not in home.isolated:
+            ends = self.number(lo, home), self.number(hi, home)
+            left, right, var = (self.fresh("x") for _ in range(3))
+            at_left = home.inside(isolation.left, left)
+            at_both = at_left.inside(isolation.right, right)
+            bounds = cast("tuple[Arg, Arg, Arg, Arg]", tuple(self.number(b, at_both) for b in isolation.bounds))
+            at_point = home.inside(isolation.var, var)
+            value, rate = self.number(isolation.g, at_point), self.number(isolation.slope, at_point)
+            results = tuple(self.fresh("v") for _ in range(isolation.count))
+            enclosure = (*at_left.block, *at_both.block)
+            home.block.append(Isolate(var, *ends, left, right, enclosure, bounds, tuple(at_point.block), value, rate, results, when))
+            home.isolated[key] = results
+        return home.isolated[key]
+
+    def isolated_in(self, node: Integral, isolation: Isolation, home: Level, when: str | None, wide: bool = False) -> tuple[Arg, ...]:
+        """The roots of a function within the bounds of an integral (or a little beyond them), up to infinity if need be."""
+        if not is_unbounded(node):
+            return self.isolated(isolation, *(widened(node.lo, node.hi) if wide else (node.lo, node.hi)), home, when)
+        s, (start, end), place, _ = finite_place(node, [v for v in isolation.g.free if isinstance(v, Var)])
+        bent = isolate(cast(Expr, substitute(isolation.g, {node.var: place})), s, isolation.count)
+        if bent is None:
+            raise AssertionError(f"the roots of {isolation.g} cannot be isolated")
+        found = self.isolated(bent, start, end, home, when)
+        places = [self.number(place, Level(s, home, home.depth + 1, names={s: root}, block=home.block)) for root in found]
+        return tuple(
+            self.assign(home, "v", "select", self.assign(home, "b", "lt0", self.assign(home, "v", "sub", root, _NOWHERE)), at, root)
+            for root, at in zip(found, places, strict=True)
+        )
+
+    def located(self, location: Location, lo: Expr, hi: Expr, home: Level, when: str | None) -> tuple[Arg, ...]:
+        """Where two surfaces meet, seen from the outer variable."""
+        key = (location.f, location.g, location.inner, location.outer, location.low, location.high, lo, hi, when)
+        if key not in home.isolated:
+            rectangle = (*off_the_grid(lo, hi), *off_the_grid(location.low, location.high))
+            first, last, low, high = (self.number(e, home) for e in rectangle)
+            left, right, bottom, top = (self.fresh("x") for _ in location.corners)
+            level, blocks = home, []
+            for corner, name in zip(location.corners, (left, right, bottom, top), strict=True):
+                level = level.inside(corner, name)
+                blocks.append(level.block)
+            bounds = cast("tuple[Arg, Arg, Arg, Arg]", tuple(self.number(b, level) for b in location.bounds))
+            enclosure = tuple(s for block in blocks for s in block)
+            results = tuple(self.fresh("v") for _ in range(MAX_ROOTS))
+            home.block.append(Locate(first, last, low, high, left, right, bottom, top, enclosure, bounds, results, when))
+            home.isolated[key] = results
+        return home.isolated[key]
+
+    def point(self, root: Root, home: Level) -> Arg:
+        """A root by its formula; +inf where it does not exist."""
+        holds, fails = self.truths(root.exists, home)
+        at = self.number(root.point, home)
+        known = self.assign(home, "v", "select", self.assign(home, "b", "ok", at), at, _NOWHERE)  # 0/0: the degree is lower
+        absent = _NOWHERE if fails is True else self.assign(home, "v", "select", fails, _NOWHERE, NAN)
+        return known if holds is True else self.assign(home, "v", "select", holds, known, absent)
+
+    def _level_at_roots(self, x: Var, home: Level) -> tuple[str, Level]:
+        """The name of a root found at run time, and the inside of the sum over such roots: there x is not exact."""
+        var = self.fresh("x")
+        level = home.inside(x, var)
+        level.errors[x] = self.assign(level, "v", "mul", _ROOT_ERROR, self.size(x, level))
+        return var, level
+
+    def _level_at_formula(self, x: Var, root: Root, home: Level) -> Level:
+        """The place of a root that has a formula. It has no inside: statements go where those of its home go."""
+        level = home.inside(x, self.point(root, home))
+        level.block = home.block
+        level.errors[x] = self.error(root.point, home)
+        return level
+
+    # -- sums over roots -----------------------------------------------------------------------------------------------
+
+    def sum_over_roots(self, group: Sequence[Integral], masses: PointMasses, home: Level, when: str | None) -> tuple[Arg, ...]:
+        """Σ over the roots of g of what multiplies its point masses, for each of the integrals that share them."""
+        node = group[0]
+        bodies = [cast(Expr, replace_node(i.body, masses, ONE)) for i in group]
+        roots = solve(masses.g, node.var, node.lo, node.hi)
+        if roots is not None and roots.certain:
+            return self._sum_of_branches(bodies, node.var, roots.found, home)
+        isolation = isolate(masses.g, node.var, self.max_roots)
+        if isolation is None:
+            raise AssertionError(f"the roots of {masses.g} cannot be isolated")
+        points = self.isolated_in(node, isolation, home, when)
+        var, level = self._level_at_roots(node.var, home)
+        if home.middle is not None:
+            level.coincident = self._coincident(node, isolation, bodies, home.middle)
+        self.plan_integrals(level, bodies)
+        values = tuple(self.number(b, level) for b in bodies)
+        results = tuple(self.fresh("v") for _ in group)
+        home.block.append(SumOver(var, points, tuple(level.block), values, results, when))
+        return results
+
+    def _sum_of_branches(self, bodies: Sequence[Expr], x: Var, roots: Sequence[Root], home: Level) -> tuple[Arg, ...]:
+        """The same where the roots have formulas: one after the other. On a piece between complete breaks the conditions at a root are
+        constant, and are decided in its middle, away from where they change."""
+        inner = self.binders(bodies)
+        atoms = [c for c in dict.fromkeys(c for b in bodies for c in atoms_of(b, x)) if not c.g.free & inner]
+        terms: list[list[Arg]] = [[] for _ in bodies]
+        for root in roots:
+            level = self._level_at_formula(x, root, home)
+            if home.middle is not None and home.breaks is not None and home.breaks.complete:
+                middle = self._level_at_formula(x, root, home.middle)
+                for atom in atoms:
+                    level.names[atom] = self.truths(atom, middle)
+            at = cast(Arg, level.names[x])
+            finite = self.assign(home, "b", "ok", self.assign(home, "v", "sub", at, at))
+            absent = self.assign(home, "v", "select", self.assign(home, "b", "ok", at), 0.0, NAN)
+            self.plan_integrals(level, bodies)
+            for body, found in zip(bodies, terms, strict=True):
+                found.append(self.assign(home, "v", "select", finite, self.number(body, level), absent))
+        return tuple(found[0] if len(found) == 1 else self.assign(home, "v", "add", *found) if found else 0.0 for found in terms)
+
+    def _coincident(self, node: Integral, isolation: Isolation, bodies: Sequence[Expr], middle: Level) -> dict[Compare, Arg]:
+        """Which conditions tie with the surface g in the middle of a piece of the integral outside: only they can do so all along it. That
+        the two touch in a point is no tie."""
+        inner = self.binders(bodies)
+        rivals = dict.fromkeys(c for b in bodies for c in atoms_of(b, node.var) if c.resolution is not None and not c.g.free & inner)
+        if not rivals:
+            return {}
+        points = self.isolated_in(node, isolation, middle, None)
+        var, level = self._level_at_roots(node.var, middle)
+        values = []
+        for c in rivals:
+            room = self.assign(level, "v", "mul", TIE_EPS, self.tie_scale(c.g, level))
+            near = self.assign(level, "b", "ge0", self.assign(level, "v", "sub", room, self.size(c.g, level)))
+            values.append(self.assign(level, "v", "select", near, 1.0, 0.0))
+        results = tuple(self.fresh("v") for _ in rivals)
+        middle.block.append(SumOver(var, points, tuple(level.block), tuple(values), results))
+        return {c: self.assign(middle, "b", "gt0", r) for c, r in zip(rivals, results, strict=True)}

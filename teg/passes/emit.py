@@ -1,0 +1,346 @@
+"""Numbers and conditions as statements of `teg.program`: every value is computed once, at the outermost level where its inputs exist.
+
+A condition is two booleans, *holds* and *fails*: both are false where it is NaN, and `where` on it is then NaN (Kleene's logic), so NaN
+comes out where NaN went in, unless the branch that holds it is not taken.
+
+A condition on a surface is a tie where it is 0 up to rounding: up to a few ε times Σ|terms|, and times the running error bound of its
+terms (Wilkinson, Rounding Errors in Algebraic Processes, 1963).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import cast
+
+from teg.expr import MINUS_ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where
+from teg.integral import Delta, Integral
+from teg.node import Node
+from teg.passes.breaks import Breaks
+from teg.program import Arg, Assign, Stmt
+from teg.surfaces import binders_inside
+
+Truths = tuple[Arg, Arg]  # holds, fails
+NAN = float("nan")
+_EPSILON = 2.0**-52
+
+
+@dataclass
+class Level:
+    """The inside of one integral (or the outside of all): where statements go, and what has a name already.
+
+    An integral has two: the nodes of a piece, and its `middle`, where everything that is constant on the piece is evaluated.
+    """
+
+    var: Var | None
+    outer: Level | None
+    depth: int
+    breaks: Breaks | None = None
+    middle: Level | None = None
+    block: list[Stmt] = field(default_factory=list)
+    names: dict[Node, Arg | Truths] = field(default_factory=dict)
+    computed: dict[tuple[str, tuple[Arg, ...]], str] = field(default_factory=dict)
+    errors: dict[Expr, Arg] = field(default_factory=dict)
+    groups: dict[Integral, list[Integral]] = field(default_factory=dict)
+    guards: dict[Integral, Cond] = field(default_factory=dict)
+    isolated: dict[object, tuple[Arg, ...]] = field(default_factory=dict)
+    coincident: dict[Compare, Arg] = field(default_factory=dict)  # of a sum over roots: the conditions that may tie with its surface
+    constant: dict[Node, bool] = field(default_factory=dict)  # on a piece
+    coordinates: dict[Integral, str] | None = None  # of the nest of integrals that is sampled here: theirs, but for the outermost one's
+
+    def inside(self, var: Var, name: Arg) -> Level:
+        """The level one deeper, where a variable has that name."""
+        return Level(var, self, self.depth + 1, names={var: name}, coordinates=self.coordinates)
+
+    def is_constant(self, node: Node) -> bool:
+        """Does the node depend on this level's variable through conditions that are constant on a piece only?"""
+        known, handled = self.constant, cast(Breaks, self.breaks).handled
+        stack = [node]
+        while stack:
+            n = stack[-1]
+            if n in known:
+                stack.pop()
+            elif self.var not in n.free:
+                known[n] = True
+                stack.pop()
+            elif isinstance(n, Var | Integral):
+                known[n] = False
+                stack.pop()
+            elif isinstance(n, Compare):
+                known[n] = n.g in handled
+                stack.pop()
+            elif missing := [c for c in n.children if c not in known]:
+                stack.extend(missing)
+            else:
+                known[n] = all(known[c] for c in n.children)
+                stack.pop()
+        return known[node]
+
+
+class Emitter(ABC):
+    """Names for expressions and conditions, and the statements that compute them; how an integral is computed is left open."""
+
+    def __init__(self, parameters: Sequence[str]) -> None:
+        self.parameter_names = {p: f"p{i}" for i, p in enumerate(parameters)}
+        self.ties: dict[tuple[str, str], int] = {}
+        self._count = 0
+        self._binders: dict[Node, frozenset[Var]] = {}
+
+    @abstractmethod
+    def integrate(self, node: Integral, home: Level) -> None:
+        """Give an integral a name in `home.names`; its body has none yet."""
+
+    def fresh(self, kind: str) -> str:
+        """A name that nothing has: "v…" for a number, "b…" for a boolean, "x…" for a variable."""
+        self._count += 1
+        return f"{kind}{self._count}"
+
+    def binders(self, nodes: Sequence[Node]) -> frozenset[Var]:
+        """The variables of the integrals inside."""
+        for node in nodes:
+            if node not in self._binders:
+                self._binders[node] = binders_inside(node)
+        return frozenset().union(*(self._binders[n] for n in nodes))
+
+    # -- where things go -----------------------------------------------------------------------------------------------
+
+    def home_of(self, node: Node, level: Level) -> Level:
+        """The outermost level where the inputs of a node exist."""
+        while level.var is not None:
+            if level.var in node.free:
+                return level.middle if level.middle is not None and level.is_constant(node) else level
+            level = cast(Level, level.outer)
+        return level
+
+    def assign(self, home: Level, kind: str, op: str, *args: Arg) -> str:
+        """The name of op(args), computed once a level."""
+        key = (op, args)
+        if key not in home.computed:
+            home.computed[key] = self.fresh(kind)
+            home.block.append(Assign(home.computed[key], op, args))
+        return home.computed[key]
+
+    def number(self, e: Expr, level: Level) -> Arg:
+        """The name of an expression, or its literal."""
+        self.emit(e, level)
+        return self._number_of(e, level)
+
+    def truths(self, c: Cond, level: Level) -> Truths:
+        """The names of *holds* and *fails*."""
+        self.emit(c, level)
+        return self._truths_of(c, level)
+
+    def emit(self, root: Node, level: Level) -> None:
+        """Give the node and everything below it a name, children first, without recursion (but for the nesting of integrals)."""
+        stack: list[tuple[Node, Level]] = [(root, level)]
+        while stack:
+            node, at = stack[-1]
+            home = self.home_of(node, at)
+            if node in home.names:
+                stack.pop()
+                continue
+            children: Sequence[Node] = node.children[1:] if isinstance(node, Integral) else node.children
+            missing = [(c, home) for c in children if c not in self.home_of(c, home).names]
+            if missing:
+                stack.extend(reversed(missing))
+                continue
+            if isinstance(node, Integral):
+                self.integrate(node, home)
+            elif isinstance(node, Cond):
+                home.names[node] = self.condition(node, home)
+            else:
+                home.names[node] = self.value(cast(Expr, node), home)
+            stack.pop()
+
+    def _number_of(self, e: Expr, level: Level) -> Arg:
+        return cast(Arg, self.home_of(e, level).names[e])
+
+    def _truths_of(self, c: Cond, level: Level) -> Truths:
+        return cast(Truths, self.home_of(c, level).names[c])
+
+    # -- values and conditions -----------------------------------------------------------------------------------------
+
+    def value(self, e: Expr, home: Level) -> Arg:
+        """A number whose children have names."""
+        match e:
+            case Const():
+                return cast(float, e.data)
+            case Param():
+                return self.parameter_names[e.name]
+            case Add():
+                return self.sum(e, home)
+            case Mul():
+                return self.product(e, home)
+            case Pow():
+                base = self._number_of(e.base, home)
+                return self.assign(home, "v", "div", 1.0, base) if e.exponent == -1 else self.assign(home, "v", "powi", base, e.exponent)
+            case Call():
+                args = [self._number_of(c, home) for c in e.children]
+                if e.name == "root":
+                    return self.assign(home, "v", "sqrt", self.assign(home, "v", "abs", *args))
+                return self.assign(home, "v", "abs" if e.name == "magnitude" else e.name, *args)
+            case Where():
+                holds, fails = self._truths_of(e.condition, home)
+                otherwise: Arg = self._number_of(e.otherwise, home) if fails is not False else NAN
+                if not isinstance(fails, bool):
+                    otherwise = self.assign(home, "v", "select", fails, otherwise, NAN)
+                return self.assign(home, "v", "select", holds, self._number_of(e.then, home), otherwise)
+            case Tuple() | Delta() | _:
+                raise AssertionError(f"{type(e).__name__} cannot be scheduled")
+
+    def sum(self, e: Add, home: Level) -> Arg:
+        """Terms are added from the left in the order written; a term -u is subtracted."""
+        total: list[Arg] = []
+        for term in e.children:
+            negative = isinstance(term, Mul) and isinstance(term.children[0], Const) and term.children[0].data == -1.0
+            if total and negative and len(term.children) == 2:
+                left = total[0] if len(total) == 1 else self.assign(home, "v", "add", *total)
+                total = [self.assign(home, "v", "sub", left, self.number(cast(Expr, term.children[1]), home))]
+            else:
+                total.append(self.number(term, home))
+        return total[0] if len(total) == 1 else self.assign(home, "v", "add", *total)
+
+    def product(self, e: Mul, home: Level) -> Arg:
+        """Factors are multiplied from the left, then divided by what stands below, then negated."""
+        above: list[Arg] = []
+        below: list[Arg] = []
+        sign = False
+        for factor in e.children:
+            if isinstance(factor, Pow) and factor.exponent == -1:
+                below.append(self.number(factor.base, home))
+            elif isinstance(factor, Const) and factor.data == -1.0:
+                sign = True
+            else:
+                above.append(self.number(factor, home))
+        result: Arg = 1.0 if not above else above[0]
+        if len(above) > 1:
+            result = self.assign(home, "v", "mul", *above)
+        for divisor in below:
+            result = self.assign(home, "v", "div", result, divisor)
+        return self.assign(home, "v", "neg", result) if sign else result
+
+    def condition(self, c: Cond, home: Level) -> Truths:
+        """A condition whose children have names."""
+        match c:
+            case Truth():
+                return (bool(c.data), not c.data)
+            case Not():
+                holds, fails = self._truths_of(c.operand, home)
+                return (fails, holds)
+            case And() | Or():
+                parts = [self._truths_of(child, home) for child in c.children]
+                both, either = ("and", "or") if isinstance(c, And) else ("or", "and")
+                return (
+                    self.assign(home, "b", both, *(p[0] for p in parts)),
+                    self.assign(home, "b", either, *(p[1] for p in parts)),
+                )
+            case Compare():
+                g = self._number_of(c.g, home)
+                if c.resolution is not None:
+                    return self.tie(c, g, home)
+                ops = ("gt0", "le0") if c.strict else ("ge0", "lt0")
+                return (self.assign(home, "b", ops[0], g), self.assign(home, "b", ops[1], g))
+            case _:
+                raise AssertionError(f"unknown condition {type(c).__name__}")
+
+    # -- ties, and the rounding errors behind them ---------------------------------------------------------------------
+
+    def tie(self, c: Compare, g: Arg, home: Level) -> Truths:
+        """A condition on a surface: decided by its sign, or by its resolution where it ties."""
+        holds_first = self._truths_of(cast(Cond, c.resolution), home)[0]
+        scale = self.tie_scale(c.g, home)
+        if c in home.coincident:
+            scale = self.assign(home, "v", "select", home.coincident[c], scale, 0.0)
+        k = self.ties.setdefault(cast("tuple[str, str]", c.rivals), len(self.ties))
+        holds = self.assign(home, "b", "tie", g, scale, holds_first, k)
+        fails = self.assign(home, "b", "not", holds)
+        ok = self.assign(home, "b", "ok", g)
+        return (holds, self.assign(home, "b", "and", fails, ok))
+
+    def tie_scale(self, g: Expr, home: Level) -> Arg:
+        """What, times a few ε, an atom may be off by where it is 0: Σ|terms|, and the rounding errors its terms come with."""
+        terms, error = self._terms_size(g, home), self.error(g, home)
+        return terms if error == 0.0 else self.assign(home, "v", "add", terms, error)
+
+    def _terms_size(self, g: Expr, home: Level) -> Arg:
+        """Σ|terms|, of the branch that is taken and behind a number in front."""
+        if isinstance(g, Where):
+            holds = self.truths(g.condition, home)[0]
+            return self.assign(home, "v", "select", holds, self._terms_size(g.then, home), self._terms_size(g.otherwise, home))
+        if isinstance(g, Mul) and len(g.children) == 2 and isinstance(g.children[0], Const):
+            return self.assign(home, "v", "mul", abs(g.children[0].data), self._terms_size(g.children[1], home))
+        if not isinstance(g, Add):
+            return self.size(g, home)
+        return self.assign(home, "v", "add", *(self.size(t, home) for t in g.children))
+
+    def size(self, e: Expr, home: Level) -> Arg:
+        """|e|."""
+        value = self.number(e, home)
+        return abs(value) if isinstance(value, float | int) else self.assign(home, "v", "abs", value)
+
+    def error(self, root: Expr, level: Level) -> Arg:
+        """A running error bound in units of ε: parameters and variables are exact (but those in `errors`), each operation rounds once."""
+        stack: list[tuple[Expr, Level]] = [(root, level)]
+        while stack:
+            e, at = stack[-1]
+            home = self.home_of(e, at)
+            if e in home.errors:
+                stack.pop()
+                continue
+            inside: Sequence[Expr] = ()
+            if isinstance(e, Add | Mul | Pow | Call):
+                inside = cast("Sequence[Expr]", e.children)
+            elif isinstance(e, Where):
+                inside = (e.then, e.otherwise)
+            missing = [(c, home) for c in inside if c not in self.home_of(c, home).errors]
+            if missing:
+                stack.extend(missing)
+                continue
+            home.errors[e] = self._own_error(e, [self.home_of(c, home).errors[c] for c in inside], home)
+            stack.pop()
+        return self.home_of(root, level).errors[root]
+
+    def _own_error(self, e: Expr, errors: list[Arg], home: Level) -> Arg:
+        """The bound for one operation, from those of its children."""
+
+        def put(op: str, *args: Arg) -> Arg:
+            return self.assign(home, "v", op, *args)
+
+        def size(child: Expr) -> Arg:
+            return self.size(child, home)
+
+        def total(*parts: Arg) -> Arg:
+            kept = [p for p in parts if p != 0.0]
+            return put("add", *kept) if len(kept) > 1 else kept[0] if kept else 0.0
+
+        match e:
+            case Const() | Param() | Var():
+                return 0.0
+            case Mul() if e.children[0] is MINUS_ONE and len(e.children) == 2:
+                return errors[1]
+            case Mul():
+                carried = []
+                for i, err in enumerate(errors):
+                    if err != 0.0:
+                        carried.append(put("mul", err, *(size(f) for j, f in enumerate(e.children) if j != i)))
+                return total(size(e), *carried)
+            case Pow():
+                if errors[0] == 0.0:
+                    return size(e)
+                return total(size(e), put("mul", float(abs(e.exponent)), errors[0], put("powi", size(e.base), e.exponent - 1)))
+            case Where():
+                return errors[0] if errors[0] == errors[1] else put("select", self.truths(e.condition, home)[0], *errors)
+            case Call() if e.name == "magnitude":
+                return errors[0]
+            case Call() if e.name in ("sqrt", "root") and errors[0] != 0.0:
+                least = put("sqrt", put("mul", _EPSILON, errors[0]))  # √ of a rounding error is the most the root of nothing can be
+                return total(size(e), put("div", errors[0], put("add", size(e), least)))
+            case Call() if e.name == "log" and errors[0] != 0.0:
+                return total(size(e), put("div", errors[0], size(e.children[0])))
+            case Call() if e.name == "exp" and errors[0] != 0.0:
+                return total(size(e), size(e) if errors[0] == 1.0 else put("mul", errors[0], size(e)))
+            case Add() | Call():
+                return total(size(e), *errors)
+            case _:
+                return size(e)

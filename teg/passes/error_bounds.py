@@ -1,0 +1,234 @@
+"""Error estimates carried through a flat program: for every output one more, an estimate of its error.
+
+Errors begin in the integrals: each has its rule's own estimate (`Integrate.estimates`), to which the integral of its integrand's error is
+added. What is computed from inexact numbers is inexact to first order,
+
+    Δ(u + v) = Δu + Δv     Δ(u·v) = |v|·Δu + |u|·Δv + Δu·Δv     Δf(u) = |f′(u)|·Δu     (Higham 2002, chapter 3)
+
+and a condition g > 0 with |g| <= Δg is *doubtful*: a choice by it may be the other one. Exact values have no companion, so a program
+without integrals of integrals gains a few statements. Linear in the size of the program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from teg.program import Arg, Assign, Integrate, Isolate, Locate, Program, Sample, Stmt, SumOver, assigned, statements, without_dead_code
+
+ROUNDINGS = 16 * 2.0**-52
+Errors = dict[Arg, Arg]
+"""By name: the error of a number (0.0 if it is not there), or whether a condition is doubtful (False if it is not there)."""
+
+
+def with_error_estimates(program: Program) -> Program:
+    """The program with twice the outputs: the old ones, then an error estimate of each."""
+    return _Estimator(program).run()
+
+
+class _Estimator:
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.errors: Errors = {}
+        self._count = 0
+        self._taken = {name for stmt in statements(program.body) for name in assigned(stmt)}
+
+    def run(self) -> Program:
+        body = self._block(self.program.body)
+        ends: list[Stmt] = []
+        errors = [self._sum_of((self._error(o), self._rounding(o, ends)), ends) for o in self.program.outputs]
+        body, outputs = (*body, *ends), (*self.program.outputs, *errors)
+        return without_dead_code(Program(self.program.parameters, body, outputs, self.program.ties))
+
+    def _rounding(self, output: Arg, out: list[Stmt]) -> Arg:
+        """A few roundings of what is computed outside of all integrals."""
+        if not isinstance(output, str):
+            return 0.0
+        return self._op(out, "mul", ROUNDINGS, self._op(out, "abs", output))
+
+    def _fresh(self, kind: str) -> str:
+        while True:
+            self._count += 1
+            name = f"{kind}{self._count}e"
+            if name not in self._taken:
+                return name
+
+    def _error(self, arg: Arg) -> Arg:
+        return self.errors.get(arg, 0.0) if isinstance(arg, str) else 0.0
+
+    def _doubt(self, arg: Arg) -> Arg:
+        return self.errors.get(arg, False) if isinstance(arg, str) else False
+
+    def _block(self, block: Sequence[Stmt]) -> tuple[Stmt, ...]:
+        """A block with the companions of its values."""
+        out: list[Stmt] = []
+        for stmt in block:
+            match stmt:
+                case Assign():
+                    out.append(stmt)
+                    self._assignment(stmt, out)
+                case Integrate():
+                    self._integral(stmt, out)
+                case SumOver():
+                    self._sum(stmt, out)
+                case Sample():
+                    self._sample(stmt, out)
+                case Isolate() | Locate():
+                    out.append(stmt)
+                case _:
+                    self._other(stmt, out)
+        return tuple(out)
+
+    # -- statements ----------------------------------------------------------------------------------------------------
+
+    def _integral(self, stmt: Integrate, out: list[Stmt]) -> None:
+        """The rule's estimates, and the integral of the error of the integrand; a bound that is off moves the result by its mean size."""
+        flags = self._block(stmt.flags)
+        body = self._block(stmt.body)
+        companions = [self._error(v) for v in stmt.values]
+        inexact = [i for i, c in enumerate(companions) if c != 0.0]
+        estimates = tuple(self._fresh("v") for _ in stmt.values)
+        results = tuple(self._fresh("v") for _ in inexact)
+        values = (*stmt.values, *(companions[i] for i in inexact))
+        out.append(replace(stmt, flags=flags, body=body, values=values, results=(*stmt.results, *results), estimates=estimates))
+        more = dict(zip(inexact, results, strict=True))
+        ends = self._sum_of((self._error(stmt.lo), self._error(stmt.hi)), out)
+        for i, (result, estimate) in enumerate(zip(stmt.results, estimates, strict=True)):
+            parts: list[Arg] = [estimate]
+            if i in more:  # the companion is not negative, but the bounds may be the wrong way round
+                parts.append(self._op(out, "abs", more[i]))
+            if ends != 0.0:
+                length = self._op(out, "abs", self._op(out, "sub", stmt.hi, stmt.lo))
+                parts.append(self._op(out, "mul", ends, self._op(out, "div", self._op(out, "abs", result), length)))
+            self.errors[result] = self._sum_of(parts, out)
+
+    def _sum(self, stmt: SumOver, out: list[Stmt]) -> None:
+        body = self._block(stmt.body)
+        companions = [self._error(v) for v in stmt.values]
+        inexact = [i for i, c in enumerate(companions) if c != 0.0]
+        results = tuple(self._fresh("v") for _ in inexact)
+        values = (*stmt.values, *(companions[i] for i in inexact))
+        out.append(replace(stmt, body=body, values=values, results=(*stmt.results, *results)))
+        self.errors.update(zip((stmt.results[i] for i in inexact), results, strict=True))
+
+    def _sample(self, stmt: Sample, out: list[Stmt]) -> None:
+        """The standard errors, and the means of what the values are off by at the points."""
+        body = self._block(stmt.body)
+        companions = [self._error(v) for v in stmt.values]
+        inexact = [i for i, c in enumerate(companions) if c != 0.0]
+        estimates = tuple(self._fresh("v") for _ in stmt.values)
+        results = tuple(self._fresh("v") for _ in inexact)
+        values = (*stmt.values, *(companions[i] for i in inexact))
+        out.append(replace(stmt, body=body, values=values, results=(*stmt.results, *results), estimates=estimates))
+        more = dict(zip(inexact, results, strict=True))
+        for i, (result, estimate) in enumerate(zip(stmt.results, estimates, strict=True)):
+            self.errors[result] = self._op(out, "add", estimate, self._op(out, "abs", more[i])) if i in more else estimate
+
+    def _other(self, stmt: Stmt, out: list[Stmt]) -> None:
+        raise AssertionError(f"no error estimate for {type(stmt).__name__}")
+
+    # -- operations ----------------------------------------------------------------------------------------------------
+
+    def _op(self, out: list[Stmt], op: str, *args: Arg) -> Arg:
+        name = self._fresh("b" if op in ("gt0", "ge0", "lt0", "le0", "ok", "and", "or", "not") else "v")
+        out.append(Assign(name, op, args))
+        return name
+
+    def _sum_of(self, parts: Iterable[Arg], out: list[Stmt]) -> Arg:
+        kept = [p for p in parts if p != 0.0]
+        if not kept:
+            return 0.0
+        return kept[0] if len(kept) == 1 else self._op(out, "add", *kept)
+
+    def _times(self, out: list[Stmt], size: Arg, error: Arg) -> Arg:
+        """|size|·error."""
+        if error == 0.0:
+            return 0.0
+        return self._op(out, "mul", self._op(out, "abs", size), error)
+
+    def _assignment(self, stmt: Assign, out: list[Stmt]) -> None:
+        """The companion of an assignment, where an argument has one."""
+        op, args = stmt.op, stmt.args
+        if not any(isinstance(a, str) and a in self.errors for a in args):
+            return
+        if op in ("and", "or", "not"):
+            doubts = [d for d in map(self._doubt, args) if d is not False]
+            self.errors[stmt.name] = doubts[0] if len(doubts) == 1 else self._op(out, "or", *doubts)
+        elif op in ("gt0", "ge0", "lt0", "le0", "tie"):
+            error = self._error(args[0])
+            if error != 0.0:
+                self.errors[stmt.name] = self._op(out, "ge0", self._op(out, "sub", error, self._op(out, "abs", args[0])))
+        elif op != "ok":
+            error = self._of_number(stmt, out)
+            if error != 0.0:
+                self.errors[stmt.name] = error
+
+    def _of_number(self, stmt: Assign, out: list[Stmt]) -> Arg:
+        op, args, result = stmt.op, stmt.args, stmt.name
+
+        def o(name: str, *operands: Arg) -> Arg:
+            return self._op(out, name, *operands)
+
+        errors = [self._error(a) for a in args]
+        match op:
+            case "add" | "sub":
+                return self._sum_of(errors, out)
+            case "neg" | "abs" | "sin" | "cos" | "atan" | "tanh" | "const":
+                return errors[0]
+            case "mul":
+                return self._of_product(args, errors, out)
+            case "div":
+                quotient = self._times(out, result, errors[1])
+                return o("div", self._sum_of((errors[0], quotient), out), o("abs", args[1]))
+            case "powi":
+                n = int(args[1])
+                return self._times(out, o("mul", float(n), o("powi", args[0], n - 1)), errors[0])
+            case "pow":
+                by_base = self._times(out, o("mul", args[1], o("div", result, args[0])), errors[0])
+                by_exponent = self._times(out, o("mul", result, o("log", args[0])), errors[1])
+                return self._sum_of((by_base, by_exponent), out)
+            case "min" | "max":
+                return errors[0] if errors[1] == 0.0 else errors[1] if errors[0] == 0.0 else o("max", *errors)
+            case "select":
+                return self._of_choice(stmt, out)
+            case "exp":
+                return self._times(out, result, errors[0])
+            case "log":
+                return o("div", errors[0], o("abs", args[0]))
+            case "sqrt":  # √(x + Δ) - √x <= Δ/√max(x, Δ)
+                return o("div", errors[0], o("sqrt", o("max", args[0], errors[0])))
+            case "tan":
+                return self._times(out, o("add", 1.0, o("powi", result, 2)), errors[0])
+            case "asin" | "acos":
+                return o("div", errors[0], o("sqrt", o("sub", 1.0, o("powi", args[0], 2))))
+            case "sinh" | "cosh":
+                return self._times(out, o("add", 1.0, o("abs", result)), errors[0])
+            case "atan2":
+                square = o("add", o("powi", args[0], 2), o("powi", args[1], 2))
+                return o("div", self._sum_of((self._times(out, args[1], errors[0]), self._times(out, args[0], errors[1])), out), square)
+            case "floor" | "mod":
+                return errors[0] if op == "mod" else 0.0
+            case _:
+                raise AssertionError(f"no error estimate for {op}")
+
+    def _of_product(self, args: Sequence[Arg], errors: Sequence[Arg], out: list[Stmt]) -> Arg:
+        """Factor by factor: Δ(u·v) = |v|·Δu + |u|·Δv + Δu·Δv."""
+        value, error = args[0], errors[0]
+        for arg, more in zip(args[1:], errors[1:], strict=True):
+            parts = [self._times(out, arg, error), self._times(out, value, more)]
+            if error != 0.0 and more != 0.0:
+                parts.append(self._op(out, "mul", error, more))
+            error = self._sum_of(parts, out)
+            value = self._op(out, "mul", value, arg)
+        return error
+
+    def _of_choice(self, stmt: Assign, out: list[Stmt]) -> Arg:
+        """The error of the value taken; where the choice is doubtful, how far the other one is as well."""
+        condition, then, otherwise = stmt.args
+        first, second = self._error(then), self._error(otherwise)
+        chosen: Arg = first if first == second else self._op(out, "select", condition, first, second)
+        doubt = self._doubt(condition)
+        if doubt is False:
+            return chosen
+        apart = self._op(out, "abs", self._op(out, "sub", then, otherwise))
+        return self._op(out, "select", doubt, self._op(out, "add", apart, self._op(out, "max", first, second)), chosen)

@@ -1,0 +1,203 @@
+"""Rules that know no breaks: nests of integrals as means over points of the unit cube ("montecarlo", "qmc"), and the midpoint rule.
+
+    ∫ₗʰ F(x) dx = E[(h - l)·F(l + (h - l)·u)],  u uniform in (0, 1)
+
+A nest becomes one `Sample` with a coordinate a variable; bounds inside may depend on variables outside. An integral belongs to the nest
+around it if that is linear in it: it stands there in a sum, in a branch, or as the only integral of a product. One that stands elsewhere
+(inside sin, in a condition, in a bound, beside another one in a product) cannot be replaced by one value of its integrand: it is
+integrated to the tolerance, by the rule "auto", at every point. Integrals in one sum may share a coordinate, those inside each other
+may not. Nests with the same guard share the points, so that value and gradient are one loop.
+
+Conditions are decided at the points. A tail is brought to (0, 1) by
+
+    (l, ∞)    x = l + u/(1 - u)                         dx = du/(1 - u)²
+    (-∞, h)   x = h - (1 - u)/u                         dx = du/u²
+    (-∞, ∞)   x = t/(1 - t²), t = 2u - 1                dx = 2(1 + t²)/(1 - t²)² du
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable, Sequence
+from math import inf
+from typing import cast
+
+from teg.errors import OptionError
+from teg.expr import Add, Compare, Const, Expr, Mul, Where
+from teg.integral import Integral, masses_of
+from teg.integration import Integration
+from teg.node import Node, postorder
+from teg.passes.at_roots import RootEmitter
+from teg.passes.emit import Level
+from teg.program import Arg, Integrate, Midpoint, Sample
+from teg.sampling import DIMENSIONS
+from teg.surfaces import binders_inside
+
+SAMPLED = ("montecarlo", "qmc")
+SAMPLES, MIDPOINTS = 2**14, 256
+"""The order of a rule that is not told: samples in all, and points a variable."""
+
+
+class UnbrokenEmitter(RootEmitter):
+    """An emitter that also integrates without breaks, where the rule is one of these."""
+
+    def __init__(self, parameters: Sequence[str], how: Integration) -> None:
+        super().__init__(parameters, how.max_roots)
+        self.how = how
+        self.deciding: set[Node] = set()
+
+    @abstractmethod
+    def plan_integrals(self, level: Level, roots: Sequence[Expr]) -> None:
+        """Find the integrals that belong to a new level, before anything there is emitted."""
+
+    def is_sampled(self, node: Integral, level: Level) -> bool:
+        """Whether an integral of this level is the outermost one of a nest that is sampled."""
+        return self.how.rule in SAMPLED and level.coordinates is None and node not in self.deciding
+
+    def is_unbroken(self, node: Integral, level: Level) -> bool:
+        """Whether an integral of this level has no breaks."""
+        return self.how.rule == "midpoint" or self.is_sampled(node, level)
+
+    # -- nests ---------------------------------------------------------------------------------------------------------
+
+    def sample(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[Arg, ...]:
+        """The means that nests are, over the same points."""
+        nests = [nest(node, self.deciding) for node in group]
+        dimensions = 1 + max((d for found in nests for d in found.values()), default=0)
+        if self.how.rule == "qmc" and dimensions > DIMENSIONS:
+            hint = 'rule="montecarlo" takes any number'
+            raise OptionError(f'rule="qmc" takes up to {DIMENSIONS} integrals inside each other, here are {dimensions}', group[0], hint)
+        points = tuple(self.fresh("x") for _ in range(dimensions))
+        loop = Level(None, None, 0)
+        values = []
+        for node, found in zip(group, nests, strict=True):
+            inside = home.inside(node.var, points[0])
+            inside.block, inside.computed = loop.block, loop.computed
+            inside.coordinates = {i: points[d] for i, d in found.items()}
+            values.append(self._at_point(node, points[0], home, inside))
+        results = tuple(self.fresh("v") for _ in group)
+        block = tuple(loop.block)
+        home.block.append(Sample(points, self.how.order or SAMPLES, self.how.rule, self.how.seed, block, tuple(values), results, when=when))
+        return results
+
+    def sample_inside(self, node: Integral, home: Level) -> None:
+        """Give an integral that belongs to a nest a name, at the present point."""
+        inside = home.inside(node.var, "")
+        inside.block, inside.computed = home.block, home.computed
+        home.names[node] = self._at_point(node, cast("dict[Integral, str]", home.coordinates)[node], home, inside)
+
+    def _at_point(self, node: Integral, u: str, home: Level, inside: Level) -> Arg:
+        """The integrand at the coordinate u in (0, 1), times dx/du."""
+        inside.names[node.var], weight = self._place(node, u, home, inside)
+        self.plan_integrals(inside, [node.body])
+        value = self.number(node.body, inside)
+        return value if weight == 1.0 else self.assign(inside, "v", "mul", weight, value)
+
+    def _place(self, node: Integral, u: str, home: Level, inside: Level) -> tuple[Arg, Arg]:
+        """The variable at u, and dx/du."""
+
+        def put(op: str, *args: Arg) -> str:
+            return self.assign(inside, "v", op, *args)
+
+        backwards = is_infinite(node.lo, inf) or is_infinite(node.hi, -inf)
+        lo, hi = (node.hi, node.lo) if backwards else (node.lo, node.hi)
+        from_below, to_above = is_infinite(lo, -inf), is_infinite(hi, inf)
+        if not from_below and not to_above:
+            return self._stretched(self.number(lo, home), self.number(hi, home), u, home, inside)
+        rest = put("sub", 1.0, u)
+        if from_below and to_above:
+            t = put("sub", put("mul", 2.0, u), 1.0)
+            below = put("mul", 4.0, u, rest)  # 1 - t², without cancellation
+            x, rate = put("div", t, below), put("div", put("add", 2.0, put("mul", 2.0, t, t)), put("mul", below, below))
+        elif to_above:
+            x, rate = put("add", self.number(lo, home), put("div", u, rest)), put("div", 1.0, put("mul", rest, rest))
+        else:
+            x, rate = put("sub", self.number(hi, home), put("div", rest, u)), put("div", 1.0, put("mul", u, u))
+        return x, put("neg", rate) if backwards else rate
+
+    def _stretched(self, lo: Arg, hi: Arg, u: str, home: Level, inside: Level) -> tuple[Arg, Arg]:
+        """The same between finite bounds: l + (h - l)·u and h - l."""
+        if isinstance(lo, str) or isinstance(hi, str):
+            length: Arg = hi if lo == 0.0 else self.assign(home, "v", "sub", hi, lo)
+        else:
+            length = hi - lo
+        way = u if length == 1.0 else self.assign(inside, "v", "mul", length, u)
+        return way if lo == 0.0 else self.assign(inside, "v", "add", lo, way), length
+
+    # -- the midpoint rule ---------------------------------------------------------------------------------------------
+
+    def midpoint(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[Arg, ...]:
+        """Integrals of one variable over the same bounds by the midpoint rule, as one loop."""
+        node = group[0]
+        for bound in (node.lo, node.hi):
+            if is_infinite(bound, inf) or is_infinite(bound, -inf):
+                raise OptionError('rule="midpoint" needs finite bounds', node, 'rule="auto" and rule="qmc" substitute tails')
+        lo, hi = self.number(node.lo, home), self.number(node.hi, home)
+        var = self.fresh("x")
+        level = home.inside(node.var, var)
+        bodies = [i.body for i in group]
+        self.plan_integrals(level, bodies)
+        values = tuple(self.number(b, level) for b in bodies)
+        results = tuple(self.fresh("v") for _ in group)
+        home.block.append(
+            Integrate(var, lo, hi, (), (), None, tuple(level.block), values, results, Midpoint(self.how.order or MIDPOINTS), when)
+        )
+        return results
+
+
+def is_infinite(bound: Expr, value: float) -> bool:
+    """Whether a bound is that infinity."""
+    return isinstance(bound, Const) and bound.data == value
+
+
+def deciding_integrals(roots: Iterable[Expr]) -> set[Node]:
+    """What stands in a condition or in a bound: a small error there is no small error of the program."""
+    found: set[Node] = set()
+    for node in reversed(postorder(roots)):
+        if node in found or isinstance(node, Compare):
+            found.update(node.children)
+        elif isinstance(node, Integral):
+            found.update(node.children[1:])
+    return found
+
+
+def nest(root: Integral, deciding: set[Node]) -> dict[Integral, int]:
+    """The integrals inside that are sampled together with it, and their coordinates 1, 2, …: more than those of all around them."""
+    order = postorder([root.body])
+    bound = binders_inside(root)
+    holds: dict[Node, bool] = {}  # integrals of the nest, in any position
+    for node in order:
+        mine = isinstance(node, Integral)
+        holds[node] = bool(node.free & bound) if mine else any(holds[c] for c in node.children)
+    depth: dict[Node, int] = {root.body: 1}
+    aside = set(deciding)
+    for node in reversed(order):
+        if not holds[node] or node not in depth:  # below an integral that does not depend on the nest
+            continue
+        linear = () if node in aside else _linear(node, holds)
+        below = depth[node] + (isinstance(node, Integral) and masses_of(node.body, node.var) is None)
+        for child in node.children:
+            if holds[child]:
+                depth[child] = max(depth.get(child, 0), below)
+        aside.update(child for i, child in enumerate(node.children) if i not in linear)
+    return {
+        node: depth[node]
+        for node in order
+        if isinstance(node, Integral) and holds[node] and node in depth and node not in aside and masses_of(node.body, node.var) is None
+    }
+
+
+def _linear(node: Node, holds: dict[Node, bool]) -> Sequence[int]:
+    """The places of the children that a node is linear in, as far as they hold integrals of the nest."""
+    match node:
+        case Integral():
+            return (0,)
+        case Where():
+            return [i for i, child in enumerate(node.children) if child is not node.condition]
+        case Add():
+            return range(len(node.children))
+        case Mul():
+            holding = [i for i, child in enumerate(node.children) if holds[child]]
+            return holding if len(holding) == 1 else ()
+        case _:
+            return ()

@@ -1,0 +1,231 @@
+"""Conics whose six coefficients are parameters, through every degenerate form: against slices in 60 digits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mpmath import mp, mpf
+
+import teg
+
+x, y = teg.vars("x y")
+COEFFICIENTS = teg.params("cxx cxy cyy cx cy c1")
+NAMES = [p.name for p in COEFFICIENTS]
+CONIC = sum((c * m for c, m in zip(COEFFICIENTS, (x * x, x * y, y * y, x, y, 1 + 0 * x), strict=True)), 0 * x)
+SQUARE = ((x, -1, 1), (y, -1, 1))
+Slices = tuple[Any, list[Any]]
+
+
+@cache
+def conic(backend: str = "c") -> teg.Evaluator:
+    """∫∫ [q < 0]·(1 + x/2) over the square."""
+    return teg.compile(teg.integral(teg.bracket(CONIC < 0) * (1 + 0.5 * x), *SQUARE), list(COEFFICIENTS), backend=backend)
+
+
+# -- slices --------------------------------------------------------------------------------------------------------------
+
+DIGITS = 60
+"""The nodes come as near as 1e-37 to where a slice's slope is 0."""
+STEPS = 12
+"""Nodes a unit of the rule's own coordinate; beside a critical value the slices change within a part of 1e-16, which takes more."""
+
+
+@cache
+def _nodes(steps: int) -> list[tuple[Any, Any]]:
+    """Those of the double exponential rule on (0, 1), with weights (Takahasi and Mori 1974): singular ends do not matter."""
+    with mp.workdps(DIGITS):
+        found = []
+        for k in range(-4 * steps, 4 * steps + 1):
+            s = mp.pi * mp.sinh(mpf(k) / steps)
+            u = 1 / (1 + mp.exp(-s))
+            found.append((u, mp.pi * mp.cosh(mpf(k) / steps) * u / (1 + mp.exp(s)) / steps))
+        return found
+
+
+def _roots(a: Any, b: Any, c: Any) -> list[Any]:
+    """The real roots of av² + bv + c, ascending."""
+    square = b * b - 4 * a * c
+    if a == 0 or square < 0:
+        return [-c / b] if a == 0 and b != 0 else []
+    q = -(b + (mp.sign(b) or 1) * mp.sqrt(square)) / 2
+    return sorted([q / a, c / q if q else q / a])
+
+
+def slices(coefficients: Sequence[Any], steps: int = STEPS) -> Slices:
+    """The value and its gradient: slices in closed form, between every y where they change, or nearly do."""
+    with mp.workdps(DIGITS):
+        cxx, cxy, cyy, cx, cy, c1 = map(mpf, coefficients)
+        breaks = {mpf(-1), mpf(1)}
+        discriminant = (cxy**2 - 4 * cxx * cyy, 2 * cxy * cx - 4 * cxx * cy, cx**2 - 4 * cxx * c1)
+        for a, b, c in ((cyy, cy - cxy, cxx - cx + c1), (cyy, cy + cxy, cxx + cx + c1), discriminant):
+            breaks |= {v for v in (*_roots(a, b, c), *([-b / (2 * a)] if a else [])) if abs(v) < 1}
+        value, gradient = mpf(0), [mpf(0)] * 6
+        for low, high in pairwise(sorted(breaks)):
+            for u, weight in _nodes(steps):
+                v, w = low + (high - low) * u, weight * (high - low)
+                b, c = cxy * v + cx, (cyy * v + cy) * v + c1
+                roots = [r for r in _roots(cxx, b, c) if abs(r) < 1]
+                for p, q in pairwise([mpf(-1), *roots, mpf(1)]):
+                    m = (p + q) / 2
+                    if (cxx * m + b) * m + c < 0:
+                        value += w * (q - p) * (1 + m / 2)
+                for r in roots:
+                    slope = abs(2 * cxx * r + b)
+                    gradient = _with_flux(gradient, r, v, w / slope if slope else mp.inf)
+        for v in _horizontal_lines(cxx, cxy, cyy, cx, cy, c1):
+            for low, high in pairwise(sorted({mpf(-1), mpf(1), *(r for r in _roots(mpf(0), cxy, 2 * cyy * v + cy) if abs(r) < 1)})):
+                for u, weight in _nodes(steps):
+                    h = low + (high - low) * u
+                    slope = abs(cxy * h + 2 * cyy * v + cy)
+                    gradient = _with_flux(gradient, h, v, weight * (high - low) / slope if slope else mp.inf)
+        return value, gradient
+
+
+def _with_flux(gradient: list[Any], u: Any, v: Any, weight: Any) -> list[Any]:
+    """Less what a point of the curve gives."""
+    return [g - weight * (1 + u / 2) * m for g, m in zip(gradient, (u * u, u * v, v * v, u, v, 1), strict=True)]
+
+
+def _horizontal_lines(cxx: Any, cxy: Any, cyy: Any, cx: Any, cy: Any, c1: Any) -> list[Any]:
+    """Where q = (y - v)·ℓ(x, y): lines that are in no slice."""
+    if cxx != 0:
+        return []
+    candidates = _roots(cyy, cy, c1) if cyy or cy or c1 else _roots(mpf(0), cxy, cx)
+    return sorted({v for v in candidates if abs(v) < 1 and abs(cxy * v + cx) < 1e-14})
+
+
+def beside(coefficients: Sequence[float], component: int, by: float) -> list[Any]:
+    """The coefficients with one of them moved, exactly."""
+    with mp.workdps(DIGITS):
+        return [mpf(c) + (mpf(by) if i == component else 0) for i, c in enumerate(coefficients)]
+
+
+def test_slices_of_a_disk() -> None:
+    """π·t, and its gradient by moments: ∮x²/|∇q| and so on."""
+    value, gradient = slices((1.0, 0.0, 1.0, 0.0, 0.0, -0.5))
+    exact = [-math.pi / 4, 0.0, -math.pi / 4, -math.pi / 8, 0.0, -math.pi]
+    assert float(value) == pytest.approx(math.pi / 2, rel=1e-15)
+    assert [float(g) for g in gradient] == pytest.approx(exact, rel=1e-15, abs=1e-15)
+
+
+# -- at random -----------------------------------------------------------------------------------------------------------
+
+
+def is_right(coefficients: Sequence[float]) -> None:
+    """Value and gradient are those of slices. Where there is no gradient it is diagnosed: the mean of both sides, or infinite or NaN where
+    sides are without bounds, in this coefficient or another."""
+    f, at = conic(), dict(zip(NAMES, coefficients, strict=True))
+    value, gradient = f.value_and_grad(at)
+    exact_value, exact = slices(coefficients)
+    assert value == pytest.approx(float(exact_value), abs=1e-9)
+    scale = 1 + max(abs(float(e)) for e in exact)
+    if all(abs(gradient[k] - float(e)) <= 1e-8 * scale < math.inf for k, e in zip(NAMES, exact, strict=True)):
+        return
+    assert f.diagnose(at)
+    sides = [[_sides(coefficients, i, h) for h in (1e-8, 1e-4)] for i in range(6)]
+    endless = any(abs(v) > 1.2 * abs(u) and abs(v) > 1 for near, far in sides for v, u in zip(near, far, strict=True))
+    for k, (near, _) in zip(NAMES, sides, strict=True):
+        if math.isfinite(gradient[k]):
+            assert gradient[k] == pytest.approx(sum(near) / 2, abs=1e-3 * (1 + max(map(abs, near))))  # √h where it touches a side
+        else:
+            assert endless  # with the logarithm of the distance, or faster
+
+
+def _sides(coefficients: Sequence[float], i: int, h: float) -> list[float]:
+    """The derivative by one coefficient, that being less and more by h."""
+    return [float(slices(beside(coefficients, i, s * h), 3 * STEPS)[1][i]) for s in (-1, 1)]
+
+
+AS_IT_IS = pytest.mark.filterwarnings("ignore::teg.errors.AccuracyWarning")
+"""A warning about accuracy, at critical values or beside them, excuses nothing."""
+
+_number = st.sampled_from([0.0, 0.0, 1.0, -1.0, 0.5, -0.25, 2.0]) | st.floats(-2, 2).map(lambda v: round(v, 3))
+_conics = st.tuples(*[_number] * 6).filter(lambda c: any(abs(v) > 0.1 for v in c[:5]))
+
+
+@AS_IT_IS
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@given(_conics)
+def test_conics_at_random(coefficients: tuple[float, ...]) -> None:
+    is_right(coefficients)
+
+
+@AS_IT_IS
+@pytest.mark.slow
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@given(_conics)
+def test_more_conics_at_random(coefficients: tuple[float, ...]) -> None:
+    is_right(coefficients)
+
+
+NOT_DIFFERENTIABLE = {
+    "born in the square": (1.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+    "an ellipse born in the square": (1.0, 0.5, 2.0, -0.5, 0.25, 5 / 62),
+    "a saddle": (1.0, 0.0, -1.0, 0.0, 0.0, 0.0),
+    "two lines, y = 0 and x = -y": (0.0, 1.0, 1.0, 0.0, 0.0, 0.0),
+    "two lines, one horizontal": (0.0, -1.5, -0.5, 0.0, 0.25, 0.0),
+    "along a side": (0.0, 0.0, 0.0, 1.0, 0.0, -1.0),
+    "along two sides": (0.0, 0.0, 1.0, 0.0, 0.0, -1.0),
+    "a double line": (0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+}
+
+
+QUICK = ("an ellipse born in the square", "a saddle", "along a side")
+
+
+@AS_IT_IS
+@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in NOT_DIFFERENTIABLE])
+def test_conics_without_a_gradient(name: str) -> None:
+    coefficients = NOT_DIFFERENTIABLE[name]
+    assert conic().diagnose(dict(zip(NAMES, coefficients, strict=True)))
+    is_right(coefficients)
+
+
+@pytest.mark.parametrize("coefficients", [(0.0, 1.0, 0.0, -0.3, -2.0, 0.6), (0.0, 0.0, 1.0, 0.0, -2.3, 0.6)], ids=str)
+def test_a_horizontal_line(coefficients: tuple[float, ...]) -> None:
+    """(x - 2)(y - 0.3) and (y - 2)(y - 0.3)."""
+    is_right(coefficients)
+
+
+# -- by type -------------------------------------------------------------------------------------------------------------
+
+TYPES = {
+    "circle": (1.0, 0.0, 1.0, 0.0, 0.0, -0.5),
+    "ellipse": (1.0, 0.0, 2.0, -0.2, 0.3, -0.4),
+    "rotated": (1.0, 0.7, 1.3, 0.1, -0.2, -0.4),
+    "parabola": (1.0, 0.0, 0.0, 0.0, -1.0, 0.1),
+    "rotated-parabola": (1.0, 2.0, 1.0, 0.0, -1.0, 0.1),
+    "hyperbola": (1.0, 0.0, -1.0, 0.0, 0.0, 0.2),
+    "bilinear": (0.0, 1.0, 0.0, 0.2, 0.0, 0.1),
+    "line": (0.0, 0.0, 0.0, 1.0, 0.5, 0.1),
+    "nearly-a-parabola": (1.0, 1e-9, 1e-12, 0.0, -1.0, 0.1),
+}
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_value_and_gradient(name: str) -> None:
+    at = dict(zip(NAMES, TYPES[name], strict=True))
+    exact_value, exact = slices(TYPES[name])
+    value, gradient = conic().value_and_grad(at)
+    assert value == pytest.approx(float(exact_value), rel=1e-12)
+    assert [gradient[k] for k in NAMES] == pytest.approx([float(e) for e in exact], rel=1e-11, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n == "rotated" else pytest.mark.slow) for n in TYPES])
+def test_second_derivatives(name: str) -> None:
+    """Against differences of the slices' gradients, of sixth order."""
+    h = 2e-3
+    hessian = conic("numpy").hessian(dict(zip(NAMES, TYPES[name], strict=True)))
+    for i, of in enumerate(NAMES):
+        at = {s: slices(beside(TYPES[name], i, s * h))[1] for s in (-3, -2, -1, 1, 2, 3)}
+        for j, by in enumerate(NAMES):
+            quotient = float((45 * (at[1][j] - at[-1][j]) - 9 * (at[2][j] - at[-2][j]) + (at[3][j] - at[-3][j])) / (60 * h))
+            assert hessian[of, by] == pytest.approx(quotient, rel=1e-8, abs=1e-9)
+            assert hessian[of, by] == pytest.approx(hessian[by, of], rel=1e-9, abs=1e-10)
