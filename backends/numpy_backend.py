@@ -295,7 +295,7 @@ class _Printer:
         width = self.function(body, [*stmt.points, *sampled(stmt)], stmt.body, stmt.values) + len(stmt.values)
         rule = f"kind={stmt.kind!r}, seed={stmt.seed}, dimensions={len(stmt.points)}, count={stmt.count}"
         leaf = not any(isinstance(s, Integrate | Sample) for s in statements(stmt.body))
-        counts = f"values={len(stmt.values)}, tested={tested}, estimated={tested > 0!r}, width={width}, leaf={leaf!r}, infinite={stmt.infinite!r}"
+        counts = f"values={len(stmt.values)}, tested={tested}, estimated={tested > 0!r}, width={width}, leaf={leaf!r}"
         self.lines += ["", "", f"mean_{number} = sampling.Mean(", f"    body={body}, {rule},", f"    {counts}", ")"]
 
     def function(self, name: str, parameters: Sequence[str], block: tuple[Stmt, ...], results: Sequence[Arg]) -> int:

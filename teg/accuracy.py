@@ -22,9 +22,16 @@ class AccuracyWarning(UserWarning):
 
 
 def report_missed(
-    values: np.ndarray, errors: np.ndarray, names: Sequence[str], tol: float, inaccurate: str, parameters: dict[str, np.ndarray]
+    values: np.ndarray,
+    errors: np.ndarray,
+    names: Sequence[str],
+    tol: float,
+    inaccurate: str,
+    parameters: dict[str, np.ndarray],
+    sampled: bool = False,
 ) -> None:
-    """Warn of the worst result, or raise: `values` and `errors` are (results, n), `names` say what each result is."""
+    """Warn of the worst result, or raise: `values` and `errors` are (results, n), `names` say what each result is; `sampled`: the program
+    has integrals that were sampled because they are too deep."""
     import numpy as np
 
     with np.errstate(all="ignore"):
@@ -43,6 +50,8 @@ def report_missed(
     else:
         what = f"{names[i]} misses the tolerance {tol:g}{place}: {values[i, j]:.10g}, error estimate {errors[i, j]:.1e}"
         hint = "a larger tol=, a smaller region, or a formula for what the integrand jumps at; f.value_and_error() gives the estimates"
+        if sampled:
+            hint = 'so many integrals inside each other are sampled, and the estimate is a standard error; rule="qmc" with order= asks for that'
     if inaccurate == "raise":
         raise AccuracyError(what, None, hint)
     warnings.warn(f"{what}\n  hint: {hint}", AccuracyWarning, stacklevel=5)

@@ -19,7 +19,7 @@ from teg.expr import Expr, Param, Tuple, as_number
 from teg.integration import DEFAULT_TOL, Integration
 from teg.isolation import MAX_ROOTS
 from teg.pipeline import ESTIMATORS, compiled_outputs, flatten, program_for
-from teg.program import Outcome, Program
+from teg.program import Outcome, Program, Sample, statements
 from teg.traverse import parameters
 
 if TYPE_CHECKING:
@@ -166,6 +166,7 @@ class Evaluator:
         self._outputs: dict[int, list[Expr]] = {}
         self._kernels: dict[int, Kernel] = {}
         self._special: dict[tuple[str, int], Kernel] = {}
+        self._sampled: dict[int, bool] = {}
         self._checks = MapChecks(e, options.maps if options.check_maps else ())
         self.kernel(0)
 
@@ -335,13 +336,21 @@ class Evaluator:
         columns, shape, n = self._columns(args, named)
         self._checks.run(dict(zip(self.parameters, columns, strict=True)))
         outcome = self.kernel(orders).outcome(columns, n)
-        if outcome.missed and self._options.inaccurate != "ignore":
+        if (outcome.missed or self._is_sampled(orders)) and self._options.inaccurate != "ignore":
             found = self._estimating(orders).outcome(columns, n).values
             results = len(found) // 2
             given = dict(zip(self.parameters, columns, strict=True))
             names = self._result_names(orders)
-            report_missed(found[:results], found[results:], names, self._options.integration.tol, self._options.inaccurate, given)
+            options = self._options.integration.tol, self._options.inaccurate
+            report_missed(found[:results], found[results:], names, *options, given, self._is_sampled(orders))
         return outcome.values, shape
+
+    def _is_sampled(self, orders: int) -> bool:
+        """Whether samples were taken that nobody asked for: they rarely reach a tolerance."""
+        if orders not in self._sampled:
+            how = self._options.integration
+            self._sampled[orders] = how.rule == "auto" and any(isinstance(s, Sample) for s in statements(self.program(orders).body))
+        return self._sampled[orders]
 
     def _estimated(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[np.ndarray, tuple[int, ...]]:
         columns, shape, n = self._columns(args, named)

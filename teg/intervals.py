@@ -81,6 +81,13 @@ class Enclosure:
                     self.found[node] = self._interval(cast(Expr, node))
         return cast(Interval, self.found[e])
 
+    def decision(self, c: Cond) -> Decision:
+        """Does a condition hold everywhere, does it fail everywhere?"""
+        for node in postorder([c]):
+            if node not in self.found:
+                self.found[node] = self._decision(node) if isinstance(node, Cond) else self._interval(cast(Expr, node))
+        return cast(Decision, self.found[c])
+
     def _interval(self, e: Expr) -> Interval:
         if not any(v in e.free for v in self.box):
             return e, e

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -184,12 +185,13 @@ def _direct_labels(panel: Any, ends: Sequence[tuple[str, str, float, float]]) ->
     rise = math.log10(MOST) - math.log10(LEAST / 3)
     column = 2.2 * max(x for _, _, x, _ in ends)
     height = np.array([math.log10(max(error, LEAST)) for _, _, _, error in ends])
+    order = np.argsort(height, kind="stable")
     for _ in range(200):
-        for i, j in np.ndindex(len(ends), len(ends)):
-            overlap = rise / 22 - (height[i] - height[j])
-            if i != j and (height[i], i) >= (height[j], j) and overlap > 1e-9:
-                height[i] += overlap / 2
-                height[j] -= overlap / 2
+        for i, j in pairwise(order):
+            overlap = rise / 22 - (height[j] - height[i])
+            if overlap > 1e-9:
+                height[i] -= overlap / 2
+                height[j] += overlap / 2
     for (label, colour, x, error), level in zip(ends, height, strict=True):
         near = error < NEAR
         place = (1.9 * x if near else column, 10**level)

@@ -14,7 +14,7 @@ from teg.examples.charts.problem import OutOfTimeError, Problem
 from teg.examples.charts.references import Reference
 from teg.examples.charts.regions import REGIONS
 
-SECONDS = 1.0
+SECONDS = 0.7
 """For one point; a series ends when the next one would take longer."""
 QUANTITIES = ("value", "gradient")
 

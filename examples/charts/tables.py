@@ -138,10 +138,9 @@ def error_text(error: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    for unit, size in (("s", 1.0), ("ms", 1e-3)):
-        if seconds >= size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds / 1e-6:.2g} µs"
+    unit, size = next(((u, z) for u, z in (("s", 1.0), ("ms", 1e-3)) if seconds >= z), ("µs", 1e-6))
+    amount = seconds / size
+    return f"{amount:.0f} {unit}" if amount >= 100 else f"{amount:.2g} {unit}"
 
 
 def short(n: float) -> str:

@@ -20,7 +20,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from teg.errors import AccuracyWarning, TegError
+from teg import AccuracyWarning
+from teg.errors import TegError
 from teg.examples.charts.case import Case
 from teg.examples.charts.ours import compiled
 from teg.examples.charts.peers import PEERS, Outcome, best_step, differences, gradient_error, relative_error

@@ -164,14 +164,15 @@ class BreakAnalysis:
                     continue
                 complete = False
             for r in roots[0] if roots is not None else ():
-                if not _outside(r, node.lo, node.hi):
-                    points[_kept(r, matters[representative], x)] = None
-        kept = tuple(dict.fromkeys(functions.values()))
+                kept = _kept(r, matters[representative], x)
+                if not _outside(r, node.lo, node.hi) and not (isinstance(kept, Const) and math.isnan(kept.data)):
+                    points[kept] = None
+        distinct = tuple(dict.fromkeys(functions.values()))
         at_run_time = tuple(i for i in isolated.values() if i is not None)
         located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(found.meetings)[:MAX_LOCATED]]
         together = tuple(m for m in located if m is not None)
         bends = self._bends(found, x)
-        return Breaks(kept, tuple(points), at_run_time, together, frozenset(handled), complete, found.rooted, bends, matters)
+        return Breaks(distinct, tuple(points), at_run_time, together, frozenset(handled), complete, found.rooted, bends, matters)
 
     def _bends(self, found: _Found, x: Var) -> tuple[Turn, ...]:
         """The turns that are quadratic in the variable, each once; of others remains that there may be roots at the ends of pieces."""

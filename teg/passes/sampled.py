@@ -34,8 +34,8 @@ from teg.sampling import DIMENSIONS
 from teg.surfaces import binders_inside
 
 SAMPLED = ("montecarlo", "qmc")
-SAMPLES, MIDPOINTS = 2**14, 256
-"""The order of a rule that is not told: samples in all, and points a variable."""
+SAMPLES, MIDPOINTS, DEEP_SAMPLES = 2**14, 256, 2**17
+"""The order of a rule that is not told: samples in all, points a variable, and samples of a nest that is too deep for anything else."""
 
 
 class UnbrokenEmitter(RootEmitter):
@@ -52,7 +52,13 @@ class UnbrokenEmitter(RootEmitter):
 
     def is_sampled(self, node: Integral, level: Level) -> bool:
         """Whether an integral of this level is the outermost one of a nest that is sampled."""
-        return self.how.rule in SAMPLED and level.coordinates is None and node not in self.deciding
+        if level.coordinates is not None or node in self.deciding:
+            return False
+        return self.how.rule in SAMPLED or (self.how.rule == "auto" and level.var is None and self.is_too_deep(node))
+
+    @abstractmethod
+    def is_too_deep(self, node: Integral) -> bool:
+        """Whether a nest has more adaptive integrals inside each other than can be computed."""
 
     def is_unbroken(self, node: Integral, level: Level) -> bool:
         """Whether an integral of this level has no breaks."""
@@ -64,7 +70,7 @@ class UnbrokenEmitter(RootEmitter):
         """The means that nests are, over the same points."""
         nests = [nest(node, self.deciding) for node in group]
         dimensions = 1 + max((d for found in nests for d in found.values()), default=0)
-        if self.how.rule == "qmc" and dimensions > DIMENSIONS:
+        if self.how.rule != "montecarlo" and dimensions > DIMENSIONS:
             hint = 'rule="montecarlo" takes any number'
             raise OptionError(f'rule="qmc" takes up to {DIMENSIONS} integrals inside each other, here are {dimensions}', group[0], hint)
         points = tuple(self.fresh("x") for _ in range(dimensions))
@@ -77,7 +83,9 @@ class UnbrokenEmitter(RootEmitter):
             values.append(self._at_point(node, points[0], home, inside))
         results = tuple(self.fresh("v") for _ in group)
         block = tuple(loop.block)
-        home.block.append(Sample(points, self.how.order or SAMPLES, self.how.rule, self.how.seed, block, tuple(values), results, when=when))
+        kind = self.how.rule if self.how.rule in SAMPLED else "qmc"
+        count = (self.how.order or SAMPLES) if self.how.rule in SAMPLED else DEEP_SAMPLES
+        home.block.append(Sample(points, count, kind, self.how.seed, block, tuple(values), results, when=when))
         return results
 
     def sample_inside(self, node: Integral, home: Level) -> None:

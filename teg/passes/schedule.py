@@ -16,10 +16,12 @@ from typing import cast
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
 from teg.expr import (
+    FALSE,
     MINUS_ONE,
     ONE,
     TRUE,
     ZERO,
+    Add,
     And,
     Call,
     Compare,
@@ -40,9 +42,11 @@ from teg.expr import (
 )
 from teg.integral import Integral, PointMasses, masses_of
 from teg.integration import Integration
+from teg.intervals import Enclosure
+from teg.isolation import MARGIN
 from teg.node import Node, postorder
 from teg.passes.breaks import MAX_BENDS, BreakAnalysis, Breaks, Turn
-from teg.passes.demand import GUARD_TERMS, guards, support
+from teg.passes.demand import GUARD_TERMS, guards, reach, support
 from teg.passes.emit import NAN, Level
 from teg.passes.sampled import UnbrokenEmitter, deciding_integrals
 from teg.polynomial import Shadow
@@ -58,6 +62,10 @@ ORDERS = ((1e-6, 6, 12), (1e-13, 8, 16), (0.0, 10, 18))
 """By tolerance: the nodes of the first look at a piece (OUTER more where an integral stands inside) and of the intervals after it."""
 OUTER = 2
 MAX_SCALES = 4
+MAX_NEST = 6
+"""Adaptive integrals inside each other; deeper nests are sampled."""
+MAX_EMPTY = 400
+"""Nodes of the test whether a domain is empty: a longer one costs more than it saves."""
 PEAK = 8.5
 """Beyond so many standard deviations nothing of a Gaussian is left: exp(-8.5²/2) = 2e-16."""
 FIXED = 16
@@ -87,6 +95,55 @@ def rule_for(node: Integral, analysis: BreakAnalysis, how: Integration, depth: i
     _, first, order = next(row for row in ORDERS if tol >= row[0])
     outer = any(isinstance(n, Integral) and masses_of(n.body, n.var) is None for n in postorder([node.body]))
     return Adaptive(tol, first + OUTER * outer, order, cubic)
+
+
+def _certainly_empty(node: Integral) -> Cond:
+    """A condition on what is outside under which the integrand vanishes everywhere; FALSE where none is known."""
+    conditions = reach(node)
+    parts = [c for c in (conditions.children if isinstance(conditions, And) else (conditions,)) if c is not TRUE]
+    parts = [c for c in parts if isinstance(c, Compare) or all(a.resolution is None for a in atoms_of(c))]
+    surfaces = [n for n in postorder([node]) if isinstance(n, PointMasses)]
+    if not parts and len(surfaces) != 1:
+        return FALSE
+    enclosure, inner = Enclosure({}), node
+    try:
+        while True:
+            ends = [*enclosure.of(inner.lo), *enclosure.of(inner.hi)]
+            least, most = ends[0], ends[0]
+            for end in ends[1:]:
+                least, most = (u if u is end else call(f, u, end) for f, u in (("min", least), ("max", most)))
+            enclosure.box[inner.var] = least, most
+            nested = [n for n in postorder([inner.body]) if isinstance(n, Integral) and inner.var in n.free]
+            missing = {v for c in (*parts, *surfaces) for v in c.free if isinstance(v, Var)} - set(enclosure.box)
+            following = [n for n in nested if n.var in missing and not (n.lo.free | n.hi.free) - set(enclosure.box)]
+            if not missing or not following:
+                break
+            inner = following[0]
+        known = [c for c in parts if all(v in enclosure.box for v in c.free)]
+        fails = [_clearly_fails(c, enclosure) for c in known]
+        if len(surfaces) == 1 and all(v in enclosure.box for v in surfaces[0].free):
+            fails += [_clearly_negative(g, enclosure) for g in (surfaces[0].g, mul(MINUS_ONE, surfaces[0].g))]
+    except NotDifferentiableError:
+        return FALSE
+    total = disjunction(*fails)
+    return FALSE if len(postorder([total])) > MAX_EMPTY else total
+
+
+def _clearly_fails(c: Cond, enclosure: Enclosure) -> Cond:
+    """A condition under which c fails everywhere; where c may tie, by more than rounding."""
+    if isinstance(c, Compare) and c.resolution is not None:
+        return _clearly_negative(c.g, enclosure)
+    return enclosure.decision(c)[1]
+
+
+def _clearly_negative(g: Expr, enclosure: Enclosure) -> Cond:
+    """A condition under which g < 0 everywhere, by more than rounding."""
+    sizes: list[Expr] = []
+    for term in g.children if isinstance(g, Add) else (g,):
+        least, most = enclosure.of(term)
+        sizes.append(call("max", call("magnitude", least), call("magnitude", most)))
+    above = add(enclosure.of(g)[1], mul(const(MARGIN), add(*sizes)))
+    return positive(mul(MINUS_ONE, above))
 
 
 def _slope_of(g: Expr, x: Var) -> Expr | None:
@@ -141,6 +198,20 @@ class _Scheduler(UnbrokenEmitter):
             for node in group:
                 level.groups[node] = group
 
+    def is_too_deep(self, node: Integral) -> bool:
+        """More than MAX_NEST adaptive integrals inside each other: their nodes multiply."""
+        depth: dict[Node, int] = {}
+        for n in postorder([node]):
+            most = max((depth[c] for c in n.children), default=0)
+            if (
+                isinstance(n, Integral)
+                and masses_of(n.body, n.var) is None
+                and isinstance(rule_for(n, self.analysis, self.how, 0), Adaptive)
+            ):
+                most += 1
+            depth[n] = most
+        return depth[node] > MAX_NEST
+
     def _rule(self, node: Integral, level: Level) -> Rule:
         return rule_for(node, self.analysis, self.how, level.depth)
 
@@ -164,6 +235,8 @@ class _Scheduler(UnbrokenEmitter):
         group = home.groups.get(node, [node])
         guard = home.guards.get(node, TRUE)
         needed = True if guard is TRUE else self.truths(guard, home)[0]
+        if home.var is None:
+            needed = self._unless_empty(group, needed, home)
         when = needed if isinstance(needed, str) else None
         masses = masses_of(node.body, node.var)
         if masses is not None:
@@ -194,6 +267,20 @@ class _Scheduler(UnbrokenEmitter):
         rest = (rule, when, watch, bends, base, infinite, scale)
         home.block.append(Integrate(var, lo, hi, breaks, flags, need, inside, values, results, *rest))
         home.names.update(zip(group, results, strict=True))
+
+    def _unless_empty(self, group: Sequence[Integral], needed: Arg, home: Level) -> Arg:
+        """Whether an outermost integral is needed, which it is not where intervals show that its integrand is 0 on the whole domain."""
+        empty: list[Cond] = []
+        for node in group:
+            found = _certainly_empty(node)
+            if found is FALSE:
+                return needed
+            empty.append(found)
+        nothing = self.truths(conjunction(*empty), home)[0]
+        if isinstance(nothing, bool):
+            return False if nothing else needed
+        occupied = self.assign(home, "b", "not", nothing)
+        return occupied if needed is True else self.assign(home, "b", "and", needed, occupied)
 
     def _pieces(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[Arg, Arg, tuple[Arg, ...]]:
         """Lower bound, upper bound, and the breaks between them."""
@@ -300,10 +387,11 @@ class _Scheduler(UnbrokenEmitter):
         x, handled = cast(Var, level.var), cast(Breaks, level.breaks).handled
         inner = self.binders(bodies)
         conditions: dict[Cond, None] = {}
+        atoms = {c for b in bodies for c in atoms_of(b, x)}  # not what only decides a tie
         for node in postorder(bodies):
             if x not in node.free or node.free & inner:
                 continue
-            if isinstance(node, Compare) and node.g not in handled:
+            if isinstance(node, Compare) and node.g not in handled and node in atoms:
                 conditions[node] = None
                 turning = _slope_of(node.g, x)
                 if turning is not None:

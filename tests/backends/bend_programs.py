@@ -215,8 +215,8 @@ FAR_BASE = (
     Place("complex zeros, a million away", 1e6 - 1.0, 1e6 + 1.0, 1e-4, 0.0, 1.0, base=1e6),
 )
 POLES = (
-    Place("left of p", 0.0, 1.0, 1e-2, 1.0, looks=1),
-    Place("right of q", -1.0, 0.0, 1e-2, -1.0, looks=1),
+    Place("left of p", 0.0, 1.0, 1e-2, 1.0),
+    Place("right of q", -1.0, 0.0, 1e-2, -1.0),
     Place("right of q, negative", -1.0, 0.0, -1.0, 1.0),
     Place("far away: no bend", 0.0, 1.0, 9.0, 1.0),
     Place("two, the nearer one is left of p", 0.0, 1.0, 0.02, 0.3, 1.0),
@@ -403,7 +403,7 @@ MISSED = (
         bends=(Bend("end", (0.0, 1.0, 0.0)),),
         rule=Adaptive(1e-7),
         missed=False,
-        tolerance=4e-7,
+        tolerance=1e-7,
     ),
     _missed("x^-0.9 with nothing known is called divergent", _POWER, ("v0",), (INF,), ((-0.9,),), rule=Adaptive(1e-7)),
     _missed("x^-1.5 diverges whatever is known", _POWER, ("v0",), (INF,), ((-1.5,),), bends=(Bend("end", (0.0, 1.0, 0.0)),)),

@@ -57,6 +57,11 @@ def columns_of(case: Case, i: int) -> list[npt.NDArray[np.float64]]:
     return [column[i : i + 1] if column.ndim else column.reshape(1) for column in columns(case)]
 
 
+def evaluations(program: Program, given: Sequence[npt.NDArray[np.float64]]) -> int:
+    """How many a run of one element takes."""
+    return compile_numpy(program).outcome(given, 1).evaluations
+
+
 def has_its_values(found: Outcome, case: Case) -> None:
     np.testing.assert_allclose(found.values, expected(case), rtol=case.tolerance, atol=case.tolerance)
     assert found.missed == case.missed
@@ -166,17 +171,13 @@ def test_no_zero_inside_makes_a_substitution_leave_something_out() -> None:
 # Cost
 
 
-def evaluations(program: Program, given: Sequence[npt.NDArray[np.float64]]) -> int:
-    return compile_numpy(program).outcome(given, 1).evaluations
-
-
 def of_every_place() -> list[tuple[Case, int, Place]]:
     return [(case, i, place) for case, places in PLACES for i, place in enumerate(places)]
 
 
 @pytest.mark.parametrize(("case", "i", "place"), of_every_place(), ids=lambda a: a.name if isinstance(a, (Case, Place)) else "")
 def test_a_bend_pays(case: Case, i: int, place: Place) -> None:
-    """Where D is a root, or its inverse, one look is enough; where the zero is at or near the piece many are saved."""
+    """Where √D, or its inverse, is a polynomial in t, one look is enough; where the zero is at or near the piece many are saved."""
     given = columns_of(case, i)
     bent = evaluations(case.program, given)
     given[WHEN] = np.array([-1.0])
@@ -185,7 +186,7 @@ def test_a_bend_pays(case: Case, i: int, place: Place) -> None:
         assert bent == plain
     else:
         assert bent < plain or bent == NODES
-    if place.looks and "root" in str(case.program.body[-1]) and "√" in case.name:
+    if place.looks:
         assert bent == place.looks * NODES
         assert plain > 2 * NODES
 
@@ -266,16 +267,15 @@ ESTIMATED = [(rule, estimates) for rule in (Gauss(20), TIGHT, Adaptive(1e-6)) fo
 @needs_c
 @pytest.mark.parametrize(("rule", "estimates"), ESTIMATED, ids=str)
 def test_estimates(rule: Adaptive | Gauss, estimates: int) -> None:
-    """Those with estimates meet their tolerance, and err by no more than they say (twice that at the branch point of √x)."""
+    """Those with estimates meet their tolerance, and err by no more than they say, √x with its branch point too."""
     whole = estimated(rule, estimates)
     p = np.array([1.0, 20.0, -3.0])
     found = compile_numpy(whole).outcome([p], 3)
     exact = np.array([of_waves(float(v)) for v in p]).T
     values, errors = found.values[:3], found.values[3:]
-    slack = np.array([1.0, 1.0, 2.0])[:estimates, None]
     if isinstance(rule, Adaptive):
         assert not found.missed
-        assert (np.abs(values - exact)[:estimates] <= slack * errors + 1e-16).all()
+        assert (np.abs(values - exact)[:estimates] <= errors + 1e-16).all()
         assert (errors <= 2 * rule.tol * np.maximum(1.0, np.abs(exact[:estimates]))).all()
     assert (errors > 0).all()
     assert errors.shape == (estimates, 3)

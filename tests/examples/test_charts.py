@@ -22,7 +22,7 @@ pytest.importorskip("mpmath")
 
 import mpmath
 
-from teg.examples.charts import decomposition, measure, run, tables, verdicts
+from teg.examples.charts import decomposition, draw, measure, run, tables, verdicts
 from teg.examples.charts.case import Case, case
 from teg.examples.charts.ours import compiled
 from teg.examples.charts.peers import PEERS, best_step, differences, gradient_error, relative_error
@@ -249,6 +249,7 @@ def test_a_quick_chart_and_what_a_second_run_does(tmp_path: Path, monkeypatch: p
 
 def test_an_interrupted_chart_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_process: None) -> None:
     real, calls = measure.measure, []
+    monkeypatch.setattr(draw, "draw_all", lambda *_: [])
 
     def interrupted(task: measure.Task, *rest: Any) -> Iterator[measure.Point]:
         calls.append(task)
