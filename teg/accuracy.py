@@ -51,7 +51,7 @@ def report_missed(
         what = f"{names[i]} misses the tolerance {tol:g}{place}: {values[i, j]:.10g}, error estimate {errors[i, j]:.1e}"
         hint = "a larger tol=, a smaller region, or a formula for what the integrand jumps at; f.value_and_error() gives the estimates"
         if sampled:
-            hint = 'so many integrals inside each other are sampled, and the estimate is a standard error; rule="qmc" with order= asks for that'
+            hint = 'so many integrals inside each other are sampled: the estimate is a standard error; rule="qmc", order=… asks for that'
     if inaccurate == "raise":
         raise AccuracyError(what, None, hint)
     warnings.warn(f"{what}\n  hint: {hint}", AccuracyWarning, stacklevel=5)

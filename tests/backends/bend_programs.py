@@ -283,6 +283,48 @@ TWO_BENDS = Case(
     1e-12,
 )
 
+BALL = Case(
+    "the volume of a half ball: the bend of its chords depends on the outer variable, and a flag lets it count",
+    program(
+        1,
+        (
+            let("v0", "sqrt", "p0"),
+            let("v1", "neg", "v0"),
+            integrate(
+                "v9",
+                "x1",
+                "v1",
+                "v0",
+                (
+                    let("v2", "powi", "x1", 2),
+                    let("v3", "sub", "p0", "v2"),
+                    let("v4", "sqrt", "v3"),
+                    let("v5", "neg", "v4"),
+                    integrate(
+                        "v8",
+                        "x0",
+                        "v5",
+                        "v4",
+                        (let("v6", "powi", "x0", 2), let("v7", "sub", "v3", "v6"), let("v10", "abs", "v7"), let("v11", "sqrt", "v10")),
+                        "v11",
+                        rule=TIGHT,
+                        flags=(let("v12", "powi", "x0", 2), let("v13", "sub", "v3", "v12"), let("b0", "gt0", "v13")),
+                        need="b0",
+                        bends=(Bend("root", ("v3", 0.0, -1.0), "b0"),),
+                    ),
+                ),
+                "v8",
+                rule=Adaptive(1e-11),
+            ),
+        ),
+        "v9",
+    ),
+    ((1.0, 4.0),),
+    ((2 * math.pi / 3, 16 * math.pi / 3),),
+    2,
+    1e-11,
+)
+
 
 def _tail(lo: Arg, hi: Arg, body: tuple[Stmt, ...], value: Arg, **options: Any) -> tuple[Stmt, ...]:
     return (integrate("v9", "x0", lo, hi, body, value, infinite=True, rule=TIGHT, **options),)
@@ -460,5 +502,5 @@ def of_waves(p: float) -> tuple[float, float, float]:
     return (1 - math.cos(p)) / p, math.expm1(p) / p, 2 / 3
 
 
-BENT = (*(case for case, _ in PLACES), TWO_BENDS, *TAILS, *MISSED)
+BENT = (*(case for case, _ in PLACES), TWO_BENDS, BALL, *TAILS, *MISSED)
 """Every program here that has exact values."""

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -39,7 +40,7 @@ from tests.backends.c_checks import (
     lines_are_short,
     text_compiles_without_warnings,
 )
-from tests.backends.programs import CASES, TIGHT, Case, columns, expected
+from tests.backends.programs import CASES, TIGHT, Case, columns, expected, integrate, let, program
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 needs_c = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
@@ -257,6 +258,63 @@ def test_one_element_that_misses_is_told_of_its_batch() -> None:
     kernel = compile_numpy(replace(case.program, body=tuple(replace(s, bends=()) for s in case.program.body if isinstance(s, Integrate))))
     assert not kernel.outcome([np.array([1.0, 2.0])], 2).missed
     assert kernel.outcome([np.array([1.0, 2.0, -0.9])], 3).missed
+
+
+def tied(first: float, second: float) -> Program:
+    """∫₀¹ x^q dx, q the `first` exponent in the one order of a tie, the `second` in the other."""
+    body = (
+        let("b0", "tie", "p0", 1.0, True, 0),
+        let("v0", "select", "b0", first, second),
+        integrate("v2", "x0", 0.0, 1.0, (let("v1", "pow", "x0", "v0"),), "v1", rule=Adaptive(1e-9)),
+    )
+    return program(1, body, "v2", ties=1)
+
+
+@needs_c
+@pytest.mark.usefixtures("x64")
+def test_either_order_of_a_tie_may_miss() -> None:
+    for kernel in (compile_numpy(tied(1.0, -0.9)), compile_c(tied(-0.9, 1.0)), compile_c(tied(1.0, -0.9)), compile_jax(tied(1.0, -0.9))):
+        assert kernel.outcome([np.array([0.0])], 1).missed
+        assert kernel.outcome([np.array([5.0, -5.0])], 2).missed  # one of them has the exponent -0.9
+    for kernel in (compile_numpy(tied(1.0, 2.0)), compile_c(tied(1.0, 2.0))):
+        found = kernel.outcome([np.array([0.0])], 1)
+        assert found.values[0, 0] == pytest.approx(5 / 12)
+        assert not found.missed
+
+
+WATCHED_ENDS = program(  # ∫₀¹ [x < p0] ∫₀¹ y^q dy dx, q = 0 but at x = 0, where no node is
+    1,
+    (
+        integrate(
+            "v9",
+            "x0",
+            0.0,
+            1.0,
+            (
+                let("b1", "gt0", "x0"),
+                let("v0", "select", "b1", 0.0, -0.9),
+                integrate("v2", "x1", 0.0, 1.0, (let("v1", "pow", "x1", "v0"),), "v1", rule=Adaptive(1e-9)),
+                let("v3", "sub", "p0", "x0"),
+                let("b0", "gt0", "v3"),
+                let("v4", "select", "b0", "v2", 0.0),
+            ),
+            "v4",
+            rule=Adaptive(1e-9),
+            watch=("b0",),
+        ),
+    ),
+    "v9",
+)
+
+
+@pytest.mark.parametrize("backend", ["numpy", pytest.param("c", marks=needs_c), pytest.param("jax", marks=pytest.mark.slow)])
+def test_what_is_missed_at_the_ends_of_a_watched_interval_does_not_count(backend: str, request: pytest.FixtureRequest) -> None:
+    if backend == "jax":
+        request.getfixturevalue("x64")
+    compiled: Any = {"numpy": compile_numpy, "c": compile_c, "jax": compile_jax}[backend]
+    found = compiled(WATCHED_ENDS).outcome([np.array([0.3])], 1)
+    assert found.values[0, 0] == pytest.approx(0.3, rel=1e-9)
+    assert not found.missed
 
 
 # Estimates

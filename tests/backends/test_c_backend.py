@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 import pickle
 import shutil
@@ -260,7 +261,10 @@ def test_many_captured_values_results_and_breaks() -> None:
     np.testing.assert_allclose(found[-1], [exact[7, 0] / 2, exact[7, 1]], rtol=1e-13)
 
 
-@pytest.mark.parametrize("limits", [{"PART": 2}, {"BY_VALUE": 0}, {"ON_STACK": 1}, {"PART": 3, "BY_VALUE": 1}, {"INLINE": 0}, {}])
+LIMITS = ({"PART": 2}, {"BY_VALUE": 0}, {"ON_STACK": 1}, {"PART": 3, "BY_VALUE": 1}, {"INLINE": 0})
+
+
+@pytest.mark.parametrize("limits", [{}, *(pytest.param(limits, marks=pytest.mark.slow) for limits in LIMITS)], ids=str)
 @pytest.mark.parametrize("case", [c for c in CASES if " at " not in c.name], ids=lambda case: case.name)
 def test_limits_change_no_bit(case: Case, limits: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts, values and arrays in the workspace, at every size: as in one function on the stack."""
@@ -508,6 +512,30 @@ def test_standalone_files(tmp_path: Path) -> None:
     printed = subprocess.run([str(tmp_path / "main")], check=True, capture_output=True, text=True).stdout.split()
     found = np.array([float(word) for word in printed]).reshape(2, 3)
     np.testing.assert_allclose(found, compile_c(case.program)(columns(case), 3), rtol=1e-15)
+
+
+def test_notes_say_of_each_point_what_happened_there() -> None:
+    """A tie is 1, a tolerance missed 2, an evaluation 4; the caller need not want to know, and the header says so."""
+    body = (
+        let("b0", "tie", "p0", 1.0, True, 0),
+        let("v0", "select", "b0", 1.0, 3.0),
+        integrate("v2", "x0", 0.0, 1.0, (let("v1", "pow", "x0", "p1"),), "v1", rule=Adaptive(1e-9)),
+    )
+    whole = program(2, body, "v0", "v2", ties=1)
+    run = c_build.load_library(print_kernel(whole, counted=True)).teg_kernel
+    columns = [np.array([1.0, 0.0, 1.0, 0.0]), np.array([1.0, 1.0, -0.9, -0.9])]
+    pointers = np.array([column.ctypes.data for column in columns], dtype=np.uintp)
+    stride, out, notes = np.ones(2, dtype=np.dtype(ctypes.c_long)), np.empty((2, 4)), np.full(4, -1, dtype=np.dtype(ctypes.c_long))
+    for told in (notes.ctypes.data, None):
+        given = (ctypes.c_void_p(x) for x in (pointers.ctypes.data, stride.ctypes.data, out.ctypes.data, told))
+        assert run(ctypes.c_long(4), *given, ctypes.c_int(1)) == 0
+        np.testing.assert_array_equal(out[0], [1.0, 2.0, 1.0, 2.0])
+    assert (notes & 3).tolist() == [0, 1, 2, 3]
+    assert (notes >> 2)[:2].tolist() == [10, 20]  # a tie takes two runs
+    assert (notes >> 2)[3] == 2 * (notes >> 2)[2] > 1000
+    header = standalone_c(whole, "told")[1]
+    assert "`notes` may be NULL" in header
+    assert "double *out, long *notes, int threads);" in header
 
 
 @pytest.mark.parametrize("name", ["", "int", "a-b", "1a", "a b", "teg_mod", "element", "integral_1", "f(", "é", "_x"])

@@ -18,19 +18,24 @@ from tests.backends.programs import (
     ONE_VARIABLE,
     TIES,
     TWO_VARIABLES,
+    WATCHED,
     Case,
     columns,
     expected,
 )
 
+LONG = (ADAPTIVE[4], WATCHED[3], WATCHED[4])
+"""Integrals in integrals, adaptive both: two or three seconds of compilation each."""
+
 
 @pytest.mark.usefixtures("x64")
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize("case", [pytest.param(c, marks=[pytest.mark.slow] * (c in LONG)) for c in CASES], ids=lambda case: case.name)
 def test_value_and_agreement_with_numpy(case: Case) -> None:
-    found = compile_jax(case.program)(columns(case), case.n)
+    found = compile_jax(case.program).outcome(columns(case), case.n)
     reference = compile_numpy(case.program)(columns(case), case.n)
-    np.testing.assert_allclose(found, expected(case), rtol=case.tolerance, atol=case.tolerance)
-    np.testing.assert_allclose(found, reference, rtol=1e-14, atol=1e-15)
+    np.testing.assert_allclose(found.values, expected(case), rtol=case.tolerance, atol=case.tolerance)
+    np.testing.assert_allclose(found.values, reference, rtol=1e-14, atol=1e-15)
+    assert found.missed == case.missed
 
 
 @pytest.mark.usefixtures("x64")
