@@ -182,7 +182,8 @@ class Printer:
             *arrays,
             *frame.opening(),
             f"const double lo = {spell(stmt.lo)}, hi = {spell(stmt.hi)};",
-            ("if (lo != lo || hi != hi) " if stmt.infinite else "if (!isfinite(lo) || !isfinite(hi)) ") + ("return NAN;" if count == 1 else f"{{ teg_fill(sum, {count}, NAN); return; }}"),
+            ("if (lo != lo || hi != hi) " if stmt.infinite else "if (!isfinite(lo) || !isfinite(hi)) ")
+            + ("return NAN;" if count == 1 else f"{{ teg_fill(sum, {count}, NAN); return; }}"),
             "const double a = lo <= hi ? lo : hi, b = lo <= hi ? hi : lo, sign = lo <= hi ? 1.0 : -1.0;",
             *packed(["ends[0] = a;", *ends, f"ends[{pieces}] = b;"]),
             *([f"teg_sort(ends + 1, {pieces - 1});"] if pieces > 2 else []),
@@ -223,7 +224,18 @@ class Printer:
                 watched = len(stmt.watch)
                 return [
                     *way,
-                    *adaptive_piece(block, rule, count, tested, watched, bent=bent, noted=noted, estimated=estimated, counted=counted),
+                    *adaptive_piece(
+                        block,
+                        rule,
+                        count,
+                        tested,
+                        watched,
+                        bent=bent,
+                        ends=any(b.kind == "end" for b in stmt.bends),
+                        noted=noted,
+                        estimated=estimated,
+                        counted=self._is_counted(stmt),
+                    ),
                 ]
 
     def _is_counted(self, stmt: Integrate | Sample) -> bool:

@@ -102,20 +102,34 @@ def bent_piece(bends: Sequence[tuple[Bend, str, Sequence[str]]], base: str, cubi
 
 
 def adaptive_piece(
-    block: Sequence[str], rule: Adaptive, count: int, tested: int, watched: int, *, bent: bool, noted: bool, estimated: bool, counted: bool
+    block: Sequence[str],
+    rule: Adaptive,
+    count: int,
+    tested: int,
+    watched: int,
+    *,
+    bent: bool,
+    ends: bool,
+    noted: bool,
+    estimated: bool,
+    counted: bool,
 ) -> list[str]:
     """Add the adaptive rule over (p, q) to `sum`, from the left; `waiting` is a stack of intervals.
 
     `block` writes the values at x to `f`, then the watched conditions. Where there are any, k runs over the ends of the
     interval (-2, -1) before the nodes, and stops where a condition changed and the interval will be halved anyway. `bent`: places are
-    those of the substitution `way`; `noted`: the block may note ties and missed tolerances, which at the ends do not count.
+    those of the substitution `way`, which may be that of a singular end if there are `ends`; `noted`: the block may note ties and missed
+    tolerances, which at the ends do not count.
     """
     place = ["const double slope = half * (q - p);", "x = p + (q - p) * u;"]
     if bent:
         place = ["double slope;", "x = teg_place(&way, u, &slope);", "slope *= half;"]
     elif rule.cubic:
         place = ["const double slope = half * (q - p) * (6.0 * u * (1.0 - u));", "x = p + (q - p) * (u * u * (3.0 - 2.0 * u));"]
-    good = f"teg_assess({tested}, measured, whole, {literal(rule.tol)}, {decay_power(rule.order)})"
+    powers = [str(decay_power(n)) for n in (rule.first, rule.order)]
+    if ends:
+        powers = [f"(way.kind == TEG_POWER ? 0 : {power})" for power in powers]
+    good = f"teg_assess({tested}, measured, whole, {literal(rule.tol)}, {powers[1]})"
     choose = [f"const int nodes = {rule.order};", f"const teg_node *const table = teg_nodes_{rule.order};"]
     node, first = "table[k].node", "0"
     before: list[str] = []
@@ -131,7 +145,7 @@ def adaptive_piece(
         ]
         good = f"(changed ? fine : {good})"
     else:
-        power = f"used == 1 ? {decay_power(rule.first)} : {decay_power(rule.order)}"
+        power = f"used == 1 ? {powers[0]} : {powers[1]}"
         good = f"teg_assess({tested}, measured, whole, {literal(rule.tol)}, {power})"
         choose = [
             f"const int nodes = used == 1 ? {rule.first} : {rule.order};",
@@ -183,6 +197,7 @@ def adaptive_piece(
                 "}",
             ),
             "}",
+            _each(tested, "if (isinf(measured[8 * j])) ctx->missed = 1;"),
             *_taken(count, tested, estimated),
         ),
         "}",

@@ -59,7 +59,9 @@ def place(s: Substitution, possible: Sequence[int], u: Scalar) -> tuple[Scalar, 
     for kind in possible[1:]:
         other, slope = _PLACES[kind](t)
         phi, rate = jnp.where(s.kind == kind, other, phi), jnp.where(s.kind == kind, slope, rate)
-    return jnp.minimum(jnp.maximum(s.centre + s.radius * phi, s.p), s.q), s.radius * s.step * rate
+    at = s.centre + s.radius * phi
+    at = jnp.where(at > s.p, at, jnp.nextafter(s.p, s.q))
+    return jnp.where(at < s.q, at, jnp.nextafter(s.q, s.p)), s.radius * s.step * rate
 
 
 def inside(p: Scalar, q: Scalar, part: float, infinite: bool, scale: Scalar) -> Scalar:
@@ -129,7 +131,7 @@ def _bend(
     below, above = jnp.minimum(one, other), jnp.maximum(one, other)
     m = jnp.where(paired, -0.5 * c1 / c2, 0.5 * (below + above))
     h = jnp.where(paired, jnp.sqrt(jnp.abs(square)) * jnp.abs(0.5 / c2), 0.5 * (above - below))
-    active &= linear | (h >= 1e-12 * length)
+    active &= linear | (h >= jnp.where(paired, 1e-100, 1e-12) * length)
     to_below, to_above = _size(below, p, q), _size(above, p, q)
     near = jnp.where(paired, (jnp.hypot(m - p, h) + jnp.hypot(m - q, h)) * (2.0 / length), jnp.minimum(to_below, to_above))
     at_p = ~paired & ((jnp.abs(below - p) <= end) | (jnp.abs(above - p) <= end))
@@ -144,7 +146,7 @@ def _bend(
         curved = jnp.where(jnp.abs(centre - m) <= h, SINE, COSH)
         way = jnp.where(paired, SINH, jnp.where(linear, SQUARE, curved))
         if kind == "end":
-            way = jnp.where(~paired & linear & (at_p | at_q), POWER, way)
+            way = jnp.where(~paired & (at_p ^ at_q), POWER, way)
         left_move = jnp.where(at_p, jnp.minimum(0.0, p - jnp.where(jnp.abs(above - p) <= end, above, below)), 0.0)
         right_move = jnp.where(at_q, jnp.maximum(0.0, q - jnp.where(jnp.abs(below - q) <= end, below, above)), 0.0)
         m = m + jnp.where(way == SINE, 0.5, 1.0) * (left_move + right_move)  # zeros at ends do not stay inside

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.backends.jax_bends import Substitution, inside, place, substitution, ways
+from teg.backends.jax_bends import POWER, Substitution, inside, place, substitution, ways
 from teg.program import (
     ABSOLUTE_FLOOR,
     DEEP,
@@ -124,6 +124,8 @@ def _integrate(
 ) -> tuple[tuple[Scalar, ...], Note]:
     """The results, and the note; `bends`: base, scale, and three coefficients a bend, or nothing."""
     lo, hi = jnp.asarray(lo, jnp.float64), jnp.asarray(hi, jnp.float64)
+    ends = jnp.stack([lo, hi])
+    broken = jnp.any(jnp.isnan(ends) if pieces.infinite else ~jnp.isfinite(ends))
     low, high = jnp.minimum(lo, hi), jnp.maximum(lo, hi)
     clamped = [jnp.where(jnp.isnan(b), low, jnp.clip(b, low, high)) for b in breaks]
     points = jnp.stack([low, *clamped, high])
@@ -133,7 +135,7 @@ def _integrate(
 
     def piece(p: Scalar, q: Scalar) -> tuple[Any, Note]:
         wide = q - p > PIECE_EPS * jnp.maximum(jnp.abs(p), jnp.abs(q))
-        active = when & (wide | jnp.isposinf(q - p))
+        active = when & ~broken & (wide | jnp.isposinf(q - p))
         need, counts, flagged, note = True, (), (), jnp.int32(0)
         if flags is not None:
             need, counts, flagged, note = flags(inside(p, q, INSIDE, pieces.infinite, scale))
@@ -146,8 +148,7 @@ def _integrate(
     total = jnp.sum(sums, axis=0)
     sign = jnp.where(lo <= hi, 1.0, -1.0)
     total = jnp.concatenate([sign * total[: pieces.values], total[pieces.values :]])
-    ends = jnp.stack([lo, hi])
-    total = jnp.where(jnp.any(jnp.isnan(ends) if pieces.infinite else ~jnp.isfinite(ends)), jnp.nan, total)
+    total = jnp.where(broken, jnp.nan, total)
     total = jnp.where(when, total, 0.0)
     return tuple(total[i] for i in range(pieces.values + (pieces.tested if pieces.estimated else 0))), union(notes)
 
@@ -158,8 +159,9 @@ def vector(block: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
     return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(note, jnp.int32)
 
 
-def _measure(nodes: int, tested: int, found: Any) -> tuple[Any, Any, Any]:
-    """K of every value, A and E of those tested (see `teg.program`), of values at Gauss nodes by dv/du, (nodes, values)."""
+def _measure(nodes: int, tested: int, found: Any, smooth: Scalar) -> tuple[Any, Any, Any]:
+    """K of every value, A and E of those tested (see `teg.program`), of values at Gauss nodes by dv/du, (nodes, values); where they
+    are not known to be `smooth` no decay is counted on."""
     weights = jnp.array(gauss_legendre(nodes)[1], jnp.float64)[:, None]
     rules = jnp.array(null_rules(nodes), jnp.float64)
     total, size = jnp.sum(weights * found, axis=0), jnp.sum(weights * jnp.abs(found[:, :tested]), axis=0)
@@ -167,9 +169,9 @@ def _measure(nodes: int, tested: int, found: Any) -> tuple[Any, Any, Any]:
     a, b, c = (jnp.maximum(e[i], e[i + 1]) for i in (0, 2, 4))
     tail = jnp.where(b > c, jnp.maximum(a, b), a)
     last, before = a / b, b / c
-    ratio = jnp.maximum(last, before) * jnp.maximum(1.0, last / before)
+    ratio = jnp.maximum(last, before) * jnp.maximum(1.0, last / before) ** 3
     ratio = jnp.maximum(ratio, (15.0 * ratio - 2.0) / 7.0)
-    error = 4.0 * tail * powi(jnp.where(ratio < 1.0, ratio, 1.0), decay_power(nodes))
+    error = 4.0 * tail * powi(jnp.where((ratio < 1.0) & smooth, ratio, 1.0), decay_power(nodes))
     return total, size, jnp.where(tail <= NOISE * size, 0.0, error)
 
 
@@ -252,7 +254,7 @@ def _adaptive(
             conditions = found[:, pieces.values :] > 0.0
             changed = jnp.any(jnp.any(conditions, axis=0) & ~jnp.all(conditions, axis=0))
             found, notes, rate = found[:-2, : pieces.values], notes[:-2], rate[:-2]
-        total, size, error = _measure(nodes, pieces.tested, found * (0.5 * width * rate)[:, None])
+        total, size, error = _measure(nodes, pieces.tested, found * (0.5 * width * rate)[:, None], places.kind != POWER)
         return total, size, error, changed, union(notes)
 
     def listed(total: Any, size: Any, error: Any) -> Any:
@@ -280,7 +282,7 @@ def _adaptive(
             enough=enough,
             whole=whole,
             sums=jnp.where(done, at.sums + listed(total, size, error), at.sums),
-            note=at.note | note | where(done & ~good, MISSED),
+            note=at.note | note | where(done & (~good | jnp.any(jnp.isinf(tested))), MISSED),
         )
 
     zeros = jnp.zeros(pieces.tested)
@@ -303,7 +305,7 @@ def _adaptive(
             enough=enough,
             whole=size,
             sums=jnp.where(done, listed(total, size, error), 0.0),
-            note=where(active, note),
+            note=where(active, note) | where(done & jnp.any(jnp.isinf(total[: pieces.tested])), MISSED),
         )
     end = lax.while_loop(lambda at: at.start < END, step, beginning)
     return end.sums, end.note

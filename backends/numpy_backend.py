@@ -264,8 +264,8 @@ class _Printer:
                 assert_never(stmt.rule)
         node_width = self.function(body, [stmt.var, *for_body, *flagged], stmt.body, results)
         leaf = not any(isinstance(s, Integrate | Sample) for s in statements(stmt.body))
-        counts = f"values={len(stmt.values)}, tested={stmt.tested}, estimated={bool(stmt.estimates)!r}, leaf={leaf!r}, infinite={stmt.infinite!r}"
-        fields = f"flags={flags}, body={body}, {counts}, piece_width={piece_width}, node_width={node_width}"
+        counts = f"values={len(stmt.values)}, tested={stmt.tested}, estimated={bool(stmt.estimates)!r}, leaf={leaf!r}"
+        fields = f"flags={flags}, body={body}, {counts}, piece_width={piece_width}, node_width={node_width}, infinite={stmt.infinite!r}"
         bends = f"bends=({inside(repr(b.kind) for b in stmt.bends)})"
         self.lines += ["", "", f"integral_{number} = rt.{kind}(", f"    {fields},", f"    {bends}, {rule}", ")"]
 

@@ -47,7 +47,8 @@ class Substitution:
             phi, slope = _PLACES[kind](t)
             place[:, chosen] = self.centre[chosen] + self.radius[chosen] * phi
             rate[:, chosen] = self.radius[chosen] * self.step[chosen] * slope
-        return np.minimum(np.maximum(place, self.p), self.q), rate
+        place = np.where(place > self.p, place, np.nextafter(self.p, self.q))
+        return np.where(place < self.q, place, np.nextafter(self.q, self.p)), rate
 
 
 _PLACES = {
@@ -120,7 +121,7 @@ def _bent(result: Substitution, base: Array, bends: Sequence[tuple[str, Any, Any
         below, above = np.minimum(one, other), np.maximum(one, other)
         middle = np.where(complex_, -0.5 * c1 / c2, 0.5 * (below + above))
         half = np.where(complex_, np.sqrt(np.abs(square)) * np.abs(0.5 / c2), 0.5 * (above - below))
-        active &= alone | (half >= 1e-12 * length)
+        active &= alone | (half >= np.where(complex_, 1e-100, 1e-12) * length)
         linear = alone
         s_below, s_above = ((np.abs(y - p) + np.abs(y - q)) * (2.0 / length) for y in (below, above))
         s = np.where(
@@ -176,7 +177,7 @@ def _place(
         m = np.where(paired, m, nearer)
         way = np.where(paired, SINH, EXP)
     else:
-        power = straight & (near_p | near_q) if kind == "end" else np.zeros_like(straight)
+        power = ~paired & (near_p ^ near_q) if kind == "end" else np.zeros_like(straight)
         way = np.select([paired, power, straight, np.abs(centre - m) <= h], [SINH, POWER, SQUARE, SINE], COSH)
         below, above, reach = m - h, m + h, END * (b - a)
         left = np.where(near_p, np.minimum(0.0, a - np.where(np.abs(above - a) <= reach, above, below)), 0.0)

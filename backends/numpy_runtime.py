@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy_bends import Substitution, inside, substitution
+from teg.backends.numpy_bends import POWER, Substitution, inside, substitution
 from teg.program import (
     ABSOLUTE_FLOOR,
     DEEP,
@@ -191,13 +191,14 @@ class Integral:
         if counts[0] > 1:
             points[1:-1].sort(axis=0)
         p, q = points[:-1].reshape(-1), points[1:].reshape(-1)
-        length = q - p
-        kept = np.flatnonzero((length > PIECE_EPS * np.maximum(np.abs(p), np.abs(q))) | np.isposinf(length))
+        length, not_a_bound = q - p, np.isnan if self.infinite else _not_finite
+        broken = np.broadcast_to(not_a_bound(lo) | not_a_bound(hi), (lanes,))
+        wide = (length > PIECE_EPS * np.maximum(np.abs(p), np.abs(q))) | np.isposinf(length)
+        kept = np.flatnonzero(wide & ~np.tile(broken, counts[0] + 1))
         second, third = first + counts[1], first + counts[1] + counts[2]
         sums = self._pieces(run, p[kept], q[kept], kept % lanes, lanes, given[first:second], given[second:third], given[third:])
         sums[: self.values] *= np.where(lo <= hi, 1.0, -1.0)
-        broken = np.isnan if self.infinite else _not_finite
-        sums[:, np.broadcast_to(broken(lo) | broken(hi), (lanes,))] = np.nan
+        sums[:, broken] = np.nan
         return sums
 
     def _pieces(
@@ -273,8 +274,9 @@ def rounding(p: Array, q: Array) -> Array:
     return 0.5 * ROUNDING + np.where(np.isfinite(length), EDGE * np.maximum(np.abs(p), np.abs(q)) / length, 0.0)
 
 
-def measure(values: Array, nodes: int) -> tuple[Array, Array, Array]:
-    """Sum, sum of sizes, and error (see `teg.program`) of the values at Gauss nodes, (nodes, lanes), each (lanes,)."""
+def measure(values: Array, nodes: int, smooth: Array) -> tuple[Array, Array, Array]:
+    """Sum, sum of sizes, and error (see `teg.program`) of the values at Gauss nodes, (nodes, lanes), each (lanes,); where they are not
+    known to be `smooth` no decay is counted on."""
     weights = np.array(gauss_legendre(nodes)[1])
     rules = np.array(null_rules(nodes))
     total, size = weights @ values, weights @ np.abs(values)
@@ -282,9 +284,9 @@ def measure(values: Array, nodes: int) -> tuple[Array, Array, Array]:
     a, b, c = (np.maximum(found[i], found[i + 1]) for i in (0, 2, 4))
     tail = np.where(b > c, np.maximum(a, b), a)
     last, before = a / b, b / c
-    ratio = np.maximum(last, before) * np.maximum(1.0, last / before)
+    ratio = np.maximum(last, before) * np.maximum(1.0, last / before) ** 3
     ratio = np.maximum(ratio, (15.0 * ratio - 2.0) / 7.0)
-    growth = np.where(ratio < 1.0, ratio, 1.0)
+    growth = np.where((ratio < 1.0) & smooth, ratio, 1.0)
     error = 4.0 * tail * powi(growth, decay_power(nodes))
     return total, size, np.where(tail <= NOISE * size, 0.0, error)
 
@@ -357,6 +359,7 @@ class AdaptiveIntegral(Integral):
                     endless = missed & ~changed & np.isfinite(error) & (size > DIVERGENT * whole[:, piece])
                     total[: self.tested][endless] = np.copysign(np.inf, total[: self.tested][endless])
             done = np.flatnonzero(~again)
+            run.missed |= bool(np.isinf(total[: self.tested, done]).any())
             sums[: self.values] += scatter(total[:, done], piece[done], pieces)
             if self.estimated:
                 estimate = error[:, done] + rounding(places.p, places.q)[piece[done]] * size[:, done]
@@ -397,7 +400,7 @@ class AdaptiveIntegral(Integral):
             for i, value in enumerate(found[: self.values]):
                 weighted = np.broadcast_to(value * rate, x.shape)
                 if i < self.tested:
-                    total[i, part], size[i, part], error[i, part] = measure(weighted, nodes)
+                    total[i, part], size[i, part], error[i, part] = measure(weighted, nodes, here.kind != POWER)
                 else:
                     total[i, part] = weights @ weighted
             if self.watched:

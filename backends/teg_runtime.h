@@ -135,8 +135,8 @@ static inline int teg_assess(int n, double *sums, const double *whole, double to
         const double e5 = fabs(sums[5]), e6 = fabs(sums[6]);
         const double a = e1 > e2 ? e1 : e2, b = e3 > e4 ? e3 : e4, c = e5 > e6 ? e5 : e6;
         const double tail = b > c && b > a ? b : a;
-        const double last = a / b, before = b / c;
-        double ratio = last > before ? last * (last / before) : before;
+        const double last = a / b, before = b / c, slowing = last / before;
+        double ratio = last > before ? last * (slowing * slowing * slowing) : before;
         if (ratio > 0.25) ratio = (15.0 * ratio - 2.0) / 7.0;
         double error = 4.0 * tail;
         if (tail <= TEG_NOISE * sums[7]) error = 0.0;
@@ -220,7 +220,7 @@ static void teg_bend(teg_substitution *s, int kind, int when, double base, doubl
     const double below = one < other ? one : other, above = one < other ? other : one;
     double m = paired ? -0.5 * c1 / c2 : 0.5 * (below + above);
     double h = paired ? sqrt(fabs(square)) * fabs(0.5 / c2) : 0.5 * (above - below);
-    if (!alone && !(h >= 1e-12 * length)) return;
+    if (!alone && !(h >= (paired ? 1e-100 : 1e-12) * length)) return;
     const double to_below = teg_nearness(below, p, q), to_above = teg_nearness(above, p, q);
     const double near = paired ? (hypot(m - p, h) + hypot(m - q, h)) * (2.0 / length) : to_below < to_above ? to_below : to_above;
     const int at_p = !paired && (fabs(below - p) <= end || fabs(above - p) <= end);
@@ -254,7 +254,7 @@ static void teg_bend(teg_substitution *s, int kind, int when, double base, doubl
         h = 1.0;
         from = log(sign * (p - m));
         to = log(sign * (q - m));
-    } else if (kind == 'e' && alone && (at_p || at_q)) {
+    } else if (kind == 'e' && at_p != at_q) {
         s->kind = TEG_POWER;
         m = at_p ? p : q;
         sign = at_p ? 1.0 : -1.0;
@@ -310,7 +310,8 @@ static double teg_place(const teg_substitution *s, double u, double *slope)
     }
     *slope = s->radius * s->step * rate;
     place = s->centre + s->radius * place;
-    return place > s->p ? (place < s->q ? place : s->q) : s->p;
+    if (!(place > s->p)) return nextafter(s->p, s->q);
+    return place < s->q ? place : nextafter(s->q, s->p);
 }
 
 /* The sign of g, as boxes know it: 1 if g > 0, 0 if not, 2 if g is NaN. */

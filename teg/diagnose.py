@@ -14,6 +14,8 @@ from teg.surfaces import atoms_of
 
 STEP = 2.0**-50
 STEP_OVER_TIES = 2.0**-42
+NOTHING = 1e-18
+"""Derivatives below that are rounding."""
 CHANGE = 1e-3
 """A relative change of the gradient over two relative steps that no smooth function of ordinary curvature makes."""
 
@@ -119,7 +121,7 @@ def _one_sided(
         columns = [np.repeat(np.reshape(c, 1), 2) for c in element]
         columns[k] = columns[k] + np.array([-step, step])
         before, after = kernel(columns, 2)[: len(here)].T
-        scale = np.maximum(np.maximum(np.abs(before), np.abs(after)), np.abs(here).max() * 1e-3 + 1e-300)
+        scale = np.maximum(np.maximum(np.abs(before), np.abs(after)), np.abs(here).max() * 1e-3 + NOTHING)
         change = np.maximum(np.abs(after - before), np.abs(here - 0.5 * (before + after))) / scale
         worst = int(np.nanargmax(change)) if np.isfinite(change).any() else 0
         if np.isfinite(change[worst]) and change[worst] > CHANGE:

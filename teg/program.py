@@ -31,16 +31,17 @@ interval that comes of halving one. Measuring an interval gives for every value 
 the first A of the piece. An interval is accepted if for each of the `tested` first values
     E <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A), or E is not finite.
 If it was bisected MAX_DEPTH times, or the piece has used MAX_INTERVALS measurements, it is accepted as well, but the tolerance was
-*missed*, and the run's outcome says so; after DEEP bisections a value with A > DIVERGENT·A₀ diverges: its K is replaced by an infinity
-of its sign.
+*missed*, and the run's outcome says so, as it does where K is infinite; after DEEP bisections a value with A > DIVERGENT·A₀ diverges: its
+K is replaced by an infinity of its sign.
 
 The error E of n nodes: with e₁, …, e₆ the sizes of the six null rules of `teg.quadrature`,
-    a, b, c = max(e₁, e₂), max(e₃, e₄), max(e₅, e₆);   t = max(a, b) if b > c else a;   r = max(a/b, b/c)·max(1, (a/b)/(b/c))
-    E = 4·t·min(1, max(r, (15·r - 2)/7))^decay_power(n), the power 1 where r is NaN, or 0 if t <= NOISE·A
+    a, b, c = max(e₁, e₂), max(e₃, e₄), max(e₅, e₆);   t = max(a, b) if b > c else a;   r = max(a/b, b/c)·max(1, (a/b)/(b/c))³
+    E = 4·t·min(1, max(r, (15·r - 2)/7))^decay_power(n), the power 1 where r is NaN and at an "end" (see below), or 0 if t <= NOISE·A
     the estimate is E + (½·ROUNDING + EDGE·M/L)·A, M = max(|p|, |q|), the last term for finite L
 For `Gauss` E is 0: it is chosen where it is exact.
 
-The place of u, v(u), on a piece of length L = q - p is the first of these that applies (nodes are kept within [p, q]):
+The place of u, v(u), on a piece of length L = q - p is the first of these that applies (nodes are kept within (p, q): one that is not
+becomes the next number inside):
 
     a tail, q or p infinite      p + scale·u/(1 - u),   q - scale·(1 - u)/u
     a bend                       see below
@@ -51,15 +52,15 @@ The place of u, v(u), on a piece of length L = q - p is the first of these that 
 counts on a piece where its `when` (of `flags`) holds and its coefficients are finite. With P, Q the ends as w, y the zeros of D (with
 c₂·W² <= 1e-13·(|c₁|·W + |c₀|), W = max(|P|, |Q|), D is linear; it has no zero if c₁·W <= 1e-13·|c₀|), and for complex y = m ± i·h its size
     s = 2·(|y - P| + |y - Q|)/L           (the sum of the distances from the foci of [-1, 1]; 2 on the piece, 2 + small near it)
-a bend's s is that of its nearest zero. Two real zeros closer than 1e-12·L are none; nor is a "root" or an "end" with a real zero inside of
-the piece, which should be a break; one that is inside by at most 1e-9·L is moved to the end there. Of the bends with s < NEAR the nearest
-counts:
+a bend's s is that of its nearest zero; FAR zeros beside another one do not count. Two real zeros closer than 1e-12·L are none, nor
+complex ones with h < 1e-100·L; nor is a "root" or "end" with a real zero inside of the piece, which should be a break; one that is inside
+by at most 1e-9·L is moved to the end there. Of the bends with s < NEAR the nearest counts:
 
     "root", one zero           y ± t²                      √D is t
     "root", two real zeros     m + h·sin t  between them,  m ± h·cosh t  beyond them
     "root", complex zeros      m + h·sinh t
     "pole"                     y ± eᵗ,  y the nearest real zero; no bend if y is within 1e-9·L of the piece; complex zeros as for a "root"
-    "end"                      D linear: p + L·u⁶ if y is within 1e-9·L of p, q - L·(1 - u)⁶ if of q; else it is a "root"
+    "end"                      p + L·u⁶ if a zero is within 1e-9·L of p, q - L·(1 - u)⁶ if of q, not of both; else it is a "root"
 
 with t linear in u. If two different bends have a zero within 1e-9·L of p and of q, one at either end, the place is the cubic's.
 
@@ -158,7 +159,7 @@ NOISE = 10 * 2.0**-52
 EDGE = 4 * 2.0**-52
 """How far an end of a piece may be off, relative to its distance from 0: of a thin piece that is much."""
 DIVERGENT = 2.0**-10
-DEEP = 30
+DEEP = 40
 FAR = 64.0
 """The size of a zero that is too far to count beside another one: what it costs is less than the rounding of large numbers."""
 NEAR = 6.0 + 1.0 / 6.0

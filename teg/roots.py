@@ -41,6 +41,7 @@ from teg.expr import (
     sub,
     where,
 )
+from teg.node import postorder
 from teg.polynomial import Shadow, expanded
 from teg.traverse import fresh, replace_node, size, substitute
 
@@ -49,6 +50,7 @@ MAX_PERIODIC = 16
 MAX_NUMERIC = 64
 """And where they are."""
 MAX_DEPTH = 8
+COARSE = 1e4
 
 
 @dataclass(frozen=True)
@@ -68,8 +70,19 @@ class Roots:
 
 
 def local_origin(lo: Expr, hi: Expr) -> Expr:
-    """A finite bound: roots are computed relative to it."""
+    """What roots are computed relative to: 0 where it is between the bounds, else a finite bound."""
+    if isinstance(lo, Const) and isinstance(hi, Const) and min(lo.data, hi.data) <= 0.0 <= max(lo.data, hi.data):
+        return ZERO
     return next((b for b in (lo, hi) if not (isinstance(b, Const) and math.isinf(b.data))), ZERO)
+
+
+def far_origin(lo: Expr, hi: Expr) -> Expr:
+    """The same for what has more terms: the nearer bound where both are numbers far from 0, compared with their distance; else 0."""
+    if isinstance(lo, Const) and isinstance(hi, Const):
+        nearer = min(lo, hi, key=lambda b: abs(b.data))
+        if math.isfinite(nearer.data) and lo.data * hi.data > 0.0 and abs(nearer.data) > 4.0 * abs(hi.data - lo.data):
+            return nearer
+    return ZERO
 
 
 def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH) -> Roots | None:
@@ -83,7 +96,7 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH) -> Roots 
                 (Root(affine_root(g, x, local_origin(lo, hi) if depth == MAX_DEPTH else ZERO)),)
             )  # inside an inverse function nothing is local
         if degree == 2:
-            return Roots(quadratic_roots(g, x))
+            return Roots(quadratic_roots(g, x, far_origin(lo, hi) if depth == MAX_DEPTH else ZERO))
         if not depth:
             return None
         normal = expanded(g)
@@ -103,41 +116,47 @@ def affine_root(g: Expr, x: Var, origin: Expr) -> Expr:
     return sub(origin, div(at, rate))
 
 
-def quadratic_coefficients(g: Expr, x: Var) -> tuple[Expr, Expr, Expr]:
-    """A, B, C of g = A·x² + B·x + C."""
+def quadratic_coefficients(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Expr, Expr, Expr]:
+    """A, B, C of g = A·w² + B·w + C, w = x - origin."""
     first = slope(g, x)
     second = slope(first, x)
     parts = mul(const(0.5), second), first, g
-    a, b, c = (cast(Expr, substitute(e, {x: ZERO})) for e in parts)
+    a, b, c = (cast(Expr, substitute(e, {x: origin})) for e in parts)
     return tidy(a), tidy(b), tidy(c)
 
 
 def tidy(e: Expr) -> Expr:
     """The shorter of an expression and its exact normal form."""
     normal = expanded(e)
-    return normal if normal is not None and size(normal) <= size(e) else e
+    return normal if normal is not None and size(normal) <= size(e) and not _is_coarse(normal) else e
 
 
 def discriminant(a: Expr, b: Expr, c: Expr) -> Expr:
     """B² - 4AC, from the exact normal form where that is short: for (x - c)² < t it is 4t and not a difference of squares."""
     raw = sub(integer_power(b, 2), mul(const(4), a, c))
     normal = expanded(raw)
-    return normal if normal is not None else raw
+    return normal if normal is not None and not _is_coarse(normal) else raw
 
 
-def quadratic_roots(g: Expr, x: Var) -> tuple[Root, ...]:
+def _is_coarse(normal: Expr) -> bool:
+    """Whether a normal form has so large numbers that it loses digits: (x - 1000)², written out."""
+    return any(isinstance(n, Const) and abs(n.data) > COARSE for n in postorder([normal]))
+
+
+def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
     """Both roots. Where B is twice a number or a short expression times A, they are m ± s, which is as exact and smoother."""
-    a, b, c = quadratic_coefficients(g, x)
+    a, b, c = quadratic_coefficients(g, x, origin)
     d = discriminant(a, b, c)
     exists = conjunction(positive(d, strict=False), _not_zero(a))
     root = call("root", d)
     if b is ZERO or isinstance(a, Const):
         half = div(root, mul(const(2), ex.const(abs(a.data)) if isinstance(a, Const) else call("magnitude", a)))
-        middle = tidy(mul(const(-0.5), div(b, a))) if b is not ZERO else ZERO
+        middle = add(origin, tidy(mul(const(-0.5), div(b, a)))) if b is not ZERO else origin
         return (Root(sub(middle, half), exists), Root(add(middle, half), exists))
     signed = where(positive(b, strict=False), root, mul(MINUS_ONE, root))
     q = mul(const(-0.5), add(b, signed))
-    return (Root(div(q, a), exists), Root(div(c, q), conjunction(positive(d, strict=False), _not_zero(q))))
+    second = conjunction(positive(d, strict=False), _not_zero(q))
+    return (Root(add(origin, div(q, a)), exists), Root(add(origin, div(c, q)), second))
 
 
 def _not_zero(e: Expr) -> Cond:
@@ -257,7 +276,8 @@ def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list
         k = f.children[1]
         if x in k.free:
             return None
-        return [(sub(u, call("pow", c, integer_power(k, -1))), positive(c))], True
+        certain = isinstance(u, Var) and all(isinstance(b, Const) and b.data >= 0.0 for b in (lo, hi))  # else k may be a whole number
+        return [(sub(u, call("pow", c, integer_power(k, -1))), positive(c))], certain
     if f.name == "atan2":  # the half-line at the angle c
         b, a, s, k = u, f.children[1], call("sin", c), call("cos", c)
         return [(sub(mul(b, k), mul(a, s)), positive(add(mul(a, k), mul(b, s))))], True

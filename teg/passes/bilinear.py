@@ -3,10 +3,12 @@ bilinearly interpolated values.
 
     g = g₀ + b·(x - l) + c·(y - m) + d·(x - l)(y - m),   E = b·c - d·g₀        on g = 0:  g_x·g_y = E
 
-Two charts: x is eliminated where |g_x|·X >= |g_y|·Y, X and Y being the extents, and y elsewhere. On the curve the first is
-g_x² >= |E|·Y/X, a condition on y alone, and the second g_y² > |E|·X/Y, one on x alone: each is two affine atoms, and they are
-complementary on the curve, so that their fluxes cancel in higher derivatives. Neither chart sees a denominator below √(|E|·Y/X), and at
-the saddle value, E = 0, where the curve becomes two lines, each chart has one of them whole.
+Two charts: x is eliminated where |g_x|·X >= κ·|g_y|·Y, X and Y being the extents, and y elsewhere. On the curve the first is
+g_x² >= κ·|E|·Y/X, a condition on y alone, and the second g_y² > |E|·X/(κ·Y), one on x alone: each is two affine atoms, and they are
+complementary on the curve, so that their fluxes cancel in higher derivatives. κ is near 1, but no number that a user's coefficients have
+for a ratio: where the charts are equally good all along a curve that is nearly a line, the border between them is lost in rounding.
+Neither chart sees a denominator much below √(|E|·Y/X), and at the saddle value, E = 0, where the curve becomes two lines, each chart has
+one of them whole.
 """
 
 from __future__ import annotations
@@ -24,6 +26,9 @@ from teg.polynomial import Shadow
 from teg.roots import tidy
 from teg.surfaces import free_of, restrict, signed_inside
 from teg.traverse import substitute
+
+ODDS = 1.3706
+"""κ."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +101,8 @@ def _chart(
     origin = {b.var: box.lo}
     rate = cast(Expr, substitute(slope(g, b.var), origin))
     root = sub(box.lo, div(cast(Expr, substitute(g, origin)), rate))
-    least = call("sqrt", mul(invariant, div(_extent(stay), _extent(box))))
+    odds = const(ODDS if pivot else 1 / ODDS)
+    least = call("sqrt", mul(invariant, odds, div(_extent(stay), _extent(box))))
     strict = pivot == 0
     steep: Cond = disjunction(positive(sub(rate, least), strict), positive(sub(mul(ex.MINUS_ONE, rate), least), strict))
     at = {b.var: root}

@@ -55,7 +55,7 @@ from teg.integral import Integral, masses_of
 from teg.isolation import MARGIN, MAX_ROOTS, Isolation, Location, isolate, locate
 from teg.node import Node, digest, postorder
 from teg.polynomial import P, Point, Poly, Ratio, Shadow, residue
-from teg.roots import discriminant, local_origin, quadratic_coefficients, solve
+from teg.roots import discriminant, far_origin, local_origin, quadratic_coefficients, solve
 from teg.surfaces import atoms_of, binders_inside
 from teg.traverse import replace_node, substitute
 
@@ -287,7 +287,7 @@ class BreakAnalysis:
 
         put(sub(hi, lo))
         finite = not any(isinstance(b, Const) and math.isinf(b.data) for b in (lo, hi))
-        origin = local_origin(lo, hi)
+        origin, centre = local_origin(lo, hi), far_origin(lo, hi)
         affine: list[tuple[Expr, Expr, Expr]] = []
         quadratic: list[tuple[Expr, tuple[Expr, Expr, Expr]]] = []
         others: list[Expr] = []
@@ -308,10 +308,10 @@ class BreakAnalysis:
                     if rate.free:
                         out.turns[Turn("pole", rate, _within(sub(origin, div(at_lo, rate)), lo, hi))] = None
                 elif degree == 2:
-                    a, b, c = quadratic_coefficients(f, z)
+                    a, b, c = quadratic_coefficients(f, z, centre)
                     if not finite:
                         put(a)
-                    put(discriminant(a, b, c), _near(div(b, mul(const(-2.0), a)), lo, hi))
+                    put(discriminant(a, b, c), _near(add(centre, div(b, mul(const(-2.0), a))), lo, hi))
                     out.turns[Turn("root", discriminant(a, b, c), self._somewhere(f, z, lo, hi))] = None
                     quadratic.append((f, (a, b, c)))
                 elif degree != 0:

@@ -291,6 +291,9 @@ class _Scheduler(UnbrokenEmitter):
         if all(infinite_ends(node)):
             breaks += (0.0,)
         breaks += self._peaks(group, home)
+        ends = [turn for turn in analysis.bends if turn.kind == "end"]
+        if not is_unbounded(node) and (len(ends) > 1 or any(Shadow((node.var,)).degree(turn.function) == 2 for turn in ends)):
+            breaks += (self.number(mul(const(0.5), add(node.lo, node.hi)), home),)  # no piece is singular at both ends
         decisive = self._decisive(group, home)
         for isolation in analysis.isolated:
             found = self.isolated_in(node, isolation, home, when, wide=True)
@@ -311,10 +314,11 @@ class _Scheduler(UnbrokenEmitter):
         for node in postorder(bodies):
             if not isinstance(node, Call) or node.name != "exp" or x not in node.free:
                 continue
-            degree = Shadow((x,)).degree(node.children[0])
+            exponent = self._at_ridge(node.children[0], inner)
+            degree = Shadow((x,)).degree(exponent)
             if degree not in (1, 2):
                 continue
-            rate = slope(node.children[0], x)
+            rate = slope(exponent, x)
             at_0, curvature = (cast(Expr, substitute(e, {x: ZERO})) for e in (rate, slope(rate, x)))
             if (at_0.free | curvature.free) & inner:
                 continue
@@ -323,6 +327,16 @@ class _Scheduler(UnbrokenEmitter):
             else:
                 quadratic[at_0, curvature] = None
         return list(linear)[:MAX_SCALES], list(quadratic)[:MAX_SCALES]
+
+    def _at_ridge(self, exponent: Expr, inner: frozenset[Var]) -> Expr:
+        """An exponent that is quadratic in variables of the integrals inside, at its stationary point in these."""
+        for v in [v for v in inner if v in exponent.free]:
+            if Shadow((v,)).degree(exponent) != 2:
+                return exponent
+            rate = slope(exponent, v)
+            at_0, curvature = (cast(Expr, substitute(e, {v: ZERO})) for e in (rate, slope(rate, v)))
+            exponent = cast(Expr, substitute(exponent, {v: div(mul(MINUS_ONE, at_0), curvature)}))
+        return exponent
 
     def _peaks(self, group: Sequence[Integral], home: Level) -> tuple[Arg, ...]:
         """Where a narrow Gaussian stands in an integrand: its middle and where it ends. Nodes of the whole range would pass it by."""

@@ -197,11 +197,11 @@ CUBE = (let("v0", "powi", "x0", 3),)
 
 ONE_VARIABLE = (
     Case(
-        "x³ over (p0, p1): bounds in order, reversed, equal, infinite, NaN",
+        "x³ over (p0, p1): bounds in order, reversed, equal, NaN, infinite",
         program(2, (integrate("v9", "x0", "p0", "p1", CUBE, "v0", rule=TWO),), "v9"),
-        ((0.0, 2.0, 1.0, NAN, 0.0), (2.0, 0.0, 1.0, 1.0, NAN)),
-        ((4.0, -4.0, 0.0, NAN, NAN),),
-        5,
+        ((0.0, 2.0, 1.0, NAN, 0.0, 1.0, -INF, INF), (2.0, 0.0, 1.0, 1.0, NAN, INF, 1.0, INF)),
+        ((4.0, -4.0, 0.0, NAN, NAN, NAN, NAN, NAN),),
+        8,
     ),
     Case(
         "an integral of shared values only, in a batch",
@@ -602,6 +602,18 @@ ADAPTIVE = (
         # Ein(-p)/p: Σ pᵏ/(k!·(k+1)²)
         (tuple(sum(p**k / (math.factorial(k) * (k + 1) ** 2) for k in range(40)) for p in (1.0, -2.0)),),
         2,
+        1e-12,
+    ),
+)
+
+_INVERSE_SQUARE = (let("v0", "powi", "x0", -2),)
+ADAPTIVE += (
+    Case(
+        "1/x² over (p0, p1): an infinite bound where none is announced is no number, and misses nothing",
+        program(2, (integrate("v9", "x0", "p0", "p1", _INVERSE_SQUARE, "v0", rule=TIGHT, breaks=(2.0,)),), "v9"),
+        ((1.0, 1.0, -INF, INF, -INF), (4.0, INF, -1.0, 1.0, INF)),
+        ((0.75, NAN, NAN, NAN, NAN),),
+        5,
         1e-12,
     ),
 )
