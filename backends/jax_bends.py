@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from teg.program import FAR, NEAR
+from teg.program import FAR, NEAR, POLE
 
 Scalar = Any
 LINE, CUBIC, SQUARE, SINE, COSH, SINH, EXP, POWER, TAIL = range(9)
@@ -138,7 +138,8 @@ def _bend(
     at_q = ~paired & ((jnp.abs(below - q) <= end) | (jnp.abs(above - q) <= end))
     if kind == "pole":
         y = jnp.where(to_below <= to_above, below, above)
-        active &= paired | (y < p - end) | (y > q + end)
+        margin = POLE * jnp.maximum(jnp.abs(left), jnp.abs(right))
+        active &= paired | (y < p - margin) | (y > q + margin)
         m = jnp.where(paired, m, y)
         way = jnp.where(paired, SINH, EXP)
     else:  # the substitution would leave out what is beyond a zero

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.program import FAR, NEAR
+from teg.program import FAR, NEAR, POLE
 
 Array = npt.NDArray[Any]
 LINE, CUBIC, SQUARE, SINE, COSH, SINH, EXP, POWER, TAIL = range(9)
@@ -133,7 +133,8 @@ def _bent(result: Substitution, base: Array, bends: Sequence[tuple[str, Any, Any
         at_q = ~complex_ & ((np.abs(below - q) <= END * length) | (np.abs(above - q) <= END * length))
         if kind == "pole":
             near = np.where(s_below <= s_above, below, above)
-            active &= complex_ | (near < p - END * length) | (near > q + END * length)
+            margin = POLE * np.maximum(np.abs(result.p), np.abs(result.q))
+            active &= complex_ | (near < p - margin) | (near > q + margin)
         else:  # the substitution would leave out what is beyond a zero
             active &= complex_ | ~(_within(below, p, q, length) | _within(above, p, q, length))
             once = active & (at_p ^ at_q)

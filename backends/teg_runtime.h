@@ -227,7 +227,8 @@ static void teg_bend(teg_substitution *s, int kind, int when, double base, doubl
     const int at_q = !paired && (fabs(below - q) <= end || fabs(above - q) <= end);
     if (kind == 'p') {
         const double y = to_below <= to_above ? below : above;
-        if (!paired && !(y < p - end || y > q + end)) return;
+        const double margin = TEG_POLE * (fabs(s->p) > fabs(s->q) ? fabs(s->p) : fabs(s->q));
+        if (!paired && !(y < p - margin || y > q + margin)) return;
     } else if (!paired && ((below > p + end && below < q - end) || (above > p + end && above < q - end))) {
         return; /* the substitution would leave out what is beyond a zero */
     } else if (at_p != at_q) {

@@ -59,7 +59,7 @@ by at most 1e-9·L is moved to the end there. Of the bends with s < NEAR the nea
     "root", one zero           y ± t²                      √D is t
     "root", two real zeros     m + h·sin t  between them,  m ± h·cosh t  beyond them
     "root", complex zeros      m + h·sinh t
-    "pole"                     y ± eᵗ,  y the nearest real zero; no bend if y is within 1e-9·L of the piece; complex zeros as for a "root"
+    "pole"                     y ± eᵗ,  y the nearest real zero; none within POLE·M of the piece; complex zeros as for a "root"
     "end"                      p + L·u⁶ if a zero is within 1e-9·L of p, q - L·(1 - u)⁶ if of q, not of both; else it is a "root"
 
 with t linear in u. If two different bends have a zero within 1e-9·L of p and of q, one at either end, the place is the cubic's.
@@ -160,6 +160,8 @@ EDGE = 4 * 2.0**-52
 """How far an end of a piece may be off, relative to its distance from 0: of a thin piece that is much."""
 DIVERGENT = 2.0**-10
 DEEP = 40
+POLE = 16 * 2.0**-52
+"""A pole that near to a piece, relative to its distance from 0, may be on it."""
 FAR = 64.0
 """The size of a zero that is too far to count beside another one: what it costs is less than the rounding of large numbers."""
 NEAR = 6.0 + 1.0 / 6.0
