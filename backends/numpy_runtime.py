@@ -274,7 +274,7 @@ def rounding(p: Array, q: Array) -> Array:
     return 0.5 * ROUNDING + np.where(np.isfinite(length), EDGE * np.maximum(np.abs(p), np.abs(q)) / length, 0.0)
 
 
-def measure(values: Array, nodes: int, smooth: Array) -> tuple[Array, Array, Array]:
+def measure(values: Array, nodes: int, smooth: Array | bool = True) -> tuple[Array, Array, Array]:
     """Sum, sum of sizes, and error (see `teg.program`) of the values at Gauss nodes, (nodes, lanes), each (lanes,); where they are not
     known to be `smooth` no decay is counted on."""
     weights = np.array(gauss_legendre(nodes)[1])
