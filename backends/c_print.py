@@ -175,6 +175,7 @@ class Printer:
             arrays += frame.array("measured", 8 * stmt.tested)
             arrays += frame.array("plain", values - stmt.tested) if values > stmt.tested else []
             arrays += frame.array("whole", stmt.tested)
+            arrays += frame.array("spent", stmt.tested)
         arrays += frame.array("ends", pieces + 1, BREAKS_ON_STACK)
         spell = frame.scope()
         ends = [f"ends[{i}] = teg_clamp({spell(arg)}, a, b);" for i, arg in enumerate(stmt.breaks, 1)]

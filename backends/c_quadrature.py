@@ -164,6 +164,7 @@ def adaptive_piece(
         *(["const double rounding = teg_rounding(p, q);"] if estimated else []),
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
         "waiting[0] = (teg_interval){0.0, 1.0, 0};",
+        f"teg_fill(spent, {tested}, 0.0);",
         "for (int n = 1, used = 1; n > 0; used++) {",
         *indent(
             "const teg_interval here = waiting[--n];",
@@ -197,10 +198,12 @@ def adaptive_piece(
                 "}",
             ),
             "}",
+            _each(tested, "spent[j] += measured[8 * j + 1];"),
             _each(tested, "if (isinf(measured[8 * j])) ctx->missed = 1;"),
             *_taken(count, tested, estimated),
         ),
         "}",
+        f"if (teg_overspent({tested}, spent, whole, {literal(rule.tol)})) ctx->missed = 1;",
     ]
 
 

@@ -26,6 +26,7 @@ from teg.program import (
     PIECE_EPS,
     POLE,
     ROUNDING,
+    SPENT,
     TIE_EPS,
     WATCH_WIDTH,
 )
@@ -44,6 +45,7 @@ LIMITS = {
     "TEG_NOISE": NOISE,
     "TEG_DIVERGENT": DIVERGENT,
     "TEG_DEEP": DEEP,
+    "TEG_SPENT": SPENT,
     "TEG_NEAR": NEAR,
     "TEG_EDGE": EDGE,
     "TEG_FAR": FAR,

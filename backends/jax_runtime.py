@@ -27,6 +27,7 @@ from teg.program import (
     NOISE,
     PIECE_EPS,
     ROUNDING,
+    SPENT,
     TIE_EPS,
     WATCH_WIDTH,
 )
@@ -223,6 +224,7 @@ class _Progress(NamedTuple):
     used: Any
     enough: Any
     whole: Any
+    spent: Any
     sums: Any
     note: Any
 
@@ -281,6 +283,7 @@ def _adaptive(
             used=at.used + 1,
             enough=enough,
             whole=whole,
+            spent=jnp.where(done, at.spent + error, at.spent),
             sums=jnp.where(done, at.sums + listed(total, size, error), at.sums),
             note=at.note | note | where(done & (~good | jnp.any(jnp.isinf(tested))), MISSED),
         )
@@ -292,6 +295,7 @@ def _adaptive(
         used=jnp.int64(0),
         enough=zeros,
         whole=zeros,
+        spent=zeros,
         sums=jnp.zeros(pieces.values + (pieces.tested if pieces.estimated else 0)),
         note=jnp.int32(0),
     )
@@ -304,8 +308,10 @@ def _adaptive(
             used=jnp.int64(1),
             enough=enough,
             whole=size,
+            spent=jnp.where(done, error, 0.0),
             sums=jnp.where(done, listed(total, size, error), 0.0),
             note=where(active, note) | where(done & jnp.any(jnp.isinf(total[: pieces.tested])), MISSED),
         )
     end = lax.while_loop(lambda at: at.start < END, step, beginning)
-    return end.sums, end.note
+    overspent = jnp.any(end.spent > SPENT * jnp.maximum(end.enough, ROUNDING * end.whole))
+    return end.sums, end.note | where(active & overspent, MISSED)

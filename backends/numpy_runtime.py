@@ -31,6 +31,7 @@ from teg.program import (
     NOISE,
     PIECE_EPS,
     ROUNDING,
+    SPENT,
     TIE_EPS,
     WATCH_WIDTH,
 )
@@ -341,6 +342,7 @@ class AdaptiveIntegral(Integral):
         used = np.zeros(pieces, dtype=np.int64)
         enough = np.empty(0)
         whole = np.empty(0)
+        spent = np.zeros((self.tested, pieces))
         depth, first = 0, not self.watched
         while True:
             nodes = self.first if first else self.order
@@ -360,11 +362,13 @@ class AdaptiveIntegral(Integral):
                     total[: self.tested][endless] = np.copysign(np.inf, total[: self.tested][endless])
             done = np.flatnonzero(~again)
             run.missed |= bool(np.isinf(total[: self.tested, done]).any())
+            spent += scatter(error[:, done], piece[done], pieces)
             sums[: self.values] += scatter(total[:, done], piece[done], pieces)
             if self.estimated:
                 estimate = error[:, done] + rounding(places.p, places.q)[piece[done]] * size[:, done]
                 sums[self.values :] += scatter(estimate, piece[done], pieces)
             if not again.any():
+                run.missed |= bool((spent > SPENT * np.maximum(enough, ROUNDING * whole)).any())
                 return sums
             if first:
                 piece, left, first = piece[again], left[again], False

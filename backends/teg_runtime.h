@@ -155,6 +155,16 @@ typedef struct {
     double p, q, centre, radius, start, step, nearest;
 } teg_substitution;
 
+/* Whether the errors of a piece add up to more than one of them may be. */
+static inline int teg_overspent(int n, const double *spent, const double *whole, double tol)
+{
+    for (int j = 0; j < n; j++) {
+        const double rounding = TEG_ROUNDING * whole[j], wanted = tol * (whole[j] + TEG_ABSOLUTE_FLOOR);
+        if (spent[j] > TEG_SPENT * (wanted > rounding ? wanted : rounding)) return 1;
+    }
+    return 0;
+}
+
 /* What rounding does to an integral over (p, q), relative to that of |values|: theirs, and that of the ends. */
 static inline double teg_rounding(double p, double q)
 {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -11,8 +12,8 @@ from teg.errors import AccuracyError
 if TYPE_CHECKING:
     import numpy as np
 
-FLOOR = 1e-6
-"""Below this size a value's tolerance is absolute."""
+FLOOR = 1e-3
+"""Below this size a result's tolerance is absolute."""
 SLACK = 10.0
 """An estimate is a bound for nearly all programs: it is about so much larger than the error of the usual one."""
 
@@ -35,7 +36,8 @@ def report_missed(
     import numpy as np
 
     with np.errstate(all="ignore"):
-        excess = errors / (tol * np.maximum(np.abs(values), FLOOR))
+        sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
+        excess = errors / (tol * np.maximum(sizes.max(axis=0, initial=FLOOR), FLOOR))  # entries of a gradient may cancel
     meant = np.all([np.isfinite(v) for v in parameters.values()], axis=0) if parameters else np.True_
     endless = ~np.isfinite(values) & meant
     excess = np.where(endless, np.inf, np.where(np.isnan(excess), 0.0, excess))
@@ -47,6 +49,9 @@ def report_missed(
     if np.isinf(excess[i, j]) and endless[i, j]:
         what = f"{names[i]} does not converge{place}: the integral seems to diverge (given as {values[i, j]:g})"
         hint = "is the integrand integrable there? where its singularity has a formula of the variable alone, put it on a bound"
+        if np.isnan(values[i, j]):
+            what = f"{names[i]} is not a number{place}: an integral seems to diverge, or has no derivative there"
+            hint = "f.diagnose(…) may say why; is the integrand integrable?"
     else:
         what = f"{names[i]} misses the tolerance {tol:g}{place}: {values[i, j]:.10g}, error estimate {errors[i, j]:.1e}"
         hint = "a larger tol=, a smaller region, or a formula for what the integrand jumps at; f.value_and_error() gives the estimates"
@@ -54,4 +59,12 @@ def report_missed(
             hint = 'so many integrals inside each other are sampled: the estimate is a standard error; rule="qmc", order=… asks for that'
     if inaccurate == "raise":
         raise AccuracyError(what, None, hint)
-    warnings.warn(f"{what}\n  hint: {hint}", AccuracyWarning, stacklevel=5)
+    warnings.warn(f"{what}\n  hint: {hint}", AccuracyWarning, stacklevel=_level_of_the_caller())
+
+
+def _level_of_the_caller() -> int:
+    """How many frames up the first one outside of this package is, as `warnings.warn` counts."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] == __name__.split(".")[0]:
+        level, frame = level + 1, frame.f_back
+    return level

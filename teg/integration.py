@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import Any
 
 from teg.errors import OptionError
@@ -35,23 +36,26 @@ class Integration:
 
     def __post_init__(self) -> None:
         tol: Any = self.tol
-        if isinstance(tol, bool) or not isinstance(tol, int | float) or not 0 < tol < 1:
+        if isinstance(tol, bool) or not isinstance(tol, Real) or not 0 < float(tol) < 1:
             raise OptionError(f"tol={tol!r} is not a tolerance", None, "a number between 0 and 1, such as 1e-10")
-        if self.rule not in RULES:
+        object.__setattr__(self, "tol", float(tol))
+        if not isinstance(self.rule, str) or self.rule not in RULES:
             raise OptionError(f"rule={self.rule!r} is not known", None, "one of: " + ", ".join(RULES))
         order: Any = self.order
         if order is not None:
             most = MAX_ORDER if self.rule in ("auto", "adaptive", "gauss") else 2**35
-            if not isinstance(order, int) or isinstance(order, bool) or not 1 <= order <= most:
+            least = 4 if self.rule in ("auto", "adaptive") else 1  # from 4 on the error can be estimated
+            if not _is_whole(order) or not least <= order <= most:
                 meaning = f"order= is {RULES[self.rule]} with rule={self.rule!r}"
-                raise OptionError(f"order={order!r} is not a number from 1 to {most}", None, meaning)
-            if self.rule in ("auto", "adaptive") and order < 4:
-                raise OptionError(f"order={order} is too few for rule={self.rule!r}", None, "from 4 on the error can be estimated")
+                raise OptionError(f"order={order!r} is not a whole number from {least} to {most}", None, meaning)
+            object.__setattr__(self, "order", int(order))
         if not _is_whole(self.seed) or not 0 <= self.seed < 2**32:
             raise OptionError(f"seed={self.seed!r} is not a seed", None, "a whole number from 0 to 2³² - 1")
         if not _is_whole(self.max_roots) or not 1 <= self.max_roots <= 4096:
             raise OptionError(f"max_roots={self.max_roots!r} is not a number of roots", None, "1 to 4096; each takes a place in the loops")
+        object.__setattr__(self, "seed", int(self.seed))
+        object.__setattr__(self, "max_roots", int(self.max_roots))
 
 
 def _is_whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
+    return isinstance(value, Integral) and not isinstance(value, bool)

@@ -83,6 +83,6 @@ def null_rules(n: int) -> tuple[tuple[float, ...], ...]:
 
 
 def decay_power(n: int) -> int:
-    """How often the decay from one pair of coefficients to the next is counted on, beyond the last pair, for n nodes: of the (n + 1)/2
-    times that an analytic function allows, 65 % (tests/bench/estimates.py shows what other parts of it cost and miss)."""
-    return round(0.325 * (n + 1)) if n >= 8 else n // 6
+    """How often the decay from one pair of coefficients to the next is counted on, beyond the last pair, for n nodes: half of the (n + 1)/2
+    times that an analytic function allows. More of it misses what a slow part hidden behind a fast one does (tests/bench/estimates.py)."""
+    return round(0.25 * (n + 1)) if n >= 8 else n // 6

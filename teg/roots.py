@@ -27,6 +27,7 @@ from teg.expr import (
     Expr,
     Mul,
     Pow,
+    Truth,
     Var,
     Where,
     add,
@@ -37,6 +38,7 @@ from teg.expr import (
     div,
     integer_power,
     mul,
+    negation,
     positive,
     sub,
     where,
@@ -153,10 +155,16 @@ def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
         half = div(root, mul(const(2), ex.const(abs(a.data)) if isinstance(a, Const) else call("magnitude", a)))
         middle = add(origin, tidy(mul(const(-0.5), div(b, a)))) if b is not ZERO else origin
         return (Root(sub(middle, half), exists), Root(add(middle, half), exists))
-    signed = where(positive(b, strict=False), root, mul(MINUS_ONE, root))
-    q = mul(const(-0.5), add(b, signed))
-    second = conjunction(positive(d, strict=False), _not_zero(q))
-    return (Root(add(origin, div(q, a)), exists), Root(add(origin, div(c, q)), second))
+    up = positive(b, strict=False)
+    q = mul(const(-0.5), add(b, where(up, root, mul(MINUS_ONE, root))))
+    larger, smaller = add(origin, div(q, a)), add(origin, div(c, q))  # in size, if the origin is 0
+    real, has_larger, has_smaller = positive(d, strict=False), _not_zero(a), _not_zero(q)
+    if isinstance(up, Truth):
+        return (Root(larger, conjunction(real, has_larger)), Root(smaller, conjunction(real, has_smaller)))
+    down = negation(up)  # the roots keep their names where B changes its sign: m - s and m + s
+    first = conjunction(real, disjunction(conjunction(up, has_larger), conjunction(down, has_smaller)))
+    second = conjunction(real, disjunction(conjunction(up, has_smaller), conjunction(down, has_larger)))
+    return (Root(where(up, larger, smaller), first), Root(where(up, smaller, larger), second))
 
 
 def _not_zero(e: Expr) -> Cond:

@@ -207,6 +207,8 @@ def _steps(u: Expr, extent: Extent | None, is_curved: bool) -> Steps | None:
         if last - first >= MAX_STEPS:
             return None
         return Steps(const(float(first)), tuple(_beyond(u, const(float(k))) for k in range(first, last + 1)))
+    if any(n is not None and not math.isfinite(n) for n in (lowest, highest, span)):
+        return None  # endlessly many
     base = call("floor", least) if lowest is None else const(float(math.floor(lowest)))
     if span is None and (bound := greatest_size(width)) <= MAX_STEPS:
         span = bound

@@ -261,7 +261,7 @@ class BreakAnalysis:
             roots = solve(branch, x, lo, hi)
             if roots is None:
                 return None
-            points.extend(r.point for r in roots.found)
+            points.extend(r.point if r.exists is TRUE else where(r.exists, r.point, const(math.nan)) for r in roots.found)
             certain &= roots.certain
         return points, certain
 

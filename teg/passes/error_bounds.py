@@ -30,6 +30,7 @@ class _Estimator:
     def __init__(self, program: Program) -> None:
         self.program = program
         self.errors: Errors = {}
+        self._made: dict[Arg, Assign] = {}
         self._count = 0
         self._taken = {name for stmt in statements(program.body) for name in assigned(stmt)}
 
@@ -149,6 +150,7 @@ class _Estimator:
     def _assignment(self, stmt: Assign, out: list[Stmt]) -> None:
         """The companion of an assignment, where an argument has one."""
         op, args = stmt.op, stmt.args
+        self._made[stmt.name] = stmt
         if not any(isinstance(a, str) and a in self.errors for a in args):
             return
         if op in ("and", "or", "not"):
@@ -222,6 +224,13 @@ class _Estimator:
             value = self._op(out, "mul", value, arg)
         return error
 
+    def _other_value(self, otherwise: Arg) -> Arg:
+        """What would be taken if a condition did not hold, and not NaN for a condition that neither holds nor fails."""
+        made = self._made.get(otherwise)
+        if made is not None and made.op == "select" and isinstance(made.args[2], float) and made.args[2] != made.args[2]:
+            return made.args[1]
+        return otherwise
+
     def _of_choice(self, stmt: Assign, out: list[Stmt]) -> Arg:
         """The error of the value taken; where the choice is doubtful, how far the other one is as well."""
         condition, then, otherwise = stmt.args
@@ -230,5 +239,8 @@ class _Estimator:
         doubt = self._doubt(condition)
         if doubt is False:
             return chosen
-        apart = self._op(out, "abs", self._op(out, "sub", then, otherwise))
+        other = self._other_value(otherwise)
+        if isinstance(other, float) and other != other:  # NaN, where a condition neither holds nor fails
+            return chosen
+        apart = self._op(out, "abs", self._op(out, "sub", then, other))
         return self._op(out, "select", doubt, self._op(out, "add", apart, self._op(out, "max", first, second)), chosen)

@@ -139,3 +139,46 @@ def test_what_one_integral_needs_says_nothing_about_another() -> None:
     f = teg.compile(teg.integral(teg.bracket(t - (x + y) >= 0) * (t * x + 1) * outside, (x, 0, 1), (y, 0, 1)))
     value, gradient = f.value_and_grad(t=0.0014)
     assert (value, gradient["t"]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_roots_keep_their_names_where_a_coefficient_changes_its_sign(backend: str) -> None:
+    """The two roots of a conic in x swapped names at B(y) = 0, and conditions there were decided for the other one."""
+    conic = a * x * x + 1.56 * x * y + 1.585 * y * y - 0.95 * x - 1.3 * y + t
+    f = teg.compile(INT(B(conic > 0), (x, 0, 1), (y, 0, 1)), backend=backend)
+    assert f.grad(a=0.93, t=0.09)["t"] == pytest.approx(1.1306242244601965, rel=1e-12)
+
+
+def test_a_bilinear_surface_that_is_nearly_a_line() -> None:
+    """The border between its charts was lost in rounding: its gradient was off by 1e-16/a."""
+    b, c = teg.params("b c")
+    f = teg.compile(INT(B(a * x * y + b * x + c * y < t), (x, 0, 1), (y, 0, 1)))
+    for size in (0.0, 1e-8, 1e-11, 1e-13, 1e-15):
+        gradient = f.grad(a=size, b=1.0, c=1.0, t=0.75)
+        assert [gradient[k] for k in "abct"] == pytest.approx([-0.0703125, -0.28125, -0.28125, 0.75], rel=1e-8)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_disk_far_from_the_origin(backend: str) -> None:
+    for o in (512.0, 1e6):
+        disk = (x - 0.3) ** 2 + (y - (o + 0.5)) ** 2 < t * t
+        f = teg.compile(INT(B(disk), (x, 0, 1), (y, o, o + 1)), backend=backend)
+        value, gradient = f.value_and_grad(t=0.2)
+        assert value == pytest.approx(math.pi * 0.04, rel=1e-9)
+        assert gradient["t"] == pytest.approx(math.pi * 0.4, rel=1e-9)
+
+
+def test_powers_of_negative_numbers_are_surfaces_too() -> None:
+    f = teg.compile(INT(B(x**a > 0.5), (x, -2, 1)))
+    assert f(a=2.0) == pytest.approx(3 - 2 * math.sqrt(0.5), rel=1e-9)
+
+
+def test_conditions_that_only_decide_ties_are_not_watched() -> None:
+    lens = (t * t > (x - 0.35) ** 2 + (y - 0.5) ** 2) & (t * t > (x - 0.65) ** 2 + (y - 0.5) ** 2)
+    f = teg.compile(INT(B(lens) * teg.exp(x), (x, 0, 1), (y, 0, 1)), [t])
+    assert f.evaluations(t=0.35, derivatives=1) < 1500
+
+
+def test_endless_stairs() -> None:
+    f = teg.compile(INT(B(teg.mod(x, 1.0) < 0.5) * teg.exp(-x * x), (x, -math.inf, math.inf)), inaccurate="ignore")
+    assert f() == pytest.approx(0.5 * math.sqrt(math.pi), rel=1e-3)
