@@ -67,7 +67,10 @@ class CKernel:
             raise BackendError("there is no memory for the kernel's workspace")
         if not out.size:
             return Outcome(out, False, 0)
-        return Outcome(out, bool((notes & 2).any()), int((notes >> 2).sum()))
+        if n == 1:
+            note = int(notes[0])
+            return Outcome(out, bool(note & 2), note >> 2)
+        return Outcome(out, bool(np.bitwise_or.reduce(notes) & 2), int((notes >> 2).sum()) if self.counted else 0)
 
     def __reduce__(self) -> tuple[object, ...]:
         return (CKernel, (self.program, self.threads, self.counted))
