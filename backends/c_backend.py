@@ -12,6 +12,7 @@ import ctypes
 import os
 import re
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 
@@ -25,6 +26,9 @@ RESERVED = re.compile(
     "inline|int|integral_.*|long|main|malloc|places_\\d.*|register|restrict|return|roots_\\d.*|short|signed|sizeof|static|struct|"
     "sum_\\d.*|switch|teg_.*|typedef|union|unsigned|void|volatile|while"
 )
+
+
+LONG = np.dtype(ctypes.c_long)
 
 
 class CKernel:
@@ -57,12 +61,12 @@ class CKernel:
         if len(columns) != len(parameters):
             raise ParameterError(f"{len(parameters)} columns are needed, not {len(columns)}")
         kept = [_column(column, n, name) for column, name in zip(columns, parameters, strict=True)]
-        pointers = np.array([column.__array_interface__["data"][0] for column in kept], dtype=np.uintp)
-        strides = np.array([column.strides[0] // 8 if column.ndim else 0 for column in kept], dtype=np.dtype(ctypes.c_long))
+        pointers = np.array([_address(column) for column in kept], dtype=np.uintp)
+        strides = np.array([column.strides[0] // 8 if column.ndim else 0 for column in kept], dtype=LONG)
         out = np.empty((len(self.program.outputs), n))
-        notes = np.empty(n, dtype=np.dtype(ctypes.c_long))
+        notes = np.empty(n, dtype=LONG)
         threads = min(self.threads or os.cpu_count() or 1, max(n, 1))
-        given = (pointers.ctypes.data, strides.ctypes.data, out.ctypes.data, notes.ctypes.data)
+        given = (_address(pointers), _address(strides), _address(out), _address(notes))
         if out.size and self._function(n, *given, threads):
             raise BackendError("there is no memory for the kernel's workspace")
         if not out.size:
@@ -114,6 +118,10 @@ int {name}(long n, const double *const *p, const long *stride, double *out, long
 def _optimisation(source: str) -> str:
     """How hard the compiler should try, so that no size takes it minutes: gcc 12 needs 8, 3, 1½ seconds a megabyte."""
     return "-O3" if len(source) <= 500_000 else "-O1" if len(source) <= 7_000_000 else "-O0"
+
+
+def _address(array: np.ndarray) -> int:
+    return cast(int, array.__array_interface__["data"][0])
 
 
 def _column(column: np.ndarray, n: int, name: str) -> np.ndarray:
