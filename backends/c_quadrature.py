@@ -198,7 +198,7 @@ def adaptive_piece(
                 "}",
             ),
             "}",
-            _each(tested, "spent[j] += measured[8 * j + 1];"),
+            ("if (!changed) " if watched else "") + _each(tested, "spent[j] += measured[8 * j + 1];"),
             _each(tested, "if (isinf(measured[8 * j])) ctx->missed = 1;"),
             *_taken(count, tested, estimated),
         ),

@@ -283,7 +283,7 @@ def _adaptive(
             used=at.used + 1,
             enough=enough,
             whole=whole,
-            spent=jnp.where(done, at.spent + error, at.spent),
+            spent=jnp.where(done & ~changed, at.spent + error, at.spent),
             sums=jnp.where(done, at.sums + listed(total, size, error), at.sums),
             note=at.note | note | where(done & (~good | jnp.any(jnp.isinf(tested))), MISSED),
         )

@@ -362,7 +362,7 @@ class AdaptiveIntegral(Integral):
                     total[: self.tested][endless] = np.copysign(np.inf, total[: self.tested][endless])
             done = np.flatnonzero(~again)
             run.missed |= bool(np.isinf(total[: self.tested, done]).any())
-            spent += scatter(error[:, done], piece[done], pieces)
+            spent += scatter(np.where(changed, 0.0, error)[:, done], piece[done], pieces)
             sums[: self.values] += scatter(total[:, done], piece[done], pieces)
             if self.estimated:
                 estimate = error[:, done] + rounding(places.p, places.q)[piece[done]] * size[:, done]

@@ -31,8 +31,9 @@ interval that comes of halving one. Measuring an interval gives for every value 
 the first A of the piece. An interval is accepted if for each of the `tested` first values
     E <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A), or E is not finite.
 If it was bisected MAX_DEPTH times, or the piece has used MAX_INTERVALS measurements, it is accepted as well, but the tolerance was
-*missed*, and the run's outcome says so, as it does where K is infinite, or where the errors of a piece add up to more than SPENT times
-what one of them may be; after DEEP bisections a value with A > DIVERGENT·A₀ diverges: its K is replaced by an infinity of its sign.
+*missed*, and the run's outcome says so, as it does where K is infinite, or where the errors of a piece (but for intervals in which a
+watched boolean changes) add up to more than SPENT times what one of them may be; after DEEP bisections a value with A > DIVERGENT·A₀
+diverges: its K is replaced by an infinity of its sign.
 
 The error E of n nodes: with e₁, …, e₆ the sizes of the six null rules of `teg.quadrature`,
     a, b, c = max(e₁, e₂), max(e₃, e₄), max(e₅, e₆);   t = max(a, b) if b > c else a;   r = max(a/b, b/c)·max(1, (a/b)/(b/c))³
