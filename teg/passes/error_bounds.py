@@ -16,6 +16,8 @@ from dataclasses import replace
 
 from teg.program import Arg, Assign, Integrate, Isolate, Locate, Program, Sample, Stmt, SumOver, assigned, statements, without_dead_code
 
+STEEP = ("div", "powi", "pow", "log", "sqrt", "asin", "acos", "tan", "atan2")
+"""Operations whose slope can be infinite."""
 ROUNDINGS = 16 * 2.0**-52
 Errors = dict[Arg, Arg]
 """By name: the error of a number (0.0 if it is not there), or whether a condition is doubtful (False if it is not there)."""
@@ -162,6 +164,9 @@ class _Estimator:
                 self.errors[stmt.name] = self._op(out, "ge0", self._op(out, "sub", error, self._op(out, "abs", args[0])))
         elif op != "ok":
             error = self._of_number(stmt, out)
+            if op in STEEP and error != 0.0:  # an exact argument where the slope is infinite: 0·∞
+                exact = self._op(out, "le0", self._sum_of(map(self._error, args), out))
+                error = self._op(out, "select", exact, 0.0, error)
             if error != 0.0:
                 self.errors[stmt.name] = error
 

@@ -266,3 +266,13 @@ def test_every_integrand_and_bracket_is_drawn_somewhere() -> None:
     """The table of shapes covers what it is made of."""
     names = " ".join(s.name for s in shapes())
     assert all(name in names for name in (*INTEGRANDS, *BRACKETS))
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_root_of_nothing(backend: str) -> None:
+    """√ of an inner integral that is exactly 0 on a part of the domain: its slope is infinite there, its error 0."""
+    inner = teg.integral(teg.bracket(x * x + y * y < t), (x, -1, 1))
+    f = teg.compile(teg.integral(teg.sqrt(inner), (y, -1, 1)), [t], backend=backend)
+    value, error = f.value_and_error(t=0.5)
+    exact = math.sqrt(2) * 0.5**0.75 * math.gamma(0.5) * math.gamma(1.25) / math.gamma(1.75)
+    assert abs(value - exact) <= error < 1e-8
