@@ -200,8 +200,11 @@ class _Scheduler(UnbrokenEmitter):
 
     def is_too_deep(self, node: Integral) -> bool:
         """More than MAX_NEST adaptive integrals inside each other: their nodes multiply."""
+        nodes = postorder([node])
+        if sum(isinstance(n, Integral) for n in nodes) <= MAX_NEST:
+            return False
         depth: dict[Node, int] = {}
-        for n in postorder([node]):
+        for n in nodes:
             most = max((depth[c] for c in n.children), default=0)
             if (
                 isinstance(n, Integral)

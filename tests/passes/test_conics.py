@@ -151,7 +151,7 @@ _conics = st.tuples(*[_number] * 6).filter(lambda c: any(abs(v) > 0.1 for v in c
 
 
 @AS_IT_IS
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 @given(_conics)
 def test_conics_at_random(coefficients: tuple[float, ...]) -> None:
     is_right(coefficients)
@@ -159,7 +159,7 @@ def test_conics_at_random(coefficients: tuple[float, ...]) -> None:
 
 @AS_IT_IS
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 @given(_conics)
 def test_more_conics_at_random(coefficients: tuple[float, ...]) -> None:
     is_right(coefficients)
