@@ -19,10 +19,10 @@ demo: $(READY)
 	@echo "look at $(OUT)/before.png, $(OUT)/after.png and $(OUT)/loss.png"
 
 test: $(READY)
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	$(BIN)/python -m pytest
 
 fast: $(READY)
-	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
+	$(BIN)/python -m pytest -m "not slow"
 
 bench: $(READY)
 	$(BIN)/python tests/bench/run.py

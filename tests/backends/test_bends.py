@@ -84,8 +84,9 @@ def test_value_in_c(case: Case) -> None:
     np.testing.assert_allclose(found.values, compile_numpy(case.program)(columns(case), case.n), rtol=1e-13, atol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("x64")
-@pytest.mark.parametrize("case", [*QUICK, *(pytest.param(case, marks=pytest.mark.slow) for case in SLOW)], ids=name)
+@pytest.mark.parametrize("case", [*QUICK, *SLOW], ids=name)
 def test_value_in_jax(case: Case) -> None:
     found = compile_jax(case.program).outcome(columns(case), case.n)
     has_its_values(found, case)

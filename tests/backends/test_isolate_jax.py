@@ -11,6 +11,8 @@ from tests.backends.isolate_programs import EXTREMES, ROOTS, SUMS, cubic, kink, 
 from tests.backends.programs import INF, Case, columns, expected, let, program
 from tests.backends.test_isolate_numpy import polynomial, polynomials_at_random, roots
 
+pytestmark = pytest.mark.slow  # XLA compiles every program
+
 QUICK = (*EXTREMES, *ROOTS[::3], *SUMS)
 CASES = (*QUICK, *(pytest.param(case, marks=pytest.mark.slow) for case in ROOTS[1::3]))
 """JAX takes half a second to compile each of them: two thirds, and NumPy has them all."""

@@ -11,6 +11,8 @@ from tests.backends.locate_programs import NESTS, PLACES, locate, point
 from tests.backends.programs import INF, Case, columns, expected, program
 from tests.backends.test_locate_numpy import circles_at_random
 
+pytestmark = pytest.mark.slow  # XLA compiles every program
+
 QUICK = (*PLACES[::6], NESTS[0])
 CASES = (*QUICK, *(pytest.param(case, marks=pytest.mark.slow) for case in (*PLACES[3::6], *NESTS[1:])))
 """JAX takes half a second to compile each of them: a third of the places, and NumPy has them all."""
