@@ -53,27 +53,6 @@ def _height(c: Cond, height: dict[Node, int]) -> int:
     return most
 
 
-def reach(e: Expr, levels: int = 32) -> Cond:
-    """A condition, in the variables of the integrals inside as well, outside of which nothing contributes to e."""
-    parts: list[Cond] = []
-    for _ in range(levels):
-        if isinstance(e, Integral):
-            e = e.body
-        elif isinstance(e, Where) and e.otherwise is ZERO:
-            parts.append(e.condition)
-            e = e.then
-        elif isinstance(e, Where) and e.then is ZERO:
-            parts.append(negation(e.condition))
-            e = e.otherwise
-        elif isinstance(e, Mul) and any(isinstance(f, Where | Integral) for f in e.children):
-            first, *others = [f for f in e.children if isinstance(f, Where | Integral)]
-            parts += [support(f) for f in others]
-            e = first
-        else:
-            break
-    return conjunction(*parts)
-
-
 def support(e: Expr) -> Cond:
     """A condition outside of which an integrand is 0."""
     if isinstance(e, Where):

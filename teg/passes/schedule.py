@@ -21,7 +21,6 @@ from teg.expr import (
     ONE,
     TRUE,
     ZERO,
-    Add,
     And,
     Call,
     Compare,
@@ -42,12 +41,11 @@ from teg.expr import (
 )
 from teg.integral import Integral, PointMasses, masses_of
 from teg.integration import Integration
-from teg.intervals import Enclosure
-from teg.isolation import MARGIN
 from teg.node import Node, postorder
 from teg.passes.breaks import MAX_BENDS, BreakAnalysis, Breaks, Turn
-from teg.passes.demand import GUARD_TERMS, guards, reach, support
+from teg.passes.demand import GUARD_TERMS, guards, support
 from teg.passes.emit import NAN, Level
+from teg.passes.emptiness import certainly_empty
 from teg.passes.sampled import UnbrokenEmitter, deciding_integrals
 from teg.polynomial import Shadow
 from teg.program import Adaptive, Arg, Assign, Bend, Gauss, Integrate, Program, Rule, Tie, without_dead_code
@@ -64,8 +62,6 @@ OUTER = 2
 MAX_SCALES = 4
 MAX_NEST = 6
 """Adaptive integrals inside each other; deeper nests are sampled."""
-MAX_EMPTY = 400
-"""Nodes of the test whether a domain is empty: a longer one costs more than it saves."""
 PEAK = 8.5
 """Beyond so many standard deviations nothing of a Gaussian is left: exp(-8.5²/2) = 2e-16."""
 FIXED = 16
@@ -95,55 +91,6 @@ def rule_for(node: Integral, analysis: BreakAnalysis, how: Integration, depth: i
     _, first, order = next(row for row in ORDERS if tol >= row[0])
     outer = any(isinstance(n, Integral) and masses_of(n.body, n.var) is None for n in postorder([node.body]))
     return Adaptive(tol, first + OUTER * outer, order, cubic)
-
-
-def _certainly_empty(node: Integral) -> Cond:
-    """A condition on what is outside under which the integrand vanishes everywhere; FALSE where none is known."""
-    conditions = reach(node)
-    parts = [c for c in (conditions.children if isinstance(conditions, And) else (conditions,)) if c is not TRUE]
-    parts = [c for c in parts if isinstance(c, Compare) or all(a.resolution is None for a in atoms_of(c))]
-    surfaces = [n for n in postorder([node]) if isinstance(n, PointMasses)]
-    if not parts and len(surfaces) != 1:
-        return FALSE
-    enclosure, inner = Enclosure({}), node
-    try:
-        while True:
-            ends = [*enclosure.of(inner.lo), *enclosure.of(inner.hi)]
-            least, most = ends[0], ends[0]
-            for end in ends[1:]:
-                least, most = (u if u is end else call(f, u, end) for f, u in (("min", least), ("max", most)))
-            enclosure.box[inner.var] = least, most
-            nested = [n for n in postorder([inner.body]) if isinstance(n, Integral) and inner.var in n.free]
-            missing = {v for c in (*parts, *surfaces) for v in c.free if isinstance(v, Var)} - set(enclosure.box)
-            following = [n for n in nested if n.var in missing and not (n.lo.free | n.hi.free) - set(enclosure.box)]
-            if not missing or not following:
-                break
-            inner = following[0]
-        known = [c for c in parts if all(v in enclosure.box for v in c.free)]
-        fails = [_clearly_fails(c, enclosure) for c in known]
-        if len(surfaces) == 1 and all(v in enclosure.box for v in surfaces[0].free):
-            fails += [_clearly_negative(g, enclosure) for g in (surfaces[0].g, mul(MINUS_ONE, surfaces[0].g))]
-    except NotDifferentiableError:
-        return FALSE
-    total = disjunction(*fails)
-    return FALSE if len(postorder([total])) > MAX_EMPTY else total
-
-
-def _clearly_fails(c: Cond, enclosure: Enclosure) -> Cond:
-    """A condition under which c fails everywhere; where c may tie, by more than rounding."""
-    if isinstance(c, Compare) and c.resolution is not None:
-        return _clearly_negative(c.g, enclosure)
-    return enclosure.decision(c)[1]
-
-
-def _clearly_negative(g: Expr, enclosure: Enclosure) -> Cond:
-    """A condition under which g < 0 everywhere, by more than rounding."""
-    sizes: list[Expr] = []
-    for term in g.children if isinstance(g, Add) else (g,):
-        least, most = enclosure.of(term)
-        sizes.append(call("max", call("magnitude", least), call("magnitude", most)))
-    above = add(enclosure.of(g)[1], mul(const(MARGIN), add(*sizes)))
-    return positive(mul(MINUS_ONE, above))
 
 
 def _slope_of(g: Expr, x: Var) -> Expr | None:
@@ -240,6 +187,9 @@ class _Scheduler(UnbrokenEmitter):
         needed = True if guard is TRUE else self.truths(guard, home)[0]
         if home.var is None:
             needed = self._unless_empty(group, needed, home)
+        if needed is False:
+            home.names.update(dict.fromkeys(group, 0.0))
+            return
         when = needed if isinstance(needed, str) else None
         masses = masses_of(node.body, node.var)
         if masses is not None:
@@ -275,7 +225,7 @@ class _Scheduler(UnbrokenEmitter):
         """Whether an outermost integral is needed, which it is not where intervals show that its integrand is 0 on the whole domain."""
         empty: list[Cond] = []
         for node in group:
-            found = _certainly_empty(node)
+            found = certainly_empty(node)
             if found is FALSE:
                 return needed
             empty.append(found)

@@ -48,7 +48,8 @@ PASSES_THAT_USE_ANOTHER = {
     "estimators.ignore": {"sift"},
     "reparameterize": {"affine", "bilinear", "sift", "univariate", "charts", "implicit", "user"},  # the list of families
     "sampled": {"at_roots", "emit"},
-    "schedule": {"at_roots", "breaks", "demand", "emit", "sampled"},
+    "emptiness": {"demand"},
+    "schedule": {"at_roots", "breaks", "demand", "emit", "emptiness", "sampled"},
     "steps": {"jumps"},
 }
 OPTIONAL = ["jax", "sympy", "scipy", "matplotlib", "PIL", "skimage", "tqdm", "mpmath"]

@@ -1,0 +1,108 @@
+"""Domains on which an integral vanishes: conditions that intervals refute on all of it, before any quadrature.
+
+A nest ∫dy ∫dx [g > 0]·… contributes nothing where an upper bound of g over the whole box is negative, and a sum over the roots of g
+nothing where g has one sign there. Where a condition may tie, or a root lie on the border, by rounding only, nothing is refuted.
+"""
+
+from __future__ import annotations
+
+from teg.errors import NotDifferentiableError
+from teg.expr import (
+    FALSE,
+    MINUS_ONE,
+    TRUE,
+    ZERO,
+    Add,
+    And,
+    Compare,
+    Cond,
+    Expr,
+    Mul,
+    Where,
+    add,
+    call,
+    const,
+    disjunction,
+    mul,
+    negation,
+    positive,
+)
+from teg.integral import Integral, masses_of
+from teg.intervals import Enclosure
+from teg.isolation import MARGIN
+from teg.node import postorder
+from teg.passes.demand import support
+from teg.surfaces import atoms_of
+
+MAX_LEVELS = 32
+MAX_NODES = 400
+"""Nodes of the test: a longer one costs more than it saves."""
+
+
+def certainly_empty(node: Integral) -> Cond:
+    """A condition on what is outside of an integral under which its integrand vanishes everywhere; FALSE where none is known."""
+    conditions, nest = _reach(node)
+    enclosure = Enclosure({})
+    fails: list[Cond] = []
+    try:
+        for inner in nest:
+            ends = [*enclosure.of(inner.lo), *enclosure.of(inner.hi)]
+            enclosure.box[inner.var] = _extreme("min", ends), _extreme("max", ends)
+        for c in conditions:
+            if all(v in enclosure.box for v in c.free):
+                fails += _refutations(c, enclosure)
+        masses = masses_of(nest[-1].body, nest[-1].var)
+        if masses is not None and all(v in enclosure.box for v in masses.free):
+            fails += [_clearly_negative(g, enclosure) for g in (masses.g, mul(MINUS_ONE, masses.g))]
+    except NotDifferentiableError:  # bounds are not known
+        return FALSE
+    total = disjunction(*fails)
+    return FALSE if len(postorder([total])) > MAX_NODES else total
+
+
+def _reach(node: Integral) -> tuple[list[Cond], list[Integral]]:
+    """Conditions outside of which nothing contributes, and the integrals whose variables they may hold, outermost first."""
+    conditions: list[Cond] = []
+    nest: list[Integral] = []
+    e: Expr = node
+    for _ in range(MAX_LEVELS):
+        if isinstance(e, Integral):
+            nest.append(e)
+            e = e.body
+        elif isinstance(e, Where) and e.otherwise is ZERO:
+            conditions.append(e.condition)
+            e = e.then
+        elif isinstance(e, Where) and e.then is ZERO:
+            conditions.append(negation(e.condition))
+            e = e.otherwise
+        elif isinstance(e, Mul) and any(isinstance(f, Where | Integral) for f in e.children):
+            first, *others = [f for f in e.children if isinstance(f, Where | Integral)]
+            conditions += [support(f) for f in others]
+            e = first
+        else:
+            break
+    return [part for c in conditions for part in (c.children if isinstance(c, And) else (c,)) if part is not TRUE], nest
+
+
+def _extreme(name: str, ends: list[Expr]) -> Expr:
+    result = ends[0]
+    for end in ends[1:]:
+        result = result if result is end else call(name, result, end)
+    return result
+
+
+def _refutations(c: Cond, enclosure: Enclosure) -> list[Cond]:
+    """A condition under which c fails everywhere; where c may tie, by more than rounding, if it is as simple as that."""
+    if isinstance(c, Compare) and c.resolution is not None:
+        return [_clearly_negative(c.g, enclosure)]
+    return [enclosure.decision(c)[1]] if all(a.resolution is None for a in atoms_of(c)) else []
+
+
+def _clearly_negative(g: Expr, enclosure: Enclosure) -> Cond:
+    """A condition under which g < 0 everywhere, by more than rounding."""
+    sizes: list[Expr] = []
+    for term in g.children if isinstance(g, Add) else (g,):
+        least, most = enclosure.of(term)
+        sizes.append(call("max", call("magnitude", least), call("magnitude", most)))
+    above = add(enclosure.of(g)[1], mul(const(MARGIN), add(*sizes)))
+    return positive(mul(MINUS_ONE, above))
