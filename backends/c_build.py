@@ -7,8 +7,10 @@ is loaded (loading a truncated library can end the process). Concurrent processe
 twice; each renames a whole library.
 
 The cache is `TEG_CACHE_DIR`, else `$XDG_CACHE_HOME/teg`, else `~/.cache/teg`, of mode 0700. A folder that
-cannot be written, or that others could write, is not used: a private temporary folder, removed at exit,
-replaces it.
+cannot be written, that others could write, that is full, or from which no library may be loaded (noexec), is
+not used: a private temporary folder, removed at exit, replaces it.
+
+The compiler is run without a shell, in a folder of its own that holds its temporary files too.
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -31,27 +35,50 @@ from teg.errors import CompilerError
 BASE_FLAGS = ("-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 NATIVE = "-march=native"
 OPENMP = "-fopenmp"
+LIGHT = ("-fno-tree-dominator-opts", "-fno-tree-dse", "-fno-tree-fre", "-fno-forward-propagate", "-fno-dse", "-fno-cprop-registers")
+"""With -O1: passes that take a quarter of the time of long straight-line texts, and make them 3 % faster."""
+ABANDONED = 24 * 3600
+"""Seconds after which a build is over: its process was killed."""
 SUFFIX = ".dll" if sys.platform == "win32" else ".so"
+OBJECT = ".o"
+OPTIMISE = ("-O3",)
 NO_COMPILER = (
     "install one (Debian, Ubuntu: apt install gcc; macOS: xcode-select --install; Windows: gcc of MSYS2), "
     'or name one in the environment variable CC; backend="numpy" works without a compiler'
 )
 
 
-def load_library(text: str, *, optimise: str = "-O3", openmp: bool = False) -> ctypes.CDLL:
-    """The library of `text`, from the cache if it is there; one that cannot be loaded is rebuilt once."""
+def load_library(text: str, *, optimise: Sequence[str] = ("-O3",), openmp: bool = False) -> ctypes.CDLL:
+    """The library of `text`, from the cache if it is there; one that cannot be loaded is rebuilt, the second time outside of the cache."""
     compiler = find_compiler()
-    flags = (optimise, *BASE_FLAGS, NATIVE, *((OPENMP,) if openmp else ()))
-    folder = cache_folder() / _key(text, compiler, flags)
+    flags = (*optimise, *BASE_FLAGS, NATIVE, *((OPENMP,) if openmp else ()))
+    key = _key(text, compiler, flags)
+    folder = cache_folder() / key
     trouble: OSError | None = None
-    for _ in range(2):
-        path = _stored(folder) or _store(folder, text, compiler, flags)
+    for place in (folder, folder, _temporary_folder(os.getpid()) / key):
+        path = _stored(place) or _store(place, text, compiler, flags)
         try:
             return ctypes.CDLL(str(path))
         except OSError as error:
             trouble = error
             path.unlink(missing_ok=True)
     raise CompilerError("the compiled kernel cannot be loaded", shlex.join(compiler), str(trouble))
+
+
+def load_linked(kernel: str, functions: Sequence[str], binding: str, *, optimise: Sequence[str], openmp: bool = False) -> ctypes.CDLL:
+    """The library of a kernel, functions that it calls and the text that binds them, each compiled only if it is not in the cache."""
+    compiler = find_compiler()
+    more = (OPENMP,) if openmp else ()
+    objects = [str(_object(kernel, compiler, (*optimise, *BASE_FLAGS, NATIVE, *more)))]
+    objects += [str(_object(text, compiler, (*OPTIMISE, *BASE_FLAGS, NATIVE))) for text in functions]
+    return load_library(binding, optimise=(*OPTIMISE, *objects), openmp=openmp)
+
+
+def _object(text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Path:
+    """The object file of a text that is to be linked with others."""
+    flags = tuple("-c" if flag == "-shared" else flag for flag in flags)
+    folder = cache_folder() / _key(text, compiler, flags)
+    return _stored(folder, OBJECT) or _store(folder, text, compiler, flags, OBJECT)
 
 
 def find_compiler() -> tuple[str, ...]:
@@ -77,25 +104,36 @@ def cache_folder() -> Path:
 
 
 def compile_library(text: str, target: Path, compiler: tuple[str, ...], flags: tuple[str, ...]) -> None:
-    """Compile `text` into `target`, without `-march=native` or OpenMP if the compiler does not know them."""
+    """Compile `text` into `target`, without flags that the compiler does not know. Raises OSError if there is no room for the result."""
     source = target.with_suffix(".c")
     source.write_text(text, encoding="ascii")
-    without = [(), (NATIVE,), (OPENMP,), (NATIVE, OPENMP)]
+    without: list[tuple[str, ...]] = [(), (NATIVE,), (OPENMP,), (NATIVE, OPENMP), LIGHT, (NATIVE, OPENMP, *LIGHT)]
+    environment = {**os.environ, **dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(target.parent))}
     messages = []
     for attempt in dict.fromkeys(tuple(flag for flag in flags if flag not in left_out) for left_out in without):
         command = [*compiler, *attempt, "-o", target.name, source.name, "-lm"]
         try:
-            done = subprocess.run(command, cwd=target.parent, stdin=subprocess.DEVNULL, capture_output=True)
+            done = subprocess.run(command, cwd=target.parent, env=environment, stdin=subprocess.DEVNULL, capture_output=True)
         except OSError as error:
             raise CompilerError("the C compiler cannot be run", shlex.join(command), str(error)) from error
         if done.returncode == 0 and target.exists():
             return
+        _check_room(target.parent)
         messages.append(done.stderr.decode(errors="replace").strip() or f"exit status {done.returncode}")
     raise CompilerError("the C compiler rejected the generated text", shlex.join(command), messages[0][:4000])
 
 
+def _check_room(folder: Path) -> None:
+    """Raise OSError if there is no room for a file of the size of a library."""
+    with tempfile.TemporaryFile(dir=folder) as file:
+        file.write(bytes(2**20))
+        file.flush()
+
+
 def _user_cache() -> Path:
     configured = os.environ.get("XDG_CACHE_HOME", "")
+    if not os.path.isabs(configured) and os.environ.get("HOME") == "":
+        raise RuntimeError("HOME is empty")  # which Python takes for the root folder
     return Path(configured) if os.path.isabs(configured) else Path.home() / ".cache"
 
 
@@ -146,10 +184,10 @@ def _processor() -> str:
     return "\n".join([name, *(line for line in first if line.startswith(("model name", "flags", "Features", "CPU part")))])
 
 
-def _stored(folder: Path) -> Path | None:
+def _stored(folder: Path, suffix: str = SUFFIX) -> Path | None:
     """The entry of a key, if there is one and it is whole; damaged ones are removed."""
     try:
-        entries = sorted(folder.glob("*" + SUFFIX))
+        entries = sorted(folder.glob("*" + suffix))
     except OSError:
         return None
     for path in entries:
@@ -162,26 +200,38 @@ def _stored(folder: Path) -> Path | None:
     return None
 
 
-def _store(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Path:
+def _store(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...], suffix: str = SUFFIX) -> Path:
     """Build in a separate folder, rename into the cache; if that fails (a full disk) keep a private copy."""
     try:
-        return _store_under(folder, text, compiler, flags)
+        return _store_under(folder, text, compiler, flags, suffix)
     except OSError:
-        return _store_under(_temporary_folder(os.getpid()) / folder.name, text, compiler, flags)
+        return _store_under(_temporary_folder(os.getpid()) / folder.name, text, compiler, flags, suffix)
 
 
-def _store_under(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Path:
+def _store_under(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...], suffix: str) -> Path:
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _remove_abandoned(folder)
     with tempfile.TemporaryDirectory(prefix="build-", dir=folder, ignore_cleanup_errors=True) as workshop:
-        library = Path(workshop, "kernel" + SUFFIX)
+        library = Path(workshop, "kernel" + suffix)
         compile_library(text, library, compiler, flags)
-        path = folder / (_digest(library) + SUFFIX)
+        path = folder / (_digest(library) + suffix)
         try:
             os.replace(library, path)
         except PermissionError:  # Windows: another process has the same library open
             if not path.exists():
                 raise
     return path
+
+
+def _remove_abandoned(folder: Path) -> None:
+    """Remove what killed processes left."""
+    for left in folder.glob("build-*"):
+        try:
+            old = time.time() - left.stat().st_mtime > ABANDONED
+        except OSError:  # it was removed meanwhile
+            continue
+        if old:
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def _digest(path: Path) -> str:

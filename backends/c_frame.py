@@ -26,7 +26,7 @@ ARGUMENT = 32  # … as an argument of an integral
 class Step:
     """An assignment, or C lines given a Scope that spells names; `area` doubles are used beyond the frame's own workspace.
 
-    `uses` has an argument as often as it is spelled, `longest` is what may be printed in its place.
+    `uses` has an argument as often as it is spelled, `longest` is what may be printed in its place; `stored` are read from the workspace.
     """
 
     defines: tuple[str, ...]
@@ -36,6 +36,7 @@ class Step:
     weight: int = 1
     area: int = 0
     longest: int = INLINE
+    stored: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -47,6 +48,7 @@ class Scope:
     elsewhere: dict[Arg, str] = field(default_factory=dict)
     waiting: dict[Arg, Text] = field(default_factory=dict)  # values to be printed where they are used
     count: list[int] = field(default_factory=lambda: [0])
+    slots: dict[Arg, int] = field(default_factory=dict)
 
     def __call__(self, arg: Arg) -> str:
         return self.spell(arg).text
@@ -76,10 +78,11 @@ class Frame:
         context: bool,
         variables: dict[str, str] | None = None,
         prefix: str = "c",
+        by_value: int = BY_VALUE,
     ) -> None:
         steps = [step for block in blocks for step in block]
         self.captured, self.blocks, self.context, self.variables = captured, blocks, context, variables or {}
-        self.indirect = len(captured) > BY_VALUE
+        self.indirect = len(captured) > by_value
         self.below = max((step.area for step in steps), default=0)
         self.names: dict[Arg, str] = {arg: f"{prefix}{i}" for i, arg in enumerate(captured)}
         self.names.update(self.variables)
@@ -99,9 +102,13 @@ class Frame:
             for arg in uses:
                 if self._home.get(arg, 0) != number:
                     self._slots.setdefault(arg, len(self._slots))
+        stored = dict.fromkeys(arg for step in steps for arg in step.stored)
+        for arg in stored:
+            self._slots.setdefault(arg, len(self._slots))
+        self._own = {arg for arg in self._uses[0] if arg not in self._home}  # spelled in the function itself, by steps or between blocks
         self.size = len(self._slots)
         times = Counter(arg for step in steps for arg in step.uses if isinstance(arg, str))
-        self._once = {arg for arg, n in times.items() if n == 1}.difference(own)
+        self._once = {arg for arg, n in times.items() if n == 1}.difference(own, stored)
 
     @property
     def workspace(self) -> int:
@@ -117,7 +124,7 @@ class Frame:
     def scope(self) -> Scope:
         """Names as they are spelled in the function itself."""
         elsewhere = {arg: self._load(arg) for arg in self._uses[0] if arg in self._home}
-        return Scope(self.names, self.size, elsewhere, count=self._count)
+        return Scope(self.names, self.size, elsewhere, count=self._count, slots=self._slots)
 
     def signature(self, *pointers: str) -> str:
         """Name and C parameters of the function."""
@@ -133,7 +140,7 @@ class Frame:
 
     def block(self, index: int) -> list[str]:
         """The lines that run a block at the present values of the variables."""
-        used = {arg for step in self.blocks[index] for arg in step.uses}
+        used = {arg for step in self.blocks[index] for arg in (*step.uses, *step.stored)}
         lines = [f"w[{self._slots[arg]}] = {name};" for arg, name in self.variables.items() if arg in self._slots and arg in used]
         for number, part in self._cuts[index]:
             lines += self._call(number, part) if number else self._lines(part, self.scope())
@@ -143,13 +150,16 @@ class Frame:
         """Print a part; the line that calls it."""
         passed = ["double *w"] * (self.workspace > 0) + ["double *f"] + ["teg_context *ctx"] * self.context
         loads = self._declarations(arg for arg in self._uses[number] if self._home.get(arg, 0) != number)
-        inside = indent(*loads, *self._lines(part, Scope(self.names, self.size, count=self._count)))
-        self.parts.append(wrapped([f"static void @_part_{number}({', '.join(passed)})", "{", *inside, "}"]))
+        inside = indent(*loads, *self._lines(part, Scope(self.names, self.size, count=self._count, slots=self._slots)))
+        words = set(re.findall(r"\b(?:w|f|ctx)\b", "\n".join(inside)))
+        passed = [parameter for parameter in passed if parameter.split("*")[1] in words]
+        self.parts.append(wrapped([f"static void @_part_{number}({', '.join(passed) or 'void'})", "{", *inside, "}"]))
         return [f"@_part_{number}({', '.join(parameter.split('*')[1] for parameter in passed)});"]
 
     def _lines(self, steps: list[Step], scope: Scope) -> list[str]:
         """The lines of steps; a value used once waits until the step that uses it."""
-        here = {arg for step in steps for arg in step.uses}
+        used = {arg for step in steps for arg in step.uses}
+        here = used | self._own
         lines: list[str] = []
         for step in steps:
             waiting = [arg for arg in step.uses if arg in scope.waiting]
@@ -167,7 +177,7 @@ class Frame:
                     lines.append(_declared(longest, scope.waiting.pop(longest), scope))
                     text = _value(step.assign, step.uses, scope)
                 name = step.assign.name
-                if name in here and name in self._once and step.assign.op != "tie" and len(text.text) <= INLINE:
+                if name in used and name in self._once and step.assign.op != "tie" and len(text.text) <= INLINE:
                     scope.waiting[name] = text
                 elif name in here or name not in self._slots:
                     lines.append(_declared(name, text, scope))
@@ -197,7 +207,7 @@ class Frame:
 def captured_by(own: Sequence[Arg], steps: list[Step], variables: Iterable[str]) -> list[Arg]:
     """What a routine takes from outside, in order of first use: names, and literals that are not simple."""
     defined = {name for step in steps for name in step.defines}.union(variables)
-    uses = dict.fromkeys((*own, *(arg for step in steps for arg in step.uses)))
+    uses = dict.fromkeys((*own, *(arg for step in steps for arg in (*step.uses, *step.stored))))
     names = [arg for arg in uses if isinstance(arg, str) and arg not in defined]
     numbers = [float(arg) for arg in uses if not isinstance(arg, (str, bool))]
     literals = [x for x in numbers if abs(x) < float("inf") and not (abs(x) <= 64 and (4 * x).is_integer())]
@@ -221,13 +231,16 @@ def _assignment(stmt: Assign) -> Step:
             uses = stmt.args[:1] * (2 if stmt.args[1] == 2 else 1)
         case "tie":
             uses = stmt.args[:3]
+        case "call":
+            uses = stmt.args[1:]
         case _:
             uses = stmt.args
     return Step((stmt.name,), uses, stmt, weight=1 + len(uses) // 8)
 
 
 def _value(stmt: Assign, uses: Sequence[Arg], scope: Scope) -> Text:
-    return expression(stmt.op, [scope.spell(arg) for arg in uses], stmt.args[1:] if stmt.op == "powi" else ())
+    rest = stmt.args[1:] if stmt.op == "powi" else stmt.args[:1] if stmt.op == "call" else ()
+    return expression(stmt.op, [scope.spell(arg) for arg in uses], rest)
 
 
 def _declared(name: Arg, value: Text, scope: Scope) -> str:

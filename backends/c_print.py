@@ -16,13 +16,16 @@ captured values where there are more than BY_VALUE.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import cast
 
 from teg.backends import c_frame
-from teg.backends.c_frame import Frame, Scope, Step, assignments, captured_by
+from teg.backends.c_bodies import merged, used_inputs, with_inputs
+from teg.backends.c_frame import BY_VALUE, Frame, Scope, Step, assignments, captured_by
+from teg.backends.c_poles import plain_table, rational_piece, weights_function
+from teg.backends.c_polygon import LANES, polygon, runs_side_by_side, segment, segment_lanes, sums, triangle_table, unit_table
 from teg.backends.c_quadrature import (
     adaptive_piece,
     bent_piece,
@@ -37,43 +40,90 @@ from teg.backends.c_quadrature import (
 )
 from teg.backends.c_runtime import runtime
 from teg.backends.c_sampling import sample_loop, sobol_table, used_points
-from teg.backends.c_text import each, indent, packed, wrapped
+from teg.backends.c_text import each, harmless, indent, packed, wrapped
 from teg.program import (
     Adaptive,
     Arg,
     Assign,
+    Called,
     Gauss,
     Integrate,
     Isolate,
     Locate,
     Midpoint,
+    Polygon,
     Program,
+    Rational,
     Sample,
+    Segment,
     Stmt,
     SumOver,
     assigned,
+    clipped_by,
+    has_ties,
     statements,
 )
 from teg.sampling import REPLICATES
 
 BREAKS_ON_STACK = 256
+INLINED, WHOLE = 6, 120
+"""Of so few polygons and segments each is compiled where it stands, with up to so many values passed to it."""
+Together = tuple[int, ...]
+"""Functions of a program that are called together, by their numbers."""
+Declare = Callable[[Sequence[Together]], list[str]]
+MANY = 1024
+"""Points of a midpoint rule that are no matter of milliseconds, whatever the integrand."""
 
 
-def print_kernel(program: Program, name: str = "teg_kernel", counted: bool = False) -> str:
+def print_kernel(
+    program: Program, name: str = "teg_kernel", counted: bool = False, real: str = "double", declare: Declare | None = None
+) -> str:
     """The translation unit: constants, runtime, Gauss tables, integrals inside out, element, batch loop. A `counted` one counts the
-    evaluations of integrands."""
+    evaluations of integrands. `real` is the type of parameters and outputs, "double" or "float"; between them all is double.
+    `declare` gives the declarations of the functions that are called; else these are in the text themselves."""
     printer = Printer(counted)
     element = printer.element(program)
-    texts = [*printer.texts, wrapped(_batch_loop(program, name, element))]
-    tables = [*map(gauss_table, sorted(printer.orders)), *map(node_table, sorted(printer.measured))]
-    tables += [sobol_table(printer.dimensions)] if printer.dimensions else []
-    return "\n\n".join([title(program), *runtime([*tables, *texts]), *tables, *texts]) + "\n"
+    texts = [*printer.texts, wrapped(_batch_loop(program, name, element, real))]
+    tables = printer.tables()
+    called = tuple(sorted(printer.called))
+    functions = declare(called) if declare is not None else [text for ks in called for text in _static_function(program, ks)]
+    return "\n\n".join([title(program), *runtime([*tables, *functions, *texts]), *tables, *functions, *texts]) + "\n"
+
+
+def function_name(called: Together) -> str:
+    """The name of functions of a program that are called together."""
+    return "_".join(["teg_function", *map(str, called)])
+
+
+def _static_function(program: Program, called: Together) -> list[str]:
+    return function_texts(merged([cast(Program, program.functions[k].body) for k in called]), function_name(called), "static ")
+
+
+def function_texts(body: Program, name: str, storage: str = "") -> list[str]:
+    """A program of assignments as a C function of its parameters: it returns one output, more go to an array."""
+    printer = Printer()
+    inputs = [f"p{i}" for i in range(len(body.parameters))]
+    used, single = used_inputs(body), len(body.outputs) == 1
+    element = printer.element(with_inputs(body, used), f"{name}_body")
+    space = element.workspace
+    given = [*([] if element.indirect else used), "result", *["w"] * (space > 0)]
+    inside = [
+        *packed(f"(void){p};" for p in inputs if p not in used),
+        *(["double result[1];"] if single else []),
+        *([f"double w[{space}];"] if space else []),
+        *(packed(f"w[{i}] = {p};" for i, p in enumerate(used)) if element.indirect else []),
+        f"{element.name}({', '.join(given)});",
+        *(["return result[0];"] if single else []),
+    ]
+    taken = [*(f"double {p}" for p in inputs), *([] if single else ["double *result"])]
+    head = f"{storage}{'double' if single else 'void'} {name}({', '.join(taken) or 'void'})"
+    return [*printer.texts, wrapped([head, "{", *indent(*inside), "}"])]
 
 
 def title(program: Program) -> str:
     """The comment at the top; of the users' names only harmless characters."""
     shown = program.parameters[:20]
-    names = [f"p{i} = {re.sub(r'[^A-Za-z0-9_ ]', '_', name)[:40]}" for i, name in enumerate(shown)]
+    names = [f"p{i} = {harmless(name, 40)}" for i, name in enumerate(shown)]
     names += ["..."] * (len(shown) < len(program.parameters))
     lines = packed(names or ["none"], " * ", ", ")
     return "\n".join([f"/* Generated by teg. {len(program.outputs)} outputs of {len(program.parameters)} parameters:", *lines, " */"])
@@ -96,25 +146,72 @@ class Printer:
         self.counted = counted
         self.orders: set[int] = set()
         self.measured: set[int] = set()  # orders whose null rules are used
+        self.poles: set[tuple[int, int]] = set()  # nodes and powers
+        self.inlined = False  # whether polygons and segments are written where they are called
+        self.triangles: set[int] = set()  # degrees of rules on triangles
+        self.units: set[tuple[int, int]] = set()  # nodes of segments, and how many of them are taken side by side
         self.dimensions = 0  # of Sobol' points
+        self.called: set[Together] = set()
+        self.functions: Sequence[Called] = ()
         self.texts: list[str] = []
         self._known: dict[str, Routine] = {}
 
-    def element(self, program: Program) -> Routine:
-        """The routine of the whole program at one point: from the parameters it writes the outputs to `f`."""
-        steps = [*self._steps(program.body), *_yields(program.outputs)]
-        frame = Frame([f"p{i}" for i in range(len(program.parameters))], [steps], (), needs_context(program.body, self.counted), prefix="p")
-        inside = [*frame.opening(), *frame.block(0)]
-        return self._routine("element", frame, f"static void {frame.signature('f')}", inside)
+    def tables(self) -> list[str]:
+        """The tables that the routines use, and functions made of tables."""
+        found = [*map(gauss_table, sorted(self.orders)), *map(node_table, sorted(self.measured))]
+        found += [*map(triangle_table, sorted(self.triangles)), *(unit_table(*key) for key in sorted(self.units))]
+        found += [*map(plain_table, sorted({n for n, _ in self.poles})), *(weights_function(*pole) for pole in sorted(self.poles))]
+        return found + ([sobol_table(self.dimensions)] if self.dimensions else [])
 
-    def _steps(self, block: Iterable[Stmt]) -> Iterator[Step]:
+    def element(self, program: Program, kind: str = "element", by_value: int = BY_VALUE) -> Routine:
+        """The routine of the whole program at one point: from the parameters it writes the outputs to `f`. There is one "element", "run"s
+        are numbered."""
+        self.inlined = sum(isinstance(s, Polygon | Segment) for s in statements(program.body)) <= INLINED
+        self.functions = program.functions
+        steps = [*self._steps(program.body), *_yields(program.outputs)]
+        parameters, context = [f"p{i}" for i in range(len(program.parameters))], needs_context(program.body, self.counted)
+        frame = Frame(parameters, [steps], (), context, prefix="p", by_value=by_value)
+        inside = [*frame.opening(), *frame.block(0)]
+        return self._routine(kind, frame, f"static void {frame.signature('f')}", inside)
+
+    def _steps(self, block: Sequence[Stmt]) -> Iterator[Step]:
+        together: dict[object, list[Assign]] = {}  # a function and its derivatives at the same inputs
         for stmt in block:
-            if isinstance(stmt, Assign):
+            if isinstance(stmt, Assign) and stmt.op == "call":
+                together.setdefault(self._application(stmt), []).append(stmt)
+        for stmt in block:
+            if isinstance(stmt, Assign) and stmt.op == "call":
+                if calls := together.pop(self._application(stmt), None):
+                    yield from self._applied(calls)
+            elif isinstance(stmt, Assign):
                 yield from assignments(stmt)
             elif stmt.results:
                 yield self._call(stmt)
 
-    def _call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample) -> Step:
+    def _application(self, stmt: Assign) -> tuple[object, ...]:
+        """The same for calls that one C function can answer."""
+        return self.functions[int(stmt.args[0])].callee, *stmt.args[1:]
+
+    def _applied(self, calls: Sequence[Assign]) -> Iterator[Step]:
+        """One call for a function and its derivatives at the same inputs."""
+        ks = tuple(sorted({int(stmt.args[0]) for stmt in calls}))
+        self.called.add(ks)
+        if len(calls) == 1:
+            yield from assignments(calls[0])
+            return
+        inputs = calls[0].args[1:]
+
+        def lines(scope: Scope) -> list[str]:
+            given = [scope(arg) for arg in inputs]
+            array = scope.name(calls[0].name, "r")
+            scope.names.update((stmt.name, f"{array}[{ks.index(int(stmt.args[0]))}]" if len(ks) > 1 else array) for stmt in calls)
+            if len(ks) == 1:
+                return [f"const double {array} = {function_name(ks)}({', '.join(given)});"]
+            return [f"double {array}[{len(ks)}];", f"{function_name(ks)}({', '.join([*given, array])});"]
+
+        yield Step(tuple(stmt.name for stmt in calls), inputs, None, lines, 4 + len(inputs) // 8)
+
+    def _call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment) -> Step:
         """The call of a statement's routine; many results or captured values go through the workspace."""
         absent = "0.0"
         match stmt:
@@ -130,33 +227,38 @@ class Printer:
                 routine, captured = self._sum(stmt)
             case Sample():
                 routine, captured = self._sample(stmt)
+            case Polygon() | Segment():
+                routine, captured = self._clipped(stmt)
         names = assigned(stmt)
         count = len(names)
         stacked = count if count > c_frame.ON_STACK else 0
 
         def lines(scope: Scope) -> list[str]:
-            values, when = [scope(arg) for arg in captured], None if stmt.when is None else scope(stmt.when)
+            when = None if stmt.when is None else scope(stmt.when)
+            values = [] if routine.indirect else [scope(arg) for arg in captured]
             below = scope.free + stacked
             array = scope.name(names[0], "r") if count > 1 else ""
             place = f"(w + {scope.free})" if stacked else array
-            passed = ([] if routine.indirect else values) + [place] * (count > 1)
+            passed = values + [place] * (count > 1)
             passed += [f"w + {below}"] * (routine.workspace > 0) + ["ctx"] * routine.context
             call = f"{routine.name}({', '.join(passed)})"
-            before = packed(f"w[{below + i}] = {value};" for i, value in enumerate(values) if routine.indirect)
+            before = _gathered(captured, below, scope) if routine.indirect else []
             if count == 1:
                 guarded = call if when is None else f"{when} ? {call} : {absent}"
                 return [*before, f"const double {scope.name(names[0])} = {guarded};"]
-            if when is not None:
-                call = f"if ({when}) {call}; else teg_fill({place}, {count}, {absent})"
+            if when is not None:  # what goes through the workspace is written only where it is read
+                inside = f"{{ {' '.join(before)} {call}; }}" if before else f"{call};"
+                call, before = f"if ({when}) {inside} else teg_fill({place}, {count}, {absent})", []
             if stacked:
                 loads = [f"{scope.name(name)} = {place}[{j}]" for j, name in enumerate(names)]
                 return [*before, f"{call};", *packed(loads, "const double ", ", ", ";")]
             scope.names.update((name, f"{array}[{j}]") for j, name in enumerate(names))
             return [*before, f"double {array}[{count}];", f"{call};"]
 
-        uses = captured if stmt.when is None else (*captured, stmt.when)
-        weight = 4 + (len(captured) if routine.indirect else len(captured) // 4) + (count if count > 1 else 0)
-        return Step(names, uses, None, lines, weight, stacked + routine.workspace, c_frame.ARGUMENT)
+        uses = (*(() if routine.indirect else captured), *(() if stmt.when is None else (stmt.when,)))
+        stored = tuple(arg for arg in captured if isinstance(arg, str)) if routine.indirect else ()
+        weight = 4 + len(captured) // 4 + (count if count > 1 else 0)
+        return Step(names, uses, None, lines, weight, stacked + routine.workspace, c_frame.ARGUMENT, stored)
 
     def _integral(self, stmt: Integrate) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of an integral, and what this occurrence passes to it."""
@@ -171,6 +273,8 @@ class Printer:
         arrays = frame.array("f", values + len(watch))
         if isinstance(stmt.rule, Midpoint) and stmt.estimates:
             arrays += frame.array("last", stmt.tested)
+        if isinstance(stmt.rule, Rational):
+            arrays += frame.array("sizes", 3 * values)
         if isinstance(stmt.rule, Adaptive):
             arrays += frame.array("measured", 8 * stmt.tested)
             arrays += frame.array("plain", values - stmt.tested) if values > stmt.tested else []
@@ -179,12 +283,13 @@ class Printer:
         arrays += frame.array("ends", pieces + 1, BREAKS_ON_STACK)
         spell = frame.scope()
         ends = [f"ends[{i}] = teg_clamp({spell(arg)}, a, b);" for i, arg in enumerate(stmt.breaks, 1)]
+        nothing = _not_a_number("sum", count)
         inside = [
             *arrays,
             *frame.opening(),
             f"const double lo = {spell(stmt.lo)}, hi = {spell(stmt.hi)};",
-            ("if (lo != lo || hi != hi) " if stmt.infinite else "if (!isfinite(lo) || !isfinite(hi)) ")
-            + ("return NAN;" if count == 1 else f"{{ teg_fill(sum, {count}, NAN); return; }}"),
+            ("if (lo != lo || hi != hi) " if stmt.infinite else "if (!isfinite(lo) || !isfinite(hi)) ") + nothing,
+            *([_stop("sum", count)] if isinstance(stmt.rule, Adaptive) else []),
             "const double a = lo <= hi ? lo : hi, b = lo <= hi ? hi : lo, sign = lo <= hi ? 1.0 : -1.0;",
             *packed(["ends[0] = a;", *ends, f"ends[{pieces}] = b;"]),
             *([f"teg_sort(ends + 1, {pieces - 1});"] if pieces > 2 else []),
@@ -194,6 +299,7 @@ class Printer:
                 "const double p = ends[i], q = ends[i + 1];",
                 "if (!teg_is_piece(p, q)) continue;",
                 middle_of_piece(stmt.infinite, spell(stmt.scale) if stmt.infinite else ""),
+                *([] if any(stmt.var in (*step.uses, *step.stored) for step in (*flags, *body)) else ["(void)x;"]),
                 *frame.block(0),
                 *([] if stmt.need is None else [f"if (!{spell(stmt.need)}) continue;"]),
                 *self._piece(stmt, frame, spell),
@@ -206,6 +312,8 @@ class Printer:
     def _piece(self, stmt: Integrate, frame: Frame, spell: Scope) -> list[str]:
         """Add the integrals over the piece (p, q) to `sum`."""
         block, count, tested, estimated = frame.block(1), len(stmt.values), stmt.tested, bool(stmt.estimates)
+        if _is_long(stmt):
+            block = [_stop("sum", len(assigned(stmt))), *block]
         counted = self._is_counted(stmt)
         match stmt.rule:
             case Midpoint(points):
@@ -213,6 +321,11 @@ class Printer:
             case Gauss(nodes):
                 self.orders.add(nodes)
                 return gauss_piece(block, nodes, count, len(stmt.estimates), counted)
+            case Rational() as rule:
+                self.poles.add((rule.nodes, rule.power))
+                (bend,) = stmt.bends
+                spelled = bend, spell(bend.when), [spell(c) for c in bend.coefficients]
+                return rational_piece(block, rule, spelled, spell(stmt.base), count, len(stmt.estimates), counted)
             case Adaptive() as rule:
                 self.measured |= {rule.order} if stmt.watch else {rule.first, rule.order}
                 bent = bool(stmt.bends) or stmt.infinite
@@ -240,7 +353,37 @@ class Printer:
                 ]
 
     def _is_counted(self, stmt: Integrate | Sample) -> bool:
-        return self.counted and not any(isinstance(s, Integrate | Sample) for s in statements(stmt.body))
+        return self.counted and not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in statements(stmt.body))
+
+    def _clipped(self, stmt: Polygon | Segment) -> tuple[Routine, tuple[Arg, ...]]:
+        """The routine of a polygon or a segment."""
+        given: dict[Arg, Arg] = {}
+        if isinstance(stmt, Segment):
+            stmt, given = _with_resolutions_passed(stmt)
+        side_by_side = runs_side_by_side(stmt.body)
+        distinct, adding = sums(stmt.values)
+        body = [*self._steps(stmt.body), adding]
+        own = (*clipped_by(stmt), *stmt.factors, *(() if isinstance(stmt, Polygon) else (g.scale for g in stmt.half_lines)))
+        context = needs_context((stmt,), self.counted)
+        if isinstance(stmt, Polygon):
+            blocks, variables = [list(self._steps(stmt.setup)), body], dict(zip(stmt.variables, "xy", strict=True))
+        else:
+            blocks, variables = [list(self._steps(stmt.setup)), list(self._steps(stmt.scales)), body], {stmt.var: "x"}
+        captured = captured_by(own, [step for block in blocks for step in block], variables)
+        frame = Frame(captured, blocks, own, context, variables, by_value=WHOLE if self.inlined else BY_VALUE)
+        if isinstance(stmt, Polygon):
+            if stmt.degree not in (0, 2):
+                self.triangles.add(stmt.degree)
+            lines = polygon(stmt, frame, distinct, LANES if side_by_side else 1, self.counted)
+        else:
+            lanes = segment_lanes(stmt.nodes) if side_by_side else 1
+            self.units.add((stmt.nodes, segment_lanes(stmt.nodes)))
+            lines = segment(stmt, frame, distinct, lanes, self.counted)
+        inside = [*frame.opening(), *(["double *const f = 0;"] if frame.parts else []), *lines]  # parts of the setup write no results
+        kind = "polygon" if isinstance(stmt, Polygon) else "segment"
+        head = _head(frame, "sum", len(stmt.results))
+        routine = self._routine(kind, frame, head.replace("static", "TEG_INLINE", 1) if self.inlined else head, inside)
+        return routine, tuple(given.get(arg, arg) for arg in captured)
 
     def _isolation(self, stmt: Isolate) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of an isolation: `f` holds g, g' and then the four bounds."""
@@ -293,7 +436,7 @@ class Printer:
         opening, block = frame.opening(), frame.block(0)
         if stmt.kind == "qmc":
             self.dimensions = max([self.dimensions, *(d + 1 for d in used_points(block, names))])
-        inside = [*arrays, *opening, *sample_loop(stmt, block, names, self._is_counted(stmt))]
+        inside = [*arrays, *opening, *sample_loop(stmt, block, names, self._is_counted(stmt), _stop("mean", values + tested))]
         return self._routine("mean", frame, _head(frame, "mean", values + tested), inside), tuple(captured)
 
     def _routine(self, kind: str, frame: Frame, signature: str, inside: list[str]) -> Routine:
@@ -306,16 +449,52 @@ class Printer:
         return self._known[text]
 
 
-def has_ties(block: tuple[Stmt, ...]) -> bool:
-    return any(isinstance(stmt, Assign) and stmt.op == "tie" for stmt in statements(block))
+def _gathered(captured: Sequence[Arg], place: int, scope: Scope) -> list[str]:
+    """What a routine captures, collected in the workspace from `place` on: a table tells where each is; literals are written after it."""
+    slots = [scope.slots[arg] if isinstance(arg, str) else 0 for arg in captured]
+    rows = packed(f"{slot}," for slot in slots)
+    literals = packed(f"w[{place + i}] = {scope(arg)};" for i, arg in enumerate(captured) if not isinstance(arg, str))
+    copy = f"for (int i = 0; i < {len(slots)}; i++) w[{place} + i] = w[from[i]];"
+    return ["{", *indent(f"static const int from[{len(slots)}] = {{", *indent(*rows), "};", copy, *literals), "}"]
+
+
+def _with_resolutions_passed(stmt: Segment) -> tuple[Segment, dict[Arg, Arg]]:
+    """A segment whose ties are resolved by arguments of its routine, and what these are: segments that differ in nothing else, as those
+    along the sides of a polygon, are then one routine."""
+    inside = {name for s in (*stmt.setup, *stmt.scales) for name in assigned(s)}
+    given: dict[Arg, Arg] = {}
+    half_lines = list(stmt.half_lines)
+    for i, g in enumerate(stmt.half_lines):
+        if g.k is not None and g.resolution not in inside:
+            given[f"b+{i}"] = g.resolution
+            half_lines[i] = replace(g, resolution=f"b+{i}")
+    return replace(stmt, half_lines=tuple(half_lines)), given
 
 
 def needs_context(block: tuple[Stmt, ...], counted: bool) -> bool:
-    """Whether a run of it can meet a tie, miss a tolerance, or count."""
+    """Whether a run of it can meet a tie, miss a tolerance, take long, or count."""
     return has_ties(block) or any(
-        (isinstance(s, Integrate) and (counted or isinstance(s.rule, Adaptive))) or (isinstance(s, Sample) and counted)
+        isinstance(s, Sample)
+        or (isinstance(s, Polygon | Segment) and counted)
+        or (isinstance(s, Integrate) and (counted or isinstance(s.rule, Adaptive | Rational) or _is_long(s)))
         for s in statements(block)
     )
+
+
+def _is_long(stmt: Integrate) -> bool:
+    """Whether at a node so much is done that a call may have to be stopped before it, or there are very many."""
+    inside = (s for s in statements(stmt.body) if isinstance(s, Integrate | Sample))
+    deep = any(isinstance(s, Sample) or any(isinstance(other, Integrate) for other in statements(s.body)) for s in inside)
+    return deep or (isinstance(stmt.rule, Midpoint) and stmt.rule.nodes > MANY)
+
+
+def _stop(results: str, count: int) -> str:
+    """Leave a routine if the call was stopped."""
+    return f"if (teg_stopped(ctx->pace)) {_not_a_number(results, count)}"
+
+
+def _not_a_number(results: str, count: int) -> str:
+    return "return NAN;" if count == 1 else f"{{ teg_fill({results}, {count}, NAN); return; }}"
 
 
 def _head(frame: Frame, results: str, count: int) -> str:
@@ -334,8 +513,9 @@ def _yielded(first: int, values: Sequence[Arg], scope: Scope) -> list[str]:
     return packed(f"f[{j}] = {scope(value)};" for j, value in enumerate(values, first))
 
 
-def _batch_loop(program: Program, name: str, element: Routine) -> Iterator[str]:
-    """The exported function: every point by itself; where ties were met, the mean of the two orders."""
+def _batch_loop(program: Program, name: str, element: Routine, real: str) -> Iterator[str]:
+    """The exported functions: every point by itself; where ties were met, the mean of the two orders. A call that is `watched` is stopped
+    between points, and in integrals that may take long. The thread that called keeps asking while it waits for the others."""
     inputs, outputs = len(program.parameters), len(program.outputs)
     values = [f"p[{i}][i * stride[{i}]]" for i in range(inputs)]
     space, ties, context = element.workspace, has_ties(program.body), element.context
@@ -346,15 +526,20 @@ def _batch_loop(program: Program, name: str, element: Routine) -> Iterator[str]:
     again = call.replace("result", "other")
     gather = f"for (int j = 0; j < {inputs}; j++) w[j] = p[j][i * stride[j]];"
     both = f"for (int j = 0; j < {outputs}; j++) result[j] = 0.5 * (result[j] + other[j]);"
+    cast = "" if real == "double" else f"({real})"
+    first = f"long n, const {real} *const *p, const long *stride, {real} *out, long *notes, int threads"
+    second = "long (*poll)(void *data), void *data"
     yield from (
-        f"TEG_EXPORT int {name}(",
-        "    long n, const double *const *p, const long *stride, double *out, long *notes, int threads)",
+        f"TEG_EXPORT int {name}_watched(",
+        f"    {first},",
+        f"    {second})",
         "{",
         *indent(
             "const int team = threads > 1 ? threads : 1;",
             "const long share = n / (32L * team) + 1;",
-            "int failed = 0;",
-            "(void)p, (void)stride, (void)share;",
+            "teg_watch watch = {poll, data, 0};",
+            "int failed = 0, working = 0;",
+            "(void)p, (void)stride, (void)share, (void)working;",
         ),
         "#ifdef _OPENMP",
         "#pragma omp parallel num_threads(team) if (team > 1)",
@@ -364,10 +549,18 @@ def _batch_loop(program: Program, name: str, element: Routine) -> Iterator[str]:
             *indent(
                 f"double *const w = malloc({space + len(results) * outputs + 1} * sizeof *w);",
                 *arrays,
+                "teg_pace pace = {&watch, 0, 16};",
             ),
         ),
         "#ifdef _OPENMP",
-        "#pragma omp for schedule(dynamic, share)",
+        "#pragma omp atomic",
+        *indent(*indent("working++;")),
+        "#pragma omp barrier",
+        "#pragma omp master",
+        "#endif",
+        *indent(*indent("pace.caller = 1;")),
+        "#ifdef _OPENMP",
+        "#pragma omp for schedule(dynamic, share) nowait",
         "#endif",
         *indent(
             *indent(
@@ -376,18 +569,30 @@ def _batch_loop(program: Program, name: str, element: Routine) -> Iterator[str]:
                     "if (!w) {",
                     *indent("failed = 1;", "continue;"),
                     "}",
+                    "if (teg_stopped(&pace)) continue;",
                     *([gather] if element.indirect else []),
-                    *(["teg_context ctx = {+1, 0, 0, 0};"] if context else []),
+                    *(["teg_context ctx = {+1, 0, 0, 0, &pace};"] if context else []),
                     call,
                     *(["if (ctx.tied) {", *indent("ctx.order = -1;", again, both), "}"] if ties else []),
-                    f"for (int j = 0; j < {outputs}; j++) out[j * n + i] = result[j];",
+                    f"for (int j = 0; j < {outputs}; j++) out[j * n + i] = {cast}result[j];",
                     f"if (notes) notes[i] = {'4 * ctx.evaluations + 2 * ctx.missed + ctx.tied' if context else '0'};",
                 ),
                 "}",
                 "free(w);",
             ),
-            "}",
-            "return failed;",
         ),
+        "#ifdef _OPENMP",
+        *indent(*indent("teg_wait(&pace, &working);")),
+        "#endif",
+        *indent(
+            "}",
+            "return failed ? 1 : watch.stopped ? 2 : 0;",
+        ),
+        "}",
+        "",
+        f"TEG_EXPORT int {name}(",
+        f"    {first})",
+        "{",
+        *indent(f"return {name}_watched(n, p, stride, out, notes, threads, NULL, NULL);"),
         "}",
     )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+from teg.array_program import CHUNKS, COPIES, LEAST
 from teg.program import (
     ABSOLUTE_FLOOR,
     DEEP,
@@ -20,11 +21,14 @@ from teg.program import (
     LOCATE_DEPTH,
     LOCATE_WIDTH,
     MAX_DEPTH,
+    MAX_HALF_PLANES,
     MAX_INTERVALS,
     NEAR,
+    NEARLY,
     NOISE,
     PIECE_EPS,
     POLE,
+    RESIDUE,
     ROUNDING,
     SPENT,
     TIE_EPS,
@@ -35,6 +39,9 @@ BLOCK = 64
 """Sobol' points in a block."""
 LIMITS = {
     "TEG_BLOCK": BLOCK,
+    "TEG_CHUNKS": CHUNKS,
+    "TEG_COPIES": COPIES,
+    "TEG_LEAST": LEAST,
     "TEG_PIECE_EPS": PIECE_EPS,
     "TEG_TIE_EPS": TIE_EPS,
     "TEG_ABSOLUTE_FLOOR": ABSOLUTE_FLOOR,
@@ -47,9 +54,13 @@ LIMITS = {
     "TEG_DEEP": DEEP,
     "TEG_SPENT": SPENT,
     "TEG_NEAR": NEAR,
+    "TEG_NEARLY": NEARLY,
+    "TEG_HALF_PLANES": MAX_HALF_PLANES,
+    "TEG_CORNERS": 2 * (4 + MAX_HALF_PLANES),
     "TEG_EDGE": EDGE,
     "TEG_FAR": FAR,
     "TEG_POLE": POLE,
+    "TEG_RESIDUE": RESIDUE,
     "TEG_INSIDE": INSIDE,
     "TEG_ISOLATE_DEPTH": ISOLATE_DEPTH,
     "TEG_ISOLATE_WIDTH": ISOLATE_WIDTH,

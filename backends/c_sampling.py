@@ -16,10 +16,11 @@ def used_points(block: Sequence[str], names: Sequence[str]) -> list[int]:
     return [d for d, name in enumerate(names) if re.search(rf"\b{name}\b", text)]
 
 
-def sample_loop(stmt: Sample, block: Sequence[str], names: Sequence[str], counted: bool) -> list[str]:
+def sample_loop(stmt: Sample, block: Sequence[str], names: Sequence[str], counted: bool, stop: str) -> list[str]:
     """Write the means of the values to `mean`, and their standard errors behind them; `block` writes the values at a point to `f`.
 
     `part` holds the sums of a replicate; of what has an error, `all` the means of every replicate (or the first value, and the sum of
+    squares relative to it). `stop`, run once for every block of points, leaves the routine if the call was stopped.
     """
     replicates, points = replicated(stmt.kind, stmt.count)
     values, tested, scrambled = len(stmt.values), len(stmt.estimates), stmt.kind == "qmc"
@@ -41,7 +42,7 @@ def sample_loop(stmt: Sample, block: Sequence[str], names: Sequence[str], counte
             f"teg_fill(part, {values}, 0.0);",
             *([f"teg_fill(all, {2 * tested}, 0.0);"] if tested else []),
             f"for (uint64_t i = 0; i < {points}; i++) {{",
-            *indent(*(f"const double {names[d]} = teg_random(key{d}, i);" for d in used), *inside),
+            *indent(f"if (i % TEG_BLOCK == 0) {stop}", *(f"const double {names[d]} = teg_random(key{d}, i);" for d in used), *inside),
             "}",
             f"return part[0] / {n};" if one else each(values, f"mean[j] = part[j] / {n};"),
             *([f"teg_spread({tested}, {n}, all, mean, mean + {values});"] if tested else []),
@@ -59,6 +60,7 @@ def sample_loop(stmt: Sample, block: Sequence[str], names: Sequence[str], counte
             f"teg_fill(part, {values}, 0.0);",
             f"for (uint64_t i = 0; i < {points}; i += TEG_BLOCK) {{",
             *indent(
+                stop,
                 f"const int size = {points} - i < TEG_BLOCK ? (int)({points} - i) : TEG_BLOCK;",
                 *(f"teg_coordinates(at{d}, size, key{d}, block{d}, first{d});" for d in used),
                 "for (int k = 0; k < size; k++) {",

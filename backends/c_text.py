@@ -14,6 +14,7 @@ from typing import NamedTuple
 from teg.program import Arg
 
 WIDTH = 116  # characters in a line
+HARMLESS = "_ .,=+-/[]()"
 CONDITIONAL, COMPARISON, SUM, PRODUCT, UNARY, ATOM = range(6)
 
 
@@ -39,7 +40,7 @@ RENAMED = {"abs": "fabs", "mod": "teg_mod", "powi": "teg_powi", "tie": "teg_tie"
 
 
 def expression(op: str, args: Sequence[Text], rest: Sequence[Arg]) -> Text:
-    """An operation in C; `rest` is a power's exponent."""
+    """An operation in C; `rest` is a power's exponent, or the number of the function that is called."""
     if op in INFIX:
         if len(args) < 2:
             return args[0] if args else Text(NEUTRAL[op], ATOM)
@@ -63,6 +64,8 @@ def expression(op: str, args: Sequence[Text], rest: Sequence[Arg]) -> Text:
         case "select":
             b, x, y = (operand(arg, COMPARISON) for arg in args)
             return Text(f"{b} ? {x} : {y}", CONDITIONAL)
+        case "call":
+            return Text(f"teg_function_{rest[0]}({', '.join(arg.text for arg in args)})", ATOM)
         case "powi" if rest[0] == 2:
             return Text(f"{operand(args[0], UNARY)} * {operand(args[1], UNARY)}", PRODUCT)
     given = [*(["ctx"] if op == "tie" else []), *(arg.text for arg in args), *map(str, rest)]
@@ -85,6 +88,17 @@ def literal(x: float) -> str:
 def kind(arg: Arg) -> str:
     """The C type of a name."""
     return "int" if isinstance(arg, str) and arg[0] == "b" else "double"
+
+
+def harmless(name: str, most: int = 60) -> str:
+    """A user's name as it may stand in a comment: ASCII letters, digits and HARMLESS; `<U+03BB>` for all others; long ones are cut."""
+    shown = ""
+    for c in name:
+        part = c if c.isascii() and (c.isalnum() or c in HARMLESS) else f"<U+{ord(c):04X}>"
+        if len(shown) + len(part) > most:
+            return shown + "..."
+        shown += part
+    return shown
 
 
 def each(count: int, line: str) -> str:

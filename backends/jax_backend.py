@@ -19,7 +19,7 @@ JAX is imported when a kernel is compiled, not with this module.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, assert_never
+from typing import Any, assert_never, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -38,16 +38,22 @@ from teg.program import (
     Locate,
     Midpoint,
     Outcome,
+    Polygon,
     Program,
+    Rational,
     Sample,
+    Segment,
     Stmt,
     SumOver,
+    When,
     assigned,
     statements,
+    without_branches,
 )
+from teg.quadrature import triangle_rule
 from teg.sampling import replicated
 
-DIALECT = Dialect("jnp", guard=" + zero")
+DIALECT = Dialect("jnp", guard=" + zero", call="function_{k}(order, zero, {arguments})[0][0]")
 SAMPLES = 1024
 """Points of a sample that one element has at a time."""
 LANES = 2**22
@@ -66,13 +72,16 @@ class JaxKernel:
 
     def __init__(self, program: Program) -> None:
         jax = _import_jax()
-        from teg.backends import jax_roots, jax_runtime, jax_sampling
+        from teg.backends import jax_poles, jax_polygon, jax_roots, jax_runtime, jax_sampling
 
         self.program = program
-        self.source = "\n".join(_kernel(program))
+        text, functions = _printed(program), [_printed(cast(Program, f.body)) for f in program.functions]
+        self.source = "\n".join([text, *(f"\n# function_{k}: the kernel of\n{body}" for k, body in enumerate(functions))])
         scope: dict[str, Any] = {"jnp": jax.numpy, "rt": jax_runtime, "roots": jax_roots, "sampling": jax_sampling}
-        exec(compile(self.source, "<teg jax kernel>", "exec"), scope)
-        self._kernel = scope["kernel"]
+        scope |= {"polygons": jax_polygon, "poles": jax_poles}
+        for k, body in enumerate(functions):
+            scope[f"function_{k}"] = _made(body, dict(scope))
+        self._kernel = _made(text, scope)
         self._step = 1 << max(0, (LANES // _nodes(program.body)).bit_length() - 1)
         self._batched: dict[tuple[bool, ...], Callable[..., Any]] = {}
 
@@ -150,6 +159,19 @@ class JaxKernel:
         return tuple(_import_jax().lax.cond((note & 1) > 0, averaged, lambda: (out, note)))
 
 
+def _printed(program: Program) -> str:
+    """The text of a program without the bodies of its functions."""
+    if "jax" not in program.printed:
+        program.printed["jax"] = "\n".join(_kernel(without_branches(program)))
+    return cast(str, program.printed["jax"])
+
+
+def _made(text: str, scope: dict[str, Any]) -> Any:
+    """The function of a printed program."""
+    exec(compile(text, "<teg jax kernel>", "exec"), scope)
+    return scope["kernel"]
+
+
 def _import_jax() -> Any:
     try:
         import jax
@@ -180,6 +202,13 @@ def _nodes(block: tuple[Stmt, ...]) -> int:
                 most = max(most, len(stmt.points) * _nodes(stmt.body))
             case Sample():
                 most = max(most, min(SAMPLES, replicated(stmt.kind, stmt.count)[1]) * _nodes(stmt.body))
+            case Polygon():
+                triangles = 2 + 2 * len(stmt.half_planes)
+                most = max(most, triangles * len(triangle_rule(stmt.degree)) * _nodes(stmt.body))
+            case Segment():
+                most = max(most, stmt.nodes * _nodes(stmt.body))
+            case When():
+                most = max(most, _nodes(stmt.body))
             case Assign():
                 pass
             case _:
@@ -220,6 +249,8 @@ def _block(block: tuple[Stmt, ...], results: str) -> list[str]:
                 lines += _sum(stmt, note)
             case Sample():
                 lines += _mean(stmt, note)
+            case Polygon() | Segment():
+                lines += _clipped(stmt, note)
             case Assign(name, "tie", (g, scale, r, _)):
                 lines.append(f"{name}, {note} = rt.tie(order, {strict(g, 'jnp')}, {_text(scale)}, {_text(r)})")
             case Assign():
@@ -238,11 +269,13 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
     values, cubic = stmt.values, False
     match stmt.rule:
         case Gauss(nodes):
-            name, options = "gauss", [str(nodes)]
+            name, options = "rt.gauss", [str(nodes)]
+        case Rational(nodes, power):
+            name, options = "poles.rational", [str(nodes), str(power)]
         case Midpoint(nodes):
-            name, options = "midpoint", [str(nodes), "zero"]
+            name, options = "rt.midpoint", [str(nodes), "zero"]
         case Adaptive(tol, first, order, cubic):
-            name, options = "adaptive", [_text(tol), f"({first}, {order})", str(len(stmt.watch))]
+            name, options = "rt.adaptive", [_text(tol), f"({first}, {order})", str(len(stmt.watch))]
             values += stmt.watch
         case _:
             assert_never(stmt.rule)
@@ -258,7 +291,7 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
     lines += [f"def {body}({stmt.var}, flagged):"]
     lines += [f"    {flagged} = flagged"] if _names(stmt.flags) else []
     lines += _block(stmt.body, f"({inside(map(_text, values))})")
-    return [*lines, f"({inside(assigned(stmt))}), {note} = rt.{name}({', '.join(arguments)})"]
+    return [*lines, f"({inside(assigned(stmt))}), {note} = {name}({', '.join(arguments)})"]
 
 
 def _isolation(stmt: Isolate, note: str) -> list[str]:
@@ -313,6 +346,32 @@ def _mean(stmt: Sample, note: str) -> list[str]:
     ]
 
 
+def _clipped(stmt: Polygon | Segment, note: str) -> list[str]:
+    """What a polygon or a segment is set up with, the function of its body, and its call."""
+    blocks = (stmt.setup,) if isinstance(stmt, Polygon) else (stmt.setup, stmt.scales)
+    lines = [line for block in blocks for s in block if isinstance(s, Assign) for line in assignment(s, DIALECT)]
+    factors = f"({inside(map(_text, stmt.factors))})"
+    if isinstance(stmt, Polygon):
+        name, variables = "polygon", ", ".join(stmt.variables)
+        planes = [f"({_text(g.a)}, {_text(g.b)}, {_text(g.c)}, {g.closed})" for g in stmt.half_planes]
+        rule = [strict(stmt.width, "jnp"), strict(stmt.height, "jnp"), f"({inside(planes)})", str(stmt.degree)]
+    else:
+        name, variables = "segment", stmt.var
+        ends = [
+            f"({_text(g.first)}, {_text(g.last)}, {g.closed}, {g.k is not None}, {_text(g.resolution)}, {_text(g.size)}, {_text(g.scale)})"
+            for g in stmt.half_lines
+        ]
+        rule = ["order", f"({inside(ends)})", str(stmt.nodes)]
+    body = f"body_{stmt.results[0]}"
+    arguments = [*rule, factors, body, "zero", *([f"when={stmt.when}"] if stmt.when else [])]
+    return [
+        *lines,
+        f"def {body}({variables}):",
+        *_block(stmt.body, f"({inside(map(_text, stmt.values))})"),
+        f"({inside(stmt.results)}), {note} = polygons.{name}({', '.join(arguments)})",
+    ]
+
+
 def _names(block: tuple[Stmt, ...]) -> list[str]:
     """The names that a block gives a value."""
     return [name for s in block for name in assigned(s)]
@@ -321,7 +380,9 @@ def _names(block: tuple[Stmt, ...]) -> list[str]:
 def _has_note(stmt: Stmt) -> bool:
     """Whether a tie may be met there, or a tolerance missed."""
     return any(
-        (isinstance(s, Assign) and s.op == "tie") or (isinstance(s, Integrate) and isinstance(s.rule, Adaptive))
+        (isinstance(s, Assign) and s.op == "tie")
+        or (isinstance(s, Integrate) and isinstance(s.rule, Adaptive | Rational))
+        or (isinstance(s, Segment) and any(g.k is not None for g in s.half_lines))
         for s in statements((stmt,))
     )
 

@@ -7,7 +7,7 @@ no NaN comes through. This module imports JAX: only a compiled kernel imports it
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -37,7 +37,7 @@ Scalar = Any  # a traced scalar, float64 or boolean, or a Python literal
 Note = Any  # an int32: TIED where a tie was met, MISSED where a tolerance was
 Body = Callable[[Scalar, tuple[Scalar, ...]], tuple[tuple[Scalar, ...], Note]]  # x, flags -> values, note
 Flags = Callable[[Scalar], tuple[Scalar, tuple[Scalar, ...], tuple[Scalar, ...], Note]]  # middle -> need, bends, flags, note
-Rule = Callable[[Substitution, Scalar, Callable[[Scalar], Any]], tuple[Any, Note]]
+Rule = Callable[[Substitution, Sequence[Any], Scalar, Callable[[Scalar], Any]], tuple[Any, Note]]
 TIED, MISSED = 1, 2
 
 MIDPOINTS = 1024
@@ -92,26 +92,26 @@ class Pieces(NamedTuple):
 
 
 def gauss(pieces: Pieces, nodes: int, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
-    """Gauss-Legendre on each piece; the arguments are those of `_integrate`."""
-    return _integrate(pieces, partial(_gauss, pieces, nodes), *integral, when=when)
+    """Gauss-Legendre on each piece; the arguments are those of `integrate`."""
+    return integrate(pieces, partial(_gauss, pieces, nodes), *integral, when=when)
 
 
 def midpoint(pieces: Pieces, points: int, zero: Scalar, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
-    """The midpoint rule on each piece; `zero` keeps a product and a sum apart (see `python_text`), the rest are for `_integrate`."""
-    return _integrate(pieces, partial(_midpoint, pieces, points, zero), *integral, when=when)
+    """The midpoint rule on each piece; `zero` keeps a product and a sum apart (see `python_text`), the rest are for `integrate`."""
+    return integrate(pieces, partial(_midpoint, pieces, points, zero), *integral, when=when)
 
 
 def adaptive(
     pieces: Pieces, tol: float, orders: tuple[int, int], watched: int, *integral: Any, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Note]:
-    """Gauss-Legendre with bisection on each piece; the arguments are those of `_integrate`.
+    """Gauss-Legendre with bisection on each piece; the arguments are those of `integrate`.
 
     The last `watched` values of the body are conditions: an interval on which one changes is halved.
     """
-    return _integrate(pieces, partial(_adaptive, pieces, tol, orders, watched), *integral, when=when)
+    return integrate(pieces, partial(_adaptive, pieces, tol, orders, watched), *integral, when=when)
 
 
-def _integrate(
+def integrate(
     pieces: Pieces,
     rule: Rule,
     lo: Scalar,
@@ -142,7 +142,7 @@ def _integrate(
             need, counts, flagged, note = flags(inside(p, q, INSIDE, pieces.infinite, scale))
         bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
         places = substitution(p, q, base, bent, pieces.cubic, pieces.infinite, scale)
-        sums, note_body = rule(places, active & need, lambda x: vector(body(x, flagged)))
+        sums, note_body = rule(places, (base, bent), active & need, lambda x: vector(body(x, flagged)))
         return sums, where(active, note) | note_body
 
     sums, notes = jax.vmap(piece)(points[:-1], points[1:])
@@ -176,13 +176,15 @@ def _measure(nodes: int, tested: int, found: Any, smooth: Scalar) -> tuple[Any, 
     return total, size, jnp.where(tail <= NOISE * size, 0.0, error)
 
 
-def _rounding(places: Substitution) -> Scalar:
+def rounding(places: Substitution) -> Scalar:
     """What rounding does to the integral over a piece, relative to that of |values|: theirs, and that of the ends."""
     length = places.q - places.p
     return 0.5 * ROUNDING + jnp.where(jnp.isfinite(length), EDGE * jnp.maximum(jnp.abs(places.p), jnp.abs(places.q)) / length, 0.0)
 
 
-def _gauss(pieces: Pieces, nodes: int, places: Substitution, active: Scalar, values: Callable[[Scalar], Any]) -> tuple[Any, Note]:
+def _gauss(
+    pieces: Pieces, nodes: int, places: Substitution, _: Sequence[Any], active: Scalar, values: Callable[[Scalar], Any]
+) -> tuple[Any, Note]:
     """The integrals over one piece and their estimates, (results,), and the note."""
     at, weights = map(jnp.float64, gauss_legendre(nodes))
     half = 0.5 * (places.q - places.p)
@@ -190,12 +192,18 @@ def _gauss(pieces: Pieces, nodes: int, places: Substitution, active: Scalar, val
     sums = half * jnp.sum(weights[:, None] * found, axis=0)
     if pieces.estimated:
         size = half * jnp.sum(weights[:, None] * jnp.abs(found[:, : pieces.tested]), axis=0)
-        sums = jnp.concatenate([sums, _rounding(places) * size])
+        sums = jnp.concatenate([sums, rounding(places) * size])
     return jnp.where(active, sums, 0.0), where(active, union(notes))
 
 
 def _midpoint(
-    pieces: Pieces, points: int, zero: Scalar, places: Substitution, active: Scalar, values: Callable[[Scalar], Any]
+    pieces: Pieces,
+    points: int,
+    zero: Scalar,
+    places: Substitution,
+    _: Sequence[Any],
+    active: Scalar,
+    values: Callable[[Scalar], Any],
 ) -> tuple[Any, Note]:
     """The integrals over one piece and their estimates, (results,), and the note; so many points at a time."""
     p, q, chunk = places.p, places.q, min(points, MIDPOINTS)
@@ -235,6 +243,7 @@ def _adaptive(
     orders: tuple[int, int],
     watched: int,
     places: Substitution,
+    _: Sequence[Any],
     active: Scalar,
     values: Callable[[Scalar], Any],
 ) -> tuple[Any, Note]:
@@ -260,7 +269,7 @@ def _adaptive(
         return total, size, error, changed, union(notes)
 
     def listed(total: Any, size: Any, error: Any) -> Any:
-        return jnp.concatenate([total, error + _rounding(places) * size]) if pieces.estimated else total
+        return jnp.concatenate([total, error + rounding(places) * size]) if pieces.estimated else total
 
     def fine(size: Any, error: Any, enough: Any) -> Scalar:
         return jnp.all((error <= jnp.maximum(enough, ROUNDING * size)) | ~jnp.isfinite(error))

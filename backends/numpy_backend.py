@@ -26,11 +26,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from typing import Any, assert_never
+from typing import Any, assert_never, cast
 
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends import numpy_poles as poles
+from teg.backends import numpy_polygon as polygons
 from teg.backends import numpy_roots as roots
 from teg.backends import numpy_runtime as rt
 from teg.backends import numpy_sampling as sampling
@@ -45,17 +47,25 @@ from teg.program import (
     Locate,
     Midpoint,
     Outcome,
+    Polygon,
     Program,
+    Rational,
     Sample,
+    Segment,
     Stmt,
     SumOver,
+    When,
     assigned,
     blocks,
+    clipped_by,
     statements,
+    without_branches,
 )
 
-DIALECT = Dialect("np")
+DIALECT = Dialect("np", call="function_{k}(None, {arguments})[0]")
 MEMORY = 256 * 2**20
+CALL = 16
+"""Doubles a lane that the body of a function is taken to hold: what surrounds it is printed for all bodies."""
 PART = 400
 """Statements a printed function may have: longer ones keep dead arrays alive."""
 
@@ -69,15 +79,18 @@ class NumpyKernel:
     """A program as Python functions over NumPy arrays; `source` is their text."""
 
     def __init__(self, program: Program, memory: int = MEMORY) -> None:
-        printer = _Printer(program)
+        text, width = _printed(program)
         self.program = program
         self.memory = memory
-        self.source = "\n".join(printer.lines)
-        self._width = printer.width
-        self._room = max(1, memory // 8 // (1 + 2 * depth(program.body)))
-        scope: dict[str, Any] = {"np": np, "rt": rt, "roots": roots, "sampling": sampling}
-        exec(compile(self.source, "<teg numpy kernel>", "exec"), scope)
-        self._function = scope["kernel"]
+        functions = [_printed(cast(Program, f.body))[0] for f in program.functions]
+        self.source = "\n".join([text, *(_titled(k, body) for k, body in enumerate(functions))])
+        self._width = width
+        self._room = max(1, memory // 8 // (1 + 2 * depth(without_branches(program).body)))
+        scope: dict[str, Any] = {"np": np, "rt": rt, "roots": roots, "sampling": sampling, "polygons": polygons}
+        scope["poles"] = poles
+        for k, body in enumerate(functions):
+            scope[f"function_{k}"] = _made(body, dict(scope))
+        self._function = _made(text, scope)
 
     def __reduce__(self) -> tuple[object, ...]:
         return (NumpyKernel, (self.program, self.memory))
@@ -131,6 +144,25 @@ class NumpyKernel:
         return out
 
 
+def _printed(program: Program) -> tuple[str, int]:
+    """The text of a program without the bodies of its functions, and how many doubles a lane it may hold."""
+    if "numpy" not in program.printed:
+        printer = _Printer(without_branches(program))
+        program.printed["numpy"] = "\n".join(printer.lines), printer.width
+    return cast("tuple[str, int]", program.printed["numpy"])
+
+
+def _made(text: str, scope: dict[str, Any]) -> Any:
+    """The function of a printed program."""
+    exec(compile(text, "<teg numpy kernel>", "exec"), scope)
+    return scope["kernel"]
+
+
+def _titled(k: int, body: str) -> str:
+    """The text of function k, as it is shown."""
+    return f"\n# function_{k}: the kernel of\n{body}"
+
+
 def depth(block: tuple[Stmt, ...]) -> int:
     """How many integrals, searches for roots and sums stand inside one another."""
     inner = [1 + max(depth(b) for b in blocks(s)) for s in block if not isinstance(s, Assign)]
@@ -154,6 +186,12 @@ def used(stmt: Stmt) -> dict[str, None]:
             return _names((*stmt.points, *summed(stmt), *_maybe(stmt.when)))
         case Sample():
             return _names((*sampled(stmt), *_maybe(stmt.when)))
+        case Polygon():
+            return _names((*clipped_by(stmt), *(name for part in clipped(stmt)[:3] for name in part), *_maybe(stmt.when)))
+        case Segment():
+            return _names((*(name for part in clipped(stmt)[:3] for name in part), *_maybe(stmt.when)))
+        case When():
+            raise AssertionError("branches are written out")
         case _:
             assert_never(stmt)
 
@@ -211,13 +249,30 @@ def sampled(stmt: Sample) -> list[str]:
     return [name for name in free(stmt.body, stmt.values) if name not in stmt.points]
 
 
+def clipped(stmt: Polygon | Segment) -> tuple[list[str], list[str], list[str], list[str], list[str]]:
+    """What the blocks of a polygon or a segment use: `setup`, `scales`, `body` from outside; `scales`, `body` from `setup`."""
+    variables = stmt.variables if isinstance(stmt, Polygon) else (stmt.var,)
+    lines = () if isinstance(stmt, Polygon) else tuple(g for g in stmt.half_lines if g.k is not None)
+    own = {name for s in stmt.setup for name in assigned(s)}
+    in_setup = free(stmt.setup, (*stmt.factors, *(() if isinstance(stmt, Polygon) else clipped_by(stmt))))
+    in_scales = free(stmt.scales, (g.scale for g in lines)) if isinstance(stmt, Segment) else {}
+    in_body = free(stmt.body, stmt.values)
+    return (
+        list(in_setup),
+        [name for name in in_scales if name not in own],
+        [name for name in in_body if name not in own and name not in variables],
+        [name for name in in_scales if name in own],
+        [name for name in in_body if name in own],
+    )
+
+
 class _Printer:
     """Prints blocks into `lines`, outermost first; the statements with blocks of their own wait in a queue."""
 
     def __init__(self, program: Program) -> None:
         self.lines = ['"""NumPy kernel, generated by teg."""', ""]
         self.lines += [f"# p{i}: {name!r}" for i, name in enumerate(program.parameters)]
-        self.waiting: deque[tuple[int, Integrate | Isolate | Locate | SumOver | Sample]] = deque()
+        self.waiting: deque[tuple[int, Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment]] = deque()
         self.printed = 0
         parameters = [f"p{i}" for i in range(len(program.parameters))]
         self.width = self.function("kernel", parameters, program.body, program.outputs)
@@ -225,7 +280,7 @@ class _Printer:
             self.blocks(*self.waiting.popleft())
         self.lines.append("")
 
-    def blocks(self, number: int, stmt: Integrate | Isolate | Locate | SumOver | Sample) -> None:
+    def blocks(self, number: int, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment) -> None:
         """The functions of a statement, and the object that runs them."""
         match stmt:
             case Integrate():
@@ -238,6 +293,8 @@ class _Printer:
                 self.sum(number, stmt)
             case Sample():
                 self.mean(number, stmt)
+            case Polygon() | Segment():
+                self.domain(number, stmt)
             case _:
                 assert_never(stmt)
 
@@ -252,22 +309,24 @@ class _Printer:
         results: tuple[Arg, ...] = stmt.values
         match stmt.rule:
             case Gauss(nodes):
-                kind, rule = "GaussIntegral", f"nodes={nodes}"
+                kind, rule = "rt.GaussIntegral", f"nodes={nodes}"
+            case Rational(nodes, power):
+                kind, rule = "poles.RationalIntegral", f"nodes={nodes}, power={power}"
             case Midpoint(nodes):
-                kind, rule = "MidpointIntegral", f"nodes={nodes}"
+                kind, rule = "rt.MidpointIntegral", f"nodes={nodes}"
             case Adaptive(tol, first, order, cubic):
-                kind, rule = "AdaptiveIntegral", f"tol={_text(tol)}, first={first}, order={order}, cubic={cubic!r}"
+                kind, rule = "rt.AdaptiveIntegral", f"tol={_text(tol)}, first={first}, order={order}, cubic={cubic!r}"
                 if stmt.watch:
                     results += stmt.watch
                     rule += f", watched={len(stmt.watch)}"
             case _:
                 assert_never(stmt.rule)
         node_width = self.function(body, [stmt.var, *for_body, *flagged], stmt.body, results)
-        leaf = not any(isinstance(s, Integrate | Sample) for s in statements(stmt.body))
+        leaf = not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in statements(stmt.body))
         counts = f"values={len(stmt.values)}, tested={stmt.tested}, estimated={bool(stmt.estimates)!r}, leaf={leaf!r}"
         fields = f"flags={flags}, body={body}, {counts}, piece_width={piece_width}, node_width={node_width}, infinite={stmt.infinite!r}"
         bends = f"bends=({inside(repr(b.kind) for b in stmt.bends)})"
-        self.lines += ["", "", f"integral_{number} = rt.{kind}(", f"    {fields},", f"    {bends}, {rule}", ")"]
+        self.lines += ["", "", f"integral_{number} = {kind}(", f"    {fields},", f"    {bends}, {rule}", ")"]
 
     def isolation(self, number: int, stmt: Isolate) -> None:
         for_enclosure, for_point = searched(stmt)
@@ -294,9 +353,31 @@ class _Printer:
         body, tested = f"body_{number}", len(stmt.estimates)
         width = self.function(body, [*stmt.points, *sampled(stmt)], stmt.body, stmt.values) + len(stmt.values)
         rule = f"kind={stmt.kind!r}, seed={stmt.seed}, dimensions={len(stmt.points)}, count={stmt.count}"
-        leaf = not any(isinstance(s, Integrate | Sample) for s in statements(stmt.body))
+        leaf = not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in statements(stmt.body))
         counts = f"values={len(stmt.values)}, tested={tested}, estimated={tested > 0!r}, width={width}, leaf={leaf!r}"
         self.lines += ["", "", f"mean_{number} = sampling.Mean(", f"    body={body}, {rule},", f"    {counts}", ")"]
+
+    def domain(self, number: int, stmt: Polygon | Segment) -> None:
+        for_setup, for_scales, for_body, to_scales, to_body = clipped(stmt)
+        setup, body = f"setup_{number}", f"body_{number}"
+        variables = list(stmt.variables) if isinstance(stmt, Polygon) else [stmt.var]
+        lines = [] if isinstance(stmt, Polygon) else [arg for g in stmt.half_lines for arg in (g.first, g.last, g.resolution, g.size)]
+        self.function(setup, for_setup, stmt.setup, [*to_scales, *to_body, *lines, *stmt.factors])
+        width = self.function(body, [*variables, *for_body, *to_body], stmt.body, stmt.values)
+        fields = f"setup={setup}, body={body}, values={len(stmt.values)}, width={width}"
+        if isinstance(stmt, Polygon):
+            closed = inside(repr(g.closed) for g in stmt.half_planes)
+            self.lines += ["", "", f"polygon_{number} = polygons.PolygonIntegral(", f"    {fields},"]
+            self.lines += [f"    closed=({closed}), degree={stmt.degree}", ")"]
+            return
+        scales = "None"
+        tying = [g for g in stmt.half_lines if g.k is not None]
+        if tying:
+            scales = f"scales_{number}"
+            self.function(scales, [*for_scales, *to_scales], stmt.scales, [g.scale for g in tying])
+        kinds = inside(repr((g.closed, g.k)) for g in stmt.half_lines)
+        self.lines += ["", "", f"segment_{number} = polygons.SegmentIntegral(", f"    {fields},"]
+        self.lines += [f"    scales={scales}, lines=({kinds}), nodes={stmt.nodes}, passed={len(to_scales)}", ")"]
 
     def function(self, name: str, parameters: Sequence[str], block: tuple[Stmt, ...], results: Sequence[Arg]) -> int:
         """Prints a block as a function; returns how many doubles a lane it may hold."""
@@ -342,7 +423,7 @@ class _Printer:
         """Prints the statements of a function; returns how many doubles a lane they may hold."""
         width = copied = 0
         for stmt in block:
-            width += len(assigned(stmt))
+            width += CALL if isinstance(stmt, Assign) and stmt.op == "call" else len(assigned(stmt))
             if isinstance(stmt, Assign):
                 lines = [_tie(stmt)] if stmt.op == "tie" else assignment(stmt, DIALECT)
                 self.lines += [f"    {line}" for line in lines]
@@ -350,7 +431,7 @@ class _Printer:
                 copied = max(copied, self.call(stmt))
         return width + copied
 
-    def call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample) -> int:
+    def call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment) -> int:
         """Prints the call of a statement, queues its blocks; returns how many values it may have to copy."""
         groups: list[Iterable[str]]
         match stmt:
@@ -366,6 +447,12 @@ class _Printer:
                 name, limits, groups = "sum", [], [map(_text, stmt.points), summed(stmt)]
             case Sample():
                 name, limits, groups = "mean", [], [sampled(stmt)]
+            case Polygon():
+                planes = [_text(arg) for g in stmt.half_planes for arg in (g.a, g.b, g.c)]
+                for_setup, _, for_body, *_ = clipped(stmt)
+                name, limits, groups = "polygon", [stmt.width, stmt.height], [planes, for_setup, for_body]
+            case Segment():
+                name, limits, groups = "segment", [], [*clipped(stmt)[:3]]
             case _:
                 assert_never(stmt)
         listed = [list(group) for group in groups]

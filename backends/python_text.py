@@ -40,6 +40,8 @@ class Dialect:
 
     module: str
     guard: str = ""
+    call: str = ""
+    """How the result of function k at arguments is written."""
 
 
 def assignment(stmt: Assign, dialect: Dialect) -> list[str]:
@@ -78,6 +80,8 @@ def operation(op: str, args: tuple[Arg, ...], dialect: Dialect) -> str:
             if isinstance(power, int) and 0 < power < 4:
                 return " * ".join([first] * power) + guard
             return f"rt.powi({first}, {power}){guard}"
+        case "call":
+            return dialect.call.format(k=args[0], arguments=", ".join(strict(arg, module) for arg in args[1:]))
         case _:
             return f"{module}.{_RENAMED.get(op, op)}({', '.join(values)})"
 

@@ -14,7 +14,29 @@
 #define TEG_EXPORT
 #endif
 
+#ifdef __GNUC__
+#define TEG_INLINE static inline __attribute__((always_inline))
+#else
+#define TEG_INLINE static inline
+#endif
+
 /* As needed. */
+
+/* The integer quotient, rounded down. */
+static inline int64_t teg_floordiv(int64_t a, int64_t b)
+{
+    const int64_t q = a / b;
+    return q * b != a && (a < 0) != (b < 0) ? q - 1 : q;
+}
+
+/* Into how many chunks a loop is cut whose iterations cost so many operations, and add to so many numbers. */
+static inline long teg_chunks(int64_t iterations, int64_t cost, int64_t size)
+{
+    const double total = (double)iterations * (double)cost / (TEG_LEAST + 4.0 * (double)size);
+    int64_t chunks = total < TEG_CHUNKS ? (int64_t)total : TEG_CHUNKS;
+    if (size > 0 && chunks > TEG_COPIES / size) chunks = TEG_COPIES / size;
+    return chunks < 1 || iterations < 1 ? 1 : chunks < iterations ? (long)chunks : (long)iterations;
+}
 
 /* x - y*floor(x/y): the remainder with the sign of y. */
 static inline double teg_mod(double x, double y)
@@ -98,11 +120,69 @@ static inline void teg_sort(double *t, int n)
     }
 }
 
+/* What can stop a call: the thread that called asks `poll`, which tells after how much more work to ask again, or 0 to stop. */
+typedef struct {
+    long (*poll)(void *data);
+    void *data;
+    int stopped;
+} teg_watch;
+
+/* How much work a thread may do before it asks. */
+typedef struct {
+    teg_watch *watch;
+    int caller;
+    long left;
+} teg_pace;
+
+/* Whether the call was stopped; sets how much work may be done before this is called again. */
+static int teg_ask(teg_pace *pace)
+{
+    teg_watch *const watch = pace->watch;
+    int stopped;
+    pace->left = 0;
+#ifdef _OPENMP
+#pragma omp atomic read
+#endif
+    stopped = watch->stopped;
+    if (stopped) return 1;
+    pace->left = pace->caller && watch->poll ? watch->poll(watch->data) : 16;
+    if (pace->left > 0) return 0;
+#ifdef _OPENMP
+#pragma omp atomic write
+#endif
+    watch->stopped = 1;
+    return 1;
+}
+
+/* Count a piece of work, before it is begun. Returns whether it is to be left out, as all the rest: the call was stopped. */
+static inline int teg_stopped(teg_pace *pace)
+{
+    return --pace->left < 0 && teg_ask(pace);
+}
+
+/* Wait until no thread works any more, and keep asking. */
+static inline void teg_wait(teg_pace *pace, int *working)
+{
+    int others = 0;
+#ifdef _OPENMP
+#pragma omp atomic
+#endif
+    --*working;
+    if (!pace->caller || !pace->watch->poll) return;
+    do {
+#ifdef _OPENMP
+#pragma omp atomic read
+#endif
+        others = *working;
+    } while (others > 0 && !teg_ask(pace));
+}
+
 /* How coinciding surfaces are ordered in this run (+1 or -1), whether any were met, and a tolerance was missed; the
-   evaluations. */
+   evaluations; what may stop it. */
 typedef struct {
     int order, tied, missed;
     long evaluations;
+    teg_pace *pace;
 } teg_context;
 
 static inline int teg_tie(teg_context *ctx, double g, double scale, int r)
@@ -112,6 +192,211 @@ static inline int teg_tie(teg_context *ctx, double g, double scale, int r)
         return ctx->order > 0 ? r : !r;
     }
     return g > 0.0;
+}
+
+/* Numbers side by side. */
+#ifdef __GNUC__
+typedef double __attribute__((vector_size(16), aligned(8), may_alias)) teg_lanes_2;
+#else
+typedef double teg_lanes_2;
+#endif
+
+/* Numbers side by side. */
+#ifdef __GNUC__
+typedef double __attribute__((vector_size(32), aligned(8), may_alias)) teg_lanes_4;
+#else
+typedef double teg_lanes_4;
+#endif
+
+/* Numbers side by side. */
+#ifdef __GNUC__
+typedef double __attribute__((vector_size(64), aligned(8), may_alias)) teg_lanes_8;
+#else
+typedef double teg_lanes_8;
+#endif
+
+static inline double teg_total_2(const teg_lanes_2 *lanes)
+{
+#ifdef __GNUC__
+    const teg_lanes_2 x = *lanes;
+    return x[0] + x[1];
+#else
+    return *lanes;
+#endif
+}
+
+static inline double teg_total_4(const teg_lanes_4 *lanes)
+{
+#ifdef __GNUC__
+    const teg_lanes_2 *const halves = (const teg_lanes_2 *)lanes, x = halves[0] + halves[1];
+    return x[0] + x[1];
+#else
+    return *lanes;
+#endif
+}
+
+static inline double teg_total_8(const teg_lanes_8 *lanes)
+{
+#ifdef __GNUC__
+    const teg_lanes_4 *const halves = (const teg_lanes_4 *)lanes, x = halves[0] + halves[1];
+    const teg_lanes_2 *const quarters = (const teg_lanes_2 *)&x, y = quarters[0] + quarters[1];
+    return y[0] + y[1];
+#else
+    return *lanes;
+#endif
+}
+
+/* (c + a*u) + b*v > 0, or >= 0 if it is closed. */
+typedef struct {
+    double a, b, c;
+    int closed;
+} teg_half_plane;
+
+/* A polygon cut by a half-plane; the new number of its corners, for which there is room. */
+static inline int teg_clip(int n, double *px, double *py, const teg_half_plane *g, int room)
+{
+    double d[TEG_CORNERS], qx[TEG_CORNERS], qy[TEG_CORNERS];
+    int kept = 0, m = 0;
+    for (int i = 0; i < n; i++) {
+        d[i] = g->c + g->a * px[i] + g->b * py[i];
+        kept += d[i] >= 0.0;
+    }
+    if (kept == n || kept == 0 || n + n / 2 > room) return kept ? n : 0; /* a convex one never has so many */
+    for (int i = 0, last = n - 1; i < n; last = i++) {
+        const double p = d[last], q = d[i];
+        if ((p > 0.0 && q < 0.0) || (p < 0.0 && q > 0.0)) {
+            const int in = p > 0.0 ? last : i, out = p > 0.0 ? i : last;
+            const double t = d[in] / (d[in] - d[out]);
+            qx[m] = px[in] + t * (px[out] - px[in]);
+            qy[m] = py[in] + t * (py[out] - py[in]);
+            m++;
+        }
+        qx[m] = px[i];
+        qy[m] = py[i];
+        m += q >= 0.0;
+    }
+    for (int i = 0; i < m; i++) {
+        px[i] = qx[i];
+        py[i] = qy[i];
+    }
+    return m;
+}
+
+/* The box from (0, 0) to (width, height) cut by half-planes: the number of its corners, 0 if nothing is left, -1 if that is
+   not known. */
+static inline int teg_polygon(int n, const teg_half_plane *g, double width, double height, double *px, double *py)
+{
+    double least[TEG_HALF_PLANES];
+    int known = isfinite(width) && isfinite(height);
+    for (int i = 0; i < n; i++) {
+        const double u = g[i].a * width, v = g[i].b * height;
+        const double most = g[i].c + (u <= 0.0 ? 0.0 : u) + (v <= 0.0 ? 0.0 : v);
+        least[i] = g[i].c + (u >= 0.0 ? 0.0 : u) + (v >= 0.0 ? 0.0 : v);
+        if (most <= 0.0 && !(g[i].closed && least[i] >= 0.0)) return 0;
+        known &= isfinite(most - least[i]);
+    }
+    if (!known) return -1;
+    int corners = 4;
+    px[0] = px[3] = py[0] = py[1] = 0.0;
+    px[1] = px[2] = width;
+    py[2] = py[3] = height;
+    for (int i = 0; i < n; i++)
+        if (least[i] < 0.0) corners = teg_clip(corners, px, py, g + i, 2 * (4 + n));
+    return corners;
+}
+
+/* Up to seven nodes without a weight, so that nodes can be taken by eights. */
+static inline void teg_pad(int n, double *x, double *y, double *w)
+{
+    for (int i = n; i % 8; i++) {
+        x[i] = x[0];
+        y[i] = y[0];
+        w[i] = 0.0;
+    }
+}
+
+/* One node that counts for a whole polygon. */
+static inline int teg_fan_0(int corners, const double *px, const double *py, double *x, double *y, double *w)
+{
+    if (corners < 3) return 0;
+    double twice = 0.0;
+    for (int k = 1; k + 1 < corners; k++)
+        twice += (px[k] - px[0]) * (py[k + 1] - py[0]) - (px[k + 1] - px[0]) * (py[k] - py[0]);
+    x[0] = px[0];
+    y[0] = py[0];
+    w[0] = 0.5 * twice;
+    teg_pad(1, x, y, w);
+    return 1;
+}
+
+/* The middles of the sides of the triangles of a fan, which integrate degree 2; how many they are. */
+static inline int teg_fan_2(int corners, const double *px, const double *py, double *x, double *y, double *w)
+{
+    if (corners < 3) return 0;
+    double before = 0.0;
+    int n = 0;
+    for (int k = 1; k + 1 < corners; k++) {
+        const double ux = px[k] - px[0], uy = py[k] - py[0], vx = px[k + 1] - px[0], vy = py[k + 1] - py[0];
+        const double third = (ux * vy - vx * uy) * (1.0 / 6.0);
+        x[n] = px[0] + 0.5 * ux;
+        y[n] = py[0] + 0.5 * uy;
+        w[n++] = before + third;
+        x[n] = px[k] + 0.5 * (px[k + 1] - px[k]);
+        y[n] = py[k] + 0.5 * (py[k + 1] - py[k]);
+        w[n++] = third;
+        before = third;
+    }
+    x[n] = px[0] + 0.5 * (px[corners - 1] - px[0]);
+    y[n] = py[0] + 0.5 * (py[corners - 1] - py[0]);
+    w[n++] = before;
+    teg_pad(n, x, y, w);
+    return n;
+}
+
+/* The nodes of a rule on the triangles of a fan; how many they are. */
+static inline int teg_fan(
+    int corners, const double *px, const double *py, int nodes, const double (*rule)[3], double *x, double *y, double *w)
+{
+    int n = 0;
+    for (int k = 1; k + 1 < corners; k++) {
+        const double ux = px[k] - px[0], uy = py[k] - py[0], vx = px[k + 1] - px[0], vy = py[k + 1] - py[0];
+        const double area = 0.5 * (ux * vy - vx * uy);
+        for (int i = 0; i < nodes; i++, n++) {
+            x[n] = px[0] + rule[i][0] * ux + rule[i][1] * vx;
+            y[n] = py[0] + rule[i][0] * uy + rule[i][1] * vy;
+            w[n] = area * rule[i][2];
+        }
+    }
+    teg_pad(n, x, y, w);
+    return n;
+}
+
+/* What half-lines leave of (0, 1): whether one excludes all of it, and whether one is not a number. */
+typedef struct {
+    double from, to;
+    int outside, undefined;
+} teg_interval_cut;
+
+static inline void teg_cut(teg_interval_cut *cut, double first, double last, int closed)
+{
+    const double root = first / (first - last);
+    cut->outside |= first <= 0.0 && last <= 0.0 && !(closed && first == 0.0 && last == 0.0);
+    cut->undefined |= !isfinite(first - last);
+    if (first < 0.0 && last > 0.0 && root > cut->from) cut->from = root;
+    if (first > 0.0 && last < 0.0 && root < cut->to) cut->to = root;
+}
+
+static inline int teg_is_near(double first, double last, double size)
+{
+    return fabs(first) <= TEG_NEARLY * size && fabs(last) <= TEG_NEARLY * size && isfinite(first - last);
+}
+
+static inline int teg_ties(teg_context *ctx, teg_interval_cut *cut, double first, double last, double scale, int holds)
+{
+    if (!(fabs(first) <= TEG_TIE_EPS * scale && fabs(last) <= TEG_TIE_EPS * scale)) return 0;
+    ctx->tied = 1;
+    cut->outside |= ctx->order > 0 ? !holds : holds;
+    return 1;
 }
 
 /* An interval of u in (0, 1) that waits for its turn; the longest queue is TEG_MAX_DEPTH + 1. */
@@ -301,6 +586,52 @@ static void teg_bend(teg_substitution *s, int kind, int when, double base, doubl
 static inline void teg_bent(teg_substitution *s)
 {
     if (s->both) teg_straight(s, s->p, s->q, 1);
+}
+
+/* A pole D = 0 and a piece, at whose ends D is `low` and `high`: it counts there or not, and is clear of the piece or met on it.
+   `size` is how large the terms of D are. */
+typedef struct {
+    enum { TEG_NONE, TEG_CLEAR, TEG_MET } kind;
+    double low, high, least, size;
+} teg_pole;
+
+static inline teg_pole teg_pole_at(int when, double p, double q, double base, double c0, double c1)
+{
+    const double first = p - base, last = q - base, low = c0 + c1 * first, high = c0 + c1 * last;
+    const double least = fabs(low) < fabs(high) ? fabs(low) : fabs(high), left = fabs(p), right = fabs(q);
+    const double size = fabs(c0) + fabs(c1) * (fabs(first) > fabs(last) ? fabs(first) : fabs(last));
+    teg_pole pole = {TEG_NONE, low, high, least, size};
+    if (!when || !isfinite(c0) || !isfinite(c1)) return pole;
+    pole.kind = low * high > 0.0 && least > TEG_POLE * (left > right ? left : right) * fabs(c1) ? TEG_CLEAR : TEG_MET;
+    return pole;
+}
+
+/* What is lost of an integral over the power of D, relative to that of |values|. */
+static inline double teg_pole_loss(int power, const teg_pole *pole)
+{
+    return pole->kind == TEG_CLEAR ? power * TEG_EDGE * pole->size / pole->least : 0.0;
+}
+
+/* Add the values at a node to three sums each: plain, by the first null rule, and of the sizes. */
+static inline void teg_meet(int n, const double *f, double weight, double null, double *sizes)
+{
+    for (int j = 0; j < n; j++) {
+        sizes[3 * j] += weight * f[j];
+        sizes[3 * j + 1] += null * f[j];
+        sizes[3 * j + 2] += weight * fabs(f[j]);
+    }
+}
+
+/* Values that have a pole on the piece become infinite; whether there are any. */
+static inline int teg_is_endless(int n, const double *sizes, double *sum)
+{
+    int found = 0;
+    for (int j = 0; j < n; j++) {
+        if (!(fabs(sizes[3 * j + 1]) > TEG_RESIDUE * sizes[3 * j + 2])) continue;
+        sum[j] += copysign(INFINITY, sizes[3 * j]);
+        found = 1;
+    }
+    return found;
 }
 
 /* The place of u; dv/du is written to `slope`. */

@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from teg.backends import numpy_bends, numpy_roots, numpy_runtime
+from teg.backends import numpy_bends, numpy_poles, numpy_roots, numpy_runtime
 from teg.program import (
     ABSOLUTE_FLOOR,
     INSIDE,
@@ -33,6 +33,7 @@ from teg.program import (
     Isolate,
     Locate,
     Program,
+    Rational,
     Stmt,
     SumOver,
     statements,
@@ -52,6 +53,7 @@ KNOWN: dict[type, frozenset[str]] = {
         (Locate, "lo hi low high left right bottom top enclosure bounds results when"),
         (SumOver, "var points body values results when"),
         (Gauss, "nodes"),
+        (Rational, "nodes power"),
         (Bend, "kind coefficients when"),
         (Adaptive, "tol first order cubic"),
     )
@@ -215,6 +217,10 @@ class RecordedRun:
                 xs, weights = gauss_legendre(stmt.rule.nodes)
                 piece.nodes = [0.5 * (p + q) + 0.5 * (q - p) * x for x in xs]
                 return 0.5 * (q - p) * np.array(weights) @ np.array([values(v) for v in piece.nodes])
+            case Rational():
+                piece.nodes = [0.5 * (p + q) + 0.5 * (q - p) * x for x in gauss_legendre(stmt.rule.nodes)[0]]
+                weights = _rational_weights(stmt, stmt.rule, middle, p, q)
+                return 0.5 * (q - p) * weights @ np.array([values(v) for v in piece.nodes])
             case Adaptive():
                 return self._adaptive(stmt, stmt.rule, piece, self._places(stmt, stmt.rule, middle, p, q), at)
             case _:
@@ -274,6 +280,19 @@ class RecordedRun:
                 mark, angle = self._marked[a]
                 mark.weight = abs(float(names[stmt.name])) / angle
                 self._marked[stmt.name] = (mark, angle)
+
+
+def _rational_weights(stmt: Integrate, rule: Rational, names: Values, p: float, q: float) -> np.ndarray:
+    """The weights of a rational integrand's nodes on a piece that does not meet its pole."""
+    (bend,) = stmt.bends
+    _check(bend)
+    c0, c1, _ = (float(_get(names, c)) for c in bend.coefficients)
+    low, high = (c0 + c1 * (end - float(_get(names, stmt.base))) for end in (p, q))
+    if not bool(_get(names, bend.when)):
+        return np.array(gauss_legendre(rule.nodes)[1])
+    if not low * high > 0.0:
+        raise NotImplementedError("a recorded run does not know a pole on a piece")
+    return numpy_poles.weights(rule.nodes, rule.power, np.array([low]), np.array([high]))[:, 0]
 
 
 def _check(part: object) -> None:

@@ -10,6 +10,9 @@ value, gradient = f.value_and_grad(t=0.5)          # 0.125, {"t": 0.5}
 
 from teg import maps
 from teg.accuracy import AccuracyWarning
+from teg.array_evaluator import ArrayEvaluator
+from teg.arrays import array, index, indices, length
+from teg.arrays import sum_ as sum
 from teg.build import abs_ as abs
 from teg.build import (
     acos,
@@ -44,26 +47,28 @@ from teg.build import round_ as round
 from teg.build import tuple_ as tuple
 from teg.check import GradientReport, check_gradient
 from teg.compile import Evaluator, compile, evaluate
+from teg.derivatives import diff, eliminate, grad, hessian, jvp
 from teg.diagnose import Diagnosis
 from teg.diffeomorphism import Diffeomorphism
 from teg.dump import dump
-from teg.errors import AccuracyError, DiffeomorphismError, TegError
+from teg.errors import AccuracyError, ArrayIndexError, DiffeomorphismError, TegError
 from teg.explain import Explanation, explain
 from teg.expr import Cond, Expr
+from teg.function import Function, function
 from teg.latex import latex
 from teg.maps import polar
 from teg.passes.user import change_variables
-from teg.pipeline import diff, eliminate, grad, hessian, jvp
+from teg.scipy_function import scipy_function
 from teg.symbolic import from_sympy, to_sympy
 from teg.traverse import size
 
 __version__ = "0.1.0"
 
 __all__ = [
-    "AccuracyError", "AccuracyWarning", "Cond", "Diagnosis", "Diffeomorphism", "DiffeomorphismError", "Evaluator", "Explanation", "Expr",
-    "GradientReport", "TegError", "abs",
-    "acos", "asin", "atan", "atan2", "bracket", "ceil", "change_variables", "check_gradient", "compile", "cos", "cosh", "delta", "diff",
-    "dump", "eliminate", "evaluate", "exp", "explain", "floor", "from_sympy", "grad", "hessian", "integral", "jvp", "latex", "log", "maps",
-    "maximum", "minimum", "mod", "param", "params", "polar", "round", "sign", "sin", "sinh", "size", "sqrt", "tan", "tanh", "to_sympy",
-    "tuple", "var", "vars", "where",
+    "AccuracyError", "AccuracyWarning", "ArrayEvaluator", "ArrayIndexError", "Cond", "Diagnosis", "Diffeomorphism", "DiffeomorphismError",
+    "Evaluator", "Explanation", "Expr", "Function", "GradientReport", "TegError", "abs", "acos", "array", "asin", "atan", "atan2",
+    "bracket", "ceil", "change_variables", "check_gradient", "compile", "cos", "cosh", "delta", "diff", "dump", "eliminate", "evaluate",
+    "exp", "explain", "floor", "from_sympy", "function", "grad", "hessian", "index", "indices", "integral", "jvp", "latex", "length",
+    "log", "maps", "maximum", "minimum", "mod", "param", "params", "polar", "round", "scipy_function", "sign", "sin", "sinh", "size",
+    "sqrt", "sum", "tan", "tanh", "to_sympy", "tuple", "var", "vars", "where",
 ]  # fmt: skip

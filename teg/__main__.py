@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import teg
-from teg.compile import BACKENDS
 from teg.errors import InputError, TegError
 from teg.expr import Expr
 from teg.integration import DEFAULT_TOL
+from teg.options import BACKENDS, DTYPES
 from teg.pipeline import ESTIMATORS
 
 if TYPE_CHECKING:
@@ -120,6 +120,14 @@ def demo_bouncing_ball(options: argparse.Namespace) -> int:
     return _finish_demo(report, resumable=False)
 
 
+def demo_shaders(options: argparse.Namespace) -> int:
+    """A window in several lights: print what they give, and what the first one and the others take to compile."""
+    from teg.examples.shaders import main as run_shaders
+
+    run_shaders(options.backend)
+    return 0
+
+
 def _parts(options: argparse.Namespace, report: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     """A demo's own report, and that of the run beside it, with what became of the discontinuities in each."""
     beside = report["beside"]
@@ -186,20 +194,34 @@ def explain(options: argparse.Namespace) -> int:
 
 def compile_file(options: argparse.Namespace) -> int:
     """Write an expression with its derivatives as a C source and its header."""
-    from teg.backends.c_backend import standalone_c
-
     source = Path(options.out)
     if source.suffix != ".c":
         raise InputError(f"the output is named {options.out!r}", None, "a name that ends in .c; the header goes beside it")
-    evaluator = teg.compile(load_expression(options.file))
-    text, header = standalone_c(evaluator.program(options.derivatives), source.stem)
+    evaluator: Any = teg.compile(load_expression(options.file), tol=options.tol, dtype=options.dtype)
+    text, header = _c_files(evaluator, source.stem, options)
     try:
         for path, content in ((source, text), (source.with_suffix(".h"), header)):
             path.write_text(content, encoding="utf-8")
     except OSError as problem:
         raise InputError(f"cannot write {options.out!r}", None, str(problem.strerror)) from None
-    print(f"{source} and {source.with_suffix('.h').name}: {source.stem}({', '.join(evaluator.parameters)})")
+    second = "Hessian" if isinstance(evaluator, teg.Evaluator) else "Hessian times a direction"
+    what = ("value", "value and gradient", f"value, gradient and {second}")[options.derivatives]
+    print(f"{source} and {source.with_suffix('.h').name}: {what} of {source.stem}({', '.join(evaluator.parameters)})")
     return 0
+
+
+def _c_files(evaluator: Any, name: str, options: argparse.Namespace) -> tuple[str, str]:
+    """The texts of the source and its header."""
+    from teg.backends.c_array_standalone import standalone_c_arrays
+    from teg.backends.c_standalone import standalone_c
+
+    names = evaluator.output_names(options.derivatives)
+    program = evaluator.program(options.derivatives)
+    if isinstance(evaluator, teg.Evaluator):
+        return standalone_c(program, name, names, {"float64": "double", "float32": "float"}[options.dtype])
+    if options.dtype != "float64":
+        raise InputError("a program with arrays is written with arrays of double only", options.file, "leave --dtype out")
+    return standalone_c_arrays(program, name, names)
 
 
 def load_expression(place: str) -> Expr:
@@ -250,6 +272,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_triangulation(demos)
     _add_perlin(demos)
     _add_bouncing_ball(demos)
+    shaders = demos.add_parser("shaders", help="one window, several lights", description=demo_shaders.__doc__)
+    shaders.add_argument("--backend", choices=BACKENDS, default="numpy", help="(%(default)s)")
+    shaders.set_defaults(run=demo_shaders)
 
     _add_charts(commands)
 
@@ -264,7 +289,10 @@ def _parser() -> argparse.ArgumentParser:
     write = commands.add_parser("compile", help="write an expression as C", description=compile_file.__doc__)
     write.add_argument("file", metavar="FILE[:NAME]", help=about)
     write.add_argument("--target", choices=["c"], default="c", help="the language (%(default)s)")
-    write.add_argument("--derivatives", type=int, choices=[0, 1, 2], default=1, help="up to which order (%(default)s)")
+    orders = "0: value, 1: and gradient, 2: and Hessian, of a program with arrays its product with a direction (%(default)s)"
+    write.add_argument("--derivatives", type=int, choices=[0, 1, 2], default=1, help=orders)
+    write.add_argument("--tol", type=float, help="of the integrals that are adaptive (1e-10, of float32 1e-6)")
+    write.add_argument("--dtype", choices=DTYPES, default="float64", help="of inputs and outputs (%(default)s)")
     write.add_argument("-o", "--out", required=True, metavar="OUT.c", help="the source; its name is the function's")
     write.set_defaults(run=compile_file)
     return parser

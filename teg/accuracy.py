@@ -38,7 +38,7 @@ def report_missed(
     with np.errstate(all="ignore"):
         sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
         excess = errors / (tol * np.maximum(sizes.max(axis=0, initial=FLOOR), FLOOR))  # entries of a gradient may cancel
-    meant = np.all([np.isfinite(v) for v in parameters.values()], axis=0) if parameters else np.True_
+    meant = np.all(np.broadcast_arrays(*map(np.isfinite, parameters.values())), axis=0) if parameters else np.True_
     endless = ~np.isfinite(values) & meant
     excess = np.where(endless, np.inf, np.where(np.isnan(excess), 0.0, excess))
     if not excess.size or not excess.max() > SLACK:

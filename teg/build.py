@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Iterable
@@ -10,6 +11,7 @@ from typing import cast
 from teg import expr as ex
 from teg.errors import BoundError, NameClashError, OperandError, ParameterError, ScopeError
 from teg.expr import Cond, Const, Expr, Param, Tuple, Var, as_condition, as_number
+from teg.index import Index, as_index, index_call
 from teg.integral import Integral, integral_over
 from teg.integral import delta as _delta
 from teg.node import postorder
@@ -203,16 +205,19 @@ def sign(u: object) -> Expr:
 
 
 def minimum(first: object, *others: object) -> Expr:
-    """The smallest of two or more."""
-    return _extremum(first, others, lambda a, b: ex.less(a, b, True))
+    """The smallest of two or more; of indices, which then is one."""
+    return _extremum(first, others, "min", lambda a, b: ex.less(a, b, True))
 
 
 def maximum(first: object, *others: object) -> Expr:
-    """The largest of two or more."""
-    return _extremum(first, others, lambda a, b: ex.less(b, a, True))
+    """The largest of two or more; of indices, which then is one."""
+    return _extremum(first, others, "max", lambda a, b: ex.less(b, a, True))
 
 
-def _extremum(first: object, others: Iterable[object], wins: object) -> Expr:
+def _extremum(first: object, others: tuple[object, ...], name: str, wins: object) -> Expr:
+    given = (first, *others)
+    if any(isinstance(i, Index) for i in given) and all(isinstance(i, Index | int) for i in given):
+        return cast(Expr, functools.reduce(lambda a, b: index_call(name, a, b), map(as_index, given)))
     best = as_number(first)
     for other in others:
         u = as_number(other)

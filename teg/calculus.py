@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Mapping
 from typing import cast
 
 from teg.errors import NotDifferentiableError
@@ -27,11 +29,14 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.node import Node, postorder
+from teg.function import Apply, apply_partials
+from teg.node import Node, postorder, postorder_through
 
 
 def partials(node: Call) -> list[Expr]:
     """∂f/∂uᵢ of a function applied, in the order of its arguments."""
+    if isinstance(node, Apply):
+        return apply_partials(node)
     u = node.children[0]
     match node.name:
         case "sin":
@@ -93,6 +98,8 @@ def steps_error(floor: Call, inside: Node) -> NotDifferentiableError:
 def factor_cofactors(node: Mul) -> list[Expr]:
     """For each factor the product of the others, in linear time."""
     factors = node.children
+    if len(factors) == 2:
+        return [mul(factors[1]), mul(factors[0])]
     after: list[Expr] = [ONE] * len(factors)
     for i in range(len(factors) - 2, -1, -1):
         after[i] = mul(factors[i + 1], after[i + 1])
@@ -106,18 +113,16 @@ def factor_cofactors(node: Mul) -> list[Expr]:
 
 def slope(e: Expr, by: Var | Param) -> Expr:
     """∂e/∂by, conditions taken as constant. For atoms: raises NotDifferentiableError if an integral in e depends on `by`."""
-    tangent: dict[Expr, Expr] = {}
-    for node in postorder([e]):
+    tangent: dict[Expr, Expr] = defaultdict(lambda: ZERO)
+    for node in postorder_through(e, (by,)) if isinstance(by, Var) else postorder([e]):
         if isinstance(node, Expr):
             tangent[node] = _slope(node, by, tangent)
     return tangent[e]
 
 
-def _slope(node: Expr, by: Var | Param, tangent: dict[Expr, Expr]) -> Expr:
+def _slope(node: Expr, by: Var | Param, tangent: Mapping[Expr, Expr]) -> Expr:
     if node is by:
         return ONE
-    if isinstance(by, Var) and by not in node.free:
-        return ZERO
     match node:
         case Add():
             return add(*(tangent[c] for c in node.children))

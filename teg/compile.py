@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from decimal import Decimal
-from numbers import Real
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from teg.accuracy import report_missed
+from teg.arguments import as_doubles, batch, plain_numbers, rounded, with_rounding
+from teg.array_evaluator import ArrayEvaluator
+from teg.array_pipeline import parameters_and_arrays
+from teg.arrays import Array as ArrayParameter
+from teg.arrays import has_arrays
+from teg.bodies import write_all_out
 from teg.build import check_parameters, check_program
 from teg.coverage import MapChecks
+from teg.derivation import linked
 from teg.diagnose import Diagnosis, diagnose
-from teg.diffeomorphism import Diffeomorphism, checked_maps
+from teg.diffeomorphism import Diffeomorphism
 from teg.errors import OptionError, ParameterError
 from teg.explain import Explanation, explain
 from teg.expr import Expr, Param, Tuple, as_number
-from teg.integration import DEFAULT_TOL, Integration
+from teg.index import ArrayName
+from teg.integration import Integration
 from teg.isolation import MAX_ROOTS
-from teg.pipeline import ESTIMATORS, compiled_outputs, flatten, program_for
+from teg.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.pipeline import flatten
 from teg.program import Outcome, Program, Sample, statements
 from teg.traverse import parameters
 
@@ -26,7 +32,6 @@ if TYPE_CHECKING:
     import numpy as np
 
 Array = Any  # a float64 array of the batch's shape, a NumPy scalar where there is no batch
-BACKENDS = ("numpy", "c", "jax")
 
 
 class Kernel(Protocol):
@@ -41,10 +46,10 @@ class Kernel(Protocol):
 
 def compile(
     e: object,
-    parameters: Sequence[Param] | Param | None = None,
+    parameters: Sequence[Param | ArrayParameter] | Param | ArrayParameter | None = None,
     *,
     backend: str = "numpy",
-    tol: float = DEFAULT_TOL,
+    tol: float | None = None,
     rule: str = "auto",
     order: int | None = None,
     seed: int = 0,
@@ -56,16 +61,23 @@ def compile(
     max_roots: int = MAX_ROOTS,
     maps: Sequence[Diffeomorphism] = (),
     check_maps: bool = True,
+    functions: str = "linked",
 ) -> Evaluator:
-    """An evaluator of a closed expression, of its gradient and of its Hessian.
+    """An Evaluator of a closed expression, of its gradient and of its Hessian; of one with arrays an ArrayEvaluator.
 
-    `parameters` are those to differentiate by, in the order of `f.parameters` (default: all that occur in e; others that occur are
-    arguments after them). `backend` is "numpy", "c" or "jax". `threads` are the C backend's, `memory` (bytes) bounds the NumPy backend's
-    temporary arrays. `discontinuities` says what becomes of the Dirac deltas of a derivative: "sift" (the right thing) or "ignore" (plain
-    automatic differentiation, for comparison). `max_roots` is how many roots a condition may have whose number no theorem bounds; with
-    more of them the result is NaN, and `diagnose` says so.
+    `parameters` are those to differentiate by, arrays among them, in the order of `f.parameters` (default: all that occur in e; others
+    that occur are arguments after them). `backend` is "numpy", "c" or "jax". `threads` are the C backend's (0: one for each processor;
+    results are the same for any number), `memory` (bytes) bounds the NumPy backend's temporary arrays. `discontinuities` says what
+    becomes of the Dirac deltas of a derivative: "sift" (the right thing) or "ignore" (plain automatic differentiation, for comparison).
+    `max_roots` is how many roots a condition may have whose number no theorem bounds; with more of them the result is NaN, and `diagnose`
+    says so.
 
-    `tol` is the tolerance, absolute and relative to the integral of |integrand| over a piece. `rule`, and what `order` means to it:
+    `dtype`, "float64" or "float32", is what values of parameters are rounded to when they come in, and results when they go out. All
+    between is computed in float64, by JAX too where x64 is off: where surfaces cross and pieces end takes its digits, and single precision
+    would save little of a call's time.
+
+    `tol` (1e-10, for float32 1e-6) is the tolerance, absolute and relative to the integral of |integrand| over a piece. `rule`, and what
+    `order` means to it:
 
         "auto"        exact with the fewest nodes where the integrand is a polynomial between its breaks, else "adaptive"
         "adaptive"    Gauss-Legendre between the breaks, halved until the error estimate is below `tol`; order: nodes of the first look
@@ -83,19 +95,21 @@ def compile(
     those of `teg.change_variables` on the integrals of these deltas. Every call verifies the maps for its parameter values (of a batch:
     at most 64 elements), which `check_maps=False` leaves out, and raises DiffeomorphismError.
 
+    `functions` says how those of `teg.function` are compiled: "linked" each by itself, so that a program with other bodies shares what was
+    done for the rest; "inlined" as if they were written out by hand: faster code, and nothing is shared.
+
     Raises ScopeError for a free variable, NameClashError for one name given to two things, OptionError for an option that is unknown.
     The gradient is derived when it is first asked for; a surface that no family can reduce raises NoReparameterisationError then.
     """
     program = e if isinstance(e, Tuple) else as_number(e)
     check_program(program)
-    wrt = None if parameters is None else check_parameters(parameters)
-    return Evaluator(
-        program,
-        wrt,
-        _Options(
-            backend, Integration(tol, rule, order, seed, max_roots), inaccurate, dtype, threads, memory, discontinuities, maps, check_maps
-        ),
-    )
+    precision = checked_dtype(dtype)
+    integration = Integration(DEFAULT_TOLS[precision] if tol is None else tol, rule, order, seed, max_roots)
+    options = Options(backend, integration, inaccurate, precision, threads, memory, discontinuities, maps, check_maps, functions)
+    if has_arrays(program):
+        arrays = ArrayEvaluator(write_all_out(program), None if parameters is None else parameters_and_arrays(parameters), options)
+        return cast(Evaluator, arrays)  # it has all of an Evaluator's methods
+    return Evaluator(program, None if parameters is None else check_parameters(parameters), options)
 
 
 def evaluate(e: object, values: Mapping[Any, Any] | None = None, *, backend: str = "numpy", **options: Any) -> Any:
@@ -104,49 +118,8 @@ def evaluate(e: object, values: Mapping[Any, Any] | None = None, *, backend: str
     Values of parameters that e does not have are passed over: a derivative may have lost some.
     """
     f = compile(e, backend=backend, **options)
-    names = {(k.name if isinstance(k, Param) else k): v for k, v in (values or {}).items()}
+    names = {(k.name if isinstance(k, Param | ArrayName) else k): v for k, v in (values or {}).items()}
     return f({k: v for k, v in names.items() if k in f.parameters} if values else {})
-
-
-class _Options:
-    """Checked options of a compilation."""
-
-    def __init__(
-        self,
-        backend: str,
-        integration: Integration,
-        inaccurate: str,
-        dtype: object,
-        threads: int,
-        memory: int,
-        discontinuities: str,
-        maps: Sequence[Diffeomorphism],
-        check_maps: bool,
-    ) -> None:
-        if backend not in BACKENDS:
-            raise OptionError(f"backend={backend!r} is not known", None, "one of: " + ", ".join(BACKENDS))
-        if inaccurate not in ("warn", "raise", "ignore"):
-            raise OptionError(f"inaccurate={inaccurate!r} is not known", None, 'one of: "warn", "raise", "ignore"')
-        if not _is_float64(dtype):
-            raise OptionError(f"dtype={dtype!r} is not available", None, "only float64 is")
-        if not isinstance(threads, int) or threads < 1:
-            raise OptionError(f"threads={threads!r} is not a number of threads", None, "1, 2, …")
-        if not isinstance(memory, int) or memory < 2**16:
-            raise OptionError(f"memory={memory!r} is not a number of bytes of at least 65536")
-        if discontinuities not in ESTIMATORS:
-            raise OptionError(f"discontinuities={discontinuities!r} is not known", None, "one of: " + ", ".join(ESTIMATORS))
-        self.backend, self.threads, self.memory = backend, threads, memory
-        self.integration, self.inaccurate, self.discontinuities = integration, inaccurate, discontinuities
-        self.maps, self.check_maps = checked_maps(maps), bool(check_maps)
-
-
-def _is_float64(dtype: object) -> bool:
-    import numpy as np
-
-    try:
-        return dtype == "float64" or np.dtype(cast(Any, dtype)) == np.float64
-    except TypeError:
-        return False
 
 
 class Evaluator:
@@ -156,47 +129,44 @@ class Evaluator:
     batch). A tuple expression gives a tuple. Evaluators are immutable to their users, safe to share between threads, and pickle.
     """
 
-    def __init__(self, e: Expr, wrt: Sequence[Param] | None, options: _Options) -> None:
+    def __init__(self, e: Expr, wrt: Sequence[Param] | None, options: Options) -> None:
         self.expression = e
         found = parameters(e)
         self.wrt: tuple[Param, ...] = tuple(found if wrt is None else wrt)
         every = list(dict.fromkeys([*self.wrt, *found, *(p for m in options.maps for p in m.parameters)]))
         self.parameters: tuple[str, ...] = tuple(p.name for p in every)
         self._options = options
-        self._outputs: dict[int, list[Expr]] = {}
+        program = write_all_out(e) if options.functions == "inlined" else e
+        self._derived = linked(program, self.wrt, self.parameters, options.integration, options.discontinuities, options.maps)
         self._kernels: dict[int, Kernel] = {}
         self._special: dict[tuple[str, int], Kernel] = {}
         self._sampled: dict[int, bool] = {}
-        self._checks = MapChecks(e, options.maps if options.check_maps else ())
+        self._checks = MapChecks(write_all_out(e) if options.maps else e, options.maps if options.check_maps else ())
+        self._quick = options.backend == "c" and not self._checks.cases  # one point need not become a batch
+        self._rounds = options.dtype == "float32" and options.backend != "c"  # the kernels of C do it themselves
         self.kernel(0)
 
     # -- programs ------------------------------------------------------------------------------------------------------
 
     def outputs(self, orders: int) -> list[Expr]:
         """The δ-free expressions of value, gradient, Hessian (as many as asked for)."""
-        if orders not in self._outputs:
-            self._outputs[orders] = compiled_outputs(self.expression, self.wrt, orders, self._options.discontinuities, self._options.maps)
-        return self._outputs[orders]
+        return self._derived.outputs(orders)
 
     def program(self, orders: int) -> Program:
         """The scheduled program of value (0), value and gradient (1), value, gradient and Hessian (2)."""
-        return program_for(self._flat(orders), self.parameters, self._options.integration)
-
-    def _flat(self, orders: int) -> list[Expr]:
-        return [leaf for e in self.outputs(orders) for leaf in flatten(e)]
+        return self._derived.program(orders)
 
     def kernel(self, orders: int) -> Kernel:
         """The compiled program, built when it is first needed."""
         if orders not in self._kernels:
-            self._kernels[orders] = _build(self.program(orders), self._options)
+            self._kernels[orders] = _build(self.program(orders), self._options, self._options.dtype)
         return self._kernels[orders]
 
     def _estimating(self, orders: int) -> Kernel:
         """The program with error estimates."""
         key = "errors", orders
         if key not in self._special:
-            program = program_for(self._flat(orders), self.parameters, self._options.integration, errors=True)
-            self._special[key] = _build(program, self._options)
+            self._special[key] = _build(self._derived.program(orders, errors=True), self._options)
         return self._special[key]
 
     def _counting(self, orders: int) -> Kernel:
@@ -205,6 +175,21 @@ class Evaluator:
         if key not in self._special:
             self._special[key] = _build(self.program(orders), self._options, counted=True)
         return self._special[key]
+
+    @property
+    def dtype(self) -> str:
+        """What values of parameters and results are: "float64" or "float32"."""
+        return self._options.dtype
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """How many dimensions each parameter has: 0."""
+        return dict.fromkeys(self.parameters, 0)
+
+    @property
+    def integers(self) -> frozenset[str]:
+        """The parameters that hold an integer: none."""
+        return frozenset()
 
     @property
     def source(self) -> str:
@@ -253,7 +238,7 @@ class Evaluator:
         if derivatives not in (0, 1, 2):
             raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value, 1: and gradient, 2: and Hessian")
         columns, _, n = self._columns(args, named)
-        return self._counting(derivatives).outcome(columns, n).evaluations
+        return self._counting(derivatives).outcome(as_doubles(columns), n).evaluations
 
     def hessian(self, *args: Any, **named: Any) -> dict[tuple[str, str], Any]:
         """Second derivatives, a dict (name, name) -> array, with both orders of the names."""
@@ -262,7 +247,7 @@ class Evaluator:
         _nested(self.expression, source, shape)
         self._gradient(source, shape)
         names = [p.name for p in self.wrt]
-        blocks = _nested(self.outputs(2)[2], source, shape)
+        blocks = _nested(self._derived.derivation.outputs(2)[2], source, shape)
         return self._matrix(self.expression, blocks, names)
 
     def jvp(self, values: Mapping[str, Any], direction: Mapping[str, Any]) -> tuple[Any, Any]:
@@ -291,7 +276,7 @@ class Evaluator:
         """What the compiler found and did: surfaces, reparameterisations, rules and nodes; `derivatives` as of `teg.explain`."""
         options = self._options
         return explain(
-            self.expression,
+            write_all_out(self.expression) if options.functions == "inlined" else self.expression,
             self.wrt,
             options.integration.tol,
             rule=options.integration.rule,
@@ -306,7 +291,7 @@ class Evaluator:
     def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:
         """Where and why the expression is not differentiable at these values; an empty list where it is."""
         columns, _shape, n = self._columns(args, named)
-        return diagnose(self, columns, n)
+        return diagnose(self, as_doubles(columns), n)
 
     def __repr__(self) -> str:
         return f"<teg.Evaluator({', '.join(self.parameters)}) of {str(self.expression)[:120]} on {self._options.backend}>"
@@ -329,21 +314,29 @@ class Evaluator:
         return {(a, b): blocks[i][j] for i, a in enumerate(names) for j, b in enumerate(names)}
 
     def _gradient(self, rows: Any, shape: tuple[int, ...]) -> dict[str, Any]:
-        blocks = _nested(self.outputs(1)[1], rows, shape)
+        blocks = _nested(self._derived.derivation.outputs(1)[1], rows, shape)
         return _by_parameter(self.expression, blocks, [p.name for p in self.wrt])
 
     def _run(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[np.ndarray, tuple[int, ...]]:
-        columns, shape, n = self._columns(args, named)
-        self._checks.run(dict(zip(self.parameters, columns, strict=True)))
-        outcome = self.kernel(orders).outcome(columns, n)
+        kernel = self.kernel(orders)
+        columns: list[np.ndarray] | None = None
+        shape: tuple[int, ...] = ()
+        n = 1
+        if self._quick and (numbers := plain_numbers(self.parameters, args, named)) is not None:
+            outcome = cast(Any, kernel).at_point(numbers)
+        else:
+            columns, shape, n = self._columns(args, named)
+            self._checks.run(dict(zip(self.parameters, columns, strict=True)))
+            outcome = kernel.outcome(columns, n)
         if (outcome.missed or self._is_sampled(orders)) and self._options.inaccurate != "ignore":
-            found = self._estimating(orders).outcome(columns, n).values
+            doubles = as_doubles(columns or self._columns(args, named)[0])
+            found = self._estimating(orders).outcome(doubles, n).values
             results = len(found) // 2
-            given = dict(zip(self.parameters, columns, strict=True))
+            given = dict(zip(self.parameters, doubles, strict=True))
             names = self._result_names(orders)
             options = self._options.integration.tol, self._options.inaccurate
             report_missed(found[:results], found[results:], names, *options, given, self._is_sampled(orders))
-        return outcome.values, shape
+        return rounded(outcome.values) if self._rounds else outcome.values, shape
 
     def _is_sampled(self, orders: int) -> bool:
         """Whether samples were taken that nobody asked for: they rarely reach a tolerance."""
@@ -355,7 +348,20 @@ class Evaluator:
     def _estimated(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[np.ndarray, tuple[int, ...]]:
         columns, shape, n = self._columns(args, named)
         self._checks.run(dict(zip(self.parameters, columns, strict=True)))
-        return self._estimating(orders).outcome(columns, n).values, shape
+        found = self._estimating(orders).outcome(as_doubles(columns), n).values
+        return with_rounding(found) if self._options.dtype == "float32" else found, shape
+
+    def output_names(self, derivatives: int = 0) -> list[str]:
+        """What each output of the program of value, gradient and Hessian is, in order: "value", "d value / d t", "d2 value / d t d a"; of a
+        tuple "value[0]" and so on."""
+        entries = _places(self.expression, "value")
+        names = [p.name for p in self.wrt]
+        found = list(entries)
+        if derivatives > 0:
+            found += [f"d {entry} / d {a}" for entry in entries for a in names]
+        if derivatives > 1:
+            found += [f"d2 {entry} / d {a} d {b}" for entry in entries for a in names for b in names]
+        return found
 
     def _result_names(self, orders: int) -> list[str]:
         """What each result is, for messages."""
@@ -363,68 +369,24 @@ class Evaluator:
         return [kind for kind, e in zip(kinds, self.outputs(orders), strict=False) for _ in flatten(e)]
 
     def _columns(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[list[np.ndarray], tuple[int, ...], int]:
-        import numpy as np  # when it is needed: `import teg` stays fast
-
-        values = self._values(args, named)
-        arrays = [_as_float(name, values[name]) for name in self.parameters]
-        try:
-            shape = np.broadcast_shapes(*(a.shape for a in arrays))
-        except ValueError:
-            shapes = ", ".join(f"{k}: {a.shape}" for k, a in zip(self.parameters, arrays, strict=True))
-            raise ParameterError(f"the shapes of the parameters do not broadcast together: {shapes}") from None
-        n = math.prod(shape)
-        columns = [a if a.ndim == 0 else np.ascontiguousarray(np.broadcast_to(a, shape)).reshape(n) for a in arrays]
-        return columns, shape, n
-
-    def _values(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
-        given: dict[str, Any] = {}
-        if len(args) == 1 and isinstance(args[0], Mapping):
-            given = {(k.name if isinstance(k, Param) else k): v for k, v in args[0].items()}
-        elif len(args) > len(self.parameters):
-            raise ParameterError(f"{len(args)} values for {len(self.parameters)} parameters", None, self._signature())
-        else:
-            given = dict(zip(self.parameters, args, strict=False))
-        for k, v in named.items():
-            if k in given:
-                raise ParameterError(f"the parameter {k!r} is given twice", None, self._signature())
-            given[k] = v
-        if unknown := [str(k) for k in given.keys() - set(self.parameters)]:
-            raise ParameterError(f"there is no parameter named {', '.join(map(repr, unknown))}", None, self._signature())
-        if missing := [k for k in self.parameters if k not in given]:
-            raise ParameterError(f"no value for {', '.join(map(repr, missing))}", None, self._signature())
-        return given
-
-    def _signature(self) -> str:
-        return "the parameters are " + (", ".join(self.parameters) or "none")
+        return batch(self.parameters, args, named, self._options.dtype)
 
 
-def _build(program: Program, options: _Options, counted: bool = False) -> Kernel:
-    """A backend's kernel of a program; a `counted` one counts evaluations (JAX does not: its twin is NumPy's)."""
+def _build(program: Program, options: Options, dtype: str = "float64", counted: bool = False) -> Kernel:
+    """A backend's kernel of a program; a `counted` one counts evaluations (JAX does not: its twin is NumPy's). Of the backends C alone has
+    use for another dtype than float64."""
     if options.backend == "c":
         from teg.backends.c_backend import compile_c
 
-        return compile_c(program, threads=options.threads, counted=counted)
+        return compile_c(program, threads=options.threads, counted=counted, dtype=dtype)
     if options.backend == "jax" and not counted:
         from teg.backends.jax_backend import compile_jax
+        from teg.backends.jax_precision import InDoublePrecision
 
-        return compile_jax(program)
+        return compile_jax(program) if options.dtype == "float64" else InDoublePrecision(program)
     from teg.backends.numpy_backend import compile_numpy
 
     return compile_numpy(program, memory=options.memory)
-
-
-def _as_float(name: str, value: Any) -> np.ndarray:
-    import numpy as np
-
-    if isinstance(value, Real | Decimal):
-        return np.asarray(float(value))
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind not in "fiub":
-            raise TypeError
-        return np.asarray(array, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ParameterError(f"the value of {name!r} is not a real number or an array of them: {value!r:.80}") from None
 
 
 def _nested(e: Expr, rows: Any, shape: tuple[int, ...]) -> Any:
@@ -433,6 +395,13 @@ def _nested(e: Expr, rows: Any, shape: tuple[int, ...]) -> Any:
         return tuple(_nested(entry, rows, shape) for entry in e.children)
     row = next(rows)
     return row.reshape(shape) if shape else row[0]
+
+
+def _places(e: Expr, name: str) -> list[str]:
+    """The name of each entry of a tuple expression, nested ones in order."""
+    if not isinstance(e, Tuple):
+        return [name]
+    return [place for i, entry in enumerate(e.children) for place in _places(entry, f"{name}[{i}]")]
 
 
 def _by_parameter(e: Expr, blocks: Any, names: list[str]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from teg.dump import show
@@ -12,6 +12,7 @@ from teg.pipeline import flatten, normal_form, program_for
 from teg.program import Isolate, statements
 from teg.surfaces import atoms_of
 
+BORDER = "a condition on parameters only"
 STEP = 2.0**-50
 STEP_OVER_TIES = 2.0**-42
 NOTHING = 1e-18
@@ -30,7 +31,8 @@ class Diagnosis:
     kind: "tie" (two surfaces, or a surface and a bound, coincide: the gradient given is the mean over the two orders), "parameter
     surface" (a condition on parameters only is at its border), "one-sided" (the gradient a few roundings away is another one: a region
     is born, two curves cross at a saddle), "infinite derivative", "second derivative", "not a number". `index` is the place in the
-    batch, flattened.
+    batch, flattened; `iteration` gives the indices of the sums around, in a program with arrays, outermost first, and `parameters` then
+    holds the entries that the surfaces are made of, too.
     """
 
     kind: str
@@ -38,6 +40,7 @@ class Diagnosis:
     parameters: dict[str, float]
     message: str
     index: int = 0
+    iteration: dict[str, int] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return f"{self.kind}: {self.message}"
@@ -63,9 +66,8 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
     orders = 2 if 2 in f._kernels else 1
     outputs = [leaf for e in f.outputs(orders) for leaf in flatten(e)]
     first_order = sum(len(flatten(e)) for e in f.outputs(1))
-    border = "a condition on parameters only"
     probes = [
-        bracket(positive(a.g, a.strict, TRUE, (show(a.g, 300) + " = 0", border)))
+        bracket(positive(a.g, a.strict, TRUE, (show(a.g, 300) + " = 0", BORDER)))
         for a in atoms_of(normal_form(f.expression))
         if not a.g.free and a.resolution is None
     ]
@@ -80,9 +82,9 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
         differ = not np.allclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True)  # surfaces that merely cross are no tie
         for k in met:
             first, second = program.ties[k].surfaces
-            if second != border and not differ:
+            if second != BORDER and not differ:
                 continue
-            if second == border:
+            if second == BORDER:
                 found.append(Diagnosis("parameter surface", (first,), values, f"the parameters lie on {first}", i))
             else:
                 message = f"{first} coincides with {second}; the derivative is the mean over the two orders"

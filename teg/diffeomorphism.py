@@ -13,6 +13,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
+from teg.bodies import write_all_out
 from teg.calculus import slope
 from teg.errors import BoundError, NameClashError, OperandError, OptionError, ParameterError, ScopeError
 from teg.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Param, Var, add, as_number, const, integer_power, mul, positive, sub, where
@@ -300,8 +301,8 @@ def _variables(entries: Mapping[Var, object], what: str) -> list[Var]:
 
 
 def _smooth(value: object, allowed: Sequence[Var], what: str) -> Expr:
-    """An expression that may be a part of a map."""
-    e = as_number(value)
+    """An expression that may be a part of a map, functions written out."""
+    e = write_all_out(as_number(value))
     if e.has_delta or e.has_integral:
         raise OperandError(f"{what} holds {'a delta' if e.has_delta else 'an integral'}", e, "a map is made of functions")
     if e.free - set(allowed):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from teg.arrays import LEAVES, Sum, show_leaf
 from teg.expr import (
     Add,
     And,
@@ -20,6 +21,7 @@ from teg.expr import (
     Var,
     Where,
 )
+from teg.function import Apply
 from teg.integral import Delta, Integral, PointMasses
 from teg.node import Node, postorder
 
@@ -73,6 +75,10 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
             if node.exponent == -1:
                 return "1/" + _wrapped(parts[0], _POWER), _PRODUCT
             return _wrapped(parts[0], _ATOM) + str(node.exponent).translate(_SUPERSCRIPT), _POWER
+        case Apply():
+            given = [p[0] for p in parts]
+            behind = "; " + ", ".join(given[node.callee.formal :]) if len(given) > node.callee.formal else ""
+            return f"{node.title}({', '.join(given[: node.callee.formal])}{behind})", _ATOM
         case Call():
             if node.name == "magnitude":
                 return f"|{parts[0][0]}|", _ATOM
@@ -95,6 +101,10 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
             return f"∫[{node.var.name}: {lo[0]}..{hi[0]}] {_wrapped(body, _PRODUCT)}", _SUM
         case Delta():
             return f"δ({parts[0][0]})", _ATOM
+        case Sum():
+            return f"Σ[{node.index.name}: {node.lo}..{node.hi}] {_wrapped(parts[0], _PRODUCT)}", _SUM
+        case _ if isinstance(node, LEAVES):
+            return show_leaf(node), _ATOM
         case PointMasses():
             return f"masses({parts[0][0]} = 0)", _ATOM
         case Truth():
@@ -160,6 +170,9 @@ def dump(*roots: Node) -> str:
         if isinstance(node, Const | Param | Var | Truth):
             label[node] = number(node.data) if isinstance(node, Const) else str(node.data)
             continue
+        if isinstance(node, LEAVES):
+            label[node] = show_leaf(node)
+            continue
         label[node] = f"%{len(lines)}"
         children = ", ".join(label[c] for c in node.children)
         lines.append(f"{label[node]} = {_operation(node)}({children})")
@@ -169,12 +182,16 @@ def dump(*roots: Node) -> str:
 
 def _operation(node: Node) -> str:
     match node:
+        case Apply():
+            return node.title
         case Call():
             return node.name
         case Pow():
             return f"power[{node.exponent}]"
         case Integral():
             return f"integral[{node.var.name}]"
+        case Sum():
+            return f"sum[{node.index.name}: {node.lo}..{node.hi}]"
         case Compare():
             return "positive" if node.strict else "nonnegative"
         case _:

@@ -49,6 +49,10 @@ class ParameterError(TegError, ValueError):
     """A missing, unknown or repeated parameter, or a value that does not fit."""
 
 
+class ArrayIndexError(TegError, IndexError):
+    """An array indexed by something that is no integer, by too few or too many, or out of its range; a sum of negative length."""
+
+
 class NotDifferentiableError(TegError, ValueError):
     """A derivative that the language does not have."""
 

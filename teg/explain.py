@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Iterable, Sequence
-from typing import Any, TypeVar, assert_never
+from typing import Any, TypeVar, assert_never, cast
 
+from teg.array_explain import explain_arrays
+from teg.array_pipeline import parameters_and_arrays
+from teg.arrays import Array, has_arrays
+from teg.bodies import write_all_out
 from teg.build import check_parameters, check_program
 from teg.diffeomorphism import Diffeomorphism
 from teg.errors import OptionError, TegError
 from teg.explanation import Explanation
 from teg.expr import Expr, Param, Tuple, as_number
+from teg.function import Function
 from teg.integral import Integral, masses_of
 from teg.integration import Integration
 from teg.inventory import Inventory, nests, text_of
 from teg.isolation import MAX_ROOTS, max_roots
 from teg.passes.atoms import canonicalise
 from teg.passes.breaks import BreakAnalysis
+from teg.passes.inline import reasons, write_out
+from teg.passes.polygon import Clipped, match_clipped
 from teg.passes.reparameterize import families_with
 from teg.passes.sampled import MIDPOINTS, SAMPLES
 from teg.passes.schedule import rule_for
@@ -31,14 +38,19 @@ from teg.program import (
     Isolate,
     Locate,
     Midpoint,
+    Polygon,
     Program,
+    Rational,
     Rule,
     Sample,
+    Segment,
     Stmt,
     SumOver,
+    When,
     size,
     statements,
 )
+from teg.quadrature import triangle_rule
 from teg.roots import solve
 from teg.sampling import replicated
 from teg.traverse import parameters
@@ -51,7 +63,7 @@ T = TypeVar("T")
 
 def explain(
     expression: object,
-    wrt: Sequence[Param] | Param | None = None,
+    wrt: Sequence[Param | Array] | Param | Array | None = None,
     tol: float = 1e-10,
     *,
     rule: str = "auto",
@@ -69,25 +81,45 @@ def explain(
     gradient, those over surfaces (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate: every
     break inside the bounds, adaptive integrals as smooth as they can be (`f.evaluations(…)` counts those of a call).
 
+    A program with arrays is explained cell by cell (`explanation.ArrayExplanation`): the parts between its sums are scalar programs of the
+    entries they read, and of the sums inside; and its loops are listed.
+
     Raises OptionError for a `derivatives` that is not 0 or 1, and what `compile` raises for an expression that is not closed.
     """
     if derivatives not in (0, 1):
         raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value and boundary integrals; 1: all of the gradient")
     e = expression if isinstance(expression, Tuple) else as_number(expression)
     check_program(e)
+    how = Integration(tol, rule, order, seed, max_roots)
+    if has_arrays(e):
+        e = write_all_out(e)
+
+        def on_cell(cell: Expr, moving: Sequence[Param]) -> Explanation:
+            return _explain(cell, moving, how, discontinuities, derivatives, maps)
+
+        listed = None if wrt is None else parameters_and_arrays(wrt)
+        return explain_arrays(e, listed, how, discontinuities, maps, on_cell, cost_of)
+    return _explain(e, wrt, how, discontinuities, derivatives, maps)
+
+
+def _explain(e: Expr, wrt: Any, how: Integration, discontinuities: str, derivatives: int, maps: Sequence[Diffeomorphism]) -> Explanation:
+    """The explanation of a scalar program."""
     chosen = parameters(e) if wrt is None else check_parameters(wrt)
+    functions, shown, number, e = _functions(e), text_of(e), nodes(e), write_out(e)
     before = canonicalise(enumerate_steps(e))
     normal, value_error = _attempted(lambda: normal_form(e, maps=maps))
     ignoring, families = discontinuities == "ignore", families_with(maps)
     final = before if normal is None else normal
-    inventory = Inventory(e, before, final, chosen, ignoring=ignoring, families=families, max_roots=max_roots)
+    inventory = Inventory(e, before, final, chosen, ignoring=ignoring, families=families, max_roots=how.max_roots)
     names = list(dict.fromkeys(p.name for p in (*chosen, *parameters(e), *(p for m in maps for p in m.parameters))))
-    how = Integration(tol, rule, order, seed, max_roots)
     integrals = _Integrals(how)
     data: dict[str, Any] = {
-        "expression": text_of(e),
-        "nodes": nodes(e),
-        "options": {"tol": tol, "rule": rule, "order": order, "discontinuities": discontinuities, "max_roots": max_roots},
+        "expression": shown,
+        "nodes": number,
+        "functions": functions,
+        "options": {
+            "tol": how.tol, "rule": how.rule, "order": how.order, "discontinuities": discontinuities, "max_roots": how.max_roots,
+        },
         "surfaces": inventory.surfaces(),
         "dropped": inventory.dropped(),
         "integrals": [] if normal is None else integrals.of([normal]),
@@ -98,7 +130,7 @@ def explain(
         "gradient_statements": None,
         "value_error": value_error,
         "gradient_error": "",
-    }
+    }  # fmt: skip
     if normal is None:
         return Explanation(data)
     program = program_for(flatten(normal), names, how)
@@ -114,6 +146,20 @@ def explain(
         if derivatives:
             data["interior"] = integrals.of([interior], but=[normal, outputs[0]])
     return Explanation(data)
+
+
+def _functions(e: Expr) -> list[dict[str, Any]]:
+    """Each function that is applied: how often, and how often it is written out for which reasons."""
+    rows: dict[Function, dict[str, Any]] = {}
+    for node, why in reasons(e).items():
+        function = cast(Function, node.callee)
+        formals = ", ".join(f.name for f in function.formals)
+        row = rows.setdefault(function, {"function": f"{function.title}({formals})", "applications": 0, "written out": 0, "why": []})
+        row["applications"] += 1
+        row["written out"] += bool(why)
+        if why and why not in row["why"]:
+            row["why"].append(why)
+    return [{**row, "why": "; ".join(row["why"])} for row in rows.values()]
 
 
 def _attempted(work: Callable[[], T]) -> tuple[T | None, str]:
@@ -142,7 +188,7 @@ class _Integrals:
         for root in roots:
             depths: dict[Integral, int] = {}
             for node, around in nests(root).items():
-                if not isinstance(node, Integral):
+                if not isinstance(node, Integral) or any(node in c.inside for c in map(self._clipped, around[:-1]) if c):
                     continue
                 depths[node] = next((depths[i] + 1 for i in reversed(around[:-1]) if i.var in node.free), 0)
                 if node not in known:
@@ -150,6 +196,9 @@ class _Integrals:
                     same = rows.setdefault(tuple(row.values()), {**row, "count": 0})
                     same["count"] += 1
         return list(rows.values())
+
+    def _clipped(self, node: Expr) -> Clipped | None:
+        return match_clipped(node, self.how) if isinstance(node, Integral) and masses_of(node.body, node.var) is None else None
 
     def _row(self, node: Integral, depth: int) -> dict[str, Any]:
         row = {"variable": node.var.name, "lower": text_of(node.lo), "upper": text_of(node.hi), "depth": depth}
@@ -165,6 +214,12 @@ class _Integrals:
             isolated = 0 if formula else max_roots(masses.g, node.var, self.how.max_roots)
             kind = {"kind": "sum over roots", "surface": f"{text_of(masses.g)} = 0", "rule": "sum", "nodes": None, "degree": None}
             return {**row, **kind, "formula": formula, "isolated": isolated, "located": 0, "searched": False, "breaks": 0, "pieces": 0}
+        clipped = self._clipped(node)
+        if clipped is not None:
+            polygon = len(clipped.boxes) > 1
+            nodes_each = len(triangle_rule(clipped.degree)) if polygon else clipped.degree // 2 + 1
+            name, pieces = ("clipped polygon", len(clipped.halves) + 2 if clipped.degree else 1) if polygon else ("clipped interval", 1)
+            return {**row, **_unbroken(name), "nodes": nodes_each, "degree": clipped.degree, "pieces": pieces}
         breaks = self.analysis.of(node)
         formula, isolated, located = len(breaks.points), sum(i.count for i in breaks.isolated), MAX_ROOTS * len(breaks.located)
         return {
@@ -196,6 +251,8 @@ def _described(rule: Rule) -> dict[str, Any]:
     match rule:
         case Gauss():
             text = "Gauss, exact"
+        case Rational():
+            text = "Gauss with a pole, exact"
         case Midpoint():
             text = "midpoint"
         case Adaptive():
@@ -212,7 +269,7 @@ def _described(rule: Rule) -> dict[str, Any]:
 def _nodes_a_piece(rule: Rule) -> int:
     """How many nodes a piece has, if it is not cut further."""
     match rule:
-        case Gauss() | Midpoint():
+        case Gauss() | Rational() | Midpoint():
             return rule.nodes
         case Adaptive():
             return rule.first
@@ -230,7 +287,7 @@ def cost_of(program: Program) -> dict[str, Any]:
     hints = {r for s in every if isinstance(s, Locate) for r in s.results}
     return {
         "statements": len(every),
-        "integrals": len(integrals) + sum(isinstance(s, Sample) for s in every),
+        "integrals": len(integrals) + sum(isinstance(s, Sample | Polygon | Segment) for s in every),
         "isolations": sum(isinstance(s, Isolate | Locate) for s in every),
         "evaluations": _evaluations(program.body, hints),
         "adaptive": any(isinstance(s.rule, Adaptive) for s in integrals),
@@ -246,11 +303,21 @@ def _evaluations(block: Iterable[Stmt], hints: Container[Arg]) -> int:
             case Integrate():
                 once = _evaluations(stmt.flags, hints) + _nodes_a_piece(stmt.rule) * (_evaluations(stmt.body, hints) or 1)
                 total += (1 + sum(b not in hints for b in stmt.breaks)) * once
+            case When():
+                total += _evaluations(stmt.body, hints)
             case SumOver():
                 total += len(stmt.points) * _evaluations(stmt.body, hints)
             case Sample():
                 replicates, points = replicated(stmt.kind, stmt.count)
                 total += replicates * points * (_evaluations(stmt.body, hints) or 1)
+            case Polygon():
+                total += (
+                    (len(stmt.half_planes) + 2 if stmt.degree else 1)
+                    * len(triangle_rule(stmt.degree))
+                    * (_evaluations(stmt.body, hints) or 1)
+                )
+            case Segment():
+                total += stmt.nodes * (_evaluations(stmt.body, hints) or 1)
             case Isolate() | Locate() | Assign():
                 continue
             case _:

@@ -37,7 +37,8 @@ class Table:
 class Explanation:
     """What the compiler found and did. `str()` is a report to read, `data` the same, unshortened, as dicts, lists, strings and numbers.
 
-    data["surfaces"] are those on which integrands change, data["dropped"] those of the program that are not among them, and
+    data["functions"] are those applied (not in a program with arrays, where all are written out), data["surfaces"] the surfaces on
+    which integrands change, data["dropped"] those of the program that are not among them, and
     data["integrals"], data["boundary"] and data["interior"] the integrals of the value and the two kinds of the gradient.
     """
 
@@ -58,6 +59,7 @@ class Explanation:
         moving = [s for s in data["surfaces"] if s["status"] in ("eliminated", "stuck")]
         still = [s for s in data["surfaces"] if s not in moving]
         tables = [
+            _applied(data.get("functions", ())),
             _surfaces("surfaces that move", moving, "how δ is eliminated"),
             _surfaces("no δ", [*still, *data["dropped"]], "why"),
             _integrals("integrals of the value", data["integrals"]),
@@ -82,6 +84,89 @@ class Explanation:
         if data["gradient_statements"] and not data["boundary"] and any(s["status"] == "eliminated" for s in data["surfaces"]):
             lines.append("The boundary terms of the gradient are values at points: they need no integral.")
         return lines
+
+
+@dataclass
+class ArrayExplanation(Explanation):
+    """The same for a program with arrays: the tables of each cell, and the loops around the cells.
+
+    Surfaces and integrals have a "cell", the number of an entry of data["cells"], which says in which sums it stands. data["loops"] has
+    the loops of the value, and those of value and gradient: what an iteration does, without the loops inside; the first row is what is
+    done once a call.
+    """
+
+    def _tables(self) -> list[Table]:
+        data = self.data
+        tables = []
+        for number, cell in enumerate(data["cells"]):
+            place = f" in Σ {', '.join(cell['sums'])}" if cell["sums"] else ""
+            surfaces, dropped, *integrals = (
+                [row for row in data[key] if row["cell"] == number] for key in ("surfaces", "dropped", "integrals", "boundary", "interior")
+            )
+            moving = [s for s in surfaces if s["status"] in ("eliminated", "stuck")]
+            tables += [
+                _surfaces(f"surfaces that move{place}", moving, "how δ is eliminated"),
+                _surfaces(f"no δ{place}", [*(s for s in surfaces if s not in moving), *dropped], "why"),
+                _integrals(f"integrals of the value{place}", integrals[0]),
+                _integrals(f"boundary integrals of the gradient{place}", integrals[1]),
+                _integrals(f"interior integrals of the gradient{place}", integrals[2]),
+            ]
+        tables += [_loops(f"loops of the program of {name}", rows) for name, rows in data["loops"].items()]
+        return [t for t in tables if t.rows]
+
+    def _remarks(self) -> list[str]:
+        data = self.data
+        lines = [f"No {name}: {data[key]}" for name, key in (("value", "value_error"), ("gradient", "gradient_error")) if data[key]]
+        if data["assumed_length"] is not None:
+            lines.append(
+                f"A sum inside an integral is written out when the lengths of arrays are known; this is for lengths of "
+                f"{data['assumed_length']}."
+            )
+        if not data["integrals"] and not data["value_error"]:
+            lines.append("There is no integral in the value.")
+        elif not data["surfaces"] and not data["value_error"]:
+            lines.append("There is no surface: no integrand jumps.")
+        if any(row["depth"] == 1 for rows in data["loops"].values() for row in rows):
+            lines.append("Iterations of outermost loops are cut into chunks, which threads share; results do not depend on how many do.")
+        return lines
+
+
+def _loops(title: str, found: Sequence[dict[str, Any]]) -> Table:
+    columns = (
+        Column("loop"), Column("from .. to"), Column("an iteration"), Column("statements", "number"),
+        Column("integrand evaluations"), Column("chunks"),
+    )  # fmt: skip
+    rows = []
+    for r in found[:MAX_ROWS]:
+        into = {name: r["scatters"].count(name) for name in dict.fromkeys(r["scatters"])}
+        parts = [f"reads {_counted(r['loads'], 'entry', 'entries')}"] if r["loads"] else []
+        parts += [_counted(r["integrals"], "integral", "integrals")] if r["integrals"] else []
+        parts += [_counted(r["results"], "sum", "sums")] if r["results"] else []
+        parts += [f"{n} added into the gradient by {name}" for name, n in into.items()]
+        loop = "· " * (r["depth"] - 1) + f"Σ {r['index']}" if r["index"] else "once a call"
+        domain = f"{r['lower']} .. {r['upper']}" if r["index"] else "-"
+        chunks = f"≤ {r['chunks']}, ≥ {_grouped(r['iterations_a_chunk'])} iterations each" if r["iterations_a_chunk"] else "-"
+        evaluations = _evaluations(r) if r["evaluations"] else "-"
+        rows.append((loop, domain, ", ".join(parts) or "-", _grouped(r["statements"]), evaluations, chunks))
+    left = len(found) - MAX_ROWS
+    return Table(title, columns, tuple(rows), f"… and {left} more" if left > 0 else "")
+
+
+def _counted(n: int, one: str, several: str) -> str:
+    return f"{n} {one if n == 1 else several}"
+
+
+def _applied(functions: Sequence[dict[str, Any]]) -> Table:
+    """Functions, and whether they are compiled by themselves."""
+    columns = Column("function", "expression"), Column("applications", "number"), Column("how")
+    rows = []
+    for f in functions:
+        how = "compiled by itself"
+        if f["written out"]:
+            times = "" if f["written out"] == f["applications"] else f"{f['written out']} of them "
+            how = f"{times}written out: {f['why']}"
+        rows.append((f["function"], str(f["applications"]), how))
+    return Table("functions", columns, tuple(rows))
 
 
 def _surfaces(title: str, found: Sequence[dict[str, Any]], last: str) -> Table:

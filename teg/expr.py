@@ -355,10 +355,12 @@ _SINGULAR = frozenset(("sqrt", "log", "pow", "asin", "acos"))
 
 def const(value: float) -> Const:
     """A number as an expression."""
-    return Const.make(float(value) + 0.0, ())  # + 0.0 makes -0.0 and 0.0 one
+    found = _UNITS.get(value)
+    return Const.make(float(value) + 0.0, ()) if found is None else found
 
 
-ZERO, ONE, MINUS_ONE = const(0.0), const(1.0), const(-1.0)
+ZERO, ONE, MINUS_ONE = (Const.make(value, ()) for value in (0.0, 1.0, -1.0))
+_UNITS = {0.0: ZERO, 1.0: ONE, -1.0: MINUS_ONE}  # -0.0 is 0.0 as well
 TRUE, FALSE = Truth.make(True, ()), Truth.make(False, ())
 
 
@@ -370,6 +372,8 @@ def as_number(value: object) -> Expr:
         return value
     if isinstance(value, Cond):
         value._is_no_number()
+    if isinstance(value, Node) and hasattr(value, "_as_expression"):  # an index, which stands on a higher floor
+        return cast(Expr, value._as_expression())
     if isinstance(value, bool):
         raise ConditionError(
             f"{value} is a Python truth value, not an expression",
@@ -427,12 +431,13 @@ def _as_written(a: Expr, b: Expr, build: Callable[[Expr, Expr], Expr]) -> Expr:
     return (Add if build is add else Mul).make(None, (a, b))
 
 
-def _split(term: Expr) -> tuple[float, Expr]:
-    """A term as a number times the rest."""
-    if isinstance(term, Mul) and isinstance(term.children[0], Const):
-        rest = term.children[1:]
-        return term.children[0].data, rest[0] if len(rest) == 1 else Mul.make(None, rest)
-    return 1.0, term
+def _split(term: Mul) -> tuple[float, Expr]:
+    """A product as a number times the rest."""
+    number = term.children[0]
+    if not isinstance(number, Const):
+        return 1.0, term
+    rest = term.children[1:]
+    return number.data, rest[0] if len(rest) == 1 else Mul.make(None, rest)
 
 
 def add(*terms: Expr) -> Expr:
@@ -443,12 +448,13 @@ def add(*terms: Expr) -> Expr:
     for term in terms:
         if isinstance(term, Const):
             constant += term.data
-        elif isinstance(term, Where):
-            branches.setdefault(term.condition, []).append(term)
-            parts[term] = parts.get(term, 0.0) + 1.0
-        else:
+        elif isinstance(term, Mul):
             coefficient, rest = _split(term)
             parts[rest] = parts.get(rest, 0.0) + coefficient
+        else:
+            parts[term] = parts.get(term, 0.0) + 1.0
+            if isinstance(term, Where):
+                branches.setdefault(term.condition, []).append(term)
     for condition, same in branches.items():
         if len(same) > 1:
             for term in same:
@@ -457,8 +463,10 @@ def add(*terms: Expr) -> Expr:
             if merged is not ZERO:
                 parts[merged] = parts.get(merged, 0.0) + 1.0
     kept = [mul(const(c), rest) if c != 1.0 else rest for rest, c in parts.items() if c != 0.0]
-    if constant != 0.0 or not kept:
+    if constant != 0.0:
         kept.append(const(constant))
+    if not kept:
+        return ZERO
     return kept[0] if len(kept) == 1 else Add.make(None, tuple(kept))
 
 

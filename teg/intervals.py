@@ -32,7 +32,6 @@ from teg.expr import (
     Not,
     Or,
     Pow,
-    Truth,
     Var,
     Where,
     add,
@@ -48,7 +47,7 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.node import Node, postorder
+from teg.node import Node, postorder_through
 
 Interval = tuple[Expr, Expr]
 Decision = tuple[Cond, Cond]
@@ -73,25 +72,28 @@ class Enclosure:
 
     def of(self, e: Expr) -> Interval:
         """Bounds of e."""
-        for node in postorder([e]):
-            if node not in self.found:
-                if isinstance(node, Cond):
-                    self.found[node] = self._decision(node)
-                else:
-                    self.found[node] = self._interval(cast(Expr, node))
-        return cast(Interval, self.found[e])
+        self._find(e)
+        return self._bounds(e)
 
     def decision(self, c: Cond) -> Decision:
         """Does a condition hold everywhere, does it fail everywhere?"""
-        for node in postorder([c]):
+        self._find(c)
+        return self._truth(c)
+
+    def _find(self, root: Node) -> None:
+        """Enclose what depends on the box. Other nodes are their own bounds; they may hold a variable of the same name, bound elsewhere."""
+        for node in postorder_through(root, self.box):
             if node not in self.found:
                 self.found[node] = self._decision(node) if isinstance(node, Cond) else self._interval(cast(Expr, node))
-        return cast(Decision, self.found[c])
+
+    def _bounds(self, e: Expr) -> Interval:
+        return cast(Interval, self.found.get(e, (e, e)))
+
+    def _truth(self, c: Cond) -> Decision:
+        return cast(Decision, self.found[c]) if c in self.found else (c, negation(c))
 
     def _interval(self, e: Expr) -> Interval:
-        if not any(v in e.free for v in self.box):
-            return e, e
-        parts = [cast(Interval, self.found[c]) for c in e.children if not isinstance(c, Cond)]
+        parts = [self._bounds(cast(Expr, c)) for c in e.children if not isinstance(c, Cond)]
         match e:
             case Var():
                 return self.box[e]
@@ -107,24 +109,20 @@ class Enclosure:
             case Call():
                 return _function(e.name, parts)
             case Where():
-                return _hull(cast(Decision, self.found[e.condition]), parts[0], parts[1])
+                return _hull(self._truth(e.condition), parts[0], parts[1])
             case _:
                 raise NotDifferentiableError("the values of this expression over an interval are not known", e)
 
     def _decision(self, c: Cond) -> Decision:
-        if not any(v in c.free for v in self.box):
-            return c, negation(c)
         match c:
-            case Truth():
-                return c, negation(c)
             case Compare():
-                lo, hi = cast(Interval, self.found[c.g])
+                lo, hi = self._bounds(c.g)
                 return positive(lo, c.strict), negation(positive(hi, c.strict))
             case Not():
-                holds, fails = cast(Decision, self.found[c.operand])
+                holds, fails = self._truth(c.operand)
                 return fails, holds
             case And() | Or():
-                parts = [cast(Decision, self.found[child]) for child in c.children]
+                parts = [self._truth(child) for child in c.children]
                 both, either = (conjunction, disjunction) if isinstance(c, And) else (disjunction, conjunction)
                 return both(*(p[0] for p in parts)), either(*(p[1] for p in parts))
             case _:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from teg.arrays import Gather, Sum, Unit
 from teg.expr import (
     Add,
     And,
@@ -22,6 +23,8 @@ from teg.expr import (
     Var,
     Where,
 )
+from teg.function import Apply
+from teg.index import Index, IndexCall, IndexConst, IndexGather, IndexParam, IndexValue, IndexVar, Length, index_leaves
 from teg.integral import Delta, Integral, PointMasses
 from teg.node import Node, postorder
 
@@ -119,6 +122,8 @@ def _line(node: Node, parts: list[Text]) -> Text:
             return rf"\frac{{1}}{{{_reciprocal(node, parts[0])[0]}}}", _PRODUCT
         case Pow():
             return _power(parts[0], str(node.exponent)), _POWER
+        case Apply():
+            return _apply(node, [p[0] for p in parts])
         case Call():
             return _call(node, parts)
         case Where():
@@ -129,6 +134,15 @@ def _line(node: Node, parts: list[Text]) -> Text:
             body, lo, hi = parts
             sign = rf"\int_{{{lo[0]}}}^{{{hi[0]}}} "
             return sign + _wrapped(body, _PRODUCT) + rf" \,\mathrm{{d}}{name(node.var.name)}", _PRODUCT
+        case Sum():
+            return _sum_over(node, parts[0])
+        case Gather():
+            return _subscripted(name(node.array.name), [index(i)[0] for i in node.subscripts]), _ATOM
+        case Unit():
+            places = ", ".join(index(i)[0] for i in node.subscripts)
+            return rf"\mathbf{{1}}^{{{name(node.array.name)}}}_{{{places}}}", _ATOM
+        case IndexValue():
+            return index(node.index)
         case Delta():
             return rf"\delta\!\left({parts[0][0]}\right)", _ATOM
         case PointMasses():
@@ -207,6 +221,75 @@ def _call(node: Call, parts: list[Text]) -> Text:
             return function + _in_brackets(arguments), _POWER
 
 
+def _apply(node: Apply, parts: list[str]) -> Text:
+    """A user's function: its arguments, then the other parameters of its body."""
+    slopes = (rf"\partial_{{{i}}}" + (f"^{{{k}}}" if k > 1 else "") + " " for i, k in enumerate(node.derivative, 1) if k)
+    formal = node.callee.formal
+    arguments = ", ".join(parts[:formal]) + (r";\, " + ", ".join(parts[formal:]) if len(parts) > formal else "")
+    return "".join(slopes) + name(node.callee.title) + _in_brackets(arguments), _POWER
+
+
+def _sum_over(node: Sum, body: Text) -> Text:
+    """A half-open range as a closed one: its last index is one less than its end."""
+    hi = node.hi
+    if isinstance(hi, IndexConst):
+        last = str(hi.data - 1)
+    elif isinstance(hi, IndexCall) and hi.data == "add" and isinstance(hi.children[1], IndexConst) and hi.children[1].data == 1:
+        last = index(hi.children[0])[0]
+    else:
+        last = f"{index(hi)[0]} - 1"
+    return rf"\sum_{{{name(node.index.name)} = {index(node.lo)[0]}}}^{{{last}}} " + (
+        body[0] if isinstance(node.body, Sum) else _wrapped(body, _PRODUCT)
+    ), _SUM
+
+
+def _subscripted(base: str, subscripts: list[str]) -> str:
+    if "_" in base or "'" in base:
+        base = "{" + base + "}"
+    return f"{base}_{{{', '.join(subscripts)}}}"
+
+
+def index(root: Index) -> Text:
+    """An integer expression."""
+    text: dict[Node, Text] = {}
+    for node in index_leaves([root]):
+        parts = [text[c] for c in node.children]
+        match node:
+            case IndexConst():
+                text[node] = str(node.data), _ATOM if node.data >= 0 else _SUM
+            case IndexVar():
+                text[node] = name(node.name), _ATOM
+            case IndexParam():
+                text[node] = name(node.param.name), _ATOM
+            case Length():
+                text[node] = rf"\operatorname{{length}}_{{{node.axis}}} {name(node.array.name)}", _POWER
+            case IndexGather():
+                text[node] = _subscripted(name(node.array.name), [p[0] for p in parts]), _ATOM
+            case IndexCall():
+                text[node] = _integers(node.data, *parts)
+            case _:
+                raise AssertionError(f"unknown index {type(node).__name__}")
+    return text[root]
+
+
+def _integers(operation: str, a: Text, b: Text) -> Text:
+    match operation:
+        case "add":
+            return f"{a[0]} + {_wrapped(b, _PRODUCT)}", _SUM
+        case "sub" if a[0] == "0":
+            return f"-{_wrapped(b, _PRODUCT)}", _SUM
+        case "sub":
+            return f"{a[0]} - {_wrapped(b, _PRODUCT)}", _SUM
+        case "mul":
+            return _juxtaposed([_wrapped(a, _PRODUCT), _wrapped(b, _PRODUCT)]), _PRODUCT
+        case "floordiv":
+            return rf"\left\lfloor \frac{{{a[0]}}}{{{b[0]}}} \right\rfloor", _ATOM
+        case "mod":
+            return rf"\left({_wrapped(a, _POWER)} \bmod {_wrapped(b, _POWER)}\right)", _ATOM
+        case _:
+            return rf"\{operation}\left({a[0]}, {b[0]}\right)", _POWER
+
+
 def _where(parts: list[Text]) -> Text:
     condition, then, otherwise = parts
     bracket = rf"\left[\,{condition[0]}\,\right]"
@@ -241,6 +324,7 @@ def _install() -> None:
     """Give nodes their notebook form, from this higher floor."""
     for cls in (Expr, Cond):
         cls._repr_latex_ = lambda self: f"${latex(self)}$"  # type: ignore[union-attr]
+    Index._repr_latex_ = lambda self: f"${index(self)[0]}$"  # type: ignore[attr-defined]
 
 
 _install()

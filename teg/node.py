@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import threading
 import weakref
-from collections.abc import Hashable, Iterable
+from collections.abc import Collection, Hashable, Iterable
 from typing import Any, TypeVar
 
 _table: weakref.WeakValueDictionary[tuple[object, ...], Node] = weakref.WeakValueDictionary()
@@ -37,20 +37,22 @@ class Node:
     def make(cls: type[N], data: Hashable, children: tuple[Node, ...]) -> N:
         """The one node of this class with this data and these children."""
         key = (cls, data, children)
-        found = _table.get(key)
-        if found is None:
-            with _lock:
-                found = _table.get(key)
-                if found is None:
-                    found = object.__new__(cls)
-                    fix = object.__setattr__
-                    fix(found, "data", data)
-                    fix(found, "children", children)
-                    fix(found, "_digest", None)
-                    fix(found, "free", found._free_variables())
-                    fix(found, "has_delta", cls.is_delta or any([c.has_delta for c in children]))
-                    fix(found, "has_integral", cls.is_integral or any([c.has_integral for c in children]))
-                    _table[key] = found
+        with _lock:
+            found = _table.get(key)
+            if found is None:
+                found = object.__new__(cls)
+                has_delta, has_integral = cls.is_delta, cls.is_integral
+                for c in children:
+                    has_delta |= c.has_delta
+                    has_integral |= c.has_integral
+                fix = object.__setattr__
+                fix(found, "data", data)
+                fix(found, "children", children)
+                fix(found, "_digest", None)
+                fix(found, "free", found._free_variables())
+                fix(found, "has_delta", has_delta)
+                fix(found, "has_integral", has_integral)
+                _table[key] = found
         return found  # type: ignore[return-value]
 
     def _free_variables(self) -> frozenset[Any]:
@@ -68,7 +70,7 @@ class Node:
     def __reduce__(self) -> tuple[object, ...]:
         order = postorder([self])
         number = {node: i for i, node in enumerate(order)}
-        return (_rebuild, ([(type(n), _pack(n.data), tuple(number[c] for c in n.children)) for n in order],))
+        return (_rebuild, ([(type(n), n.data, tuple(number[c] for c in n.children)) for n in order],))
 
 
 def union(sets: list[frozenset[Any]]) -> frozenset[Any]:
@@ -86,23 +88,40 @@ def union(sets: list[frozenset[Any]]) -> frozenset[Any]:
 def postorder(roots: Iterable[Node]) -> list[Node]:
     """Every node below the roots once, children before parents (a binder's variable is data, not a child)."""
     order: list[Node] = []
-    done: set[Node] = set()
-    opened: set[Node] = set()
-    stack = list(roots)
+    seen: set[Node] = set()
+    path: list[Node] = []  # from a root to where we are
+    stack: list[Node | None] = list(roots)
     stack.reverse()
     while stack:
-        node = stack[-1]
-        if node in done:
-            stack.pop()
-        elif node in opened or not node.children:
-            done.add(node)
-            order.append(node)
-            stack.pop()
-        else:
-            opened.add(node)
-            for c in node.children[::-1]:
-                if c not in done:
-                    stack.append(c)
+        node = stack.pop()
+        if node is None:
+            order.append(path.pop())
+        elif node not in seen:
+            seen.add(node)
+            if node.children:
+                path.append(node)
+                stack.append(None)
+                stack += [c for c in node.children[::-1] if c not in seen]
+            else:
+                order.append(node)
+    return order
+
+
+def postorder_through(root: Node, variables: Collection[Node]) -> list[Node]:
+    """The nodes below the root in which one of these variables occurs free, children before parents: no more of a program is visited."""
+    order: list[Node] = []
+    seen: set[Node] = set()
+    path: list[Node] = []
+    stack: list[Node | None] = [] if root.free.isdisjoint(variables) else [root]
+    while stack:
+        node = stack.pop()
+        if node is None:
+            order.append(path.pop())
+        elif node not in seen:
+            seen.add(node)
+            path.append(node)
+            stack.append(None)
+            stack += [c for c in node.children[::-1] if c not in seen and not c.free.isdisjoint(variables)]
     return order
 
 
@@ -112,7 +131,7 @@ def digest(node: Node) -> int:
         for n in postorder([node]):
             if n._digest is None:
                 data = n.data
-                text = f"{type(n).__name__}|{digest(data) if isinstance(data, Node) else data!r}|"
+                text = f"{type(n).__name__}|{_stable(data)}|"
                 h = hashlib.blake2b(text.encode(), digest_size=8)
                 for c in n.children:
                     h.update((c._digest or 0).to_bytes(8, "little"))
@@ -120,15 +139,17 @@ def digest(node: Node) -> int:
     return node._digest or 0
 
 
-def _pack(data: Any) -> Any:
+def _stable(data: Any) -> str:
+    """A text of a node's data that is the same in every process."""
     if isinstance(data, Node):
-        return ("node", type(data), data.data)
-    return ("data", data)
+        return str(digest(data))
+    if isinstance(data, tuple) and any(isinstance(d, Node | tuple) for d in data):
+        return f"({','.join(map(_stable, data))})"
+    return repr(data)
 
 
 def _rebuild(rows: list[tuple[type[Node], Any, tuple[int, ...]]]) -> Node:
     nodes: list[Node] = []
     for cls, data, children in rows:
-        value = data[1].make(data[2], ()) if data[0] == "node" else data[1]
-        nodes.append(cls.make(value, tuple(nodes[i] for i in children)))
+        nodes.append(cls.make(data, tuple(nodes[i] for i in children)))
     return nodes[-1]

@@ -1,7 +1,7 @@
 """The list of passes: the one screen to read first.
 
-    value        steps of floor → canonicalise → eliminate δ → canonicalise → schedule
-    derivative   steps of floor → canonicalise → (eliminate δ) → tangent or adjoint      deltas visible: what `diff` and `grad` return
+    value        functions → steps of floor → canonicalise → eliminate δ → canonicalise → schedule
+    derivative   functions → steps of floor → canonicalise → (eliminate δ) → tangent or adjoint    what `diff` and `grad` return, δ visible
     compiled     … → eliminate δ → canonicalise → schedule → a backend prints it
 
 A pass is `Expr -> Expr` (the last one `Expr -> Program`). TEG_DUMP=all, or a pass's name, prints the program after passes;
@@ -23,14 +23,18 @@ from teg.dump import dump
 from teg.errors import ParameterError
 from teg.expr import ONE, Expr, Param, Tuple, as_number
 from teg.integration import Integration
+from teg.linking import with_bodies
 from teg.passes.adjoint import gradient_of
 from teg.passes.atoms import canonicalise
 from teg.passes.differentiate import tangent_of
 from teg.passes.error_bounds import with_error_estimates
 from teg.passes.estimators.ignore import ignore_discontinuities
+from teg.passes.group import group
 from teg.passes.implicit import with_deltas
+from teg.passes.inline import write_out
 from teg.passes.reparameterize import eliminate_deltas, families_with
 from teg.passes.schedule import schedule
+from teg.passes.sink import sink
 from teg.passes.steps import enumerate_steps
 from teg.passes.unbounded import with_finite_bounds
 from teg.passes.uncounted import check_steps, without_uncounted
@@ -61,6 +65,7 @@ def run_pass(name: str, step: Pass, e: Expr) -> Expr:
 
 def normal_form(e: Expr, keep_moving: bool = False, maps: Maps = ()) -> Expr:
     """Canonical atoms, split integrals, no δ; but for those that are carried along, if e is to be differentiated again (`keep_moving`)."""
+    e = run_pass("inline", write_out, e)  # first: what jumps inside of a function has to be seen
     e = run_pass("steps", enumerate_steps, with_deltas(e) if keep_moving else e)  # first: the steps of floor are brackets, hence atoms
     e = run_pass("canonicalise", canonicalise, e)  # a surface must be one expression before its jump can be taken
     if e.has_delta:
@@ -106,7 +111,7 @@ def eliminate(e: object, maps: Maps = ()) -> Expr:
 
 def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities: str, maps: Maps = ()) -> list[Expr]:
     """[value], [value, gradient], or [value, gradient, Hessian] as δ-free expressions in canonical form, ready to be scheduled together."""
-    families = families_with(maps)
+    e, families = write_out(e), families_with(maps)
     estimate = partial(eliminate_deltas, families=families) if discontinuities == "sift" else ESTIMATORS[discontinuities]
     outputs = [normal_form(e, maps=maps)]
     source = normal_form(e, keep_moving=True, maps=maps) if e.has_delta else outputs[0]
@@ -127,7 +132,7 @@ def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities
 def program_for(outputs: Sequence[Expr], names: Sequence[str], how: Integration, errors: bool = False) -> Program:
     """The scheduled program of flat outputs; with `errors`, an estimate of the error of each behind them."""
     program = schedule(outputs, names, how)
-    return with_error_estimates(program) if errors else program
+    return with_bodies(group(sink(with_error_estimates(program) if errors else program)))
 
 
 def _expression(e: object) -> Expr:

@@ -16,6 +16,7 @@ from fractions import Fraction
 from typing import cast
 
 from teg.expr import Add, Call, Const, Expr, Mul, Param, Pow, Var, Where, add, const, mul
+from teg.function import Apply, Function
 from teg.integral import Integral
 from teg.node import digest, postorder
 
@@ -144,6 +145,8 @@ class Shadow:
                     return None
                 r = self._random("condition", digest(node.condition))
                 return self._sum([self._scale(a, r), self._scale(b, 1 - r)])
+            case Apply():
+                return self._apply(node)
             case Call():
                 return self._function(node)
             case Integral():
@@ -168,6 +171,24 @@ class Shadow:
                 return None
             values.append(ratio[0].get(self._one, 0))
         return self.constant(self._random(node.name, *values))
+
+    def _apply(self, node: Apply) -> Ratio | None:
+        """A polynomial of the function's degree with random coefficients, Σₖ(Σᵢ sₖᵢ·uᵢ)ᵏ; of one that is just smooth a random element,
+        where its arguments are numbers."""
+        callee = node.callee
+        key = (node.derivative, digest(callee) if isinstance(callee, Function) else callee.number)
+        arguments = [self._known[c] for c in node.children]
+        numbers: list[int] = []
+        for ratio in arguments[callee.formal if node.degree is not None else 0 :]:
+            if ratio is None or not self._is_constant(ratio[1]) or (ratio[0] and not self._is_constant(ratio[0])):
+                return None
+            numbers.append(ratio[0].get(self._one, 0))
+        total: Ratio | None = self.constant(self._random("function", key, *numbers))
+        for k in range(1, (node.degree or 0) + 1):
+            terms = [None if u is None else self._scale(u, self._random("s", k, i, key, *numbers)) for i, u in enumerate(arguments)]
+            power = self._power(self._sum([self.constant(0), *terms[: callee.formal]]), k)
+            total = self._sum([total, power])
+        return total
 
     def _scale(self, ratio: Ratio, factor: int) -> Ratio:
         factor %= P
@@ -243,6 +264,19 @@ class Shadow:
             if all(num[m] == c * ratio % P for m, c in den.items()):
                 return ({self._one: ratio} if ratio else {}, {self._one: 1})
         return (num, den)
+
+
+class Degrees:
+    """Degrees in one variable each; what several expressions share is looked at once."""
+
+    def __init__(self) -> None:
+        self._shadows: dict[Var, Shadow] = {}
+
+    def of(self, e: Expr, variable: Var) -> int | None:
+        """The degree of a polynomial of the variable; None for anything else."""
+        if variable not in self._shadows:
+            self._shadows[variable] = Shadow((variable,))
+        return self._shadows[variable].degree(e)
 
 
 class Point:

@@ -6,6 +6,11 @@
            | results = places v where f = g = 0 in a rectangle            Locate: interval bisection; hints where to break
            | results = Σ v in points: body                                 SumOver: the roots found by an Isolate
            | results = mean over points (v, …) of the unit cube: body      Sample: pseudo-random, or Sobol' points in replicates
+           | results = ∫∫ over a box cut by half-planes: setup; body       Polygon: the box is clipped, a rule on a fan of triangles
+           | results = ∫ over (0, 1) cut by half-lines: setup; body        Segment: the interval is clipped, Gauss-Legendre on what is left
+           | when b: body with results                                     When: a branch; where it is not taken, results are 0
+
+A program may call functions whose bodies are programs of their own (`Called`), without integrals.
 
 A program is closed and free of δ. Every name is assigned exactly once in the whole program, and a statement uses only names of
 its own block assigned earlier, of the enclosing blocks, or parameters. Floats are named 'v…', booleans 'b…', variables of
@@ -24,6 +29,16 @@ Semantics of `Integrate` (the three printers share it to the letter):
     results = s · sums; estimates = the sums of the error estimates of the first `len(estimates)` values
 
 `Gauss(n)`: n-point Gauss-Legendre on each piece, in v, of a finite piece.
+
+`Rational(n, m)`: Gauss-Legendre in v on each piece, of an integrand that is a polynomial of degree < n over D(v)^m there, D the linear
+function of the only bend, a "pole", where that counts (`when`, finite coefficients), and a polynomial of degree < n elsewhere. With f the
+values at the n nodes u in (-1, 1) of a piece, w their weights in Gauss-Legendre, D₋ and D₊ the values of D at p and q, W the size of the
+larger of p and q as w, M as below and z = (D₊ - D₋)/(D₊ + D₋): where the bend counts and
+    D₋·D₊ > 0 and min(|D₋|, |D₊|) > POLE·M·|c₁|
+the weights are instead (1 + z·u)^m·∫ ℓ(t)/(1 + z·t)^m dt over (-1, 1), ℓ the Lagrange polynomials of the nodes; K is ½·L·Σ wf. If the
+bend counts and this does not hold the pole is on the piece, and a value diverges if the first null rule gives more than RESIDUE·Σ w|f|:
+then it is an infinity of K's sign, and the tolerance was missed. The estimate is that of `Gauss`; where the weights are those of a pole
+m·EDGE·(|c₀| + |c₁|·W)/min(|D₋|, |D₊|) times A is added to it.
 
 `Adaptive(tol, first, order, cubic)`: on each piece, in a coordinate u in (0, 1), Gauss-Legendre with bisection. The whole of (0, 1) is
 measured with `first` nodes (not if there is something to watch); then, if it was not accepted, with `order` nodes, and so is every
@@ -123,10 +138,46 @@ its number. There are R = 8 replicates of n = ⌈count/8⌉ points for "qmc", an
     estimates = of the first `len(estimates)` values the standard error of m: √(Σᵣ(mᵣ - m)²/(R(R - 1))) for "qmc", √(Σᵢ(fᵢ - m)²/(n(n - 1)))
         over the n values fᵢ for "montecarlo" (relative to f₁, so that nothing cancels); NaN where m is not finite, or n = 1 there
 
+Semantics of `Polygon`: u and v are offsets from a corner of a box, which is 0 and `width` apart in u, 0 and `height` in v (either may be
+negative: then so is the area). A half-plane is g(u, v) = (c + a·u) + b·v > 0; on the box its least value is c + min(a·width, 0) +
+min(b·height, 0), its largest likewise; it *fails* if the largest is <= 0, unless it is `closed` and the least is >= 0.
+
+    if `when` names a boolean that is false, or a half-plane fails, every result is 0 and nothing below is evaluated
+    if width, height, or the least or largest value of a half-plane is NaN or infinite, every result is NaN
+    run `setup`; the polygon is the box, its corners (0, 0), (width, 0), (width, height), (0, height)
+    for each half-plane in order, unless its least value is >= 0, the polygon is clipped: with g at its vertices, for each vertex q
+        after its predecessor p, the first after the last:  if one of g(p), g(q) is > 0 and the other < 0, the vertex i + t·(o - i) with
+        t = g(i)/(g(i) - g(o)), i the one where g > 0, o the other;  then q itself if g(q) >= 0                    (Sutherland and Hodgman)
+    results = Σ of the rule `teg.quadrature.triangle_rule(degree)` over the triangles (vertex 0, vertex k, vertex k + 1), k = 1, 2, …,
+        a node (r, s) of weight w being at p₀ + r·(p₁ - p₀) + s·(p₂ - p₀) and counting w·½((p₁ - p₀) × (p₂ - p₀)) times; times
+        `factors`. With degree 0 one node, vertex 0, counts for all of them.
+
+Semantics of `Segment`: t is in (0, 1). A half-line is g(t) > 0 with g affine, given by its values at 0 and at 1 (`first`, `last`).
+
+    if `when` names a boolean that is false, every result is 0 and nothing below is evaluated
+    run `setup`; from, to = 0, 1
+    a half-line that may tie is *near* if |first| and |last| are at most NEARLY·size and finite; run `scales` if one is; a near one *ties*
+        if both are at most TIE_EPS·scale: it holds where `resolution` does, if the program's run-time input `order` is +1, or where it
+        does not, if that is -1, and a tie was met
+    if a half-line that does not tie has first <= 0 and last <= 0, unless it is `closed` and both are 0, or ties and does not hold, every
+        result is 0
+    if first - last of a half-line that does not tie is NaN or infinite, every result is NaN
+    each half-line that does not tie and with first·last < 0 in sign moves an end to first/(first - last): `from`, where first < 0, if that
+        is larger; `to`, where first > 0, if that is smaller
+    if from >= to every result is 0; else results = `factors` times Gauss-Legendre with `nodes` nodes over (from, to), `body` being run at
+        each t
+
+Semantics of `When`: if `when` is false every result is 0 and nothing of `body` is run. Else `body` is run, which gives the results their
+values. Nothing else in it is known outside.
+
+A polygon's `met` names a boolean that is false only where a half-plane fails; it is there for the pass that makes branches, and in no
+program that is printed.
+
 Operations (arithmetic is plain IEEE double, without contraction to fused multiply-add):
 
     floats    const(x)  add(x, y, …)  sub(x, y)  mul(x, y, …)  div(x, y)  neg(x)  powi(x, n)  pow(x, y)  abs(x)  floor(x)  mod(x, y)
               sin cos tan asin acos atan sinh cosh tanh exp log sqrt (x)   atan2(y, x)   select(b, x, y)   min(x, y)  max(x, y)
+              call(k, x, …), function k of the program, an integer literal
     booleans  gt0 ge0 lt0 le0 (x)   ok(x)   and(b, …)  or(b, …)  not(b)   tie(g, scale, r, k)
 
 `add` and `mul` associate to the left. `powi` has an integer literal, negative ones are 1/powi(x, -n). `mod` has the sign of its second
@@ -141,8 +192,9 @@ was met it is run again with order = -1 and the outputs are averaged. `k` number
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass, field, replace
+from itertools import count
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     import numpy as np
@@ -164,6 +216,8 @@ DIVERGENT = 2.0**-10
 DEEP = 40
 POLE = 16 * 2.0**-52
 """A pole that near to a piece, relative to its distance from 0, may be on it."""
+RESIDUE = 1e-8
+"""An integrand whose highest coefficient is less than that, relative to its size, has no pole."""
 FAR = 64.0
 """The size of a zero that is too far to count beside another one: what it costs is less than the rounding of large numbers."""
 NEAR = 6.0 + 1.0 / 6.0
@@ -173,6 +227,10 @@ ISOLATE_WIDTH = 128
 ISOLATE_STEPS = 100
 LOCATE_DEPTH = 72
 LOCATE_WIDTH = 1024
+MAX_HALF_PLANES = 64
+"""Of more a `Polygon` would be long: they share the pieces of two integrals instead."""
+NEARLY = 2.0**-20
+"""A half-line whose values are so small, compared with its terms, may be a tie: only then is it worth knowing how much rounding did."""
 
 Arg = str | float | int | bool
 
@@ -182,6 +240,14 @@ class Gauss:
     """Gauss-Legendre with `nodes` nodes a piece: exact to degree 2·nodes - 1."""
 
     nodes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Rational:
+    """Gauss-Legendre with weights that know a pole, `nodes` nodes a piece: exact for polynomials of lower degree over D^power."""
+
+    nodes: int
+    power: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +267,7 @@ class Midpoint:
     nodes: int
 
 
-Rule = Gauss | Adaptive | Midpoint
+Rule = Gauss | Rational | Adaptive | Midpoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,7 +382,74 @@ class Sample:
     when: str | None = None
 
 
-Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample
+@dataclass(frozen=True, slots=True)
+class HalfPlane:
+    """c + a·u + b·v > 0, or >= 0 if it is closed."""
+
+    a: Arg
+    b: Arg
+    c: Arg
+    closed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Polygon:
+    """results = factors · ∫∫ values over the part of a box that is in all half-planes; exact to `degree` in both variables together."""
+
+    variables: tuple[str, str]
+    width: Arg
+    height: Arg
+    half_planes: tuple[HalfPlane, ...]
+    setup: tuple[Stmt, ...]
+    body: tuple[Stmt, ...]
+    values: tuple[Arg, ...]
+    factors: tuple[Arg, ...]
+    results: tuple[str, ...]
+    degree: int
+    when: str | None = None
+    met: Arg = True
+
+
+@dataclass(frozen=True, slots=True)
+class HalfLine:
+    """g > 0, or >= 0 if it is closed, by the values at both ends; one that may be a tie has a number k, a resolution, the size of its terms
+    and, in `scales`, the scale of its rounding errors."""
+
+    first: Arg
+    last: Arg
+    closed: bool = False
+    k: int | None = None
+    resolution: Arg = True
+    size: Arg = 0.0
+    scale: Arg = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """results = factors · ∫ values over the part of (0, 1) that is in all half-lines, by Gauss-Legendre with `nodes` nodes."""
+
+    var: str
+    half_lines: tuple[HalfLine, ...]
+    setup: tuple[Stmt, ...]
+    scales: tuple[Stmt, ...]
+    body: tuple[Stmt, ...]
+    values: tuple[Arg, ...]
+    factors: tuple[Arg, ...]
+    results: tuple[str, ...]
+    nodes: int
+    when: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class When:
+    """Run `body`, which gives the results their values, if `when` holds; else they are 0."""
+
+    when: str
+    body: tuple[Stmt, ...]
+    results: tuple[str, ...]
+
+
+Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | When
 
 
 def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
@@ -328,8 +461,12 @@ def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
             return (stmt.enclosure, stmt.point)
         case Locate():
             return (stmt.enclosure,)
-        case SumOver() | Sample():
+        case SumOver() | Sample() | When():
             return (stmt.body,)
+        case Polygon():
+            return (stmt.setup, stmt.body)
+        case Segment():
+            return (stmt.setup, stmt.scales, stmt.body)
         case Assign():
             return ()
 
@@ -350,6 +487,23 @@ class Tie:
     surfaces: tuple[str, str]
 
 
+class Printed(dict[object, Any]):
+    """What backends printed of a program, but for the bodies of its functions: every binding of these shares it. It is not pickled."""
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (Printed, ())
+
+
+@dataclass(frozen=True, slots=True)
+class Called:
+    """A function that a program calls: whose it is, how often it is differentiated by each input, and its body, a program with one output
+    and a parameter an input; None until it is bound."""
+
+    callee: object
+    derivative: tuple[int, ...]
+    body: Program | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class Program:
     """A scheduled program: parameters (in order), statements, one output name or literal per result."""
@@ -358,6 +512,8 @@ class Program:
     body: tuple[Stmt, ...]
     outputs: tuple[Arg, ...]
     ties: tuple[Tie, ...] = ()
+    functions: tuple[Called, ...] = ()
+    printed: Printed = field(init=False, default_factory=Printed, compare=False, repr=False)  # `dataclasses.replace` begins a new one
 
 
 def assigned(stmt: Stmt) -> tuple[str, ...]:
@@ -381,15 +537,57 @@ def statements(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
             stack.extend(reversed(inner))
 
 
+def has_ties(block: tuple[Stmt, ...]) -> bool:
+    """Whether a run of a block can meet a tie."""
+    return any(
+        (isinstance(s, Assign) and s.op == "tie") or (isinstance(s, Segment) and any(g.k is not None for g in s.half_lines))
+        for s in statements(block)
+    )
+
+
 def size(program: Program) -> int:
     """Number of statements, nested ones included."""
     return sum(1 for _ in statements(program.body))
 
 
+def without_branches(program: Program) -> Program:
+    """The program with every `When` written out, for backends in which many points run together: what is not wanted is replaced by 0."""
+    if not any(isinstance(s, When) for s in statements(program.body)):
+        return program
+    numbers = count(1 + max(int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit()))
+    return replace(program, body=_written_out(program.body, numbers), printed=Printed())
+
+
+def _written_out(block: tuple[Stmt, ...], numbers: Iterator[int]) -> tuple[Stmt, ...]:
+    """Recursion is as deep as statements are in each other."""
+    result: list[Stmt] = []
+    for stmt in block:
+        match stmt:
+            case When():
+                for inner in _written_out(stmt.body, numbers):
+                    other = {name: f"v{next(numbers)}" for name in assigned(inner) if name in stmt.results}
+                    result.append(_giving(inner, other))
+                    result += [Assign(name, "select", (stmt.when, value, 0.0)) for name, value in other.items()]
+            case Integrate() | SumOver() | Sample():
+                result.append(replace(stmt, body=_written_out(stmt.body, numbers)))
+            case _:
+                result.append(stmt)
+    return tuple(result)
+
+
+def _giving(stmt: Stmt, names: dict[str, str]) -> Stmt:
+    """The same statement with other names for what it gives a value."""
+    if not names:
+        return stmt
+    if isinstance(stmt, Assign):
+        return replace(stmt, name=names[stmt.name])
+    return replace(stmt, results=tuple(names.get(r, r) for r in stmt.results))
+
+
 def without_dead_code(program: Program) -> Program:
     """The program without statements whose results nobody uses."""
     live: set[Arg] = set(program.outputs)
-    return Program(program.parameters, _live_part(program.body, live), program.outputs, program.ties)
+    return Program(program.parameters, _live_part(program.body, live), program.outputs, program.ties, program.functions)
 
 
 def _live_part(block: tuple[Stmt, ...], live: set[Arg]) -> tuple[Stmt, ...]:
@@ -429,6 +627,14 @@ def _live_part(block: tuple[Stmt, ...], live: set[Arg]) -> tuple[Stmt, ...]:
                 live.add(stmt.when)
             kept.append(replace(stmt, body=body, values=values, results=tuple(stmt.results[i] for i in wanted)))
             continue
+        if isinstance(stmt, Polygon | Segment):
+            kept.append(_live_clipped(stmt, live))
+            continue
+        if isinstance(stmt, When):
+            body = _live_part(stmt.body, live)
+            live.add(stmt.when)
+            kept.append(replace(stmt, body=body, results=tuple(stmt.results[i] for i in wanted)))
+            continue
         kept.append(_live_sample(stmt, live) if isinstance(stmt, Sample) else _live_integral(stmt, live))
     return tuple(reversed(kept))
 
@@ -439,6 +645,35 @@ def _live_results(stmt: Integrate | Sample, live: set[Arg]) -> tuple[list[int], 
     wanted = [i for i, r in enumerate(stmt.results) if r in live or (i < tested and stmt.estimates[i] in live)]
     estimates = tuple(stmt.estimates[i] for i in wanted if i < tested)
     return wanted, estimates if any(e in live for e in estimates) else ()
+
+
+def clipped_by(stmt: Polygon | Segment) -> tuple[Arg, ...]:
+    """What decides the domain of a polygon or a segment; but for the scales of ties, which are known in the block for them only."""
+    if isinstance(stmt, Polygon):
+        return (stmt.width, stmt.height, *(arg for g in stmt.half_planes for arg in (g.a, g.b, g.c)))
+    return tuple(arg for g in stmt.half_lines for arg in (g.first, g.last, *((g.resolution, g.size) if g.k is not None else ())))
+
+
+def _live_clipped(stmt: Polygon | Segment, live: set[Arg]) -> Polygon | Segment:
+    """A polygon or a segment with those of its values that matter."""
+    wanted = [i for i, r in enumerate(stmt.results) if r in live]
+    values, results = tuple(stmt.values[i] for i in wanted), tuple(stmt.results[i] for i in wanted)
+    factors = tuple(stmt.factors[i] for i in wanted)
+    live.update((*values, *factors))
+    body = _live_part(stmt.body, live)
+    if isinstance(stmt, Segment):
+        live.update(g.scale for g in stmt.half_lines if g.k is not None)
+        scales = _live_part(stmt.scales, live)
+        live.update(clipped_by(stmt))
+        setup = _live_part(stmt.setup, live)
+    else:
+        setup = _live_part(stmt.setup, live)
+        live.update((*clipped_by(stmt), stmt.met))
+    if stmt.when is not None:
+        live.add(stmt.when)
+    if isinstance(stmt, Segment):
+        return replace(stmt, setup=setup, scales=scales, body=body, values=values, factors=factors, results=results)
+    return replace(stmt, setup=setup, body=body, values=values, factors=factors, results=results)
 
 
 def _live_sample(stmt: Sample, live: set[Arg]) -> Sample:

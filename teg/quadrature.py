@@ -11,7 +11,9 @@ coefficients decay by r from one pair of degrees to the next, the error is about
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from decimal import Decimal, localcontext
+from fractions import Fraction
 from functools import cache
 from typing import TypeVar
 
@@ -31,6 +33,34 @@ def gauss_legendre(n: int) -> Table:
     left = [(-x, w) for x, w in right]
     nodes, weights = zip(*left, *middle, *reversed(right), strict=True)
     return nodes, weights
+
+
+@cache
+def triangle_rule(degree: int) -> tuple[tuple[float, float, float], ...]:
+    """Nodes (r, s) and weights (of sum 1) on the triangle (0, 0), (1, 0), (0, 1), exact to a degree in r and s together.
+
+    To degree 1 its centre, to 2 the middles of its sides, to 4 the six nodes of Cowper (1973; Strang and Fix); above that Gauss-Legendre
+    in r = u and s = (1 - u)·v, with one more node in u where the Jacobian 1 - u needs it (Stroud 1971). All weights are positive.
+    """
+    if degree <= 1:
+        return ((1 / 3, 1 / 3, 1.0),)
+    if degree == 2:
+        return ((0.5, 0.0, 1 / 3), (0.5, 0.5, 1 / 3), (0.0, 0.5, 1 / 3))
+    if degree <= 4:
+        root = math.sqrt(38.0 - 44.0 * math.sqrt(0.4))
+        rule: list[tuple[float, float, float]] = []
+        for sign in (1.0, -1.0):
+            near = (8.0 - math.sqrt(10.0) + sign * root) / 18.0
+            weight = (620.0 + sign * math.sqrt(213125.0 - 53320.0 * math.sqrt(10.0))) / 3720.0
+            far = 1.0 - 2.0 * near
+            rule += [(near, near, weight), (near, far, weight), (far, near, weight)]
+        return tuple(rule)
+    (us, uw), (vs, vw) = gauss_legendre(degree // 2 + degree % 2 + 1), gauss_legendre(degree // 2 + 1)
+    return tuple(
+        (0.5 + 0.5 * u, (0.5 - 0.5 * u) * (0.5 + 0.5 * v), (0.5 - 0.5 * u) * 0.5 * wu * wv)
+        for u, wu in zip(us, uw, strict=True)
+        for v, wv in zip(vs, vw, strict=True)
+    )
 
 
 def _node(n: int, i: int) -> tuple[float, float]:
@@ -57,6 +87,49 @@ def _legendre(n: int, x: Number) -> tuple[Number, Number]:
     for k in range(2, n + 1):
         before, value = value, ((2 * k - 1) * x * value - (k - 1) * before) / k
     return value, n * (before - x * value) / (1 - x * x)
+
+
+SERIES_DIGITS = 17
+
+
+@dataclass(frozen=True)
+class PoleTable:
+    """What the weights of n Gauss nodes for polynomials over (1 + z·u)^m are computed from, by the moments μ(l, j) = ∫ uʲ/(1 + z·u)ˡ du.
+
+    With μ(0, j) = 2/(j + 1) or 0, they satisfy μ(l, j) + z·μ(l, j + 1) = μ(l - 1, j). For |z| < `border` the highest one of each l,
+    j = n - 1, is Σ series[l - 1][k]·z²ᵏ (times -z if n is even) and the others follow downwards, which is stable; beyond it the lowest one
+    has a closed form, and the steps upwards lose no more than LOST. The weights are `lagrange` (n, n) times the moments of l = m.
+    """
+
+    border: float
+    series: tuple[tuple[float, ...], ...]
+    lagrange: tuple[tuple[float, ...], ...]
+
+
+LOST = 32.0
+"""What rounding may grow by in the steps upwards."""
+
+
+@cache
+def pole_table(n: int, m: int) -> PoleTable:
+    """The table of n nodes and the power m of the pole."""
+    border = max(0.2, LOST ** (-1.0 / max(1, n - 1)))
+    terms = 4 * math.ceil((SERIES_DIGITS / (-2.0 * math.log10(border)) + m) / 4)
+    top = n - 1
+    series = []
+    for power in range(1, m + 1):
+        first = top % 2  # ∫ u^(i + top) du is 0 for odd i + top
+        series.append(tuple(math.comb(power - 1 + i, i) * 2.0 / (i + top + 1) for i in range(first, first + 2 * terms, 2)))
+    nodes = [Fraction(x) for x in gauss_legendre(n)[0]]
+    rows = []
+    for k, x in enumerate(nodes):
+        coefficients = [Fraction(1)]
+        for i, y in enumerate(nodes):
+            if i != k:
+                raised, same = [Fraction(0), *coefficients], [*coefficients, Fraction(0)]
+                coefficients = [(a - y * b) / (x - y) for a, b in zip(raised, same, strict=True)]
+        rows.append(tuple(map(float, coefficients)))
+    return PoleTable(border, tuple(series), tuple(rows))
 
 
 NULL_RULES = 6

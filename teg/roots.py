@@ -44,7 +44,7 @@ from teg.expr import (
     where,
 )
 from teg.node import postorder
-from teg.polynomial import Shadow, expanded
+from teg.polynomial import Degrees, Shadow, expanded
 from teg.traverse import fresh, replace_node, size, substitute
 
 MAX_PERIODIC = 16
@@ -87,10 +87,11 @@ def far_origin(lo: Expr, hi: Expr) -> Expr:
     return ZERO
 
 
-def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH) -> Roots | None:
-    """The roots of g in x between the bounds where a formula is known, else None. Some may lie outside of the bounds."""
+def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH, degrees: Degrees | None = None) -> Roots | None:
+    """The roots of g in x between the bounds where a formula is known, else None. Some may lie outside of the bounds. Who asks for the
+    roots of many functions may give the degrees that are known already."""
     try:
-        degree = Shadow((x,)).degree(g)
+        degree = (degrees or Degrees()).of(g, x)
         if degree == 0:
             return Roots(())
         if degree == 1:

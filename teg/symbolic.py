@@ -20,6 +20,7 @@ from typing import Any, cast
 
 from teg import build
 from teg import expr as ex
+from teg.bodies import write_all_out
 from teg.calculus import slope
 from teg.errors import OperandError, OptionError, ParameterError, TegError
 from teg.expr import ONE, ZERO, Cond, Expr, Param, Tuple, Var
@@ -43,11 +44,11 @@ def to_sympy(e: object, *, evaluate: bool = False, conditions: str = "auto", sym
                 taken must then be finite; "piecewise" knows no Heaviside, which `sympy.integrate` prefers.
     symbols:    other symbols for some parameters and variables.
 
-    What the compiler writes only for itself, how ties are resolved, is left out. Raises NameClashError where a parameter and a variable
-    have one name, OptionError for an expression too long for evaluate=True, OperandError for a node without a form in SymPy,
-    MissingPackageError without SymPy.
+    Functions of `teg.function` are written out. What the compiler writes only for itself, how ties are resolved, is left out. Raises
+    NameClashError where a parameter and a variable have one name, OptionError for an expression too long for evaluate=True, OperandError
+    for a node without a form in SymPy, MissingPackageError without SymPy.
     """
-    root = e if isinstance(e, Cond | Tuple) else ex.as_number(e)
+    root = write_all_out(e if isinstance(e, Cond | Tuple) else ex.as_number(e))
     if conditions not in CONDITIONS:
         raise OptionError(f"conditions={conditions!r} is none of {', '.join(CONDITIONS)}")
     if evaluate and written_out(root) > _WRITTEN_OUT:

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 from teg import build
 from teg import expr as ex
+from teg.arrays import LEAVES, Sum
 from teg.errors import NameClashError, OperandError
 from teg.expr import (
     MINUS_ONE,
@@ -118,6 +119,10 @@ class Writer:
                 return self.make(sympy.And, *parts)
             case Or():
                 return self.make(sympy.Or, *parts)
+            case _ if isinstance(node, (*LEAVES, Sum)):
+                what = "a sum over an index" if isinstance(node, Sum) else "an entry of an array or an index"
+                hint = "convert what one term is: the body of the sum with a parameter for each entry"
+                raise OperandError(f"{what} is not written for SymPy", node, hint)
             case _:
                 raise OperandError(f"{type(node).__name__} has no form in SymPy", node, "convert the expression before it is eliminated")
 

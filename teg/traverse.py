@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, cast
 
 from teg import expr as ex
+from teg.arrays import LEAVES, Sum, sum_over
 from teg.expr import (
     Add,
     And,
@@ -24,8 +25,9 @@ from teg.expr import (
     Var,
     Where,
 )
+from teg.function import Apply
 from teg.integral import Delta, Integral, PointMasses, delta, integral_over
-from teg.node import Node, postorder, union
+from teg.node import Node, postorder, postorder_through, union
 
 CompareHook = Callable[[Compare, Expr, "Cond | None"], Cond]
 
@@ -55,6 +57,8 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
             return ex.mul(*c)
         case Pow():
             return ex.integer_power(c[0], node.exponent)
+        case Apply():
+            return Apply.make(node.data, c)
         case Call():
             return ex.call(node.name, *c)
         case Where():
@@ -75,6 +79,10 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
             return ex.conjunction(*c)
         case Or():
             return ex.disjunction(*c)
+        case Sum():
+            return sum_over(c[0], node.index, node.lo, node.hi)
+        case _ if isinstance(node, LEAVES):
+            return node
         case Const() | Param() | Var() | Truth():
             return node
         case _:
@@ -110,6 +118,8 @@ def substitute(root: Node, mapping: Mapping[Var, Expr], on_compare: CompareHook 
 
     `on_compare(old, new_g, new_resolution)`, if given, builds each changed atom.
     """
+    if not root.has_integral:
+        return _substitute_freely(root, mapping, on_compare)
     jobs: dict[tuple[tuple[Var, Expr], ...], dict[Node, Node]] = {}
     start = tuple(mapping.items())
     stack: list[tuple[Node, tuple[tuple[Var, Expr], ...]]] = [(root, start)]
@@ -151,6 +161,20 @@ def substitute(root: Node, mapping: Mapping[Var, Expr], on_compare: CompareHook 
             done[node] = rebuild(node, children)
         stack.pop()
     return jobs[start][root]
+
+
+def _substitute_freely(root: Node, mapping: Mapping[Var, Expr], on_compare: CompareHook | None) -> Node:
+    """The same where nothing is bound."""
+    new: dict[Node, Node] = dict(mapping.items())
+    for node in postorder_through(root, mapping):
+        if node in new:
+            continue
+        children = tuple([new.get(c, c) for c in node.children])
+        if isinstance(node, Compare) and on_compare is not None:
+            new[node] = on_compare(node, cast(Expr, children[0]), cast(Cond, children[1]) if len(children) == 2 else None)
+        else:
+            new[node] = rebuild(node, children)
+    return new.get(root, root)
 
 
 def rename_apart(root: Node) -> Node:

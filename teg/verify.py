@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from teg.arrays import LEAVES, Sum
 from teg.expr import (
     Add,
     And,
@@ -20,6 +21,7 @@ from teg.expr import (
     Var,
     Where,
 )
+from teg.function import Apply
 from teg.integral import Delta, Integral, PointMasses
 from teg.node import Node, postorder
 
@@ -37,6 +39,9 @@ def verify(root: Node, stage: str = "") -> None:
             case Pow():
                 kinds = (Expr,)
                 assert node.exponent not in (0, 1), f"{stage}: a trivial power"
+            case Apply():
+                assert len(node.derivative) == node.callee.arity, f"{stage}: a derivative by other inputs than {node.callee.title} has"
+                kinds = (Expr,) * node.callee.arity
             case Call() | Tuple():
                 kinds = (Expr,) * len(node.children)
             case Where():
@@ -51,6 +56,10 @@ def verify(root: Node, stage: str = "") -> None:
                 assert not node.g.has_delta, f"{stage}: a delta in a condition"
             case Not():
                 kinds = (Cond,)
+            case Sum():
+                kinds = (Expr,)
+            case _ if isinstance(node, LEAVES):
+                kinds = ()
             case _:
                 raise AssertionError(f"{stage}: unknown node {type(node).__name__}")
         assert len(kinds) == len(node.children), f"{stage}: {type(node).__name__} with {len(node.children)} children"

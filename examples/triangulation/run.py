@@ -1,6 +1,6 @@
 """The main job: a photograph in triangles, by gradient descent on an exact integral.
 
-photo → pixels → mesh → (gather → compiled kernel → scatter → step) × steps → pictures
+photo → pixels → mesh → (gradient of the compiled program → step → best colours) × steps → pictures
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def run_triangulation(
     identity["target"] = hashlib.sha256(image.target.tobytes()).hexdigest()
     start = first_state(mesh, image)
     run = RecordedDescent(start, lambda s: next_state(mesh, image, s), folder / "checkpoint.npz", identity, resume)
-    scene.loss.kernel(1)  # derived and compiled now, as part of the set-up
+    scene.by_vertices.kernel(1)  # derived and compiled now, as part of the set-up
     setup = time.perf_counter() - started
     interrupted = run.descend(steps, progress)
 

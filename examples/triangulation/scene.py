@@ -1,10 +1,11 @@
-"""The integral: squared colour difference between a triangle and a pixel, over the part of the pixel inside it.
+"""The program: squared colour difference between a picture and triangles, summed over all pixels under all triangles.
 
-    loss(triangle, pixel) = ∫∫_pixel [(x, y) inside the triangle] · Σₖ (colourₖ - targetₖ)² dx dy
+    loss = 1/size² Σ_faces Σ_rows Σ_columns ∫∫_pixel [(x, y) inside the face] · Σₖ (colourₖ - targetₖ)² dx dy
 
 This is all that is written about the problem. The derivative by the vertices (boundary integrals along the
 edges, which automatic differentiation of a rendered picture does not have), by the colours, and the colours'
-second derivative are the compiler's.
+second derivative are the compiler's; so are the loops, what is computed once a face and once a row, and where
+derivatives are added.
 """
 
 from __future__ import annotations
@@ -15,53 +16,49 @@ import teg
 from teg.compile import Evaluator
 from teg.expr import Cond, Expr
 
-VERTICES = ("x0", "y0", "x1", "y1", "x2", "y2")
-COLOUR = ("red", "green", "blue")
-TARGET = ("target_red", "target_green", "target_blue")
-CORNER = ("left", "top")
+VERTICES = teg.array("vertices", 2)  # (n, 2)
+COLOURS = teg.array("colours", 2)  # (m, 3)
+TARGET = teg.array("target", 3)  # (size, size, 3): row, column, channel
+FACES = teg.indices("faces", 2)  # (m, 3), in positive order
+BOXES = teg.indices("boxes", 2)  # (m, 4): first and end column, first and end row of the pixels that a face may touch
 
 
-def pixel_loss() -> Expr:
-    """The loss of one (triangle, pixel) pair; the triangle's vertices in positive order, the pixel of side 1."""
+def pixel_loss(face: object, column: object, row: object) -> Expr:
+    """The loss of one triangle on one pixel of side 1."""
     x, y = teg.vars("x y")
-    left, top = (teg.param(name) for name in CORNER)
-    corners = [tuple(teg.param(name) for name in VERTICES[i : i + 2]) for i in (0, 2, 4)]
-    difference = sum((teg.param(c) - teg.param(t)) ** 2 for c, t in zip(COLOUR, TARGET, strict=True))
+    corners = [(VERTICES[FACES[face, c], 0], VERTICES[FACES[face, c], 1]) for c in range(3)]
+    difference = sum((COLOURS[face, k] - TARGET[row, column, k]) ** 2 for k in range(3))
 
-    def left_of(a: tuple[Expr, ...], b: tuple[Expr, ...]) -> Cond:
+    def left_of(a: tuple[Expr, Expr], b: tuple[Expr, Expr]) -> Cond:
         return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) > 0
 
     a, b, c = corners
     inside = left_of(a, b) & left_of(b, c) & left_of(c, a)
-    return teg.integral(teg.where(inside, difference, 0), (x, left, left + 1), (y, top, top + 1))
+    return teg.integral(teg.where(inside, difference, 0), (x, column, column + 1), (y, row, row + 1))
 
 
-def colour_equations() -> Expr:
-    """(loss, its derivative by each colour channel, its second derivative by any of them) of one pair.
-
-    The loss is quadratic in the colours, with a diagonal and equal second derivative: with these five numbers,
-    summed over the pixels of a triangle, one Newton step gives the best colour exactly.
-    """
-    loss = pixel_loss()
-    red, green, blue = (teg.param(name) for name in COLOUR)
-    slopes = (teg.diff(loss, channel) for channel in (red, green, blue))
-    return teg.tuple(loss, *slopes, teg.diff(teg.diff(loss, red), red))
+def picture_loss() -> Expr:
+    """The loss of a whole picture, per pixel."""
+    face, column, row = teg.index("face"), teg.index("column"), teg.index("row")
+    columns, rows = (column, BOXES[face, 0], BOXES[face, 1]), (row, BOXES[face, 2], BOXES[face, 3])
+    total = teg.sum(pixel_loss(face, column, row), columns, rows, (face, 0, teg.length(FACES, 0)))
+    return total / (teg.length(TARGET, 0) * teg.length(TARGET, 1))
 
 
 @dataclass(frozen=True)
 class CompiledScene:
-    """The two compiled programs of the optimisation, each a function over a batch of (triangle, pixel) pairs."""
+    """The loss, to be differentiated by the vertices, and to be differentiated by the colours."""
 
-    loss: Evaluator
-    colours: Evaluator
+    by_vertices: Evaluator
+    by_colours: Evaluator
     backend: str
 
 
 def compile_scene(backend: str, discontinuities: str = "sift", threads: int = 1) -> CompiledScene:
-    """Compile the loss (to be differentiated by the vertices) and the equations of the best colours."""
-    vertices = [teg.param(name) for name in VERTICES]
+    """Compile the program for both."""
+    loss = picture_loss()
     return CompiledScene(
-        teg.compile(pixel_loss(), vertices, backend=backend, discontinuities=discontinuities, threads=threads),
-        teg.compile(colour_equations(), [], backend=backend, threads=threads),
+        teg.compile(loss, [VERTICES], backend=backend, discontinuities=discontinuities, threads=threads),
+        teg.compile(loss, [COLOURS], backend=backend, threads=threads),
         backend,
     )

@@ -26,14 +26,18 @@ from teg.expr import (
     ONE,
     TRUE,
     ZERO,
+    Add,
+    And,
     Compare,
     Cond,
     Const,
     Expr,
+    Not,
     Var,
     add,
     call,
     conjunction,
+    const,
     disjunction,
     div,
     mul,
@@ -43,9 +47,14 @@ from teg.expr import (
     where,
 )
 from teg.nest import Binder, Chain, nest, ranges_of
+from teg.passes.demand import support
+from teg.passes.vertices import Along, Side, match_side
 from teg.polynomial import Shadow
 from teg.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
 from teg.traverse import fresh, substitute
+
+_NEAR, _EXACT = 2.0**-30, 2.0**-44
+"""How near to the box, relative to what the surface changes over it, and to its terms, a surface is still looked at: it may tie."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +114,13 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     if ranges is None or not all(free_of(e, [r.var for r in rest]) for b in chosen for e in (b.lo, b.hi)):
         return None
     corner = {b.var: lo for b, (lo, _) in zip(chosen, ranges, strict=True)}
-    g0 = cast(Expr, substitute(g, corner))
     extents = [sub(hi, lo) for lo, hi in ranges]
+    if len(chosen) == 2 and not rest:
+        side = match_side(g, support(coefficient), (chosen[1].var, chosen[0].var))
+        if side is not None:
+            met = conjunction(*_meeting(g, coefficient, corner, extents))
+            return _between_vertices(g, coefficient, chosen, side, met)
+    g0 = cast(Expr, substitute(g, corner))
     slopes = [cast(Expr, substitute(slope(g, b.var), corner)) for b in chosen]
     pivots = _pivot_conditions(slopes, extents)
     taken = set(coefficient.free) | set(g.free) | {v for b in chain for v in (b.var, *b.lo.free, *b.hi.free)}
@@ -122,8 +136,49 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
             rest = tuple(Binder(r.var, cast(Expr, substitute(r.lo, at)), cast(Expr, substitute(r.hi, at))) for r in rest)
             break
     value = _inside_bounds(value, g, chosen, ranges, point, pivots, at)
+    if len(chosen) > 1 and not rest:
+        guard = conjunction(guard, *_meeting(g, coefficient, corner, extents))
     value = where(guard, value, ZERO)
     return nest(value, (*(Binder(s, ZERO, ONE) for s in unit), *rest))
+
+
+def _between_vertices(g: Expr, coefficient: Expr, chosen: Sequence[Binder], side: Side, met: Cond) -> Expr:
+    """The integral over a side of a polygon from vertex to vertex, which all bounds clip."""
+    s = fresh("s", {*coefficient.free, *g.free, *(v for b in chosen for v in (b.var, *b.lo.free, *b.hi.free))})
+    inner_first = (chosen[1], chosen[0])
+    at = dict(zip((b.var for b in inner_first), side.at(s), strict=True))
+    value = mul(side.weight, restrict(coefficient, at, g, tuple(at)))
+    for b in inner_first:
+        lo, hi = (cast(Expr, substitute(e, at)) for e in (b.lo, b.hi))
+        value = signed_inside(at[b.var], lo, hi, g, b.var, (b.lo, b.hi), value)
+    return nest(where(met, Along(side, s).simplified(value), ZERO), (Binder(s, ZERO, ONE),))
+
+
+def _meeting(g: Expr, coefficient: Expr, corner: dict[Var, Expr], extents: list[Expr]) -> list[Cond]:
+    """Conditions without which nothing of the surface is inside the box, or of the box inside the support: known before any chart."""
+    wanted = support(coefficient)
+    met: list[Cond] = []
+    for part in (positive(g), *(wanted.children if isinstance(wanted, And) else (wanted,))):
+        atom = part.operand if isinstance(part, Not) else part
+        if (
+            not isinstance(atom, Compare)
+            or not set(atom.g.free) <= set(corner)
+            or not _is_affine(atom.g, [v for v in corner if v in atom.g.free])
+        ):
+            continue
+        at_corner = cast(Expr, substitute(atom.g, corner))
+        steps = [mul(cast(Expr, substitute(slope(atom.g, v), corner)), d) for v, d in zip(corner, extents, strict=True)]
+        terms = at_corner.children if isinstance(at_corner, Add) else (at_corner,)
+        middle = add(at_corner, mul(const(0.5), add(*steps)))
+        reach = add(
+            mul(const(0.5 + _NEAR), add(*(_magnitude(step) for step in steps))),
+            mul(const(_EXACT), add(*(_magnitude(t) for t in terms))),
+        )
+        if atom.g is g:
+            met.append(positive(sub(reach, _magnitude(middle)), strict=False))
+        else:
+            met.append(positive(add(mul(MINUS_ONE, middle) if isinstance(part, Not) else middle, reach), strict=False))
+    return met
 
 
 def _next_unit(taken: set[Var]) -> Var:
@@ -167,33 +222,24 @@ def _chart(
 ) -> tuple[list[Expr], Expr, Cond]:
     """Each variable as a function of the unit variables, the weight, and the condition that there is a surface at all."""
     n = len(chosen)
-    origin: list[list[Expr]] = [[] for _ in range(n)]  # per variable, per pivot
-    rates: list[list[list[Expr]]] = [[[] for _ in unit] for _ in range(n)]
-    weights: list[Expr] = []
-    guards: list[Expr] = []
-    for k in range(n):
-        others = [i for i in range(n) if i != k]
-        inverse = ex.integer_power(slopes[k], -1)
-        for i in range(n):
-            lo = ranges[i][0]
-            if i == k:
-                origin[i].append(sub(lo, mul(g0, inverse)))
-                for j, o in enumerate(others):
-                    rates[i][j].append(mul(MINUS_ONE, mul(slopes[o], extents[o]), inverse))
-            else:
-                origin[i].append(lo)
-                for j, o in enumerate(others):
-                    rates[i][j].append(extents[i] if o == i else ZERO)
-        weights.append(div(mul(*(extents[i] for i in others)), _magnitude(slopes[k])))
-        guards.append(_magnitude(slopes[k]))
-    point = [
-        add(
-            _select(pivots, origin[i]),
-            *(mul(_select(pivots, rates[i][j]), unit[j]) for j in range(len(unit))),
-        )
-        for i in range(n)
+    others = [[i for i in range(n) if i != k] for k in range(n)]  # per pivot
+    pivot = _select(pivots, slopes)
+    inverse = ex.integer_power(pivot, -1)
+    offset = mul(MINUS_ONE, g0, inverse)
+    steps = [  # of the pivot's variable, per unit variable
+        mul(MINUS_ONE, _select(pivots, [mul(slopes[others[k][j]], extents[others[k][j]]) for k in range(n)]), inverse)
+        for j in range(len(unit))
     ]
-    return point, _select(pivots, weights), positive(_select(pivots, guards))
+    point = []
+    for i in range(n):
+        rates = [
+            _select(pivots, [step if k == i else extents[i] if others[k][j] == i else ZERO for k in range(n)])
+            for j, step in enumerate(steps)
+        ]
+        away = _select(pivots, [offset if k == i else ZERO for k in range(n)])
+        point.append(add(ranges[i][0], away, *(mul(rate, s) for rate, s in zip(rates, unit, strict=True))))
+    weight = div(_select(pivots, [mul(*(extents[i] for i in others[k])) for k in range(n)]), _magnitude(pivot))
+    return point, weight, positive(_magnitude(pivot))
 
 
 def _inside_bounds(

@@ -28,6 +28,7 @@ from teg.expr import (
     Const,
     Expr,
     Mul,
+    Param,
     Pow,
     Var,
     Where,
@@ -44,7 +45,7 @@ from teg.node import Node, postorder, union
 from teg.passes.jumps import assign
 from teg.polynomial import P, Point, Shadow, expanded, sign_of_residue
 from teg.surfaces import atoms_of, binders_inside
-from teg.traverse import parameters, rebuild, remake, rename_apart, replace_node, substitute
+from teg.traverse import rebuild, remake, rename_apart, replace_node, substitute
 
 MAX_HOISTED = 6
 MAX_KINKS = 2
@@ -96,10 +97,11 @@ class _Canonical:
         sign, factors = _signed_factors(g)
         if len(factors) == 0:
             return TRUE if sign > 0 or (sign == 0 and not strict) else FALSE
-        above = self._surface(factors[-1], strict, sign > 0)
-        below = self._surface(factors[-1], strict, sign < 0)
+        last = self._representative(factors[-1])
+        above, below = _side(last, strict, sign > 0), _side(last, strict, sign < 0)
         for factor in reversed(factors[:-1]):
-            plus, minus = self._surface(factor, strict, True), self._surface(factor, strict, False)
+            surface = self._representative(factor)
+            plus, minus = _side(surface, strict, True), _side(surface, strict, False)
             above, below = (
                 disjunction(conjunction(plus, above), conjunction(minus, below)),
                 disjunction(conjunction(plus, below), conjunction(minus, above)),
@@ -127,10 +129,8 @@ class _Canonical:
         minus = negation(positive(numerator, not strict, negation(resolution), atom.rivals))
         return disjunction(conjunction(above, plus), conjunction(negation(above), minus))
 
-    def _surface(self, g: Expr, strict: bool, upward: bool) -> Cond:
-        """[g > 0] (or >=), or [g < 0], as a condition on the representative of the surface."""
-        if isinstance(g, Const):
-            return positive(g if upward else mul(MINUS_ONE, g), strict)
+    def _representative(self, g: Expr) -> tuple[Expr, bool]:
+        """The expression that stands for the surface, and whether it has the sign of g."""
         first, second = (p.value(g) for p in self._points)
         if first and second:
             key = second * pow(first, -1, P) % P
@@ -139,8 +139,8 @@ class _Canonical:
                 other = self._points[0].value(representative)
                 sign = sign_of_residue(first * pow(other, -1, P)) if other else None
                 if sign is not None:
-                    g, upward = representative, upward == (sign > 0)
-        return positive(g, strict) if upward else negation(positive(g, not strict))
+                    return representative, sign > 0
+        return g, True
 
     # -- integrals -----------------------------------------------------------------------------------------------------
 
@@ -159,7 +159,7 @@ class _Canonical:
         numeric = isinstance(integral.lo, Const) and isinstance(integral.hi, Const)  # then parameters in g leave nothing to decide
         changed: dict[Compare, Cond] = {}
         for atom in atoms_of(body, x):
-            if atom.g.free & inner or atom.resolution is not None or (numeric and parameters(atom.g)):
+            if atom.g.free & inner or atom.resolution is not None or (numeric and any(isinstance(n, Param) for n in postorder([atom.g]))):
                 continue
             for bound, other in ((integral.hi, integral.lo), (integral.lo, integral.hi)):
                 if Shadow((x,)).degree(atom.g) != 1:
@@ -178,6 +178,14 @@ class _Canonical:
                 rest = cast(Integral, new[node])
                 new[node] = scaled_integral(rest.body, rest.var, rest.lo, rest.hi)
         return cast(Expr, new[e])
+
+
+def _side(surface: tuple[Expr, bool], strict: bool, upward: bool) -> Cond:
+    """[g > 0] (or >=), or [g < 0], as a condition on the representative of a surface."""
+    g, same = surface
+    if isinstance(g, Const):
+        return positive(g if upward else mul(MINUS_ONE, g), strict)
+    return positive(g, strict) if upward == same else negation(positive(g, not strict))
 
 
 def _split_delta(d: Delta, hoists: int) -> Expr:

@@ -9,6 +9,9 @@ complementary on the curve, so that their fluxes cancel in higher derivatives. �
 for a ratio: where the charts are equally good all along a curve that is nearly a line, the border between them is lost in rounding.
 Neither chart sees a denominator much below √(|E|·Y/X), and at the saddle value, E = 0, where the curve becomes two lines, each chart has
 one of them whole.
+
+If g_x at the ends of y's range is r and s with r·s >= EVEN·(r² + s²), the denominator is of one size everywhere, and the first chart takes
+the whole curve; else, if this is so of g_y at the ends of x's range, the second one does. Most pixels have one chart then.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from typing import cast
 from teg import expr as ex
 from teg.calculus import slope
 from teg.critical import infinite_at_saddle
-from teg.expr import ZERO, Cond, Expr, Var, add, call, const, disjunction, div, mul, positive, sub, where
+from teg.expr import FALSE, ZERO, Cond, Expr, Var, add, call, conjunction, const, disjunction, div, mul, negation, positive, sub, where
 from teg.nest import Binder, Chain, nest, ranges_of
 from teg.polynomial import Shadow
 from teg.roots import tidy
@@ -29,6 +32,8 @@ from teg.traverse import substitute
 
 ODDS = 1.3706
 """κ."""
+EVEN = 0.02
+"""Slopes within a factor of 50 of each other."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +68,22 @@ def rewrite_bilinear(g: Expr, coefficient: Expr, chain: Chain, data: Bilinear) -
         return None
     boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip((outer, inner), ranges, strict=True)]
     invariant = _invariant(g, boxes)
+    first, second = (_is_even(g, boxes[pivot], boxes[1 - pivot]) for pivot in (1, 0))
     total = []
-    for pivot, other in ((1, 0), (0, 1)):
-        total.append(_chart(g, coefficient, (outer, inner), boxes, pivot, other, invariant, rest))
+    for pivot, mine, others in ((1, first, conjunction(negation(first), second)), (0, conjunction(negation(first), second), first)):
+        total.append(_chart(g, coefficient, (outer, inner), boxes, pivot, mine, others, invariant, rest))
     if not rest:
         total.append(infinite_at_saddle(g, coefficient, boxes))
     return add(*total)
+
+
+def _is_even(g: Expr, box: Binder, stay: Binder) -> Cond:
+    """Whether the slope along one variable is of one size for all values of the other one; not asked where that depends on variables."""
+    rate = slope(g, box.var)
+    low, high = (cast(Expr, substitute(rate, {box.var: box.lo, stay.var: end})) for end in (stay.lo, stay.hi))
+    squares = add(ex.integer_power(low, 2), ex.integer_power(high, 2))
+    even = positive(sub(mul(low, high), mul(const(EVEN), squares)))
+    return FALSE if even.free else even
 
 
 def _extent(b: Binder) -> Expr:
@@ -92,17 +107,18 @@ def _chart(
     binders: tuple[Binder, Binder],
     boxes: Sequence[Binder],
     pivot: int,
-    other: int,
+    whole: Cond,
+    nothing: Cond,
     invariant: Expr,
     rest: Chain,
 ) -> Expr:
-    """The part of the curve where `pivot` is eliminated; the other variable stays."""
-    b, box, stay = binders[pivot], boxes[pivot], boxes[other]
+    """The part of the curve where `pivot` is eliminated; the other variable stays. It may be the whole, or nothing."""
+    b, box, stay = binders[pivot], boxes[pivot], boxes[1 - pivot]
     origin = {b.var: box.lo}
     rate = cast(Expr, substitute(slope(g, b.var), origin))
     root = sub(box.lo, div(cast(Expr, substitute(g, origin)), rate))
     odds = const(ODDS if pivot else 1 / ODDS)
-    least = call("sqrt", mul(invariant, odds, div(_extent(stay), _extent(box))))
+    least = where(whole, ZERO, call("sqrt", mul(invariant, odds, div(_extent(stay), _extent(box)))))
     strict = pivot == 0
     steep: Cond = disjunction(positive(sub(rate, least), strict), positive(sub(mul(ex.MINUS_ONE, rate), least), strict))
     at = {b.var: root}
@@ -112,5 +128,5 @@ def _chart(
         if c is b or (limits.lo, limits.hi) != (c.lo, c.hi):
             lo, hi = (cast(Expr, substitute(e, at)) for e in (c.lo, c.hi))
             value = signed_inside(point[c.var], lo, hi, g, c.var, (c.lo, c.hi), value)
-    value = where(steep, value, ZERO)
+    value = where(conjunction(negation(nothing), steep), value, ZERO)
     return nest(value, (Binder(stay.var, stay.lo, stay.hi), *rest))

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 from teg.calculus import slope
@@ -54,8 +54,8 @@ from teg.expr import (
 from teg.integral import Integral, masses_of
 from teg.isolation import MARGIN, MAX_ROOTS, Isolation, Location, isolate, locate
 from teg.node import Node, digest, postorder
-from teg.polynomial import P, Point, Poly, Ratio, Shadow, residue
-from teg.roots import discriminant, far_origin, local_origin, quadratic_coefficients, solve
+from teg.polynomial import Degrees, P, Point, Poly, Ratio, Shadow, residue
+from teg.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients, solve
 from teg.surfaces import atoms_of, binders_inside
 from teg.traverse import replace_node, substitute
 
@@ -100,6 +100,15 @@ class Breaks:
     matters: Mapping[Expr, Cond] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Pole:
+    """The pole of a rational integrand: a linear function, the degree of the numerator, and the power in the denominator."""
+
+    turn: Turn
+    degree: int
+    power: int
+
+
 Meeting = tuple[Expr, Expr, Var, Expr, Expr]
 """Two functions, the inner variable in which they may have a root in common, and its range."""
 
@@ -121,14 +130,17 @@ class BreakAnalysis:
         self._breaks: dict[Integral, Breaks] = {}
         self._projections: dict[Integral, _Found] = {}
         self._shadows: dict[tuple[Var, ...], Shadow] = {}
+        self._degrees = Degrees()
+        self._formulas: dict[tuple[Expr, Var, Expr, Expr], Roots | None] = {}
         self._points = (Point("first"), Point("second"))
+        self._keys: dict[Expr, object] = {}
 
     # -- breaks --------------------------------------------------------------------------------------------------------
 
     def of(self, node: Integral) -> Breaks:
         """The breaks of an integral; those of the integrals inside it are found first."""
         if node not in self._breaks:
-            for inner in postorder([node]):
+            for inner in postorder([node]) if any(c.has_integral for c in node.children) else [node]:
                 if isinstance(inner, Integral) and inner not in self._breaks:
                     self._breaks[inner] = self._find(inner)
         return self._breaks[node]
@@ -139,7 +151,7 @@ class BreakAnalysis:
         masses = masses_of(body, x)
         if masses is not None:  # no breaks of its own; what its roots and its conditions contribute outside
             atoms = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
-            formula = solve(masses.g, x, node.lo, node.hi)
+            formula = self._solve(masses.g, x, node.lo, node.hi)
             complete = formula is not None and formula.certain
             return Breaks(tuple(dict.fromkeys((masses.g, *atoms))), (), (), (), frozenset(), complete, False)
         found = _Found({})
@@ -178,11 +190,15 @@ class BreakAnalysis:
         """The turns that are quadratic in the variable, each once; of others remains that there may be roots at the ends of pieces."""
         bends: dict[object, Turn] = {}
         for turn in found.turns:
-            degree = Shadow((x,)).degree(turn.function)
+            degree = self._degrees.of(turn.function, x)
             if degree == 0:
                 continue
-            if degree in (1, 2) and len(bends) < MAX_BENDS:
-                bends.setdefault((turn.kind, self.key(turn.function)), turn)
+            key = turn.kind, self.key(turn.function)
+            known = bends.get(key)
+            if known is not None:
+                bends[key] = replace(known, when=disjunction(known.when, turn.when))
+            elif degree in (1, 2) and len(bends) < MAX_BENDS:
+                bends[key] = turn
             elif turn.kind != "pole":
                 found.rooted = True
         return tuple(bends.values())
@@ -214,9 +230,10 @@ class BreakAnalysis:
                 elif node.name in ("floor", "mod"):
                     found.complete = False
             elif isinstance(node, Pow) and node.exponent < 0 and counts and not node.free & inner:
-                if Shadow((x,)).degree(node.base) in (1, 2):
-                    found.functions[node.base] = TRUE
-                    found.turns[Turn("pole", node.base)] = None
+                base = _with_the_same_zeros(node.base)
+                if self._degrees.of(base, x) in (1, 2):
+                    found.functions[base] = TRUE
+                    found.turns[Turn("pole", base)] = None
             elif isinstance(node, Integral):
                 projection = self._projection(node)
                 found.complete &= projection.complete
@@ -237,7 +254,7 @@ class BreakAnalysis:
     def _distinct(self, functions: dict[Expr, Cond]) -> tuple[dict[Expr, Expr], dict[Expr, Cond]]:
         """Each function with the first one proportional to it; and of those where their zeros matter."""
         first: dict[object, Expr] = {}
-        distinct = {f: first.setdefault(self.key(f), f) for f in functions}
+        distinct = {f: first.setdefault(self.key(f), f) for f in functions} if len(functions) > 1 else {f: f for f in functions}
         matters: dict[Expr, Cond] = {}
         for f, representative in distinct.items():
             condition = disjunction(matters.get(representative, FALSE), functions[f])
@@ -246,8 +263,17 @@ class BreakAnalysis:
 
     def key(self, f: Expr) -> object:
         """The same for functions that are proportional by a number."""
-        u, v = (p.value(f) for p in self._points)
-        return v * pow(u, -1, P) % P if u and v else f
+        if f not in self._keys:
+            u, v = (p.value(f) for p in self._points)
+            self._keys[f] = v * pow(u, -1, P) % P if u and v else f
+        return self._keys[f]
+
+    def _solve(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Roots | None:
+        """The roots of a function by formula; integrals that share surfaces and bounds ask for the same ones."""
+        problem = (f, x, lo, hi)
+        if problem not in self._formulas:
+            self._formulas[problem] = solve(f, x, lo, hi, degrees=self._degrees)
+        return self._formulas[problem]
 
     def _roots(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[Expr], bool] | None:
         """The roots of a function with all its branches, and whether these are certainly all (else the rule searches for the others); None
@@ -258,7 +284,7 @@ class BreakAnalysis:
         if branches is None:
             return None
         for branch in branches:
-            roots = solve(branch, x, lo, hi)
+            roots = self._solve(branch, x, lo, hi)
             if roots is None:
                 return None
             points.extend(r.point if r.exists is TRUE else where(r.exists, r.point, const(math.nan)) for r in roots.found)
@@ -293,7 +319,7 @@ class BreakAnalysis:
         others: list[Expr] = []
         for function in breaks.functions:
             for f in _branches(function) or ():
-                degree = Shadow((z,)).degree(f)
+                degree = self._degrees.of(f, z)
                 for bound in (lo, hi):
                     if not (isinstance(bound, Const) and math.isinf(bound.data)):
                         put(cast(Expr, substitute(f, {z: bound})))
@@ -317,7 +343,7 @@ class BreakAnalysis:
                 elif degree != 0:
                     out.rooted = True
                     others.append(f)
-                    for g in _borders_of_existence(f, z, lo, hi):
+                    for g in _borders_of_existence(self._solve(f, z, lo, hi), z):
                         put(g)
         for i, (_, rate1, at1) in enumerate(affine):
             crossing = sub(origin, div(at1, rate1))
@@ -331,7 +357,7 @@ class BreakAnalysis:
                 put(_resultant(first, second), conjunction(here, self._nearby(g, z, lo, hi)))
         curved = [*others, *(f for f, *_ in quadratic)]
         for i, f in enumerate(others):
-            formula = solve(f, z, lo, hi)
+            formula = self._solve(f, z, lo, hi)
             if formula is None or not formula.certain:
                 out.complete = False  # where its roots are born, and where they meet others, is searched for
                 for g in (*_turning(f, z), *curved[i + 1 :]):
@@ -347,14 +373,14 @@ class BreakAnalysis:
 
     def _somewhere(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
         """Whether a root of f with a formula lies between the bounds."""
-        roots = solve(f, z, lo, hi)
+        roots = self._solve(f, z, lo, hi)
         if roots is None:
             return TRUE
         return disjunction(*(conjunction(r.exists, _within(r.point, lo, hi)) for r in roots.found))
 
     def _nearby(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
         """Whether a root of a quadratic lies between the bounds or near them; near a double root it need not exist."""
-        roots = solve(f, z, lo, hi)
+        roots = self._solve(f, z, lo, hi)
         return TRUE if roots is None else disjunction(*(_near(r.point, lo, hi) for r in roots.found))
 
     # -- degrees -------------------------------------------------------------------------------------------------------
@@ -364,6 +390,23 @@ class BreakAnalysis:
         if not self.of(node).complete:
             return None
         return self._shadow((node.var,)).degree(node.body)
+
+    def pole(self, node: Integral) -> Pole | None:
+        """The pole of an integrand that is a polynomial over a power of a linear function on each piece, and a polynomial where that does
+        not count; None if it has none, or has others, or is not known to be like this."""
+        breaks, x = self.of(node), node.var
+        turns = [turn for turn in breaks.bends if turn.kind == "pole"]
+        if not breaks.complete or breaks.isolated or len(turns) != 1:
+            return None
+        turn, shadow = turns[0], self._shadow((x,))
+        linear, ratio = shadow.polynomial(turn.function), shadow.of(node.body)
+        if ratio is None or linear is None or max(linear) != (1,):
+            return None
+        at = -linear.get((0,), 0) * pow(linear[1,], -1, P) % P
+        above, numerator = _without_zero(ratio[0], at)
+        below, denominator = _without_zero(ratio[1], at)
+        degree, power = max((i for (i,) in numerator), default=0), below - above
+        return Pole(turn, degree, power) if max(denominator) == (0,) and power > 0 else None
 
     def _shadow(self, variables: tuple[Var, ...]) -> Shadow:
         if variables not in self._shadows:
@@ -379,11 +422,11 @@ class BreakAnalysis:
         if inner is None:
             return None
         shadow = self._shadow(variables)
-        ends = [shadow.polynomial(e) for e in (node.lo, node.hi, *breaks.points)]
+        ends = [shadow.of(e) for e in (node.lo, node.hi, *breaks.points)]
         if any(e is None for e in ends):
             return None
         total: Ratio | None = shadow.constant(0)
-        for k, end in enumerate(cast("list[Poly]", ends)):
+        for k, end in enumerate(cast("list[Ratio]", ends)):
             at_end = _antiderivative_at(shadow, inner, end)
             if at_end is None or total is None:
                 return None
@@ -391,13 +434,26 @@ class BreakAnalysis:
         return total
 
 
-def _antiderivative_at(shadow: Shadow, inner: Poly, end: Poly) -> Ratio | None:
+def _without_zero(poly: Poly, at: int) -> tuple[int, Poly]:
+    """How often a polynomial in one variable has a zero there, and what is left without it."""
+    times, coefficients = 0, [poly.get((i,), 0) for i in range(max((i for (i,) in poly), default=0), -1, -1)]
+    while len(coefficients) > 1:
+        quotient = [coefficients[0]]
+        for c in coefficients[1:]:
+            quotient.append((quotient[-1] * at + c) % P)
+        if quotient.pop():
+            break
+        times, coefficients = times + 1, quotient
+    return times, {(i,): c for i, c in enumerate(reversed(coefficients)) if c}
+
+
+def _antiderivative_at(shadow: Shadow, inner: Poly, end: Ratio) -> Ratio | None:
     """∫ inner dz at z = end: monomials c·zⁱ·rest become c/(i+1)·endⁱ⁺¹·rest."""
     one = shadow.constant(1)
     powers: list[Ratio] = [one]
     total: Ratio | None = shadow.constant(0)
     for i in range(max((m[0] for m in inner), default=0) + 1):
-        step = shadow._product(powers[-1], (end, one[1]))
+        step = shadow._product(powers[-1], end)
         if step is None:
             return None
         powers.append(step)
@@ -427,6 +483,13 @@ def _kept(root: Expr, matters: Cond, x: Var) -> Expr:
     return where(cast(Cond, substitute(matters, {x: root})), root, const(math.nan))
 
 
+def _with_the_same_zeros(f: Expr) -> Expr:
+    """A function without the powers and the |·| that it is inside of."""
+    while isinstance(f, Pow) or (isinstance(f, Call) and f.name == "magnitude"):
+        f = f.base if isinstance(f, Pow) else f.children[0]
+    return f
+
+
 def _turning(f: Expr, z: Var) -> list[Expr]:
     """The slope of f, which is 0 where two of its roots meet; nothing where f has steps."""
     try:
@@ -445,9 +508,8 @@ def _resultant(first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]) 
     return where(positive(add(call("magnitude", a1), call("magnitude", a2))), result, linear)
 
 
-def _borders_of_existence(f: Expr, z: Var, lo: Expr, hi: Expr) -> list[Expr]:
+def _borders_of_existence(roots: Roots | None, z: Var) -> list[Expr]:
     """Where roots of a function with a formula appear and vanish."""
-    roots = solve(f, z, lo, hi)
     if roots is None:
         return []
     return [a.g for r in roots.found for a in atoms_of(r.exists) if z not in a.g.free]

@@ -2,14 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import cast
 
-from teg.expr import FALSE, TRUE, ZERO, And, Cond, Expr, Mul, Or, Var, Where, conjunction, disjunction, negation
+from teg.calculus import slope
+from teg.expr import (
+    FALSE,
+    TRUE,
+    ZERO,
+    Add,
+    And,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Or,
+    Var,
+    Where,
+    add,
+    call,
+    conjunction,
+    const,
+    disjunction,
+    mul,
+    negation,
+)
 from teg.integral import Integral
 from teg.node import Node
+from teg.traverse import substitute
 
 GUARD_TERMS = 4
 """Longer guards cost more than they save."""
+NEAR, EXACT = 2.0**-30, 2.0**-44
+"""How near to the box, relative to what a surface changes over it, and to its terms, it is still looked at: it may tie."""
 
 
 def guards(
@@ -72,3 +97,18 @@ def support(e: Expr) -> Cond:
         parts = [support(f) for f in e.children if isinstance(f, Where)]
         return conjunction(*parts)
     return TRUE
+
+
+def middle_and_reach(g: Expr, corner: Mapping[Var, Expr], extents: Sequence[Expr]) -> tuple[Expr, Expr]:
+    """The value of an affine g in the middle of a box, and how far from it g may be there, with room for ties: the box lies on one side
+    of the surface where |middle| > reach. Variables are given outermost first, so that all who ask get the same expressions."""
+    at_corner = cast(Expr, substitute(g, corner))
+    steps = [mul(cast(Expr, substitute(slope(g, v), corner)), d) for v, d in zip(corner, extents, strict=True)]
+    terms = at_corner.children if isinstance(at_corner, Add) else (at_corner,)
+    over_box = mul(const(0.5 + NEAR), add(*(_magnitude(step) for step in steps)))
+    rounded = mul(const(EXACT), add(*(_magnitude(t) for t in terms)))
+    return add(at_corner, mul(const(0.5), add(*steps))), add(over_box, rounded)
+
+
+def _magnitude(e: Expr) -> Expr:
+    return const(abs(e.data)) if isinstance(e, Const) else call("magnitude", e)

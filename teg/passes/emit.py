@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from teg.expr import MINUS_ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where
+from teg.function import Apply, Callee
 from teg.integral import Delta, Integral
 from teg.node import Node
 from teg.passes.breaks import Breaks
@@ -84,6 +85,7 @@ class Emitter(ABC):
     def __init__(self, parameters: Sequence[str]) -> None:
         self.parameter_names = {p: f"p{i}" for i, p in enumerate(parameters)}
         self.ties: dict[tuple[str, str], int] = {}
+        self.functions: dict[tuple[Callee, tuple[int, ...]], int] = {}
         self._count = 0
         self._binders: dict[Node, frozenset[Var]] = {}
 
@@ -175,6 +177,9 @@ class Emitter(ABC):
             case Pow():
                 base = self._number_of(e.base, home)
                 return self.assign(home, "v", "div", 1.0, base) if e.exponent == -1 else self.assign(home, "v", "powi", base, e.exponent)
+            case Apply():
+                k = self.functions.setdefault((e.callee, e.derivative), len(self.functions))
+                return self.assign(home, "v", "call", k, *(self._number_of(c, home) for c in e.children))
             case Call():
                 args = [self._number_of(c, home) for c in e.children]
                 if e.name == "root":

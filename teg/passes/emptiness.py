@@ -6,10 +6,13 @@ nothing where g has one sign there. Where a condition may tie, or a root lie on 
 
 from __future__ import annotations
 
+from typing import cast
+
 from teg.errors import NotDifferentiableError
 from teg.expr import (
     FALSE,
     MINUS_ONE,
+    ONE,
     TRUE,
     ZERO,
     Add,
@@ -21,6 +24,7 @@ from teg.expr import (
     Where,
     add,
     call,
+    conjunction,
     const,
     disjunction,
     mul,
@@ -32,9 +36,13 @@ from teg.intervals import Enclosure
 from teg.isolation import MARGIN
 from teg.node import postorder
 from teg.passes.demand import support
+from teg.polynomial import Shadow
 from teg.surfaces import atoms_of
+from teg.traverse import rewrite, substitute
 
 MAX_LEVELS = 32
+MAX_SIDES = 4
+"""Surfaces and sides of the domain whose signs are asked for."""
 MAX_NODES = 400
 """Nodes of the test: a longer one costs more than it saves."""
 
@@ -48,9 +56,11 @@ def certainly_empty(node: Integral) -> Cond:
         for inner in nest:
             ends = [*enclosure.of(inner.lo), *enclosure.of(inner.hi)]
             enclosure.box[inner.var] = _extreme("min", ends), _extreme("max", ends)
-        for c in conditions:
-            if all(v in enclosure.box for v in c.free):
-                fails += _refutations(c, enclosure)
+        inside = [c for c in conditions if all(v in enclosure.box for v in c.free)]
+        for c in inside:
+            fails += _refutations(c, enclosure)
+        if len(nest) == 1:
+            fails += _one_sided(inside, node)
         masses = masses_of(nest[-1].body, nest[-1].var)
         if masses is not None and all(v in enclosure.box for v in masses.free):
             fails += [_clearly_negative(g, enclosure) for g in (masses.g, mul(MINUS_ONE, masses.g))]
@@ -96,6 +106,28 @@ def _refutations(c: Cond, enclosure: Enclosure) -> list[Cond]:
     if isinstance(c, Compare) and c.resolution is not None:
         return [_clearly_negative(c.g, enclosure)]
     return [enclosure.decision(c)[1]] if all(a.resolution is None for a in atoms_of(c)) else []
+
+
+def _one_sided(conditions: list[Cond], node: Integral) -> list[Cond]:
+    """Conditions under which everything that may tie has one sign between the bounds, where that refutes the whole: [y* < h] - [y* < l] of
+    a surface that passes the domain, whatever the sign of its slope is. What may tie is affine here, its ends decide."""
+    ties = dict.fromkeys(a for c in conditions for a in atoms_of(c) if a.resolution is not None)
+    functions = dict.fromkeys(a.g for a in ties)
+    if not 1 < len(functions) <= MAX_SIDES or any(Shadow((node.var,)).degree(g) != 1 for g in functions):
+        return []
+    found = []
+    for assumed, sign in ((TRUE, MINUS_ONE), (FALSE, ONE)):
+        taken = rewrite(conditions, lambda old, new, assumed=assumed: assumed if old in ties else new)  # type: ignore[misc]
+        if _is_refuted(conjunction(*(cast(Cond, taken[c]) for c in conditions))):
+            ends = [cast(Expr, substitute(mul(sign, g), {node.var: bound})) for g in functions for bound in (node.lo, node.hi)]
+            found.append(conjunction(*(_clearly_negative(end, Enclosure({})) for end in ends)))
+    return found
+
+
+def _is_refuted(c: Cond) -> bool:
+    """Whether a conjunction holds a condition together with its negation."""
+    parts = set(c.children if isinstance(c, And) else (c,))
+    return c is FALSE or any(negation(part) in parts for part in parts)
 
 
 def _clearly_negative(g: Expr, enclosure: Enclosure) -> Cond:

@@ -14,40 +14,73 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from teg.program import Arg, Assign, Integrate, Isolate, Locate, Program, Sample, Stmt, SumOver, assigned, statements, without_dead_code
+from teg.program import (
+    EDGE,
+    ROUNDING,
+    Arg,
+    Assign,
+    Called,
+    Integrate,
+    Isolate,
+    Locate,
+    Polygon,
+    Program,
+    Sample,
+    Segment,
+    Stmt,
+    SumOver,
+    assigned,
+    clipped_by,
+    statements,
+    without_branches,
+    without_dead_code,
+)
 
 STEEP = ("div", "powi", "pow", "log", "sqrt", "asin", "acos", "tan", "atan2")
 """Operations whose slope can be infinite."""
 ROUNDINGS = 16 * 2.0**-52
+LEAST = 1e-300
+"""In the place of a divisor that is 0."""
 Errors = dict[Arg, Arg]
 """By name: the error of a number (0.0 if it is not there), or whether a condition is doubtful (False if it is not there)."""
 
 
 def with_error_estimates(program: Program) -> Program:
     """The program with twice the outputs: the old ones, then an error estimate of each."""
-    return _Estimator(program).run()
+    return _Estimator(program).run(ROUNDINGS)
+
+
+def with_errors_of(program: Program, inexact: Sequence[int]) -> Program:
+    """The same for a part of a larger program: parameters of these numbers are inexact, and their errors are parameters behind the others.
+    Roundings of the outputs are left to what uses them; an output without an error has the literal 0.0."""
+    return _Estimator(program, inexact).run(0.0)
 
 
 class _Estimator:
-    def __init__(self, program: Program) -> None:
-        self.program = program
-        self.errors: Errors = {}
+    def __init__(self, program: Program, inexact: Sequence[int] = ()) -> None:
+        program = without_branches(program)
+        first = len(program.parameters)
+        titles = (f"error of {program.parameters[i]}" for i in inexact)
+        self.program = replace(program, parameters=(*program.parameters, *titles))
+        self.errors: Errors = {f"p{i}": f"p{first + j}" for j, i in enumerate(inexact)}
         self._made: dict[Arg, Assign] = {}
+        self._functions = {(f.callee, f.derivative): k for k, f in enumerate(program.functions)}
         self._count = 0
         self._taken = {name for stmt in statements(program.body) for name in assigned(stmt)}
 
-    def run(self) -> Program:
+    def run(self, roundings: float) -> Program:
         body = self._block(self.program.body)
         ends: list[Stmt] = []
-        errors = [self._sum_of((self._error(o), self._rounding(o, ends)), ends) for o in self.program.outputs]
+        errors = [self._sum_of((self._error(o), self._rounding(o, roundings, ends)), ends) for o in self.program.outputs]
         body, outputs = (*body, *ends), (*self.program.outputs, *errors)
-        return without_dead_code(Program(self.program.parameters, body, outputs, self.program.ties))
+        functions = tuple(Called(*f) for f in self._functions)
+        return without_dead_code(Program(self.program.parameters, body, outputs, self.program.ties, functions))
 
-    def _rounding(self, output: Arg, out: list[Stmt]) -> Arg:
+    def _rounding(self, output: Arg, roundings: float, out: list[Stmt]) -> Arg:
         """A few roundings of what is computed outside of all integrals."""
-        if not isinstance(output, str):
+        if not isinstance(output, str) or not roundings:
             return 0.0
-        return self._op(out, "mul", ROUNDINGS, self._op(out, "abs", output))
+        return self._op(out, "mul", roundings, self._op(out, "abs", output))
 
     def _fresh(self, kind: str) -> str:
         while True:
@@ -76,7 +109,12 @@ class _Estimator:
                     self._sum(stmt, out)
                 case Sample():
                     self._sample(stmt, out)
-                case Isolate() | Locate():
+                case Polygon() | Segment():
+                    self._clipped(stmt, out)
+                case Isolate():
+                    out.append(stmt)
+                    self._roots(stmt, out)
+                case Locate():
                     out.append(stmt)
                 case _:
                     self._other(stmt, out)
@@ -85,7 +123,8 @@ class _Estimator:
     # -- statements ----------------------------------------------------------------------------------------------------
 
     def _integral(self, stmt: Integrate, out: list[Stmt]) -> None:
-        """The rule's estimates, and the integral of the error of the integrand; a bound that is off moves the result by its mean size."""
+        """The rule's estimates, and the integral of the error of the integrand; a bound that is off moves the result by the integrand's
+        mean size, a break by its mean size where it is not 0."""
         flags = self._block(stmt.flags)
         body = self._block(stmt.body)
         companions = [self._error(v) for v in stmt.values]
@@ -93,7 +132,15 @@ class _Estimator:
         estimates = tuple(self._fresh("v") for _ in stmt.values)
         results = tuple(self._fresh("v") for _ in inexact)
         values = (*stmt.values, *(companions[i] for i in inexact))
-        out.append(replace(stmt, flags=flags, body=body, values=values, results=(*stmt.results, *results), estimates=estimates))
+        inside = self._sum_of(map(self._error, dict.fromkeys(stmt.breaks)), out)
+        sizes: dict[int, tuple[Arg, Arg]] = {}
+        if inside != 0.0:
+            also = list(body)
+            sizes = {i: self._size_and_extent(v, also) for i, v in enumerate(stmt.values)}
+            body, values = tuple(also), (*values, *(v for pair in sizes.values() for v in pair))
+            sizes = {i: (self._fresh("v"), self._fresh("v")) for i in sizes}
+        found = (*stmt.results, *results, *(str(v) for pair in sizes.values() for v in pair))
+        out.append(replace(stmt, flags=flags, body=body, values=values, results=found, estimates=estimates))
         more = dict(zip(inexact, results, strict=True))
         ends = self._sum_of((self._error(stmt.lo), self._error(stmt.hi)), out)
         for i, (result, estimate) in enumerate(zip(stmt.results, estimates, strict=True)):
@@ -103,10 +150,42 @@ class _Estimator:
             if ends != 0.0:
                 length = self._op(out, "abs", self._op(out, "sub", stmt.hi, stmt.lo))
                 parts.append(self._op(out, "mul", ends, self._op(out, "div", self._op(out, "abs", result), length)))
+            if i in sizes:
+                size, extent = (self._op(out, "abs", v) for v in sizes[i])
+                parts.append(self._op(out, "mul", inside, self._op(out, "div", size, self._op(out, "max", extent, LEAST))))
             self.errors[result] = self._sum_of(parts, out)
 
+    def _size_and_extent(self, value: Arg, out: list[Stmt]) -> tuple[Arg, Arg]:
+        """|value|, and 1 where it is not 0."""
+        size = self._op(out, "abs", value)
+        return size, self._op(out, "select", self._op(out, "gt0", size), 1.0, 0.0)
+
+    def _roots(self, stmt: Isolate, out: list[Stmt]) -> None:
+        """A root is off by Δg/|g'|: both are computed there, where the function is inexact."""
+        point = list(self._block(stmt.point))
+        error = self._error(stmt.value)
+        if error == 0.0 or not all(isinstance(s, Assign) for s in point):
+            return
+        slope = self._op(point, "max", self._op(point, "abs", stmt.slope), LEAST)
+        off = self._op(point, "div", error, slope)
+        for root in stmt.results:
+            names: dict[Arg, Arg] = {}
+            body = []
+            for s in point:
+                assert isinstance(s, Assign)
+                args = tuple(names.get(a, a) if isinstance(a, str) else a for a in s.args)
+                names[s.name] = self._fresh(s.name[0])
+                body.append(Assign(str(names[s.name]), s.op, args))
+            self.errors[root] = self._fresh("v")
+            values, results = (names[off],), (str(self.errors[root]),)
+            out.append(SumOver(stmt.var, (root,), tuple(body), values, results, stmt.when))
+
     def _sum(self, stmt: SumOver, out: list[Stmt]) -> None:
+        for error in {self._error(p): None for p in stmt.points if self._error(p) != 0.0}:
+            known = self._error(stmt.var)
+            self.errors[stmt.var] = error if known == 0.0 else self._op(out, "max", known, error)
         body = self._block(stmt.body)
+        self.errors.pop(stmt.var, None)
         companions = [self._error(v) for v in stmt.values]
         inexact = [i for i, c in enumerate(companions) if c != 0.0]
         results = tuple(self._fresh("v") for _ in inexact)
@@ -126,6 +205,39 @@ class _Estimator:
         more = dict(zip(inexact, results, strict=True))
         for i, (result, estimate) in enumerate(zip(stmt.results, estimates, strict=True)):
             self.errors[result] = self._op(out, "add", estimate, self._op(out, "abs", more[i])) if i in more else estimate
+
+    def _clipped(self, stmt: Polygon | Segment, out: list[Stmt]) -> None:
+        """Roundings of the sum, of the corners (of a sliver much), what the integrand is off by, and what the domain is, relative to the
+        numbers that decide it."""
+        setup, body = self._block(stmt.setup), list(self._block(stmt.body))
+        sizes = {v: self._op(body, "abs", v) if isinstance(v, str) else abs(v) for v in stmt.values}
+        companions = [self._error(v) for v in stmt.values]
+        inexact = [i for i, c in enumerate(companions) if c != 0.0]
+        names = {v: self._fresh("v") for v in sizes}
+        extent, more = self._fresh("v"), {i: self._fresh("v") for i in inexact}
+        values = (*stmt.values, *sizes.values(), 1.0, *(companions[i] for i in inexact))
+        factors = (*stmt.factors, *(1.0 for _ in (*sizes, extent, *inexact)))
+        results = (*stmt.results, *names.values(), extent, *more.values())
+        if isinstance(stmt, Polygon):
+            out.append(replace(stmt, setup=setup, body=tuple(body), values=values, factors=factors, results=results))
+            box = self._op(out, "abs", self._op(out, "mul", stmt.width, stmt.height))
+        else:
+            out.append(replace(stmt, setup=setup, body=tuple(body), values=values, factors=factors, results=results))
+            box = 1.0
+        thin = self._op(out, "div", box, self._op(out, "max", self._op(out, "abs", extent), LEAST))
+        relative = self._op(out, "add", 0.5 * ROUNDING, self._op(out, "mul", EDGE, thin))
+        for arg in clipped_by(stmt):
+            if isinstance(arg, str) and arg[0] != "b" and self._error(arg) != 0.0:
+                size = self._op(out, "max", self._op(out, "abs", arg), LEAST)
+                relative = self._op(out, "add", relative, self._op(out, "div", self._error(arg), size))
+        for i, (result, value, factor) in enumerate(zip(stmt.results, stmt.values, stmt.factors, strict=True)):
+            size = self._op(out, "abs", names[value])
+            parts = [self._op(out, "mul", relative, size)]
+            if i in more:
+                parts.append(self._op(out, "abs", more[i]))
+            total = self._times(out, factor, self._sum_of(parts, out)) if factor != 1.0 else self._sum_of(parts, out)
+            spread = self._error(factor)
+            self.errors[result] = total if spread == 0.0 else self._sum_of((total, self._op(out, "mul", spread, size)), out)
 
     def _other(self, stmt: Stmt, out: list[Stmt]) -> None:
         raise AssertionError(f"no error estimate for {type(stmt).__name__}")
@@ -161,7 +273,8 @@ class _Estimator:
         elif op in ("gt0", "ge0", "lt0", "le0", "tie"):
             error = self._error(args[0])
             if error != 0.0:
-                self.errors[stmt.name] = self._op(out, "ge0", self._op(out, "sub", error, self._op(out, "abs", args[0])))
+                near = self._op(out, "ge0", self._op(out, "sub", error, self._op(out, "abs", args[0])))
+                self.errors[stmt.name] = self._op(out, "and", near, self._op(out, "gt0", error))  # 0 may be exact
         elif op != "ok":
             error = self._of_number(stmt, out)
             if op in STEEP and error != 0.0:  # an exact argument where the slope is infinite: 0·∞
@@ -215,8 +328,21 @@ class _Estimator:
                 return o("div", self._sum_of((self._times(out, args[1], errors[0]), self._times(out, args[0], errors[1])), out), square)
             case "floor" | "mod":
                 return errors[0] if op == "mod" else 0.0
+            case "call":
+                return self._of_call(args, errors, out)
             case _:
                 raise AssertionError(f"no error estimate for {op}")
+
+    def _of_call(self, args: Sequence[Arg], errors: Sequence[Arg], out: list[Stmt]) -> Arg:
+        """Input by input, by the derivatives of the function."""
+        callee, order = list(self._functions)[int(args[0])]
+        parts = []
+        for i, error in enumerate(errors[1:]):
+            if error != 0.0:
+                slope = (callee, (*order[:i], order[i] + 1, *order[i + 1 :]))
+                k = self._functions.setdefault(slope, len(self._functions))
+                parts.append(self._times(out, self._op(out, "call", k, *args[1:]), error))
+        return self._sum_of(parts, out)
 
     def _of_product(self, args: Sequence[Arg], errors: Sequence[Arg], out: list[Stmt]) -> Arg:
         """Factor by factor: Δ(u·v) = |v|·Δu + |u|·Δv + Δu·Δv."""

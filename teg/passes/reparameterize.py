@@ -15,7 +15,7 @@ from typing import Any, cast
 
 from teg.diffeomorphism import Diffeomorphism, checked_maps
 from teg.errors import DeltaError, NoReparameterisationError
-from teg.expr import ZERO, Expr, Var, add, mul
+from teg.expr import ZERO, Cond, Const, Expr, Mul, Var, Where, add, conjunction, mul, where
 from teg.integral import Delta, Integral, integral_over
 from teg.nest import Binder, Chain, nest
 from teg.node import Node, postorder
@@ -92,6 +92,7 @@ class _Elimination:
         self.kept = False
         self.variables = list(dict.fromkeys(n.var for n in postorder([root]) if isinstance(n, Integral)))
         self.decisions: dict[Expr, tuple[Any, Rewrite]] = {}
+        self.sifted: dict[tuple[Delta, Expr, Chain], Expr] = {}
 
     def run(self) -> Expr:
         new: dict[Node, Node] = {}
@@ -147,7 +148,10 @@ class _Elimination:
                 if self.keep_moving and data.moves:
                     terms.append(nest(mul(d, coefficient), whole))
                 elif coefficient is not ZERO:
-                    terms.append(self._sifted(d, coefficient, whole, data, rewrite))
+                    factor, weight = _apart(coefficient, {b.var for b in whole})
+                    if (d, weight, whole) not in self.sifted:  # the derivatives by many parameters differ in the factor only
+                        self.sifted[d, weight, whole] = self._sifted(d, weight, whole, data, rewrite)
+                    terms.append(mul(factor, self.sifted[d, weight, whole]))
             rest = without(rest, {d})
         return add(integral_over(rest, x, node.lo, node.hi), *terms)
 
@@ -193,6 +197,18 @@ class _Elimination:
                 if inner is not None:
                     return nest(inner, chain[:i])
         return None
+
+
+def _apart(coefficient: Expr, variables: set[Var]) -> tuple[Expr, Expr]:
+    """A coefficient as a factor that none of the variables runs through, and the rest, its conditions included."""
+    conditions: list[Cond] = []
+    while isinstance(coefficient, Where) and coefficient.otherwise is ZERO:
+        conditions.append(coefficient.condition)
+        coefficient = coefficient.then
+    factors = coefficient.children if isinstance(coefficient, Mul) else (coefficient,)
+    outside = [f for f in factors if f.free.isdisjoint(variables) and not f.has_delta and not isinstance(f, Const)]
+    rest = mul(*(f for f in factors if f not in outside))
+    return mul(*outside), where(conjunction(*conditions), rest, ZERO)
 
 
 def _describe(g: Expr, variables: Sequence[Var]) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import cast
+from typing import assert_never, cast
 
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
@@ -43,12 +43,13 @@ from teg.integral import Integral, PointMasses, masses_of
 from teg.integration import Integration
 from teg.node import Node, postorder
 from teg.passes.breaks import MAX_BENDS, BreakAnalysis, Breaks, Turn
+from teg.passes.clipped import ClippedEmitter
 from teg.passes.demand import GUARD_TERMS, guards, support
 from teg.passes.emit import NAN, Level
 from teg.passes.emptiness import certainly_empty
-from teg.passes.sampled import UnbrokenEmitter, deciding_integrals
+from teg.passes.sampled import deciding_integrals
 from teg.polynomial import Shadow
-from teg.program import Adaptive, Arg, Assign, Bend, Gauss, Integrate, Program, Rule, Tie, without_dead_code
+from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Integrate, Midpoint, Program, Rational, Rule, Tie, without_dead_code
 from teg.roots import local_origin
 from teg.surfaces import atoms_of
 from teg.tails import infinite_ends, is_unbounded
@@ -58,6 +59,8 @@ MAX_GAUSS = 24
 TIGHTEST = 1e-14
 ORDERS = ((1e-6, 6, 12), (1e-13, 8, 16), (0.0, 10, 18))
 """By tolerance: the nodes of the first look at a piece (OUTER more where an integral stands inside) and of the intervals after it."""
+MAX_NUMERATOR, MAX_POWER = 4, 3
+"""Of rational integrands: degree of the numerator, power in the denominator."""
 OUTER = 2
 MAX_SCALES = 4
 MAX_NEST = 6
@@ -76,12 +79,16 @@ def schedule(outputs: Sequence[Expr], parameters: Sequence[str], how: Integratio
 
 
 def rule_for(node: Integral, analysis: BreakAnalysis, how: Integration, depth: int) -> Rule:
-    """Gauss with as many nodes as a polynomial between known breaks needs; adaptive for anything else, tighter inside, with the fewer nodes
-    to begin with the less is asked for. A fixed order is an adaptive rule that accepts everything."""
+    """Gauss with as many nodes as a polynomial between known breaks needs, or one over a power of a linear function; adaptive for anything
+    else, tighter inside, with the fewer nodes to begin with the less is asked for. A fixed order is an adaptive rule that accepts
+    everything."""
     degree = None if how.rule == "adaptive" else analysis.degree(node)
     most = (how.order or FIXED) if how.rule == "gauss" else MAX_GAUSS
     if degree is not None and degree // 2 + 1 <= most and not is_unbounded(node):
         return Gauss(degree // 2 + 1)
+    pole = analysis.pole(node) if how.rule == "auto" and how.order is None and not is_unbounded(node) else None
+    if pole is not None and pole.degree <= MAX_NUMERATOR and pole.power <= MAX_POWER:
+        return Rational(pole.degree + 1, pole.power)
     cubic = analysis.of(node).rooted
     if how.rule == "gauss":
         return Adaptive(math.inf, most, most, cubic)
@@ -89,8 +96,25 @@ def rule_for(node: Integral, analysis: BreakAnalysis, how: Integration, depth: i
     if how.order is not None:
         return Adaptive(tol, how.order, how.order + 8, cubic)
     _, first, order = next(row for row in ORDERS if tol >= row[0])
-    outer = any(isinstance(n, Integral) and masses_of(n.body, n.var) is None for n in postorder([node.body]))
+    inside = postorder([node.body]) if node.body.has_integral else []
+    outer = any(isinstance(n, Integral) and masses_of(n.body, n.var) is None for n in inside)
     return Adaptive(tol, first + OUTER * outer, order, cubic)
+
+
+def _common(rules: Sequence[Rule]) -> Rule:
+    """A rule for all integrals of a loop; their rules are of one kind."""
+    first = rules[0]
+    match first:
+        case Rational():
+            rational = cast("Sequence[Rational]", rules)
+            power = max(r.power for r in rational)
+            return Rational(max(r.nodes + power - r.power for r in rational), power)  # P/D is P·D over D²
+        case Adaptive():
+            return replace(first, cubic=any(cast(Adaptive, r).cubic for r in rules))
+        case Gauss() | Midpoint():
+            return max(rules, key=lambda r: cast(Gauss, r).nodes)
+        case _:
+            assert_never(first)
 
 
 def _slope_of(g: Expr, x: Var) -> Expr | None:
@@ -101,7 +125,8 @@ def _slope_of(g: Expr, x: Var) -> Expr | None:
     return rate if x in rate.free else None
 
 
-class _Scheduler(UnbrokenEmitter):
+class _Scheduler(ClippedEmitter):
+
     def __init__(self, parameters: Sequence[str], how: Integration) -> None:
         super().__init__(parameters, how)
         self.parameters = tuple(parameters)
@@ -112,7 +137,8 @@ class _Scheduler(UnbrokenEmitter):
         self.deciding = deciding_integrals(outputs)
         self.plan_integrals(top, outputs)
         names = tuple(self.number(e, top) for e in outputs)
-        return without_dead_code(Program(self.parameters, tuple(top.block), names, tuple(Tie(t) for t in self.ties)))
+        functions = tuple(Called(*f) for f in self.functions)
+        return without_dead_code(Program(self.parameters, tuple(top.block), names, tuple(Tie(t) for t in self.ties), functions))
 
     def plan_integrals(self, level: Level, roots: Sequence[Expr]) -> None:
         """Find the integrals that belong to this level, when each is needed, and which of them share a loop."""
@@ -137,9 +163,10 @@ class _Scheduler(UnbrokenEmitter):
                 continue
             if masses is None and self.is_sampled(node, level):
                 key = ()
+            elif (clipped := self.clipped(node, level)) is not None:
+                key = (clipped.key,)
             elif not self.is_unbroken(node, level):
-                rule = type(self._rule(node, level)) if masses is None else None
-                key = (*key, rule, frozenset(self.analysis.of(node).functions))
+                key = (*key, self._kind(node, level, masses), frozenset(self.analysis.of(node).functions))
             shared.setdefault((*key, height[node], level.guards[node]), []).append(node)
         for group in shared.values():
             for node in group:
@@ -147,6 +174,8 @@ class _Scheduler(UnbrokenEmitter):
 
     def is_too_deep(self, node: Integral) -> bool:
         """More than MAX_NEST adaptive integrals inside each other: their nodes multiply."""
+        if not any(c.has_integral for c in node.children):
+            return False
         nodes = postorder([node])
         if sum(isinstance(n, Integral) for n in nodes) <= MAX_NEST:
             return False
@@ -165,11 +194,19 @@ class _Scheduler(UnbrokenEmitter):
     def _rule(self, node: Integral, level: Level) -> Rule:
         return rule_for(node, self.analysis, self.how, level.depth)
 
+    def _kind(self, node: Integral, level: Level, masses: object) -> object:
+        """Integrals of one kind can share a loop if the rest agrees."""
+        if masses is not None:
+            return None
+        rule = self._rule(node, level)
+        pole = self.analysis.pole(node) if isinstance(rule, Rational) else None
+        return type(rule) if pole is None else (Rational, self.analysis.key(pole.turn.function), pole.turn.when)
+
     def _decisive(self, group: Sequence[Integral], home: Level) -> set[Expr]:
         """The functions of an integral without whose roots it would be wrong: those of its own conditions; all of them where a rule of
         fixed order, or conditions decided in the middle of pieces, rely on them. The others only help the adaptive rule."""
         functions, bodies = set(self.analysis.of(group[0]).functions), [i.body for i in group]
-        exact = any(isinstance(self._rule(i, home), Gauss) for i in group)
+        exact = any(isinstance(self._rule(i, home), Gauss | Rational) for i in group)
         if exact or any(isinstance(n, PointMasses) for n in postorder(bodies)):
             return functions
         inner = self.binders(bodies)
@@ -185,12 +222,16 @@ class _Scheduler(UnbrokenEmitter):
         group = home.groups.get(node, [node])
         guard = home.guards.get(node, TRUE)
         needed = True if guard is TRUE else self.truths(guard, home)[0]
-        if home.var is None:
+        clipped = [self.clipped(i, home) for i in group]
+        if home.var is None and clipped[0] is None:
             needed = self._unless_empty(group, needed, home)
         if needed is False:
             home.names.update(dict.fromkeys(group, 0.0))
             return
         when = needed if isinstance(needed, str) else None
+        if clipped[0] is not None:
+            home.names.update(zip(group, self.clip([c for c in clipped if c is not None], home, when), strict=True))
+            return
         masses = masses_of(node.body, node.var)
         if masses is not None:
             home.names.update(zip(group, self.sum_over_roots(group, masses, home, when), strict=True))
@@ -201,9 +242,7 @@ class _Scheduler(UnbrokenEmitter):
             return
         lo, hi, breaks = self._pieces(group, home, when)
         rules = [self._rule(i, home) for i in group]
-        rule = max(rules, key=lambda r: r.nodes if isinstance(r, Gauss) else 0)
-        if isinstance(rule, Adaptive):
-            rule = replace(rule, cubic=any(cast(Adaptive, r).cubic for r in rules))
+        rule = _common(rules)
         var = self.fresh("x")
         level = home.inside(node.var, var)
         level.breaks, level.middle = self.analysis.of(node), home.inside(node.var, var)
@@ -212,7 +251,7 @@ class _Scheduler(UnbrokenEmitter):
         need = self._need(bodies, level)
         values = tuple(self.number(b, level) for b in bodies)
         watch = self._watched(bodies, level) if isinstance(rule, Adaptive) and rule.tol < math.inf else ()
-        base, bends = self._bends(group, level, home) if isinstance(rule, Adaptive) else (0.0, ())
+        base, bends = self._bends(group, level, home, rule) if isinstance(rule, Adaptive | Rational) else (0.0, ())
         results = tuple(self.fresh("v") for _ in group)
         flags, inside = tuple(level.middle.block), tuple(level.block)
         infinite = is_unbounded(node)
@@ -294,7 +333,7 @@ class _Scheduler(UnbrokenEmitter):
     def _peaks(self, group: Sequence[Integral], home: Level) -> tuple[Arg, ...]:
         """Where a narrow Gaussian stands in an integrand: its middle and where it ends. Nodes of the whole range would pass it by."""
         node = group[0]
-        if all(isinstance(self._rule(i, home), Gauss) for i in group):
+        if all(isinstance(self._rule(i, home), Gauss | Rational) for i in group):
             return ()
         places: list[Arg] = []
         for rate, curvature in self._exponentials(group)[1]:
@@ -331,12 +370,15 @@ class _Scheduler(UnbrokenEmitter):
             kept.append(self.assign(home, "v", "select", self.truths(matters, at_root)[0], root, NAN))
         return tuple(kept)
 
-    def _bends(self, group: Sequence[Integral], level: Level, home: Level) -> tuple[Arg, tuple[Bend, ...]]:
-        """Where the integrands bend: coefficients are numbers from outside, whether a bend counts is decided in the middle of a piece."""
+    def _bends(self, group: Sequence[Integral], level: Level, home: Level, rule: Rule) -> tuple[Arg, tuple[Bend, ...]]:
+        """Where the integrands bend: coefficients are numbers from outside, whether a bend counts is decided in the middle of a piece. Of a
+        rational integrand it is the pole, whether it is known to count or not."""
         x, lo = group[0].var, group[0].lo
         turns: dict[object, Turn] = {}
         for node in group:
             for turn in self.analysis.of(node).bends:
+                if isinstance(rule, Rational) and turn.kind != "pole":
+                    continue
                 turns.setdefault((turn.kind, self.analysis.key(turn.function)), turn)
         base = local_origin(lo, group[0].hi)
         bends = []
@@ -345,7 +387,7 @@ class _Scheduler(UnbrokenEmitter):
             coefficients = turn.function, first, mul(const(0.5), slope(first, x))
             numbers = tuple(self.number(cast(Expr, substitute(c, {x: base})), home) for c in coefficients)
             holds = self.truths(turn.when, cast(Level, level.middle))[0]
-            if holds is not False:
+            if holds is not False or isinstance(rule, Rational):
                 bends.append(Bend(turn.kind, cast("tuple[Arg, Arg, Arg]", numbers), holds))
         return self.number(base, home) if bends else 0.0, tuple(bends)
 

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from teg.backends import c_build, c_frame, c_print
-from teg.backends.c_backend import compile_c, print_kernel, standalone_c
+from teg.backends.c_backend import compile_c, print_kernel
+from teg.backends.c_standalone import standalone_c
 from teg.backends.c_text import literal
 from teg.program import Program
 from tests.backends.programs import Case, columns, expected

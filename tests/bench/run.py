@@ -1,6 +1,6 @@
 """Measure: `make bench`. Medians of several runs; compare ratios of one run only, machines are noisy.
 
-python tests/bench/run.py [--json FILE]: tables as Markdown, and all of it in out/bench.json. Less than a minute.
+python tests/bench/run.py [--json FILE]: tables as Markdown, and all of it in out/bench.json. About two minutes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import teg
-from teg.backends.c_backend import standalone_c
+from teg.backends.c_standalone import standalone_c
 from tests.backends import isolate_programs, locate_programs, programs
 from tests.bench.rows import (
     Row,
@@ -32,7 +32,21 @@ from tests.bench.rows import (
     sympy_rows,
     triangle_pairs,
 )
-from tests.bench.scenes import disk, distances, half_planes, heart, heavisides, nested_sines, sphere, squares, superellipse, triangle_pixel
+from tests.bench.scenes import (
+    ball_in_four,
+    bilinear_pixel,
+    disk,
+    distances,
+    half_planes,
+    heart,
+    heavisides,
+    nested_sines,
+    sphere,
+    squares,
+    superellipse,
+    triangle_pixel,
+)
+from tests.bench.speed import bilinear_rows, call_rows, compile_time_row, image_rows, triangle_rows
 
 
 def table(rows: list[Row]) -> str:
@@ -58,6 +72,16 @@ def compiled() -> list[Row]:
     ]
 
 
+def timed_compilation() -> list[Row]:
+    """From the expression to C, and from C to machine code."""
+    return [
+        compile_time_row("1000 Heavisides", *heavisides(1000)),
+        compile_time_row("triangle-pixel, linear colour", *triangle_pixel(1)),
+        compile_time_row("triangle-pixel, quadratic colour", *triangle_pixel(2)),
+        compile_time_row("thresholded bilinear pixel", *bilinear_pixel()),
+    ]
+
+
 def evaluated() -> list[Row]:
     """Value and gradient of polygons in pixels."""
     rows = []
@@ -75,6 +99,7 @@ def curved() -> list[Row]:
         curved_row("superellipse", *superellipse(), {"t": 0.4, "a": 1.3}, 1_000, True),
         curved_row("heart", *heart(), {"t": 1.0}, 100, False),
         curved_row("sphere", *sphere(), {"t": 0.5}, 100, True),
+        curved_row("ball in four variables", *ball_in_four(), {"t": 0.5}, 1, False),
     ]
 
 
@@ -117,6 +142,11 @@ def main() -> None:
     start = time.perf_counter()
     tables = {
         "compile": compiled,
+        "compile time": timed_compilation,
+        "triangle and pixel": lambda: [row for order in range(3) for row in triangle_rows(order)],
+        "picture": image_rows,
+        "bilinear pixel": bilinear_rows,
+        "calls": call_rows,
         "evaluate": evaluated,
         "curved": curved,
         "kinks": lambda: [kink_row(n, *distances(n)) for n in (8, 20)],

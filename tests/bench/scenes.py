@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import teg
 from teg import Expr
 from teg.expr import Param
 
 
 def triangle_pixel(order: int = 1) -> tuple[Expr, list[Param]]:
-    """∫ over a pixel of [in the triangle]·Σ_k (colour_k - target_k)², colours constant (order 0) or linear (1); counterclockwise.
+    """∫ over a pixel of [in the triangle]·Σ_k (colour_k - target_k)², colours constant (order 0), linear (1) or quadratic (2); the triangle
+    is counterclockwise.
 
-    Returns the loss and the parameters to differentiate by: six coordinates, then three or nine colours.
+    Returns the loss and the parameters to differentiate by: six coordinates, then 3 colours, or 9, or 18 (those of the vertices, then those
+    of the middles of the sides 01, 12, 20).
     """
     x, y = teg.vars("x y")
     vx, vy = [teg.param(f"x{i}") for i in range(3)], [teg.param(f"y{i}") for i in range(3)]
@@ -26,13 +30,69 @@ def triangle_pixel(order: int = 1) -> tuple[Expr, list[Param]]:
         colours = [teg.param(f"c{k}") for k in range(3)]
         residuals = [colours[k] - target[k] for k in range(3)]
     else:
-        colours = [teg.param(f"c{i}{k}") for i in range(3) for k in range(3)]
         area = edges[0] + edges[1] + edges[2]
         weights = [e / area for e in edges]
-        residuals = [sum((weights[i] * colours[3 * i + k] for i in range(3)), start=0 * x) - target[k] for k in range(3)]
+        if order == 2:
+            sides = [4 * weights[i] * weights[(i + 1) % 3] for i in range(3)]
+            weights = [w * (2 * w - 1) for w in weights] + sides
+        colours = [teg.param(f"c{i}{k}") for i in range(len(weights)) for k in range(3)]
+        residuals = [sum((w * colours[3 * i + k] for i, w in enumerate(weights)), start=0 * x) - target[k] for k in range(3)]
     loss = teg.bracket(inside) * sum((r * r for r in residuals), start=0 * x)
     wrt = [p for pair in zip(vx, vy, strict=True) for p in pair] + colours
     return teg.integral(loss, (x, lo_x, hi_x), (y, lo_y, hi_y)), wrt
+
+
+def picture() -> tuple[Expr, list[Any]]:
+    """The loss of a whole picture: Σ over faces k and the pixels of their boxes of `triangle_pixel`, linear colours.
+
+    Arrays: vertices V (nv, 2), faces F (m, 3), colours C (m, 9), picture T (rows, columns, 3), and boxes B (m, 4): columns from … to, and
+    rows from … to.
+    Returns the loss and V and C, to differentiate by.
+    """
+    x, y = teg.vars("x y")
+    vertices, colours, target = teg.array("V", 2), teg.array("C", 2), teg.array("T", 3)
+    faces, boxes = teg.indices("F", 2), teg.indices("B", 2)
+    face, column, row = teg.index("k"), teg.index("i"), teg.index("j")
+    corners = [(vertices[faces[face, i], 0], vertices[faces[face, i], 1]) for i in range(3)]
+
+    def edge(i: int, j: int) -> Expr:
+        (ax, ay), (bx, by) = corners[i], corners[j]
+        return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+
+    edges = [edge(1, 2), edge(2, 0), edge(0, 1)]
+    area = edges[0] + edges[1] + edges[2]
+    inside = (edges[0] > 0) & (edges[1] > 0) & (edges[2] > 0)
+    residuals = [
+        sum((e / area * colours[face, 3 * i + k] for i, e in enumerate(edges)), start=0 * x) - target[row, column, k] for k in range(3)
+    ]
+    loss = teg.bracket(inside) * sum((r * r for r in residuals), start=0 * x)
+    pixel = teg.integral(loss, (x, column, column + 1), (y, row, row + 1))
+    columns, rows = (column, boxes[face, 0], boxes[face, 1]), (row, boxes[face, 2], boxes[face, 3])
+    return teg.sum(pixel, columns, rows, (face, 0, teg.length(faces, 0))), [vertices, colours]
+
+
+def bilinear_pixel() -> tuple[Expr, list[Param]]:
+    """∫ over [0, 1]² of Σ_k (colour_k - target_k)², the colour being `above` where corner values, interpolated, exceed t, else `below`.
+
+    Returns the loss and the parameters to differentiate by: the values at (0, 0), (1, 0), (0, 1), (1, 1), t, and both colours.
+    """
+    x, y = teg.vars("x y")
+    corners, t = teg.params("c00 c10 c01 c11"), teg.param("t")
+    above, below, target = ([teg.param(f"{name}{k}") for k in range(3)] for name in ("above", "below", "target"))
+    value = (corners[0] * (1 - x) + corners[1] * x) * (1 - y) + (corners[2] * (1 - x) + corners[3] * x) * y
+
+    def difference(colour: list[Param]) -> Expr:
+        return sum(((u - v) ** 2 for u, v in zip(colour, target, strict=True)), start=0 * x)
+
+    loss = teg.where(value > t, difference(above), difference(below))
+    return teg.integral(loss, (x, 0, 1), (y, 0, 1)), [*corners, t, *above, *below]
+
+
+def ball_in_four() -> tuple[Expr, list[Param]]:
+    """The volume of a ball in four variables."""
+    variables, t = teg.vars("x y z w"), teg.param("t")
+    inside = teg.bracket(sum((v * v for v in variables), start=0 * variables[0]) < t)
+    return teg.integral(inside, *((v, -1, 1) for v in variables)), [t]
 
 
 def heavisides(n: int) -> tuple[Expr, list[Param]]:
@@ -103,3 +163,22 @@ def squares(n: int) -> Expr:
     for _ in range(n):
         e = e * e + 1
     return e
+
+
+def shaded_brackets(n: int, swaps: int, inline: bool | None = None) -> list[tuple[str, Expr, list[Param]]]:
+    """∫₀¹ Σᵢ [x < tᵢ]·shade(x, tᵢ) dx with n brackets, its shader swapped so many times: name, expression and n + 1 parameters of each."""
+    x, (u, v), k = teg.var("x"), teg.params("u v"), teg.param("k")
+    ts = [teg.param(f"t{i}") for i in range(n)]
+    bodies = [
+        teg.sin(3 * u) * k + v,
+        teg.cos(u * v) - k * u,
+        teg.tanh(k * u - v) * v,
+        teg.exp(k * u) + u * v**3,
+        k * u / (1 + v * v + u * u),
+        teg.sin(u + k) ** 2 * teg.cos(2 * v),
+    ]
+    scenes = []
+    for i in range(swaps + 1):
+        shade = teg.function(f"shader {i}", [u, v], bodies[i % len(bodies)] * (1 + i // len(bodies)), inline=inline)
+        scenes.append((f"shader {i}", teg.integral(sum((teg.bracket(x < t) * shade(x, t) for t in ts), start=0 * x), (x, 0, 1)), [*ts, k]))
+    return scenes

@@ -17,7 +17,7 @@ pytest.importorskip("tqdm")
 
 from teg.examples.photo import read_target  # noqa: E402
 from teg.examples.triangulation import descent, run  # noqa: E402
-from teg.examples.triangulation.image_loss import ImageLoss, overlapping_pairs  # noqa: E402
+from teg.examples.triangulation.image_loss import ImageLoss, bounding_boxes  # noqa: E402
 from teg.examples.triangulation.mesh import SHRINK, Mesh, limit_step, make_mesh, signed_areas  # noqa: E402
 from teg.examples.triangulation.run import run_triangulation  # noqa: E402
 from teg.examples.triangulation.scene import CompiledScene, compile_scene  # noqa: E402
@@ -67,8 +67,8 @@ def test_the_loss_of_two_halves_is_the_sum_over_their_columns(scene: CompiledSce
     expected = np.sum(share * errors[0] + (1 - share) * errors[1]) / size**2
 
     image = ImageLoss(scene, target, mesh.triangles)
-    values = [scene.loss(v).sum() for _, v in image._gather(mesh.vertices, np.array([left, left, right, right]))]
-    assert sum(values) / size**2 == pytest.approx(expected, rel=1e-13)
+    values = image._values(mesh.vertices, np.array([left, left, right, right]))
+    assert scene.by_vertices(values) == pytest.approx(expected, rel=1e-13)
 
     loss, colours = image.best_colours(mesh.vertices, np.zeros((4, 3)))
     assert loss < expected
@@ -111,25 +111,24 @@ def test_the_gradient_agrees_with_differences_of_the_loss(scene: CompiledScene) 
 
 def test_no_overlapping_pair_is_missed() -> None:
     mesh = make_mesh(60, 24, seed=1)
-    face, column, row = overlapping_pairs(mesh.vertices[mesh.triangles], 24)
-    found = set(zip(face.tolist(), column.tolist(), row.tolist(), strict=True))
-    assert len(found) == len(face)
+    boxes = bounding_boxes(mesh.vertices[mesh.triangles], 24)
     points = np.random.default_rng(2).uniform(0, 24, (4000, 2))
-    for k, (a, b, c) in enumerate(mesh.vertices[mesh.triangles]):
+    for (left, right, top, bottom), (a, b, c) in zip(boxes, mesh.vertices[mesh.triangles], strict=True):
         within = np.ones(len(points), dtype=bool)
         for p, q in ((a, b), (b, c), (c, a)):
             within &= (q[0] - p[0]) * (points[:, 1] - p[1]) > (q[1] - p[1]) * (points[:, 0] - p[0])
         for x, y in points[within].astype(int).tolist():
-            assert (k, x, y) in found
+            assert left <= x < right
+            assert top <= y < bottom
 
 
-def test_blocks_of_triangles_change_nothing(scene: CompiledScene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_backends_agree(scene: CompiledScene) -> None:
     mesh, target = make_mesh(40, 16), random_target(16)
-    image = ImageLoss(scene, target, mesh.triangles)
     colours = np.full((len(mesh.triangles), 3), 0.5)
-    whole = image.gradient(mesh.vertices, colours)
-    monkeypatch.setattr("teg.examples.triangulation.image_loss.BLOCK", 20)
-    np.testing.assert_allclose(image.gradient(mesh.vertices, colours), whole, atol=1e-15)
+    whole = ImageLoss(scene, target, mesh.triangles).gradient(mesh.vertices, colours)
+    for threads in (1, 2):
+        image = ImageLoss(compile_scene("c", threads=threads), target, mesh.triangles)
+        np.testing.assert_allclose(image.gradient(mesh.vertices, colours), whole, atol=1e-15)
 
 
 # -- the mesh ----------------------------------------------------------------------------------------------------------

@@ -181,10 +181,10 @@ def test_only_the_element_that_misses_is_named() -> None:
 def test_divergence_is_said(e: Expr, at: dict[str, float], value: float, backend: str) -> None:
     """Infinite with its sign, and not a number where +∞ and -∞ meet."""
     f = teg.compile(e, backend=backend)
-    with pytest.warns(AccuracyWarning, match="seems to diverge|misses the tolerance"):
+    with pytest.warns(AccuracyWarning, match="seems to diverge"):
         found = f(at)
-    assert found == value or (math.isnan(found) and math.isnan(value)) or abs(found) > 1e10
-    assert not f.value_and_error(at)[1] < 1e10
+    assert found == value or (math.isnan(found) and math.isnan(value))
+    assert not f.value_and_error(at)[1] < math.inf
 
 
 # -- infinite bounds and singular ends ---------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import pytest
 import teg
 from teg import Expr
 from teg.program import Gauss, Integrate, statements
-from teg.quadrature import gauss_legendre
+from teg.quadrature import gauss_legendre, triangle_rule
 
 x, y, z = teg.vars("x y z")
 a, b, r, t = teg.params("a b r t")
@@ -52,12 +52,12 @@ def triangle() -> tuple[Expr, dict[str, float]]:
 TRIANGLE, CORNERS = triangle()
 EXP_COS = teg.exp(x) * teg.cos(y)
 SCENES = (
-    # the cut's length is of degree 1 in y: 1 node, and 1 inside, where the integrand is 1
+    # the integrand is 1 on what is left of the square
     Scene("half-plane", over_square(teg.bracket(x + a * y < t)), {"a": 0.5, "t": 0.8}, 1 * 1),
-    # degree 1 in x: 1 node; its integral is of degree 2 in y: 2 nodes
-    Scene("triangle, linear colour", over_square(TRIANGLE * (1 + 2 * x - y)), CORNERS, 2 * 1),
-    # degree 2 in x: 2 nodes; its integral is of degree 3 in y: 2 nodes
-    Scene("triangle, quadratic colour", over_square(TRIANGLE * (1 + x * x - y * y)), CORNERS, 2 * 2),
+    # inside of the square it is one triangle: the middle of it
+    Scene("triangle, linear colour", over_square(TRIANGLE * (1 + 2 * x - y)), CORNERS, 1),
+    # the middles of its sides
+    Scene("triangle, quadratic colour", over_square(TRIANGLE * (1 + x * x - y * y)), CORNERS, 3),
     # y = b + r·sin u makes the chord 2r·cos u, times r·cos u: not a polynomial, 10 nodes are too few for 1e-10, 16 are enough
     Scene("disk", over_square(teg.bracket(disk(a, b, r))), {"a": 0.47, "b": 0.53, "r": 0.3}, OUTER_FIRST + ORDER),
     # the same rows; on each of them exp is integrated with 8 nodes
@@ -67,7 +67,7 @@ SCENES = (
     # between the two corners, where the chord ends at one arc on either side: one piece, as for the disk
     Scene("lens", over_square(teg.bracket(disk(0.4, 0.5, r) & disk(a, 0.5, r))), {"a": 0.6, "r": 0.25}, OUTER_FIRST + ORDER),
     # the length 1 - t/y has a pole at 0: with y = eᵘ it is eᵘ - t, for which the first look is enough; rows below y = t are empty
-    Scene("hyperbola", over_square(teg.bracket(x * y > t)), {"t": 0.25}, OUTER_FIRST),
+    Scene("hyperbola", over_square(teg.bracket(x * y > t)), {"t": 0.25}, 2),
     # no row is needed at all
     Scene("empty", over_square(teg.bracket(disk(a, b, r)) * EXP_COS), {"a": 3.0, "b": 0.5, "r": 0.6}, 0),
     # what is no polynomial for other parameters: one look at the one piece
@@ -100,13 +100,16 @@ def test_an_annulus_in_a_half_plane() -> None:
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("degree", range(9))
 def test_exact_rules_use_the_fewest_nodes(degree: int, backend: str) -> None:
-    """⌈(degree + 1)/2⌉ nodes in one variable; with a slanted edge the outer degree is that of the integrand and 1 more."""
+    """⌈(degree + 1)/2⌉ nodes in one variable; with a slanted edge two triangles are left of the square, and of piecewise rules the outer
+    degree is that of the integrand and 1 more."""
     nodes = degree // 2 + 1
     one = teg.compile(teg.integral(teg.bracket(x < t) * x**degree, (x, 0, 1)), backend=backend)
     assert one.evaluations(t=0.7) == nodes
     assert one(t=0.7) == pytest.approx(0.7 ** (degree + 1) / (degree + 1), rel=1e-14)
     two = teg.compile(over_square(teg.bracket(x + a * y < t) * x**degree), backend=backend)
-    assert two.evaluations(a=0.3, t=0.7) == nodes * ((degree + 1) // 2 + 1)
+    assert two.evaluations(a=0.3, t=0.7) == (2 * len(triangle_rule(degree)) if degree else 1)
+    pieces = teg.compile(over_square(teg.bracket(x + a * y < t) * x**degree), backend=backend, rule="gauss")
+    assert pieces.evaluations(a=0.3, t=0.7) == nodes * ((degree + 1) // 2 + 1)
     exact = (0.7 ** (degree + 2) - 0.4 ** (degree + 2)) / (0.3 * (degree + 1) * (degree + 2))
     assert two(a=0.3, t=0.7) == pytest.approx(exact, rel=1e-13)
 

@@ -8,7 +8,7 @@ import teg
 from teg.integration import Integration
 from teg.passes.schedule import schedule
 from teg.pipeline import flatten, normal_form
-from teg.program import Assign, Integrate, Isolate, Locate, Program, Sample, SumOver, size, statements
+from teg.program import Assign, Integrate, Isolate, Locate, Polygon, Program, Sample, Segment, SumOver, clipped_by, size, statements
 from tests.references import Reference, untagged
 
 x, y = teg.vars("x y")
@@ -119,6 +119,24 @@ def names_of(p: Program) -> None:
                 for arg in s.values:
                     check(arg, inside)
                 seen.extend((s.var, *s.results))
+                known |= set(s.results)
+            elif isinstance(s, Polygon | Segment):
+                if isinstance(s, Polygon):
+                    for arg in clipped_by(s):
+                        check(arg, known)
+                check(s.when, known)
+                inside = walk(s.setup, known)
+                for arg in (*s.factors, *clipped_by(s)):
+                    check(arg, inside)
+                if isinstance(s, Segment):
+                    scaled = walk(s.scales, inside)
+                    for g in s.half_lines:
+                        check(g.scale, scaled)
+                variables = set(s.variables) if isinstance(s, Polygon) else {s.var}
+                body = walk(s.body, inside | variables)
+                for arg in s.values:
+                    check(arg, body)
+                seen.extend((*variables, *s.results))
                 known |= set(s.results)
             elif isinstance(s, Sample):
                 check(s.when, known)

@@ -135,8 +135,8 @@ def test_calls_that_are_wrong(f: teg.Evaluator, args: tuple[Any, ...], named: di
 @pytest.mark.parametrize(
     "option",
     [
-        {"backend": "fortran"}, {"tol": 0}, {"tol": 2.0}, {"tol": "small"}, {"rule": "simpson"}, {"order": 3}, {"dtype": np.float32},
-        {"threads": 0}, {"threads": 1.5}, {"memory": 10}, {"discontinuities": "blur"},
+        {"backend": "fortran"}, {"tol": 0}, {"tol": 2.0}, {"tol": "small"}, {"rule": "simpson"}, {"order": 3}, {"dtype": np.float16},
+        {"threads": -1}, {"threads": 1.5}, {"memory": 10}, {"discontinuities": "blur"},
     ],
 )  # fmt: skip
 def test_options_that_are_wrong(option: dict[str, Any]) -> None:

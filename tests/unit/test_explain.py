@@ -14,7 +14,7 @@ from teg.expr import Expr
 from teg.integral import Integral
 from teg.node import postorder
 from teg.pipeline import normal_form
-from teg.program import Gauss, Integrate, SumOver, statements
+from teg.program import Gauss, Integrate, Rational, SumOver, statements
 from teg.surfaces import owned_surfaces
 from tests.references import REFERENCES, Reference
 
@@ -63,6 +63,8 @@ def test_every_reference(problem: Reference) -> None:
         for s in statements(program.body):
             if isinstance(s, Integrate) and isinstance(s.rule, Gauss):
                 assert ("Gauss, exact", s.rule.nodes) in said
+            elif isinstance(s, Integrate) and isinstance(s.rule, Rational):
+                assert any(rule == "Gauss with a pole, exact" and nodes <= s.rule.nodes for rule, nodes in said)
             elif isinstance(s, Integrate):
                 assert (f"adaptive to {s.rule.tol:.0e}" + ", smooth ends" * s.rule.cubic, s.rule.first) in said
             if isinstance(s, Integrate):
@@ -169,7 +171,7 @@ def test_other_parameters_do_not_move_it() -> None:
 
 
 def test_breaks_and_how_they_are_found() -> None:
-    lines = teg.explain(over(teg.bracket(x + a * y < t), x, y)).data["integrals"]
+    lines = teg.explain(over(teg.bracket(x + a * y < t), x, y), rule="gauss").data["integrals"]
     assert [(i["variable"], i["formula"], i["isolated"], i["searched"], i["degree"], i["nodes"]) for i in lines] == [
         ("y", 2, 0, False, 1, 1),
         ("x", 1, 0, False, 0, 1),
@@ -194,7 +196,9 @@ def test_boundary_and_interior_integrals() -> None:
 def test_the_cost_counts_the_nodes_of_all_pieces() -> None:
     line = teg.explain(over(x**5 * teg.bracket(x < t), x)).data["cost"]["value"]
     assert line == {"statements": line["statements"], "integrals": 1, "isolations": 0, "evaluations": 2 * 3, "adaptive": False}
-    nested = teg.explain(over(teg.bracket(x + y < t), x, y)).data["cost"]["value"]
+    clipped = teg.explain(over(x * teg.bracket(x + y < t), x, y)).data["cost"]["value"]
+    assert (clipped["integrals"], clipped["evaluations"]) == (1, 3)  # 3 triangles of 1 node
+    nested = teg.explain(over(teg.bracket(x + y < t), x, y), rule="gauss").data["cost"]["value"]
     assert nested["evaluations"] == 3 * 2  # 3 pieces of 1 node, in each 2 pieces of 1 node
     curved = teg.explain(over(teg.exp(x) * teg.bracket(x < t), x)).data["cost"]["value"]
     assert (curved["evaluations"], curved["adaptive"]) == (2 * 8, True)
@@ -213,7 +217,8 @@ def test_the_statements_are_those_of_the_program() -> None:
 
 def test_the_evaluators_options_count() -> None:
     e = over(teg.bracket(x + y < t) * x, x, y)
-    assert "Gauss" in str(teg.compile(e).explain())
+    assert "clipped polygon" in str(teg.compile(e).explain())
+    assert "Gauss" in str(teg.compile(e, rule="gauss").explain())
     loose = teg.compile(e, tol=1e-4, rule="adaptive").explain()
     assert [i["rule"] for i in loose.data["integrals"]] == ["adaptive to 1e-04", "adaptive to 1e-05"]
     assert loose.data["options"] == {"tol": 1e-4, "rule": "adaptive", "order": None, "discontinuities": "sift", "max_roots": 16}
@@ -259,19 +264,18 @@ def test_the_whole_text() -> None:
         "  -x + 0.5 = 0  ∫ dx   does not move: no parameter in it\n"
         "\n"
         "integrals of the value\n"
-        "  over  from .. to  breaks        degree  rule          nodes a piece\n"
-        "  y     0 .. 1      3 by formula       2  Gauss, exact              2\n"
-        "  x     0 .. 1      2 by formula       1  Gauss, exact              1\n"
+        "  over  from .. to  breaks  degree  rule             nodes a piece\n"
+        "  y     0 .. 1      none         1  clipped polygon              1\n"
         "\n"
         "boundary integrals of the gradient\n"
-        "  over  from .. to  breaks        degree  rule          nodes a piece\n"
-        "  s     0 .. 1      3 by formula       1  Gauss, exact              1\n"
-        "  s     0 .. 1      3 by formula       2  Gauss, exact              2\n"
+        "  over  from .. to  breaks  degree  rule              nodes a piece\n"
+        "  s     0 .. 1      none         1  clipped interval              1\n"
+        "  s     0 .. 1      none         2  clipped interval              2\n"
         "\n"
         "cost of the expression of 20 nodes\n"
         "                      statements  integrals  integrand evaluations a call\n"
-        f"  value               {value}          2                      about 24\n"
-        f"  value and gradient  {gradient}          3                      about 32"
+        f"  value               {value}          1                       about 4\n"
+        f"  value and gradient  {gradient}          2                       about 6"
     )
 
 

@@ -16,22 +16,29 @@ FLOORS: tuple[frozenset[str], ...] = tuple(
     frozenset(names.split())
     for names in (
         "teg.errors teg.program teg.quadrature teg.sampling teg.explanation",
-        "teg.node teg.accuracy",
+        "teg.node teg.accuracy teg.array_program",
         "teg.expr",
-        "teg.integral",
+        "teg.index",
+        "teg.integral teg.arrays",
+        "teg.function",
         "teg.traverse teg.calculus teg.dump teg.latex teg.verify teg.polynomial",
-        "teg.build teg.roots teg.surfaces teg.nest teg.places teg.intervals teg.kinks teg.sympy_nodes teg.tails",
-        "teg.isolation teg.staircase teg.critical teg.identities teg.numerics teg.sympy_writer teg.sympy_reader",
+        "teg.build teg.roots teg.surfaces teg.nest teg.places teg.intervals teg.kinks teg.sympy_nodes teg.tails teg.cells",
+        "teg.bodies teg.isolation teg.staircase teg.critical teg.identities teg.numerics teg.sympy_writer teg.sympy_reader",
         "teg.symbolic teg.verification teg.integration",
         "teg.diffeomorphism",
         "teg.images teg.coverage teg.maps",
         "teg.passes",
-        "teg.pipeline",
+        "teg.linking",
+        "teg.pipeline teg.array_pipeline teg.array_schedule teg.array_errors",
+        "teg.derivatives teg.derivation",
         "teg.backends",
         "teg.inventory",
-        "teg.diagnose teg.explain",
+        "teg.array_explain",
+        "teg.diagnose teg.explain teg.options teg.arguments",
+        "teg.array_reports teg.array_diagnose teg.array_coverage",
+        "teg.array_evaluator",
         "teg.compile",
-        "teg.check",
+        "teg.check teg.scipy_function",
         "teg",
         "teg.examples",
         "teg.__main__",
@@ -41,6 +48,7 @@ FLOORS: tuple[frozenset[str], ...] = tuple(
 
 PASSES_THAT_USE_ANOTHER = {
     "adjoint": {"jumps", "differentiate"},
+    "affine": {"demand", "vertices"},
     "at_roots": {"emit"},
     "atoms": {"jumps"},
     "differentiate": {"jumps", "sift"},
@@ -49,7 +57,8 @@ PASSES_THAT_USE_ANOTHER = {
     "reparameterize": {"affine", "bilinear", "sift", "univariate", "charts", "implicit", "user"},  # the list of families
     "sampled": {"at_roots", "emit"},
     "emptiness": {"demand"},
-    "schedule": {"at_roots", "breaks", "demand", "emit", "emptiness", "sampled"},
+    "clipped": {"emit", "polygon", "sampled"},
+    "schedule": {"at_roots", "breaks", "clipped", "demand", "emit", "emptiness", "sampled"},
     "steps": {"jumps"},
 }
 OPTIONAL = ["jax", "sympy", "scipy", "matplotlib", "PIL", "skimage", "tqdm", "mpmath"]
@@ -119,7 +128,7 @@ def test_passes_never_import_each_other() -> None:
 
 
 def test_backends_know_the_scheduled_program_only() -> None:
-    allowed = {"teg.errors", "teg.program", "teg.quadrature", "teg.sampling", "teg.backends"}
+    allowed = {"teg.errors", "teg.program", "teg.array_program", "teg.quadrature", "teg.sampling", "teg.backends"}
     for module, path in MODULES.items():
         if module.startswith("teg.backends"):
             assert {o for o in imports(path) if not o.startswith("teg.backends")} <= allowed, module

@@ -6,6 +6,7 @@ import pytest
 
 import teg
 from teg.expr import FUNCTIONS, call
+from teg.function import Apply
 from teg.latex import latex
 from teg.node import Node
 from tests.references import REFERENCES, Reference
@@ -73,7 +74,7 @@ def test_every_function_has_a_form() -> None:
 
 def test_every_node_has_a_form() -> None:
     leaves: set[type[Node]] = set()
-    stack: list[type[Node]] = [Node]
+    stack: list[type[Node]] = [teg.Expr, teg.Cond]
     while stack:
         kind = stack.pop()
         stack += kind.__subclasses__()
@@ -81,7 +82,11 @@ def test_every_node_has_a_form() -> None:
     children = {"Where": (x < t, x, t), "Integral": (x, t, t), "And": (x < t, t < a), "Or": (x < t, t < a), "Not": (x < t,)}
     data = {"Const": 0.5, "Truth": True, "Pow": 2, "Call": "sin", "Integral": x, "Param": "t", "Var": "x", "Compare": (True, None)}
     few = {"Const": 0, "Truth": 0, "Param": 0, "Var": 0, "Pow": 1, "Call": 1, "Delta": 1, "PointMasses": 1, "Compare": 1}
-    for kind in leaves:
+    v, k = teg.array("v", 2), teg.index("k")
+    place = (v, (teg.indices("f")[k], k // 2))
+    data |= {"Gather": place, "Unit": place, "IndexValue": k % 3, "Sum": (k, k * 0, teg.length(v))}
+    few |= {"Gather": 0, "Unit": 0, "IndexValue": 0, "Sum": 1}
+    for kind in leaves - {Apply}:  # which needs a function's body
         name = kind.__name__
         parts = children.get(name, (x, t)[: few.get(name, 2)])
         assert is_balanced(latex(kind.make(data.get(name), parts)))  # type: ignore[type-var]

@@ -173,7 +173,7 @@ def test_the_estimate_is_at_least_the_error(family: Family, n: int) -> None:
 
 @pytest.mark.parametrize("n", [10, 18])
 def test_the_estimate_is_not_idle(n: int) -> None:
-    """It decays with the distance of a pole as the error does, to half of the exponent, and comes down to rounding."""
+    """It decays with the distance of a pole as the error does, to five eighths of the exponent 2n, and comes down to rounding."""
     x = np.array(gauss_legendre(n)[0])
     for p in (1.5, 2.0, 3.0, 5.0):
         _, size, error = estimate(1 / (p - x), n)

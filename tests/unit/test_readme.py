@@ -12,9 +12,11 @@ import pytest
 README = Path(__file__).parents[2] / "README.md"
 
 
-def test_the_ten_lines() -> None:
-    text = README.read_text(encoding="utf-8")
-    code, printed = re.findall(r"```python\n(.*?)```\s+```\n(.*?)```", text, re.DOTALL)[0]
+EXAMPLES = re.findall(r"```python\n(.*?)```\s+```\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+
+
+@pytest.mark.parametrize(("code", "printed"), EXAMPLES)
+def test_the_examples_print_what_it_says(code: str, printed: str) -> None:
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
         exec(compile(code, "README.md", "exec"), {})

@@ -1,0 +1,198 @@
+"""Are the integers of a program in their ranges? Checked before it is run, so that no backend ever reads outside of an array.
+
+First by intervals: the integers of a program over whole loops, entries of index arrays between the least and the largest. That settles
+nearly every program in one pass over the index arrays. Where it does not (a padding of -1 that no iteration reads), the integers are
+evaluated, iteration by iteration, and the first one that is out of its range is named in the error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from teg.array_program import Arg, ArrayProgram, Integers, Load, Loop, Scatter, Step, steps
+from teg.errors import ArrayIndexError
+
+Interval = tuple[int, int]
+Whole = npt.NDArray[np.int64]
+BLOCK = 2**18
+"""Iterations that are checked at a time."""
+
+
+def check_ranges(
+    program: ArrayProgram, integers: Mapping[int, Whole], arrays: Sequence[npt.NDArray[np.generic]], shapes: Sequence[Sequence[int]]
+) -> None:
+    """Every subscript is inside its array, every range has a length of at least 0; raises ArrayIndexError.
+
+    `integers` are the integer parameters by number, of any shape; `arrays` as they are given, `shapes` without leading axes of a batch.
+    """
+    if _settled(program, integers, arrays, shapes):
+        return
+    for element in range(max([1, *(v.size for v in integers.values())])):
+        values = {k: int(v.reshape(-1)[element if v.size > 1 else 0]) for k, v in integers.items()}
+        _Exact(program, values, [_element(a, len(s), element) for a, s in zip(arrays, shapes, strict=True)]).block(program.body, {}, 1)
+
+
+def _element(array: npt.NDArray[np.generic], dimensions: int, element: int) -> npt.NDArray[np.generic]:
+    if array.ndim == dimensions:
+        return array
+    rows: npt.NDArray[np.generic] = array.reshape(-1, *array.shape[array.ndim - dimensions :])
+    return np.asarray(rows[element])
+
+
+def _settled(
+    program: ArrayProgram, integers: Mapping[int, Whole], arrays: Sequence[npt.NDArray[np.generic]], shapes: Sequence[Sequence[int]]
+) -> bool:
+    """Whether intervals show that everything is in its range."""
+    known: dict[Arg, Interval] = {}
+
+    def of(arg: Arg) -> Interval:
+        return (arg, arg) if isinstance(arg, int) else known[arg]
+
+    spans: dict[tuple[int, Arg], Interval] = {}
+    for step in steps(program.body):
+        match step:
+            case Loop():
+                (least, most), end = of(step.lo), of(step.hi)
+                if end[0] < most:
+                    return False
+                known[step.index] = (least, max(end[1] - 1, least))
+            case Integers(name, "length", (axis,), k):
+                known[name] = (shapes[k][int(axis)],) * 2
+            case Integers(name, "param", (k,)):
+                values = integers[int(k)]
+                known[name] = (int(values.min()), int(values.max())) if values.size else (0, 0)
+            case Integers(name, "gather", places, k):
+                if not _inside(list(map(of, places)), shapes[k]):
+                    return False
+                last = places[-1]
+                key = (k, last if isinstance(last, int) else "")
+                if key not in spans:
+                    entries = arrays[k][..., last] if isinstance(last, int) else arrays[k]
+                    spans[key] = (int(entries.min()), int(entries.max())) if entries.size else (0, 0)
+                known[name] = spans[key]
+            case Integers(name, op, (a, b)):
+                found = _combined(op, of(a), of(b))
+                if found is None:
+                    return False
+                known[name] = found
+            case Load() | Scatter():
+                if not _inside(list(map(of, step.subscripts)), shapes[step.array]):
+                    return False
+            case _:
+                pass
+    return True
+
+
+def _inside(places: Sequence[Interval], shape: Sequence[int]) -> bool:
+    return all(low >= 0 and high < n for (low, high), n in zip(places, shape, strict=True))
+
+
+def _combined(op: str, a: Interval, b: Interval) -> Interval | None:
+    """The interval of an operation; None where it is not known."""
+    match op:
+        case "add":
+            return a[0] + b[0], a[1] + b[1]
+        case "sub":
+            return a[0] - b[1], a[1] - b[0]
+        case "mul":
+            ends = [x * y for x in a for y in b]
+            return min(ends), max(ends)
+        case "min" | "max":
+            choose = min if op == "min" else max
+            return choose(a[0], b[0]), choose(a[1], b[1])
+        case "floordiv" if b[0] > 0:
+            ends = [x // y for x in a for y in b]
+            return min(ends), max(ends)
+        case "mod" if b[0] > 0:
+            return (a[0], a[1]) if a[0] >= 0 and a[1] < b[0] else (0, b[1] - 1)
+        case _:
+            return None
+
+
+class _Exact:
+    """Every iteration of one element of the batch."""
+
+    def __init__(self, program: ArrayProgram, integers: Mapping[int, int], arrays: Sequence[npt.NDArray[np.generic]]) -> None:
+        self.program, self.integers, self.arrays = program, integers, arrays
+
+    def block(self, block: Sequence[Step], values: dict[Arg, Whole], lanes: int) -> None:
+        """Run the integers of a block on lanes, one an iteration of the loops around it. Recursion is as deep as loops are."""
+        for step in block:
+            match step:
+                case Integers():
+                    values[step.name] = np.broadcast_to(self._integers(step, values), (lanes,))
+                case Load() | Scatter():
+                    self._check(step.array, step.subscripts, values, lanes)
+                case Loop():
+                    self._loop(step, values, lanes)
+                case _:
+                    pass
+
+    def _loop(self, step: Loop, values: dict[Arg, Whole], lanes: int) -> None:
+        lo, hi = (np.broadcast_to(self._of(a, values), (lanes,)) for a in (step.lo, step.hi))
+        if (hi < lo).any():
+            at = int(np.argmax(hi < lo))
+            raise ArrayIndexError(
+                f"a sum has a negative length: from {lo[at]} to {hi[at]}", None, "an empty range ends where it begins; a range is half-open"
+            )
+        ends = np.cumsum(hi - lo)
+        total = int(ends[-1]) if lanes else 0
+        for start in range(0, total, BLOCK):
+            flat = np.arange(start, min(start + BLOCK, total))
+            parent = np.searchsorted(ends, flat, side="right")
+            inner = {name: v[parent] for name, v in values.items()}
+            inner[step.index] = flat - (ends - (hi - lo))[parent] + lo[parent]
+            self.block(step.body, inner, flat.size)
+
+    def _of(self, arg: Arg, values: Mapping[Arg, Whole]) -> Whole:
+        return np.asarray(arg) if isinstance(arg, int) else values[arg]
+
+    def _integers(self, step: Integers, values: Mapping[Arg, Whole]) -> Whole:
+        if step.op == "length":
+            return np.asarray(self.arrays[step.array].shape[int(step.args[0])])
+        if step.op == "param":
+            return np.asarray(self.integers[int(step.args[0])])
+        args = [self._of(a, values) for a in step.args]
+        if step.op == "gather":
+            self._check(step.array, step.args, values, max((a.size for a in args), default=1))
+            return np.asarray(self.arrays[step.array][tuple(args)], dtype=np.int64)
+        if step.op in ("floordiv", "mod") and (args[1] == 0).any():
+            raise ArrayIndexError("an index is divided by 0")
+        return apply(step.op, args[0], args[1])
+
+    def _check(self, k: int, places: Sequence[Arg], values: Mapping[Arg, Whole], lanes: int) -> None:
+        shape, spec = self.arrays[k].shape, self.program.arrays[k]
+        for axis, place in enumerate(places):
+            at = np.broadcast_to(self._of(place, values), (lanes,))
+            wrong = (at < 0) | (at >= shape[axis])
+            if wrong.any():
+                lane = int(np.argmax(wrong))
+                subscripts = ", ".join(str(int(np.broadcast_to(self._of(p, values), (lanes,))[lane])) for p in places)
+                raise ArrayIndexError(
+                    f"the index {int(at[lane])} is out of range: axis {axis} of {spec.name!r} has length {shape[axis]}, and the program "
+                    f"reads {spec.name}[{subscripts}]",
+                    None,
+                    "indices count from 0, also where a condition drops the value: keep them inside by % or by teg.minimum",
+                )
+
+
+def apply(op: str, a: Whole, b: Whole) -> Whole:
+    """An integer operation on lanes."""
+    match op:
+        case "add":
+            return np.asarray(a + b)
+        case "sub":
+            return np.asarray(a - b)
+        case "mul":
+            return np.asarray(a * b)
+        case "floordiv":
+            return np.asarray(a // b)
+        case "mod":
+            return np.asarray(a % b)
+        case "min":
+            return np.minimum(a, b)
+        case _:
+            return np.maximum(a, b)

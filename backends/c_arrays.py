@@ -1,0 +1,441 @@
+"""Programs with arrays as C99: nested loops, gathers, flat programs, scatters, one after the other without temporary arrays.
+
+    compile_c_arrays(program)  ->  CArrayKernel: a call gives every output
+
+A flat program is a static function, as integrals are in `c_print`. An outermost loop is cut into chunks, which threads share. Each chunk
+adds into sums, and into copies of the outputs that are scattered into, of its own; then these are added in the order of the chunks. How
+many there are depends on the number of iterations, on what one costs, and on the size of the outputs, never on the number of threads:
+results have the same bits for any.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from teg.array_program import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, scattered, steps, work
+from teg.backends.c_backend import LONG, _optimisation
+from teg.backends.c_build import load_library
+from teg.backends.c_interrupt import Caller
+from teg.backends.c_print import Printer, Routine
+from teg.backends.c_runtime import runtime
+from teg.backends.c_text import indent, literal, packed, wrapped
+from teg.backends.numpy_arrays import Results
+from teg.errors import BackendError
+from teg.program import has_ties
+
+BY_VALUE = 120
+"""Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""
+ON_STACK = 512
+"""Numbers in a workspace that is on the C stack."""
+
+ABI = """\
+/* An array: its numbers, row by row (double; int64_t for arrays of indices), how many of them lie between two elements of the
+   batch (0: the batch shares one), and its shape. */
+typedef struct {
+    const void *data;
+    long stride;
+    const int64_t *shape;
+} teg_array;"""
+
+
+class _View(ctypes.Structure):
+    _fields_ = [("data", ctypes.c_void_p), ("stride", ctypes.c_long), ("shape", ctypes.c_void_p)]
+
+
+class _Given(ctypes.Structure):
+    _fields_ = [("p", ctypes.c_void_p), ("a", ctypes.c_void_p)]
+
+
+class CArrayKernel:
+    """A compiled program with arrays. `source` is its C text; pickling keeps the program and compiles it again."""
+
+    def __init__(self, program: ArrayProgram, threads: int = 1) -> None:
+        self.program = program
+        self.threads = threads
+        self.source = print_arrays(program)
+        self._call = Caller(load_library(self.source, optimise=_optimisation(self.source), openmp=threads != 1))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (CArrayKernel, (self.program, self.threads))
+
+    def results(self, columns: Sequence[npt.NDArray[Any]], arrays: Sequence[npt.NDArray[Any]], n: int) -> Results:
+        """The outputs of a batch of n, as `LaneKernel.results` gives them. Subscripts have been checked."""
+        specs = self.program.arrays
+        kept = [np.asarray(c, dtype=np.float64, order="C") for c in columns]
+        data = [np.ascontiguousarray(a, dtype=np.int64 if s.integers else np.float64) for a, s in zip(arrays, specs, strict=True)]
+        shapes = [np.array(a.shape[a.ndim - s.dimensions :], dtype=np.int64) for a, s in zip(data, specs, strict=True)]
+        views = (_View * max(len(data), 1))()
+        for view, a, shape, spec in zip(views, data, shapes, specs, strict=False):
+            view.data, view.shape = a.ctypes.data, shape.ctypes.data
+            view.stride = int(np.prod(shape)) if a.ndim > spec.dimensions else 0
+        out = [np.zeros((n, *shapes[o.array])) if isinstance(o, Like) else np.empty(n) for o in self.program.outputs]
+        pointers = np.array([c.ctypes.data for c in kept] or [0], dtype=np.uintp)
+        strides = np.array([1 if c.ndim else 0 for c in kept] or [0], dtype=LONG)
+        targets = np.array([o.ctypes.data for o in out] or [0], dtype=np.uintp)
+        notes = np.zeros(n, dtype=LONG)
+        given = _Given(pointers.ctypes.data, ctypes.addressof(views))
+        team = self.threads or os.cpu_count() or 1
+        told = notes.ctypes.data
+        if n and self._call.batch(n, ctypes.addressof(given), strides.ctypes.data, targets.ctypes.data, told, team):
+            raise BackendError("there is no memory for the kernel's workspace")
+        return Results(out, bool(np.bitwise_or.reduce(notes) & 2) if n else False, 0)
+
+
+def compile_c_arrays(program: ArrayProgram, *, threads: int = 1) -> CArrayKernel:
+    """The program as a compiled C kernel (from the cache on disk if it was compiled before)."""
+    return CArrayKernel(program, threads)
+
+
+def print_arrays(program: ArrayProgram, name: str = "teg_kernel") -> str:
+    """The translation unit."""
+    return _ArrayPrinter(program, name).text()
+
+
+def _title(program: ArrayProgram) -> str:
+    """The comment at the top; of the users' names only harmless characters."""
+
+    def harmless(text: str) -> str:
+        return re.sub(r"[^A-Za-z0-9_ ]", "_", text)[:40]
+
+    lines = [f"p[{i}] = {harmless(p)}" for i, p in enumerate(program.parameters[:40])]
+    for i, a in enumerate(program.arrays):
+        lines.append(f"a[{i}] = {harmless(a.name)}: {a.dimensions} dimensions of {'int64_t' if a.integers else 'double'}")
+    for j, o in enumerate(program.outputs[:40]):
+        if isinstance(o, Like):
+            lines.append(f"out[{j}]: an array like a[{o.array}]")
+    return "\n".join([f"/* Generated by teg. {len(program.outputs)} outputs.", *(f" * {line}" for line in lines), " */"])
+
+
+class _ArrayPrinter:
+    def __init__(self, program: ArrayProgram, name: str) -> None:
+        self.program, self.name = program, name
+        self.printer = Printer()
+        self.routines: dict[int, Routine] = {}
+        self.space = 0
+        for step in steps(program.body):
+            if isinstance(step, Run):
+                routine = self.printer.element(step.program, "run", BY_VALUE)
+                self.routines[id(step)] = routine
+                again = len(step.results) if has_ties(step.program.body) else 0
+                self.space = max(self.space, routine.workspace + again + len(step.results))
+        self.context = any(r.context for r in self.routines.values())
+
+    def text(self) -> str:
+        printer = self.printer
+        loops = wrapped(list(self._element()))
+        entry = wrapped(list(self._entry()))
+        texts = [*printer.tables(), *printer.texts, loops, entry]
+        first, *needed = runtime([*texts, "teg_context"])
+        return "\n\n".join([_title(self.program), first, ABI, *needed, *texts]) + "\n"
+
+    # -- one element ---------------------------------------------------------------------------------------------------
+
+    def _element(self) -> Iterator[str]:
+        """The function of one element of the batch: returns a note, or -1 without memory."""
+        program = self.program
+        targets = scattered(program.body)
+        yield "static long element("
+        yield "    long e, const double *const *p, const long *stride, const teg_array *a, double *const *out, teg_pace *pace, int team)"
+        yield "{"
+        lines = [f"const double p{i} = p[{i}][e * stride[{i}]];" for i in range(len(program.parameters))]
+        for i, spec in enumerate(program.arrays):
+            kind = "int64_t" if spec.integers else "double"
+            lines.append(f"const {kind} *const a{i} = (const {kind} *)a[{i}].data + e * a[{i}].stride;")
+            lines.append(f"const int64_t *const s{i} = a[{i}].shape;")
+        for j in targets:
+            like = program.outputs[j]
+            assert isinstance(like, Like)
+            size = " * ".join(f"s{like.array}[{axis}]" for axis in range(program.arrays[like.array].dimensions))
+            lines += [f"const int64_t n{j} = {size};", f"double *const t{j} = out[{j}] + e * n{j};"]
+            lines.append(f"for (int64_t k = 0; k < n{j}; k++) t{j}[k] = 0.0;")
+        lines += [f"double w[{self.space}];", "(void)w;"] if 0 < self.space <= ON_STACK else []
+        lines += [f"double *const w = malloc({self.space} * sizeof *w);", "if (!w) return -1;"] if self.space > ON_STACK else []
+        lines += ["teg_context ctx = {+1, 0, 0, 0, pace};", "long note = 0;"]
+        lines += self._block(program.body, 0)
+        for j, o in enumerate(program.outputs):
+            if not isinstance(o, Like):
+                lines.append(f"out[{j}][e] = {_spell(o)};")
+        lines += ["free(w);"] if self.space > ON_STACK else []
+        used = " ".join(f"(void)p{i};" for i in range(len(program.parameters)))
+        used += " ".join(f" (void)a{i}, (void)s{i};" for i in range(len(program.arrays)))
+        lines += [used] if used else []
+        lines += ["(void)ctx, (void)pace, (void)team, (void)p, (void)stride, (void)a;", "return note | 2 * (ctx.missed != 0);"]
+        yield from indent(*lines)
+        yield "}"
+
+    def _block(self, block: Sequence[Step], depth: int) -> list[str]:
+        """The lines of a block. Recursion is as deep as loops are."""
+        lines: list[str] = []
+        for step in block:
+            match step:
+                case Integers():
+                    lines.append(f"const int64_t {step.name} = {self._integers(step)};")
+                case Number():
+                    lines.append(f"const double {step.name} = (double){_spell(step.integer)};")
+                case Load():
+                    lines.append(f"const double {step.name} = a{step.array}[{_flat(step.array, step.subscripts)}];")
+                case Scatter():
+                    lines.append(f"t{step.output}[{_flat(step.array, step.subscripts)}] += {_spell(step.value)};")
+                case Run():
+                    lines += self._run(step)
+                case Loop() if depth:
+                    lines += self._loop(step, depth)
+                case Loop():
+                    lines += self._chunks(step)
+        return lines
+
+    def _integers(self, step: Integers) -> str:
+        args = [_spell(a) for a in step.args]
+        match step.op:
+            case "length":
+                return f"s{step.array}[{args[0]}]"
+            case "param":
+                return f"(int64_t)p{step.args[0]}"
+            case "gather":
+                return f"a{step.array}[{_flat(step.array, step.args)}]"
+            case "add" | "sub" | "mul":
+                return f"{args[0]} {'+-*'[('add', 'sub', 'mul').index(step.op)]} {args[1]}"
+            case "min" | "max":
+                return f"{args[0]} {'<' if step.op == 'min' else '>'} {args[1]} ? {args[0]} : {args[1]}"
+            case "floordiv":
+                return f"teg_floordiv({args[0]}, {args[1]})"
+            case _:
+                return f"{args[0]} - {args[1]} * teg_floordiv({args[0]}, {args[1]})"
+
+    def _run(self, step: Run) -> list[str]:
+        routine = self.routines[id(step)]
+        count, ties = len(step.results), has_ties(step.program.body)
+        array = f"r{step.results[0][1:]}"
+        below = routine.workspace
+        inputs = [_spell(a) if isinstance(a, str) else literal(float(a)) for a in step.inputs]
+
+        passed = [*([] if routine.indirect else inputs), array, *["w"] * (routine.workspace > 0), *["&ctx"] * routine.context]
+        call = f"{routine.name}({', '.join(passed)});"
+        gather = packed(f"w[{i}] = {value};" for i, value in enumerate(inputs)) if routine.indirect else []
+        lines = [f"double {array}[{count}];"]
+        if not ties:
+            lines += [*gather, call]
+        else:  # one call, so that it is inlined
+            first = f"(w + {below})"
+            lines += [
+                "for (;;) {",
+                *indent(
+                    *gather,
+                    call,
+                    "if (!ctx.tied) break;",
+                    "if (ctx.order < 0) {",
+                    *indent(
+                        f"for (int j = 0; j < {count}; j++) {array}[j] = 0.5 * ({first}[j] + {array}[j]);",
+                        "ctx.order = +1, ctx.tied = 0, note |= 1;",
+                        "break;",
+                    ),
+                    "}",
+                    f"for (int j = 0; j < {count}; j++) {first}[j] = {array}[j];",
+                    "ctx.order = -1;",
+                ),
+                "}",
+            ]
+        return [*lines, *packed([f"{name} = {array}[{j}]" for j, name in enumerate(step.results)], "const double ", ", ", ";")]
+
+    def _loop(self, step: Loop, depth: int) -> list[str]:
+        """A loop inside another one."""
+        sums = packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if step.results else []
+        return [
+            *sums,
+            f"for (int64_t {step.index} = {_spell(step.lo)}; {step.index} < {_spell(step.hi)}; {step.index}++) {{",
+            *indent("if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *self._added(step)),
+            "}",
+        ]
+
+    def _added(self, step: Loop) -> list[str]:
+        return [f"{r} += {_spell(v)};" for r, v in zip(step.results, step.values, strict=True)]
+
+    def _chunks(self, step: Loop) -> list[str]:
+        """An outermost loop, which threads share."""
+        targets = scattered(step.body)
+        results, total = len(step.results), " + ".join([f"n{j}" for j in targets] or ["0"])
+        number = step.index[1:]
+        sums = packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if step.results else []
+        places: list[str] = []
+        offset = "0"
+        for j in targets:
+            places.append(f"double *const t{j}_ = c ? copies + (c - 1) * size + {offset} : t{j};")
+            offset += f" + n{j}"
+        inside = [
+            *self._block_in_chunk(step, targets),
+            *self._added(step),
+        ]
+        own = [f"double w[{self.space}];", "(void)w;"] if 0 < self.space <= ON_STACK else []
+        heap = self.space > ON_STACK
+        own += [f"double *const w = malloc({self.space} * sizeof *w);"] if heap else []
+        again = [f"for (long c = 1; c < chunks; c++) for (int64_t k = 0; k < n{j}; k++)" for j in targets]
+        offset = "0"
+        merged: list[str] = []
+        for j, head in zip(targets, again, strict=True):
+            merged += [head, *indent(f"t{j}[k] += copies[(c - 1) * size + {offset} + k];")]
+            offset += f" + n{j}"
+        return [
+            *sums,
+            "{",
+            *indent(
+                f"const int64_t lo = {_spell(step.lo)}, hi = {_spell(step.hi)}, size = {total};",
+                f"const long chunks = teg_chunks(hi - lo, {work(step.body)}, size);",
+                f"double *const partial = calloc((size_t)chunks * {results + 1} + 1, sizeof *partial);",
+                "double *const copies = calloc((size_t)((chunks - 1) * size) + 1, sizeof *copies);",
+                "int failed = !partial || !copies, working = 0;",
+                "(void)size, (void)working;",
+                "if (!failed) {",
+                "#ifdef _OPENMP",
+                "#pragma omp parallel num_threads(team) if (team > 1)",
+                "#endif",
+                *indent(
+                    "{",
+                    *indent(
+                        "teg_pace own = {pace->watch, 0, 16}, *const outer = pace, *pace = &own;",
+                        "(void)outer;",
+                        "#ifdef _OPENMP",
+                        "#pragma omp atomic",
+                        "working++;",
+                        "#pragma omp barrier",
+                        "#pragma omp master",
+                        "#endif",
+                        "own.caller = outer->caller;",
+                        "#ifdef _OPENMP",
+                        "#pragma omp for schedule(dynamic, 1) nowait",
+                        "#endif",
+                        "for (long c = 0; c < chunks; c++) {",
+                        *indent(
+                            "const int64_t first = lo + (hi - lo) / chunks * c + (c < (hi - lo) % chunks ? c : (hi - lo) % chunks);",
+                            "const int64_t last = first + (hi - lo) / chunks + (c < (hi - lo) % chunks);",
+                            *own,
+                            *(["if (!w) {", *indent("failed = 1;", "continue;"), "}"] if heap else []),
+                            *places,
+                            "teg_context ctx = {+1, 0, 0, 0, pace};",
+                            "long note = 0;",
+                            *(packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if results else []),
+                            f"for (int64_t {step.index} = first; {step.index} < last; {step.index}++) {{",
+                            *indent("if (teg_stopped(pace)) break;", *inside),
+                            "}",
+                            *[f"partial[c * {results + 1} + {k}] = {r};" for k, r in enumerate(step.results)],
+                            f"partial[c * {results + 1} + {results}] = (double)(note | 2 * (ctx.missed != 0));",
+                            *(["free(w);"] if heap else []),
+                        ),
+                        "}",
+                        "#ifdef _OPENMP",
+                        "teg_wait(pace, &working);",
+                        "#endif",
+                    ),
+                    "}",
+                    "for (long c = 0; c < chunks; c++) {",
+                    *indent(
+                        *[f"{r} += partial[c * {results + 1} + {k}];" for k, r in enumerate(step.results)],
+                        f"note |= (long)partial[c * {results + 1} + {results}];",
+                    ),
+                    "}",
+                    *merged,
+                ),
+                "}",
+                "free(partial);",
+                "free(copies);",
+                "if (failed) return -1;",
+            ),
+            "}",
+            f"/* {number} */",
+        ]
+
+    def _block_in_chunk(self, step: Loop, targets: Sequence[int]) -> list[str]:
+        """The body, scattering into the chunk's own copies."""
+        lines = self._block(step.body, 1)
+        if not targets:
+            return lines
+        names = re.compile(r"\bt(" + "|".join(map(str, targets)) + r")\[")
+        return [names.sub(r"t\1_[", line) for line in lines]
+
+    # -- the batch -----------------------------------------------------------------------------------------------------
+
+    def _entry(self) -> Iterator[str]:
+        """The exported functions. A single element is given all threads, elements of a batch one each."""
+        yield from (
+            "typedef struct {",
+            "    const double *const *p;",
+            "    const teg_array *a;",
+            "} teg_given;",
+            "",
+            f"TEG_EXPORT int {self.name}_watched(",
+            "    long n, const void *values, const long *stride, void *results, long *notes, int threads,",
+            "    long (*poll)(void *data), void *data)",
+            "{",
+            *indent(
+                "const teg_given *const given = values;",
+                "double *const *const out = (double *const *)results;",
+                "const int team = threads > 1 && n > 1 ? threads : 1, inner = n > 1 ? 1 : threads;",
+                "teg_watch watch = {poll, data, 0};",
+                "int failed = 0, working = 0;",
+                "(void)team, (void)working;",
+                "#ifdef _OPENMP",
+                "#pragma omp parallel num_threads(team) if (team > 1)",
+                "#endif",
+                "{",
+                *indent(
+                    "teg_pace pace = {&watch, 0, 16};",
+                    "#ifdef _OPENMP",
+                    "#pragma omp atomic",
+                    "working++;",
+                    "#pragma omp barrier",
+                    "#pragma omp master",
+                    "#endif",
+                    "pace.caller = 1;",
+                    "#ifdef _OPENMP",
+                    "#pragma omp for schedule(dynamic, 1) nowait",
+                    "#endif",
+                    "for (long e = 0; e < n; e++) {",
+                    *indent(
+                        "long note;",
+                        "if (teg_stopped(&pace)) continue;",
+                        "note = element(e, given->p, stride, given->a, out, &pace, inner);",
+                        "if (note < 0) failed = 1;",
+                        "if (notes) notes[e] = note;",
+                    ),
+                    "}",
+                    "#ifdef _OPENMP",
+                    "teg_wait(&pace, &working);",
+                    "#endif",
+                ),
+                "}",
+                "return failed ? 1 : watch.stopped ? 2 : 0;",
+            ),
+            "}",
+            "",
+            f"TEG_EXPORT int {self.name}(",
+            "    long n, const double *const *p, const long *stride, const teg_array *a, double *const *out, long *notes, int threads)",
+            "{",
+            *indent(
+                "const teg_given given = {p, a};",
+                f"return {self.name}_watched(n, &given, stride, (void *)out, notes, threads, NULL, NULL);",
+            ),
+            "}",
+        )
+
+
+def _spell(arg: Arg) -> str:
+    """A name, or a literal."""
+    if isinstance(arg, str):
+        return arg
+    if isinstance(arg, float):
+        return literal(arg)
+    return f"INT64_C({arg})" if arg >= 0 else f"(-INT64_C({-arg}))"
+
+
+def _flat(array: int, subscripts: Sequence[Arg]) -> str:
+    """The place of an entry, row by row."""
+    place = _spell(subscripts[0])
+    for axis, s in enumerate(subscripts[1:], 1):
+        place = f"({place}) * s{array}[{axis}] + {_spell(s)}"
+    return place

@@ -1,0 +1,304 @@
+"""Programs with arrays and sums as pure functions in JAX.
+
+    ArrayFunction(program, compile)  ->  a function of scalars and arrays: every output, and a note
+
+As in `numpy_arrays`, iterations become lanes: a loop's are numbered through, in blocks of at most 2¹⁷ (fewer where an iteration has many
+nodes); flat programs run on all lanes of a block, mapped; sums are segment sums, entries gathers, and derivatives by arrays scatter-adds.
+Blocks are the steps of a `lax.scan`. Lanes behind the last iteration repeat it, and what they give is dropped.
+
+Shapes are static: how many iterations a loop has is found out before it is traced (`Extents`), from the shapes and the integer
+parameters, and where the bounds of a loop depend on index arrays, from their entries. Else these may be traced. This module imports JAX.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from teg.array_program import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, steps
+from teg.backends.array_plan import apply
+from teg.backends.jax_backend import JaxKernel
+from teg.backends.jax_lanes import on_lanes
+from teg.backends.jax_runtime import union
+from teg.errors import ArrayIndexError
+from teg.program import Program
+
+BLOCK = 2**17
+"""Iterations that run at a time, at most."""
+
+
+class ArrayFunction:
+    """A program as a function; `source` is the text of its flat programs."""
+
+    def __init__(self, program: ArrayProgram, compile: Callable[[Program], JaxKernel]) -> None:
+        self.program = program
+        kernels = {id(s): compile(s.program) for s in steps(program.body) if isinstance(s, Run)}
+        self.source = "\n".join(k.source for k in kernels.values())
+        self._runs = {k: on_lanes(kernel) for k, kernel in kernels.items()}
+        self._blocks = {id(s): _block_size(s, kernels) for s in steps(program.body) if isinstance(s, Loop)}
+
+    def __call__(self, scalars: Sequence[Any], arrays: Sequence[Any], indices: Sequence[Any] = ()) -> tuple[list[Any], Any]:
+        """The outputs, and the note. A scalar is a number, an integer parameter an `int`; an array has its shape. `indices` are the
+        entries of the index arrays, NumPy arrays in their order, where the lengths of loops depend on them."""
+        shapes = [v.shape for v in arrays]
+        counted = {k: v for k, v in enumerate(scalars) if isinstance(v, int)}
+        entries = dict(zip([k for k, a in enumerate(self.program.arrays) if a.integers], indices, strict=False))
+        lengths = Extents(self.program, self._blocks, shapes, counted, entries).lengths
+        run = _Trace(self, arrays, lengths)
+        lanes = _Lanes({f"p{k}": v for k, v in enumerate(scalars)}, 1, None)
+        targets = {j: jnp.zeros(shapes[output.array]) for j, output in enumerate(self.program.outputs) if isinstance(output, Like)}
+        targets, note = run.block(self.program.body, lanes, targets, jnp.int32(0))
+        found = []
+        for j, output in enumerate(self.program.outputs):
+            value = targets[j] if isinstance(output, Like) else jnp.asarray(_of(output, lanes), jnp.float64)
+            found.append(value.reshape(()) if not isinstance(output, Like) else value)
+        return found, note
+
+
+class _Lanes(NamedTuple):
+    """Values on lanes: `size` of them; those that are not `live` (None: all are) repeat another one."""
+
+    values: dict[Arg, Any]
+    size: int
+    live: Any
+
+
+def _of(arg: Arg, lanes: _Lanes) -> Any:
+    return arg if isinstance(arg, int | float) else lanes.values[arg]
+
+
+class _Trace:
+    """One trace of a program, in which loops have `lengths`."""
+
+    def __init__(self, function: ArrayFunction, arrays: Sequence[Any], lengths: Mapping[int, int]) -> None:
+        self.function, self.arrays, self.lengths = function, arrays, lengths
+
+    def block(self, block: Sequence[Step], lanes: _Lanes, targets: dict[int, Any], note: Any) -> tuple[dict[int, Any], Any]:
+        """The steps of a block on lanes, which get their values; targets of scatters, and the note. Recursion is as deep as loops are."""
+        targets = dict(targets)
+        for step in block:
+            match step:
+                case Integers():
+                    lanes.values[step.name] = self._integers(step, lanes)
+                case Number():
+                    lanes.values[step.name] = jnp.asarray(_of(step.integer, lanes), jnp.float64)
+                case Load():
+                    lanes.values[step.name] = self._entry(step.array, step.subscripts, lanes)
+                case Run():
+                    note = note | self._run(step, lanes)
+                case Loop():
+                    targets, note = self._loop(step, lanes, targets, note)
+                case Scatter():
+                    places = tuple(jnp.broadcast_to(_of(p, lanes), (lanes.size,)) for p in step.subscripts)
+                    terms = _live(jnp.broadcast_to(_of(step.value, lanes), (lanes.size,)), lanes)
+                    targets[step.output] = targets[step.output].at[places].add(terms, mode="drop", wrap_negative_indices=False)
+        return targets, note
+
+    def _integers(self, step: Integers, lanes: _Lanes) -> Any:
+        if step.op == "length":
+            return self.arrays[step.array].shape[int(step.args[0])]
+        if step.op == "param":
+            return lanes.values[f"p{step.args[0]}"]
+        if step.op == "gather":
+            return self._entry(step.array, step.args, lanes)
+        a, b = (_of(arg, lanes) for arg in step.args)
+        if isinstance(a, int) and isinstance(b, int):
+            return int(apply(step.op, np.asarray(a), np.asarray(b)))
+        if step.op in ("min", "max"):
+            return jnp.minimum(a, b) if step.op == "min" else jnp.maximum(a, b)
+        return {"add": lambda: a + b, "sub": lambda: a - b, "mul": lambda: a * b, "floordiv": lambda: a // b, "mod": lambda: a % b}[
+            step.op
+        ]()
+
+    def _entry(self, k: int, subscripts: Sequence[Arg], lanes: _Lanes) -> Any:
+        """An entry; where a subscript is out of its range, which only traced index arrays can be, NaN, or an index out of all ranges."""
+        array = self.arrays[k]
+        places = tuple(_of(p, lanes) for p in subscripts)
+        if jnp.issubdtype(array.dtype, jnp.floating):
+            return array.at[places].get(mode="fill", fill_value=jnp.nan, wrap_negative_indices=False)
+        missing = np.iinfo(np.int32).max
+        return array.at[places].get(mode="fill", fill_value=missing, wrap_negative_indices=False).astype(jnp.int64)
+
+    def _run(self, step: Run, lanes: _Lanes) -> Any:
+        columns = [jnp.asarray(_of(a, lanes), jnp.float64) for a in step.inputs]
+        axes = tuple(0 if c.ndim else None for c in columns)
+        run = self.function._runs[id(step)]
+        if 0 not in axes:
+            found, note = run(*columns)
+            lanes.values.update(zip(step.results, found, strict=True))
+            return note
+        found, notes = jax.vmap(run, in_axes=axes, out_axes=(1, 0))(*columns)
+        lanes.values.update(zip(step.results, found, strict=True))
+        return union(notes)
+
+    def _loop(self, step: Loop, lanes: _Lanes, targets: dict[int, Any], note: Any) -> tuple[dict[int, Any], Any]:
+        total = self.lengths[id(step)]
+        sums = jnp.zeros((len(step.results), lanes.size))
+        if total:
+            cap = self.function._blocks[id(step)]
+            count = -(-total // cap)
+            if count > 1 and not any(isinstance(s, Loop) for s in step.body):
+                cap = -(-total // count)  # little is wasted in the last block
+            lo, hi = _of(step.lo, lanes), _of(step.hi, lanes)
+            ends = None
+            if not (isinstance(lo, int) and isinstance(hi, int) and lanes.live is None):
+                length = jnp.broadcast_to(jnp.asarray(hi - lo, jnp.int64), (lanes.size,))
+                ends = jnp.cumsum(length if lanes.live is None else jnp.where(lanes.live, length, 0))
+
+            def part(start: Any, size: int, known: int | None, targets: dict[int, Any], note: Any) -> tuple[Any, dict[int, Any], Any]:
+                inner, parent = self._inside(step, lanes, start, size, total, ends, known)
+                targets, note = self.block(step.body, inner, targets, note)
+                terms = [_live(jnp.broadcast_to(jnp.asarray(_of(v, inner), jnp.float64), (size,)), inner) for v in step.values]
+                if not terms:
+                    return jnp.zeros((0, lanes.size)), targets, note
+                if lanes.size == 1:
+                    return jnp.sum(jnp.stack(terms), axis=1)[:, None], targets, note
+                added = jax.ops.segment_sum(jnp.stack(terms, axis=1), parent, lanes.size, indices_are_sorted=True)
+                return added.T, targets, note
+
+            if count == 1:
+                sums, targets, note = part(0, total, total, targets, note)
+            else:
+
+                def block(carried: Any, start: Any) -> tuple[Any, None]:
+                    sums, targets, note = carried
+                    added, targets, note = part(start, cap, None, targets, note)
+                    return (sums + added, targets, note), None
+
+                (sums, targets, note), _ = lax.scan(block, (sums, targets, note), jnp.arange(0, total, cap))
+        if lanes.size == 1 and lanes.live is None:
+            sums = sums[:, 0]  # the program's own level: numbers
+        lanes.values.update(zip(step.results, sums, strict=True))
+        return targets, note
+
+    def _inside(self, step: Loop, lanes: _Lanes, start: Any, size: int, total: int, ends: Any, known: int | None) -> tuple[_Lanes, Any]:
+        """The lanes of a block of iterations, and the outer lane of each."""
+        flat = start + jnp.arange(size)
+        if ends is None:
+            lo, hi = _of(step.lo, lanes), _of(step.hi, lanes)
+            live = None if known is not None else flat < total
+            flat = jnp.minimum(flat, total - 1)
+            parent, index = flat // (hi - lo), lo + flat % (hi - lo)
+        else:
+            live = flat < ends[-1]
+            flat = jnp.clip(flat, 0, jnp.maximum(ends[-1] - 1, 0))
+            parent = jnp.minimum(jnp.searchsorted(ends, flat, side="right"), lanes.size - 1)
+            before = jnp.where(parent > 0, ends[jnp.maximum(parent - 1, 0)], 0)
+            lo = jnp.broadcast_to(jnp.asarray(_of(step.lo, lanes)), (lanes.size,))
+            index = lo[parent] + flat - before
+        values = {name: v[parent] if getattr(v, "ndim", 0) else v for name, v in lanes.values.items()}
+        values[step.index] = index
+        return _Lanes(values, size, live), parent
+
+
+def _live(terms: Any, lanes: _Lanes) -> Any:
+    return terms if lanes.live is None else jnp.where(lanes.live, terms, 0.0)
+
+
+def _block_size(loop: Loop, kernels: Mapping[int, JaxKernel]) -> int:
+    """How many iterations of a loop run at a time: so many that their nodes fit."""
+    return min([BLOCK, *(kernels[id(s)]._step for s in loop.body if isinstance(s, Run))])
+
+
+Whole = Any  # an int, or an array of them, one a lane
+
+
+class Extents:
+    """How many lanes the iterations of each loop take, at most, where it is met: `lengths`, by the id of the loop.
+
+    Where no bound of a loop depends on the index of another that is a product; else the iterations of outer loops are enumerated, in
+    the blocks in which they will run.
+    """
+
+    def __init__(
+        self,
+        program: ArrayProgram,
+        blocks: Mapping[int, int],
+        shapes: Sequence[Sequence[int]],
+        integers: Mapping[int, int],
+        entries: Mapping[int, Any],
+    ) -> None:
+        self.program, self.blocks, self.shapes, self.integers, self.entries = program, blocks, shapes, integers, entries
+        self.needed = _needed(program)
+        loops = [s for s in steps(program.body) if isinstance(s, Loop)]
+        moving = _depending(program, {s.index for s in loops})
+        self.varying = any(isinstance(a, str) and a in moving for s in loops for a in (s.lo, s.hi))
+        self.lengths: dict[int, int] = {id(s): 0 for s in loops}
+        self._visit(program.body, {}, 1)
+
+    def _visit(self, block: Sequence[Step], values: dict[Arg, Whole], size: int) -> None:
+        """The loops of a block on so many lanes. Recursion is as deep as loops are."""
+        for step in block:
+            if isinstance(step, Integers) and step.name in self.needed:
+                values[step.name] = self._integers(step, values)
+            elif isinstance(step, Loop):
+                self._loop(step, values, size)
+
+    def _loop(self, step: Loop, values: dict[Arg, Whole], size: int) -> None:
+        lo, hi = (a if isinstance(a, int) else values[a] for a in (step.lo, step.hi))
+        block = self.blocks[id(step)]
+        inner = any(isinstance(s, Loop) for s in step.body)
+        if not self.varying:
+            total = size * int(hi - lo)
+            self.lengths[id(step)] = total
+            if total and inner:
+                self._visit(step.body, dict(values), min(total, block))
+            return
+        ends = np.cumsum(np.broadcast_to(np.asarray(hi - lo), (size,)))
+        total = int(ends[-1]) if size else 0
+        self.lengths[id(step)] = max(self.lengths[id(step)], total)
+        for start in range(0, total, block) if inner else ():
+            flat = np.arange(start, min(start + block, total))
+            parent = np.searchsorted(ends, flat, side="right")
+            inside = {name: v[parent] if np.ndim(v) else v for name, v in values.items()}
+            before = np.where(parent > 0, ends[parent - 1], 0)
+            inside[step.index] = flat - before + np.broadcast_to(np.asarray(lo), (size,))[parent]
+            self._visit(step.body, inside, flat.size)
+
+    def _integers(self, step: Integers, values: Mapping[Arg, Whole]) -> Whole:
+        if step.op == "length":
+            return int(self.shapes[step.array][int(step.args[0])])
+        if step.op == "param":
+            return self.integers[int(step.args[0])]
+        args = [a if isinstance(a, int | float) else values[a] for a in step.args]
+        if step.op == "gather":
+            if step.array not in self.entries:
+                name = self.program.arrays[step.array].name
+                raise ArrayIndexError(
+                    f"how many terms a sum has depends on {name}, whose entries are not known while JAX traces",
+                    None,
+                    f"give it as NumPy's array when the function is made: teg.jax_function(e, indices={{{name!r}: {name}}})",
+                )
+            return np.asarray(self.entries[step.array])[tuple(args)]
+        found = apply(step.op, np.asarray(args[0]), np.asarray(args[1]))
+        return found if found.ndim else int(found)
+
+
+def _needed(program: ArrayProgram) -> set[Arg]:
+    """The integers that bounds of loops depend on."""
+    order = list(steps(program.body))
+    needed: set[Arg] = {a for s in order if isinstance(s, Loop) for a in (s.lo, s.hi)}
+    for step in reversed(order):
+        if isinstance(step, Integers) and step.name in needed:
+            needed.update(step.args)
+    return needed
+
+
+def _depending(program: ArrayProgram, sources: set[str]) -> set[Arg]:
+    """The integers that depend on any of these."""
+    found: set[Arg] = set(sources)
+    for step in steps(program.body):
+        if isinstance(step, Integers) and step.op not in ("param", "length") and any(isinstance(a, str) and a in found for a in step.args):
+            found.add(step.name)
+    return found
+
+
+def counting_arrays(program: ArrayProgram) -> set[int]:
+    """The numbers of the index arrays that bounds of loops depend on."""
+    needed = _needed(program)
+    return {s.array for s in steps(program.body) if isinstance(s, Integers) and s.op == "gather" and s.name in needed}

@@ -1,0 +1,271 @@
+"""Programs and all their derivatives as one JAX primitive.
+
+    D(p; u₁, …, uₖ)       bound with a family of programs and the order k
+
+    k = -1    the values e(p)
+    k = 0     the values and the gradients ∂e/∂p, by one program: they share their loops
+    k ≥ 1     Dᵏ⁺¹e(p)[u₁, …, uₖ, ·], of the structure of p; of a single e
+
+Its rules are closed under differentiation:
+
+    d e           = ⟨∂e, dp⟩
+    d ∂e          = D(p; dp)
+    d D(p; u…)    = D(p; u…, dp) + Σᵢ D(p; …, duᵢ, …)
+    the transpose of uᵢ ↦ D(p; …, uᵢ, …) at c is D(p; …, c, …), for Dᵏ⁺¹e is symmetric
+
+so derivatives of any order, forward and reverse in any mixture, are programs that the compiler made of symbolic derivatives; each is made
+when it is first needed, once. The primitive is lowered as the kernel that a program prints, traced in double precision whatever the
+process is set to: parameters and results are float32 or float64, what is between is float64.
+
+Operands are the leaves of p, then those of each u. Under vmap an operand that is not mapped stays as it is: `batch` says of each mapped
+axis, the outermost first, which operands have it, in front of their own. This module imports JAX.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any, cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
+
+from teg.array_program import ArrayProgram
+from teg.backends.jax_arrays import ArrayFunction
+from teg.backends.jax_backend import JaxKernel, compile_jax
+from teg.backends.jax_lanes import on_lanes
+from teg.backends.jax_precision import in_double_precision
+from teg.program import Program
+
+Operands = Sequence[Any]
+Axes = tuple[int | None, ...]
+Batch = tuple[Axes, ...]
+
+
+class Family:
+    """A program and its derivatives, compiled when they are needed; compared by identity.
+
+    `programs(k)` gives the program of order k. Its parameters are the leaves of p, `moving` of which are differentiated by, and then those
+    of each u, `moving` of them; numbers and arrays apart, both in this order (`arrays` says which leaves are arrays), and behind the
+    numbers `integers`, which are constants. `entries` are the families of the single values, if there are several.
+    """
+
+    def __init__(
+        self,
+        programs: Callable[[int], Program | ArrayProgram],
+        arrays: Sequence[bool],
+        moving: int,
+        integers: Sequence[int] = (),
+        indices: Sequence[Any] = (),
+        entries: Sequence[Family] = (),
+    ) -> None:
+        self.programs, self.arrays, self.moving = programs, tuple(arrays), moving
+        self.integers, self.indices = tuple(integers), tuple(indices)
+        self.entries: tuple[Family, ...] = tuple(entries) or (self,)
+        self._kernels: dict[int, Callable[..., Any]] = {}
+        self._lock = threading.RLock()
+
+    def kernel(self, order: int) -> Callable[[Operands], list[Any]]:
+        """The function of the operands of one element of a batch: the values, gradients, or the leaves of the derivative."""
+        with self._lock:
+            if order not in self._kernels:
+                program = self.programs(order)
+                with in_double_precision():
+                    self._kernels[order] = self._arrays(program, order) if isinstance(program, ArrayProgram) else _numbers(program)
+            return self._kernels[order]
+
+    def _arrays(self, program: ArrayProgram, order: int) -> Callable[[Operands], list[Any]]:
+        run = ArrayFunction(program, compile_jax)
+        flags = [*self.arrays, *self.arrays[: self.moving] * max(order, 0)]
+
+        def kernel(operands: Operands) -> list[Any]:
+            scalars = [v for v, array in zip(operands, flags, strict=True) if not array]
+            arrays = [v for v, array in zip(operands, flags, strict=True) if array]
+            return run([*scalars, *self.integers], arrays, self.indices)[0]
+
+        return kernel
+
+    def outputs(self, order: int) -> int:
+        """How many results there are."""
+        m = len(self.entries)
+        return (m, m * (1 + self.moving))[order + 1] if order <= 0 else self.moving
+
+
+def _numbers(program: Program) -> Callable[[Operands], list[Any]]:
+    kernel: JaxKernel = compile_jax(program)
+    run = on_lanes(kernel)
+    return lambda operands: list(run(*operands)[0])
+
+
+NOWHERE = jax.sharding.AbstractMesh((), ())
+derivative_p = Primitive("teg_derivative")
+derivative_p.multiple_results = True
+
+
+def derivative(family: Family, order: int, batch: Batch, operands: Operands) -> list[Any]:
+    """The primitive on operands: moving ones of one real type, and the others."""
+    operands = _varying(operands)
+    return cast("list[Any]", derivative_p.bind(*operands, family=family, order=order, batch=batch))
+
+
+def _varying(operands: Operands) -> list[Any]:
+    """Operands that vary over the same axes of a mesh (inside of `shard_map`), as a primitive of several operands wants them."""
+    axes = [getattr(jax.typeof(v), "vma", frozenset()) for v in operands]
+    every = frozenset().union(*axes)
+    if not every:
+        return list(operands)
+    return [lax.pcast(v, tuple(every - a), to="varying") if every - a else v for v, a in zip(operands, axes, strict=True)]
+
+
+@cache
+def _function(family: Family, order: int, batch: Batch) -> Callable[..., tuple[Any, ...]]:
+    """What the primitive computes, jitted: nested maps of the kernel."""
+    kernel = family.kernel(order)
+
+    def one(*operands: Any) -> tuple[Any, ...]:
+        kept = jnp.result_type(*operands[: family.moving]) if family.moving else jnp.float64
+        found = kernel([v.astype(jnp.float64) if jnp.issubdtype(v.dtype, jnp.floating) else v for v in operands])
+        return tuple(jnp.asarray(v).astype(kept) for v in found)
+
+    mapped = one
+    for axes in reversed(batch):
+        mapped = jax.vmap(mapped, in_axes=axes, out_axes=0)
+    return cast("Callable[..., tuple[Any, ...]]", jax.jit(mapped))
+
+
+def _run(*operands: Any, family: Family, order: int, batch: Batch) -> list[Any]:
+    with in_double_precision():
+        return list(_function(family, order, batch)(*operands))
+
+
+def _abstract(*operands: Any, family: Family, order: int, batch: Batch) -> list[Any]:
+    leaves = [v.shape[_front(batch, i) :] for i, v in enumerate(operands[: family.moving])]
+    own: list[tuple[int, ...]] = [()] * len(family.entries) if order <= 0 else []
+    if order >= 0:
+        own += leaves * (len(family.entries) if order == 0 else 1)
+    dtype = np.dtype(jnp.result_type(*(v.dtype for v in operands[: family.moving])) if family.moving else np.float64)
+    if not operands:
+        return [jax.core.ShapedArray(shape, dtype) for shape in own]
+    axes = [next((v, _front(batch, i, k)) for i, v in enumerate(operands) if level[i] is not None) for k, level in enumerate(batch)]
+    lengths = [v.shape[k] for v, k in axes]
+    kind = {"dtype": dtype, "weak_type": False}
+    mesh = getattr(getattr(operands[0], "sharding", None), "mesh", None)
+    if mesh is None or mesh.empty:
+        return [operands[0].update(shape=(*lengths, *shape), **kind) for shape in own]
+    places = [v.sharding.spec[k] for v, k in axes]  # an axis of the batch lies where it does in the operands
+    found = []
+    for shape in own:
+        spec = jax.sharding.PartitionSpec(*places, *(None,) * len(shape))
+        sharding = jax.sharding.NamedSharding(mesh, spec)
+        found.append(operands[0].update(shape=(*lengths, *shape), sharding=sharding, **kind))
+    return found
+
+
+def _front(batch: Batch, i: int, level: int | None = None) -> int:
+    """How many mapped axes operand i has: of all levels, or of those outside of one."""
+    return sum(axes[i] is not None for axes in (batch if level is None else batch[:level]))
+
+
+def _lower(context: Any, *operands: Any, family: Family, order: int, batch: Batch) -> Any:
+    """The kernel, traced as if there were no mesh: it is a function of each element, wherever that lies."""
+    plain = [jax.core.ShapedArray(v.shape, v.dtype) for v in context.avals_in]
+    with in_double_precision(), jax.sharding.use_abstract_mesh(NOWHERE):
+        return mlir.lower_fun(_function(family, order, batch), multiple_results=True)(context.replace(avals_in=plain), *operands)
+
+
+def _jvp(primals: Operands, tangents: Operands, *, family: Family, order: int, batch: Batch) -> tuple[list[Any], list[Any]]:
+    count, given = family.moving, len(family.arrays)
+    if order < 0:  # the gradient comes with the value
+        found = derivative(family, 0, batch, primals)
+        values, slopes = found[: len(family.entries)], found[len(family.entries) :]
+        return values, _inner(values, slopes, tangents[:count], batch)
+    found = derivative(family, order, batch, primals)
+    moved = _instantiated(primals[:count], tangents[:count])
+    slots = [slice(given + i * count, given + (i + 1) * count) for i in range(order)]
+    if order == 0:
+        values, slopes = found[: len(family.entries)], found[len(family.entries) :]
+        changes = _inner(values, slopes, tangents[:count], batch)
+        further = tuple((*axes, *axes[:count]) for axes in batch)
+        for entry in family.entries:
+            changes += (
+                derivative(entry, 1, further, [*primals, *moved]) if moved else [ad.Zero.from_primal_value(v) for v in slopes[:count]]
+            )
+        return found, changes
+    terms = []
+    if moved:
+        further = tuple((*axes, *axes[:count]) for axes in batch)
+        terms.append(derivative(family, order + 1, further, [*primals, *moved]))
+    for slot in slots:
+        if change := _instantiated(primals[slot], tangents[slot]):
+            terms.append(derivative(family, order, batch, [*primals[: slot.start], *change, *primals[slot.stop :]]))
+    if not terms:
+        return found, [ad.Zero.from_primal_value(v) for v in found]
+    return found, [sum(parts[1:], start=parts[0]) for parts in zip(*terms, strict=True)]
+
+
+def _instantiated(primals: Operands, tangents: Operands) -> list[Any]:
+    """Tangents with their zeros written out; none where all are 0."""
+    if all(isinstance(t, ad.Zero) for t in tangents):
+        return []
+    return [jnp.zeros_like(p) if isinstance(t, ad.Zero) else t for p, t in zip(primals, tangents, strict=True)]
+
+
+def _inner(values: Operands, slopes: Operands, tangents: Operands, batch: Batch) -> list[Any]:
+    """⟨∂e, dp⟩ of each value: its gradients have all axes of the batch, a tangent those of its leaf."""
+    found: list[Any] = []
+    count = len(tangents)
+    for k, value in enumerate(values):
+        terms = []
+        for i, tangent in enumerate(tangents):
+            if not isinstance(tangent, ad.Zero):
+                product = _mapped(jnp.multiply, [(0, axes[i]) for axes in batch])(slopes[k * count + i], tangent)
+                terms.append(jnp.sum(product, axis=tuple(range(len(batch), product.ndim))))
+        found.append(sum(terms[1:], start=terms[0]) if terms else ad.Zero.from_primal_value(value))
+    return found
+
+
+def _mapped(function: Callable[..., Any], batch: Sequence[Axes]) -> Callable[..., Any]:
+    for axes in reversed(batch):
+        function = jax.vmap(function, in_axes=axes)
+    return function
+
+
+def _transpose(cotangents: Operands, *operands: Any, family: Family, order: int, batch: Batch) -> list[Any]:
+    count, given = family.moving, len(family.arrays)
+    unknown = [i for i, v in enumerate(operands) if ad.is_undefined_primal(v)]
+    found: list[Any] = [None] * len(operands)
+    if all(isinstance(c, ad.Zero) for c in cotangents):
+        for i in unknown:
+            found[i] = ad.Zero(operands[i].aval)
+        return found
+    first = given + (unknown[0] - given) // count * count
+    slot = range(first, first + count)
+    assert order > 0, "values are not linear"
+    assert all(i in slot for i in unknown), "a derivative is linear in one direction at a time"
+    inserted = [ad.instantiate_zeros(c) for c in cotangents]  # with all axes of the batch
+    full = tuple((*axes[:first], *(0,) * count, *axes[first + count :]) for axes in batch)
+    slopes = derivative(family, order, full, [*operands[:first], *inserted, *operands[first + count :]])
+    for i in unknown:
+        shared = tuple(level for level, axes in enumerate(batch) if axes[i] is None)
+        found[i] = jnp.sum(slopes[i - first], axis=shared) if shared else slopes[i - first]
+    return found
+
+
+def _batch(operands: Operands, dims: Sequence[Any], *, family: Family, order: int, batch: Batch) -> tuple[list[Any], list[int]]:
+    axes = tuple(0 if isinstance(d, int) else None for d in dims)
+    moved = [jnp.moveaxis(v, d, 0) if isinstance(d, int) else v for v, d in zip(operands, dims, strict=True)]
+    found = derivative(family, order, (axes, *batch), moved)
+    return found, [0] * len(found)
+
+
+derivative_p.def_impl(_run)
+derivative_p.def_abstract_eval(_abstract)
+mlir.register_lowering(derivative_p, _lower)
+ad.primitive_jvps[derivative_p] = _jvp
+ad.primitive_transposes[derivative_p] = _transpose
+batching.primitive_batchers[derivative_p] = _batch

@@ -1,0 +1,127 @@
+"""Clipped polygons and segments with static shapes, which the printed JAX programs call as `polygons`.
+
+A polygon has as many places for corners as it can have, and triangles likewise; what is not there has no weight, and `body` is told the
+first corner instead of its nodes. `setup` and `scales` stand in the program before the call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from teg.backends.jax_runtime import TIED, Note, Scalar, union, where
+from teg.program import NEARLY, TIE_EPS
+from teg.quadrature import gauss_legendre, triangle_rule
+
+Body = Callable[..., tuple[tuple[Scalar, ...], Note]]
+Plane = tuple[Scalar, Scalar, Scalar, bool]
+Line = tuple[Scalar, Scalar, bool, bool, Scalar, Scalar, Scalar]
+"""First, last, closed, whether it may tie, resolution, size, scale."""
+
+
+def polygon(
+    width: Scalar,
+    height: Scalar,
+    planes: Sequence[Plane],
+    degree: int,
+    factors: Sequence[Scalar],
+    body: Body,
+    zero: Scalar,
+    *,
+    when: Scalar = True,
+) -> tuple[tuple[Scalar, ...], Note]:
+    """The results of a `Polygon`, and the note; `zero` keeps a product and a sum apart (see `python_text`)."""
+    fails, known = jnp.bool_(False), jnp.isfinite(width) & jnp.isfinite(height)
+    least = []
+    for a, b, c, closed in planes:
+        u, v = a * width + zero, b * height + zero
+        most = c + jnp.where(u <= 0.0, 0.0, u) + jnp.where(v <= 0.0, 0.0, v)
+        low = c + jnp.where(u >= 0.0, 0.0, u) + jnp.where(v >= 0.0, 0.0, v)
+        fails |= (most <= 0.0) & ~((low >= 0.0) & closed)
+        known &= jnp.isfinite(most - low)
+        least.append(low)
+    there = when & ~fails & known
+    room = 4 + 2 * len(planes)
+    width, height = (jnp.where(there, x, 0.0) for x in (width, height))
+    px = jnp.zeros(room).at[jnp.array([1, 2])].set(width)
+    py = jnp.zeros(room).at[jnp.array([2, 3])].set(height)
+    corners = jnp.int32(4)
+    for (a, b, c, _), low in zip(planes, least, strict=True):
+        px, py, corners = _clipped(px, py, corners, there & (low < 0.0), a, b, c, zero)
+    r, s, w = (jnp.array(column) for column in zip(*triangle_rule(degree), strict=True))
+    ux, uy, vx, vy = px[1:-1] - px[0], py[1:-1] - py[0], px[2:] - px[0], py[2:] - py[0]
+    inside = there & (jnp.arange(room - 2) + 2 < corners)
+    area = jnp.where(inside, 0.5 * ((ux * vy + zero) - (vx * uy + zero)), 0.0)
+    x, y = (
+        jnp.where(inside[:, None], p[0] + (r * u[:, None] + zero) + (s * v[:, None] + zero), p[0])
+        for p, u, v in ((px, ux, vx), (py, uy, vy))
+    )
+    found, note = jax.vmap(jax.vmap(lambda x, y: _vector(body(x, y))))(x, y)
+    weights = jnp.where(inside[:, None], area[:, None] * w, 0.0)
+    values = jnp.where((weights != 0.0)[..., None], weights[..., None] * found, 0.0)
+    sums = jnp.sum(values, axis=(0, 1)) * jnp.stack([jnp.asarray(f, jnp.float64) for f in factors])
+    sums = jnp.where(there & (corners > 2), sums, jnp.where(when & ~fails & ~known, jnp.nan, 0.0))
+    return tuple(sums[i] for i in range(len(factors))), union(where(inside, jnp.max(jnp.asarray(note), axis=1)))
+
+
+def _vector(found: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
+    values, note = found
+    return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(note, jnp.int32)
+
+
+def _clipped(px: Any, py: Any, corners: Any, cuts: Scalar, a: Scalar, b: Scalar, c: Scalar, zero: Scalar) -> tuple[Any, Any, Any]:
+    """A polygon cut by a half-plane, if it `cuts`."""
+    number = jnp.arange(px.size)
+    there = number < corners
+    d = jnp.where(cuts, c + (a * px + zero) + (b * py + zero), 1.0)
+    before = jnp.where(number == 0, jnp.maximum(corners, 1) - 1, number - 1)
+    dp, xp, yp = d[before], px[before], py[before]
+    enters, leaves = there & (dp < 0.0) & (d > 0.0), there & (dp > 0.0) & (d < 0.0)
+    crosses = enters | leaves
+    t = jnp.where(enters, d, dp) / jnp.where(crosses, jnp.where(enters, d - dp, dp - d), 1.0)
+    x = jnp.where(enters, px + (t * (xp - px) + zero), xp + (t * (px - xp) + zero))
+    y = jnp.where(enters, py + (t * (yp - py) + zero), yp + (t * (py - yp) + zero))
+    taken = jnp.stack([crosses, there & (d >= 0.0)], axis=1).reshape(-1)
+    place = jnp.where(taken, jnp.cumsum(taken) - 1, 2 * px.size)
+    new = [
+        jnp.zeros(px.size).at[place].set(jnp.stack([cross, corner], axis=1).reshape(-1), mode="drop")
+        for cross, corner in ((x, px), (y, py))
+    ]
+    return new[0], new[1], jnp.minimum(jnp.sum(taken), px.size).astype(jnp.int32)
+
+
+def segment(
+    order: Scalar, lines: Sequence[Line], nodes: int, factors: Sequence[Scalar], body: Body, zero: Scalar, *, when: Scalar = True
+) -> tuple[tuple[Scalar, ...], Note]:
+    """The results of a `Segment`, and the note: whether a tie was met."""
+    start, stop = jnp.float64(0.0), jnp.float64(1.0)
+    outside, undefined, met = jnp.bool_(False), jnp.bool_(False), jnp.bool_(False)
+    for first, last, closed, may_tie, resolution, size, scale in lines:
+        first, last = jnp.asarray(first, jnp.float64), jnp.asarray(last, jnp.float64)
+        difference = first - last
+        known = jnp.isfinite(difference)
+        ties, holds = jnp.bool_(False), jnp.bool_(False)
+        if may_tie:
+            most = jnp.maximum(jnp.abs(first), jnp.abs(last))
+            ties = known & (most <= NEARLY * size) & (most <= TIE_EPS * scale)
+            holds = jnp.where(order > 0, resolution, jnp.logical_not(resolution))
+            met |= ties
+        root = first / jnp.where(difference == 0.0, 1.0, difference)
+        out = (first <= 0.0) & (last <= 0.0) & ~((first == 0.0) & (last == 0.0) & closed)
+        outside |= jnp.where(ties, ~holds, out)
+        undefined |= ~known & ~ties
+        start = jnp.where(~ties & (first < 0.0) & (last > 0.0), jnp.maximum(start, root), start)
+        stop = jnp.where(~ties & (first > 0.0) & (last < 0.0), jnp.minimum(stop, root), stop)
+    there = when & ~outside & ~undefined & (start < stop)
+    at, weights = (0.5 * jnp.array(column) for column in gauss_legendre(nodes))
+    length = jnp.where(there, stop - start, 0.0)
+    t = jnp.where(there, start + (length * (0.5 + at) + zero), 0.5)
+    found, note = jax.vmap(lambda x: _vector(body(x)))(t)
+    sums = jnp.sum(jnp.where(there, (length * weights)[:, None] * found, 0.0), axis=0)
+    sums *= jnp.stack([jnp.asarray(f, jnp.float64) for f in factors])
+    sums = jnp.where(there, sums, jnp.where(when & undefined & ~outside, jnp.nan, 0.0))
+    tied = where(when & met, jnp.int32(TIED))
+    return tuple(sums[i] for i in range(len(factors))), tied | union(where(there, note))

@@ -1,0 +1,188 @@
+"""Programs with arrays by NumPy: iterations become lanes, and flat programs run on them.
+
+    compile_lanes(program, compile)  ->  LaneKernel: a call gives every output
+
+`compile` makes a kernel of a flat program (NumPy's or JAX's). Iterations of nested loops are flattened, some 2¹⁷ of them at a time; each
+flat program then runs on as many lanes at once. The order of additions is that of the iterations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from teg.array_program import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, steps
+from teg.backends.array_plan import apply
+from teg.program import Outcome, Program
+
+Array = npt.NDArray[Any]
+BLOCK = 2**17
+"""Iterations that run at a time."""
+
+
+class FlatKernel:
+    """What runs a flat program: a protocol (`outcome(columns, n)`), and its text."""
+
+    source: str
+    outcome: Callable[[Sequence[Array], int], Outcome]
+
+
+class Results(NamedTuple):
+    """What a run of a program with arrays gives: its outputs, (n,) for a number, (n, *shape) for an array; whether a tolerance was missed,
+    and the number of evaluations of integrands."""
+
+    values: list[Array]
+    missed: bool
+    evaluations: int
+
+
+class Lanes(NamedTuple):
+    """Values on lanes: `size` of them, `element` the element of the batch of each."""
+
+    values: dict[Arg, Array]
+    size: int
+    element: Array
+
+
+class LaneKernel:
+    """A program as flat kernels and loops around them; `source` is their texts."""
+
+    def __init__(self, program: ArrayProgram, compile: Callable[[Program], Any]) -> None:
+        self.program = program
+        self._compile = compile
+        self._kernels = {id(s): compile(s.program) for s in steps(program.body) if isinstance(s, Run)}
+        self._used = {id(s): _used(s) for s in steps(program.body) if isinstance(s, Loop)}
+        self.source = "\n".join(k.source for k in self._kernels.values())
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (LaneKernel, (self.program, self._compile))
+
+    def _start(self, arrays: Sequence[Array], n: int) -> Running:
+        return Running(self, arrays, n)
+
+    def results(self, columns: Sequence[Array], arrays: Sequence[Array], n: int) -> Results:
+        """The outputs of a batch of n. A column is float64, (n,) or (); an array has its shape, with an axis n in front where the batch
+        does not share it. Subscripts have been checked (`array_plan.check_ranges`)."""
+        run = self._start(arrays, n)
+        values: dict[Arg, Array] = {f"p{k}": np.asarray(c) for k, c in enumerate(columns)}
+        lanes = Lanes(values, n, np.arange(n))
+        run.block(self.program.body, lanes)
+        found: list[Array] = []
+        for j, output in enumerate(self.program.outputs):
+            if isinstance(output, Like):
+                shape = arrays[output.array].shape[-self.program.arrays[output.array].dimensions :]
+                found.append(run.targets.get(j, np.zeros(n * int(np.prod(shape)))).reshape(n, *shape))
+            else:
+                found.append(np.array(np.broadcast_to(lane_values(output, lanes), (n,)), dtype=np.float64))
+        return Results(found, run.missed, run.evaluations)
+
+
+class Running:
+    """One call: what it has scattered, and noted."""
+
+    def __init__(self, kernel: LaneKernel, arrays: Sequence[Array], n: int) -> None:
+        self.kernel = kernel
+        self.specs = kernel.program.arrays
+        self.arrays = arrays
+        self.batched = [a.ndim > s.dimensions for a, s in zip(arrays, self.specs, strict=True)]
+        self.n = n
+        self.targets: dict[int, Array] = {}
+        self.missed = False
+        self.evaluations = 0
+
+    def block(self, block: Sequence[Step], lanes: Lanes) -> None:
+        """The steps of a block on lanes. Recursion is as deep as loops are."""
+        for step in block:
+            match step:
+                case Integers():
+                    lanes.values[step.name] = self._integers(step, lanes)
+                case Number():
+                    lanes.values[step.name] = np.asarray(lane_values(step.integer, lanes), dtype=np.float64)
+                case Load():
+                    lanes.values[step.name] = self._entry(step.array, step.subscripts, lanes)
+                case Run():
+                    self._run(step, lanes)
+                case Loop():
+                    self._loop(step, lanes)
+                case Scatter():
+                    self._scatter(step, lanes)
+
+    def _integers(self, step: Integers, lanes: Lanes) -> Array:
+        if step.op == "length":
+            k = step.array
+            return np.asarray(self.arrays[k].shape[int(step.args[0]) + self.batched[k]])
+        if step.op == "param":
+            return np.asarray(lanes.values[f"p{step.args[0]}"]).astype(np.int64)
+        if step.op == "gather":
+            return self._entry(step.array, step.args, lanes)
+        return apply(step.op, lane_values(step.args[0], lanes), lane_values(step.args[1], lanes))
+
+    def _entry(self, k: int, subscripts: Sequence[Arg], lanes: Lanes) -> Array:
+        places = [lane_values(p, lanes) for p in subscripts]
+        return np.asarray(self.arrays[k][(lanes.element, *places) if self.batched[k] else tuple(places)])
+
+    def _run(self, step: Run, lanes: Lanes) -> None:
+        columns = [np.asarray(lane_values(a, lanes), dtype=np.float64) for a in step.inputs]
+        shared = all(c.ndim == 0 for c in columns)
+        count = min(lanes.size, 1) if shared else lanes.size
+        outcome = self.kernel._kernels[id(step)].outcome(columns, count)
+        self.missed |= outcome.missed
+        self.evaluations += outcome.evaluations
+        for name, row in zip(step.results, outcome.values, strict=True):
+            lanes.values[name] = row[0] if shared and count else row
+
+    def _loop(self, step: Loop, lanes: Lanes) -> None:
+        lo, hi = (np.broadcast_to(lane_values(a, lanes), (lanes.size,)) for a in (step.lo, step.hi))
+        ends = np.cumsum(hi - lo)
+        first = ends - (hi - lo)
+        sums = np.zeros((len(step.results), lanes.size))
+        total = int(ends[-1]) if lanes.size else 0
+        used = self.kernel._used[id(step)]
+        for start in range(0, total, BLOCK):
+            flat = np.arange(start, min(start + BLOCK, total))
+            parent = np.searchsorted(ends, flat, side="right")
+            inner = {name: v[parent] if v.ndim else v for name in used if (v := lanes.values.get(name)) is not None}
+            inner[step.index] = flat - first[parent] + lo[parent]
+            inside = Lanes(inner, flat.size, lanes.element[parent])
+            self.block(step.body, inside)
+            for row, value in zip(sums, step.values, strict=True):
+                terms = np.broadcast_to(lane_values(value, inside), (flat.size,))
+                row += np.bincount(parent, weights=terms, minlength=lanes.size)
+        lanes.values.update(zip(step.results, sums, strict=True))
+
+    def _scatter(self, step: Scatter, lanes: Lanes) -> None:
+        k = step.array
+        shape = self.arrays[k].shape[-self.specs[k].dimensions :]
+        flat = lanes.element
+        for axis, place in enumerate(step.subscripts):
+            flat = flat * shape[axis] + lane_values(place, lanes)
+        size = self.n * int(np.prod(shape))
+        terms = np.broadcast_to(np.asarray(lane_values(step.value, lanes), dtype=np.float64), flat.shape)
+        added = np.bincount(flat, weights=terms, minlength=size)
+        self.targets[step.output] = self.targets[step.output] + added if step.output in self.targets else added
+
+
+def lane_values(arg: Arg, lanes: Lanes) -> Array:
+    """An argument of a step on lanes."""
+    return np.asarray(arg) if isinstance(arg, int | float) else lanes.values[arg]
+
+
+def _used(loop: Loop) -> frozenset[Arg]:
+    """The names that the steps of a loop use, its own included."""
+    names: set[Arg] = set(loop.values)
+    for step in steps(loop.body):
+        match step:
+            case Integers():
+                names.update([f"p{step.args[0]}"] if step.op == "param" else step.args)
+            case Load() | Scatter():
+                names.update((*step.subscripts, *((step.value,) if isinstance(step, Scatter) else ())))
+            case Number():
+                names.add(step.integer)
+            case Run():
+                names.update(step.inputs)
+            case Loop():
+                names.update((step.lo, step.hi, *step.values))
+    return frozenset(n for n in names if isinstance(n, str))

@@ -1,0 +1,96 @@
+"""Integrals of rational functions with one pole, for NumPy: `Rational` of `teg.program`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from teg.backends.numpy_bends import Substitution, substitution
+from teg.backends.numpy_runtime import Array, Integral, Run, Value, cut, parts, powi, rounding
+from teg.program import EDGE, POLE, RESIDUE
+from teg.quadrature import gauss_legendre, null_rules, pole_table
+
+
+@dataclass(slots=True)
+class Poles(Substitution):
+    """Straight pieces, the values `low` and `high` of D at their ends, whether the pole counts there, whether it is `clear` of the piece,
+    and how well D is known."""
+
+    low: Array
+    high: Array
+    counts: Array
+    clear: Array
+    loss: Array
+
+
+def weights(nodes: int, power: int, low: Array, high: Array) -> Array:
+    """The weights of Gauss nodes for polynomials over a power of a function that goes from low to high, (nodes, pieces)."""
+    table, at = pole_table(nodes, power), gauss_legendre(nodes)[0]
+    z = (high - low) / (high + low)
+    square, near = z * z, np.abs(z) < table.border
+    moments: list[Any] = [2.0 / (j + 1) if j % 2 == 0 else 0.0 for j in range(nodes)]
+    for level in range(1, power + 1):
+        top = np.zeros_like(z)
+        for c in reversed(table.series[level - 1]):
+            top = top * square + c
+        down: list[Any] = [-z * top if nodes % 2 == 0 else top]
+        for before in reversed(moments[:-1]):
+            down.insert(0, before - z * down[0])
+        k = level - 1
+        first = np.log(high / low) if k == 0 else (powi(0.5 * (high + low) / low, k) - powi(0.5 * (high + low) / high, k)) / k
+        up: list[Any] = [first / z]
+        for before in moments[:-1]:
+            up.append((before - up[-1]) / z)
+        moments = [np.where(near, d, u) for d, u in zip(down, up, strict=True)]
+    lagrange = np.array(table.lagrange)
+    return np.stack(
+        [sum(c * m for c, m in zip(row, moments, strict=True)) * powi(1.0 + z * u, power) for row, u in zip(lagrange, at, strict=True)]
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class RationalIntegral(Integral):
+    """Gauss-Legendre with weights that know the pole, on each piece."""
+
+    nodes: int = 1
+    power: int = 1
+
+    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Any], scale: Value) -> Poles:
+        ((_, c0, c1, _, when),) = bends
+        first, last = p - base, q - base
+        low, high = c0 + c1 * first, c0 + c1 * last
+        counts = np.broadcast_to(when & np.isfinite(c0) & np.isfinite(c1), p.shape)
+        least = np.minimum(np.abs(low), np.abs(high))
+        clear = counts & (low * high > 0.0) & (least > POLE * np.maximum(np.abs(p), np.abs(q)) * np.abs(c1))
+        size = np.abs(c0) + np.abs(c1) * np.maximum(np.abs(first), np.abs(last))
+        loss = np.where(clear, self.power * EDGE * size / least, 0.0)
+        s = substitution(p, q, base, (), False, scale)
+        return Poles(s.p, s.q, s.kind, s.centre, s.radius, s.start, s.step, low, high, counts, clear, loss)
+
+    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
+        assert isinstance(places, Poles)
+        nodes, plain = (np.array(column) for column in gauss_legendre(self.nodes))
+        highest = np.array(null_rules(self.nodes)[0])
+        p, q = places.p, places.q
+        middle, half = 0.5 * (p + q), 0.5 * (q - p)
+        w = np.where(places.clear, weights(self.nodes, self.power, places.low, places.high), plain[:, None])
+        met = places.counts & ~places.clear
+        sums = np.empty((self.results, p.size))
+        self._count(run, p.size * self.nodes)
+        for part in parts(p.size, run.chunk(self.node_width, self.nodes)):
+            x = middle[part] + half[part] * nodes[:, None]
+            found = [np.broadcast_to(v, x.shape) for v in self.body(run, x, *(cut(v, part) for v in values))]
+            for total, value in zip(sums, found, strict=False):
+                total[part] = (w[:, part] * value).sum(axis=0)
+                if met[part].any():
+                    endless = met[part] & (np.abs(highest @ value) > RESIDUE * (plain @ np.abs(value)))
+                    run.missed |= bool(endless.any())
+                    total[part] = np.where(endless, np.copysign(np.inf, total[part]), total[part])
+            if self.estimated:
+                for total, value in zip(sums[self.values :], found, strict=False):
+                    total[part] = (rounding(p[part], q[part]) + places.loss[part]) * np.abs(w[:, part] * value).sum(axis=0)
+        sums *= half
+        return sums

@@ -1,0 +1,225 @@
+"""Clipped polygons and segments over lanes, which the printed NumPy programs call as `polygons`.
+
+    v1, v2 = polygon_0(run, width, height, (a, b, c, …), (v0,), (v0,))      half-planes; values for setup, for body
+    v3, = segment_1(run, (v0,), (v0,), (v0,))                               values for setup, for scales, for body
+
+A lane is clipped if no half-plane fails on its box, `setup` runs on those lanes only. The corners are rows of an array, of which each lane
+has its own number; the triangles of all fans are pieces, and `body` runs at the nodes of each, shape (nodes, pieces).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from teg.backends.numpy_runtime import Block, Run, Value, gather, on_lanes, parts, scatter
+from teg.program import NEARLY, TIE_EPS
+from teg.quadrature import gauss_legendre, triangle_rule
+
+Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """What polygons and segments have in common: printed blocks, `values` results, the doubles a node takes, and that there are no
+    integrals in `body` (so that its runs are counted)."""
+
+    setup: Block
+    body: Block
+    values: int
+    width: int
+
+    def _totals(
+        self,
+        run: Run,
+        at: Sequence[Array],
+        weights: Array,
+        lengths: Array,
+        given: Sequence[Value],
+        lane: Array,
+        lanes: int,
+        once: bool = False,
+    ) -> Array:
+        """The sums of weights·values over the nodes of each piece, times its length, in its lane: (values, lanes); `once`: one
+        node counts for a whole lane."""
+        sums = np.empty((self.values, lane.size))
+        run.evaluations += np.unique(lane).size if once else lane.size * len(weights)
+        for part in parts(lane.size, run.chunk(self.width, len(weights))):
+            found = self.body(run, *(x[:, part] for x in at), *(gather(v, lane[part]) for v in given))
+            for total, value in zip(sums, found, strict=True):
+                total[part] = weights @ value if np.ndim(value) == 2 else weights.sum() * value
+        sums *= lengths
+        return scatter(sums, lane, lanes)
+
+
+@dataclass(frozen=True, slots=True)
+class PolygonIntegral(Domain):
+    """A `Polygon`; `closed` says which half-planes are. `setup` returns what `body` takes from it, then the factors."""
+
+    closed: tuple[bool, ...]
+    degree: int
+
+    def __call__(
+        self,
+        run: Run,
+        width: Value,
+        height: Value,
+        planes: tuple[Value, ...],
+        for_setup: tuple[Value, ...],
+        for_body: tuple[Value, ...],
+        when: Value = True,
+    ) -> tuple[Value, ...]:
+        """The results, of the arguments' common shape."""
+        count, setups = len(planes), len(for_setup)
+
+        def work(given: Sequence[Array], lanes: int) -> Array:
+            box, inner = given[: 2 + count], given[2 + count :]
+            return self._lanes(run, box, inner[:setups], inner[setups:], lanes)
+
+        step = run.chunk(8 * (4 + len(self.closed)) + len(for_setup) + len(for_body))
+        return on_lanes(work, (width, height, *planes, *for_setup, *for_body), when, self.values, 0.0, step)
+
+    def _lanes(self, run: Run, box: Sequence[Array], for_setup: Sequence[Array], for_body: Sequence[Array], lanes: int) -> Array:
+        width, height, *planes = (np.broadcast_to(v, (lanes,)) for v in box)
+        fails, known = np.zeros(lanes, bool), np.isfinite(width) & np.isfinite(height)
+        least = []
+        for i, closed in enumerate(self.closed):
+            a, b, c = planes[3 * i : 3 * i + 3]
+            u, v = a * width, b * height
+            most = c + np.where(u <= 0.0, 0.0, u) + np.where(v <= 0.0, 0.0, v)
+            low = c + np.where(u >= 0.0, 0.0, u) + np.where(v >= 0.0, 0.0, v)
+            fails |= (most <= 0.0) & ~((low >= 0.0) & closed)
+            known &= np.isfinite(most - low)
+            least.append(low)
+        sums = np.where(fails | known, 0.0, np.nan) * np.ones((self.values, 1))
+        active = np.flatnonzero(~fails & known)
+        if not active.size:
+            return sums
+        width, height, planes, least = width[active], height[active], [p[active] for p in planes], [p[active] for p in least]
+        nothing = np.zeros(active.size)
+        px, py, corners = np.array([nothing, width, width, nothing]), np.array([nothing, nothing, height, height]), np.full(active.size, 4)
+        for i in range(len(self.closed)):
+            px, py, corners = _clipped(px, py, corners, least[i] < 0.0, *planes[3 * i : 3 * i + 3])
+        after = self.setup(run, *(gather(v, active) for v in for_setup))
+        ends = len(after) - self.values
+        piece = np.flatnonzero(np.arange(1, len(px) - 1)[:, None] + 1 < corners) if len(px) > 2 else np.empty(0, int)
+        k, lane = piece // active.size + 1, piece % active.size
+        x, y = px[0][lane], py[0][lane]
+        ux, uy, vx, vy = px[k, lane] - x, py[k, lane] - y, px[k + 1, lane] - x, py[k + 1, lane] - y
+        r, s, w = (np.array(column)[:, None] for column in zip(*triangle_rule(self.degree), strict=True))
+        at = (x + r * ux + s * vx, y + r * uy + s * vy)
+        given = [*(gather(v, active) for v in for_body), *after[:ends]]
+        found = self._totals(run, at, w[:, 0], 0.5 * (ux * vy - vx * uy), given, lane, active.size, self.degree == 0)
+        sums[:, active] = _times(after[ends:], found)
+        return sums
+
+
+def _clipped(px: Array, py: Array, corners: Array, cuts: Array, a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Polygons, corners in rows, cut by a half-plane each where it `cuts`."""
+    rows, lanes = px.shape
+    number, lane = np.arange(rows)[:, None], np.arange(lanes)
+    there = number < corners
+    d = np.where(cuts, c + a * px + b * py, 1.0)
+    before = np.where(number == 0, np.maximum(corners, 1) - 1, number - 1)
+    dp, xp, yp = d[before, lane], px[before, lane], py[before, lane]
+    enters, leaves = there & (dp < 0.0) & (d > 0.0), there & (dp > 0.0) & (d < 0.0)
+    t = np.where(enters, d / (d - dp), dp / (dp - d))
+    x = np.where(enters, px + t * (xp - px), xp + t * (px - xp))
+    y = np.where(enters, py + t * (yp - py), yp + t * (py - yp))
+    taken = np.stack([enters | leaves, there & (d >= 0.0)], axis=1).reshape(2 * rows, lanes)
+    place = np.cumsum(taken, axis=0) - 1
+    total = np.where(there.any(axis=0), place[-1] + 1, 0)
+    where, column = np.nonzero(taken)
+    out = np.zeros((2, max(2, int(total.max(initial=0))), lanes))
+    for result, cross, corner in zip(out, (x, y), (px, py), strict=True):
+        both = np.stack([cross, corner], axis=1).reshape(2 * rows, lanes)
+        result[place[where, column], column] = both[where, column]
+    return out[0], out[1], total
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentIntegral(Domain):
+    """A `Segment`; of each half-line whether it is closed, and its number if it may tie. `setup` returns what `scales` takes from it, then
+    what `body` does, then first, last, resolution and size of each half-line, then the factors; `scales` the scales of those that tie."""
+
+    scales: Block | None
+    lines: tuple[tuple[bool, int | None], ...]
+    nodes: int
+    passed: int
+
+    def __call__(
+        self,
+        run: Run,
+        for_setup: tuple[Value, ...],
+        for_scales: tuple[Value, ...],
+        for_body: tuple[Value, ...],
+        when: Value = True,
+    ) -> tuple[Value, ...]:
+        """The results, of the arguments' common shape."""
+        first, second = len(for_setup), len(for_setup) + len(for_scales)
+
+        def work(given: Sequence[Array], lanes: int) -> Array:
+            return self._lanes(run, given[:first], given[first:second], given[second:], lanes)
+
+        step = run.chunk(8 * len(self.lines) + len(for_setup) + len(for_scales) + len(for_body))
+        return on_lanes(work, (*for_setup, *for_scales, *for_body), when, self.values, 0.0, step)
+
+    def _lanes(self, run: Run, for_setup: Sequence[Array], for_scales: Sequence[Array], for_body: Sequence[Array], lanes: int) -> Array:
+        after = self.setup(run, *for_setup)
+        ends = len(after) - self.values - 4 * len(self.lines)
+        to_scales, to_body, lines = after[: self.passed], after[self.passed : ends], after[ends : ends + 4 * len(self.lines)]
+        start, stop = np.zeros(lanes), np.ones(lanes)
+        outside, undefined = np.zeros(lanes, bool), np.zeros(lanes, bool)
+        tied = self._ties(run, lines, lambda: self.scales(run, *for_scales, *to_scales) if self.scales is not None else ())
+        for i, (closed, _) in enumerate(self.lines):
+            first, last = lines[4 * i], lines[4 * i + 1]
+            ties, holds = tied[i]
+            root = first / np.asarray(first - last)
+            out = (first <= 0.0) & (last <= 0.0) & ~((first == 0.0) & (last == 0.0) & closed)
+            outside |= np.where(ties, ~np.asarray(holds, bool), out)
+            undefined |= ~np.isfinite(first - last) & ~np.asarray(ties)
+            cuts = ~np.asarray(ties) & np.isfinite(first - last)
+            start = np.where(cuts & (first < 0.0) & (last > 0.0), np.maximum(start, root), start)
+            stop = np.where(cuts & (first > 0.0) & (last < 0.0), np.minimum(stop, root), stop)
+        sums = np.where(undefined & ~outside, np.nan, 0.0) * np.ones((self.values, 1))
+        active = np.flatnonzero(~outside & ~undefined & (start < stop))
+        if not active.size:
+            return sums
+        nodes, weights = (0.5 * np.array(column) for column in gauss_legendre(self.nodes))
+        start, length = start[active], (stop - start)[active]
+        t = start + length * (0.5 + nodes[:, None])
+        given = [gather(v, active) for v in (*for_body, *to_body)]
+        found = self._totals(run, (t,), weights, length, given, np.arange(active.size), active.size)
+        sums[:, active] = _times([gather(v, active) for v in after[ends + 4 * len(self.lines) :]], found)
+        return sums
+
+    def _ties(self, run: Run, lines: Sequence[Value], scales: Callable[[], Sequence[Value]]) -> list[tuple[Value, Value]]:
+        """Of each half-line, where it ties, and whether it holds there."""
+        found: list[tuple[Value, Value]] = [(False, False)] * len(self.lines)
+        near = {}
+        for i, (_, k) in enumerate(self.lines):
+            if k is not None:
+                first, last, _, size = lines[4 * i : 4 * i + 4]
+                here = (np.abs(first) <= NEARLY * size) & (np.abs(last) <= NEARLY * size) & np.isfinite(first - last)
+                if np.any(here):
+                    near[i] = here
+        if not near:
+            return found
+        tying = [i for i, (_, k) in enumerate(self.lines) if k is not None]
+        for i, scale in zip(tying, scales(), strict=True):
+            if i in near:
+                first, last, resolution, _ = lines[4 * i : 4 * i + 4]
+                ties = near[i] & (np.abs(first) <= TIE_EPS * scale) & (np.abs(last) <= TIE_EPS * scale)
+                if np.any(ties):
+                    run.met.add(self.lines[i][1])  # type: ignore[arg-type]
+                    found[i] = ties, resolution if run.order > 0 else np.logical_not(resolution)
+        return found
+
+
+def _times(factors: Sequence[Value], sums: Array) -> Array:
+    """Each row times its factor."""
+    return np.array([factor * row for factor, row in zip(factors, sums, strict=True)]).reshape(sums.shape)

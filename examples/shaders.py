@@ -1,0 +1,113 @@
+"""One window, several lights: what a shader costs when the geometry is known.
+
+    python -m teg.examples.shaders          or      teg demo shaders
+
+A window, turned by an angle and 2·width wide, is lit from behind: E = ∫∫ [|x′| < w]·[|y′| < h]·light(x, y) dx dy with (x′, y′) the
+coordinates of the window. The light is a `teg.function`, so the compiler finds the edges of the window, their δ and the breaks of the
+integrals once: for the second light it differentiates and compiles no more than its formula. The first column of times is that, the second
+one the same with every light written out by hand. (A light that is quadratic is integrated by another rule, and starts anew.)
+
+The numbers are compared with a reference that shares nothing with the compiler: Gauss's rule in the coordinates of the window, where it is
+a rectangle, differentiated by the complex step.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import teg
+from teg.expr import Expr
+from teg.function import Function
+
+x, y, u, v = teg.vars("x y u v")
+angle, width, contrast = teg.params("angle width contrast")
+HEIGHT = 0.4
+STEP = 1e-100
+"""Of the complex step: nothing is subtracted, so it may be as small as one likes."""
+
+Light = Callable[[Any, Any, Any], Any]
+
+
+@dataclass(frozen=True)
+class Row:
+    """Brightness and its derivatives by angle, width and contrast; the largest error of these; seconds until a kernel was there."""
+
+    name: str
+    numbers: tuple[float, float, float, float]
+    error: float
+    linked: float
+    inlined: float
+
+
+def lights(of: Any) -> dict[str, Light]:
+    """Formulas, in the functions of a module: `teg` or `numpy`."""
+    return {
+        "waves": lambda p, q, k: 1 + k * of.sin(3 * p + 1) * of.cos(2 * q),
+        "lamp": lambda p, q, k: k / (1 + 4 * p * p + 4 * q * q) ** 2,
+        "dawn": lambda p, q, k: of.exp(k * p) * (1 + of.tanh(q)),
+        "sky": lambda p, q, k: 1 + k * (p / 2 + q * q / 4),
+    }
+
+
+def brightness(light: Function) -> Expr:
+    """The integral, over a square that holds the window."""
+    across = x * teg.cos(angle) + y * teg.sin(angle)
+    along = y * teg.cos(angle) - x * teg.sin(angle)
+    inside = (across < width) & (across > -width) & (along < HEIGHT) & (along > -HEIGHT)
+    return teg.integral(teg.bracket(inside) * light(x, y), (x, -2, 2), (y, -2, 2))
+
+
+def reference(light: Light, at: dict[str, float], nodes: int = 60) -> tuple[float, float, float, float]:
+    """The value and three derivatives."""
+    points, weights = np.polynomial.legendre.leggauss(nodes)
+
+    def value(turn: complex, half: complex, k: complex) -> complex:
+        across, along = half * points[:, None], HEIGHT * points[None, :]
+        p = across * cmath.cos(turn) - along * cmath.sin(turn)
+        q = across * cmath.sin(turn) + along * cmath.cos(turn)
+        return complex(half * HEIGHT * (weights @ (light(p, q, k) + 0 * p) @ weights))
+
+    given = at["angle"], at["width"], at["contrast"]
+    slopes = [value(*(g + STEP * 1j * (i == j) for j, g in enumerate(given))).imag / STEP for i in range(3)]
+    return value(*given).real, slopes[0], slopes[1], slopes[2]
+
+
+def compare(at: dict[str, float], backend: str = "numpy") -> list[Row]:
+    """A row a light, in the order of `lights`."""
+    rows, kept = [], []
+    written, plain = lights(teg), lights(np)
+    for name, light in written.items():
+        e = brightness(teg.function(name, [u, v], light(u, v, contrast)))
+        times = []
+        for kind in ("inlined", "linked"):
+            start = time.perf_counter()
+            f = teg.compile(e, [angle, width, contrast], backend=backend, functions=kind)
+            value, gradient = f.value_and_grad(at)
+            times.append(time.perf_counter() - start)
+        kept.append(f)  # what was done for the window lives as long as one of these
+        numbers = (float(value), *(float(gradient[p]) for p in ("angle", "width", "contrast")))
+        error = max(abs(a - b) for a, b in zip(numbers, reference(plain[name], at), strict=True))
+        rows.append(Row(name, numbers, error, linked=times[1], inlined=times[0]))  # type: ignore[arg-type]
+    return rows
+
+
+def main(backend: str = "numpy") -> None:
+    """Print the comparison."""
+    at = {"angle": math.pi / 7, "width": 0.7, "contrast": 0.5}
+    print(", ".join(f"{name} = {value:.4g}" for name, value in at.items()) + f", backend {backend}")
+    heads = ("brightness", "∂/∂angle", "∂/∂width", "∂/∂contrast")
+    print("light " + "".join(f"{h:>19}" for h in heads) + f"{'error':>10}{'linked':>11}{'inlined':>11}")
+    for row in compare(at, backend):
+        numbers = "".join(f"{n:>19.15f}" for n in row.numbers)
+        print(f"{row.name:<6}{numbers}{row.error:>10.1e}{1e3 * row.linked:>8.0f} ms{1e3 * row.inlined:>8.0f} ms")
+
+
+if __name__ == "__main__":
+    main()

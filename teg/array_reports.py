@@ -1,0 +1,99 @@
+"""What the evaluator of a program with arrays says about a call: missed tolerances, estimates of errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, overload
+
+from teg.accuracy import report_missed
+from teg.arguments import with_rounding
+from teg.array_program import ArrayProgram, Run, steps
+from teg.expr import Expr, Tuple
+from teg.options import Options
+from teg.program import Sample, statements
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+def has_samples(program: ArrayProgram) -> bool:
+    """Whether integrals of a program are sampled."""
+    flat = (s.program for s in steps(program.body) if isinstance(s, Run))
+    return any(isinstance(s, Sample) for p in flat for s in statements(p.body))
+
+
+def places(e: Expr, name: str) -> list[str]:
+    """The name of each entry of a tuple expression, nested ones in order."""
+    if not isinstance(e, Tuple):
+        return [name]
+    return [place for i, entry in enumerate(e.children) for place in places(entry, f"{name}[{i}]")]
+
+
+def paired(found: Sequence[np.ndarray], dtype: str) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Results, each with the estimate of its error, of a run with estimates; as float32 the latter hold the rounding as well."""
+    import numpy as np
+
+    count = len(found) // 2
+    pairs = list(zip(found[:count], found[count:], strict=True))
+    if dtype == "float64":
+        return pairs
+    short = [with_rounding(np.stack(pair)) for pair in pairs]
+    return [(both[0], both[1]) for both in short]
+
+
+def report_arrays(
+    found: Sequence[np.ndarray],
+    names: Sequence[str],
+    options: Options,
+    given: Mapping[str, tuple[Any, int]],
+    shape: tuple[int, ...],
+    sampled: bool,
+) -> None:
+    """Warn of the worst entry of the results of a run with estimates, or raise: `found` are the results, (n, *shape of one), and then the
+    estimates; `names` say what each result is, `given` are the values of parameters and arrays with their dimensions, for a batch of
+    `shape`. Elements that are given something infinite, or no number, are passed over."""
+    import numpy as np
+
+    count, n = len(found) // 2, len(found[0])
+    values, errors = (np.concatenate([np.moveaxis(v, 0, -1).reshape(-1, n) for v in half]) for half in (found[:count], found[count:]))
+    meant = np.ones(n, dtype=bool)
+    shown: dict[str, np.ndarray] = {}
+    for name, (v, dimensions) in given.items():
+        entries = np.asarray(v, dtype=np.float64)
+        leading = entries.shape[: entries.ndim - dimensions]
+        finite = np.isfinite(entries).reshape(*leading, -1).all(axis=-1)
+        meant &= np.broadcast_to(finite, shape).reshape(n)
+        if not dimensions:
+            shown[name] = np.broadcast_to(entries, shape).reshape(n) if shape else entries
+    if meant.any():
+        parameters = {k: v if v.ndim == 0 else v[meant] for k, v in shown.items()}
+        titles = _Titles(names, [v.shape[1:] for v in found[:count]])
+        report_missed(values[:, meant], errors[:, meant], titles, options.integration.tol, options.inaccurate, parameters, sampled)
+
+
+class _Titles(Sequence[str]):
+    """What each entry of each result is, made when it is asked for."""
+
+    def __init__(self, names: Sequence[str], shapes: Sequence[tuple[int, ...]]) -> None:
+        import numpy as np
+
+        self.names, self.shapes = names, shapes
+        self.ends = np.cumsum([int(np.prod(s)) for s in shapes])
+
+    def __len__(self) -> int:
+        return int(self.ends[-1])
+
+    @overload
+    def __getitem__(self, i: int) -> str: ...
+    @overload
+    def __getitem__(self, i: slice) -> list[str]: ...
+    def __getitem__(self, i: int | slice) -> str | list[str]:
+        import numpy as np
+
+        if isinstance(i, slice):
+            return [self[k] for k in range(*i.indices(len(self)))]
+        j = int(np.searchsorted(self.ends, i, side="right"))
+        if not self.shapes[j]:
+            return self.names[j]
+        place = np.unravel_index(i - (int(self.ends[j - 1]) if j else 0), self.shapes[j])
+        return f"{self.names[j]}[{', '.join(map(str, map(int, place)))}]"

@@ -1,0 +1,234 @@
+"""Arrays of parameters and sums over indices.
+
+    e ::= … | V[i, …] | i | Σ[k: i..i] e          entries of an array, integers as numbers, sums over a half-open range
+    d ::= … | 1[V; i, …]                          in gradients: the array that is 1 at one place and 0 elsewhere
+
+An entry is a leaf like a parameter. The derivative by an array is an array: a sum of numbers times `Unit`s, which are added where their
+indices say (a scatter). Units stand in linear positions only: in sums, products with numbers and branches.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+from teg import expr as ex
+from teg.errors import ArrayIndexError, OperandError, ScopeError
+from teg.expr import ZERO, Expr, Param, Tuple, as_number
+from teg.index import (
+    ArrayName,
+    Index,
+    IndexArray,
+    IndexConst,
+    IndexParam,
+    IndexValue,
+    IndexVar,
+    Length,
+    as_index,
+    index_leaves,
+    show_index,
+)
+from teg.node import Node, postorder
+
+MAX_DIMENSIONS = 8
+
+
+class Array(ArrayName):
+    """An array of parameters: one differentiates by all of its entries."""
+
+    __slots__ = ()
+
+    def __getitem__(self, places: object) -> Gather:
+        return Gather.make((self, self.subscripts(places)), ())
+
+
+class Gather(Expr):
+    """An entry of an array of parameters; data is (array, subscripts)."""
+
+    __slots__ = ()
+
+    @property
+    def array(self) -> Array:
+        return cast(Array, self.data[0])
+
+    @property
+    def subscripts(self) -> tuple[Index, ...]:
+        return cast("tuple[Index, ...]", self.data[1])
+
+
+class Unit(Expr):
+    """The array that is 1 at one place and 0 elsewhere; data is (array, subscripts)."""
+
+    __slots__ = ()
+
+    @property
+    def array(self) -> Array:
+        return cast(Array, self.data[0])
+
+    @property
+    def subscripts(self) -> tuple[Index, ...]:
+        return cast("tuple[Index, ...]", self.data[1])
+
+
+class Sum(Expr):
+    """Σ body over an index from lo up to hi - 1; data is (index, lo, hi)."""
+
+    __slots__ = ()
+
+    @property
+    def index(self) -> IndexVar:
+        return cast(IndexVar, self.data[0])
+
+    @property
+    def lo(self) -> Index:
+        return cast(Index, self.data[1])
+
+    @property
+    def hi(self) -> Index:
+        return cast(Index, self.data[2])
+
+    @property
+    def body(self) -> Expr:
+        return cast(Expr, self.children[0])
+
+
+LEAVES = (Gather, Unit, IndexValue)
+
+# -- what users call ---------------------------------------------------------------------------------------------------
+
+
+def _named(name: object, what: str) -> str:
+    if not isinstance(name, str) or not name:
+        raise OperandError(f"an {what} is named by a string that is not empty, not by {name!r:.80}")
+    return name
+
+
+def _dimensions(dimensions: object, name: str) -> int:
+    if isinstance(dimensions, bool) or not isinstance(dimensions, int) or not 1 <= dimensions <= MAX_DIMENSIONS:
+        hint = "a single number is a teg.param, a single integer too: teg.param is one where an index is expected"
+        raise ArrayIndexError(f"{name!r:.80} cannot have {dimensions!r:.80} dimensions; 1 to {MAX_DIMENSIONS}", None, hint)
+    return dimensions
+
+
+def array(name: str, dimensions: int = 1) -> Array:
+    """An array of parameters of so many dimensions: ``V = teg.array("V", 2)``; its entries ``V[i, 0]`` are expressions.
+
+    The shape is known when the program is called. Raises ArrayIndexError where it is indexed by anything but integers, or too few.
+    """
+    return Array.make((_named(name, "array"), _dimensions(dimensions, name)), ())
+
+
+def indices(name: str, dimensions: int = 1) -> IndexArray:
+    """An array of integers, for gathers: ``F = teg.indices("F", 2)``; ``V[F[k, 0], 1]``. Not differentiable."""
+    return IndexArray.make((_named(name, "array of indices"), _dimensions(dimensions, name)), ())
+
+
+def index(name: str) -> IndexVar:
+    """The index of a sum; the same name is the same index."""
+    return IndexVar.make(_named(name, "index"), ())
+
+
+def length(of: object, axis: int = 0) -> Index:
+    """The length of an array along an axis, known when the program is called."""
+    if not isinstance(of, ArrayName):
+        raise ArrayIndexError("teg.length takes an array", of, 'teg.length(V, 0) of V = teg.array("V", 2)')
+    if isinstance(axis, bool) or not isinstance(axis, int) or not 0 <= axis < of.dimensions:
+        raise ArrayIndexError(f"{of.name} has axes 0 to {of.dimensions - 1}, not {axis!r:.80}", of)
+    return Length.make((of, axis), ())
+
+
+def sum_(body: object, *ranges: tuple[object, object, object]) -> Expr:
+    """The sum of body over the triples (index, first, end), the first one innermost; `end` is excluded, as in ``range``.
+
+    Bounds are integers, parameters that hold integers, teg.length, and integer expressions of the indices of the triples after them.
+    A tuple is summed entry by entry. Raises ScopeError for a triple that is none, ArrayIndexError for a bound that is no integer.
+    """
+    e = body if isinstance(body, Tuple) else as_number(body)
+    if not ranges:
+        raise ScopeError("a sum needs an index and its range", e, "write teg.sum(e, (k, 0, n))")
+    for triple in ranges:
+        if not isinstance(triple, tuple | list) or len(triple) != 3:
+            raise ScopeError(f"{triple!r:.80} is not (index, first, end)", e, "write teg.sum(e, (k, 0, n), (j, 0, m))")
+        k, lo, hi = triple
+        if not isinstance(k, IndexVar):
+            raise ScopeError(f"a sum runs over an index, not over {type(k).__name__} {k!s:.80}", e, 'make one with k = teg.index("k")')
+        first, end = as_index(lo, e), as_index(hi, e)
+        if isinstance(first, IndexConst) and isinstance(end, IndexConst) and end.data < first.data:
+            raise ArrayIndexError(f"the range of {k.name} has a negative length: from {first.data} to {end.data}", e)
+        if k in index_leaves([first, end]):
+            raise ScopeError(f"the range of {k.name} depends on {k.name} itself", e, "bounds may depend on the indices of sums further out")
+        e = sum_over(e, k, first, end, as_written=True)
+    return e
+
+
+def sum_over(body: Expr, k: IndexVar, lo: Index, hi: Index, as_written: bool = False) -> Expr:
+    """Σ body for k in [lo, hi)."""
+    if isinstance(body, Tuple):
+        return ex.tuple_of(*(sum_over(entry, k, lo, hi, as_written) for entry in body.children))
+    if (body is ZERO and not as_written) or (lo is hi and not as_written):
+        return ZERO
+    return Sum.make((k, lo, hi), (body,))
+
+
+# -- walking -----------------------------------------------------------------------------------------------------------
+
+
+def has_arrays(root: Node) -> bool:
+    """Whether a program has arrays, indices or sums."""
+    return any(isinstance(n, (*LEAVES, Sum)) for n in postorder([root]))
+
+
+def integers_of(node: Node) -> tuple[Index, ...]:
+    """The integer expressions of one node."""
+    match node:
+        case Gather() | Unit():
+            return node.subscripts
+        case IndexValue():
+            return (node.index,)
+        case Sum():
+            return (node.lo, node.hi)
+        case _:
+            return ()
+
+
+def arrays_of(root: Node) -> list[ArrayName]:
+    """The arrays of a program, in order of first appearance."""
+    found: dict[ArrayName, None] = {}
+    for node in postorder([root]):
+        for leaf in index_leaves(integers_of(node)):
+            if isinstance(leaf, Length):
+                found[leaf.array] = None
+            elif leaf.data.__class__ is IndexArray:
+                found[leaf.data] = None
+        if isinstance(node, Gather | Unit):
+            found[node.array] = None
+    return list(found)
+
+
+def integer_parameters(root: Node) -> list[Param]:
+    """The parameters of a program that are used as integers, in order of first appearance."""
+    found: dict[Param, None] = {}
+    for node in postorder([root]):
+        found.update((leaf.param, None) for leaf in index_leaves(integers_of(node)) if isinstance(leaf, IndexParam))
+    return list(found)
+
+
+def open_indices(root: Node) -> dict[Node, frozenset[IndexVar]]:
+    """For every node below the indices of sums that occur free in it."""
+    found: dict[Node, frozenset[IndexVar]] = {}
+    for node in postorder([root]):
+        here = frozenset(leaf for leaf in index_leaves(integers_of(node)) if isinstance(leaf, IndexVar))
+        inner: frozenset[IndexVar] = frozenset()
+        for c in node.children:
+            inner = inner if found[c] <= inner else inner | found[c]
+        if isinstance(node, Sum):
+            inner = inner - {node.index}
+        found[node] = inner | here if here else inner
+    return found
+
+
+def show_leaf(node: Expr) -> str:
+    """An entry of an array, a place, or an integer, as text."""
+    if isinstance(node, Gather | Unit):
+        places = ", ".join(map(show_index, node.subscripts))
+        return f"{node.array.name}[{places}]" if isinstance(node, Gather) else f"1[{node.array.name}; {places}]"
+    return f"({show_index(cast(IndexValue, node).index)})"

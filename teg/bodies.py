@@ -1,0 +1,100 @@
+"""What applications of functions mean: the bodies of functions and of their derivatives, and expressions with these written out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TypeVar, cast
+
+from teg.calculus import slope
+from teg.cells import replaced
+from teg.errors import DeltaError
+from teg.expr import Call, Expr, Param, Var, call
+from teg.function import Apply, Function, degrees_in
+from teg.integral import Integral
+from teg.node import Node, postorder
+from teg.traverse import fresh, rebuild, substitute
+
+N = TypeVar("N", bound=Node)
+
+
+def write_all_out(e: N) -> N:
+    """The expression without applications of functions."""
+    while any(isinstance(n, Apply) and isinstance(n.callee, Function) for n in postorder([e])):
+        e = cast(N, everywhere_written_out([e])[e])
+    return e
+
+
+def everywhere_written_out(roots: Iterable[Node]) -> dict[Node, Node]:
+    """The map from nodes to nodes without applications (but those in their bodies)."""
+    new: dict[Node, Node] = {}
+    for node in postorder(roots):
+        children = tuple(new[c] for c in node.children)
+        written = isinstance(node, Apply) and isinstance(node.callee, Function)
+        new[node] = written_out(cast(Apply, node), children) if written else rebuild(node, children)
+    return new
+
+
+def written_out(node: Apply, children: tuple[Node, ...]) -> Expr:
+    """The body with these inputs."""
+    variables, body = body_of(cast(Function, node.callee), node.derivative)
+    if any(c.has_delta for c in children):
+        raise DeltaError("a Dirac delta inside a function has no meaning", node, "a delta may only be added and multiplied")
+    return cast(Expr, substitute(body, dict(zip(variables, cast("tuple[Expr, ...]", children), strict=True))))
+
+
+def with_peaks_outside(node: Apply, children: tuple[Node, ...]) -> Expr | None:
+    """rest(e, …, exp(q(e, …)), …): an application whose exponentials of quadratic polynomials are seen, their exponents being functions
+    like what is left; None for a derivative."""
+    function = cast(Function, node.callee)
+    if any(node.derivative):
+        return None
+    if "peaks" not in function.kept:
+        function.kept["peaks"] = _without_peaks(function)
+    rest, exponents = cast("tuple[Function, list[Function]]", function.kept["peaks"])
+    given: dict[Expr, Node] = dict(zip(function.inputs, children, strict=True))
+    none = (0,) * max(f.arity for f in (rest, *exponents))
+    for formal, q in zip(rest.formals[function.formal :], exponents, strict=True):
+        given[formal] = call("exp", Apply.make((q, none[: q.arity]), tuple(given[p] for p in q.inputs)))
+    return Apply.make((rest, none[: rest.arity]), tuple(given[p] for p in rest.inputs))
+
+
+def _without_peaks(function: Function) -> tuple[Function, list[Function]]:
+    """A function of one more argument for each exponential of a quadratic polynomial, and these exponents as functions."""
+    body = write_all_out(function.body)
+    order = postorder([body])
+    degrees = degrees_in(order, function.formals)
+    peaks = [n for n in order if isinstance(n, Call) and n.name == "exp" and degrees[n.children[0]] == 2]
+    taken = {n for n in order if isinstance(n, Var)} | {Var.make(p.name, ()) for p in function.inputs}
+    formals: list[Var] = []
+    for _ in peaks:
+        formals.append(fresh("peak", taken))
+        taken.add(formals[-1])
+    rest = replaced([body], dict(zip(peaks, formals, strict=True)))[0]
+    exponents = [Function.make((f"exponent of {function.title}", function.formals, False), (n.children[0],)) for n in peaks]
+    return Function.make((function.title, (*function.formals, *formals), function.inline), (rest,)), exponents
+
+
+def body_of(function: Function, derivative: tuple[int, ...]) -> tuple[tuple[Var, ...], Expr]:
+    """The body of a derivative, its inputs as variables; computed once, from that of one order less."""
+    if ("body", derivative) not in function.kept:
+        if not any(derivative):
+            function.kept["body", derivative] = _in_variables(function)
+        else:
+            i = max(j for j, k in enumerate(derivative) if k)
+            variables, lower = body_of(function, (*derivative[:i], derivative[i] - 1, *derivative[i + 1 :]))
+            function.kept["body", derivative] = variables, slope(lower, variables[i])
+    return cast("tuple[tuple[Var, ...], Expr]", function.kept["body", derivative])
+
+
+def _in_variables(function: Function) -> tuple[tuple[Var, ...], Expr]:
+    """The inputs as variables that nothing else in the body is."""
+    bound = {n.var for n in postorder([function.body]) if isinstance(n, Integral)}
+    taken = bound | {p for p in function.inputs if isinstance(p, Var)}
+    variables: list[Var] = []
+    for p in function.inputs:
+        variables.append(p if isinstance(p, Var) and p not in bound else fresh(p.name, taken))
+        taken.add(variables[-1])
+    pairs = list(zip(function.inputs, variables, strict=True))
+    body = replaced([function.body], {p: v for p, v in pairs if isinstance(p, Param)})[0]
+    moved = {p: v for p, v in pairs if isinstance(p, Var) and p is not v}
+    return tuple(variables), cast(Expr, substitute(body, moved)) if moved else body

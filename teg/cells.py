@@ -1,0 +1,222 @@
+"""Cells: the parts of a program between its sums, as scalar expressions.
+
+    Σ_k sin(t·V[k]) · ∫…            the body is a cell of the symbols t, V[k]; the sum is a symbol of the cell around it
+
+What is a leaf to a scalar pass (an entry of an array, an integer, a whole inner sum) becomes a parameter, its *symbol*, and every pass for
+scalar programs runs on a cell as it is. Symbols are named by what they stand for, so that messages read well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import cast
+
+from teg import expr as ex
+from teg.arrays import LEAVES, Gather, Sum, Unit, arrays_of, integer_parameters, integers_of, open_indices, sum_over
+from teg.dump import show
+from teg.errors import NameClashError, ScopeError
+from teg.expr import Expr, Param, Tuple
+from teg.index import Index, IndexConst, IndexValue, IndexVar, substitute_index
+from teg.node import Node, postorder
+from teg.traverse import rebuild
+
+SHOWN = 60
+"""Characters of a sum in the name of its symbol."""
+APART = "\0"
+"""Between the name of an index and the number that makes it unlike all others; no user's name has it."""
+
+
+def cell_leaves(roots: Sequence[Node], known: Mapping[Node, object] | None = None) -> list[Expr]:
+    """The leaves of a cell: entries, integers, places, and sums (which are not entered), or nodes that are `known` anyway; in order."""
+    found: dict[Expr, None] = {}
+    seen: set[Node] = set()
+    stack: list[Node] = list(reversed(roots))
+    while stack:
+        node = stack.pop()
+        if node in seen:
+            continue
+        seen.add(node)
+        if isinstance(node, (*LEAVES, Sum)) or (known is not None and node in known):
+            found[cast(Expr, node)] = None
+        else:
+            stack.extend(reversed(node.children))
+    return list(found)
+
+
+class Symbols:
+    """Symbols of leaves, made when they are first met."""
+
+    def __init__(self, taken: Sequence[str] = ()) -> None:
+        self._taken = set(taken)
+        self.of: dict[Node, Param] = {}
+        self.meaning: dict[Node, Expr] = {}
+
+    def symbol(self, leaf: Expr) -> Param:
+        """The parameter that stands for a leaf."""
+        if leaf not in self.of:
+            name = _title(leaf, len(self.of))
+            while name in self._taken:
+                name += "′"
+            self._taken.add(name)
+            self.of[leaf] = Param.make(name, ())
+            self.meaning[self.of[leaf]] = leaf
+        return self.of[leaf]
+
+    def into(self, roots: Sequence[Expr]) -> list[Expr]:
+        """Cells with symbols for leaves."""
+        self._taken.update(n.name for n in postorder(roots) if isinstance(n, Param) and n not in self.meaning)
+        for leaf in cell_leaves(roots):
+            self.symbol(leaf)
+        return replaced(roots, self.of)
+
+    def out_of(self, roots: Sequence[Expr]) -> list[Expr]:
+        """Cells with what the symbols stand for."""
+        return replaced(roots, self.meaning)
+
+
+def _title(leaf: Expr, number: int) -> str:
+    """What the symbol of a leaf is called: as the leaf is written, but a long sum by its number."""
+    text = show(leaf, SHOWN)
+    if not isinstance(leaf, Sum):
+        return text[:SHOWN]
+    return f"({text})" if len(text) <= SHOWN and "\n" not in text else f"Σ{number}[{leaf.index.name}]"
+
+
+def cellwise(root: Expr, step: Callable[[Expr], Expr]) -> Expr:
+    """A scalar pass on every cell of a program, inner sums first."""
+    new: dict[Node, Node] = {}
+    for node in postorder([root]):
+        children = tuple(new[c] for c in node.children)
+        new[node] = rebuild(node, children)
+        if isinstance(node, Sum):
+            body = _on_cell(cast(Expr, children[0]), step)
+            new[node] = sum_over(body, node.index, node.lo, node.hi)
+    return _on_cell(cast(Expr, new[root]), step)
+
+
+def _on_cell(cell: Expr, step: Callable[[Expr], Expr]) -> Expr:
+    symbols = Symbols()
+    return symbols.out_of([step(symbols.into([cell])[0])])[0]
+
+
+def cells_of(e: Expr) -> list[tuple[tuple[Sum, ...], Expr]]:
+    """Every cell with the sums it stands in, outermost first; cells around come before those in their sums."""
+    found: dict[Expr, tuple[Sum, ...]] = {}
+    entries: list[Expr] = [e]
+    while entries:
+        entry = entries.pop(0)
+        if isinstance(entry, Tuple):
+            entries = [*entry.children, *entries]
+        else:
+            found[entry] = ()
+    waiting = list(found)
+    for body in waiting:
+        for leaf in cell_leaves([body]):
+            if isinstance(leaf, Sum) and leaf.body not in found:
+                found[leaf.body] = (*found[body], leaf)
+                waiting.append(leaf.body)
+    return [(path, body) for body, path in found.items()]
+
+
+def with_integers(node: Node, children: tuple[Node, ...], change: Callable[[Index], Index]) -> Node:
+    """A node rebuilt from other children, its integer expressions changed."""
+    match node:
+        case Gather() | Unit():
+            return type(node).make((node.array, tuple(change(i) for i in node.subscripts)), ())
+        case IndexValue():
+            i = change(node.index)
+            return ex.const(float(i.data)) if isinstance(i, IndexConst) else IndexValue.make(i, ())
+        case Sum():
+            return sum_over(cast(Expr, children[0]), node.index, change(node.lo), change(node.hi))
+        case _:
+            return rebuild(node, children)
+
+
+def replace_integers(root: Expr, mapping: Mapping[Index, Index]) -> Expr:
+    """Integers replaced wherever they stand. No sum inside may bind an index that is replaced, nor one that a replacement has."""
+    new: dict[Node, Node] = {}
+    changed: dict[Index, Index] = {}
+
+    def change(i: Index) -> Index:
+        if i not in changed:
+            changed[i] = substitute_index(i, mapping.get)
+        return changed[i]
+
+    for node in postorder([root]):
+        new[node] = with_integers(node, tuple(new[c] for c in node.children), change)
+    return cast(Expr, new[root])
+
+
+def rename_indices(root: Expr) -> Expr:
+    """Every sum's index renamed by its height, which is one more than those of the sums in its body: equal sums become one node, sums over
+    the same range can share a loop, and nothing is captured. A height is called as the first index of the program that has it."""
+    new: dict[Node, Node] = {}
+    height: dict[Node, int] = {}
+    names: dict[int, str] = {}
+    for node in postorder([indices_apart(root)]):
+        children = tuple(new[c] for c in node.children)
+        height[node] = max((height[c] for c in node.children), default=0)
+        if isinstance(node, Sum):
+            height[node] += 1
+            if height[node] not in names:
+                name = node.index.name.split(APART)[0]
+                while name in names.values():
+                    name += "′"
+                names[height[node]] = name
+            k = IndexVar.make(names[height[node]], ())
+            new[node] = sum_over(replace_integers(cast(Expr, children[0]), {node.index: k}), k, node.lo, node.hi)
+        else:
+            new[node] = rebuild(node, children)
+    return cast(Expr, new[node])
+
+
+def indices_apart(root: Expr) -> Expr:
+    """Every sum with an index of its own, so that taking one out of a product, or renaming it, captures nothing."""
+    new: dict[Node, Node] = {}
+    count = 0
+    for node in postorder([root]):
+        children = tuple(new[c] for c in node.children)
+        if isinstance(node, Sum):
+            count += 1
+            k = IndexVar.make(f"{node.index.name.split(APART)[0]}{APART}{count}", ())
+            new[node] = sum_over(replace_integers(cast(Expr, children[0]), {node.index: k}), k, node.lo, node.hi)
+        else:
+            new[node] = rebuild(node, children)
+    return cast(Expr, new[root])
+
+
+def replaced(roots: Sequence[Expr], mapping: Mapping[Node, Expr]) -> list[Expr]:
+    """Nodes replaced by others wherever they stand; what is inside of a replaced node is not looked at."""
+    new: dict[Node, Node] = {}
+    stack: list[Node] = list(roots)
+    while stack:
+        node = stack[-1]
+        if node in new:
+            stack.pop()
+        elif node in mapping:
+            new[node] = mapping[node]
+            stack.pop()
+        elif missing := [c for c in node.children if c not in new]:
+            stack.extend(missing)
+        else:
+            new[node] = rebuild(node, tuple(new[c] for c in node.children))
+            stack.pop()
+    return [cast(Expr, new[r]) for r in roots]
+
+
+def check_indices(root: Expr) -> None:
+    """Indices are bound by sums, and a name is one thing; raises ScopeError or NameClashError."""
+    if loose := sorted(k.name for k in open_indices(root)[root]):
+        raise ScopeError(f"an index stands outside its sum: {', '.join(loose)}", root, f"sum over it: teg.sum(e, ({loose[0]}, 0, n))")
+    kinds: dict[str, Node] = {}
+    for a in arrays_of(root):
+        if kinds.setdefault(a.name, a) is not a:
+            raise NameClashError(f"{a.name!r} is the name of two different arrays", root, "give them different names")
+    names = {n.name for n in postorder([root]) if isinstance(n, Param)} | {p.name for p in integer_parameters(root)}
+    if clash := sorted(names & kinds.keys()):
+        raise NameClashError(f"{clash[0]!r} is an array and a parameter in one program", root, "rename one of them")
+    for node in postorder([root]):
+        if isinstance(node, Sum):
+            for i in integers_of(node):
+                if node.index in postorder([i]):
+                    raise ScopeError(f"the range of {node.index.name} depends on itself", node)

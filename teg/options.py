@@ -1,0 +1,67 @@
+"""The options of a compilation, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, cast
+
+from teg.diffeomorphism import Diffeomorphism, checked_maps
+from teg.errors import OptionError
+from teg.integration import DEFAULT_TOL, Integration
+from teg.pipeline import ESTIMATORS
+
+BACKENDS = ("numpy", "c", "jax")
+INACCURATE = ("warn", "raise", "ignore")
+FUNCTIONS = ("linked", "inlined")
+DTYPES = ("float64", "float32")
+"""What parameters and results are. Everything between them is computed in float64."""
+DEFAULT_TOLS = {"float64": DEFAULT_TOL, "float32": 1e-6}
+
+
+class Options:
+    """Checked options of a compilation; `teg.compile` says what they mean. Raises OptionError for a value that one cannot have."""
+
+    def __init__(
+        self,
+        backend: str,
+        integration: Integration,
+        inaccurate: str,
+        dtype: object,
+        threads: int,
+        memory: int,
+        discontinuities: str,
+        maps: Sequence[Diffeomorphism],
+        check_maps: bool,
+        functions: str = "linked",
+    ) -> None:
+        if backend not in BACKENDS:
+            raise OptionError(f"backend={backend!r} is not known", None, "one of: " + ", ".join(BACKENDS))
+        if inaccurate not in INACCURATE:
+            raise OptionError(f"inaccurate={inaccurate!r} is not known", None, "one of: " + ", ".join(map(repr, INACCURATE)))
+        if isinstance(threads, bool) or not isinstance(threads, int) or threads < 0:
+            raise OptionError(f"threads={threads!r} is not a number of threads", None, "1, 2, …, or 0 for one a processor")
+        if not isinstance(memory, int) or memory < 2**16:
+            raise OptionError(f"memory={memory!r} is not a number of bytes of at least 65536")
+        if discontinuities not in ESTIMATORS:
+            raise OptionError(f"discontinuities={discontinuities!r} is not known", None, "one of: " + ", ".join(ESTIMATORS))
+        if functions not in FUNCTIONS:
+            raise OptionError(f"functions={functions!r} is not known", None, "one of: " + ", ".join(map(repr, FUNCTIONS)))
+        self.dtype, self.functions = checked_dtype(dtype), functions
+        self.backend, self.threads, self.memory = backend, threads, memory
+        self.integration, self.inaccurate, self.discontinuities = integration, inaccurate, discontinuities
+        self.maps, self.check_maps = checked_maps(maps), bool(check_maps)
+
+
+def checked_dtype(dtype: object) -> str:
+    """The name of a dtype: "float64" or "float32", for these names, NumPy's types or anything NumPy understands as one of them."""
+    if isinstance(dtype, str) and dtype in DTYPES:
+        return dtype
+    import numpy as np  # when it is needed: `import teg` stays fast
+
+    try:
+        name = np.dtype(cast(Any, dtype)).name if dtype is not None else "None"
+    except TypeError:
+        name = ""
+    if name not in DTYPES:
+        raise OptionError(f"dtype={dtype!r} is not available", None, "one of: " + ", ".join(map(repr, DTYPES)))
+    return name

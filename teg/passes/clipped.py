@@ -1,0 +1,329 @@
+"""Clipped polygons and segments as statements: the numbers that decide the domain, what is integrated, and the constants in front.
+
+Everything is relative to a corner of the box (x = l + u): differences of large coordinates are taken once, outside, and slivers keep their
+digits. What is constant but does not look so (a triangle's area as the sum of its barycentric coordinates) is found in the normal form of
+`teg.polynomial` and evaluated at the corner; an atom that is a factor of the integrand, too, is c + a·u + b·v.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import cast
+
+from teg.calculus import slope
+from teg.expr import (
+    MINUS_ONE,
+    ONE,
+    ZERO,
+    Add,
+    Const,
+    Expr,
+    Mul,
+    Param,
+    Pow,
+    Var,
+    Where,
+    add,
+    conjunction,
+    mul,
+    negation,
+    positive,
+    sub,
+)
+from teg.integral import Integral
+from teg.integration import Integration
+from teg.node import Node
+from teg.passes.demand import middle_and_reach
+from teg.passes.emit import Level
+from teg.passes.polygon import Clipped, Half, match_clipped
+from teg.passes.sampled import UnbrokenEmitter
+from teg.polynomial import Shadow
+from teg.program import Arg, HalfLine, HalfPlane, Polygon, Segment
+from teg.traverse import fresh, rebuild, rewrite, substitute
+
+
+class ClippedEmitter(UnbrokenEmitter):
+    """An emitter that also clips polygons and segments."""
+
+    def __init__(self, parameters: Sequence[str], how: Integration) -> None:
+        super().__init__(parameters, how)
+        self._matched: dict[Integral, Clipped | None] = {}
+        self._insides: dict[int, tuple[Level, Level]] = {}  # of polygons and segments: by id, the level, and the one around it
+
+    def clipped(self, node: Integral, level: Level) -> Clipped | None:
+        """The integral as a polygon or a segment, if it is one and the rule is left to us."""
+        if level.coordinates is not None:
+            return None
+        if node not in self._matched:
+            self._matched[node] = match_clipped(node, self.how)
+        return self._matched[node]
+
+    def clip(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
+        """The results of integrals over the same polygon or segment."""
+        emit = self._polygon if len(group[0].boxes) == 2 else self._segment
+        return emit(group, home, when)
+
+    def _polygon(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
+        inner, outer = group[0].boxes
+        x, y = inner.var, outer.var
+        corner = {x: inner.lo, y: outer.lo}
+        taken = {v for b in group[0].boxes for v in b.body.free | b.lo.free | b.hi.free} | {x, y}
+        u = fresh("u", taken)
+        v = fresh("v", taken)
+        steady = _Local((x, y), corner, {x: add(inner.lo, u), y: add(outer.lo, v)}, {})
+        planes: list[HalfPlane] = []
+        affine: dict[Expr, Expr] = {}
+        for half in group[0].halves:
+            g = steady.constants(half.g)
+            at = [cast(Expr, substitute(e, corner)) for e in (slope(g, x), slope(g, y), g)]
+            a, b, c = (self.number(e, home) for e in at)
+            planes.append(HalfPlane(a, b, c, half.closed))
+            if not half.negated:
+                affine[half.atom.g] = add(mul(at[0], u), mul(at[1], v), at[2])
+        local = _Local((x, y), corner, steady.places, affine)
+        names = self.fresh("x"), self.fresh("x")
+        in_u = home.inside(u, names[0])
+        in_v = in_u.inside(v, names[1])
+        values, factors = self._integrands(group, local, (u, v), (in_u, in_v), home)
+        width, height = (self.number(sub(b.hi, b.lo), home) for b in (inner, outer))
+        results = tuple(self.fresh("v") for _ in group)
+        body = (*in_u.block, *in_v.block)
+        degree = max(c.degree for c in group)
+        met = self._met(group[0], home)
+        home.block.append(Polygon(names, width, height, tuple(planes), (), body, values, factors, results, degree, when, met))
+        return results
+
+    def _met(self, clipped: Clipped, home: Level) -> Arg:
+        """A boolean that is false only where a half-plane fails on all of the box, made of the same numbers as the conditions of its
+        edges."""
+        inner, outer = clipped.boxes
+        corner = {outer.var: outer.lo, inner.var: inner.lo}
+        extents = [sub(b.hi, b.lo) for b in (outer, inner)]
+        parts = []
+        for half in clipped.halves:
+            middle, reach = middle_and_reach(half.atom.g, corner, extents)
+            parts.append(positive(add(mul(MINUS_ONE, middle) if half.negated else middle, reach), strict=False))
+        fails = self.truths(conjunction(*parts), home)[1]
+        return self.assign(home, "b", "not", fails) if isinstance(fails, str) else True
+
+    def _segment(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
+        (node,) = group[0].boxes
+        x, lo, hi = node.var, node.lo, node.hi
+        length = sub(hi, lo)
+        taken = set(node.body.free | lo.free | hi.free) | {x}
+        t = fresh("t", taken)
+        steady = _Local((x,), {x: lo}, {x: add(lo, mul(length, t))}, {})
+        lines: list[HalfLine] = []
+        affine: dict[Expr, Expr] = {}
+        for half in group[0].halves:
+            g = steady.constants(half.g)
+            first, last = (_regrouped(cast(Expr, substitute(g, {x: end}))) for end in (lo, hi))
+            ends = [self.number(e, home) for e in (first, last)]
+            lines.append(self._half_line(half, ends, node, home))
+            if not half.negated:
+                affine[half.atom.g] = add(mul(sub(last, first), t), first)
+        local = _Local((x,), {x: lo}, steady.places, affine)
+        name = self.fresh("x")
+        inside = home.inside(t, name)
+        values, factors = self._integrands(group, local, (t,), (inside,), home, length)
+        results = tuple(self.fresh("v") for _ in group)
+        nodes = max(c.degree for c in group) // 2 + 1
+        home.block.append(Segment(name, tuple(lines), (), (), tuple(inside.block), values, factors, results, nodes, when))
+        return results
+
+    def _half_line(self, half: Half, ends: Sequence[Arg], node: Integral, home: Level) -> HalfLine:
+        """A half-line by its ends; if it may tie, with what decides that."""
+        atom, (first, last), x, bounds = half.atom, ends, node.var, (node.lo, node.hi)
+        if atom.resolution is None:
+            return HalfLine(first, last, half.closed)
+        holds = self.truths(negation(atom.resolution) if half.negated else atom.resolution, home)[0]
+        k = self.ties.setdefault(cast("tuple[str, str]", atom.rivals), len(self.ties))
+        scales = [self.tie_scale(cast(Expr, substitute(atom.g, {x: end})), home) for end in bounds]
+        return HalfLine(first, last, half.closed, k, holds, self._size_of_terms(atom.g, x, bounds, home), self._larger(scales, home))
+
+    def _larger(self, sizes: Sequence[Arg], home: Level) -> Arg:
+        a, b = sizes
+        if isinstance(a, float) and isinstance(b, float):
+            return max(a, b)
+        return a if a == b else self.assign(home, "v", "max", a, b)
+
+    def _size_of_terms(self, g: Expr, x: Var, bounds: tuple[Expr, Expr], home: Level) -> Arg:
+        """A bound of the terms of an affine function between the bounds, as they stand before anything cancels."""
+        known: dict[Expr, Arg] = {}
+        most = self._larger([self.size(end, home) for end in bounds], home)
+        stack = [g]
+        while stack:
+            e = stack[-1]
+            if e in known:
+                stack.pop()
+                continue
+            parts: Sequence[Expr] = ()
+            if isinstance(e, Add):
+                parts = cast("Sequence[Expr]", e.children)
+            elif x in e.free and isinstance(e, Mul):
+                parts = [c for c in cast("Sequence[Expr]", e.children) if x in c.free]
+            elif x in e.free and isinstance(e, Where):
+                parts = (e.then, e.otherwise)
+            missing = [p for p in parts if p not in known]
+            if missing:
+                stack.extend(missing)
+                continue
+            stack.pop()
+            sizes = [known[p] for p in parts]
+            if isinstance(e, Add):
+                known[e] = self.assign(home, "v", "add", *sizes)
+            elif e is x:
+                known[e] = most
+            elif x not in e.free:
+                known[e] = self.size(e, home)
+            elif isinstance(e, Mul):
+                sizes += [self.size(c, home) for c in cast("Sequence[Expr]", e.children) if x not in c.free]
+                sizes = [s for s in sizes if s != 1.0] or [1.0]
+                known[e] = sizes[0] if len(sizes) == 1 else self.assign(home, "v", "mul", *sizes)
+            elif isinstance(e, Where):
+                known[e] = self.assign(home, "v", "select", self.truths(e.condition, home)[0], *sizes)
+            else:
+                known[e] = self.assign(home, "v", "add", *(self.size(cast(Expr, substitute(e, {x: b})), home) for b in bounds))
+        return known[g]
+
+    # -- integrands ----------------------------------------------------------------------------------------------------
+
+    def _integrands(
+        self, group: Sequence[Clipped], local: _Local, variables: Sequence[Var], levels: Sequence[Level], home: Level, factor: Expr = ONE
+    ) -> tuple[tuple[Arg, ...], tuple[Arg, ...]]:
+        """What is to be integrated, and the constant in front of each."""
+        values: list[Arg] = []
+        factors: list[Arg] = []
+        self._insides.update((id(level), (level, home)) for level in levels)
+        for clipped in group:
+            e = local.of(clipped.integrand)
+            parts = e.children if isinstance(e, Mul) else (e,)
+            outside = [p for p in parts if not any(v in p.free for v in variables)]
+            rest = mul(*(p for p in parts if any(v in p.free for v in variables)))
+            values.append(self.number(rest, levels[-1]))
+            factors.append(self._constant((factor, *outside), home))
+        return tuple(values), tuple(factors)
+
+    def _constant(self, parts: Iterable[Expr], home: Level) -> Arg:
+        """A product of what does not depend on the inner variables; a division is one by one number, done once."""
+        numbers = [self.number(p, home) for p in parts if p is not ONE]
+        return 1.0 if not numbers else numbers[0] if len(numbers) == 1 else self.assign(home, "v", "mul", *numbers)
+
+    def product(self, e: Mul, home: Level) -> Arg:
+        """Inside a polygon or segment what is constant there is multiplied first, outside."""
+        around = self._around(home)
+        if around is None:
+            return super().product(e, home)
+        factors = e.children
+        outside = [f for f in factors if not self._varies(f, home)]
+        inside = [self.number(f, home) for f in factors if self._varies(f, home)]
+        if not outside:
+            return self.assign(home, "v", "mul", *inside)
+        if len(outside) == 1 and outside[0] is MINUS_ONE:
+            result = inside[0] if len(inside) == 1 else self.assign(home, "v", "mul", *inside)
+            return self.assign(home, "v", "neg", result)
+        return self.assign(home, "v", "mul", self._constant(outside, around), *inside)
+
+    def sum(self, e: Add, home: Level) -> Arg:
+        """Inside a polygon or segment what is constant there is added first, outside."""
+        terms = e.children
+        outside = [f for f in terms if not self._varies(f, home)] if self._around(home) is not None else []
+        if len(outside) < 2:
+            return super().sum(e, home)
+        return super().sum(Add.make(None, (add(*outside), *(f for f in terms if self._varies(f, home)))), home)
+
+    def _around(self, level: Level) -> Level | None:
+        """The level around a polygon or segment, if this is the inside of one."""
+        return self._insides.get(id(level), (None, None))[1]
+
+    def _varies(self, e: Expr, home: Level) -> bool:
+        """Whether an expression inside a polygon or segment is not constant there."""
+        return self._around(self.home_of(e, home)) is not None
+
+    def value(self, e: Expr, home: Level) -> Arg:
+        """Inside a polygon or segment a power is a product, for lanes of numbers have no other."""
+        if not isinstance(e, Pow) or e.exponent < 3 or self._around(home) is None:
+            return super().value(e, home)
+        base, result, k = self.number(e.base, home), None, e.exponent
+        while k:
+            if k & 1:
+                result = base if result is None else self.assign(home, "v", "mul", result, base)
+            k >>= 1
+            base = self.assign(home, "v", "mul", base, base) if k else base
+        return cast(Arg, result)
+
+
+def _has_leaf(e: Add) -> bool:
+    return any(isinstance(t, Param | Const) for t in e.children)
+
+
+def _regrouped(e: Expr) -> Expr:
+    """e with (l + u) - x₁ as (l - x₁) + u: what cancels is taken first, and exactly."""
+
+    def visit(old: Node, node: Node) -> Node:
+        if not isinstance(node, Add) or not any(isinstance(t, Add) and _has_leaf(t) for t in node.children):
+            return node
+        terms = [t for c in node.children for t in (c.children if isinstance(c, Add) and _has_leaf(c) else (c,))]
+        given = [
+            t
+            for t in terms
+            if isinstance(t, Param | Const) or (isinstance(t, Mul) and all(isinstance(f, Param | Const) for f in t.children))
+        ]
+        return add(add(*given), *(t for t in terms if t not in given))
+
+    return cast(Expr, rewrite([e], visit)[e])
+
+
+class _Local:
+    """Expressions of variables as expressions of offsets from a corner."""
+
+    def __init__(
+        self, variables: tuple[Var, ...], corner: Mapping[Var, Expr], places: Mapping[Var, Expr], affine: Mapping[Expr, Expr]
+    ) -> None:
+        self.variables, self.corner, self.places, self.affine = variables, corner, places, affine
+        self._shadow = Shadow(variables)
+        self._constants: dict[Node, Node] = {}
+        self._moved: dict[Node, Node] = {}
+
+    def constants(self, e: Expr) -> Expr:
+        """e with its subexpressions of degree 0 evaluated at the corner."""
+        return self._rewritten(e, self._constants, lambda node: None)
+
+    def of(self, e: Expr) -> Expr:
+        """e at the corner plus the offsets."""
+        return self._rewritten(e, self._moved, lambda node: self.places.get(cast(Var, node), self.affine.get(node)))
+
+    def _rewritten(self, root: Expr, new: dict[Node, Node], replace: Callable[[Expr], Expr | None]) -> Expr:
+        stack: list[Node] = [root]
+        while stack:
+            node = stack[-1]
+            if node in new:
+                stack.pop()
+                continue
+            if not isinstance(node, Expr) or not any(v in node.free for v in self.variables):
+                new[node] = node
+                continue
+            simple = replace(node)
+            simple = self._steady(node) if simple is None else simple
+            if simple is not None:
+                new[node] = simple
+                continue
+            missing = [c for c in node.children if c not in new]
+            if missing:
+                stack.extend(missing)
+                continue
+            children = [new[c] for c in node.children]
+            if isinstance(node, Add):  # l + u - x₁ is to become (l - x₁) + u
+                terms: list[Node] = []
+                for old, c in zip(node.children, children, strict=True):
+                    terms.extend(c.children if isinstance(c, Add) and (isinstance(old, Var) or _has_leaf(c)) else (c,))
+                new[node] = add(*cast("list[Expr]", terms))
+            else:
+                new[node] = rebuild(node, tuple(children))
+        return cast(Expr, new[root])
+
+    def _steady(self, node: Expr) -> Expr | None:
+        """The value of what is constant in truth."""
+        if isinstance(node, Var) or self._shadow.degree(node) != 0:
+            return None
+        return cast(Expr, substitute(node, self.corner)) if self._shadow.polynomial(node) else ZERO

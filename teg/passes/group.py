@@ -1,0 +1,269 @@
+"""Put what vanishes together behind one branch: a pixel that a triangle does not meet then costs its classification and nothing else.
+
+    b = …;  v = …;  results = ∫∫ …, r = …, w = r·v; …        →        b = …;  when b: v = …;  results = ∫∫ …, r = …, w = r·v
+
+A polygon names a boolean, `met`, that is false only where one of its half-planes fails on all of the box. The values of its block that
+are then known to be 0, in every such case, are computed in a `When`, with what only they use. Inside of it the same is done once more for
+the segments: where the box is covered no edge is met, and what they contribute to is 0.
+
+A product with a factor 0 counts as 0: over an empty domain c·∫∫f is ∫∫c·f, and that c is not a number (the slope of a degenerate triangle)
+does not matter. Each statement is moved once and none is copied. Time is linear in the size of the block times the number of half-planes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, replace
+from itertools import count
+
+from teg.program import (
+    Arg,
+    Assign,
+    Integrate,
+    Polygon,
+    Program,
+    Sample,
+    Segment,
+    Stmt,
+    SumOver,
+    When,
+    assigned,
+    blocks,
+    statements,
+    without_dead_code,
+)
+
+OPPOSITE = {"gt0": "le0", "le0": "gt0", "ge0": "lt0", "lt0": "ge0", "and": "or", "or": "and"}
+IMPLIED = {"lt0": ("le0",), "gt0": ("ge0",)}
+FEW = 3
+"""So few statements are not worth a branch."""
+
+
+def group(program: Program) -> Program:
+    """The program with what vanishes together behind branches, and without `met` in its polygons."""
+    if not any(isinstance(s, Polygon) and s.met is not True for s in statements(program.body)):
+        return program
+    numbers = count(1 + max((int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit()), default=0))
+    body = _grouped(program.body, program.outputs, numbers)
+    return without_dead_code(replace(program, body=_without_hints(body)))
+
+
+def _grouped(block: tuple[Stmt, ...], outputs: Sequence[Arg], numbers: Iterator[int]) -> tuple[Stmt, ...]:
+    """A block whose values `outputs` are used after it. Recursion is as deep as loops are in each other."""
+    block = tuple(_inside(s, numbers) for s in block)
+    for flag in dict.fromkeys(s.met for s in block if isinstance(s, Polygon) and isinstance(s.met, str)):
+        block = _behind(block, outputs, flag, _failures(block, flag), numbers)
+    return block
+
+
+def _inside(stmt: Stmt, numbers: Iterator[int]) -> Stmt:
+    match stmt:
+        case Integrate():
+            return replace(stmt, body=_grouped(stmt.body, (*stmt.values, *stmt.watch), numbers))
+        case SumOver() | Sample():
+            return replace(stmt, body=_grouped(stmt.body, stmt.values, numbers))
+        case _:
+            return stmt
+
+
+def _failures(block: Sequence[Stmt], flag: str) -> list[dict[str, bool]]:
+    """What is known in each of the cases in which a flag is false."""
+    made = {s.name: s for s in block if isinstance(s, Assign)}
+    cases: list[dict[str, bool]] = []
+    stack: list[Arg] = [made[flag].args[0]] if flag in made and made[flag].op == "not" else []
+    while stack:
+        name = stack.pop()
+        if isinstance(name, str):
+            if name in made and made[name].op == "or":
+                stack.extend(made[name].args)
+            else:
+                cases.append({name: True})
+    return [{flag: False, **case} for case in cases]
+
+
+def _behind(
+    block: tuple[Stmt, ...], outputs: Sequence[Arg], flag: str, cases: Sequence[Mapping[str, bool]], numbers: Iterator[int]
+) -> tuple[Stmt, ...]:
+    """The block with what is 0 in all cases, in which the flag is false, behind it."""
+    before, body, results, after = _divided(block, outputs, flag, cases)
+    if not any(isinstance(s, Segment) for s in body) or len(body) <= FEW:
+        return block
+    edges = [s.when for s in body if isinstance(s, Segment)]
+    fails = [_denial(block, when) for when in edges if when is not None]
+    if len(fails) == len(edges) and all(fails):
+        none, some = f"b{next(numbers)}", f"b{next(numbers)}"
+        names = tuple(dict.fromkeys(f for f in fails if f is not None))
+        decided = (Assign(none, "and", names), Assign(some, "not", (none,)))
+        first = min(i for i, s in enumerate(body) if isinstance(s, Segment))
+        whole = (*before, *body[:first], *decided, *body[first:])
+        inner = _divided(whole, results, some, [{some: False, **dict.fromkeys(names, True)}], len(before))
+        if len(inner[1]) > FEW:
+            kept, moved, given, rest = inner
+            body = (*kept[len(before) :], When(some, moved, given), *rest)
+    return (*before, When(flag, body, results), *after)
+
+
+def _divided(
+    block: tuple[Stmt, ...], outputs: Sequence[Arg], flag: str, cases: Sequence[Mapping[str, bool]], first: int = 0
+) -> tuple[tuple[Stmt, ...], tuple[Stmt, ...], tuple[str, ...], tuple[Stmt, ...]]:
+    """What comes before a branch, what goes into it, its results, and what comes after it. Statements before number `first` stay."""
+    if not cases:
+        return block, (), (), ()
+    opposites = _opposites(block)
+    vanishing = set.intersection(*(_zeros(block, case, opposites) for case in cases)) - _zeros(block, {}, opposites)
+    uses = [_names(s) for s in block]
+    inside: set[int] = set()
+    given: set[str] = set()  # by what goes into the branch
+    late: set[str] = set()  # what depends on it, but does not go there
+    for i, stmt in enumerate(block):
+        names = assigned(stmt)
+        if i >= first and names and vanishing.issuperset(names) and not uses[i] & late:
+            inside.add(i)
+            given.update(names)
+        elif uses[i] & (late | given):
+            late.update(names)
+    outside = {a for a in (*outputs, flag) if isinstance(a, str)}
+    for i in range(len(block) - 1, -1, -1):
+        stmt = block[i]
+        if i in inside:
+            continue
+        movable = i >= first and isinstance(stmt, Assign) and stmt.op != "tie" and stmt.name not in late | outside
+        if movable:
+            inside.add(i)
+        else:
+            outside |= uses[i]
+    before = tuple(s for i, s in enumerate(block) if i not in inside and not late.intersection(assigned(s)))
+    body = tuple(s for i, s in enumerate(block) if i in inside)
+    after = tuple(s for i, s in enumerate(block) if i not in inside and late.intersection(assigned(s)))
+    return before, body, tuple(n for s in body for n in assigned(s) if n in outside), after
+
+
+def _opposites(block: Sequence[Stmt]) -> dict[str, str]:
+    """Of booleans another one that fails where the first holds, where the block has it: of an atom, and of what is made of atoms."""
+    known: dict[object, str] = {}
+    found: dict[str, str] = {}
+    for stmt in block:
+        if not isinstance(stmt, Assign) or stmt.op not in OPPOSITE:
+            continue
+        compound = stmt.op in ("and", "or")
+        args = [found.get(a) if isinstance(a, str) else None for a in stmt.args] if compound else list(stmt.args)
+        other = known.get((OPPOSITE[stmt.op], frozenset(args))) if None not in args else None
+        known[stmt.op, frozenset(stmt.args)] = stmt.name
+        if other is not None:
+            found[stmt.name], found[other] = other, stmt.name
+    return found
+
+
+def _denial(block: Sequence[Stmt], flag: str) -> str | None:
+    """A boolean that holds where another one fails, but for values that are not numbers."""
+    return _opposites(block).get(flag)
+
+
+def _zeros(block: Sequence[Stmt], facts: Mapping[str, bool], opposites: Mapping[str, str]) -> set[str]:
+    """The numbers of a block that are 0 where some booleans are known."""
+    truth = dict(facts)
+    atoms = {(s.op, s.args): s.name for s in block if isinstance(s, Assign)}
+    made = {s.name: s for s in block if isinstance(s, Assign)}
+    stack = list(facts)
+    while stack:  # what follows downwards
+        name = stack.pop()
+        found: dict[str, bool] = {}
+        if truth[name] and name in opposites:
+            found[opposites[name]] = False
+        stmt = made.get(name)
+        if stmt is not None:
+            if stmt.op == "not" and isinstance(stmt.args[0], str):
+                found[stmt.args[0]] = not truth[name]
+            elif (stmt.op, truth[name]) in (("and", True), ("or", False)):
+                found.update((a, truth[name]) for a in stmt.args if isinstance(a, str))
+            elif truth[name]:
+                for op in IMPLIED.get(stmt.op, ()):
+                    if (op, stmt.args) in atoms:
+                        found[atoms[op, stmt.args]] = True
+        for other, value in found.items():
+            if other not in truth:
+                truth[other] = value
+                stack.append(other)
+    zeros: set[str] = set()
+    for stmt in block:  # and upwards
+        if isinstance(stmt, Assign):
+            _follow(stmt, truth, zeros, opposites)
+        elif isinstance(stmt, Polygon | Segment | Integrate | SumOver | Sample) and (
+            (stmt.when is not None and truth.get(stmt.when) is False)
+            or (isinstance(stmt, Polygon) and isinstance(stmt.met, str) and truth.get(stmt.met) is False)
+        ):
+            zeros.update(assigned(stmt))
+    return zeros
+
+
+def _follow(stmt: Assign, truth: dict[str, bool], zeros: set[str], opposites: Mapping[str, str]) -> None:
+    """Note what an assignment gives, if that is known."""
+    if stmt.name[0] == "b":
+        known = [a if isinstance(a, bool) else truth.get(str(a)) for a in stmt.args]
+        value: bool | None = None
+        match stmt.op:
+            case "and":
+                value = False if False in known else None if None in known else True
+            case "or":
+                value = True if True in known else None if None in known else False
+            case "not":
+                value = None if known[0] is None else not known[0]
+        if value is not None and stmt.name not in truth:
+            truth[stmt.name] = value
+            if value and stmt.name in opposites:
+                truth.setdefault(opposites[stmt.name], False)
+        return
+    zero = [a in zeros if isinstance(a, str) else not isinstance(a, bool) and a == 0 for a in stmt.args]
+    match stmt.op:
+        case "mul":
+            vanishes = any(zero)
+        case "add" | "sub" | "neg" | "abs" | "min" | "max":
+            vanishes = all(zero)
+        case "div":
+            vanishes = zero[0]
+        case "powi":
+            vanishes = zero[0] and isinstance(stmt.args[1], int) and stmt.args[1] > 0
+        case "select":
+            chosen = truth.get(str(stmt.args[0]))
+            vanishes = all(zero[1:]) if chosen is None else zero[1 if chosen else 2]
+        case _:
+            vanishes = False
+    if vanishes:
+        zeros.add(stmt.name)
+
+
+def _names(stmt: Stmt) -> set[str]:
+    """Every name that a statement, and those inside it, mention; `met` is a hint for this pass only."""
+    found: set[str] = set()
+    for s in statements((stmt,)):
+        inner = {id(b) for b in blocks(s)}
+        for field in fields(s):
+            value = getattr(s, field.name)
+            if id(value) not in inner and field.name != "met":
+                found.update(_flat(value))
+    return found.difference(assigned(stmt))
+
+
+def _flat(value: object) -> Iterator[str]:
+    stack = [value]
+    while stack:
+        item = stack.pop()
+        if isinstance(item, str):
+            yield item
+        elif isinstance(item, tuple):
+            stack.extend(item)
+        elif hasattr(item, "__dataclass_fields__"):
+            stack.extend(getattr(item, field.name) for field in fields(item))  # type: ignore[arg-type]
+
+
+def _without_hints(block: Iterable[Stmt]) -> tuple[Stmt, ...]:
+    result: list[Stmt] = []
+    for stmt in block:
+        match stmt:
+            case Polygon():
+                result.append(replace(stmt, met=True))
+            case When() | Integrate() | SumOver() | Sample():
+                result.append(replace(stmt, body=_without_hints(stmt.body)))
+            case _:
+                result.append(stmt)
+    return tuple(result)

@@ -1,0 +1,164 @@
+"""Applications of functions written out where a pass has to see what is inside; slots in the place of the other functions.
+
+    f(e, …)   →   body[e, …/formals]
+
+where the body is not opaque (`teg.function`), and wherever an application stands in a condition, a bound, a δ, an argument of floor and
+the like, a divisor, or under a root or logarithm: what jumps or may be singular there has to be found. An application is also written
+out in an integral with an infinite bound, whose tails have to be measured, and where an exponential in the body becomes one of a
+polynomial of degree 2 or more in the variables: narrow peaks have to be known. If the arguments are linear, and the exponent quadratic, it
+is enough that the exponential is seen,
+
+    f(e)   →   rest(e, exp(q(e)))
+
+with the rest and the exponent as functions, which are swapped like others. Everything else stays.
+
+First of all passes; idempotent; linear in the program and what is written out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import cast
+
+from teg.bodies import everywhere_written_out, with_peaks_outside, written_out
+from teg.expr import Call, Compare, Expr, Pow, Var
+from teg.function import Apply, Function, Slot, degrees_in, functions_of
+from teg.integral import Delta, Integral, PointMasses
+from teg.node import Node, postorder
+from teg.tails import is_unbounded
+from teg.traverse import rebuild
+
+_SINGULAR = frozenset(
+    ("sqrt", "root", "log", "pow", "tan", "asin", "acos", "atan2", "floor", "ceil", "round", "mod", "magnitude", "min", "max")
+)
+
+
+STEEP = "its exponential may be a narrow peak"
+PEAKED = "its exponential may be a narrow peak, which alone is written out"
+
+
+def write_out(e: Expr) -> Expr:
+    """The expression with those applications written out that a pass has to look into."""
+    while any(reasons(e).values()):
+        e = _rewritten(e)
+    return e
+
+
+def reasons(root: Expr) -> dict[Apply, str]:
+    """The applications in an expression, and why each must be written out somewhere; "" if it need not be."""
+    order = postorder([root])
+    found = _own_reasons(order)
+    places: dict[Node, str] = {}
+    for place, child in _looked_into(order) if found else ():
+        places.setdefault(child, place)
+    for node in reversed(order if places else ()):  # a node comes after all that it stands in
+        if node in places:
+            for child in node.children:
+                places.setdefault(child, places[node])
+            if isinstance(node, Apply) and node in found:
+                found[node] = found[node] or f"it stands in {places[node]}"
+    return found
+
+
+def _own_reasons(order: list[Node]) -> dict[Apply, str]:
+    """The applications among nodes, and why each must be written out wherever it stands."""
+    found = {n: n.callee.obstacle for n in order if isinstance(n, Apply) and isinstance(n.callee, Function)}
+    for integral in order if found else ():
+        if isinstance(integral, Integral) and is_unbounded(integral):
+            for node in postorder([integral.body]):
+                if isinstance(node, Apply) and node in found and integral.var in node.free:
+                    found[node] = found[node] or "it stands in an integral with an infinite bound"
+    steep = {n: f.facts.exponent for n in found if not found[n] and n.free and isinstance(f := n.callee, Function) and f.inline is None}
+    if any(steep.values()):
+        degrees = degrees_in(order, {n for n in order if isinstance(n, Var)})
+        for node, exponent in steep.items():
+            if exponent * max((degrees[c] or 0 for c in node.children), default=0) > 1:
+                found[node] = PEAKED if exponent == 2 and all(degrees[c] in (0, 1) for c in node.children) else STEEP
+    return found
+
+
+def _looked_into(order: list[Node]) -> Iterator[tuple[str, Node]]:
+    """What stands where applications are written out."""
+    for node in order:
+        match node:
+            case Compare():
+                yield "a condition", node.g
+            case Integral():
+                yield "a bound", node.lo
+                yield "a bound", node.hi
+            case Delta() | PointMasses():
+                yield "a delta", node.children[0]
+            case Pow() if _is_looked_into(node):
+                yield "a divisor", node.base
+            case Call() if _is_looked_into(node):
+                for child in node.children:
+                    yield f"an argument of {node.name}", child
+            case _:
+                pass
+
+
+def _is_looked_into(node: Node) -> bool:
+    """Whether all of its children have to be seen."""
+    match node:
+        case Delta() | PointMasses():
+            return True
+        case Pow():
+            return node.exponent < 0
+        case Call():
+            return node.name in _SINGULAR and not isinstance(node, Apply)
+        case _:
+            return False
+
+
+def _rewritten(root: Expr) -> Expr:
+    """One level of what has to be written out: everywhere inside of what is looked into, elsewhere what has a reason of its own."""
+    order = postorder([root])
+    own = _own_reasons(order)
+    everywhere = everywhere_written_out([child for _, child in _looked_into(order)])
+    new: dict[Node, Node] = {}
+    for node in order:
+        match node:
+            case Compare():
+                children = (everywhere[node.g], *(new[c] for c in node.children[1:]))
+            case Integral():
+                children = (new[node.body], everywhere[node.lo], everywhere[node.hi])
+            case _ if _is_looked_into(node):
+                children = tuple(everywhere[c] for c in node.children)
+            case _:
+                children = tuple(new[c] for c in node.children)
+        outside = with_peaks_outside(node, children) if isinstance(node, Apply) and own.get(node) == PEAKED else None
+        if outside is not None:
+            new[node] = outside
+        else:
+            new[node] = written_out(node, children) if isinstance(node, Apply) and own.get(node) else rebuild(node, children)
+    return cast(Expr, new[root])
+
+
+# -- slots ---------------------------------------------------------------------------------------------------------------
+
+
+def with_slots(e: Expr) -> tuple[Expr, tuple[Function, ...]]:
+    """The expression with slots in the place of its functions, numbered as they appear, and the functions."""
+    if not functions_of(e):
+        return e, ()
+    slots: dict[Function, Slot] = {}
+    new: dict[Node, Node] = {}
+    for node in postorder([e]):
+        children = tuple(new[c] for c in node.children)
+        new[node] = rebuild(node, children)
+        if isinstance(node, Apply) and isinstance(node.callee, Function):
+            f = node.callee
+            slot = slots.setdefault(f, Slot.make((len(slots), f.formal, f.arity, f.degree), ()))
+            new[node] = Apply.make((slot, node.derivative), children)
+    return cast(Expr, new[e]), tuple(slots)
+
+
+def without_slots(e: Expr, functions: tuple[Function, ...]) -> Expr:
+    """The expression with functions in the place of slots."""
+    new: dict[Node, Node] = {}
+    for node in postorder([e]):
+        children = tuple(new[c] for c in node.children)
+        new[node] = rebuild(node, children)
+        if isinstance(node, Apply) and isinstance(node.callee, Slot):
+            new[node] = Apply.make((functions[node.callee.number], node.derivative), children)
+    return cast(Expr, new[e])

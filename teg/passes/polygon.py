@@ -1,0 +1,215 @@
+"""Polynomials times half-planes over a box, and times half-lines over an interval: a clipped polygon, a clipped interval.
+
+    ∫∫ P(x, y)·Π[gᵢ(x, y) > 0] dx dy      gᵢ affine      → `Polygon`: the box is clipped by each half-plane, a rule on a fan of triangles
+    ∫ P(x)·Π[gᵢ(x) > 0] dx                gᵢ affine      → `Segment`: the interval is clipped, one piece and no search for others
+
+Without them the outer integral has a break wherever two lines meet or one crosses a side, O(n²) of them, and the inner one n in each piece.
+A `Segment` is what a boundary term along an edge becomes: its half-lines are the sides of the box and the other edges, and may tie.
+
+What is constant but does not look so, or of degree 1, is judged in the normal form of `teg.polynomial`; `clipped.py` makes the statements.
+Source: Sutherland and Hodgman 1974 (clipping); Cyrus and Beck 1978 (of an interval).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from teg.calculus import slope
+from teg.errors import NotDifferentiableError
+from teg.expr import (
+    MINUS_ONE,
+    TRUE,
+    ZERO,
+    Add,
+    And,
+    Compare,
+    Cond,
+    Expr,
+    Mul,
+    Not,
+    Or,
+    Var,
+    Where,
+    add,
+    conjunction,
+    disjunction,
+    mul,
+    negation,
+    positive,
+    sub,
+    where,
+)
+from teg.integral import Integral, masses_of
+from teg.integration import Integration
+from teg.node import Node
+from teg.polynomial import Shadow
+from teg.program import MAX_HALF_PLANES
+from teg.surfaces import atoms_of
+from teg.tails import is_unbounded
+from teg.traverse import replace_node, substitute
+
+MAX_DEGREE = 24
+MAX_NODES = 16
+
+
+@dataclass(frozen=True)
+class Half:
+    """[g > 0], or its negation [g <= 0]."""
+
+    atom: Compare
+    negated: bool = False
+
+    @property
+    def g(self) -> Expr:
+        return mul(MINUS_ONE, self.atom.g) if self.negated else self.atom.g
+
+    @property
+    def closed(self) -> bool:
+        return self.negated == self.atom.strict
+
+
+@dataclass(frozen=True)
+class Clipped:
+    """A polynomial of a degree, in variables (innermost first), on a box, or an interval, and in halves of it."""
+
+    boxes: tuple[Integral, ...]
+    halves: tuple[Half, ...]
+    integrand: Expr
+    degree: int
+    inside: tuple[Integral, ...] = ()  # the inner integrals, all over the same interval
+
+    @property
+    def key(self) -> object:
+        """The same for integrals that share a loop."""
+        return (len(self.boxes), *((b.var, b.lo, b.hi) for b in self.boxes), frozenset(self.halves))
+
+
+def match_polygon(node: Integral) -> Clipped | None:
+    """A polynomial on a box in two variables in the intersection of half-planes, or None."""
+    outside, rest = _split(node.body)
+    terms: list[tuple[Expr, Integral]] = []
+    for term in rest.children if isinstance(rest, Add) else (rest,):
+        factors = term.children if isinstance(term, Mul) else (term,)
+        inner = [f for f in factors if isinstance(f, Integral)]
+        if len(inner) != 1 or inner[0].has_delta or masses_of(inner[0].body, inner[0].var) is not None:
+            return None
+        terms.append((mul(*(f for f in factors if f is not inner[0])), inner[0]))
+    (_, first), condition = terms[0], _split(terms[0][1].body)[0]
+    box = (first.var, first.lo, first.hi)
+    if any((i.var, i.lo, i.hi) != box or _split(i.body)[0] is not condition or first.var in factor.free for factor, i in terms):
+        return None
+    if first.var is node.var or node.var in first.lo.free | first.hi.free:
+        return None
+    integrand = add(*(mul(factor, _split(i.body)[1]) for factor, i in terms))
+    return _match((first, node), conjunction(condition, outside), integrand, tuple(i for _, i in terms))
+
+
+def match_segment(node: Integral) -> Clipped | None:
+    """A polynomial on an interval in the intersection of half-lines, one of which may tie, or None."""
+    ties = any(a.resolution is not None for a in atoms_of(node.body, node.var))
+    found = _match((node,), *_split(node.body)) if ties else None
+    return found if found is not None and any(h.atom.resolution is not None for h in found.halves) else None
+
+
+def match_clipped(node: Integral, how: Integration) -> Clipped | None:
+    """The integral as a polygon or a segment, if it is one and no other rule is asked for."""
+    return (match_polygon(node) or match_segment(node)) if how.rule == "auto" and how.order is None else None
+
+
+def _split(body: Expr) -> tuple[Cond, Expr]:
+    """A condition outside of which a body is 0, and what it is there."""
+    if isinstance(body, Where) and body.otherwise is ZERO:
+        return body.condition, body.then
+    if isinstance(body, Where) and body.then is ZERO:
+        return negation(body.condition), body.otherwise
+    return TRUE, body
+
+
+def _match(boxes: tuple[Integral, ...], condition: Cond, integrand: Expr, inside: tuple[Integral, ...] = ()) -> Clipped | None:
+    """The integrand on boxes where a condition holds, if it is a polynomial there and the condition that of halves."""
+    variables = tuple(b.var for b in boxes)
+    if any(is_unbounded(b) or masses_of(b.body, b.var) is not None for b in boxes) or integrand.has_delta or condition is TRUE:
+        return None
+    found = _halves(condition, variables, integrand)
+    if found is None:
+        return None
+    halves, integrand = found
+    shadow = Shadow(variables)
+    if not 0 < len(halves) <= MAX_HALF_PLANES or any(atoms_of(e, v) for v in variables for e in (integrand, *(h.atom.g for h in halves))):
+        return None
+    if any(shadow.degree(h.atom.g) not in (0, 1) for h in halves) or (
+        len(boxes) > 1 and any(h.atom.resolution is not None for h in halves)
+    ):
+        return None
+    degree = shadow.degree(integrand)
+    if degree is None or degree > MAX_DEGREE or (len(boxes) == 1 and degree // 2 + 1 > MAX_NODES):
+        return None
+    try:
+        for h in halves:
+            for v in variables:
+                slope(h.atom.g, v)
+    except NotDifferentiableError:
+        return None
+    return Clipped(boxes, halves, integrand, degree, inside)
+
+
+def _halves(condition: Cond, variables: Sequence[Var], integrand: Expr) -> tuple[tuple[Half, ...], Expr] | None:
+    """The halves whose intersection a condition is, and the integrand there; None if it is none, or holds conditions on something else."""
+    halves: dict[Half, None] = {}
+    for part in _conjuncts(condition):
+        pair = _between(part, variables) if len(variables) == 1 else None
+        if pair is not None:
+            upper, lower, forward = pair
+            integrand = cast(Expr, replace_node(integrand, upper, forward))
+            integrand = cast(Expr, replace_node(integrand, lower, negation(forward)))
+            halves[Half(_turned(upper, forward))] = None
+            halves[Half(_turned(lower, negation(forward)))] = None
+            continue
+        half = Half(part.operand, True) if isinstance(part, Not) and isinstance(part.operand, Compare) else Half(cast(Compare, part))
+        if not isinstance(half.atom, Compare) or not any(v in half.atom.g.free for v in variables):
+            return None
+        halves[half] = None
+    return tuple(halves), integrand
+
+
+def _conjuncts(condition: Cond) -> list[Cond]:
+    """The conditions that all must hold; a long conjunction is one of shorter ones."""
+    found: dict[Cond, None] = {}
+    stack = [condition]
+    while stack:
+        c = stack.pop()
+        if isinstance(c, And):
+            stack.extend(reversed(c.children))
+        else:
+            found[c] = None
+    return list(found)
+
+
+def _between(part: Cond, variables: Sequence[Var]) -> tuple[Compare, Compare, Cond] | None:
+    """Of (a ∧ ¬b) ∨ (¬a ∧ b), between two bounds whose order is not known: a, b, and whether a holds there. Their slopes are the same."""
+    if not isinstance(part, Or) or len(part.children) != 2:
+        return None
+    one, other = part.children
+    if not isinstance(one, And) or not isinstance(other, And) or len(one.children) != 2:
+        return None
+    a, b = (c for c in (one.children[0], _denied(one.children[1])))
+    if not isinstance(a, Compare) or not isinstance(b, Compare) or set(other.children) != {negation(a), b}:
+        return None
+    apart = sub(a.g, b.g)
+    if Shadow(tuple(variables)).degree(apart) != 0 or (a.resolution is None) != (b.resolution is None):
+        return None
+    return a, b, positive(cast(Expr, substitute(apart, dict.fromkeys(variables, ZERO))))
+
+
+def _denied(c: Node) -> Node:
+    return c.children[0] if isinstance(c, Not) else c
+
+
+def _turned(atom: Compare, forward: Cond) -> Compare:
+    """The atom where `forward` holds, its negation elsewhere."""
+    g = where(forward, atom.g, mul(MINUS_ONE, atom.g))
+    r = atom.resolution
+    truth = None if r is None else disjunction(conjunction(forward, r), conjunction(negation(forward), negation(r)))
+    return cast(Compare, positive(g, True, truth, atom.rivals))

@@ -1,0 +1,123 @@
+"""Sums out of integrals: afterwards no variable of integration runs through a sum.
+
+    ∫ Σ_k f_k dx  =  Σ_k ∫ f_k dx                   where the integrand is linear in the sum: the integral keeps one term's breaks
+    Σ_{k=0}^{2} f_k  =  f_0 + f_1 + f_2             elsewhere (in a condition, in a function, in a product of sums), written out
+
+A sum that has to be written out must have bounds that are numbers. One whose bounds are lengths of arrays is written out when the shapes
+are known, at the first call with them (`teg.array_compile`): `NeedsLengths` says which they are. Cost: a visit a node; written out, a
+body a term.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+from teg.arrays import Sum, sum_over
+from teg.cells import indices_apart, replace_integers
+from teg.errors import ArrayIndexError
+from teg.expr import ONE, ZERO, Add, Expr, Mul, Var, Where, add, mul, where
+from teg.index import IndexConst, IndexGather, IndexParam, IndexVar, Length, index_const, index_leaves
+from teg.integral import Integral, integral_over
+from teg.node import Node, postorder
+from teg.traverse import rebuild
+
+MOST_TERMS = 20_000
+"""A sum of more terms is not written out."""
+
+
+class NeedsLengths(Exception):  # noqa: N818: no error, a request
+    """A sum must be written out whose bounds are known at run time only."""
+
+    def __init__(self, node: Sum) -> None:
+        super().__init__("the bounds of a sum inside an integral must be known")
+        self.node = node
+
+
+def sums_outside(root: Expr) -> Expr:
+    """The program with no sum through which a variable of integration runs. Raises NeedsLengths."""
+    if not any(isinstance(n, Sum) and n.free for n in postorder([root])):
+        return root
+    new: dict[Node, Node] = {}
+    for node in postorder([indices_apart(root)]):
+        children = tuple(new[c] for c in node.children)
+        if isinstance(node, Integral):
+            body, lo, hi = cast("tuple[Expr, Expr, Expr]", children)
+            new[node] = _integral(body, node.var, _written_out(lo), _written_out(hi))
+        else:
+            new[node] = rebuild(node, children)
+            last = node
+    return cast(Expr, new[last if not isinstance(node, Integral) else node])
+
+
+def _integral(body: Expr, x: Var, lo: Expr, hi: Expr) -> Expr:
+    """∫ body dx with every sum that depends on x outside, or written out."""
+    if not any(isinstance(n, Sum) and x in n.free for n in postorder([body])):
+        return integral_over(body, x, lo, hi)
+    terms: list[Expr] = []
+    for chain, term in _linear_terms(body, x):
+        if any(isinstance(n, Sum) and x in n.free for n in postorder([term])):
+            term = _written_out(term, x)
+        result = integral_over(term, x, lo, hi)
+        for s in reversed(chain):
+            result = sum_over(result, s.index, s.lo, s.hi)
+        terms.append(result)
+    return add(*terms)
+
+
+def _linear_terms(body: Expr, x: Var) -> list[tuple[tuple[Sum, ...], Expr]]:
+    """body = Σ over the pairs of Σ…Σ term, the sums taken out of linear positions; what has none of them is one term."""
+    done: list[tuple[tuple[Sum, ...], Expr]] = []
+    plain: list[Expr] = []
+    stack: list[tuple[tuple[Sum, ...], Expr, Expr]] = [((), ONE, body)]  # sums around, factor, rest
+    while stack:
+        chain, factor, e = stack.pop()
+        through = [c for c in e.children if _has_sum(c, x)]
+        if isinstance(e, Sum) and x in e.free:
+            stack.append(((*chain, e), factor, e.body))
+        elif isinstance(e, Add) and through:
+            stack.extend((chain, factor, c) for c in reversed(e.children))
+        elif isinstance(e, Mul) and len(through) == 1:
+            others = mul(*(c for c in e.children if c is not through[0]))
+            stack.append((chain, mul(factor, others), cast(Expr, through[0])))
+        elif isinstance(e, Where) and through and e.condition not in through:
+            for c, branch in ((where(e.condition, ONE, ZERO), e.then), (where(e.condition, ZERO, ONE), e.otherwise)):
+                if branch is not ZERO:
+                    stack.append((chain, mul(factor, c), branch))
+        elif chain:
+            done.append((chain, mul(factor, e)))
+        else:
+            plain.append(mul(factor, e))
+    return [*done, *([((), add(*plain))] if plain else [])]
+
+
+def _has_sum(node: Node, x: Var) -> bool:
+    return x in node.free and any(isinstance(n, Sum) and x in n.free for n in postorder([node]))
+
+
+def _written_out(root: Expr, x: Var | None = None) -> Expr:
+    """Every sum through which variables run (or x does) as its terms."""
+    new: dict[Node, Node] = {}
+    for node in postorder([root]):
+        result = rebuild(node, tuple(new[c] for c in node.children))
+        if isinstance(result, Sum) and (x in result.free if x is not None else result.free):
+            result = _terms(result)
+        new[node] = result
+    return cast(Expr, new[root])
+
+
+def _terms(s: Sum) -> Expr:
+    if not isinstance(s.lo, IndexConst) or not isinstance(s.hi, IndexConst):
+        if any(isinstance(i, IndexGather | IndexParam | IndexVar) for i in index_leaves([s.lo, s.hi])) and not any(
+            isinstance(i, Length) for i in index_leaves([s.lo, s.hi])
+        ):
+            raise ArrayIndexError(
+                "this sum stands inside an integral where it must be written out, and how many terms it has is not known",
+                s,
+                "give its range as numbers or teg.length, or write the integral inside the sum",
+            )
+        raise NeedsLengths(s)
+    count = s.hi.data - s.lo.data
+    if count > MOST_TERMS:
+        hint = "write the integral inside the sum if the integrand is linear in it"
+        raise ArrayIndexError(f"this sum inside an integral has {count} terms to be written out; {MOST_TERMS} at most", s, hint)
+    return add(*(replace_integers(s.body, {s.index: index_const(i)}) for i in range(s.lo.data, s.hi.data)))

@@ -1,0 +1,197 @@
+"""`teg.scipy_function`: a program as functions of one vector, as `scipy.optimize` wants them. It needs NumPy only."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, cast
+
+from teg.arrays import Array
+from teg.compile import compile
+from teg.errors import OptionError, ParameterError
+from teg.expr import Param
+from teg.options import checked_dtype
+
+if TYPE_CHECKING:
+    import numpy as np
+
+Parameter = Param | Array
+
+
+def scipy_function(
+    e: object,
+    parameters: Sequence[Parameter] | Parameter,
+    *,
+    fixed: Mapping[Any, Any] | None = None,
+    shapes: Mapping[Any, int | Sequence[int]] | None = None,
+    **options: Any,
+) -> VectorFunction:
+    """The functions (fun, jac) of one vector x, the values of `parameters` in their order:
+
+        fun, jac = teg.scipy_function(e, [t, a], fixed={"b": 2.0}, backend="c")
+        scipy.optimize.minimize(fun, [0.5, 1.0], jac=jac)
+
+    fun(x) is a float, jac(x) the gradient, float64 of x's shape (n,). For a tuple of m expressions they are a vector (m,) and the Jacobian
+    matrix (m, n), as `scipy.optimize.least_squares` wants them. `hessp(x, p)`, an attribute of the result, is the Hessian times p.
+
+    An array parameter takes as many places as it has entries, row by row; `shapes` names its shape: `shapes={"V": (10, 2)}`. `fixed` gives
+    the values of all other parameters, by parameter or name. Options are those of `teg.compile`. `pack` makes a vector of a dict of values,
+    `unpack` the dict of a vector.
+
+    What one call has computed the next one at the same x does not compute again. Raises ParameterError for a vector of another length or
+    with entries that are not finite, and where values are missing, unknown or given twice; values of e that are not finite are given as
+    they are, a line search steps back from them.
+    """
+    moving = [parameters] if isinstance(parameters, Param | Array) else list(parameters)
+    if not moving:
+        raise ParameterError("there is nothing to move: no parameter is named", None, "teg.scipy_function(e, [t, a])")
+    if (dtype := checked_dtype(options.get("dtype", "float64"))) != "float64":
+        raise OptionError(f"dtype={dtype!r} is not for scipy.optimize, which compares nearly equal results", None, "float64")
+    return VectorFunction(compile(e, moving, **options), moving, _by_name(fixed), _by_name(shapes))
+
+
+class VectorFunction:
+    """Functions of the vector of some parameters of an evaluator; unpacks to (fun, jac). Safe to share between threads, and pickles."""
+
+    def __init__(
+        self, evaluator: Any, moving: Sequence[Parameter], fixed: Mapping[str, Any], shapes: Mapping[str, int | Sequence[int]]
+    ) -> None:
+        self.evaluator = evaluator
+        self.fixed = dict(fixed)
+        self._moving, self._given_shapes = tuple(moving), dict(shapes)
+        names = [p.name for p in moving]
+        self.shapes = {p.name: _shape_of(p, shapes) for p in moving}
+        if unknown := [k for k in shapes if not isinstance(next((p for p in moving if p.name == k), None), Array)]:
+            raise ParameterError(f"shapes= names {unknown[0]!r}, which is no array that moves", None, "parameters: " + ", ".join(names))
+        if twice := [k for k in self.fixed if k in self.shapes]:
+            raise ParameterError(f"{twice[0]!r} cannot be fixed and move", None, "leave it out of fixed=, or of the parameters")
+        if unknown := [k for k in self.fixed if k not in evaluator.parameters]:
+            raise ParameterError(f"fixed= names {unknown[0]!r}, which is no parameter", None, ", ".join(evaluator.parameters))
+        if missing := [k for k in evaluator.parameters if k not in self.shapes and k not in self.fixed]:
+            raise ParameterError(f"no value for {', '.join(map(repr, missing))}", None, f"fixed={{{missing[0]!r}: …}}, or let it move")
+        self.size = sum(math.prod(shape) for shape in self.shapes.values())
+        self._last: tuple[bytes, Any, np.ndarray | None] | None = None
+        self._wants_gradients = False
+
+    def __iter__(self) -> Iterator[Callable[[Any], Any]]:
+        return iter((self.fun, self.jac))
+
+    def fun(self, x: Any) -> Any:
+        """The value at x, a float; of a tuple of m expressions an array (m,)."""
+        return self._at(x, self._wants_gradients)[0]
+
+    def jac(self, x: Any) -> np.ndarray:
+        """The gradient at x, an array (n,); of a tuple of m expressions (m, n)."""
+        self._wants_gradients = True  # from now on `fun` computes both at once
+        return cast("np.ndarray", self._at(x, True)[1]).copy()
+
+    def hessp(self, x: Any, p: Any) -> np.ndarray:
+        """The Hessian at x times p, an array (n,); of one expression only."""
+        import numpy as np
+
+        if isinstance(self._at(x, False)[0], np.ndarray):
+            raise OptionError("a tuple of expressions has a Hessian each", None, "hessp is for one expression")
+        along = self.evaluator.hvp(self._values(self._checked(x)), self.unpack(p))
+        return np.concatenate([np.ravel(along[name]) for name in self.shapes])
+
+    def pack(self, values: Mapping[Any, Any]) -> np.ndarray:
+        """The vector of values of the parameters that move, by parameter or name."""
+        import numpy as np
+
+        given = _by_name(values)
+        if missing := [name for name in self.shapes if name not in given]:
+            raise ParameterError(f"no value for {', '.join(map(repr, missing))}", None, "the vector holds " + ", ".join(self.shapes))
+        for name, shape in self.shapes.items():
+            if np.shape(given[name]) != shape:
+                raise ParameterError(f"{name!r} has the shape {shape}, not {np.shape(given[name])}")
+        return np.concatenate([np.ravel(np.asarray(given[name], dtype=np.float64)) for name in self.shapes])
+
+    def unpack(self, x: Any) -> dict[str, Any]:
+        """The values of the parameters that move, floats and arrays, by name."""
+        vector = self._checked(x)
+        found: dict[str, Any] = {}
+        first = 0
+        for name, shape in self.shapes.items():
+            size = math.prod(shape)
+            part = vector[first : first + size]
+            found[name] = part.reshape(shape) if shape or size != 1 else float(part[0])
+            first += size
+        return found
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (VectorFunction, (self.evaluator, self._moving, self.fixed, self._given_shapes))
+
+    def _values(self, vector: np.ndarray) -> dict[str, Any]:
+        return {**self.fixed, **self.unpack(vector)}
+
+    def _at(self, x: Any, gradient: bool) -> tuple[Any, np.ndarray | None]:
+        """The value at x, and its gradient if that is wanted or was computed last time."""
+        import numpy as np
+
+        vector = self._checked(x)
+        key, last = vector.tobytes(), self._last
+        if last is not None and last[0] == key and (last[2] is not None or not gradient):
+            return last[1], last[2]
+        values = self._values(vector)
+        slopes: np.ndarray | None = None
+        if gradient:
+            found, by_name = self.evaluator.value_and_grad(values)
+            value = _flat(found)
+            columns = [np.reshape(_flat(by_name[name]), (np.size(value), -1)) for name in self.shapes]
+            slopes = np.concatenate(columns, axis=1)
+            slopes = slopes if isinstance(value, np.ndarray) else slopes[0]
+        else:
+            value = _flat(self.evaluator(values))
+        self._last = key, value, slopes
+        return value, slopes
+
+    def _checked(self, x: Any) -> np.ndarray:
+        import numpy as np
+
+        try:
+            given = np.asarray(x)
+            if given.dtype.kind not in "fiub":
+                raise TypeError
+            vector = np.asarray(given, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise ParameterError(f"this is no vector of real numbers: {x!r:.80}") from None
+        if vector.shape != (self.size,) and not (self.size == 1 and vector.shape == ()):
+            sizes = ", ".join(f"{k} ({math.prod(s)})" if s else k for k, s in self.shapes.items())
+            raise ParameterError(f"a vector of shape ({self.size},) is needed, not {vector.shape}", None, f"it holds {sizes}")
+        if not np.isfinite(vector).all():
+            place = int(np.argmin(np.isfinite(np.ravel(vector))))
+            raise ParameterError(f"entry {place} of the vector is {np.ravel(vector)[place]}, not a finite number")
+        return vector.reshape(self.size)
+
+
+def _by_name(values: Mapping[Any, Any] | None) -> dict[str, Any]:
+    return {(k if isinstance(k, str) else getattr(k, "name", str(k))): v for k, v in (values or {}).items()}
+
+
+def _shape_of(p: Parameter, shapes: Mapping[str, int | Sequence[int]]) -> tuple[int, ...]:
+    if not isinstance(p, Array):
+        return ()
+    if p.name not in shapes:
+        raise ParameterError(f"the shape of the array {p.name!r} is not known", None, f"shapes={{{p.name!r}: (…)}}")
+    given = shapes[p.name]
+    shape = (given,) if isinstance(given, int) else tuple(given)
+    if len(shape) != p.dimensions or not all(isinstance(n, int) and n >= 0 for n in shape):
+        raise ParameterError(f"{given!r} is no shape of an array of {p.dimensions} dimensions", p.name)
+    return shape
+
+
+def _flat(values: Any) -> Any:
+    """A value as a float, or those of a tuple, nested or not, as one array."""
+    import numpy as np
+
+    if not isinstance(values, tuple):
+        return float(values) if np.ndim(values) == 0 else values
+    leaves: list[Any] = []
+    stack = [values]
+    while stack:
+        top = stack.pop()
+        if isinstance(top, tuple):
+            stack.extend(reversed(top))
+        else:
+            leaves.append(top)
+    return np.array(leaves)
