@@ -58,6 +58,7 @@ from teg.program import (
     Segment,
     Stmt,
     SumOver,
+    When,
     assigned,
     clipped_by,
     has_ties,
@@ -211,7 +212,7 @@ class Printer:
 
         yield Step(tuple(stmt.name for stmt in calls), inputs, None, lines, 4 + len(inputs) // 8)
 
-    def _call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment) -> Step:
+    def _call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | When) -> Step:
         """The call of a statement's routine; many results or captured values go through the workspace."""
         absent = "0.0"
         match stmt:
@@ -229,6 +230,8 @@ class Printer:
                 routine, captured = self._sample(stmt)
             case Polygon() | Segment():
                 routine, captured = self._clipped(stmt)
+            case When():
+                routine, captured = self._branch(stmt)
         names = assigned(stmt)
         count = len(names)
         stacked = count if count > c_frame.ON_STACK else 0
@@ -384,6 +387,18 @@ class Printer:
         head = _head(frame, "sum", len(stmt.results))
         routine = self._routine(kind, frame, head.replace("static", "TEG_INLINE", 1) if self.inlined else head, inside)
         return routine, tuple(given.get(arg, arg) for arg in captured)
+
+    def _branch(self, stmt: When) -> tuple[Routine, tuple[Arg, ...]]:
+        """The routine of what is behind a branch."""
+        body = [*self._steps(stmt.body), *_yields(stmt.results)]
+        captured = captured_by((), body, ())
+        count = len(stmt.results)
+        frame = Frame(captured, [body], (), needs_context((stmt,), self.counted), by_value=WHOLE if self.inlined else BY_VALUE)
+        single = count == 1
+        inside = [*(["double f[1];"] if single else []), *frame.opening(), *frame.block(0), *(["return f[0];"] if single else [])]
+        head = _head(frame, "f", count)
+        routine = self._routine("branch", frame, head.replace("static", "TEG_INLINE", 1) if self.inlined else head, inside)
+        return routine, tuple(captured)
 
     def _isolation(self, stmt: Isolate) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of an isolation: `f` holds g, g' and then the four bounds."""

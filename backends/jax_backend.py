@@ -255,6 +255,8 @@ def _block(block: tuple[Stmt, ...], results: str) -> list[str]:
                 lines.append(f"{name}, {note} = rt.tie(order, {strict(g, 'jnp')}, {_text(scale)}, {_text(r)})")
             case Assign():
                 lines += assignment(stmt, DIALECT)
+            case When():
+                raise AssertionError("branches are written out")
             case _:
                 assert_never(stmt)
     lines.append(f"return {results}, {' | '.join(notes) or '0'}")

@@ -55,6 +55,7 @@ from teg.errors import AccuracyError, ArrayIndexError, DiffeomorphismError, TegE
 from teg.explain import Explanation, explain
 from teg.expr import Cond, Expr
 from teg.function import Function, function
+from teg.jax_function import jax_function
 from teg.latex import latex
 from teg.maps import polar
 from teg.passes.user import change_variables
@@ -68,7 +69,7 @@ __all__ = [
     "AccuracyError", "AccuracyWarning", "ArrayEvaluator", "ArrayIndexError", "Cond", "Diagnosis", "Diffeomorphism", "DiffeomorphismError",
     "Evaluator", "Explanation", "Expr", "Function", "GradientReport", "TegError", "abs", "acos", "array", "asin", "atan", "atan2",
     "bracket", "ceil", "change_variables", "check_gradient", "compile", "cos", "cosh", "delta", "diff", "dump", "eliminate", "evaluate",
-    "exp", "explain", "floor", "from_sympy", "function", "grad", "hessian", "index", "indices", "integral", "jvp", "latex", "length",
-    "log", "maps", "maximum", "minimum", "mod", "param", "params", "polar", "round", "scipy_function", "sign", "sin", "sinh", "size",
+    "exp", "explain", "floor", "from_sympy", "function", "grad", "hessian", "index", "indices", "integral", "jax_function", "jvp", "latex",
+    "length", "log", "maps", "maximum", "minimum", "mod", "param", "params", "polar", "round", "scipy_function", "sign", "sin", "sinh", "size",
     "sqrt", "sum", "tan", "tanh", "to_sympy", "tuple", "var", "vars", "where",
 ]  # fmt: skip

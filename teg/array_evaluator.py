@@ -3,35 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
-from teg import expr as ex
 from teg.arguments import as_doubles, as_floats, rounded, values
-from teg.array_errors import with_array_error_estimates
-from teg.array_pipeline import Parameter, gradient, on_cells, outlined, tangent
+from teg.array_arguments import Call, as_entries, whole_numbers
+from teg.array_compiled import Compiled, direction_of
+from teg.array_pipeline import Parameter, on_cells, outlined
 from teg.array_program import ArrayProgram
-from teg.array_reports import has_samples, paired, places, report_arrays
-from teg.array_schedule import Output, output_of, schedule_arrays
+from teg.array_reports import paired, places, report_arrays
+from teg.array_schedule import schedule_arrays
 from teg.arrays import Array, arrays_of, integer_parameters, integers_of
 from teg.cells import check_indices, replace_integers
 from teg.diagnose import Diagnosis
 from teg.errors import ArrayIndexError, OptionError, ParameterError
 from teg.explain import Explanation, explain
 from teg.expr import Expr, Param, Tuple
-from teg.index import ArrayName, IndexArray, Length, index_const, index_leaves
+from teg.index import ArrayName, Length, index_const, index_leaves
 from teg.node import postorder
 from teg.options import Options
-from teg.passes.atoms import canonicalise
-from teg.passes.schedule import schedule
 from teg.passes.sums import NeedsLengths
-from teg.pipeline import compiled_outputs, flatten, jvp, normal_form, program_for
-from teg.program import Program
+from teg.pipeline import flatten, normal_form
 from teg.traverse import parameters
 
 if TYPE_CHECKING:
-    import numpy as np
+    pass
 
 KEPT = 16
 """Programs that are kept for different shapes, where they must be known."""
@@ -60,10 +57,10 @@ class ArrayEvaluator:
         self._arrays = tuple(a for a in every if isinstance(a, ArrayName))
         self._integers = {self._scalars.index(p.name) for p in integer_parameters(e)}
         self._leaves = flatten(e)
-        self._made: dict[tuple[int, ...], _Compiled] = {}
+        self._made: dict[tuple[int, ...], Compiled] = {}
         self._specialised = False
         try:
-            self._made[()] = _Compiled(self, outlined(e))
+            self._made[()] = self._compile(e)
             self._made[()].kernel("value")
         except NeedsLengths:
             self._specialised = True
@@ -111,7 +108,7 @@ class ArrayEvaluator:
         if unknown := sorted(moved.keys() - {p.name for p in self.wrt}):
             raise ParameterError(f"{unknown[0]!r} is not differentiated by", None, "parameters: " + ", ".join(p.name for p in self.wrt))
         which = tuple(p for p in self.wrt if p.name in moved)
-        return {**given, **{_direction(p).name: moved[p.name] for p in which}}, which
+        return {**given, **{direction_of(p).name: moved[p.name] for p in which}}, which
 
     def hessian(self, *args: Any, **named: Any) -> dict[tuple[str, str], Any]:
         """Second derivatives, a dict (name, name) -> array; by an array of shape s and one of shape r it has the shape s + r, behind that
@@ -129,7 +126,7 @@ class ArrayEvaluator:
 
     def _shape(self, given: Mapping[str, Any], p: Parameter) -> tuple[int, ...]:
         """The shape of a parameter, without a batch."""
-        return _entries(p, given[p.name], "float64").shape[-p.dimensions :] if isinstance(p, Array) else ()
+        return as_entries(p, given[p.name], "float64").shape[-p.dimensions :] if isinstance(p, Array) else ()
 
     def _units(self, given: Mapping[str, Any], q: Parameter) -> Iterator[Any]:
         """A direction for each of the entries of a parameter."""
@@ -322,7 +319,7 @@ class ArrayEvaluator:
         which: tuple[Parameter, ...],
         counted: bool = False,
         errors: bool = False,
-    ) -> tuple[Any, tuple[int, ...], _Compiled]:
+    ) -> tuple[Any, tuple[int, ...], Compiled]:
         call = self._call(args, named, which)
         kernel = call.made.kernel(what, which, counted, errors)
         call.check(kernel.program)
@@ -331,17 +328,17 @@ class ArrayEvaluator:
             call.made.map_checks().run(dict(zip(self._scalars, call.columns, strict=False)), arrays, self.dimensions, call.n)
         return kernel.results(call.columns, call.arrays, call.n), call.shape, call.made
 
-    def _call(self, args: tuple[Any, ...], named: Mapping[str, Any], which: tuple[Parameter, ...] = ()) -> _Call:
+    def _call(self, args: tuple[Any, ...], named: Mapping[str, Any], which: tuple[Parameter, ...] = ()) -> Call:
         """What a call is given, as kernels take it; with `which`, directions along these parameters too."""
         import numpy as np
 
-        directions = tuple(_direction(p) for p in which)
+        directions = tuple(direction_of(p) for p in which)
         scalars = [*self._scalars, *(d.name for d in directions if isinstance(d, Param))]
         arrays = [*self._arrays, *(d for d in directions if isinstance(d, Array))]
         given = args[0] if directions else self._given(args, named)
         dtype = self._options.dtype
         columns = as_doubles([as_floats(s, given[s], "float64" if k in self._integers else dtype) for k, s in enumerate(scalars)])
-        entries = [_entries(a, given[a.name], dtype) for a in arrays]
+        entries = [as_entries(a, given[a.name], dtype) for a in arrays]
         leading = [c.shape for c in columns] + [v.shape[: v.ndim - a.dimensions] for a, v in zip(arrays, entries, strict=True)]
         try:
             shape = np.broadcast_shapes(*leading)
@@ -355,15 +352,15 @@ class ArrayEvaluator:
                 what_is = f"{shapes[arrays.index(cast(Array, d))]}, {p.name} has {shapes[arrays.index(p)]}"
                 raise ParameterError(f"the direction along {p.name} has the shape {what_is}")
         columns = [c if c.ndim == 0 else np.ascontiguousarray(np.broadcast_to(c, shape)).reshape(n) for c in columns]
-        integers = {k: _whole(self._scalars[k], columns[k]) for k in self._integers}
+        integers = {k: whole_numbers(self._scalars[k], columns[k]) for k in self._integers}
         made = self._compiled(dict(zip(arrays, shapes, strict=True)))
         flat = [
             v if v.ndim == a.dimensions else np.ascontiguousarray(np.broadcast_to(v, (*shape, *s))).reshape(n, *s)
             for a, v, s in zip(arrays, entries, shapes, strict=True)
         ]
-        return _Call(columns, flat, n, shape, made, integers, shapes)
+        return Call(columns, flat, n, shape, made, integers, shapes)
 
-    def _compiled(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> _Compiled:
+    def _compiled(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> Compiled:
         """The program, for these shapes if it depends on them."""
         if not self._specialised:
             return self._made[()]
@@ -372,12 +369,15 @@ class ArrayEvaluator:
             lengths = {n for node in postorder([self.expression]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)}
             numbers = {n: index_const(shapes[n.array][n.axis]) for n in lengths}
             try:
-                self._made[key] = _Compiled(self, outlined(replace_integers(self.expression, numbers)))  # type: ignore[arg-type]
+                self._made[key] = self._compile(replace_integers(self.expression, numbers))  # type: ignore[arg-type]
             except NeedsLengths as request:  # pragma: no cover: the lengths are numbers now
                 raise ArrayIndexError(str(request), request.node) from None
             while len(self._made) > KEPT:
                 del self._made[next(iter(self._made))]
         return self._made[key]
+
+    def _compile(self, e: Expr) -> Compiled:
+        return Compiled(outlined(e), self.wrt, self._scalars, self._arrays, self._options)
 
     def _nested(self, rows: Iterator[Any], shape: tuple[int, ...]) -> Any:
         return _nested(self.expression, rows)
@@ -385,164 +385,6 @@ class ArrayEvaluator:
     def _by_name(self, rows: Iterator[Any], shape: tuple[int, ...]) -> dict[str, Any]:
         parts = [[next(rows) for _ in self.wrt] for _ in self._leaves]
         return {p.name: _nested(self.expression, iter([part[i] for part in parts])) for i, p in enumerate(self.wrt)}
-
-
-class _Call(NamedTuple):
-    """What a call is given: a batch of n, of `shape`; columns (n,) or (), arrays with an axis n in front where the batch does not share
-    them, `shapes` without it; and what has been compiled for these shapes."""
-
-    columns: list[np.ndarray]
-    arrays: list[np.ndarray]
-    n: int
-    shape: tuple[int, ...]
-    made: _Compiled
-    integers: dict[int, np.ndarray]
-    shapes: list[tuple[int, ...]]
-
-    def check(self, program: ArrayProgram) -> None:
-        """Raise ArrayIndexError where a program would read outside of an array."""
-        from teg.backends.array_plan import check_ranges
-
-        check_ranges(program, self.integers, self.arrays, self.shapes)
-
-
-class _Compiled:
-    """An outlined program, and the kernels made of it."""
-
-    def __init__(self, evaluator: ArrayEvaluator, e: Expr) -> None:
-        self.e = e
-        self.options = evaluator._options
-        self.wrt = evaluator.wrt
-        self.scalars, self.arrays = evaluator._scalars, evaluator._arrays
-        self._kernels: dict[object, Any] = {}
-        self._sampled: dict[object, bool] = {}
-        self._checks: Any = None
-
-    def kernel(self, what: str, which: tuple[Parameter, ...] = (), counted: bool = False, errors: bool = False) -> Any:
-        """The kernel of the value, of value and gradient, or of a product of the Hessian with a direction along these parameters
-        ("product", or "both" of the latter); with `errors` one whose outputs have error estimates behind them."""
-        key = what, which, counted, errors
-        if key not in self._kernels:
-            program = self.program(what, which, unfinished=errors)
-            program = with_array_error_estimates(program) if errors else program
-            self._kernels[key] = build_arrays(program, self.options, counted)
-        return self._kernels[key]
-
-    def program(self, what: str, which: tuple[Parameter, ...], unfinished: bool = False) -> ArrayProgram:
-        """The scheduled program; an `unfinished` one lacks the last passes over flat programs."""
-        directions = tuple(_direction(p) for p in which)
-        scalars = [*self.scalars, *(d.name for d in directions if isinstance(d, Param))]
-        arrays = [*self.arrays, *(d for d in directions if isinstance(d, Array))]
-        return schedule_arrays(self.outputs(what, which), scalars, arrays, partial(self.flat, unfinished=unfinished))
-
-    def outputs(self, what: str, which: tuple[Parameter, ...]) -> list[Output]:
-        """The numbers and arrays that are computed, without δ."""
-        leaves = flatten(self.e)
-        maps, estimator = self.options.maps, self.options.discontinuities
-        found: list[Output] = []
-        if what != "product":
-            found += [output_of(on_cells(leaf, partial(normal_form, maps=maps))) for leaf in leaves]
-        if what == "value":
-            return found
-
-        def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
-            return flatten(compiled_outputs(cell, wrt, 1, estimator, maps)[1])
-
-        sources = list(leaves) if what != "product" else []
-        sources += [self._tangent(leaf, which) for leaf in leaves] if what in ("product", "both") else []
-        for source in sources:
-            for p, slope in zip(self.wrt, gradient(source, self.wrt, derive), strict=True):
-                if slope.has_delta:  # a tangent is also a value, as a factor of another derivative
-                    slope = on_cells(slope, partial(normal_form, maps=maps))
-                found.append((p, slope) if isinstance(p, Array) else slope)
-        return found
-
-    def _tangent(self, leaf: Expr, which: tuple[Parameter, ...]) -> Expr:
-        maps = self.options.maps
-        directions: dict[Parameter, object] = {p: _direction(p) for p in which}
-        return tangent(leaf, directions, lambda cell, along: jvp(cell, along, maps))
-
-    def flat(self, cells: Sequence[Expr], names: Sequence[str], unfinished: bool = False) -> Program:
-        """The flat program of some cells."""
-        together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that they share loops
-        return (schedule if unfinished else program_for)(list(together.children), names, self.options.integration)
-
-    def map_checks(self) -> Any:
-        """The checks of the user's maps at a call."""
-        if self._checks is None:
-            from teg.array_coverage import ArrayMapChecks
-
-            self._checks = ArrayMapChecks(self.e, self.options.maps)
-        return self._checks
-
-    def is_sampled(self, what: str, which: tuple[Parameter, ...]) -> bool:
-        """Whether samples are taken that nobody asked for: they rarely reach a tolerance."""
-        if (what, which) not in self._sampled:
-            self._sampled[what, which] = self.options.integration.rule == "auto" and has_samples(self.kernel(what, which).program)
-        return self._sampled[what, which]
-
-    @property
-    def has_products(self) -> bool:
-        """Whether second derivatives have been asked for."""
-        return any(isinstance(key, tuple) and key[0] == "product" for key in self._kernels)
-
-
-def build_arrays(program: ArrayProgram, options: Options, counted: bool = False) -> Any:
-    """A backend's kernel of a program with arrays."""
-    from teg.backends.numpy_arrays import LaneKernel
-    from teg.backends.numpy_backend import compile_numpy
-
-    by_numpy: Callable[[Program], Any] = partial(compile_numpy, memory=options.memory)
-    if options.backend == "numpy" or counted:
-        return LaneKernel(program, by_numpy)
-    if options.backend == "jax":
-        from teg.backends.jax_backend import compile_jax
-        from teg.backends.jax_precision import InDoublePrecision
-
-        return LaneKernel(program, compile_jax if options.dtype == "float64" else InDoublePrecision)
-    from teg.backends.c_arrays import compile_c_arrays
-
-    return compile_c_arrays(program, threads=options.threads)
-
-
-def _direction(p: Parameter) -> Parameter:
-    """What the change of a parameter is called."""
-    name = f"∂{p.name}"
-    return Array.make((name, p.dimensions), ()) if isinstance(p, Array) else Param.make(name, ())
-
-
-def _entries(a: ArrayName, value: Any, dtype: str) -> np.ndarray:
-    """An array as it was given: float64, rounded to a dtype, or 64-bit integers."""
-    import numpy as np
-
-    try:
-        found = np.asarray(value)
-    except (TypeError, ValueError):
-        raise ParameterError(f"the value of {a.name!r} is not an array of numbers: {value!r:.80}") from None
-    if found.ndim < a.dimensions:
-        raise ParameterError(f"{a.name!r} has {a.dimensions} dimensions, and an array of shape {found.shape} was given")
-    if isinstance(a, IndexArray):
-        if found.dtype.kind not in "iu":
-            if found.size:
-                raise ArrayIndexError(f"the entries of {a.name!r} are indices, and {found.dtype} was given", None, "use .astype(int)")
-            found = found.astype(np.int64)
-        if found.dtype.kind == "u" and found.size and found.max() > np.iinfo(np.int64).max:
-            raise ArrayIndexError(f"an entry of {a.name!r} is too large for an index: {found.max()}")
-        return np.ascontiguousarray(found, dtype=np.int64)
-    if found.dtype.kind not in "fiub":
-        raise ParameterError(f"the value of {a.name!r} is not an array of real numbers: {found.dtype}")
-    with np.errstate(over="ignore"):
-        return np.ascontiguousarray(np.asarray(found, dtype=dtype), dtype=np.float64)
-
-
-def _whole(name: str, column: np.ndarray) -> np.ndarray:
-    """The integers that an integer parameter holds."""
-    import numpy as np
-
-    if not np.all(np.isfinite(column)) or np.any(column != np.floor(column)):
-        wrong = column[~(np.isfinite(column) & (column == np.floor(column)))] if column.ndim else column
-        raise ArrayIndexError(f"{name!r} is used as an integer, and its value is {float(np.ravel(wrong)[0])!r}")
-    return np.asarray(column, dtype=np.int64)
 
 
 def _nested(e: Expr, rows: Iterator[Any]) -> Any:

@@ -555,7 +555,7 @@ def without_branches(program: Program) -> Program:
     if not any(isinstance(s, When) for s in statements(program.body)):
         return program
     numbers = count(1 + max(int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit()))
-    return replace(program, body=_written_out(program.body, numbers), printed=Printed())
+    return replace(program, body=_written_out(program.body, numbers))
 
 
 def _written_out(block: tuple[Stmt, ...], numbers: Iterator[int]) -> tuple[Stmt, ...]:

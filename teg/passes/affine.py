@@ -26,7 +26,6 @@ from teg.expr import (
     ONE,
     TRUE,
     ZERO,
-    Add,
     And,
     Compare,
     Cond,
@@ -37,7 +36,6 @@ from teg.expr import (
     add,
     call,
     conjunction,
-    const,
     disjunction,
     div,
     mul,
@@ -47,14 +45,11 @@ from teg.expr import (
     where,
 )
 from teg.nest import Binder, Chain, nest, ranges_of
-from teg.passes.demand import support
+from teg.passes.demand import middle_and_reach, support
 from teg.passes.vertices import Along, Side, match_side
 from teg.polynomial import Shadow
 from teg.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
 from teg.traverse import fresh, substitute
-
-_NEAR, _EXACT = 2.0**-30, 2.0**-44
-"""How near to the box, relative to what the surface changes over it, and to its terms, a surface is still looked at: it may tie."""
 
 
 @dataclass(frozen=True)
@@ -166,14 +161,7 @@ def _meeting(g: Expr, coefficient: Expr, corner: dict[Var, Expr], extents: list[
             or not _is_affine(atom.g, [v for v in corner if v in atom.g.free])
         ):
             continue
-        at_corner = cast(Expr, substitute(atom.g, corner))
-        steps = [mul(cast(Expr, substitute(slope(atom.g, v), corner)), d) for v, d in zip(corner, extents, strict=True)]
-        terms = at_corner.children if isinstance(at_corner, Add) else (at_corner,)
-        middle = add(at_corner, mul(const(0.5), add(*steps)))
-        reach = add(
-            mul(const(0.5 + _NEAR), add(*(_magnitude(step) for step in steps))),
-            mul(const(_EXACT), add(*(_magnitude(t) for t in terms))),
-        )
+        middle, reach = middle_and_reach(atom.g, corner, extents)
         if atom.g is g:
             met.append(positive(sub(reach, _magnitude(middle)), strict=False))
         else:
