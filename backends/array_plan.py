@@ -1,8 +1,9 @@
 """Are the integers of a program in their ranges? Checked before it is run, so that no backend ever reads outside of an array.
 
-First by intervals: the integers of a program over whole loops, entries of index arrays between the least and the largest. That settles
-nearly every program in one pass over the index arrays. Where it does not (a padding of -1 that no iteration reads), the integers are
-evaluated, iteration by iteration, and the first one that is out of its range is named in the error.
+First by intervals: the integers of a program over whole loops, entries of index arrays between the least and the largest; a range from
+one column of an index array to another one is compared row by row. That settles nearly every program in one pass over the index arrays.
+Where it does not (a padding of -1 that no iteration reads), the integers are evaluated, iteration by iteration, and the first one that is
+out of its range is named in the error.
 """
 
 from __future__ import annotations
@@ -52,11 +53,12 @@ def _settled(
         return (arg, arg) if isinstance(arg, int) else known[arg]
 
     spans: dict[tuple[int, Arg], Interval] = {}
+    entries_of: dict[Arg, Integers] = {}
     for step in steps(program.body):
         match step:
             case Loop():
                 (least, most), end = of(step.lo), of(step.hi)
-                if end[0] < most:
+                if end[0] < most and not _are_ranges(entries_of.get(step.lo), entries_of.get(step.hi), arrays):
                     return False
                 known[step.index] = (least, max(end[1] - 1, least))
             case Integers(name, "length", (axis,), k):
@@ -72,7 +74,7 @@ def _settled(
                 if key not in spans:
                     entries = arrays[k][..., last] if isinstance(last, int) else arrays[k]
                     spans[key] = (int(entries.min()), int(entries.max())) if entries.size else (0, 0)
-                known[name] = spans[key]
+                known[name], entries_of[name] = spans[key], step
             case Integers(name, op, (a, b)):
                 found = _combined(op, of(a), of(b))
                 if found is None:
@@ -84,6 +86,15 @@ def _settled(
             case _:
                 pass
     return True
+
+
+def _are_ranges(lo: Integers | None, hi: Integers | None, arrays: Sequence[npt.NDArray[np.generic]]) -> bool:
+    """Whether two entries of an array of indices are the ends of ranges in every row, because they stand in two columns of the same row."""
+    if lo is None or hi is None or lo.array != hi.array or lo.args[:-1] != hi.args[:-1]:
+        return False
+    first, last = lo.args[-1], hi.args[-1]
+    rows = arrays[lo.array]
+    return isinstance(first, int) and isinstance(last, int) and bool((rows[..., first] <= rows[..., last]).all())  # type: ignore[operator]
 
 
 def _inside(places: Sequence[Interval], shape: Sequence[int]) -> bool:

@@ -28,7 +28,7 @@ from teg.backends.c_runtime import runtime
 from teg.backends.c_text import indent, literal, packed, wrapped
 from teg.backends.numpy_arrays import Results
 from teg.errors import BackendError
-from teg.program import has_ties
+from teg.program import Program, When, has_ties
 
 BY_VALUE = 120
 """Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""
@@ -121,7 +121,7 @@ class _ArrayPrinter:
         self.space = 0
         for step in steps(program.body):
             if isinstance(step, Run):
-                routine = self.printer.element(step.program, "run", BY_VALUE)
+                routine = self.printer.element(step.program, "run", BY_VALUE, branch_of(step.program))
                 self.routines[id(step)] = routine
                 again = len(step.results) if has_ties(step.program.body) else 0
                 self.space = max(self.space, routine.workspace + again + len(step.results))
@@ -170,8 +170,8 @@ class _ArrayPrinter:
         yield from indent(*lines)
         yield "}"
 
-    def _block(self, block: Sequence[Step], depth: int) -> list[str]:
-        """The lines of a block. Recursion is as deep as loops are."""
+    def _block(self, block: Sequence[Step], depth: int, decisive: Run | None = None) -> list[str]:
+        """The lines of a block, in which a decisive flat program may end the iteration. Recursion is as deep as loops are."""
         lines: list[str] = []
         for step in block:
             match step:
@@ -185,6 +185,8 @@ class _ArrayPrinter:
                     lines.append(f"t{step.output}[{_flat(step.array, step.subscripts)}] += {_spell(step.value)};")
                 case Run():
                     lines += self._run(step)
+                    if step is decisive:
+                        lines.append(f"if (!{_array(step)}_taken) continue;")
                 case Loop() if depth:
                     lines += self._loop(step, depth)
                 case Loop():
@@ -212,14 +214,15 @@ class _ArrayPrinter:
     def _run(self, step: Run) -> list[str]:
         routine = self.routines[id(step)]
         count, ties = len(step.results), has_ties(step.program.body)
-        array = f"r{step.results[0][1:]}"
+        array = _array(step)
         below = routine.workspace
         inputs = [_spell(a) if isinstance(a, str) else literal(float(a)) for a in step.inputs]
 
         passed = [*([] if routine.indirect else inputs), array, *["w"] * (routine.workspace > 0), *["&ctx"] * routine.context]
-        call = f"{routine.name}({', '.join(passed)});"
+        told = branch_of(step.program) is not None
+        call = f"{f'{array}_taken = ' if told else ''}{routine.name}({', '.join(passed)});"
         gather = packed(f"w[{i}] = {value};" for i, value in enumerate(inputs)) if routine.indirect else []
-        lines = [f"double {array}[{count}];"]
+        lines = [f"double {array}[{count}];", *([f"int {array}_taken;"] if told else [])]
         if not ties:
             lines += [*gather, call]
         else:  # one call, so that it is inlined
@@ -250,7 +253,7 @@ class _ArrayPrinter:
         return [
             *sums,
             f"for (int64_t {step.index} = {_spell(step.lo)}; {step.index} < {_spell(step.hi)}; {step.index}++) {{",
-            *indent("if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *self._added(step)),
+            *indent("if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1, _decisive(step)), *self._added(step)),
             "}",
         ]
 
@@ -352,7 +355,7 @@ class _ArrayPrinter:
 
     def _block_in_chunk(self, step: Loop, targets: Sequence[int]) -> list[str]:
         """The body, scattering into the chunk's own copies."""
-        lines = self._block(step.body, 1)
+        lines = self._block(step.body, 1, _decisive(step))
         if not targets:
             return lines
         names = re.compile(r"\bt(" + "|".join(map(str, targets)) + r")\[")
@@ -422,6 +425,30 @@ class _ArrayPrinter:
             ),
             "}",
         )
+
+
+def branch_of(program: Program) -> str | None:
+    """The boolean without which every output of a flat program is 0, if one branch gives them all."""
+    for stmt in program.body:
+        if isinstance(stmt, When) and set(program.outputs) <= set(stmt.results):
+            return stmt.when
+    return None
+
+
+def _decisive(loop: Loop) -> Run | None:
+    """A flat program without whose branch an iteration adds nothing to anything."""
+    for number, step in enumerate(loop.body):
+        if isinstance(step, Run) and branch_of(step.program) is not None:
+            rest = loop.body[number + 1 :]
+            added = [*loop.values, *(s.value for s in rest if isinstance(s, Scatter))]
+            if all(isinstance(s, Scatter) for s in rest) and set(added) <= set(step.results):
+                return step
+    return None
+
+
+def _array(step: Run) -> str:
+    """The results of a flat program in C."""
+    return f"r{step.results[0][1:]}"
 
 
 def _spell(arg: Arg) -> str:

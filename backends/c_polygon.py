@@ -18,6 +18,8 @@ from teg.quadrature import gauss_legendre, triangle_rule
 
 LANES = 8
 """Nodes of a polygon side by side."""
+COORDINATES = ("x", "y", "l1", "l2")
+"""Of a node: its place, and its barycentric coordinates."""
 SIDE_BY_SIDE = {"add", "sub", "mul", "div", "neg", "const"}
 
 
@@ -76,31 +78,51 @@ def polygon(stmt: Polygon, frame: Frame, distinct: Sequence[Arg], lanes: int, co
     rule = triangle_rule(stmt.degree)
     room = 2 * (4 + n)
     nodes = -(-(2 * room if stmt.degree == 2 else room * len(rule)) // LANES) * LANES
-    fan = "teg_fan_2(corners, px, py, at_x, at_y, weights)"
-    if stmt.degree == 0:
-        fan = "teg_fan_0(corners, px, py, at_x, at_y, weights)"
-    elif stmt.degree != 2:
-        fan = f"teg_fan(corners, px, py, {len(rule)}, teg_triangle_{stmt.degree}, at_x, at_y, weights)"
+    which = {0: "_0", 2: "_2"}.get(stmt.degree, "")
+    table = "" if which else f"{len(rule)}, teg_triangle_{stmt.degree}, "
+    arguments = f"{n}, planes, {scope(stmt.width)}, {scope(stmt.height)}"
+    names = COORDINATES[: len(stmt.variables)]
+    coordinates = names[2:]
+    carried = [f"teg_carry{which}(corners, p{name}, {table}at_{name});" for name in coordinates]
+    straight = [f"teg_affine(nodes, planes + {k}, inverse, at_x, at_y, at_{name});" for k, name in enumerate(coordinates, 1)]
+    if stmt.corners:
+        carried = [
+            "if (thin) {",
+            *indent(*carried),
+            "} else {",
+            *indent(f"const double inverse = 1.0 / {scope(stmt.across)};", *straight),
+            "}",
+        ]
+    clipping = [f"const int corners = teg_polygon({arguments}, px, py);"]
+    if stmt.corners:
+        places = ", ".join(f"{{{scope(u)}, {scope(v)}}}" for u, v in stmt.corners)
+        clipping = [
+            f"const double at[3][2] = {{{places}}};",
+            f"double *const p[4] = {{{', '.join(f'p{name}' for name in names)}}};",
+            "int thin = 0;",
+            f"const int corners = teg_triangle({arguments}, at, {scope(stmt.across)}, p, &thin);",
+        ]
     kind, width = (f"teg_lanes_{lanes}", f"(int)(sizeof(teg_lanes_{lanes}) / sizeof(double))") if lanes > 1 else ("double", "1")
     return [
         f"const teg_half_plane planes[{n}] = {{",
         *indent(*planes),
         "};",
-        f"double px[{room}], py[{room}];",
-        f"const int corners = teg_polygon({n}, planes, {scope(stmt.width)}, {scope(stmt.height)}, px, py);",
+        f"double {', '.join(f'p{name}[{room}]' for name in names)};",
+        *clipping,
         "if (corners <= 0) {",
         *indent(*_leave(count, "corners ? NAN : 0.0")),
         "}",
         *frame.block(0),
-        f"double at_x[{nodes}], at_y[{nodes}], weights[{nodes}];",
-        f"const int nodes = {fan};",
+        f"double {', '.join(f'{name}[{nodes}]' for name in (*(f'at_{name}' for name in names), 'weights'))};",
+        f"const int nodes = teg_fan{which}(corners, px, py, {table}at_x, at_y, weights);",
+        *carried,
         *([f"if (corners > 2) ctx->evaluations += {len(rule)}{' * (corners - 2)' if stmt.degree else ''};"] if counted else []),
         f"{kind} s[{len(distinct)}] = {{{{0.0}}}};" if lanes > 1 else f"double s[{len(distinct)}] = {{0.0}};",
         f"for (int k = 0; k < nodes; k += {width}) {{",
         *indent(
             *(
                 f"const {kind} {name} = *(const {kind} *)({array} + k);"
-                for name, array in (("x", "at_x"), ("y", "at_y"), ("weight", "weights"))
+                for name, array in (*((name, f"at_{name}") for name in names), ("weight", "weights"))
             ),
             *in_lanes(frame.block(1), lanes),
         ),

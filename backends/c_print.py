@@ -25,7 +25,17 @@ from teg.backends import c_frame
 from teg.backends.c_bodies import merged, used_inputs, with_inputs
 from teg.backends.c_frame import BY_VALUE, Frame, Scope, Step, assignments, captured_by
 from teg.backends.c_poles import plain_table, rational_piece, weights_function
-from teg.backends.c_polygon import LANES, polygon, runs_side_by_side, segment, segment_lanes, sums, triangle_table, unit_table
+from teg.backends.c_polygon import (
+    COORDINATES,
+    LANES,
+    polygon,
+    runs_side_by_side,
+    segment,
+    segment_lanes,
+    sums,
+    triangle_table,
+    unit_table,
+)
 from teg.backends.c_quadrature import (
     adaptive_piece,
     bent_piece,
@@ -164,16 +174,18 @@ class Printer:
         found += [*map(plain_table, sorted({n for n, _ in self.poles})), *(weights_function(*pole) for pole in sorted(self.poles))]
         return found + ([sobol_table(self.dimensions)] if self.dimensions else [])
 
-    def element(self, program: Program, kind: str = "element", by_value: int = BY_VALUE) -> Routine:
+    def element(self, program: Program, kind: str = "element", by_value: int = BY_VALUE, told: str | None = None) -> Routine:
         """The routine of the whole program at one point: from the parameters it writes the outputs to `f`. There is one "element", "run"s
-        are numbered."""
+        are numbered. It returns the boolean `told`, if there is one."""
         self.inlined = sum(isinstance(s, Polygon | Segment) for s in statements(program.body)) <= INLINED
         self.functions = program.functions
         steps = [*self._steps(program.body), *_yields(program.outputs)]
         parameters, context = [f"p{i}" for i in range(len(program.parameters))], needs_context(program.body, self.counted)
-        frame = Frame(parameters, [steps], (), context, prefix="p", by_value=by_value)
+        frame = Frame(parameters, [steps], () if told is None else (told,), context, prefix="p", by_value=by_value)
         inside = [*frame.opening(), *frame.block(0)]
-        return self._routine(kind, frame, f"static void {frame.signature('f')}", inside)
+        if told is not None:
+            inside.append(f"return {frame.scope()(told)};")
+        return self._routine(kind, frame, f"static {'void' if told is None else 'int'} {frame.signature('f')}", inside)
 
     def _steps(self, block: Sequence[Stmt]) -> Iterator[Step]:
         together: dict[object, list[Assign]] = {}  # a function and its derivatives at the same inputs
@@ -369,7 +381,7 @@ class Printer:
         own = (*clipped_by(stmt), *stmt.factors, *(() if isinstance(stmt, Polygon) else (g.scale for g in stmt.half_lines)))
         context = needs_context((stmt,), self.counted)
         if isinstance(stmt, Polygon):
-            blocks, variables = [list(self._steps(stmt.setup)), body], dict(zip(stmt.variables, "xy", strict=True))
+            blocks, variables = [list(self._steps(stmt.setup)), body], dict(zip(stmt.variables, COORDINATES, strict=False))
         else:
             blocks, variables = [list(self._steps(stmt.setup)), list(self._steps(stmt.scales)), body], {stmt.var: "x"}
         captured = captured_by(own, [step for block in blocks for step in block], variables)
@@ -377,7 +389,7 @@ class Printer:
         if isinstance(stmt, Polygon):
             if stmt.degree not in (0, 2):
                 self.triangles.add(stmt.degree)
-            lines = polygon(stmt, frame, distinct, LANES if side_by_side else 1, self.counted)
+            lines = polygon(stmt, frame, distinct, LANES if side_by_side and stmt.degree else 1, self.counted)
         else:
             lanes = segment_lanes(stmt.nodes) if side_by_side else 1
             self.units.add((stmt.nodes, segment_lanes(stmt.nodes)))

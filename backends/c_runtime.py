@@ -31,6 +31,7 @@ from teg.program import (
     RESIDUE,
     ROUNDING,
     SPENT,
+    THIN,
     TIE_EPS,
     WATCH_WIDTH,
 )
@@ -55,6 +56,7 @@ LIMITS = {
     "TEG_SPENT": SPENT,
     "TEG_NEAR": NEAR,
     "TEG_NEARLY": NEARLY,
+    "TEG_THIN": THIN,
     "TEG_HALF_PLANES": MAX_HALF_PLANES,
     "TEG_CORNERS": 2 * (4 + MAX_HALF_PLANES),
     "TEG_EDGE": EDGE,

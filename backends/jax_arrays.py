@@ -265,7 +265,7 @@ class Extents:
             return int(self.shapes[step.array][int(step.args[0])])
         if step.op == "param":
             return self.integers[int(step.args[0])]
-        args = [a if isinstance(a, int | float) else values[a] for a in step.args]
+        args: list[Any] = [a if isinstance(a, int | float) else values[a] for a in step.args]
         if step.op == "gather":
             if step.array not in self.entries:
                 name = self.program.arrays[step.array].name

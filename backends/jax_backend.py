@@ -203,7 +203,7 @@ def _nodes(block: tuple[Stmt, ...]) -> int:
             case Sample():
                 most = max(most, min(SAMPLES, replicated(stmt.kind, stmt.count)[1]) * _nodes(stmt.body))
             case Polygon():
-                triangles = 2 + 2 * len(stmt.half_planes)
+                triangles = (3 if stmt.corners else 2) + 2 * len(stmt.half_planes)
                 most = max(most, triangles * len(triangle_rule(stmt.degree)) * _nodes(stmt.body))
             case Segment():
                 most = max(most, stmt.nodes * _nodes(stmt.body))
@@ -357,6 +357,8 @@ def _clipped(stmt: Polygon | Segment, note: str) -> list[str]:
         name, variables = "polygon", ", ".join(stmt.variables)
         planes = [f"({_text(g.a)}, {_text(g.b)}, {_text(g.c)}, {g.closed})" for g in stmt.half_planes]
         rule = [strict(stmt.width, "jnp"), strict(stmt.height, "jnp"), f"({inside(planes)})", str(stmt.degree)]
+        places = [f"({_text(u)}, {_text(v)})" for u, v in stmt.corners]
+        known = [f"corners=({inside(places)})", f"across={_text(stmt.across)}"] if stmt.corners else []
     else:
         name, variables = "segment", stmt.var
         ends = [
@@ -364,8 +366,9 @@ def _clipped(stmt: Polygon | Segment, note: str) -> list[str]:
             for g in stmt.half_lines
         ]
         rule = ["order", f"({inside(ends)})", str(stmt.nodes)]
+        known = []
     body = f"body_{stmt.results[0]}"
-    arguments = [*rule, factors, body, "zero", *([f"when={stmt.when}"] if stmt.when else [])]
+    arguments = [*rule, factors, body, "zero", *([f"when={stmt.when}"] if stmt.when else []), *known]
     return [
         *lines,
         f"def {body}({variables}):",

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import partial
 from typing import Any, cast
 
 import jax
@@ -68,7 +68,11 @@ class Family:
         self.integers, self.indices = tuple(integers), tuple(indices)
         self.entries: tuple[Family, ...] = tuple(entries) or (self,)
         self._kernels: dict[int, Callable[..., Any]] = {}
+        self._functions: dict[tuple[int, Batch, str], Callable[..., tuple[Any, ...]]] = {}
         self._lock = threading.RLock()
+
+    def __repr__(self) -> str:
+        return f"<derivatives of {len(self.entries)} by {self.moving}>"
 
     def kernel(self, order: int) -> Callable[[Operands], list[Any]]:
         """The function of the operands of one element of a batch: the values, gradients, or the leaves of the derivative."""
@@ -90,10 +94,25 @@ class Family:
 
         return kernel
 
-    def outputs(self, order: int) -> int:
-        """How many results there are."""
-        m = len(self.entries)
-        return (m, m * (1 + self.moving))[order + 1] if order <= 0 else self.moving
+    def function(self, order: int, batch: Batch, dtype: str) -> Callable[..., tuple[Any, ...]]:
+        """What the primitive computes, jitted: nested maps of the kernel."""
+        key = order, batch, dtype
+        with self._lock:
+            if key not in self._functions:
+                self._functions[key] = self._function(*key)
+            return self._functions[key]
+
+    def _function(self, order: int, batch: Batch, dtype: str) -> Callable[..., tuple[Any, ...]]:
+        kernel = self.kernel(order)
+
+        def one(*operands: Any) -> tuple[Any, ...]:
+            found = kernel([v.astype(jnp.float64) if jnp.issubdtype(v.dtype, jnp.floating) else v for v in operands])
+            return tuple(jnp.asarray(v).astype(dtype) for v in found)
+
+        mapped = one
+        for axes in reversed(batch):
+            mapped = jax.vmap(mapped, in_axes=axes, out_axes=0)
+        return cast("Callable[..., tuple[Any, ...]]", jax.jit(mapped))
 
 
 def _numbers(program: Program) -> Callable[[Operands], list[Any]]:
@@ -103,64 +122,56 @@ def _numbers(program: Program) -> Callable[[Operands], list[Any]]:
 
 
 NOWHERE = jax.sharding.AbstractMesh((), ())
-derivative_p = Primitive("teg_derivative")
+derivative_p: Any = Primitive("teg_derivative")
 derivative_p.multiple_results = True
 
 
-def derivative(family: Family, order: int, batch: Batch, operands: Operands) -> list[Any]:
-    """The primitive on operands: moving ones of one real type, and the others."""
+def derivative(family: Family, order: int, batch: Batch, dtype: str, operands: Operands) -> list[Any]:
+    """The primitive on operands, those that are differentiated by of the type `dtype`, which results have too."""
     operands = _varying(operands)
-    return cast("list[Any]", derivative_p.bind(*operands, family=family, order=order, batch=batch))
+    return cast("list[Any]", derivative_p.bind(*operands, family=family, order=order, batch=batch, dtype=dtype))
 
 
 def _varying(operands: Operands) -> list[Any]:
     """Operands that vary over the same axes of a mesh (inside of `shard_map`), as a primitive of several operands wants them."""
-    axes = [getattr(jax.typeof(v), "vma", frozenset()) for v in operands]
-    every = frozenset().union(*axes)
+    axes = [_axes(jax.typeof(v)) for v in operands]
+    every = frozenset(name for a in axes for name in a)
     if not every:
         return list(operands)
-    return [lax.pcast(v, tuple(every - a), to="varying") if every - a else v for v, a in zip(operands, axes, strict=True)]
+    cast_to: Any = partial(lax.pcast, to="varying") if hasattr(lax, "pcast") else getattr(lax, "pvary", None)  # the name before JAX 0.9
+    return [cast_to(v, tuple(every - a)) if every - a else v for v, a in zip(operands, axes, strict=True)]
 
 
-@cache
-def _function(family: Family, order: int, batch: Batch) -> Callable[..., tuple[Any, ...]]:
-    """What the primitive computes, jitted: nested maps of the kernel."""
-    kernel = family.kernel(order)
-
-    def one(*operands: Any) -> tuple[Any, ...]:
-        kept = jnp.result_type(*operands[: family.moving]) if family.moving else jnp.float64
-        found = kernel([v.astype(jnp.float64) if jnp.issubdtype(v.dtype, jnp.floating) else v for v in operands])
-        return tuple(jnp.asarray(v).astype(kept) for v in found)
-
-    mapped = one
-    for axes in reversed(batch):
-        mapped = jax.vmap(mapped, in_axes=axes, out_axes=0)
-    return cast("Callable[..., tuple[Any, ...]]", jax.jit(mapped))
+def _axes(kind: Any) -> frozenset[str]:
+    """The axes of a mesh over which what has this type varies. Without them gradients would be wrong, so there is no default."""
+    return cast(
+        "frozenset[str]", kind.manual_axis_type.varying if hasattr(kind, "manual_axis_type") else kind.vma
+    )  # the latter before 0.10
 
 
-def _run(*operands: Any, family: Family, order: int, batch: Batch) -> list[Any]:
+def _run(*operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> list[Any]:
     with in_double_precision():
-        return list(_function(family, order, batch)(*operands))
+        return list(family.function(order, batch, dtype)(*operands))
 
 
-def _abstract(*operands: Any, family: Family, order: int, batch: Batch) -> list[Any]:
+def _abstract(*operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> list[Any]:
     leaves = [v.shape[_front(batch, i) :] for i, v in enumerate(operands[: family.moving])]
     own: list[tuple[int, ...]] = [()] * len(family.entries) if order <= 0 else []
     if order >= 0:
         own += leaves * (len(family.entries) if order == 0 else 1)
-    dtype = np.dtype(jnp.result_type(*(v.dtype for v in operands[: family.moving])) if family.moving else np.float64)
     if not operands:
-        return [jax.core.ShapedArray(shape, dtype) for shape in own]
+        return [jax.core.ShapedArray(shape, np.dtype(dtype)) for shape in own]
     axes = [next((v, _front(batch, i, k)) for i, v in enumerate(operands) if level[i] is not None) for k, level in enumerate(batch)]
     lengths = [v.shape[k] for v, k in axes]
-    kind = {"dtype": dtype, "weak_type": False}
+    kind = {"dtype": np.dtype(dtype), "weak_type": False}
     mesh = getattr(getattr(operands[0], "sharding", None), "mesh", None)
     if mesh is None or mesh.empty:
         return [operands[0].update(shape=(*lengths, *shape), **kind) for shape in own]
+    partition: Any = jax.sharding.PartitionSpec
     places = [v.sharding.spec[k] for v, k in axes]  # an axis of the batch lies where it does in the operands
     found = []
     for shape in own:
-        spec = jax.sharding.PartitionSpec(*places, *(None,) * len(shape))
+        spec = partition(*places, *(None,) * len(shape))
         sharding = jax.sharding.NamedSharding(mesh, spec)
         found.append(operands[0].update(shape=(*lengths, *shape), sharding=sharding, **kind))
     return found
@@ -171,20 +182,20 @@ def _front(batch: Batch, i: int, level: int | None = None) -> int:
     return sum(axes[i] is not None for axes in (batch if level is None else batch[:level]))
 
 
-def _lower(context: Any, *operands: Any, family: Family, order: int, batch: Batch) -> Any:
+def _lower(context: Any, *operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> Any:
     """The kernel, traced as if there were no mesh: it is a function of each element, wherever that lies."""
     plain = [jax.core.ShapedArray(v.shape, v.dtype) for v in context.avals_in]
     with in_double_precision(), jax.sharding.use_abstract_mesh(NOWHERE):
-        return mlir.lower_fun(_function(family, order, batch), multiple_results=True)(context.replace(avals_in=plain), *operands)
+        return mlir.lower_fun(family.function(order, batch, dtype), multiple_results=True)(context.replace(avals_in=plain), *operands)
 
 
-def _jvp(primals: Operands, tangents: Operands, *, family: Family, order: int, batch: Batch) -> tuple[list[Any], list[Any]]:
+def _jvp(primals: Operands, tangents: Operands, *, family: Family, order: int, batch: Batch, dtype: str) -> tuple[list[Any], list[Any]]:
     count, given = family.moving, len(family.arrays)
     if order < 0:  # the gradient comes with the value
-        found = derivative(family, 0, batch, primals)
+        found = derivative(family, 0, batch, dtype, primals)
         values, slopes = found[: len(family.entries)], found[len(family.entries) :]
         return values, _inner(values, slopes, tangents[:count], batch)
-    found = derivative(family, order, batch, primals)
+    found = derivative(family, order, batch, dtype, primals)
     moved = _instantiated(primals[:count], tangents[:count])
     slots = [slice(given + i * count, given + (i + 1) * count) for i in range(order)]
     if order == 0:
@@ -193,18 +204,18 @@ def _jvp(primals: Operands, tangents: Operands, *, family: Family, order: int, b
         further = tuple((*axes, *axes[:count]) for axes in batch)
         for entry in family.entries:
             changes += (
-                derivative(entry, 1, further, [*primals, *moved]) if moved else [ad.Zero.from_primal_value(v) for v in slopes[:count]]
+                derivative(entry, 1, further, dtype, [*primals, *moved]) if moved else [ad.Zero(jax.typeof(v)) for v in slopes[:count]]
             )
         return found, changes
     terms = []
     if moved:
         further = tuple((*axes, *axes[:count]) for axes in batch)
-        terms.append(derivative(family, order + 1, further, [*primals, *moved]))
+        terms.append(derivative(family, order + 1, further, dtype, [*primals, *moved]))
     for slot in slots:
         if change := _instantiated(primals[slot], tangents[slot]):
-            terms.append(derivative(family, order, batch, [*primals[: slot.start], *change, *primals[slot.stop :]]))
+            terms.append(derivative(family, order, batch, dtype, [*primals[: slot.start], *change, *primals[slot.stop :]]))
     if not terms:
-        return found, [ad.Zero.from_primal_value(v) for v in found]
+        return found, [ad.Zero(jax.typeof(v)) for v in found]
     return found, [sum(parts[1:], start=parts[0]) for parts in zip(*terms, strict=True)]
 
 
@@ -213,6 +224,14 @@ def _instantiated(primals: Operands, tangents: Operands) -> list[Any]:
     if all(isinstance(t, ad.Zero) for t in tangents):
         return []
     return [jnp.zeros_like(p) if isinstance(t, ad.Zero) else t for p, t in zip(primals, tangents, strict=True)]
+
+
+def _written_out(cotangent: Any) -> Any:
+    """A cotangent, an array also where it is 0."""
+    if not isinstance(cotangent, ad.Zero):
+        return cotangent
+    kind: Any = cotangent.aval
+    return jnp.zeros(kind.shape, kind.dtype)
 
 
 def _inner(values: Operands, slopes: Operands, tangents: Operands, batch: Batch) -> list[Any]:
@@ -225,7 +244,7 @@ def _inner(values: Operands, slopes: Operands, tangents: Operands, batch: Batch)
             if not isinstance(tangent, ad.Zero):
                 product = _mapped(jnp.multiply, [(0, axes[i]) for axes in batch])(slopes[k * count + i], tangent)
                 terms.append(jnp.sum(product, axis=tuple(range(len(batch), product.ndim))))
-        found.append(sum(terms[1:], start=terms[0]) if terms else ad.Zero.from_primal_value(value))
+        found.append(sum(terms[1:], start=terms[0]) if terms else ad.Zero(jax.typeof(value)))
     return found
 
 
@@ -235,9 +254,9 @@ def _mapped(function: Callable[..., Any], batch: Sequence[Axes]) -> Callable[...
     return function
 
 
-def _transpose(cotangents: Operands, *operands: Any, family: Family, order: int, batch: Batch) -> list[Any]:
+def _transpose(cotangents: Operands, *operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> list[Any]:
     count, given = family.moving, len(family.arrays)
-    unknown = [i for i, v in enumerate(operands) if ad.is_undefined_primal(v)]
+    unknown = [i for i, v in enumerate(operands) if isinstance(v, ad.UndefinedPrimal)]
     found: list[Any] = [None] * len(operands)
     if all(isinstance(c, ad.Zero) for c in cotangents):
         for i in unknown:
@@ -247,19 +266,19 @@ def _transpose(cotangents: Operands, *operands: Any, family: Family, order: int,
     slot = range(first, first + count)
     assert order > 0, "values are not linear"
     assert all(i in slot for i in unknown), "a derivative is linear in one direction at a time"
-    inserted = [ad.instantiate_zeros(c) for c in cotangents]  # with all axes of the batch
+    inserted = [_written_out(c) for c in cotangents]  # with all axes of the batch
     full = tuple((*axes[:first], *(0,) * count, *axes[first + count :]) for axes in batch)
-    slopes = derivative(family, order, full, [*operands[:first], *inserted, *operands[first + count :]])
+    slopes = derivative(family, order, full, dtype, [*operands[:first], *inserted, *operands[first + count :]])
     for i in unknown:
         shared = tuple(level for level, axes in enumerate(batch) if axes[i] is None)
         found[i] = jnp.sum(slopes[i - first], axis=shared) if shared else slopes[i - first]
     return found
 
 
-def _batch(operands: Operands, dims: Sequence[Any], *, family: Family, order: int, batch: Batch) -> tuple[list[Any], list[int]]:
+def _batch(operands: Operands, dims: Sequence[Any], *, family: Family, order: int, batch: Batch, dtype: str) -> tuple[list[Any], list[int]]:
     axes = tuple(0 if isinstance(d, int) else None for d in dims)
     moved = [jnp.moveaxis(v, d, 0) if isinstance(d, int) else v for v, d in zip(operands, dims, strict=True)]
-    found = derivative(family, order, (axes, *batch), moved)
+    found = derivative(family, order, (axes, *batch), dtype, moved)
     return found, [0] * len(found)
 
 

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from teg.backends.jax_runtime import TIED, Note, Scalar, union, where
-from teg.program import NEARLY, TIE_EPS
+from teg.program import NEARLY, THIN, TIE_EPS
 from teg.quadrature import gauss_legendre, triangle_rule
 
 Body = Callable[..., tuple[tuple[Scalar, ...], Note]]
@@ -32,38 +32,48 @@ def polygon(
     zero: Scalar,
     *,
     when: Scalar = True,
+    corners: Sequence[tuple[Scalar, Scalar]] = (),
+    across: Scalar = 0.0,
 ) -> tuple[tuple[Scalar, ...], Note]:
     """The results of a `Polygon`, and the note; `zero` keeps a product and a sum apart (see `python_text`)."""
     fails, known = jnp.bool_(False), jnp.isfinite(width) & jnp.isfinite(height)
-    least = []
-    for a, b, c, closed in planes:
+    least, swing = [], jnp.float64(0.0)
+    for i, (a, b, c, closed) in enumerate(planes):
         u, v = a * width + zero, b * height + zero
         most = c + jnp.where(u <= 0.0, 0.0, u) + jnp.where(v <= 0.0, 0.0, v)
         low = c + jnp.where(u >= 0.0, 0.0, u) + jnp.where(v >= 0.0, 0.0, v)
         fails |= (most <= 0.0) & ~((low >= 0.0) & closed)
         known &= jnp.isfinite(most - low)
         least.append(low)
+        swing = jnp.maximum(swing, most - low) if i < 3 else swing
+    thin = jnp.bool_(False)
+    if corners:
+        known &= jnp.isfinite(across)
+        fails |= known & (across <= 0.0)
+        thin = across < THIN * swing
     there = when & ~fails & known
-    room = 4 + 2 * len(planes)
+    room = 4 + 2 * len(planes) + (1 if corners else 0)
     width, height = (jnp.where(there, x, 0.0) for x in (width, height))
-    px = jnp.zeros(room).at[jnp.array([1, 2])].set(width)
-    py = jnp.zeros(room).at[jnp.array([2, 3])].set(height)
-    corners = jnp.int32(4)
+    places = jnp.zeros((4 if corners else 2, room)).at[0, jnp.array([1, 2])].set(width).at[1, jnp.array([2, 3])].set(height)
+    count = jnp.int32(4)
     for (a, b, c, _), low in zip(planes, least, strict=True):
-        px, py, corners = _clipped(px, py, corners, there & (low < 0.0), a, b, c, zero)
+        places, count = _clipped(places, count, there & ~thin & (low < 0.0), a, b, c, zero)
+    if corners:
+        places, count = _with_coordinates(places, count, there & thin, width, height, planes, corners, across, zero)
+    px, py = places[0], places[1]
     r, s, w = (jnp.array(column) for column in zip(*triangle_rule(degree), strict=True))
     ux, uy, vx, vy = px[1:-1] - px[0], py[1:-1] - py[0], px[2:] - px[0], py[2:] - py[0]
-    inside = there & (jnp.arange(room - 2) + 2 < corners)
+    inside = there & (jnp.arange(room - 2) + 2 < count)
     area = jnp.where(inside, 0.5 * ((ux * vy + zero) - (vx * uy + zero)), 0.0)
-    x, y = (
-        jnp.where(inside[:, None], p[0] + (r * u[:, None] + zero) + (s * v[:, None] + zero), p[0])
-        for p, u, v in ((px, ux, vx), (py, uy, vy))
-    )
-    found, note = jax.vmap(jax.vmap(lambda x, y: _vector(body(x, y))))(x, y)
+    nodes = [
+        jnp.where(inside[:, None], p[0] + (r * (p[1:-1] - p[0])[:, None] + zero) + (s * (p[2:] - p[0])[:, None] + zero), p[0])
+        for p in places
+    ]
+    found, note = jax.vmap(jax.vmap(lambda *at: _vector(body(*at))))(*nodes)
     weights = jnp.where(inside[:, None], area[:, None] * w, 0.0)
     values = jnp.where((weights != 0.0)[..., None], weights[..., None] * found, 0.0)
     sums = jnp.sum(values, axis=(0, 1)) * jnp.stack([jnp.asarray(f, jnp.float64) for f in factors])
-    sums = jnp.where(there & (corners > 2), sums, jnp.where(when & ~fails & ~known, jnp.nan, 0.0))
+    sums = jnp.where(there & (count > 2), sums, jnp.where(when & ~fails & ~known, jnp.nan, 0.0))
     return tuple(sums[i] for i in range(len(factors))), union(where(inside, jnp.max(jnp.asarray(note), axis=1)))
 
 
@@ -72,25 +82,55 @@ def _vector(found: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
     return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(note, jnp.int32)
 
 
-def _clipped(px: Any, py: Any, corners: Any, cuts: Scalar, a: Scalar, b: Scalar, c: Scalar, zero: Scalar) -> tuple[Any, Any, Any]:
-    """A polygon cut by a half-plane, if it `cuts`."""
-    number = jnp.arange(px.size)
+def _clipped(places: Any, corners: Any, cuts: Scalar, a: Scalar, b: Scalar, c: Scalar, zero: Scalar, side: Any = None) -> tuple[Any, Any]:
+    """A polygon cut by a half-plane, if it `cuts`: what its corners have, (coordinates, room), the place first, and how many there are.
+    `side` is the number of a coordinate and what it is on the border."""
+    size = places.shape[1]
+    number = jnp.arange(size)
     there = number < corners
-    d = jnp.where(cuts, c + (a * px + zero) + (b * py + zero), 1.0)
+    d = jnp.where(cuts, c + (a * places[0] + zero) + (b * places[1] + zero), 1.0)
     before = jnp.where(number == 0, jnp.maximum(corners, 1) - 1, number - 1)
-    dp, xp, yp = d[before], px[before], py[before]
+    dp, last = d[before], places[:, before]
     enters, leaves = there & (dp < 0.0) & (d > 0.0), there & (dp > 0.0) & (d < 0.0)
     crosses = enters | leaves
     t = jnp.where(enters, d, dp) / jnp.where(crosses, jnp.where(enters, d - dp, dp - d), 1.0)
-    x = jnp.where(enters, px + (t * (xp - px) + zero), xp + (t * (px - xp) + zero))
-    y = jnp.where(enters, py + (t * (yp - py) + zero), yp + (t * (py - yp) + zero))
+    new = jnp.where(enters, places + (t * (last - places) + zero), last + (t * (places - last) + zero))
+    new = new if side is None else new.at[side[0]].set(side[1])
     taken = jnp.stack([crosses, there & (d >= 0.0)], axis=1).reshape(-1)
-    place = jnp.where(taken, jnp.cumsum(taken) - 1, 2 * px.size)
-    new = [
-        jnp.zeros(px.size).at[place].set(jnp.stack([cross, corner], axis=1).reshape(-1), mode="drop")
-        for cross, corner in ((x, px), (y, py))
-    ]
-    return new[0], new[1], jnp.minimum(jnp.sum(taken), px.size).astype(jnp.int32)
+    place = jnp.where(taken, jnp.cumsum(taken) - 1, 2 * size)
+    both = jnp.stack([new, places], axis=2).reshape(places.shape[0], -1)
+    return jnp.zeros(places.shape).at[:, place].set(both, mode="drop"), jnp.minimum(jnp.sum(taken), size).astype(jnp.int32)
+
+
+def _with_coordinates(
+    places: Any,
+    count: Any,
+    thin: Scalar,
+    width: Scalar,
+    height: Scalar,
+    planes: Sequence[Plane],
+    corners: Sequence[tuple[Scalar, Scalar]],
+    across: Scalar,
+    zero: Scalar,
+) -> tuple[Any, Any]:
+    """The corners of a polygon with barycentric coordinates, and how many they are; of a thin triangle those that the box leaves."""
+    inverse = 1.0 / jnp.where(jnp.asarray(across, jnp.float64) == 0.0, 1.0, across)
+    for k, (a, b, c, _) in ((2, planes[1]), (3, planes[2])):
+        places = places.at[k].set((c + (a * places[0] + zero) + (b * places[1] + zero)) * inverse)
+    at = jnp.array([[jnp.asarray(x, jnp.float64) for x in p] for p in corners])
+    su, sv = jnp.where(width < 0.0, -1.0, 1.0), jnp.where(height < 0.0, -1.0, 1.0)
+    (ux, uy), (vx, vy) = at[1] - at[0], at[2] - at[0]
+    turns = ((ux * vy + zero) - (vx * uy + zero)) * su * sv < 0.0
+    at = jnp.concatenate([at.T, jnp.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])])
+    cut = jnp.zeros(places.shape).at[:, :3].set(jnp.where(turns, at[:, jnp.array([0, 2, 1])], at))
+    left = jnp.int32(3)
+    for a, b, c, side in ((su, 0.0, 0.0, (0, 0.0)), (-su, 0.0, su * width, (0, width))):
+        cut, left = _clipped(cut, left, thin, a, b, c, zero, side)
+    for a, b, c, side in ((0.0, sv, 0.0, (1, 0.0)), (0.0, -sv, sv * height, (1, height))):
+        cut, left = _clipped(cut, left, thin, a, b, c, zero, side)
+    for a, b, c, _ in planes[3:]:
+        cut, left = _clipped(cut, left, thin, a, b, c, zero)
+    return jnp.where(thin, cut, places), jnp.where(thin, left, count)
 
 
 def segment(

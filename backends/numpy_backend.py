@@ -108,6 +108,11 @@ class NumpyKernel:
         """The numbers k of the ties that a call with these arguments meets, ascending."""
         return tuple(sorted(self._run(columns, n)[1]))
 
+    def values_and_ties(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], tuple[int, ...]]:
+        """The outputs, and the numbers k of the ties that were met, ascending."""
+        out, met, _, _ = self._run(columns, n)
+        return out, tuple(sorted(met))
+
     def in_order(self, columns: Sequence[npt.NDArray[np.float64]], n: int, order: int) -> npt.NDArray[np.float64]:
         """The outputs with ties resolved in one order, +1 or -1, and no averaging; in one chunk."""
         with np.errstate(all="ignore"):
@@ -368,7 +373,7 @@ class _Printer:
         if isinstance(stmt, Polygon):
             closed = inside(repr(g.closed) for g in stmt.half_planes)
             self.lines += ["", "", f"polygon_{number} = polygons.PolygonIntegral(", f"    {fields},"]
-            self.lines += [f"    closed=({closed}), degree={stmt.degree}", ")"]
+            self.lines += [f"    closed=({closed}), degree={stmt.degree}, triangle={bool(stmt.corners)}", ")"]
             return
         scales = "None"
         tying = [g for g in stmt.half_lines if g.k is not None]
@@ -431,7 +436,7 @@ class _Printer:
                 copied = max(copied, self.call(stmt))
         return width + copied
 
-    def call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment) -> int:
+    def call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | When) -> int:
         """Prints the call of a statement, queues its blocks; returns how many values it may have to copy."""
         groups: list[Iterable[str]]
         match stmt:
@@ -449,10 +454,13 @@ class _Printer:
                 name, limits, groups = "mean", [], [sampled(stmt)]
             case Polygon():
                 planes = [_text(arg) for g in stmt.half_planes for arg in (g.a, g.b, g.c)]
+                planes += [_text(arg) for arg in (*(arg for p in stmt.corners for arg in p), stmt.across)] if stmt.corners else []
                 for_setup, _, for_body, *_ = clipped(stmt)
                 name, limits, groups = "polygon", [stmt.width, stmt.height], [planes, for_setup, for_body]
             case Segment():
                 name, limits, groups = "segment", [], [*clipped(stmt)[:3]]
+            case When():
+                raise AssertionError("branches are written out")
             case _:
                 assert_never(stmt)
         listed = [list(group) for group in groups]

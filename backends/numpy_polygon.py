@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy_runtime import Block, Run, Value, gather, on_lanes, parts, scatter
-from teg.program import NEARLY, TIE_EPS
+from teg.program import NEARLY, THIN, TIE_EPS
 from teg.quadrature import gauss_legendre, triangle_rule
 
 Array = npt.NDArray[Any]
@@ -58,10 +58,12 @@ class Domain:
 
 @dataclass(frozen=True, slots=True)
 class PolygonIntegral(Domain):
-    """A `Polygon`; `closed` says which half-planes are. `setup` returns what `body` takes from it, then the factors."""
+    """A `Polygon`; `closed` says which half-planes are, `triangle` whether three corners and what is across come after them. `setup`
+    returns what `body` takes from it, then the factors."""
 
     closed: tuple[bool, ...]
     degree: int
+    triangle: bool = False
 
     def __call__(
         self,
@@ -85,8 +87,10 @@ class PolygonIntegral(Domain):
 
     def _lanes(self, run: Run, box: Sequence[Array], for_setup: Sequence[Array], for_body: Sequence[Array], lanes: int) -> Array:
         width, height, *planes = (np.broadcast_to(v, (lanes,)) for v in box)
+        known_points = planes[3 * len(self.closed) :]
         fails, known = np.zeros(lanes, bool), np.isfinite(width) & np.isfinite(height)
-        least = []
+        least: list[Array] = []
+        swings: list[Array] = []
         for i, closed in enumerate(self.closed):
             a, b, c = planes[3 * i : 3 * i + 3]
             u, v = a * width, b * height
@@ -95,15 +99,35 @@ class PolygonIntegral(Domain):
             fails |= (most <= 0.0) & ~((low >= 0.0) & closed)
             known &= np.isfinite(most - low)
             least.append(low)
+            swings.append(most - low)
+        if self.triangle:
+            across = known_points[-1]
+            known &= np.isfinite(across)
+            fails |= known & (across <= 0.0)
         sums = np.where(fails | known, 0.0, np.nan) * np.ones((self.values, 1))
         active = np.flatnonzero(~fails & known)
         if not active.size:
             return sums
         width, height, planes, least = width[active], height[active], [p[active] for p in planes], [p[active] for p in least]
         nothing = np.zeros(active.size)
-        px, py, corners = np.array([nothing, width, width, nothing]), np.array([nothing, nothing, height, height]), np.full(active.size, 4)
+        places = np.array([[nothing, width, width, nothing], [nothing, nothing, height, height]])
+        corners = np.full(active.size, 4)
+        thin = np.zeros(active.size, bool)
+        if self.triangle:
+            swing = np.maximum.reduce(swings[:3])[active]
+            at, across = np.array([p[active] for p in known_points[:6]]).reshape(3, 2, -1), known_points[6][active]
+            thin = across < THIN * swing
         for i in range(len(self.closed)):
-            px, py, corners = _clipped(px, py, corners, least[i] < 0.0, *planes[3 * i : 3 * i + 3])
+            places, corners = _clipped(places, corners, ~thin & (least[i] < 0.0), *planes[3 * i : 3 * i + 3])
+        if self.triangle:
+            carried = [(planes[3 * k + 2] + planes[3 * k] * places[0] + planes[3 * k + 1] * places[1]) * (1.0 / across) for k in (1, 2)]
+            places = np.stack([*places, *carried])
+        if thin.any():
+            cut, left = _thin(at[..., thin], width[thin], height[thin], [p[thin] for p in planes[9 : 3 * len(self.closed)]])
+            rows = max(len(places[0]), len(cut[0]))
+            places, cut = (np.concatenate([p, np.zeros((4, rows - p.shape[1], p.shape[2]))], axis=1) for p in (places, cut))
+            places[..., thin], corners[thin] = cut, left
+        px, py = places[:2]
         after = self.setup(run, *(gather(v, active) for v in for_setup))
         ends = len(after) - self.values
         piece = np.flatnonzero(np.arange(1, len(px) - 1)[:, None] + 1 < corners) if len(px) > 2 else np.empty(0, int)
@@ -111,34 +135,58 @@ class PolygonIntegral(Domain):
         x, y = px[0][lane], py[0][lane]
         ux, uy, vx, vy = px[k, lane] - x, py[k, lane] - y, px[k + 1, lane] - x, py[k + 1, lane] - y
         r, s, w = (np.array(column)[:, None] for column in zip(*triangle_rule(self.degree), strict=True))
-        at = (x + r * ux + s * vx, y + r * uy + s * vy)
+        nodes = [x + r * ux + s * vx, y + r * uy + s * vy]
+        nodes += [p[0][lane] + r * (p[k, lane] - p[0][lane]) + s * (p[k + 1, lane] - p[0][lane]) for p in places[2:]]
         given = [*(gather(v, active) for v in for_body), *after[:ends]]
-        found = self._totals(run, at, w[:, 0], 0.5 * (ux * vy - vx * uy), given, lane, active.size, self.degree == 0)
+        found = self._totals(run, nodes, w[:, 0], 0.5 * (ux * vy - vx * uy), given, lane, active.size, self.degree == 0)
         sums[:, active] = _times(after[ends:], found)
         return sums
 
 
-def _clipped(px: Array, py: Array, corners: Array, cuts: Array, a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
-    """Polygons, corners in rows, cut by a half-plane each where it `cuts`."""
-    rows, lanes = px.shape
+def _clipped(places: Array, corners: Array, cuts: Array, a: Array, b: Array, c: Array, exact: Array | None = None) -> tuple[Array, Array]:
+    """Polygons, corners in rows, cut by a half-plane each where it `cuts`: (coordinates, rows, lanes), and how many corners there are.
+    The first two coordinates are places; where the border is along an axis, `exact` is where."""
+    _, rows, lanes = places.shape
     number, lane = np.arange(rows)[:, None], np.arange(lanes)
     there = number < corners
-    d = np.where(cuts, c + a * px + b * py, 1.0)
+    d = np.where(cuts, c + a * places[0] + b * places[1], 1.0)
     before = np.where(number == 0, np.maximum(corners, 1) - 1, number - 1)
-    dp, xp, yp = d[before, lane], px[before, lane], py[before, lane]
+    dp = d[before, lane]
     enters, leaves = there & (dp < 0.0) & (d > 0.0), there & (dp > 0.0) & (d < 0.0)
     t = np.where(enters, d / (d - dp), dp / (dp - d))
-    x = np.where(enters, px + t * (xp - px), xp + t * (px - xp))
-    y = np.where(enters, py + t * (yp - py), yp + t * (py - yp))
     taken = np.stack([enters | leaves, there & (d >= 0.0)], axis=1).reshape(2 * rows, lanes)
     place = np.cumsum(taken, axis=0) - 1
     total = np.where(there.any(axis=0), place[-1] + 1, 0)
     where, column = np.nonzero(taken)
-    out = np.zeros((2, max(2, int(total.max(initial=0))), lanes))
-    for result, cross, corner in zip(out, (x, y), (px, py), strict=True):
+    out = np.zeros((len(places), max(2, int(total.max(initial=0))), lanes))
+    for axis, (result, corner) in enumerate(zip(out, places, strict=True)):
+        last = corner[before, lane]
+        cross = np.where(enters, corner + t * (last - corner), last + t * (corner - last))
+        if exact is not None and axis == (0 if np.any(a) else 1):
+            cross = np.broadcast_to(exact, cross.shape)
         both = np.stack([cross, corner], axis=1).reshape(2 * rows, lanes)
         result[place[where, column], column] = both[where, column]
-    return out[0], out[1], total
+    return out, total
+
+
+def _thin(at: Array, width: Array, height: Array, planes: Sequence[Array]) -> tuple[Array, Array]:
+    """Triangles, corners (3, 2, lanes), cut by boxes and more half-planes: places and barycentric coordinates."""
+    nothing = np.zeros(width.size)
+    su, sv = np.where(width < 0.0, -1.0, 1.0), np.where(height < 0.0, -1.0, 1.0)
+    (ux, uy), (vx, vy) = at[1] - at[0], at[2] - at[0]
+    turns = (ux * vy - vx * uy) * su * sv < 0.0
+    one, two = np.where(turns, 0.0, 1.0), np.where(turns, 1.0, 0.0)
+    second, third = np.where(turns, at[2], at[1]), np.where(turns, at[1], at[2])
+    places = np.array([[at[0][j], second[j], third[j]] for j in (0, 1)] + [[nothing, one, two], [nothing, two, one]])
+    corners = np.full(width.size, 3)
+    every = np.ones(width.size, bool)
+    for a, b, c, exact in ((su, nothing, nothing, nothing), (-su, nothing, su * width, width)):
+        places, corners = _clipped(places, corners, every, a, b, c, exact)
+    for a, b, c, exact in ((nothing, sv, nothing, nothing), (nothing, -sv, sv * height, height)):
+        places, corners = _clipped(places, corners, every, a, b, c, exact)
+    for i in range(0, len(planes), 3):
+        places, corners = _clipped(places, corners, every, *planes[i : i + 3])
+    return places, corners
 
 
 @dataclass(frozen=True, slots=True)

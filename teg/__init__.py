@@ -70,6 +70,6 @@ __all__ = [
     "Evaluator", "Explanation", "Expr", "Function", "GradientReport", "TegError", "abs", "acos", "array", "asin", "atan", "atan2",
     "bracket", "ceil", "change_variables", "check_gradient", "compile", "cos", "cosh", "delta", "diff", "dump", "eliminate", "evaluate",
     "exp", "explain", "floor", "from_sympy", "function", "grad", "hessian", "index", "indices", "integral", "jax_function", "jvp", "latex",
-    "length", "log", "maps", "maximum", "minimum", "mod", "param", "params", "polar", "round", "scipy_function", "sign", "sin", "sinh", "size",
-    "sqrt", "sum", "tan", "tanh", "to_sympy", "tuple", "var", "vars", "where",
+    "length", "log", "maps", "maximum", "minimum", "mod", "param", "params", "polar", "round", "scipy_function", "sign", "sin", "sinh",
+    "size", "sqrt", "sum", "tan", "tanh", "to_sympy", "tuple", "var", "vars", "where",
 ]  # fmt: skip

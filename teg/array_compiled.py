@@ -18,7 +18,7 @@ from teg.index import ArrayName
 from teg.options import Options
 from teg.passes.atoms import canonicalise
 from teg.passes.schedule import schedule
-from teg.pipeline import compiled_outputs, flatten, jvp, normal_form, program_for
+from teg.pipeline import cell_program, compiled_outputs, flatten, jvp, normal_form
 from teg.program import Program
 
 
@@ -81,7 +81,7 @@ class Compiled:
     def flat(self, cells: Sequence[Expr], names: Sequence[str], unfinished: bool = False) -> Program:
         """The flat program of some cells."""
         together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that they share loops
-        return (schedule if unfinished else program_for)(list(together.children), names, self.options.integration)
+        return (schedule if unfinished else cell_program)(list(together.children), names, self.options.integration)
 
     def map_checks(self) -> Any:
         """The checks of the user's maps at a call."""

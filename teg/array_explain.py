@@ -19,7 +19,7 @@ from teg.inventory import text_of
 from teg.node import Node, postorder
 from teg.passes.atoms import canonicalise
 from teg.passes.sums import NeedsLengths
-from teg.pipeline import Maps, compiled_outputs, flatten, normal_form, program_for
+from teg.pipeline import Maps, cell_program, compiled_outputs, flatten, normal_form
 from teg.program import Program
 from teg.traverse import parameters
 from teg.traverse import size as nodes
@@ -129,7 +129,7 @@ class _Passes:
         return flatten(compiled_outputs(cell, wrt, 1, self.discontinuities, self.maps)[1])
 
     def flat(self, cells: Sequence[Expr], names: Sequence[str]) -> Program:
-        return program_for(flatten(canonicalise(tuple_of(*cells))), names, self.how)
+        return cell_program(flatten(canonicalise(tuple_of(*cells))), names, self.how)
 
 
 def _explain_loops(data: dict[str, Any], e: Expr, wrt: Sequence[Parameter], passes: _Passes, cost: Cost) -> None:

@@ -34,6 +34,7 @@ from teg.index import (
     index_leaves,
 )
 from teg.node import Node, postorder
+from teg.passes.group import group
 from teg.program import Assign, Program, Stmt, assigned, blocks, has_ties, without_dead_code
 
 Schedule = Callable[[Sequence[Expr], Sequence[str]], Program]
@@ -281,7 +282,7 @@ class _ArrayScheduler:
         titles = tuple(program.parameters[int(n[1:])] if n[0] == "p" else n for n in used)
         body = (*before, *(cast(Stmt, _renamed(s, number)) for s in block), *after)
         ties = program.ties if has_ties(block) else ()
-        part = without_dead_code(replace(program, parameters=titles, body=body, outputs=results, ties=ties))
+        part = group(without_dead_code(replace(program, parameters=titles, body=body, outputs=results, ties=ties)))
         names = tuple(self._fresh("v", at) for _ in across)
         at.steps.append(Run(part, tuple(name[n] for n in used), names))
         return list(names)

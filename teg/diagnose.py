@@ -77,9 +77,11 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
     for i in range(n):
         element = [c if c.ndim == 0 else c[i : i + 1] for c in columns]
         values = {k: float(c if c.ndim == 0 else c[0]) for k, c in zip(f.parameters, element, strict=True)}
-        met = kernel.met_ties(element, 1)
-        one, other = (kernel.in_order(element, 1, order)[: len(outputs)] for order in (1, -1))
-        differ = not np.allclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True)  # surfaces that merely cross are no tie
+        results, met = kernel.values_and_ties(element, 1)
+        results, differ = results[: len(outputs)], False
+        if met:  # surfaces that merely cross are no tie
+            one, other = (kernel.in_order(element, 1, order)[: len(outputs)] for order in (1, -1))
+            differ = not np.allclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True)
         for k in met:
             first, second = program.ties[k].surfaces
             if second != BORDER and not differ:
@@ -89,7 +91,6 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
             else:
                 message = f"{first} coincides with {second}; the derivative is the mean over the two orders"
                 found.append(Diagnosis("tie", (first, second), values, message, i))
-        results = kernel(element, 1)[: len(outputs)]
         if all(np.isfinite(v) for v in values.values()):
             gradient, hessian = results[:first_order], results[first_order:]
             if np.isinf(gradient).any():

@@ -25,11 +25,13 @@ from teg.node import postorder
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
 from teg.passes.atoms import canonicalise
 from teg.passes.sums import NeedsLengths
-from teg.pipeline import ESTIMATORS, compiled_outputs, flatten, jvp, normal_form, program_for
+from teg.pipeline import ESTIMATORS, cell_program, compiled_outputs, flatten, jvp, normal_form, program_for
 from teg.program import Program
 from teg.traverse import parameters
 
 Parameter = Param | Array
+OLDEST = (0, 8, 0)
+"""The first version of JAX with all that this needs: types that say over which axes of a mesh a value varies."""
 KEPT = 16
 """Families of programs that are kept for different shapes, integer parameters and index arrays, where they make a difference."""
 
@@ -102,9 +104,9 @@ class JaxFunction:
             *(a for a in arrays if isinstance(a, IndexArray)),
         )
         self._integers: tuple[Param, ...] = tuple(counted)
-        self.parameters: tuple[str, ...] = tuple(p.name for p in (*self._leaves, *self._integers))
+        self.parameters: tuple[str, ...] = tuple(_name(p) for p in (*self._leaves, *self._integers))
         self._fixed = {_name(k): v for k, v in indices.items()}
-        static = {p.name for p in (*self._integers, *(a for a in arrays if isinstance(a, IndexArray)))}
+        static = {p.name for p in self._integers} | {a.name for a in arrays if isinstance(a, IndexArray)}
         if unknown := [k for k in self._fixed if k not in static]:
             hint = "integer parameters and arrays of indices: " + (", ".join(sorted(static)) or "there are none")
             raise ParameterError(f"indices= names {unknown[0]!r}, which is none", None, hint)
@@ -129,9 +131,9 @@ class JaxFunction:
         from teg.backends.jax_function import derivative
 
         given = self._values(values, named)
-        operands, batch = self._operands(given)
+        operands, batch, precision = self._operands(given)
         family = self._family(given, operands, batch)
-        found = iter(derivative(family, -1, batch, operands))
+        found = iter(derivative(family, -1, batch, precision, operands))
         return _nested(self.expression, found)
 
     # -- inside --------------------------------------------------------------------------------------------------------
@@ -157,8 +159,8 @@ class JaxFunction:
     def _signature(self) -> str:
         return ", ".join(self.parameters) or "none"
 
-    def _operands(self, given: Mapping[str, Any]) -> tuple[list[Any], tuple[tuple[int | None, ...], ...]]:
-        """The leaves, without axes of length 1 in front, and which leaf has which axes of the batch."""
+    def _operands(self, given: Mapping[str, Any]) -> tuple[list[Any], tuple[tuple[int | None, ...], ...], str]:
+        """The leaves, without axes of length 1 in front, which leaf has which axes of the batch, and the type of results."""
         import jax.numpy as jnp
         import numpy as np
 
@@ -178,7 +180,7 @@ class JaxFunction:
                 raise ParameterError(f"{p.name!r} has {_dimensions(p)} dimensions, and an array of shape {leaf.shape} was given")
             leaves.append(leaf)
         real = [i for i, p in enumerate(self._leaves) if not isinstance(p, IndexArray)]
-        dtype = self._dtype or jnp.result_type(float, *(leaves[i] for i in real))
+        dtype = self._dtype or jnp.result_type(float, *(leaves[i] for i in real)).name
         for i in real:
             leaves[i] = leaves[i].astype(dtype)
         front = [leaf.shape[: leaf.ndim - _dimensions(p)] for leaf, p in zip(leaves, self._leaves, strict=True)]
@@ -195,7 +197,7 @@ class JaxFunction:
             kept = [n for n, axes in zip(s, batch[len(shape) - len(s) :], strict=True) if axes[i] is not None]
             if len(kept) != len(s):
                 leaves[i] = leaves[i].reshape(*kept, *leaves[i].shape[len(s) :])
-        return leaves, tuple(batch)
+        return leaves, tuple(batch), dtype
 
     def _family(self, given: Mapping[str, Any], operands: Sequence[Any], batch: Sequence[Sequence[int | None]]) -> Any:
         """The family of programs for the shapes, integers and index arrays of a call; checks the indices, if they are known."""
@@ -365,7 +367,7 @@ class _Plan:
 
     def _flat(self, cells: Sequence[Expr], names: Sequence[str]) -> Program:
         together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that they share loops
-        return program_for(list(together.children), names, self.options.integration)
+        return cell_program(list(together.children), names, self.options.integration)
 
 
 def _import_jax(dtype: str | None) -> None:
@@ -373,6 +375,11 @@ def _import_jax(dtype: str | None) -> None:
         import jax
     except ImportError:
         raise MissingPackageError("the package jax is not installed", None, 'pip install "teg[jax]"') from None
+    if jax.__version_info__ < OLDEST:
+        oldest = ".".join(map(str, OLDEST))
+        raise MissingPackageError(
+            f"teg.jax_function needs JAX {oldest} or later, and this is {jax.__version__}", None, "pip install -U jax"
+        )
     config: Any = jax.config
     if dtype == "float64" and not config.jax_enable_x64:
         raise BackendError(

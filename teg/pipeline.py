@@ -135,6 +135,11 @@ def program_for(outputs: Sequence[Expr], names: Sequence[str], how: Integration,
     return with_bodies(group(sink(with_error_estimates(program) if errors else program)))
 
 
+def cell_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration) -> Program:
+    """The same for a part of a program with arrays: branches are made when it has been cut into what each loop computes."""
+    return with_bodies(sink(schedule(outputs, names, how)))
+
+
 def _expression(e: object) -> Expr:
     return e if isinstance(e, Tuple) else as_number(e)
 

@@ -152,6 +152,13 @@ min(b·height, 0), its largest likewise; it *fails* if the largest is <= 0, unle
         a node (r, s) of weight w being at p₀ + r·(p₁ - p₀) + s·(p₂ - p₀) and counting w·½((p₁ - p₀) × (p₂ - p₀)) times; times
         `factors`. With degree 0 one node, vertex 0, counts for all of them.
 
+With `corners`, three points p₀, p₁, p₂ in (u, v), half-plane k of the first three is 0 at two of them, and `across` at p_k; `variables` has
+two names more, a node's barycentric coordinates, 1 at p₁ and 1 at p₂ and 0 at the others. If `across` <= 0 every result is 0. With s the
+largest difference of largest and least of the three, the polygon is *thin* if across < THIN·s. Then instead of the box p₀p₁p₂ is clipped,
+or p₀p₂p₁ if that turns as the box does, by σu >= 0 and σ(width - u) >= 0, σ the sign of width, where an edge that is cut has u = 0 and
+u = width, by v likewise, and by the half-planes from number 3 on; a new vertex divides the coordinates of an edge as it does u and v.
+Else they are the values of half-planes 1 and 2, times 1/across.
+
 Semantics of `Segment`: t is in (0, 1). A half-line is g(t) > 0 with g affine, given by its values at 0 and at 1 (`first`, `last`).
 
     if `when` names a boolean that is false, every result is 0 and nothing below is evaluated
@@ -229,6 +236,8 @@ LOCATE_DEPTH = 72
 LOCATE_WIDTH = 1024
 MAX_HALF_PLANES = 64
 """Of more a `Polygon` would be long: they share the pieces of two integrals instead."""
+THIN = 2.0**-5
+"""A triangle so thin, compared with how much its half-planes change over a box, is clipped by the box, and not the box by it."""
 NEARLY = 2.0**-20
 """A half-line whose values are so small, compared with its terms, may be a tie: only then is it worth knowing how much rounding did."""
 
@@ -396,7 +405,7 @@ class HalfPlane:
 class Polygon:
     """results = factors · ∫∫ values over the part of a box that is in all half-planes; exact to `degree` in both variables together."""
 
-    variables: tuple[str, str]
+    variables: tuple[str, ...]
     width: Arg
     height: Arg
     half_planes: tuple[HalfPlane, ...]
@@ -408,6 +417,8 @@ class Polygon:
     degree: int
     when: str | None = None
     met: Arg = True
+    corners: tuple[tuple[Arg, Arg], ...] = ()
+    across: Arg = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -650,7 +661,8 @@ def _live_results(stmt: Integrate | Sample, live: set[Arg]) -> tuple[list[int], 
 def clipped_by(stmt: Polygon | Segment) -> tuple[Arg, ...]:
     """What decides the domain of a polygon or a segment; but for the scales of ties, which are known in the block for them only."""
     if isinstance(stmt, Polygon):
-        return (stmt.width, stmt.height, *(arg for g in stmt.half_planes for arg in (g.a, g.b, g.c)))
+        known = (stmt.across, *(arg for p in stmt.corners for arg in p)) if stmt.corners else ()
+        return (stmt.width, stmt.height, *(arg for g in stmt.half_planes for arg in (g.a, g.b, g.c)), *known)
     return tuple(arg for g in stmt.half_lines for arg in (g.first, g.last, *((g.resolution, g.size) if g.k is not None else ())))
 
 

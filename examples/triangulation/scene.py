@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import teg
 from teg.compile import Evaluator
 from teg.expr import Cond, Expr
+from teg.index import Index
 
 VERTICES = teg.array("vertices", 2)  # (n, 2)
 COLOURS = teg.array("colours", 2)  # (m, 3)
@@ -23,7 +24,7 @@ FACES = teg.indices("faces", 2)  # (m, 3), in positive order
 BOXES = teg.indices("boxes", 2)  # (m, 4): first and end column, first and end row of the pixels that a face may touch
 
 
-def pixel_loss(face: object, column: object, row: object) -> Expr:
+def pixel_loss(face: Index, column: Index, row: Index) -> Expr:
     """The loss of one triangle on one pixel of side 1."""
     x, y = teg.vars("x y")
     corners = [(VERTICES[FACES[face, c], 0], VERTICES[FACES[face, c], 1]) for c in range(3)]
@@ -42,7 +43,8 @@ def picture_loss() -> Expr:
     face, column, row = teg.index("face"), teg.index("column"), teg.index("row")
     columns, rows = (column, BOXES[face, 0], BOXES[face, 1]), (row, BOXES[face, 2], BOXES[face, 3])
     total = teg.sum(pixel_loss(face, column, row), columns, rows, (face, 0, teg.length(FACES, 0)))
-    return total / (teg.length(TARGET, 0) * teg.length(TARGET, 1))
+    pixels: Index = teg.length(TARGET, 0) * teg.length(TARGET, 1)
+    return total / pixels
 
 
 @dataclass(frozen=True)

@@ -45,8 +45,9 @@ from teg.expr import (
     where,
 )
 from teg.nest import Binder, Chain, nest, ranges_of
+from teg.passes.barycentric import Along
 from teg.passes.demand import middle_and_reach, support
-from teg.passes.vertices import Along, Side, match_side
+from teg.passes.vertices import Side, match_side
 from teg.polynomial import Shadow
 from teg.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
 from teg.traverse import fresh, substitute
@@ -114,7 +115,7 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
         side = match_side(g, support(coefficient), (chosen[1].var, chosen[0].var))
         if side is not None:
             met = conjunction(*_meeting(g, coefficient, corner, extents))
-            return _between_vertices(g, coefficient, chosen, side, met)
+            return _between_vertices(g, coefficient, chosen, ranges, side, met)
     g0 = cast(Expr, substitute(g, corner))
     slopes = [cast(Expr, substitute(slope(g, b.var), corner)) for b in chosen]
     pivots = _pivot_conditions(slopes, extents)
@@ -137,7 +138,9 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     return nest(value, (*(Binder(s, ZERO, ONE) for s in unit), *rest))
 
 
-def _between_vertices(g: Expr, coefficient: Expr, chosen: Sequence[Binder], side: Side, met: Cond) -> Expr:
+def _between_vertices(
+    g: Expr, coefficient: Expr, chosen: Sequence[Binder], ranges: Sequence[tuple[Expr, Expr]], side: Side, met: Cond
+) -> Expr:
     """The integral over a side of a polygon from vertex to vertex, which all bounds clip."""
     s = fresh("s", {*coefficient.free, *g.free, *(v for b in chosen for v in (b.var, *b.lo.free, *b.hi.free))})
     inner_first = (chosen[1], chosen[0])
@@ -146,7 +149,8 @@ def _between_vertices(g: Expr, coefficient: Expr, chosen: Sequence[Binder], side
     for b in inner_first:
         lo, hi = (cast(Expr, substitute(e, at)) for e in (b.lo, b.hi))
         value = signed_inside(at[b.var], lo, hi, g, b.var, (b.lo, b.hi), value)
-    return nest(where(met, Along(side, s).simplified(value), ZERO), (Binder(s, ZERO, ONE),))
+    first, last, two = side.reach(ranges[::-1])
+    return nest(where(conjunction(two, met), Along(side, s).simplified(value), ZERO), (Binder(s, first, last),))
 
 
 def _meeting(g: Expr, coefficient: Expr, corner: dict[Var, Expr], extents: list[Expr]) -> list[Cond]:
@@ -162,10 +166,10 @@ def _meeting(g: Expr, coefficient: Expr, corner: dict[Var, Expr], extents: list[
         ):
             continue
         middle, reach = middle_and_reach(atom.g, corner, extents)
-        if atom.g is g:
-            met.append(positive(sub(reach, _magnitude(middle)), strict=False))
-        else:
-            met.append(positive(add(mul(MINUS_ONE, middle) if isinstance(part, Not) else middle, reach), strict=False))
+        if atom.g is g or not isinstance(part, Not):
+            met.append(positive(add(middle, reach), strict=False))
+        if atom.g is g or isinstance(part, Not):
+            met.append(positive(add(mul(MINUS_ONE, middle), reach), strict=False))
     return met
 
 

@@ -8,6 +8,7 @@ digits. What is constant but does not look so (a triangle's area as the sum of i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import cast
 
 from teg.calculus import slope
@@ -33,10 +34,12 @@ from teg.expr import (
 from teg.integral import Integral
 from teg.integration import Integration
 from teg.node import Node
+from teg.passes.barycentric import Inside
 from teg.passes.demand import middle_and_reach
 from teg.passes.emit import Level
 from teg.passes.polygon import Clipped, Half, match_clipped
 from teg.passes.sampled import UnbrokenEmitter
+from teg.passes.vertices import match_triangle
 from teg.polynomial import Shadow
 from teg.program import Arg, HalfLine, HalfPlane, Polygon, Segment
 from teg.traverse import fresh, rebuild, rewrite, substitute
@@ -73,6 +76,7 @@ class ClippedEmitter(UnbrokenEmitter):
         steady = _Local((x, y), corner, {x: add(inner.lo, u), y: add(outer.lo, v)}, {})
         planes: list[HalfPlane] = []
         affine: dict[Expr, Expr] = {}
+        triangle = match_triangle([(h.atom.g, h.negated) for h in group[0].halves], (x, y))
         for half in group[0].halves:
             g = steady.constants(half.g)
             at = [cast(Expr, substitute(e, corner)) for e in (slope(g, x), slope(g, y), g)]
@@ -81,16 +85,32 @@ class ClippedEmitter(UnbrokenEmitter):
             if not half.negated:
                 affine[half.atom.g] = add(mul(at[0], u), mul(at[1], v), at[2])
         local = _Local((x, y), corner, steady.places, affine)
-        names = self.fresh("x"), self.fresh("x")
-        in_u = home.inside(u, names[0])
-        in_v = in_u.inside(v, names[1])
-        values, factors = self._integrands(group, local, (u, v), (in_u, in_v), home)
+        variables = [u, v]
+        corners: tuple[tuple[Arg, Arg], ...] = ()
+        across: Arg = 0.0
+        if triangle is not None:
+            coordinates = fresh("λ₁", taken), fresh("λ₂", taken)
+            inside = Inside(triangle, (x, y), coordinates)
+            simpler = [replace(c, integrand=inside.simplified(c.integrand)) for c in group]
+            if any(w in c.integrand.free for c in simpler for w in coordinates):
+                group = simpler
+                variables += coordinates
+                corners = tuple((self.number(sub(p, inner.lo), home), self.number(sub(q, outer.lo), home)) for p, q in triangle.points)
+                across = self.number(triangle.across, home)
+                planes = [planes[k] for k in triangle.lines] + [g for k, g in enumerate(planes) if k not in triangle.lines]
+        levels = [home]
+        names = tuple(self.fresh("x") for _ in variables)
+        for var, name in zip(variables, names, strict=True):
+            levels.append(levels[-1].inside(var, name))
+        values, factors = self._integrands(group, local, variables, levels[1:], home)
         width, height = (self.number(sub(b.hi, b.lo), home) for b in (inner, outer))
         results = tuple(self.fresh("v") for _ in group)
-        body = (*in_u.block, *in_v.block)
+        body = tuple(stmt for level in levels[1:] for stmt in level.block)
         degree = max(c.degree for c in group)
         met = self._met(group[0], home)
-        home.block.append(Polygon(names, width, height, tuple(planes), (), body, values, factors, results, degree, when, met))
+        home.block.append(
+            Polygon(names, width, height, tuple(planes), (), body, values, factors, results, degree, when, met, corners, across)
+        )
         return results
 
     def _met(self, clipped: Clipped, home: Level) -> Arg:

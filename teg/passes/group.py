@@ -88,19 +88,47 @@ def _behind(
     before, body, results, after = _divided(block, outputs, flag, cases)
     if not any(isinstance(s, Segment) for s in body) or len(body) <= FEW:
         return block
-    edges = [s.when for s in body if isinstance(s, Segment)]
-    fails = [_denial(block, when) for when in edges if when is not None]
-    if len(fails) == len(edges) and all(fails):
+    fails = _refusals(block, body, {name for case in cases for name in case})
+    if fails:
         none, some = f"b{next(numbers)}", f"b{next(numbers)}"
-        names = tuple(dict.fromkeys(f for f in fails if f is not None))
-        decided = (Assign(none, "and", names), Assign(some, "not", (none,)))
-        first = min(i for i, s in enumerate(body) if isinstance(s, Segment))
-        whole = (*before, *body[:first], *decided, *body[first:])
-        inner = _divided(whole, results, some, [{some: False, **dict.fromkeys(names, True)}], len(before))
-        if len(inner[1]) > FEW:
-            kept, moved, given, rest = inner
+        decided = Assign(none, "and", tuple(fails)), Assign(some, "not", (none,))
+        last = max((i for i, s in enumerate(body) if not fails.keys().isdisjoint(assigned(s))), default=-1) + 1
+        whole = (*before, *body[:last], *decided, *body[last:])
+        kept, moved, given, rest = _divided(whole, results, some, [{some: False, **dict.fromkeys(fails, True)}], len(before))
+        if len(moved) > FEW:
             body = (*kept[len(before) :], When(some, moved, given), *rest)
     return (*before, When(flag, body, results), *after)
+
+
+def _refusals(block: Sequence[Stmt], body: Sequence[Stmt], known: set[str]) -> dict[str, None]:
+    """For each segment of a branch what says that it is empty and costs least; nothing if that is not known of all. `known` says nothing
+    any more in the branch."""
+    opposites = _opposites(block)
+    made = {s.name: s for s in block if isinstance(s, Assign)}
+    inside = {s.name: s for s in body if isinstance(s, Assign)}
+    found: dict[str, None] = {}
+    for stmt in body:
+        if not isinstance(stmt, Segment):
+            continue
+        denial = made.get(opposites.get(stmt.when or "", ""))
+        args = denial.args if denial is not None and denial.op == "or" else ()
+        costs = {a: _cost(a, inside) for a in args if isinstance(a, str) and a not in known}
+        if not costs:
+            return {}
+        found[min(costs, key=costs.__getitem__)] = None
+    return found
+
+
+def _cost(name: str, inside: Mapping[str, Assign]) -> int:
+    """How many statements of a branch a value takes."""
+    seen: set[Arg] = set()
+    stack: list[Arg] = [name]
+    while stack:
+        arg = stack.pop()
+        if arg in inside and arg not in seen:
+            seen.add(arg)
+            stack.extend(inside[str(arg)].args)
+    return len(seen)
 
 
 def _divided(
@@ -127,7 +155,7 @@ def _divided(
         stmt = block[i]
         if i in inside:
             continue
-        movable = i >= first and isinstance(stmt, Assign) and stmt.op != "tie" and stmt.name not in late | outside
+        movable = i >= first and isinstance(stmt, Assign) and stmt.name not in late and stmt.name not in outside
         if movable:
             inside.add(i)
         else:
@@ -142,8 +170,13 @@ def _opposites(block: Sequence[Stmt]) -> dict[str, str]:
     """Of booleans another one that fails where the first holds, where the block has it: of an atom, and of what is made of atoms."""
     known: dict[object, str] = {}
     found: dict[str, str] = {}
+    made = {s.name: s for s in block if isinstance(s, Assign)}
     for stmt in block:
         if not isinstance(stmt, Assign) or stmt.op not in OPPOSITE:
+            continue
+        first = made.get(str(stmt.args[0]))
+        if stmt.op == "and" and len(stmt.args) == 2 and first is not None and first.op == "not":  # a tie that is not, and is a number
+            found[stmt.name], found[str(first.args[0])] = str(first.args[0]), stmt.name
             continue
         compound = stmt.op in ("and", "or")
         args = [found.get(a) if isinstance(a, str) else None for a in stmt.args] if compound else list(stmt.args)
@@ -152,11 +185,6 @@ def _opposites(block: Sequence[Stmt]) -> dict[str, str]:
         if other is not None:
             found[stmt.name], found[other] = other, stmt.name
     return found
-
-
-def _denial(block: Sequence[Stmt], flag: str) -> str | None:
-    """A boolean that holds where another one fails, but for values that are not numbers."""
-    return _opposites(block).get(flag)
 
 
 def _zeros(block: Sequence[Stmt], facts: Mapping[str, bool], opposites: Mapping[str, str]) -> set[str]:
@@ -170,16 +198,16 @@ def _zeros(block: Sequence[Stmt], facts: Mapping[str, bool], opposites: Mapping[
         found: dict[str, bool] = {}
         if truth[name] and name in opposites:
             found[opposites[name]] = False
-        stmt = made.get(name)
-        if stmt is not None:
-            if stmt.op == "not" and isinstance(stmt.args[0], str):
-                found[stmt.args[0]] = not truth[name]
-            elif (stmt.op, truth[name]) in (("and", True), ("or", False)):
-                found.update((a, truth[name]) for a in stmt.args if isinstance(a, str))
+        source = made.get(name)
+        if source is not None:
+            if source.op == "not" and isinstance(source.args[0], str):
+                found[source.args[0]] = not truth[name]
+            elif (source.op, truth[name]) in (("and", True), ("or", False)):
+                found.update((a, truth[name]) for a in source.args if isinstance(a, str))
             elif truth[name]:
-                for op in IMPLIED.get(stmt.op, ()):
-                    if (op, stmt.args) in atoms:
-                        found[atoms[op, stmt.args]] = True
+                for op in IMPLIED.get(source.op, ()):
+                    if (op, source.args) in atoms:
+                        found[atoms[op, source.args]] = True
         for other, value in found.items():
             if other not in truth:
                 truth[other] = value

@@ -1,13 +1,11 @@
-"""Sides of polygons: where the surface of an atom is the line through two known points, the part of it between them is its chart.
+"""Known points of half-planes: which surfaces are sides that run from vertex to vertex, and which half-planes make a triangle.
 
     g(x, y) = (x₁ - x₀)·(y - y₀) - (y₁ - y₀)·(x - x₀) > 0        A = (x₀, y₀), B = (x₁, y₁)
     ∫∫ w δ(g) dx dy = ∫₀¹ w(A + s·(B - A))·[in the box] ds       where other conditions hold between A and B only
 
-The *points* an atom knows are the pairs (p, q) of what x and y are compared with in it, x - p and y - q, where it vanishes, and the ends of
-its direction (∂g/∂y, -∂g/∂x) from there. On the chart every affine function is given by its values at A and B: a side that shares A is
-s·g(B), zero at s = 0 whatever the angle between them, and its condition is that of the number g(B). So nothing that is nearly parallel
-is intersected, and a sliver's boundary term is exact to rounding. What is affine on the chart with coefficients among 1, x₁ - x₀, y₁ - y₀
-and g(B), up to a small fraction, is written so: a barycentric coordinate becomes s, 1 - s or 0.
+The points an atom knows are the pairs (p, q) of what x and y are compared with in it, x - p and y - q, where it vanishes, and the ends of
+its direction (∂g/∂y, -∂g/∂x) from there. Where the other sides through A and B are positive multiples of one number at the other end, as
+in a triangle, the support lies between A and B if at all, the side is *whole*; else how far it goes is decided at run time.
 
 Whether functions vanish, or are proportional, is asked in the finite field of `teg.polynomial`.
 Source: Liang and Barsky 1984 (a segment by its ends, clipped by a box).
@@ -15,8 +13,10 @@ Source: Liang and Barsky 1984 (a segment by its ends, clipped by a box).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from typing import cast
 
 from teg.calculus import slope
@@ -24,6 +24,7 @@ from teg.errors import NotDifferentiableError
 from teg.expr import (
     MINUS_ONE,
     ONE,
+    TRUE,
     ZERO,
     Add,
     And,
@@ -32,7 +33,6 @@ from teg.expr import (
     Expr,
     Mul,
     Not,
-    Pow,
     Var,
     add,
     call,
@@ -45,24 +45,28 @@ from teg.expr import (
 )
 from teg.node import Node, postorder
 from teg.polynomial import P, Shadow, expanded
-from teg.traverse import rewrite, substitute
+from teg.traverse import substitute
 
 MAX_POINTS = 128
 """Of a longer conjunction the sides are not looked at: every pair of a side and a point would be."""
-_SMALL = {m * pow(2**k, -1, P) % P: m / 2**k for k in range(4) for m in range(-16, 17) if m}
+MAX_SIDES = 8
+"""Of more half-planes no three are looked for."""
+SMALL = {m * pow(2**k, -1, P) % P: m / 2**k for k in range(4) for m in range(-16, 17) if m}
 
 Point = tuple[Expr, Expr]
 
 
 @dataclass(frozen=True)
 class Side:
-    """The line of a surface by two points of it, `start` and `end`, between which a support lies; `weight` is |end - start|/|∇g|, and
-    `across` what another side through one of the points is at the other one."""
+    """The line of a surface by two points of it, `start` and `end`, with |end - start|/|∇g|, and the values that other sides have at `end`,
+    through `start`, and at `start`, through `end`, as they count in the support; `whole`: all are positive where one is."""
 
     start: Point
     end: Point
     weight: Expr
-    across: Expr
+    beyond: tuple[Expr, ...]
+    before: tuple[Expr, ...]
+    whole: bool
 
     @property
     def direction(self) -> Point:
@@ -75,9 +79,21 @@ class Side:
         dx, dy = self.direction
         return add(self.start[0], mul(dx, s)), add(self.start[1], mul(dy, s))
 
+    def reach(self, box: Sequence[tuple[Expr, Expr]]) -> tuple[Expr, Expr, Cond]:
+        """Between which s the support lies, in a box, and the condition that the points are two."""
+        if self.whole:
+            return ZERO, ONE, TRUE
+        length = add(*(call("magnitude", d) for d in self.direction))
+        away = add(*(call("magnitude", sub(end, p)) for p, ends in zip(self.start, box, strict=True) for end in ends))
+        far = call("floor", mul(const(2.0), div(away, length)))  # rounded, and so without a derivative: nothing is there
+        lo, hi = sub(MINUS_ONE, far), add(const(2.0), far)
+        lo = where(positive(self.beyond[0]), ZERO, lo) if self.beyond else lo
+        hi = where(positive(self.before[0]), ONE, hi) if self.before else hi
+        return lo, hi, positive(length)
+
 
 @dataclass(frozen=True)
-class _Line:
+class Line:
     """An affine function, +1 or -1 for the sign it has in the support, its coefficients in the field, and the points it knows."""
 
     g: Expr
@@ -87,26 +103,76 @@ class _Line:
 
 
 def match_side(g: Expr, support: Cond, variables: tuple[Var, Var]) -> Side | None:
-    """The side that a surface is in a support, if it is one of a triangle: two others run through the ends of it, and both are positive at
-    the other end where one is."""
-    plane = _Plane(variables)
+    """The side that a surface is in a support: other sides run through one or both of its ends, as those of a polygon do."""
+    plane = Plane(variables)
     mine = plane.line(g)
     if mine is None:
         return None
     others = [line for line in map(plane.part, _conjuncts(support)) if line is not None and line.g is not g]
-    if not 2 <= len(others) <= MAX_POINTS:
+    if not 1 <= len(others) <= MAX_POINTS:
         return None
-    points = plane.distinct((*mine.points, *(p for line in others for p in line.points)), mine)
+    given = plane.distinct(dict.fromkeys(p for line in (mine, *others) for p in line.points), mine)
+    found = _between(plane, mine, others, given)
+    if found is not None and found.beyond and found.before:
+        return found
+    ends = dict.fromkeys(p for line in (mine, *others) for p in (*line.points, *plane.ends(line)))
+    return _between(plane, mine, others, plane.distinct(ends, mine)) or found
+
+
+def _between(plane: Plane, mine: Line, others: Sequence[Line], points: Sequence[Point]) -> Side | None:
+    """The best side between two of these points: a whole one, one that others limit at both ends, or at one."""
     through = [[line for line in others if plane.at(line, p) == 0] for p in points]
-    for i, start in enumerate(points):
-        for j, end in enumerate(points):
-            if i == j:
+    best: tuple[int, Side] | None = None
+    for i, j in ((i, j) for i in range(len(points)) for j in range(len(points)) if i != j):
+        start, end = points[i], points[j]
+        first = [line for line in through[i] if plane.at(line, end)]
+        last = [line for line in through[j] if plane.at(line, start)]
+        if not first and not last:
+            continue
+        values = [cast(int, plane.at(line, end)) for line in first] + [cast(int, plane.at(line, start)) for line in last]
+        whole = bool(first and last) and all(ratio(v, values[0]) > 0 for v in values)
+        rank = 2 * whole + bool(first and last)
+        if best is None or rank > best[0]:
+            beyond, before = (tuple(plane.signed(line, p) for line in lines) for lines, p in ((first, end), (last, start)))
+            best = rank, Side(start, end, plane.weight(mine, start, end), beyond, before, whole)
+    return None if best is None else best[1]
+
+
+def ratio(value: int, other: int) -> float:
+    """The quotient of two elements of the field, if it is a small fraction; else NaN."""
+    found = SMALL.get(value * pow(other, -1, P) % P)
+    return math.nan if found is None else found
+
+
+@dataclass(frozen=True)
+class Triangle:
+    """Three points, and three lines by their numbers: line k is 0 at the other two points, and `across` at point k."""
+
+    points: tuple[Point, Point, Point]
+    lines: tuple[int, int, int]
+    across: Expr
+
+
+def match_triangle(halves: Sequence[tuple[Expr, bool]], variables: tuple[Var, Var]) -> Triangle | None:
+    """The triangle that three of some half-planes, given as g and whether they are negated, make of known points, equal across."""
+    if not 3 <= len(halves) <= MAX_SIDES:
+        return None
+    plane = Plane(variables)
+    found = [plane.line(g, -1 if negated else 1) for g, negated in halves]
+    lines = [line for line in found if line is not None]
+    if len(lines) < len(halves):
+        return None
+    points = dict.fromkeys(p for line in lines for p in (*line.points, *plane.ends(line)))
+    places = [plane.distinct(points, line) for line in lines]
+    for i, (first, on_it) in enumerate(zip(lines, places, strict=True)):
+        for end, start in permutations(on_it, 2):
+            second = next((j for j, line in enumerate(lines) if plane.at(line, start) == 0 and plane.at(line, end)), None)
+            third = next((j for j, line in enumerate(lines) if plane.at(line, end) == 0 and plane.at(line, start)), None)
+            if second is None or third is None or plane.at(lines[second], end) != plane.at(lines[third], start):
                 continue
-            pairs = [(a, b) for a in through[i] for b in through[j] if plane.at(a, end) and plane.at(b, start)]
-            for a, b in pairs:
-                if _SMALL.get(plane.at(a, end) * pow(plane.at(b, start), -1, P) % P, -1.0) > 0:
-                    across = cast(Expr, substitute(a.g, dict(zip(variables, end, strict=True))))
-                    return Side(start, end, plane.weight(mine, start, end), across)
+            for apex in places[second]:
+                if plane.at(lines[third], apex) == 0 and plane.at(first, apex) == plane.at(lines[third], start):
+                    return Triangle((apex, end, start), (i, second, third), plane.signed(first, apex))
     return None
 
 
@@ -114,46 +180,51 @@ def _conjuncts(support: Cond) -> Sequence[Node]:
     return support.children if isinstance(support, And) else (support,)
 
 
-class _Plane:
+class Plane:
     """Points and lines of the plane of two variables, over the field."""
 
     def __init__(self, variables: tuple[Var, Var]) -> None:
         self.variables = variables
         self._shadow = Shadow(variables)
 
-    def part(self, condition: Node) -> _Line | None:
+    def part(self, condition: Node) -> Line | None:
         """The line of a condition in a conjunction."""
         atom = condition.operand if isinstance(condition, Not) else condition
         if not isinstance(atom, Compare) or atom.resolution is not None:
             return None
         return self.line(atom.g, -1 if isinstance(condition, Not) else 1)
 
-    def line(self, g: Expr, sign: int = 1) -> _Line | None:
+    def line(self, g: Expr, sign: int = 1) -> Line | None:
         """The line g = 0, if it is one."""
         if not any(v in g.free for v in self.variables):
             return None
-        poly = self._shadow.polynomial(g)
-        if poly is None or any(sum(m) > 1 for m in poly):
+        coefficients = self.coefficients(g)
+        if coefficients is None or not any(coefficients[:2]):
             return None
-        coefficients = (poly.get((1, 0), 0), poly.get((0, 1), 0), poly.get((0, 0), 0))
-        if not any(coefficients[:2]):
-            return None
-        line = _Line(g, sign, tuple(sign * c % P for c in coefficients), ())  # type: ignore[arg-type]
+        line = Line(g, sign, tuple(sign * c % P for c in coefficients), ())  # type: ignore[arg-type]
         columns = [_compared(g, v, self.variables) for v in self.variables]
         found = [(p, q) for p in columns[0] for q in columns[1] if self.at(line, (p, q)) == 0]
-        return _Line(g, sign, line.coefficients, (*found, *(end for p in found[:2] for end in self._ends(g, p))))
+        return Line(g, sign, line.coefficients, tuple(found))
 
-    def _ends(self, g: Expr, start: Point) -> list[Point]:
-        """Where the direction of a line leads from a point of it, there and back, written out."""
-        try:
-            gx, gy = (cast(Expr, substitute(slope(g, v), dict(zip(self.variables, start, strict=True)))) for v in self.variables)
-        except NotDifferentiableError:
-            return []
+    def coefficients(self, e: Expr) -> tuple[int, int, int] | None:
+        """a, b and c of a·x + b·y + c, if it is that."""
+        poly = self._shadow.polynomial(e)
+        if poly is None or any(sum(m) > 1 for m in poly):
+            return None
+        return poly.get((1, 0), 0), poly.get((0, 1), 0), poly.get((0, 0), 0)
+
+    def ends(self, line: Line) -> list[Point]:
+        """Where the direction of a line leads from the points it knows, there and back, written out."""
         ends = []
-        for back in (ONE, MINUS_ONE):
-            p, q = (expanded(e) for e in (add(start[0], mul(back, gy)), sub(start[1], mul(back, gx))))
-            if p is not None and q is not None and len(postorder([p, q])) <= 4:  # two names, not a formula
-                ends.append((p, q))
+        for start in line.points[:2]:
+            try:
+                gx, gy = (cast(Expr, substitute(slope(line.g, v), dict(zip(self.variables, start, strict=True)))) for v in self.variables)
+            except NotDifferentiableError:
+                return []
+            for back in (ONE, MINUS_ONE):
+                p, q = (expanded(e) for e in (add(start[0], mul(back, gy)), sub(start[1], mul(back, gx))))
+                if p is not None and q is not None and len(postorder([p, q])) <= 4:  # two names, not a formula
+                    ends.append((p, q))
         return ends
 
     def value(self, e: Expr) -> int | None:
@@ -161,7 +232,7 @@ class _Plane:
         poly = self._shadow.polynomial(e)
         return None if poly is None or any(sum(m) for m in poly) else poly.get((0, 0), 0)
 
-    def at(self, line: _Line, point: Point) -> int | None:
+    def at(self, line: Line, point: Point) -> int | None:
         """The value of a line's function, as it counts in the support, at a point."""
         p, q = self.value(point[0]), self.value(point[1])
         if p is None or q is None:
@@ -169,7 +240,11 @@ class _Plane:
         a, b, c = line.coefficients
         return (a * p + b * q + c) % P
 
-    def distinct(self, points: Iterable[Point], line: _Line) -> list[Point]:
+    def signed(self, line: Line, point: Point) -> Expr:
+        """The same as an expression."""
+        return mul(const(float(line.sign)), cast(Expr, substitute(line.g, dict(zip(self.variables, point, strict=True)))))
+
+    def distinct(self, points: Iterable[Point], line: Line) -> list[Point]:
         """The points on a line, once each."""
         found: dict[tuple[int | None, int | None], Point] = {}
         for point in points:
@@ -177,13 +252,13 @@ class _Plane:
                 found.setdefault((self.value(point[0]), self.value(point[1])), point)
         return list(found.values())
 
-    def weight(self, line: _Line, start: Point, end: Point) -> Expr:
+    def weight(self, line: Line, start: Point, end: Point) -> Expr:
         """|end - start|/|∇g|: a number where the points are as far apart as g is steep."""
         dx, dy = sub(end[0], start[0]), sub(end[1], start[1])
         along, across = (self.value(dx), line.coefficients[1]) if line.coefficients[1] else (self.value(dy), line.coefficients[0])
-        ratio = _SMALL.get(cast(int, along) * pow(across, -1, P) % P)
-        if ratio is not None:
-            return const(abs(ratio))
+        size = ratio(cast(int, along), across)
+        if not math.isnan(size):
+            return const(abs(size))
         gx, gy = (slope(line.g, v) for v in self.variables)
         sizes = [call("magnitude", e) for e in (dx, dy, gx, gy)]
         return where(positive(sub(sizes[0], sizes[1]), strict=False), div(sizes[0], sizes[3]), div(sizes[1], sizes[2]))
@@ -199,73 +274,7 @@ def _compared(g: Expr, v: Var, variables: tuple[Var, Var]) -> list[Expr]:
             continue
         for sign, term in ((MINUS_ONE, v), (ONE, mul(MINUS_ONE, v))):
             if term in node.children:
-                rest = add(*(cast(Expr, c) for c in node.children if c is not term))
+                rest = add(*(c for c in cast("Sequence[Expr]", node.children) if c is not term))
                 if not any(w in rest.free for w in variables):
                     found[mul(sign, rest)] = None
     return list(found)
-
-
-class Along:
-    """Expressions on the chart of a side, of `unit` in (0, 1), with what is affine there by its values at the ends."""
-
-    def __init__(self, side: Side, unit: Var) -> None:
-        self.unit = unit
-        self._shadow = Shadow((unit,))
-        self._rest = sub(ONE, unit)
-        self._known: dict[int, Expr] = {}
-        for e in (side.across, *side.direction, ONE):
-            value = self._shadow.polynomial(e)
-            for small, factor in _SMALL.items() if value else ():
-                self._known[cast("Mapping[tuple[int, ...], int]", value)[0,] * small % P] = mul(const(factor), e)
-
-    def simplified(self, e: Expr) -> Expr:
-        """The same on the open chart; conditions on a side that shares an end are conditions on a number."""
-        return cast(Expr, rewrite([e], self._visit)[e])
-
-    def _visit(self, old: Node, node: Node) -> Node:
-        if self.unit not in old.free:
-            return node
-        if isinstance(old, Compare):
-            return self._atom(old, cast(Compare, node)) if isinstance(node, Compare) else node
-        if isinstance(old, Add | Mul | Pow):
-            exact = self._exact(old)
-            return node if exact is None else exact
-        return node
-
-    def _ends(self, e: Expr) -> tuple[int, int] | None:
-        """The values at 0 and at 1 in the field of what is affine."""
-        poly = self._shadow.polynomial(e)
-        if poly is None or any(m[0] > 1 for m in poly):
-            return None
-        first = poly.get((0,), 0)
-        return first, (first + poly.get((1,), 0)) % P
-
-    def _number(self, value: int) -> Expr | None:
-        return self._known.get(value) if value else ZERO
-
-    def _exact(self, e: Expr) -> Expr | None:
-        ends = self._ends(e)
-        if ends is None:
-            return None
-        first, rate = self._number(ends[0]), self._number((ends[1] - ends[0]) % P)
-        if ends[1] == 0 and first is not None:
-            return mul(first, self._rest)
-        return None if first is None or rate is None else add(first, mul(rate, self.unit))
-
-    def _atom(self, old: Compare, node: Compare) -> Cond:
-        ends = self._ends(old.g)
-        if ends is None or not any(ends):
-            return node
-        resolution = cast("Cond | None", node.resolution)
-        first, last = (self._at(end, value, node.g) for end, value in zip((ZERO, ONE), ends, strict=True))
-        if first is ZERO or last is ZERO or first is last:
-            return positive(first if last is ZERO else last, old.strict, resolution, old.rivals)
-        return positive(add(mul(first, self._rest), mul(last, self.unit)), old.strict, resolution, old.rivals)
-
-    def _at(self, end: Expr, value: int, g: Expr) -> Expr:
-        known = self._number(value)
-        if known is not None:
-            return known
-        e = cast(Expr, substitute(g, {self.unit: end}))
-        short = expanded(e, 4)
-        return e if short is None else short

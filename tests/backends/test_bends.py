@@ -153,6 +153,7 @@ def test_random_places_are_the_same_in_numpy_and_jax(kind: str) -> None:
     np.testing.assert_allclose(found, compile_numpy(whole)(given, count), rtol=1e-11, atol=1e-14)
 
 
+@pytest.mark.slow
 @needs_c
 @pytest.mark.usefixtures("x64")
 def test_no_zero_inside_makes_a_substitution_leave_something_out() -> None:
@@ -421,12 +422,14 @@ def test_only_what_is_needed_is_printed() -> None:
     assert "teg_bend(" not in tail
 
 
+@pytest.mark.slow
 @needs_c
 @pytest.mark.parametrize("counted", [False, True])
 def test_text_compiles_without_warnings(counted: bool, tmp_path: Path) -> None:
     text_compiles_without_warnings(tmp_path, STRICT, counted)
 
 
+@pytest.mark.slow
 @needs_c
 @pytest.mark.parametrize("counted", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_no_undefined_behaviour(counted: bool, tmp_path: Path) -> None:

@@ -61,6 +61,7 @@ def test_a_copy_has_its_options_and_results(options: dict[str, Any]) -> None:
     assert same(g.hessian(t=0.5, a=0.1), f.hessian(t=0.5, a=0.1))
 
 
+@pytest.mark.slow
 def test_in_other_processes() -> None:
     """A pool of fresh processes is sent the evaluator."""
     f = teg.compile(DISK, backend="c")
@@ -73,6 +74,7 @@ def test_in_other_processes() -> None:
         assert same(gradient["t"], wanted[1]["t"][i::4])
 
 
+@pytest.mark.slow
 def test_a_copy_in_another_process_is_not_compiled_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It comes from the cache: there is no compiler any more that could run."""
     monkeypatch.setenv("TEG_CACHE_DIR", str(tmp_path / "cache"))
@@ -91,6 +93,7 @@ def test_a_copy_in_another_process_is_not_compiled_again(tmp_path: Path, monkeyp
     assert float(done.stdout) == f.grad(t=0.5, a=0.5)["t"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="fork")
 @pytest.mark.parametrize("threads", [1, 2])
 def test_after_a_fork(threads: int) -> None:
@@ -121,6 +124,7 @@ SCENES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_any_number_of_threads_gives_the_same_bits(name: str) -> None:
     make, options = SCENES[name]

@@ -24,6 +24,7 @@ BEGIN = """
 import os, signal, sys, threading, time
 import numpy as np, teg
 threads = int(sys.argv[1])
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have started the tests with Ctrl-C ignored
 x, y, z, v = teg.vars("x y z v")
 t, a = teg.params("t a")
 disk = teg.bracket(x*x + y*y < t) * teg.exp(a*x*y)

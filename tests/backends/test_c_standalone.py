@@ -81,6 +81,7 @@ def source(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [0, 1, 2])
 @pytest.mark.parametrize("which", ["affine", "both"])
 def test_what_the_command_line_writes(source: Path, which: str, order: int, capsys: pytest.CaptureFixture[str]) -> None:
@@ -117,6 +118,7 @@ def test_single_precision(source: Path) -> None:
         np.testing.assert_allclose(found[:, k], wanted, rtol=2e-6, atol=2e-6)
 
 
+@pytest.mark.slow
 def test_threads_and_optimisation_change_nothing(source: Path) -> None:
     assert main(["compile", f"{source}:disk", "-o", str(source.with_name("disk.c"))]) == 0
     plain = run_main(source.parent, "disk")

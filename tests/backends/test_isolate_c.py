@@ -211,10 +211,12 @@ def test_names_of_routines_are_taken(name: str) -> None:
         standalone_c(program(0, (), 1.0), name)
 
 
+@pytest.mark.slow
 def test_text_compiles_without_warnings(tmp_path: Path) -> None:
     text_compiles_without_warnings(tmp_path, (*ROOTS, *SUMS))
 
 
+@pytest.mark.slow
 def test_no_undefined_behaviour(tmp_path: Path) -> None:
     """Every case, at the widest level and beyond it."""
     behaviour_is_defined(tmp_path, (*ROOTS, *SUMS))

@@ -203,10 +203,12 @@ def test_names_of_routines_are_taken() -> None:
         standalone_c(program(0, (), 1.0), "places_1")
 
 
+@pytest.mark.slow
 def test_text_compiles_without_warnings(tmp_path: Path) -> None:
     text_compiles_without_warnings(tmp_path, LOCATE_CASES)
 
 
+@pytest.mark.slow
 def test_no_undefined_behaviour(tmp_path: Path) -> None:
     """Every case, at the fullest level and beyond it."""
     behaviour_is_defined(tmp_path, LOCATE_CASES)

@@ -140,6 +140,7 @@ def long_value(statements: int, integrals: int, p0: float, p1: float) -> tuple[f
     return math.fsum(sums) + values[-1], values[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("statements", "integrals"), [(3, 2), (300, 200), (40_000, 10_000)])
 def test_long_programs(statements: int, integrals: int) -> None:
     kernel = compile_numpy(long_program(statements, integrals))

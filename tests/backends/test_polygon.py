@@ -61,6 +61,7 @@ def test_values_and_gradients_are_those_of_pieces(n: int, degree: int, backend: 
     same(gradient, slopes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_hessians_are_those_of_pieces(backend: str) -> None:
     e, wrt = n_gon(3, COLOUR[1]())
@@ -171,6 +172,7 @@ def test_estimates_hold() -> None:
         assert (error <= 1e-10).all()
 
 
+@pytest.mark.slow
 def test_counts_are_those_of_both_backends() -> None:
     for degree in range(4):
         e, wrt = n_gon(5, COLOUR[degree]())

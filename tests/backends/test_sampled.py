@@ -258,6 +258,7 @@ def test_backends_agree(e: teg.Expr, names: tuple[str, ...], orders: int, rule: 
     assert found[0] == pytest.approx(exact, rel=0.05, abs=0.02)
 
 
+@pytest.mark.slow
 def test_the_sum_of_many_seeds_is_the_integral() -> None:
     """Value, gradient and Hessian are unbiased: their means over 36 seeds are as near as those say."""
     exact = run(scheduled(CLIPPED, "auto", "t", "a", orders=2), 0.7, 0.8)[:, 0]

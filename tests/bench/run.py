@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import teg
 from teg.backends.c_standalone import standalone_c
 from tests.backends import isolate_programs, locate_programs, programs
+from tests.bench.functions import call_time_rows, swap_rows
 from tests.bench.rows import (
     Row,
     compile_row,
@@ -147,6 +148,8 @@ def main() -> None:
         "picture": image_rows,
         "bilinear pixel": bilinear_rows,
         "calls": call_rows,
+        "functions": swap_rows,
+        "calls of functions": call_time_rows,
         "evaluate": evaluated,
         "curved": curved,
         "kinks": lambda: [kink_row(n, *distances(n)) for n in (8, 20)],

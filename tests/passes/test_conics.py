@@ -180,6 +180,7 @@ NOT_DIFFERENTIABLE = {
 QUICK = ("an ellipse born in the square", "a saddle", "along a side")
 
 
+@pytest.mark.slow
 @AS_IT_IS
 @pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in NOT_DIFFERENTIABLE])
 def test_conics_without_a_gradient(name: str) -> None:
@@ -218,6 +219,7 @@ def test_value_and_gradient(name: str) -> None:
     assert [gradient[k] for k in NAMES] == pytest.approx([float(e) for e in exact], rel=1e-11, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(n, marks=() if n == "rotated" else pytest.mark.slow) for n in TYPES])
 def test_second_derivatives(name: str) -> None:
     """Against differences of the slices' gradients, of sixth order."""

@@ -148,6 +148,7 @@ def test_everything_is_linear(family: Callable[[int], teg.Expr], sizes: tuple[in
     assert slopes["work"] <= 1.3, (slopes, counts)
 
 
+@pytest.mark.slow
 def test_a_thousand_heavisides_are_right() -> None:
     n = 1000
     f = teg.compile(heavisides(n))
@@ -159,12 +160,14 @@ def test_a_thousand_heavisides_are_right() -> None:
     assert set(gradient.values()) == {1.0}
 
 
+@pytest.mark.slow
 def test_a_product_of_half_planes_is_at_most_quadratic() -> None:
     """Each of n edges is clipped by n - 1 others, each with a condition of its own for ties."""
     counts = {n: nodes(half_planes(n)) for n in (6, 24)}
     assert slope(counts) <= 2.1
 
 
+@pytest.mark.slow
 def test_the_code_of_a_product_of_half_planes_is_linear() -> None:
     """The edges share one routine, which a table of n entries tells where the coefficients of its own line and of the others are."""
     lines, lengths = {}, {}

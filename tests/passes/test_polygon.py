@@ -11,7 +11,7 @@ from teg.integration import Integration
 from teg.passes.polygon import match_clipped, match_polygon, match_segment
 from teg.passes.sink import sink
 from teg.pipeline import normal_form
-from teg.program import Assign, Integrate, Polygon, Segment, size, statements
+from teg.program import Assign, Integrate, Polygon, Segment, When, blocks, size, statements
 from teg.quadrature import triangle_rule
 from tests.bench.scenes import half_planes, triangle_pixel
 
@@ -85,7 +85,7 @@ def test_a_triangle_is_one_polygon_and_its_gradient_three_segments_more() -> Non
         e, wrt = triangle_pixel(order)
         f = teg.compile(e, wrt, backend="numpy")
         kinds = [type(s) for s in statements(f.program(1).body) if not isinstance(s, Assign)]
-        assert kinds == [Polygon, Segment, Segment, Segment]
+        assert kinds == [When, Polygon, When, Segment, Segment, Segment]
         (polygon, *segments) = [s for s in statements(f.program(1).body) if isinstance(s, Polygon | Segment)]
         assert isinstance(polygon, Polygon)
         assert polygon.degree == 2 * order
@@ -105,8 +105,11 @@ def test_what_one_polygon_uses_is_computed_inside() -> None:
     e, wrt = triangle_pixel(1)
     program = teg.compile(e, wrt, backend="numpy").program(1)
     assert sink(program) == program
-    outside = {s.name for s in program.body if isinstance(s, Assign)}
-    for s in program.body:
+    clipped = [s for s in statements(program.body) if isinstance(s, Polygon | Segment)]
+    within = {id(inner) for s in clipped for block in blocks(s) for inner in statements(block)}
+    outside = {s.name for s in statements(program.body) if isinstance(s, Assign) and id(s) not in within}
+    assert len(clipped) == 4
+    for s in clipped:
         if isinstance(s, Polygon | Segment):
             assert s.setup
             assert not outside & {inner.name for inner in s.setup if isinstance(inner, Assign)}

@@ -8,7 +8,7 @@ import teg
 from teg.integration import Integration
 from teg.passes.schedule import schedule
 from teg.pipeline import flatten, normal_form
-from teg.program import Assign, Integrate, Isolate, Locate, Polygon, Program, Sample, Segment, SumOver, clipped_by, size, statements
+from teg.program import Assign, Integrate, Isolate, Locate, Polygon, Program, Sample, Segment, SumOver, When, clipped_by, size, statements
 from tests.references import Reference, untagged
 
 x, y = teg.vars("x y")
@@ -92,6 +92,11 @@ def names_of(p: Program) -> None:
                     check(arg, inside)
                 seen.extend(s.results)
                 seen.append(s.var)
+                known |= set(s.results)
+            elif isinstance(s, When):
+                check(s.when, known)
+                inside = walk(s.body, known)
+                assert set(s.results) <= inside - known
                 known |= set(s.results)
             elif isinstance(s, Isolate):
                 for arg in (s.lo, s.hi, s.when):

@@ -326,6 +326,7 @@ def test_numpy(name: str) -> None:
     check(name, "numpy", 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HEAVY)
 def test_numpy_where_cells_are_many(name: str) -> None:
     check(name, "numpy", 1)
@@ -615,6 +616,7 @@ def test_a_product_of_many_floors() -> None:
         assert gradient[k] == pytest.approx(difference, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_many_floors_of_one_variable_in_one_summand() -> None:
     """Twenty floors in a square and in a condition: as many cells as there are crossings, not as there are combinations."""
     shifts = [i / 20 + 0.01 for i in range(20)]
@@ -648,6 +650,7 @@ def test_linear_places(e: teg.Expr, linear: list[bool]) -> None:
     assert list(linear_places(e, is_step).values()) == linear
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [1.3, -2.2, 9.7])
 def test_a_product_of_floors_whose_steps_parameters_decide(at: float) -> None:
     f = teg.compile(INT(teg.floor(x * t) * teg.floor(2 * x * t) * teg.floor(x * t + 0.5), (x, 0, 1)))
@@ -737,6 +740,7 @@ def slope(sizes: dict[int, int]) -> float:
     return math.log(s1 / s0) / math.log(n1 / n0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("program", "most"),
     [
@@ -757,6 +761,7 @@ def test_one_surface_a_step() -> None:
     assert len({atom.g for atom in atoms_of(body)}) == 9
 
 
+@pytest.mark.slow
 def test_deep_expressions() -> None:
     e: teg.Expr = teg.floor(2 * x + t)
     for _ in range(20_000):

@@ -161,6 +161,7 @@ def test_a_disk_in_polar_coordinates(backend: str, radius: float) -> None:
     same(e, teg.change_variables(e, polar()), {"t": radius}, backend, orders=2)
 
 
+@pytest.mark.slow
 def test_a_moving_centre() -> None:
     """The centre of the coordinates is a parameter: its derivative is what it is without the map."""
     m = teg.polar(x, y, r, p, centre=(a, b))
@@ -185,6 +186,7 @@ def test_an_angle_of_rotation(angle: float) -> None:
     same(e, changed, {"a": angle, "k": 0.7, "t": 0.5, "h": 0.9})
 
 
+@pytest.mark.slow
 def test_second_derivatives_under_rotation() -> None:
     m = maps.rotation(x, y, u, v, a) @ maps.scaling((u, v), (r, p), (2, b))
     e = teg.integral(teg.bracket(x + k * y < t) * teg.exp(x), (x, 0.2, 0.9), (y, -0.3, 1))

@@ -188,6 +188,24 @@ def test_products_with_vectors_over_a_batch(f: teg.Evaluator) -> None:
     np.testing.assert_allclose(f.hvp(at, {"a": 1.0})["t"], ts, rtol=1e-14)
 
 
+def test_the_product_of_the_hessian_forms_no_matrix(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of forty parameters: exact, a program of a size like the gradient's, and second derivatives are never asked for."""
+    ts = [teg.param(f"t{i}") for i in range(40)]
+    e = teg.integral(teg.bracket(sum(p * x**i for i, p in enumerate(ts)) > 0.5) * teg.exp(x), (x, 0, 1))
+    f = teg.compile(e, ts)
+    at = {p.name: 0.1 + 0.01 * i for i, p in enumerate(ts)}
+    direction = {p.name: (-1.0) ** i for i, p in enumerate(ts)}
+    monkeypatch.setattr(teg.Evaluator, "hessian", lambda *_: pytest.fail("the matrix was formed"))
+    product = f.hvp(at, direction)
+    h = 1e-4
+    slopes = [f.grad({k: v + s * h * direction[k] for k, v in at.items()}) for s in (-2, -1, 1, 2)]
+    for k, found in product.items():
+        difference = (slopes[0][k] - 8 * slopes[1][k] + 8 * slopes[2][k] - slopes[3][k]) / (12 * h)
+        assert found == pytest.approx(difference, rel=1e-6, abs=1e-7)
+    some = f.hvp({**at, "t3": np.array([0.1, 0.2])}, {"t0": 1.0})
+    assert some["t39"].shape == (2,)
+
+
 def test_tuples() -> None:
     e = teg.tuple(AREA, (AREA**2, t), 3)
     f = teg.compile(e, [t, a])

@@ -50,8 +50,9 @@ FLOORS: tuple[frozenset[str], ...] = tuple(
 
 PASSES_THAT_USE_ANOTHER = {
     "adjoint": {"jumps", "differentiate"},
-    "affine": {"demand", "vertices"},
+    "affine": {"barycentric", "demand", "vertices"},
     "at_roots": {"emit"},
+    "barycentric": {"vertices"},
     "atoms": {"jumps"},
     "differentiate": {"jumps", "sift"},
     "emit": {"breaks"},
@@ -59,7 +60,7 @@ PASSES_THAT_USE_ANOTHER = {
     "reparameterize": {"affine", "bilinear", "sift", "univariate", "charts", "implicit", "user"},  # the list of families
     "sampled": {"at_roots", "emit"},
     "emptiness": {"demand"},
-    "clipped": {"emit", "polygon", "sampled"},
+    "clipped": {"barycentric", "demand", "emit", "polygon", "sampled", "vertices"},
     "schedule": {"at_roots", "breaks", "clipped", "demand", "emit", "emptiness", "sampled"},
     "steps": {"jumps"},
 }

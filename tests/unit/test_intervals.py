@@ -117,6 +117,7 @@ def test_an_integral_over_the_variable_is_refused() -> None:
         enclose(teg.integral(X * y, (y, 0, 1)), {X: (LEFT, RIGHT)})
 
 
+@pytest.mark.slow
 def test_a_deep_expression_is_enclosed_in_linear_time() -> None:
     e: Expr = X
     for i in range(20_000):

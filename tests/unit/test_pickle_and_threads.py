@@ -35,6 +35,7 @@ def chain(depth: int, name: str = "x") -> teg.Expr:
     return e
 
 
+@pytest.mark.slow
 def test_a_chain_of_100_000_nodes() -> None:
     e = chain(DEPTH)
     assert teg.size(e) == DEPTH + 2  # each level, the variable, the number ½
@@ -46,6 +47,7 @@ def test_a_chain_of_100_000_nodes() -> None:
     assert isinstance(digest(e), int)
 
 
+@pytest.mark.slow
 def test_a_deep_sum_evaluates_and_differentiates() -> None:
     t = teg.param("t")
     e: teg.Expr = t

@@ -607,6 +607,7 @@ def test_two_thousand_squares() -> None:
         to_sympy(e, evaluate=True)
 
 
+@pytest.mark.slow
 def test_depth() -> None:
     e: teg.Expr = t
     for _ in range(30_000):
