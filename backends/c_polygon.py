@@ -1,6 +1,6 @@
 """Clipped polygons and segments in C: the domain is clipped first, then `body` is run at several nodes side by side.
 
-    polygon        classify, clip (teg_polygon), setup, nodes of a fan (arrays), for every LANES of them: body, sums; then totals
+    polygon        classify, clip (teg_polygon, teg_triangle), setup, nodes of a fan (arrays), for every LANES of them: body, sums; totals
     segment        setup, cut by each half-line (teg_cut), near ties looked at, Gauss-Legendre nodes side by side, totals
 
 Lanes are GCC's and clang's vectors of doubles; elsewhere a lane is a double and the loops take one node at a time. A body with other

@@ -185,7 +185,8 @@ class Printer:
         inside = [*frame.opening(), *frame.block(0)]
         if told is not None:
             inside.append(f"return {frame.scope()(told)};")
-        return self._routine(kind, frame, f"static {'void' if told is None else 'int'} {frame.signature('f')}", inside)
+        storage = "TEG_INLINE" if kind == "run" and self.inlined and not frame.indirect else "static"
+        return self._routine(kind, frame, f"{storage} {'void' if told is None else 'int'} {frame.signature('f')}", inside)
 
     def _steps(self, block: Sequence[Stmt]) -> Iterator[Step]:
         together: dict[object, list[Assign]] = {}  # a function and its derivatives at the same inputs

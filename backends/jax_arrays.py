@@ -44,10 +44,11 @@ class ArrayFunction:
 
     def __call__(self, scalars: Sequence[Any], arrays: Sequence[Any], indices: Sequence[Any] = ()) -> tuple[list[Any], Any]:
         """The outputs, and the note. A scalar is a number, an integer parameter an `int`; an array has its shape. `indices` are the
-        entries of the index arrays, NumPy arrays in their order, where the lengths of loops depend on them."""
+        entries of the index arrays, NumPy arrays in their order, where the lengths of loops depend on them, else None."""
         shapes = [v.shape for v in arrays]
         counted = {k: v for k, v in enumerate(scalars) if isinstance(v, int)}
-        entries = dict(zip([k for k, a in enumerate(self.program.arrays) if a.integers], indices, strict=False))
+        numbers = [k for k, a in enumerate(self.program.arrays) if a.integers]
+        entries = {k: v for k, v in zip(numbers, indices, strict=False) if v is not None}
         lengths = Extents(self.program, self._blocks, shapes, counted, entries).lengths
         run = _Trace(self, arrays, lengths)
         lanes = _Lanes({f"p{k}": v for k, v in enumerate(scalars)}, 1, None)
@@ -148,6 +149,7 @@ class _Trace:
             ends = None
             if not (isinstance(lo, int) and isinstance(hi, int) and lanes.live is None):
                 length = jnp.broadcast_to(jnp.asarray(hi - lo, jnp.int64), (lanes.size,))
+                length = jnp.maximum(length, 0)
                 ends = jnp.cumsum(length if lanes.live is None else jnp.where(lanes.live, length, 0))
 
             def part(start: Any, size: int, known: int | None, targets: dict[int, Any], note: Any) -> tuple[Any, dict[int, Any], Any]:
@@ -244,12 +246,12 @@ class Extents:
         block = self.blocks[id(step)]
         inner = any(isinstance(s, Loop) for s in step.body)
         if not self.varying:
-            total = size * int(hi - lo)
+            total = size * max(int(hi - lo), 0)
             self.lengths[id(step)] = total
             if total and inner:
                 self._visit(step.body, dict(values), min(total, block))
             return
-        ends = np.cumsum(np.broadcast_to(np.asarray(hi - lo), (size,)))
+        ends = np.cumsum(np.broadcast_to(np.maximum(np.asarray(hi) - np.asarray(lo), 0), (size,)))
         total = int(ends[-1]) if size else 0
         self.lengths[id(step)] = max(self.lengths[id(step)], total)
         for start in range(0, total, block) if inner else ():

@@ -298,7 +298,7 @@ static inline int teg_meets(int n, const teg_half_plane *g, double width, double
 }
 
 /* That box cut by half-planes with these least values: the number of its corners, 0 if nothing is left. */
-static inline int teg_box(
+static inline int teg_clipped_box(
     int n, const teg_half_plane *g, double width, double height, const double *least, double *px, double *py)
 {
     int corners = 4;
@@ -315,7 +315,7 @@ static inline int teg_polygon(int n, const teg_half_plane *g, double width, doub
 {
     double least[TEG_HALF_PLANES];
     const int meets = teg_meets(n, g, width, height, least);
-    return meets > 0 ? teg_box(n, g, width, height, least, px, py) : meets;
+    return meets > 0 ? teg_clipped_box(n, g, width, height, least, px, py) : meets;
 }
 
 /* As teg_clip, a polygon whose vertices carry two numbers more; the new ones are exactly on a side of the box. */
@@ -380,7 +380,7 @@ static inline int teg_triangle(
         if (change > swing) swing = change;
     }
     *thin = across < TEG_THIN * swing;
-    return *thin ? teg_thin(n, g, width, height, at, p) : teg_box(n, g, width, height, least, p[0], p[1]);
+    return *thin ? teg_thin(n, g, width, height, at, p) : teg_clipped_box(n, g, width, height, least, p[0], p[1]);
 }
 
 /* Up to seven nodes without a weight, so that nodes can be taken by eights. */

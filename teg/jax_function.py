@@ -5,13 +5,10 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any, cast
 
-from teg import expr as ex
-from teg.array_pipeline import gradient, on_cells, outlined, parameters_and_arrays, tangent
+from teg.array_pipeline import outlined, parameters_and_arrays
 from teg.array_program import ArrayProgram
-from teg.array_schedule import Output, output_of, schedule_arrays
 from teg.arrays import Array, arrays_of, integer_parameters, integers_of
 from teg.bodies import write_all_out
 from teg.build import check_program
@@ -21,12 +18,10 @@ from teg.expr import Expr, Param, Tuple, as_number
 from teg.index import ArrayName, IndexArray, Length, index_const, index_leaves
 from teg.integration import Integration
 from teg.isolation import MAX_ROOTS
+from teg.jax_programs import DerivativePrograms
 from teg.node import postorder
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
-from teg.passes.atoms import canonicalise
 from teg.passes.sums import NeedsLengths
-from teg.pipeline import ESTIMATORS, cell_program, compiled_outputs, flatten, jvp, normal_form, program_for
-from teg.program import Program
 from teg.traverse import parameters
 
 Parameter = Param | Array
@@ -111,10 +106,10 @@ class JaxFunction:
             hint = "integer parameters and arrays of indices: " + (", ".join(sorted(static)) or "there are none")
             raise ParameterError(f"indices= names {unknown[0]!r}, which is none", None, hint)
         self._families: dict[object, Any] = {}
-        self._plan: _Plan | None = None
+        self._plan: DerivativePrograms | None = None
         self._lock = threading.RLock()
         try:
-            self._plan = _Plan(self, outlined(self._program))
+            self._plan = self._made(outlined(self._program))
         except NeedsLengths:
             return  # a plan for the shapes of each call
         self._plan.program(-1)  # what cannot be scheduled is told now
@@ -239,19 +234,22 @@ class JaxFunction:
                     del self._families[next(iter(self._families))]
             return self._families[key]
 
-    def _specialised(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> _Plan:
+    def _specialised(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> DerivativePrograms:
         """A plan for the lengths of arrays."""
         key = tuple(sorted((a.name, s) for a, s in shapes.items()))
         with self._lock:
             if key not in self._families:
                 nodes = [n for node in postorder([self._program]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)]
                 numbers = {n: index_const(shapes[n.array][n.axis]) for n in nodes}
-                self._families[key] = _Plan(self, outlined(replace_integers(self._program, numbers)))  # type: ignore[arg-type]
-            return cast(_Plan, self._families[key])
+                self._families[key] = self._made(outlined(replace_integers(self._program, numbers)))  # type: ignore[arg-type]
+            return cast(DerivativePrograms, self._families[key])
+
+    def _made(self, e: Expr) -> DerivativePrograms:
+        return DerivativePrograms(e, self._options, self.wrt, self._leaves, self._integers)
 
     def _check(
         self,
-        plan: _Plan,
+        plan: DerivativePrograms,
         integers: Sequence[int],
         arrays: Sequence[ArrayName],
         shapes: Sequence[tuple[int, ...]],
@@ -269,105 +267,6 @@ class JaxFunction:
         real = [np.broadcast_to(np.float64(0.0), s) for s in shapes[: len(shapes) - len(known)]]
         for values in _elements(known, arrays[len(real) :]):
             check_ranges(program, whole, [*real, *values], shapes)
-
-
-class _Plan:
-    """A program, and the programs of its derivatives, scheduled when they are needed."""
-
-    def __init__(self, function: JaxFunction, e: Expr) -> None:
-        self.e = e
-        self.options = function._options
-        self.wrt, self.leaves, self.integers = function.wrt, function._leaves, function._integers
-        self._programs: dict[tuple[int, int | None], Program | ArrayProgram] = {}
-        self._lock = threading.RLock()
-        self._counting: frozenset[int] | None = None
-        self.entries = flatten(e)
-
-    @property
-    def counting(self) -> frozenset[int]:
-        """The numbers of the arrays that numbers of terms depend on."""
-        if self._counting is None:
-            program, found = self.program(-1), set()
-            if isinstance(program, ArrayProgram):
-                from teg.backends.jax_arrays import counting_arrays
-
-                found = counting_arrays(program)
-            self._counting = frozenset(found)
-        return self._counting
-
-    def family(self, integers: Sequence[int], indices: Sequence[Any]) -> Any:
-        from teg.backends.jax_function import Family
-
-        arrays = [isinstance(p, ArrayName) for p in self.leaves]
-
-        def made(entry: int | None, entries: Sequence[Any]) -> Any:
-            return Family(lambda order: self.program(order, entry), arrays, len(self.wrt), integers, indices, entries)
-
-        single = [] if len(self.entries) == 1 else [made(k, ()) for k in range(len(self.entries))]
-        return made(None, single)
-
-    def program(self, order: int, entry: int | None = None) -> Program | ArrayProgram:
-        """The program of values (-1), values and gradients (0), or the derivative along directions, as `jax_function.Family` has them."""
-        with self._lock:
-            if (order, entry) not in self._programs:
-                entries = self.entries if entry is None else [self.entries[entry]]
-                arrays = any(isinstance(p, ArrayName) for p in self.leaves) or bool(self.integers)
-                self._programs[order, entry] = (self._of_arrays if arrays else self._of_numbers)(order, entries)
-            return self._programs[order, entry]
-
-    def _directions(self, order: int) -> list[dict[Parameter, Parameter]]:
-        names = {p.name for p in (*self.leaves, *self.integers)}
-        found: list[dict[Parameter, Parameter]] = []
-        for k in range(order):
-            mark = "∂" * (k + 1)
-            while any(f"{mark}{p.name}" in names for p in self.wrt):
-                mark += "′"
-            found.append({p: _renamed(p, f"{mark}{p.name}") for p in self.wrt})
-            names |= {q.name for q in found[-1].values()}
-        return found
-
-    def _without_deltas(self, e: Expr) -> Expr:
-        """A tangent as it is differentiated again: where discontinuities are ignored, without what they contribute."""
-        how = self.options.discontinuities
-        return e if how == "sift" else on_cells(e, ESTIMATORS[how])
-
-    def _of_numbers(self, order: int, entries: Sequence[Expr]) -> Program:
-        directions, wrt = self._directions(order), cast("tuple[Param, ...]", self.wrt)
-        how, maps = self.options.discontinuities, self.options.maps
-        names = [p.name for p in self.leaves] + [q.name for d in directions for q in d.values()]
-        source = entries[0] if len(entries) == 1 else ex.tuple_of(*entries)
-        for direction in directions:
-            source = self._without_deltas(jvp(source, cast("dict[Param, object]", direction), maps))
-        outputs = compiled_outputs(source, wrt, min(order + 1, 1), how, maps)
-        if order > 0:
-            outputs = outputs[1:]
-        return program_for([leaf for output in outputs for leaf in flatten(output)], names, self.options.integration)
-
-    def _of_arrays(self, order: int, entries: Sequence[Expr]) -> ArrayProgram:
-        directions = self._directions(order)
-        how, maps = self.options.discontinuities, self.options.maps
-        along = [q for d in directions for q in d.values()]
-        scalars = [p.name for p in (*self.leaves, *along) if isinstance(p, Param)] + [p.name for p in self.integers]
-        arrays = [p for p in (*self.leaves, *along) if isinstance(p, ArrayName)]
-
-        def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
-            return flatten(compiled_outputs(cell, wrt, 1, how, maps)[1])
-
-        outputs: list[Output] = []
-        if order <= 0:
-            outputs += [output_of(on_cells(leaf, partial(normal_form, maps=maps))) for leaf in entries]
-        for source in entries if order >= 0 else ():
-            for direction in directions:
-                source = self._without_deltas(tangent(source, dict(direction), lambda cell, changes: jvp(cell, changes, maps)))
-            for p, slope in zip(self.wrt, gradient(source, self.wrt, derive), strict=True):
-                if slope.has_delta:  # a tangent is also a value, as a factor of another derivative
-                    slope = on_cells(slope, partial(normal_form, maps=maps))
-                outputs.append((p, slope) if isinstance(p, Array) else slope)
-        return schedule_arrays(outputs, scalars, arrays, self._flat)
-
-    def _flat(self, cells: Sequence[Expr], names: Sequence[str]) -> Program:
-        together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that they share loops
-        return cell_program(list(together.children), names, self.options.integration)
 
 
 def _import_jax(dtype: str | None) -> None:
@@ -394,10 +293,6 @@ def _name(key: object) -> str:
 
 def _dimensions(p: Param | ArrayName) -> int:
     return p.dimensions if isinstance(p, ArrayName) else 0
-
-
-def _renamed(p: Parameter, name: str) -> Parameter:
-    return Array.make((name, p.dimensions), ()) if isinstance(p, Array) else Param.make(name, ())
 
 
 def _whole(name: str, value: Any) -> int:

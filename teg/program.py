@@ -175,7 +175,7 @@ Semantics of `Segment`: t is in (0, 1). A half-line is g(t) > 0 with g affine, g
         each t
 
 Semantics of `When`: if `when` is false every result is 0 and nothing of `body` is run. Else `body` is run, which gives the results their
-values. Nothing else in it is known outside.
+values. Nothing else in it is known outside. It stands in the outermost block or in another `When`.
 
 A polygon's `met` names a boolean that is false only where a half-plane fails; it is there for the pass that makes branches, and in no
 program that is printed.
@@ -570,7 +570,7 @@ def without_branches(program: Program) -> Program:
 
 
 def _written_out(block: tuple[Stmt, ...], numbers: Iterator[int]) -> tuple[Stmt, ...]:
-    """Recursion is as deep as statements are in each other."""
+    """Recursion is as deep as branches are in each other; there are none in loops."""
     result: list[Stmt] = []
     for stmt in block:
         match stmt:
@@ -579,8 +579,6 @@ def _written_out(block: tuple[Stmt, ...], numbers: Iterator[int]) -> tuple[Stmt,
                     other = {name: f"v{next(numbers)}" for name in assigned(inner) if name in stmt.results}
                     result.append(_giving(inner, other))
                     result += [Assign(name, "select", (stmt.when, value, 0.0)) for name, value in other.items()]
-            case Integrate() | SumOver() | Sample():
-                result.append(replace(stmt, body=_written_out(stmt.body, numbers)))
             case _:
                 result.append(stmt)
     return tuple(result)

@@ -9,6 +9,9 @@ their own ranges, vᵢ = lᵢ + sᵢ·(hᵢ - lᵢ) with sᵢ in (0, 1):
 
 All pivots share this one integral: the selection is made among the numbers that the map is made of, not among integrals. Exact also
 where a coefficient is 0 or 1e-12 and where the box is 1 × 1e-8; the selection depends on parameters only, so it has no flux.
+
+A side of a polygon whose vertices are known has a chart of its own, from vertex to vertex (`vertices.py`): there is no pivot to select, and
+other sides through its ends have nothing to cut.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ are then known to be 0, in every such case, are computed in a `When`, with what 
 the segments: where the box is covered no edge is met, and what they contribute to is 0.
 
 A product with a factor 0 counts as 0: over an empty domain c·∫∫f is ∫∫c·f, and that c is not a number (the slope of a degenerate triangle)
-does not matter. Each statement is moved once and none is copied. Time is linear in the size of the block times the number of half-planes.
+does not matter. Only the outermost block is looked at. Each statement is moved once and none is copied. A polygon takes time linear in the
+size of the block times the number of its half-planes; where that is much for all of them, no branches are made.
 """
 
 from __future__ import annotations
@@ -37,33 +38,21 @@ OPPOSITE = {"gt0": "le0", "le0": "gt0", "ge0": "lt0", "lt0": "ge0", "and": "or",
 IMPLIED = {"lt0": ("le0",), "gt0": ("ge0",)}
 FEW = 3
 """So few statements are not worth a branch."""
+MOST = 30_000
+"""Statements that are looked at, at most: half-planes of all polygons times statements of the block."""
 
 
 def group(program: Program) -> Program:
     """The program with what vanishes together behind branches, and without `met` in its polygons."""
     if not any(isinstance(s, Polygon) and s.met is not True for s in statements(program.body)):
         return program
-    numbers = count(1 + max((int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit()), default=0))
-    body = _grouped(program.body, program.outputs, numbers)
+    body, uses = program.body, _Uses()
+    flags = {s.met: _failures(body, s.met) for s in body if isinstance(s, Polygon) and isinstance(s.met, str)}
+    if any(isinstance(s, Segment) for s in body) and sum(map(len, flags.values())) * len(body) <= MOST:
+        numbers = count(1 + max((int(n[1:]) for s in statements(body) for n in assigned(s) if n[1:].isdigit()), default=0))
+        for flag, cases in flags.items():
+            body = _behind(body, (*program.outputs, *flags), flag, cases, numbers, uses)  # other flags are needed later
     return without_dead_code(replace(program, body=_without_hints(body)))
-
-
-def _grouped(block: tuple[Stmt, ...], outputs: Sequence[Arg], numbers: Iterator[int]) -> tuple[Stmt, ...]:
-    """A block whose values `outputs` are used after it. Recursion is as deep as loops are in each other."""
-    block = tuple(_inside(s, numbers) for s in block)
-    for flag in dict.fromkeys(s.met for s in block if isinstance(s, Polygon) and isinstance(s.met, str)):
-        block = _behind(block, outputs, flag, _failures(block, flag), numbers)
-    return block
-
-
-def _inside(stmt: Stmt, numbers: Iterator[int]) -> Stmt:
-    match stmt:
-        case Integrate():
-            return replace(stmt, body=_grouped(stmt.body, (*stmt.values, *stmt.watch), numbers))
-        case SumOver() | Sample():
-            return replace(stmt, body=_grouped(stmt.body, stmt.values, numbers))
-        case _:
-            return stmt
 
 
 def _failures(block: Sequence[Stmt], flag: str) -> list[dict[str, bool]]:
@@ -82,10 +71,10 @@ def _failures(block: Sequence[Stmt], flag: str) -> list[dict[str, bool]]:
 
 
 def _behind(
-    block: tuple[Stmt, ...], outputs: Sequence[Arg], flag: str, cases: Sequence[Mapping[str, bool]], numbers: Iterator[int]
+    block: tuple[Stmt, ...], outputs: Sequence[Arg], flag: str, cases: Sequence[Mapping[str, bool]], numbers: Iterator[int], names: _Uses
 ) -> tuple[Stmt, ...]:
     """The block with what is 0 in all cases, in which the flag is false, behind it."""
-    before, body, results, after = _divided(block, outputs, flag, cases)
+    before, body, results, after = _divided(block, outputs, flag, cases, names)
     if not any(isinstance(s, Segment) for s in body) or len(body) <= FEW:
         return block
     fails = _refusals(block, body, {name for case in cases for name in case})
@@ -94,7 +83,9 @@ def _behind(
         decided = Assign(none, "and", tuple(fails)), Assign(some, "not", (none,))
         last = max((i for i, s in enumerate(body) if not fails.keys().isdisjoint(assigned(s))), default=-1) + 1
         whole = (*before, *body[:last], *decided, *body[last:])
-        kept, moved, given, rest = _divided(whole, results, some, [{some: False, **dict.fromkeys(fails, True)}], len(before))
+        kept, moved, given, rest = _divided(
+            whole, (*outputs, *results), some, [{some: False, **dict.fromkeys(fails, True)}], names, len(before)
+        )
         if len(moved) > FEW:
             body = (*kept[len(before) :], When(some, moved, given), *rest)
     return (*before, When(flag, body, results), *after)
@@ -132,24 +123,29 @@ def _cost(name: str, inside: Mapping[str, Assign]) -> int:
 
 
 def _divided(
-    block: tuple[Stmt, ...], outputs: Sequence[Arg], flag: str, cases: Sequence[Mapping[str, bool]], first: int = 0
+    block: tuple[Stmt, ...], outputs: Sequence[Arg], flag: str, cases: Sequence[Mapping[str, bool]], names: _Uses, first: int = 0
 ) -> tuple[tuple[Stmt, ...], tuple[Stmt, ...], tuple[str, ...], tuple[Stmt, ...]]:
     """What comes before a branch, what goes into it, its results, and what comes after it. Statements before number `first` stay."""
     if not cases:
         return block, (), (), ()
     opposites = _opposites(block)
     vanishing = set.intersection(*(_zeros(block, case, opposites) for case in cases)) - _zeros(block, {}, opposites)
-    uses = [_names(s) for s in block]
+    uses = [names.of(s) for s in block]
+    decisive = {flag}
+    for stmt, used in zip(reversed(block), reversed(uses), strict=True):
+        if not decisive.isdisjoint(assigned(stmt)):
+            decisive |= used
+    vanishing -= decisive
     inside: set[int] = set()
     given: set[str] = set()  # by what goes into the branch
     late: set[str] = set()  # what depends on it, but does not go there
     for i, stmt in enumerate(block):
-        names = assigned(stmt)
-        if i >= first and names and vanishing.issuperset(names) and not uses[i] & late:
+        results = assigned(stmt)
+        if i >= first and results and vanishing.issuperset(results) and uses[i].isdisjoint(late):
             inside.add(i)
-            given.update(names)
-        elif uses[i] & (late | given):
-            late.update(names)
+            given.update(results)
+        elif not (uses[i].isdisjoint(late) and uses[i].isdisjoint(given)):
+            late.update(results)
     outside = {a for a in (*outputs, flag) if isinstance(a, str)}
     for i in range(len(block) - 1, -1, -1):
         stmt = block[i]
@@ -260,8 +256,21 @@ def _follow(stmt: Assign, truth: dict[str, bool], zeros: set[str], opposites: Ma
         zeros.add(stmt.name)
 
 
+class _Uses:
+    """The names that statements, and those inside them, mention; `met` is a hint for this pass only."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[Stmt, set[str]]] = {}  # by id, with the statement, which keeps it alive
+
+    def of(self, stmt: Stmt) -> set[str]:
+        if id(stmt) not in self._known:
+            self._known[id(stmt)] = stmt, _names(stmt)
+        return self._known[id(stmt)][1]
+
+
 def _names(stmt: Stmt) -> set[str]:
-    """Every name that a statement, and those inside it, mention; `met` is a hint for this pass only."""
+    if isinstance(stmt, Assign):
+        return {a for a in stmt.args if isinstance(a, str)}
     found: set[str] = set()
     for s in statements((stmt,)):
         inner = {id(b) for b in blocks(s)}

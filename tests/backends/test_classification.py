@@ -167,6 +167,34 @@ def test_a_factor_in_front_and_terms_beside() -> None:
         assert all(gradient[p.name] == 0.0 for p in wrt)
 
 
+def test_several_polygons_have_a_branch_each() -> None:
+    wedges = [teg.params(f"a{i} b{i} c{i}") for i in range(4)]
+    terms = [teg.integral(teg.bracket((x + a * y < b) & (x - y > c)) * (i + x), (x, 0, 1), (y, 0, 1)) for i, (a, b, c) in enumerate(wedges)]
+    e, wrt = sum(terms[1:], start=terms[0]) * terms[0], [p for wedge in wedges for p in wedge]
+    rng = np.random.default_rng(5)
+    at = {p.name: rng.uniform(-2, 2, 200) for p in wrt}
+    pieces = teg.compile(e, wrt, backend="c", rule="gauss", order=8)
+    expected, slopes = pieces.value_and_grad(at)
+    for backend in ("numpy", "c"):
+        f = teg.compile(e, wrt, backend=backend)
+        assert sum(isinstance(s, When) for s in f.program(1).body) == 4
+        value, gradient = f.value_and_grad(at)
+        np.testing.assert_allclose(value, expected, rtol=1e-12, atol=1e-13)
+        for p in wrt:
+            np.testing.assert_allclose(gradient[p.name], slopes[p.name], rtol=1e-10, atol=1e-11)
+
+
+def test_many_polygons_have_none() -> None:
+    """A branch saves one polygon's time, and takes the compiler some: of many it would be little for much."""
+    wedges = [teg.params(f"a{i} b{i} c{i}") for i in range(40)]
+    e = sum(
+        (teg.integral(teg.bracket((x + a * y < b) & (x - y > c)), (x, 0, 1), (y, 0, 1)) for a, b, c in wedges), start=0 * teg.param("a0")
+    )
+    program = teg.compile(e, [p for wedge in wedges for p in wedge], backend="numpy").program(1)
+    assert not any(isinstance(s, When) for s in statements(program.body))
+    assert all(s.met is True for s in statements(program.body) if isinstance(s, Polygon))
+
+
 def scene(rng: np.random.Generator) -> dict[str, Any]:
     """A few triangles in a picture of 12 by 10, among them one whose box is larger than it has to be and one with an empty box."""
     vertices = np.array([[1.0, 1.0], [9.0, 2.0], [4.0, 8.0], [2.0, 9.0], [10.0, 9.5], [6.0, 6.0]])

@@ -111,6 +111,12 @@ CALLS: dict[str, tuple[Any, dict[str, Any], str]] = {
     "a negative length": (teg.sum(W[k], (k, 0, n)), {"W": np.ones(4), "n": -2}, "negative length: from 0 to -2"),
     "a length that is NaN": (teg.sum(W[k], (k, 0, n)), {"W": np.ones(4), "n": np.nan}, "'n' is used as an integer"),
     "in an index array": (teg.sum(W[F[k, 1]], (k, 0, 2)), {"W": np.ones(4), "F": np.zeros((2, 1), int)}, "axis 1 of 'F'"),
+    "in the second element of a batch": (TOTAL, {**GIVEN, "F": np.array([[[0], [1]], [[1], [99]]])}, "index 99 is out of range"),
+    "in the last element, with padding that is not read": (
+        teg.sum(W[F[k, 0]], (k, 0, n)),
+        {"W": np.ones(2), "F": np.array([[[0], [-1]], [[1], [5]]]), "n": np.array([1, 2])},
+        "index 5 is out of range",
+    ),
     "batches that do not fit": (TOTAL, {"V": np.ones((4, 3, 2)), "F": np.zeros((5, 1, 1), int)}, "do not broadcast"),
 }
 

@@ -35,7 +35,7 @@ FLOORS: tuple[frozenset[str], ...] = tuple(
         "teg.inventory",
         "teg.array_explain",
         "teg.diagnose teg.explain teg.options teg.arguments",
-        "teg.array_reports teg.array_diagnose teg.array_coverage",
+        "teg.array_reports teg.array_diagnose teg.array_coverage teg.jax_programs",
         "teg.array_compiled",
         "teg.array_arguments",
         "teg.array_evaluator",
