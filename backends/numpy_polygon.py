@@ -4,8 +4,8 @@
     v3, = segment_1(run, (v0,), (v0,), (v0,))                               values for setup, for scales, for body
 
 A lane is clipped if no half-plane fails on its box, `setup` runs on those lanes only. The corners are rows of an array, of which each lane
-has its own number; the triangles of all fans are pieces, and `body` runs at the nodes of each, shape (nodes, pieces). Thin triangles start from
-their own vertices, whose barycentric coordinates are carried along.
+has its own number; the triangles of all fans are pieces, and `body` runs at the nodes of each, shape (nodes, pieces). Thin triangles
+start from their own vertices, whose barycentric coordinates are carried along.
 """
 
 from __future__ import annotations
