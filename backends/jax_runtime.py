@@ -220,7 +220,8 @@ def _midpoint(
         return (sums + total, errors + 0.5 * error, found[-1, :tested], note | union(where(there, notes))), None
 
     nothing = jnp.zeros(pieces.values), jnp.zeros(tested), jnp.zeros(tested), jnp.int32(0)
-    sums, errors, _, note = lax.scan(stretch, nothing, jnp.arange(0, points, chunk))[0]
+    found = lax.scan(stretch, nothing, jnp.arange(0, points, chunk))[0]
+    sums, errors, note = found[0], found[1], found[3]
     return jnp.where(active, jnp.concatenate([sums, errors]) * ((q - p) / points), 0.0), note
 
 

@@ -126,7 +126,6 @@ def _slope_of(g: Expr, x: Var) -> Expr | None:
 
 
 class _Scheduler(ClippedEmitter):
-
     def __init__(self, parameters: Sequence[str], how: Integration) -> None:
         super().__init__(parameters, how)
         self.parameters = tuple(parameters)
