@@ -87,7 +87,7 @@ def test_jax(reference: Reference, x64: None) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reference", [r for r in KNOWN if "slow" not in r.tags and r.id not in HEAVY][::3], ids=name)
+@pytest.mark.parametrize("reference", [r for r in KNOWN if "slow" not in r.tags and r.id not in HEAVY][::6], ids=name)
 def test_jax_hessian(reference: Reference, x64: None) -> None:
     check(reference, compiled(reference, "jax"), hessian="1d-affine" in reference.tags)
 

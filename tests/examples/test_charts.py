@@ -165,11 +165,11 @@ def test_an_integrand_stops_at_its_deadline() -> None:
 # -- verdicts ----------------------------------------------------------------------------------------------------------
 
 
-QUICK = [c for c in CASES if c.name != "a figure of eight at its crossing"]
+JUDGED = [c for c in CASES if c.name != "a figure of eight at its crossing"]
 """Its gradient diverges logarithmically, and to find that takes NumPy two minutes: `make chart` judges it."""
 
 
-@pytest.mark.parametrize("c", QUICK, ids=ids(QUICK))
+@pytest.mark.parametrize("c", JUDGED, ids=ids(JUDGED))
 def test_ours_is_never_wrong_and_never_crashes(c: Case) -> None:
     answers = verdicts.judge(c, STABILITY[c.name], "ours", "numpy")
     assert set(answers) == {"value", "gradient"}
