@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import pytest
 
-QUICK_IN_JAX = ("test_jax_backend.py", "test_jax_function.py", "test_floors.py")
+QUICK_IN_JAX = ("test_jax_backend.py", "test_floors.py")
 """Where JAX is tested in the quick run too: XLA takes half a second to some seconds for each program."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is compiled by XLA is slow, but for the tests of JAX's own files."""
+    """What is compiled by XLA is slow, but for the tests of the backend itself."""
     for item in items:
         if "jax" in item.nodeid.lower() and not any(name in item.nodeid for name in QUICK_IN_JAX):
             item.add_marker(pytest.mark.slow)

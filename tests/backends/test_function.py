@@ -44,6 +44,7 @@ def loss(shade: Function) -> Expr:
     return teg.integral(teg.bracket(x + a * y < t) * (shade(x, y * t) - 0.3) ** 2, (x, 0, 1), (y, 0, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("backend", "shader"),
     [

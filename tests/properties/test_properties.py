@@ -64,6 +64,7 @@ def test_gradient_in_one_variable(scene: Scene) -> None:
     assert report, str(report)
 
 
+@pytest.mark.slow
 @given(scenes(2))
 @examples(12)
 def test_gradient_in_two_variables(scene: Scene) -> None:
@@ -111,6 +112,7 @@ def test_c_agrees_with_numpy_in_one_variable(scene: Scene) -> None:
     agree(scene, "c")
 
 
+@pytest.mark.slow
 @given(scenes(2))
 @examples(6)
 def test_c_agrees_with_numpy_in_two_variables(scene: Scene) -> None:
@@ -158,6 +160,7 @@ def test_translation(scene: Scene) -> None:
     same(scene.expression, teg.integral(shifted, (x, x0 + 3, x1 + 3)), scene)
 
 
+@pytest.mark.slow
 @given(scenes(2))
 @examples(8)
 def test_the_order_of_integration(scene: Scene) -> None:
