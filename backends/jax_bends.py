@@ -6,17 +6,15 @@ program's bends can ask for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
+from teg.backends.substitutions import COSH, CUBIC, END, EXP, LINE, POWER, SINE, SINH, SQUARE, TAIL, functions
 from teg.program import FAR, NEAR, POLE
 
 Scalar = Any
-LINE, CUBIC, SQUARE, SINE, COSH, SINH, EXP, POWER, TAIL = range(9)
-END = 1e-9
-"""A zero within this part of a piece's length of its end is at its end."""
 
 
 class Substitution(NamedTuple):
@@ -31,17 +29,7 @@ class Substitution(NamedTuple):
     step: Scalar
 
 
-_PLACES: dict[int, Callable[[Scalar], tuple[Scalar, Scalar]]] = {
-    LINE: lambda t: (t, jnp.ones_like(t)),
-    CUBIC: lambda t: (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t)),
-    SQUARE: lambda t: (t * t, 2.0 * t),
-    SINE: lambda t: (jnp.sin(t), jnp.cos(t)),
-    COSH: lambda t: (jnp.cosh(t), jnp.sinh(t)),
-    SINH: lambda t: (jnp.sinh(t), jnp.cosh(t)),
-    EXP: lambda t: (jnp.exp(t), jnp.exp(t)),
-    POWER: lambda t: (t * t * t * t * t * t, 6.0 * (t * t * t * t * t)),
-    TAIL: lambda t: (t / (1.0 - t), 1.0 / ((1.0 - t) * (1.0 - t))),
-}
+_PLACES = functions(jnp)
 
 
 def ways(kinds: Sequence[str], cubic: bool, infinite: bool) -> tuple[int, ...]:

@@ -9,32 +9,10 @@ import jax
 import jax.numpy as jnp
 
 from teg.backends.jax_bends import Substitution
-from teg.backends.jax_runtime import MISSED, Note, Pieces, Scalar, integrate, powi, rounding, union, where
+from teg.backends.jax_runtime import MISSED, Note, Pieces, Scalar, integrate, rounding, union, where
+from teg.backends.pole_weights import pole_weights
 from teg.program import EDGE, POLE, RESIDUE
-from teg.quadrature import gauss_legendre, null_rules, pole_table
-
-
-def weights(nodes: int, power: int, low: Scalar, high: Scalar) -> Any:
-    """The weights of Gauss nodes for polynomials over a power of a function that goes from low to high, (nodes,)."""
-    table, at = pole_table(nodes, power), gauss_legendre(nodes)[0]
-    z = (high - low) / (high + low)
-    square, near = z * z, jnp.abs(z) < table.border
-    moments: list[Any] = [2.0 / (j + 1) if j % 2 == 0 else 0.0 for j in range(nodes)]
-    for level in range(1, power + 1):
-        top: Any = 0.0
-        for c in reversed(table.series[level - 1]):
-            top = top * square + c
-        down: list[Any] = [-z * top if nodes % 2 == 0 else top]
-        for before in reversed(moments[:-1]):
-            down.insert(0, before - z * down[0])
-        k = level - 1
-        first = jnp.log(high / low) if k == 0 else (powi(0.5 * (high + low) / low, k) - powi(0.5 * (high + low) / high, k)) / k
-        up: list[Any] = [first / z]
-        for before in moments[:-1]:
-            up.append((before - up[-1]) / z)
-        moments = [jnp.where(near, d, u) for d, u in zip(down, up, strict=True)]
-    rows = [sum(c * m for c, m in zip(row, moments, strict=True)) for row in table.lagrange]
-    return jnp.stack([row * powi(1.0 + z * u, power) for row, u in zip(rows, at, strict=True)])
+from teg.quadrature import gauss_legendre, null_rules
 
 
 def rational(pieces: Pieces, nodes: int, power: int, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
@@ -49,7 +27,7 @@ def rational(pieces: Pieces, nodes: int, power: int, *integral: Any, when: Scala
         least = jnp.minimum(jnp.abs(low), jnp.abs(high))
         clear = counts & (low * high > 0.0) & (least > POLE * jnp.maximum(jnp.abs(p), jnp.abs(q)) * jnp.abs(c1))
         at, plain = map(jnp.float64, gauss_legendre(nodes))
-        w = jnp.where(clear, weights(nodes, power, low, high), plain)[:, None]
+        w = jnp.where(clear, pole_weights(jnp, nodes, power, low, high), plain)[:, None]
         half = 0.5 * (q - p)
         found, notes = jax.vmap(values)(0.5 * (p + q) + half * at)
         sums = half * jnp.sum(w * found, axis=0)

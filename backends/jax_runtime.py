@@ -15,7 +15,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.backends.jax_bends import POWER, Substitution, inside, place, substitution, ways
+from teg.backends.jax_bends import Substitution, inside, place, substitution, ways
+from teg.backends.substitutions import POWER
 from teg.program import (
     ABSOLUTE_FLOOR,
     DEEP,

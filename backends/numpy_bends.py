@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends.substitutions import COSH, CUBIC, END, EXP, LINE, POWER, SINE, SINH, SQUARE, TAIL, functions
 from teg.program import FAR, NEAR, POLE
 
 Array = npt.NDArray[Any]
-LINE, CUBIC, SQUARE, SINE, COSH, SINH, EXP, POWER, TAIL = range(9)
-END = 1e-9
-"""A zero within this part of a piece's length of its end is at its end."""
 
 
 @dataclass(slots=True)
@@ -51,17 +49,7 @@ class Substitution:
         return np.where(place < self.q, place, np.nextafter(self.q, self.p)), rate
 
 
-_PLACES = {
-    LINE: lambda t: (t, np.ones_like(t)),
-    CUBIC: lambda t: (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t)),
-    SQUARE: lambda t: (t * t, 2.0 * t),
-    SINE: lambda t: (np.sin(t), np.cos(t)),
-    COSH: lambda t: (np.cosh(t), np.sinh(t)),
-    SINH: lambda t: (np.sinh(t), np.cosh(t)),
-    EXP: lambda t: (np.exp(t), np.exp(t)),
-    POWER: lambda t: (t * t * t * t * t * t, 6.0 * (t * t * t * t * t)),
-    TAIL: lambda t: (t / (1.0 - t), 1.0 / ((1.0 - t) * (1.0 - t))),
-}
+_PLACES = functions(np)
 
 
 def inside(p: Array, q: Array, part: float, scale: Any) -> Array:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from teg.backends.numpy_bends import Substitution, substitution
-from teg.backends.numpy_runtime import Array, Integral, Run, Value, cut, parts, powi, rounding
+from teg.backends.numpy_runtime import Array, Integral, Run, Value, cut, parts, rounding
+from teg.backends.pole_weights import pole_weights
 from teg.program import EDGE, POLE, RESIDUE
-from teg.quadrature import gauss_legendre, null_rules, pole_table
+from teg.quadrature import gauss_legendre, null_rules
 
 
 @dataclass(slots=True)
@@ -24,31 +25,6 @@ class Poles(Substitution):
     counts: Array
     clear: Array
     loss: Array
-
-
-def weights(nodes: int, power: int, low: Array, high: Array) -> Array:
-    """The weights of Gauss nodes for polynomials over a power of a function that goes from low to high, (nodes, pieces)."""
-    table, at = pole_table(nodes, power), gauss_legendre(nodes)[0]
-    z = (high - low) / (high + low)
-    square, near = z * z, np.abs(z) < table.border
-    moments: list[Any] = [2.0 / (j + 1) if j % 2 == 0 else 0.0 for j in range(nodes)]
-    for level in range(1, power + 1):
-        top = np.zeros_like(z)
-        for c in reversed(table.series[level - 1]):
-            top = top * square + c
-        down: list[Any] = [-z * top if nodes % 2 == 0 else top]
-        for before in reversed(moments[:-1]):
-            down.insert(0, before - z * down[0])
-        k = level - 1
-        first = np.log(high / low) if k == 0 else (powi(0.5 * (high + low) / low, k) - powi(0.5 * (high + low) / high, k)) / k
-        up: list[Any] = [first / z]
-        for before in moments[:-1]:
-            up.append((before - up[-1]) / z)
-        moments = [np.where(near, d, u) for d, u in zip(down, up, strict=True)]
-    lagrange = np.array(table.lagrange)
-    return np.stack(
-        [sum(c * m for c, m in zip(row, moments, strict=True)) * powi(1.0 + z * u, power) for row, u in zip(lagrange, at, strict=True)]
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +52,7 @@ class RationalIntegral(Integral):
         highest = np.array(null_rules(self.nodes)[0])
         p, q = places.p, places.q
         middle, half = 0.5 * (p + q), 0.5 * (q - p)
-        w = np.where(places.clear, weights(self.nodes, self.power, places.low, places.high), plain[:, None])
+        w = np.where(places.clear, pole_weights(np, self.nodes, self.power, places.low, places.high), plain[:, None])
         met = places.counts & ~places.clear
         sums = np.empty((self.results, p.size))
         self._count(run, p.size * self.nodes)

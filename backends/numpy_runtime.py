@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy_bends import POWER, Substitution, inside, substitution
+from teg.backends.numpy_bends import Substitution, inside, substitution
+from teg.backends.substitutions import POWER
 from teg.program import (
     ABSOLUTE_FLOOR,
     DEEP,

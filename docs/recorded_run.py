@@ -13,7 +13,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from teg.backends import numpy_bends, numpy_poles, numpy_roots, numpy_runtime
+from teg.backends import numpy_bends, numpy_roots, numpy_runtime
+from teg.backends.pole_weights import pole_weights
 from teg.program import (
     ABSOLUTE_FLOOR,
     INSIDE,
@@ -292,7 +293,7 @@ def _rational_weights(stmt: Integrate, rule: Rational, names: Values, p: float, 
         return np.array(gauss_legendre(rule.nodes)[1])
     if not low * high > 0.0:
         raise NotImplementedError("a recorded run does not know a pole on a piece")
-    return numpy_poles.weights(rule.nodes, rule.power, np.array([low]), np.array([high]))[:, 0]
+    return pole_weights(np, rule.nodes, rule.power, np.array([low]), np.array([high]))[:, 0]
 
 
 def _check(part: object) -> None:

@@ -41,8 +41,8 @@ class Array(ArrayName):
         return Gather.make((self, self.subscripts(places)), ())
 
 
-class Gather(Expr):
-    """An entry of an array of parameters; data is (array, subscripts)."""
+class Entry(Expr):
+    """A place in an array of parameters; data is (array, subscripts)."""
 
     __slots__ = ()
 
@@ -55,18 +55,16 @@ class Gather(Expr):
         return cast("tuple[Index, ...]", self.data[1])
 
 
-class Unit(Expr):
-    """The array that is 1 at one place and 0 elsewhere; data is (array, subscripts)."""
+class Gather(Entry):
+    """The number that stands there."""
 
     __slots__ = ()
 
-    @property
-    def array(self) -> Array:
-        return cast(Array, self.data[0])
 
-    @property
-    def subscripts(self) -> tuple[Index, ...]:
-        return cast("tuple[Index, ...]", self.data[1])
+class Unit(Entry):
+    """The array that is 1 there and 0 elsewhere."""
+
+    __slots__ = ()
 
 
 class Sum(Expr):

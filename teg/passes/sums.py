@@ -25,7 +25,7 @@ MOST_TERMS = 20_000
 """A sum of more terms is not written out."""
 
 
-class NeedsLengths(Exception):  # noqa: N818: no error, a request
+class NeedsLengths(Exception):  # a request, no error
     """A sum must be written out whose bounds are known at run time only."""
 
     def __init__(self, node: Sum) -> None:
