@@ -10,6 +10,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT := out/triangulation
+PARALLEL := -n auto --dist worksteal
 
 .PHONY: demo test fast bench chart lint
 .DELETE_ON_ERROR:
@@ -19,10 +20,10 @@ demo: $(READY)
 	@echo "look at $(OUT)/before.png, $(OUT)/after.png and $(OUT)/loss.png"
 
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest $(PARALLEL)
 
 fast: $(READY)
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
 
 bench: $(READY)
 	$(BIN)/python tests/bench/run.py

@@ -203,7 +203,7 @@ def _nodes(block: tuple[Stmt, ...]) -> int:
             case Sample():
                 most = max(most, min(SAMPLES, replicated(stmt.kind, stmt.count)[1]) * _nodes(stmt.body))
             case Polygon():
-                triangles = (3 if stmt.corners else 2) + 2 * len(stmt.half_planes)
+                triangles = 2 + len(stmt.half_planes)
                 most = max(most, triangles * len(triangle_rule(stmt.degree)) * _nodes(stmt.body))
             case Segment():
                 most = max(most, stmt.nodes * _nodes(stmt.body))

@@ -1,7 +1,7 @@
 """Clipped polygons and segments with static shapes, which the printed JAX programs call as `polygons`.
 
-A polygon has as many places for corners as it can have, and triangles likewise; what is not there has no weight, and `body` is told the
-first corner instead of its nodes. `setup` and `scales` stand in the program before the call.
+A polygon gains one corner with each half-plane, whatever that cuts off: where fewer are left, some stand twice, and their triangles have no
+area. Nothing is moved by index, as a scatter takes long. `setup` and `scales` stand in the program before the call.
 """
 
 from __future__ import annotations
@@ -52,29 +52,24 @@ def polygon(
         fails |= known & (across <= 0.0)
         thin = across < THIN * swing
     there = when & ~fails & known
-    room = 4 + 2 * len(planes) + (1 if corners else 0)
     width, height = (jnp.where(there, x, 0.0) for x in (width, height))
-    places = jnp.zeros((4 if corners else 2, room)).at[0, jnp.array([1, 2])].set(width).at[1, jnp.array([2, 3])].set(height)
-    count = jnp.int32(4)
+    places = jnp.zeros((4 if corners else 2, 4)).at[0, jnp.array([1, 2])].set(width).at[1, jnp.array([2, 3])].set(height)
+    left = there
     for (a, b, c, _), low in zip(planes, least, strict=True):
-        places, count = _clipped(places, count, there & ~thin & (low < 0.0), a, b, c, zero)
+        places, left = _clipped(places, left, there & ~thin & (low < 0.0), a, b, c, zero)
     if corners:
-        places, count = _with_coordinates(places, count, there & thin, width, height, planes, corners, across, zero)
+        places, left = _with_coordinates(places, left, there & thin, width, height, planes, corners, across, zero)
     px, py = places[0], places[1]
     r, s, w = (jnp.array(column) for column in zip(*triangle_rule(degree), strict=True))
     ux, uy, vx, vy = px[1:-1] - px[0], py[1:-1] - py[0], px[2:] - px[0], py[2:] - py[0]
-    inside = there & (jnp.arange(room - 2) + 2 < count)
-    area = jnp.where(inside, 0.5 * ((ux * vy + zero) - (vx * uy + zero)), 0.0)
-    nodes = [
-        jnp.where(inside[:, None], p[0] + (r * (p[1:-1] - p[0])[:, None] + zero) + (s * (p[2:] - p[0])[:, None] + zero), p[0])
-        for p in places
-    ]
+    area = jnp.where(left, 0.5 * ((ux * vy + zero) - (vx * uy + zero)), 0.0)
+    nodes = [p[0] + (r * (p[1:-1] - p[0])[:, None] + zero) + (s * (p[2:] - p[0])[:, None] + zero) for p in places]
     found, note = jax.vmap(jax.vmap(lambda *at: _vector(body(*at))))(*nodes)
-    weights = jnp.where(inside[:, None], area[:, None] * w, 0.0)
+    weights = area[:, None] * w
     values = jnp.where((weights != 0.0)[..., None], weights[..., None] * found, 0.0)
     sums = jnp.sum(values, axis=(0, 1)) * jnp.stack([jnp.asarray(f, jnp.float64) for f in factors])
-    sums = jnp.where(there & (count > 2), sums, jnp.where(when & ~fails & ~known, jnp.nan, 0.0))
-    return tuple(sums[i] for i in range(len(factors))), union(where(inside, jnp.max(jnp.asarray(note), axis=1)))
+    sums = jnp.where(left, sums, jnp.where(when & ~fails & ~known, jnp.nan, 0.0))
+    return tuple(sums[i] for i in range(len(factors))), union(where(left & (area != 0.0), jnp.max(jnp.asarray(note), axis=1)))
 
 
 def _vector(found: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
@@ -82,29 +77,43 @@ def _vector(found: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
     return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(note, jnp.int32)
 
 
-def _clipped(places: Any, corners: Any, cuts: Scalar, a: Scalar, b: Scalar, c: Scalar, zero: Scalar, side: Any = None) -> tuple[Any, Any]:
-    """A polygon cut by a half-plane, if it `cuts`: what its corners have, (coordinates, room), the place first, and how many there are.
-    `side` is the number of a coordinate and what it is on the border."""
-    size = places.shape[1]
-    number = jnp.arange(size)
-    there = number < corners
+def _clipped(
+    places: Any, left: Scalar, cuts: Scalar, a: Scalar, b: Scalar, c: Scalar, zero: Scalar, side: tuple[int, Scalar] | None = None
+) -> tuple[Any, Any]:
+    """A convex polygon cut by a half-plane, if it `cuts`: what its corners have, (coordinates, n + 1) for (coordinates, n), their place
+    first, and whether anything is left. `side` is the number of a coordinate and what it is on the border.
+
+    The corners from the one behind `before` to the one in front of `after` are cut off, and two come instead, the second one at `place`.
+    Other corners that seem to be outside are on the border, but for rounding, and stay.
+    """
+    n = places.shape[1]
+    number = jnp.arange(n + 1)
     d = jnp.where(cuts, c + (a * places[0] + zero) + (b * places[1] + zero), 1.0)
-    before = jnp.where(number == 0, jnp.maximum(corners, 1) - 1, number - 1)
-    dp, last = d[before], places[:, before]
-    enters, leaves = there & (dp < 0.0) & (d > 0.0), there & (dp > 0.0) & (d < 0.0)
-    crosses = enters | leaves
-    t = jnp.where(enters, d, dp) / jnp.where(crosses, jnp.where(enters, d - dp, dp - d), 1.0)
-    new = jnp.where(enters, places + (t * (last - places) + zero), last + (t * (places - last) + zero))
-    new = new if side is None else new.at[side[0]].set(side[1])
-    taken = jnp.stack([crosses, there & (d >= 0.0)], axis=1).reshape(-1)
-    place = jnp.where(taken, jnp.cumsum(taken) - 1, 2 * size)
-    both = jnp.stack([new, places], axis=2).reshape(places.shape[0], -1)
-    return jnp.zeros(places.shape).at[:, place].set(both, mode="drop"), jnp.minimum(jnp.sum(taken), size).astype(jnp.int32)
+    inside, lowest = d >= 0.0, jnp.argmin(d)
+    back, on = lowest - number[:-1], number[:-1] - lowest
+    back, on = jnp.where(back < 0, back + n, back), jnp.where(on < 0, on + n, on)
+    steps_back, steps_on = (jnp.min(jnp.where(inside, steps, n)) for steps in (back, on))
+    cut = (back < steps_back) | (on < steps_on)
+    before, after = (lowest - steps_back) % n, (lowest + steps_on) % n
+    first, last = (before + 1) % n, (after - 1) % n
+    leaves, enters = (_crossing(places, d, one, other, zero, side) for one, other in ((before, first), (after, last)))
+    kept = jnp.where(cut, jnp.where(number[:-1] == first, leaves, enters), places)
+    place = jnp.where(inside[lowest], n + 1, jnp.where(after == 0, 0, first + 1))
+    same, shifted = (jnp.concatenate(parts, axis=1) for parts in ((kept, kept[:, -1:]), (kept[:, :1], kept)))
+    return jnp.where(number < place, same, jnp.where(number == place, enters, shifted)), left & jnp.any(inside)
+
+
+def _crossing(places: Any, d: Any, one: Scalar, other: Scalar, zero: Scalar, side: Any) -> Any:
+    """What the point has, (coordinates, 1), at which an edge from a corner inside to one outside crosses the border."""
+    t = d[one] / jnp.where(d[one] == d[other], 1.0, d[one] - d[other])
+    p = places[:, one]
+    new = p + (t * (places[:, other] - p) + zero)
+    return (new if side is None else new.at[side[0]].set(side[1]))[:, None]
 
 
 def _with_coordinates(
     places: Any,
-    count: Any,
+    left: Scalar,
     thin: Scalar,
     width: Scalar,
     height: Scalar,
@@ -113,7 +122,7 @@ def _with_coordinates(
     across: Scalar,
     zero: Scalar,
 ) -> tuple[Any, Any]:
-    """The corners of a polygon with barycentric coordinates, and how many they are; of a thin triangle those that the box leaves."""
+    """The corners of a polygon with barycentric coordinates, of a thin triangle those that the box leaves; and whether anything is left."""
     inverse = 1.0 / jnp.where(jnp.asarray(across, jnp.float64) == 0.0, 1.0, across)
     for k, (a, b, c, _) in ((2, planes[1]), (3, planes[2])):
         places = places.at[k].set((c + (a * places[0] + zero) + (b * places[1] + zero)) * inverse)
@@ -122,15 +131,14 @@ def _with_coordinates(
     (ux, uy), (vx, vy) = at[1] - at[0], at[2] - at[0]
     turns = ((ux * vy + zero) - (vx * uy + zero)) * su * sv < 0.0
     at = jnp.concatenate([at.T, jnp.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])])
-    cut = jnp.zeros(places.shape).at[:, :3].set(jnp.where(turns, at[:, jnp.array([0, 2, 1])], at))
-    left = jnp.int32(3)
+    cut, remains = jnp.where(turns, at[:, jnp.array([0, 2, 1])], at), thin
     for a, b, c, side in ((su, 0.0, 0.0, (0, 0.0)), (-su, 0.0, su * width, (0, width))):
-        cut, left = _clipped(cut, left, thin, a, b, c, zero, side)
+        cut, remains = _clipped(cut, remains, thin, a, b, c, zero, side)
     for a, b, c, side in ((0.0, sv, 0.0, (1, 0.0)), (0.0, -sv, sv * height, (1, height))):
-        cut, left = _clipped(cut, left, thin, a, b, c, zero, side)
+        cut, remains = _clipped(cut, remains, thin, a, b, c, zero, side)
     for a, b, c, _ in planes[3:]:
-        cut, left = _clipped(cut, left, thin, a, b, c, zero)
-    return jnp.where(thin, cut, places), jnp.where(thin, left, count)
+        cut, remains = _clipped(cut, remains, thin, a, b, c, zero)
+    return jnp.where(thin, cut, places), jnp.where(thin, remains, left)
 
 
 def segment(

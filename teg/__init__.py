@@ -61,6 +61,7 @@ from teg.maps import polar
 from teg.passes.user import change_variables
 from teg.scipy_function import scipy_function
 from teg.symbolic import from_sympy, to_sympy
+from teg.torch_function import torch_function
 from teg.traverse import size
 
 __version__ = "0.1.0"
@@ -71,5 +72,5 @@ __all__ = [
     "bracket", "ceil", "change_variables", "check_gradient", "compile", "cos", "cosh", "delta", "diff", "dump", "eliminate", "evaluate",
     "exp", "explain", "floor", "from_sympy", "function", "grad", "hessian", "index", "indices", "integral", "jax_function", "jvp", "latex",
     "length", "log", "maps", "maximum", "minimum", "mod", "param", "params", "polar", "round", "scipy_function", "sign", "sin", "sinh",
-    "size", "sqrt", "sum", "tan", "tanh", "to_sympy", "tuple", "var", "vars", "where",
+    "size", "sqrt", "sum", "tan", "tanh", "to_sympy", "torch_function", "tuple", "var", "vars", "where",
 ]  # fmt: skip

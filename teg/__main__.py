@@ -59,6 +59,7 @@ def demo_triangulation(options: argparse.Namespace) -> int:
         progress=not options.quiet,
         resume=options.resume,
         seed=options.seed,
+        shared_by=options.shared_by,
     )
     loss, seconds = report["loss"], report["seconds"]
     print(
@@ -305,6 +306,7 @@ def _add_triangulation(demos: Demos) -> None:
     demo.add_argument("--size", type=int, default=256, metavar="S", help="pixels a side (%(default)s)")
     demo.add_argument("--steps", type=int, default=120, metavar="K", help="of the descent, in all (%(default)s)")
     demo.add_argument("--seed", type=int, default=0, help="of the first mesh's irregularity (%(default)s)")
+    demo.add_argument("--shared-by", choices=["pairs", "faces"], help="in JAX, on all its devices: what each has a part of")
     demo.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
     _add_common(demo, demo_triangulation, "out/triangulation")
 

@@ -63,8 +63,8 @@ def report_missed(
 
 
 def _level_of_the_caller() -> int:
-    """How many frames up the first one outside of this package is, as `warnings.warn` counts."""
+    """How many frames up the first one outside of this package is, and of PyTorch, which calls it back, as `warnings.warn` counts."""
     level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] == __name__.split(".")[0]:
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in (__name__.split(".")[0], "torch"):
         level, frame = level + 1, frame.f_back
     return level

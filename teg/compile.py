@@ -162,21 +162,21 @@ class Evaluator:
     def kernel(self, orders: int) -> Kernel:
         """The compiled program, built when it is first needed."""
         if orders not in self._kernels:
-            self._kernels[orders] = _build(self.program(orders), self._options, self._options.dtype)
+            self._kernels[orders] = build_kernel(self.program(orders), self._options, self._options.dtype)
         return self._kernels[orders]
 
     def _estimating(self, orders: int) -> Kernel:
         """The program with error estimates."""
         key = "errors", orders
         if key not in self._special:
-            self._special[key] = _build(self._derived.program(orders, errors=True), self._options)
+            self._special[key] = build_kernel(self._derived.program(orders, errors=True), self._options)
         return self._special[key]
 
     def _counting(self, orders: int) -> Kernel:
         """The program as one that counts evaluations; for JAX, which does not, by NumPy."""
         key = "count", orders
         if key not in self._special:
-            self._special[key] = _build(self.program(orders), self._options, counted=True)
+            self._special[key] = build_kernel(self.program(orders), self._options, counted=True)
         return self._special[key]
 
     @property
@@ -393,7 +393,7 @@ class Evaluator:
         return batch(self.parameters, args, named, self._options.dtype)
 
 
-def _build(program: Program, options: Options, dtype: str = "float64", counted: bool = False) -> Kernel:
+def build_kernel(program: Program, options: Options, dtype: str = "float64", counted: bool = False) -> Kernel:
     """A backend's kernel of a program; a `counted` one counts evaluations (JAX does not: its twin is NumPy's). Of the backends C alone has
     use for another dtype than float64."""
     if options.backend == "c":

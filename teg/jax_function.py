@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 import hashlib
-import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from typing import Any, cast
 
-from teg.array_pipeline import outlined, parameters_and_arrays
+from teg.array_pipeline import parameters_and_arrays
 from teg.array_program import ArrayProgram
-from teg.arrays import Array, arrays_of, integer_parameters, integers_of
-from teg.bodies import write_all_out
-from teg.build import check_program
-from teg.cells import check_indices, replace_integers
+from teg.derivative_programs import DerivativePrograms
 from teg.errors import ArrayIndexError, BackendError, MissingPackageError, ParameterError
-from teg.expr import Expr, Param, Tuple, as_number
-from teg.index import ArrayName, IndexArray, Length, index_const, index_leaves
+from teg.expr import Expr
+from teg.framework_function import (
+    FrameworkFunction,
+    Parameter,
+    batch_shape,
+    check_entries,
+    checked_expression,
+    dimensions_of,
+    nested,
+)
+from teg.index import ArrayName, IndexArray
 from teg.integration import Integration
 from teg.isolation import MAX_ROOTS
-from teg.jax_programs import DerivativePrograms
-from teg.node import postorder
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
-from teg.passes.sums import NeedsLengths
-from teg.traverse import parameters
 
-Parameter = Param | Array
 OLDEST = (0, 8, 0)
 """The first version of JAX with all that this needs: types that say over which axes of a mesh a value varies."""
-KEPT = 16
-"""Families of programs that are kept for different shapes, integer parameters and index arrays, where they make a difference."""
 
 
 def jax_function(
@@ -66,9 +64,7 @@ def jax_function(
     Raises MissingPackageError without JAX, BackendError for dtype="float64" where the 64-bit mode is off, ParameterError for values that
     are missing, unknown, of wrong shapes or no real numbers, and ArrayIndexError for indices out of range or not known.
     """
-    program = e if isinstance(e, Tuple) else as_number(e)
-    check_program(program)
-    check_indices(program)
+    program = checked_expression(e)
     precision = None if dtype is None else checked_dtype(dtype)
     integration = Integration(DEFAULT_TOLS["float64"] if tol is None else tol, rule, order, seed, max_roots)
     options = Options("jax", integration, "ignore", precision or "float64", 1, 2**28, discontinuities, maps, False)
@@ -77,45 +73,15 @@ def jax_function(
     return JaxFunction(program, wrt, options, precision, indices or {})
 
 
-class JaxFunction:
+class JaxFunction(FrameworkFunction):
     """What `teg.jax_function` makes. `parameters` are the names of its arguments; call it with a dict, or by name. It may be shared between
     threads, and pickles."""
 
-    def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options, dtype: str | None, indices: Mapping[Any, Any]) -> None:
-        self.expression = e
-        self._given = (e, wrt, options, dtype, dict(indices))
-        self._options, self._dtype = options, dtype
-        self._program = write_all_out(e)
-        counted = dict.fromkeys(integer_parameters(e))
-        arrays = arrays_of(e)
-        real = [p for p in dict.fromkeys([*parameters(e), *(p for m in options.maps for p in m.parameters)]) if p not in counted]
-        every: list[Parameter] = [*real, *(a for a in arrays if isinstance(a, Array))]
-        if wrt is not None and (whole := [p for p in wrt if p in counted]):
-            raise ParameterError(f"{whole[0].name!r} holds an integer: nothing is differentiable by it", None, "leave it out of the list")
-        self.wrt: tuple[Parameter, ...] = tuple(every if wrt is None else wrt)
-        self._leaves: tuple[Param | ArrayName, ...] = (
-            *self.wrt,
-            *(p for p in every if p not in self.wrt),
-            *(a for a in arrays if isinstance(a, IndexArray)),
-        )
-        self._integers: tuple[Param, ...] = tuple(counted)
-        self.parameters: tuple[str, ...] = tuple(_name(p) for p in (*self._leaves, *self._integers))
-        self._fixed = {_name(k): v for k, v in indices.items()}
-        static = {p.name for p in self._integers} | {a.name for a in arrays if isinstance(a, IndexArray)}
-        if unknown := [k for k in self._fixed if k not in static]:
-            hint = "integer parameters and arrays of indices: " + (", ".join(sorted(static)) or "there are none")
-            raise ParameterError(f"indices= names {unknown[0]!r}, which is none", None, hint)
-        self._families: dict[object, Any] = {}
-        self._plan: DerivativePrograms | None = None
-        self._lock = threading.RLock()
-        try:
-            self._plan = self._made(outlined(self._program))
-        except NeedsLengths:
-            return  # a plan for the shapes of each call
-        self._plan.program(-1)  # what cannot be scheduled is told now
+    framework = "JAX"
 
-    def __reduce__(self) -> tuple[object, ...]:
-        return (JaxFunction, self._given)
+    def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options, dtype: str | None, indices: Mapping[Any, Any]) -> None:
+        super().__init__(e, wrt, options, dtype, indices)
+        self._families: dict[Hashable, Any] = {}
 
     def __repr__(self) -> str:
         return f"<teg.jax_function of {', '.join(self.parameters)}>"
@@ -129,35 +95,13 @@ class JaxFunction:
         operands, batch, precision = self._operands(given)
         family = self._family(given, operands, batch)
         found = iter(derivative(family, -1, batch, precision, operands))
-        return _nested(self.expression, found)
+        return nested(self.expression, found)
 
     # -- inside --------------------------------------------------------------------------------------------------------
-
-    def _values(self, values: Mapping[str, Any] | None, named: Mapping[str, Any]) -> dict[str, Any]:
-        if values is not None and not isinstance(values, Mapping):
-            raise ParameterError("a JAX function is called with a dict, name -> value", None, f"the parameters are {self._signature}")
-        given = {_name(k): v for k, v in (values or {}).items()}
-        for source in (named, self._fixed):
-            for k, v in source.items():
-                if k in given:
-                    raise ParameterError(f"the parameter {k!r} is given twice", None, f"the parameters are {self._signature}")
-                given[k] = v
-        if unknown := [str(k) for k in given if k not in self.parameters]:
-            raise ParameterError(
-                f"there is no parameter named {', '.join(map(repr, unknown))}", None, f"the parameters are {self._signature}"
-            )
-        if missing := [k for k in self.parameters if k not in given]:
-            raise ParameterError(f"no value for {', '.join(map(repr, missing))}", None, f"the parameters are {self._signature}")
-        return given
-
-    @property
-    def _signature(self) -> str:
-        return ", ".join(self.parameters) or "none"
 
     def _operands(self, given: Mapping[str, Any]) -> tuple[list[Any], tuple[tuple[int | None, ...], ...], str]:
         """The leaves, without axes of length 1 in front, which leaf has which axes of the batch, and the type of results."""
         import jax.numpy as jnp
-        import numpy as np
 
         leaves: list[Any] = []
         for p in self._leaves:
@@ -166,24 +110,15 @@ class JaxFunction:
                 leaf = jnp.asarray(value)
             except (TypeError, ValueError):
                 raise ParameterError(f"the value of {p.name!r} is not a real number or an array of them: {value!r:.80}") from None
-            if isinstance(p, IndexArray):
-                if leaf.dtype.kind not in "iu":
-                    raise ArrayIndexError(f"the entries of {p.name!r} are indices, and {leaf.dtype} was given", None, "use .astype(int)")
-            elif not (jnp.issubdtype(leaf.dtype, jnp.floating) or leaf.dtype.kind in "iub"):
-                raise ParameterError(f"the value of {p.name!r} is not a real number or an array of them: {leaf.dtype}")
-            if leaf.ndim < _dimensions(p):
-                raise ParameterError(f"{p.name!r} has {_dimensions(p)} dimensions, and an array of shape {leaf.shape} was given")
+            kind = {"i": "i", "u": "i", "b": "b"}.get(leaf.dtype.kind, "f" if jnp.issubdtype(leaf.dtype, jnp.floating) else "")
+            check_entries(p, kind, leaf.dtype, leaf.shape, "use .astype(int)")
             leaves.append(leaf)
         real = [i for i, p in enumerate(self._leaves) if not isinstance(p, IndexArray)]
         dtype = self._dtype or jnp.result_type(float, *(leaves[i] for i in real)).name
         for i in real:
             leaves[i] = leaves[i].astype(dtype)
-        front = [leaf.shape[: leaf.ndim - _dimensions(p)] for leaf, p in zip(leaves, self._leaves, strict=True)]
-        try:
-            shape = np.broadcast_shapes(*front)
-        except ValueError:
-            text = ", ".join(f"{p.name}: {s}" for p, s in zip(self._leaves, front, strict=True) if s)
-            raise ParameterError(f"the shapes of the batch do not broadcast together: {text}") from None
+        front = [leaf.shape[: leaf.ndim - dimensions_of(p)] for leaf, p in zip(leaves, self._leaves, strict=True)]
+        shape = batch_shape(self._leaves, front)
         batch: list[tuple[int | None, ...]] = [
             tuple(0 if len(s) >= level and s[-level] == n else None for s in front)
             for level, n in ((len(shape) - k, n) for k, n in enumerate(shape))
@@ -211,7 +146,7 @@ class JaxFunction:
                 value = given[p.name]
                 known.append(None if isinstance(value, jax.core.Tracer) else np.asarray(value))
         arrays = [p for p in self._leaves if isinstance(p, ArrayName)]
-        plan = self._specialised(dict(zip(arrays, shapes, strict=True))) if self._plan is None else self._plan
+        plan = self._plan_for(dict(zip(arrays, shapes, strict=True)))
         self._check(plan, integers, arrays, shapes, known)
         first = len(arrays) - len(known)
         needed = [k for k in range(len(known)) if first + k in plan.counting]
@@ -223,29 +158,13 @@ class JaxFunction:
                     None,
                     f"give it when the function is made: teg.jax_function(e, indices={{{name!r}: …}}), or close over it",
                 )
-            if known[k].ndim != _dimensions(arrays[first + k]):
+            if known[k].ndim != dimensions_of(arrays[first + k]):
                 raise ArrayIndexError(f"how many terms a sum has depends on {arrays[first + k].name}, which has axes of a batch")
         digest = tuple(hashlib.sha256(np.ascontiguousarray(known[k], np.int64).tobytes()).digest() for k in needed)
         key = (id(plan), integers, digest, tuple(shapes) if needed else ())
-        with self._lock:
-            if key not in self._families:
-                self._families[key] = plan.family(integers, [v if k in needed else None for k, v in enumerate(known)])
-                while len(self._families) > KEPT:
-                    del self._families[next(iter(self._families))]
-            return self._families[key]
-
-    def _specialised(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> DerivativePrograms:
-        """A plan for the lengths of arrays."""
-        key = tuple(sorted((a.name, s) for a, s in shapes.items()))
-        with self._lock:
-            if key not in self._families:
-                nodes = [n for node in postorder([self._program]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)]
-                numbers = {n: index_const(shapes[n.array][n.axis]) for n in nodes}
-                self._families[key] = self._made(outlined(replace_integers(self._program, numbers)))  # type: ignore[arg-type]
-            return cast(DerivativePrograms, self._families[key])
-
-    def _made(self, e: Expr) -> DerivativePrograms:
-        return DerivativePrograms(e, self._options, self.wrt, self._leaves, self._integers)
+        return self._kept(
+            self._families, key, lambda: _family_of(plan, integers, [v if k in needed else None for k, v in enumerate(known)])
+        )
 
     def _check(
         self,
@@ -287,12 +206,17 @@ def _import_jax(dtype: str | None) -> None:
         )
 
 
-def _name(key: object) -> str:
-    return key.name if isinstance(key, Param | ArrayName) else cast(str, key)
+def _family_of(plan: DerivativePrograms, integers: Sequence[int], indices: Sequence[Any]) -> Any:
+    """The programs of a plan as functions of JAX, for these integers and index arrays (None: any)."""
+    from teg.backends.jax_function import Family
 
+    arrays = [isinstance(p, ArrayName) for p in plan.leaves]
 
-def _dimensions(p: Param | ArrayName) -> int:
-    return p.dimensions if isinstance(p, ArrayName) else 0
+    def made(entry: int | None, entries: Sequence[Any]) -> Any:
+        return Family(lambda order: plan.program(order, entry), arrays, len(plan.wrt), integers, indices, entries)
+
+    single = [] if len(plan.entries) == 1 else [made(k, ()) for k in range(len(plan.entries))]
+    return made(None, single)
 
 
 def _whole(name: str, value: Any) -> int:
@@ -321,8 +245,3 @@ def _elements(known: Sequence[Any], arrays: Sequence[ArrayName]) -> list[list[An
         return [list(known)]
     every = [np.broadcast_to(v, (*shape, *v.shape[len(front) :])) for v, front in zip(known, fronts, strict=True)]
     return [[v[place] for v in every] for place in np.ndindex(*shape)]
-
-
-def _nested(e: Expr, found: Any) -> Any:
-    """Results in the structure of a tuple expression."""
-    return tuple(_nested(entry, found) for entry in e.children) if isinstance(e, Tuple) else next(found)

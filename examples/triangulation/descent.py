@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from teg.examples.triangulation.image_loss import ImageLoss
+from teg.examples.triangulation.image_loss import PictureLoss
 from teg.examples.triangulation.mesh import Mesh, limit_step
 
 FIRST, LONGEST, SHORTEST = 0.02, 0.08, 1e-6  # lengths of a vertex's step, in cells of the mesh
@@ -36,14 +36,14 @@ class State:
     stuck: bool = False
 
 
-def first_state(mesh: Mesh, image: ImageLoss) -> State:
+def first_state(mesh: Mesh, image: PictureLoss) -> State:
     """The mesh as it is, with the colours that suit it best: a fair start, all that colours alone can do."""
     loss, colours = image.best_colours(mesh.vertices, np.full((len(mesh.triangles), 3), 0.5))
     lengths = np.full((len(mesh.vertices), 1), FIRST * mesh.cell)
     return State(mesh.vertices, colours, np.zeros(mesh.vertices.shape), lengths, loss)
 
 
-def next_state(mesh: Mesh, image: ImageLoss, state: State) -> State:
+def next_state(mesh: Mesh, image: PictureLoss, state: State) -> State:
     """One step down. `stuck` is set where the gradient is zero, or no step along it lowers the loss."""
     gradient = np.where(mesh.movable, image.gradient(state.vertices, state.colours), 0.0)
     agreement = np.sum(gradient * state.gradient, axis=1, keepdims=True)

@@ -4,13 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from teg.examples.triangulation.scene import CompiledScene
 
 TOUCHING = 1e-9  # pixels that only touch an edge are kept: half of its boundary term is theirs
+
+
+class PictureLoss(Protocol):
+    """What a descent needs of a loss, whoever computes it."""
+
+    pairs: int
+    seconds: float
+
+    def gradient(self, vertices: np.ndarray, colours: np.ndarray) -> np.ndarray:
+        """The derivative of the loss by the vertices, (n, 2)."""
+
+    def best_colours(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[float, np.ndarray]:
+        """The least loss that these vertices can have, and the colours that give it."""
 
 
 class ImageLoss:

@@ -10,16 +10,17 @@ import os
 import shlex
 import time
 from dataclasses import asdict, dataclass
+from importlib import util
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from teg.errors import InputError
+from teg.errors import InputError, MissingPackageError
 from teg.examples.descent_record import RecordedDescent
 from teg.examples.harness import default_backend, machine, ratio, require_packages, result_folder, versions, write_report
 from teg.examples.triangulation.descent import first_state, next_state
-from teg.examples.triangulation.image_loss import ImageLoss
+from teg.examples.triangulation.image_loss import ImageLoss, PictureLoss
 from teg.examples.triangulation.mesh import make_mesh, signed_areas
 from teg.examples.triangulation.scene import compile_scene
 
@@ -44,6 +45,7 @@ class Options:
     discontinuities: str
     backend: str
     seed: int
+    shared_by: str | None
 
     def check(self) -> None:
         """Raise InputError for numbers that make no picture."""
@@ -55,6 +57,8 @@ class Options:
             raise InputError(f"{self.steps} steps", None, "0 or more")
         if self.seed < 0:
             raise InputError(f"the seed {self.seed} is negative", None, "0, 1, 2, …")
+        if self.shared_by and self.backend != "jax":
+            raise InputError(f"a picture is shared out between JAX's devices, not in the backend {self.backend!r}", None, "backend jax")
 
 
 def run_triangulation(
@@ -68,12 +72,14 @@ def run_triangulation(
     progress: bool = True,
     resume: bool = False,
     seed: int = 0,
+    shared_by: str | None = None,
 ) -> dict[str, Any]:
     """Approximate a photo by triangles of constant colour; write pictures to `out`, return what run.json holds.
 
     `photo` is any file that Pillow reads (None: scikit-image's astronaut), cropped and resized to size²
     pixels. `backend` None is "c" if there is a C compiler, else "numpy". `discontinuities="ignore"`
-    differentiates as plain automatic differentiation does. `resume` continues the run whose checkpoint is in
+    differentiates as plain automatic differentiation does. `shared_by` "pairs" or "faces" computes on all devices of JAX, each of which
+    has some of the pairs of a triangle and a pixel, or of the triangles. `resume` continues the run whose checkpoint is in
     `out`, up to `steps` in all. Ctrl-C ends the descent, not the writing: the report says "interrupted".
 
     Raises InputError for a photo, number, folder or checkpoint that cannot be used, MissingPackageError.
@@ -82,21 +88,22 @@ def run_triangulation(
     from teg.examples.photo import read_target
     from teg.examples.triangulation import pictures
 
-    chosen = backend or default_backend()
+    chosen = backend or ("jax" if shared_by else default_backend())
     name = None if photo is None else str(photo)
-    options = Options(name, triangles, size, steps, discontinuities, chosen, seed)
+    options = Options(name, triangles, size, steps, discontinuities, chosen, seed, shared_by)
     options.check()
     target = read_target(photo, size)
     folder = result_folder(Path(out))
     started = time.perf_counter()
-    scene = compile_scene(chosen, discontinuities, threads=os.cpu_count() or 1)
+    target = np.ascontiguousarray(target, dtype=float)
     mesh = make_mesh(triangles, size, seed)
-    image = ImageLoss(scene, target, mesh.triangles)
+    image = _loss(options, target, mesh.triangles)
     identity = {k: getattr(options, k) for k in ("triangles", "size", "seed", "discontinuities")}
-    identity["target"] = hashlib.sha256(image.target.tobytes()).hexdigest()
+    identity["target"] = hashlib.sha256(target.tobytes()).hexdigest()
     start = first_state(mesh, image)
     run = RecordedDescent(start, lambda s: next_state(mesh, image, s), folder / "checkpoint.npz", identity, resume)
-    scene.by_vertices.kernel(1)  # derived and compiled now, as part of the set-up
+    image.gradient(mesh.vertices, start.colours)  # derived and compiled now, as part of the set-up
+    image.pairs, image.seconds = 0, 0.0
     setup = time.perf_counter() - started
     interrupted = run.descend(steps, progress)
 
@@ -133,8 +140,19 @@ def run_triangulation(
     return report
 
 
+def _loss(options: Options, target: np.ndarray, triangles: np.ndarray) -> PictureLoss:
+    if options.shared_by:
+        if util.find_spec("jax") is None:
+            raise MissingPackageError("a picture is shared out between the devices of JAX", None, 'pip install "teg[jax]"')
+        from teg.examples.triangulation.sharded import ShardedLoss
+
+        return ShardedLoss(options.shared_by, target, triangles, discontinuities=options.discontinuities)
+    return ImageLoss(compile_scene(options.backend, options.discontinuities, threads=os.cpu_count() or 1), target, triangles)
+
+
 def _command(options: Options, out: str | Path) -> str:
     words = ["teg", "demo", "triangulation", *([options.photo] if options.photo else [])]
     for name in ("triangles", "size", "steps", "seed", "discontinuities", "backend"):
         words += [f"--{name}", str(getattr(options, name))]
+    words += ["--shared-by", options.shared_by] if options.shared_by else []
     return shlex.join([*words, "-o", str(out)])

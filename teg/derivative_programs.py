@@ -1,4 +1,4 @@
-"""The programs of a function of JAX: of its values, of values and gradients, and of its derivatives of any order along directions.
+"""The programs of a function of JAX or PyTorch: of values, of values and gradients, and of derivatives of any order along directions.
 
     order -1        e(p)
     order 0         e(p) and ∂e/∂p
@@ -11,11 +11,12 @@ direction, whose components are parameters of their own, and then in reverse.
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, cast
+from typing import cast
 
 from teg import expr as ex
+from teg.array_errors import with_array_error_estimates
 from teg.array_pipeline import gradient, on_cells, tangent
 from teg.array_program import ArrayProgram
 from teg.array_schedule import Output, output_of, schedule_arrays
@@ -24,6 +25,7 @@ from teg.expr import Expr, Param, Tuple
 from teg.index import ArrayName
 from teg.options import Options
 from teg.passes.atoms import canonicalise
+from teg.passes.schedule import schedule
 from teg.pipeline import ESTIMATORS, cell_program, compiled_outputs, flatten, jvp, normal_form, program_for
 from teg.program import Program
 
@@ -44,7 +46,7 @@ class DerivativePrograms:
     ) -> None:
         self.options = options
         self.wrt, self.leaves, self.integers = tuple(wrt), tuple(leaves), tuple(integers)
-        self._programs: dict[tuple[int, int | None], Program | ArrayProgram] = {}
+        self._programs: dict[tuple[int, int | None, bool], Program | ArrayProgram] = {}
         self._lock = threading.RLock()
         self._counting: frozenset[int] | None = None
         self.entries = flatten(e)
@@ -61,25 +63,16 @@ class DerivativePrograms:
             self._counting = frozenset(found)
         return self._counting
 
-    def family(self, integers: Sequence[int], indices: Sequence[Any]) -> Any:
-        from teg.backends.jax_function import Family
-
-        arrays = [isinstance(p, ArrayName) for p in self.leaves]
-
-        def made(entry: int | None, entries: Sequence[Any]) -> Any:
-            return Family(lambda order: self.program(order, entry), arrays, len(self.wrt), integers, indices, entries)
-
-        single = [] if len(self.entries) == 1 else [made(k, ()) for k in range(len(self.entries))]
-        return made(None, single)
-
-    def program(self, order: int, entry: int | None = None) -> Program | ArrayProgram:
-        """The program of values (-1), values and gradients (0), or the derivative along directions, as `jax_function.Family` has them."""
+    def program(self, order: int, entry: int | None = None, errors: bool = False) -> Program | ArrayProgram:
+        """The program of values (-1), values and gradients (0), or the derivative along directions, of all values or of one entry; with
+        `errors` an estimate of the error of each output stands behind them."""
         with self._lock:
-            if (order, entry) not in self._programs:
+            key = order, entry, errors
+            if key not in self._programs:
                 entries = self.entries if entry is None else [self.entries[entry]]
                 arrays = any(isinstance(p, ArrayName) for p in self.leaves) or bool(self.integers)
-                self._programs[order, entry] = (self._of_arrays if arrays else self._of_numbers)(order, entries)
-            return self._programs[order, entry]
+                self._programs[key] = (self._of_arrays if arrays else self._of_numbers)(order, entries, errors)
+            return self._programs[key]
 
     def _directions(self, order: int) -> list[dict[Parameter, Parameter]]:
         names = {p.name for p in (*self.leaves, *self.integers)}
@@ -97,7 +90,7 @@ class DerivativePrograms:
         how = self.options.discontinuities
         return e if how == "sift" else on_cells(e, ESTIMATORS[how])
 
-    def _of_numbers(self, order: int, entries: Sequence[Expr]) -> Program:
+    def _of_numbers(self, order: int, entries: Sequence[Expr], errors: bool) -> Program:
         directions, wrt = self._directions(order), cast("tuple[Param, ...]", self.wrt)
         how, maps = self.options.discontinuities, self.options.maps
         names = [p.name for p in self.leaves] + [q.name for d in directions for q in d.values()]
@@ -107,9 +100,9 @@ class DerivativePrograms:
         outputs = compiled_outputs(source, wrt, min(order + 1, 1), how, maps)
         if order > 0:
             outputs = outputs[1:]
-        return program_for([leaf for output in outputs for leaf in flatten(output)], names, self.options.integration)
+        return program_for([leaf for output in outputs for leaf in flatten(output)], names, self.options.integration, errors)
 
-    def _of_arrays(self, order: int, entries: Sequence[Expr]) -> ArrayProgram:
+    def _of_arrays(self, order: int, entries: Sequence[Expr], errors: bool) -> ArrayProgram:
         directions = self._directions(order)
         how, maps = self.options.discontinuities, self.options.maps
         along = [q for d in directions for q in d.values()]
@@ -129,11 +122,12 @@ class DerivativePrograms:
                 if slope.has_delta:  # a tangent is also a value, as a factor of another derivative
                     slope = on_cells(slope, partial(normal_form, maps=maps))
                 outputs.append((p, slope) if isinstance(p, Array) else slope)
-        return schedule_arrays(outputs, scalars, arrays, self._flat)
+        program = schedule_arrays(outputs, scalars, arrays, partial(self._flat, schedule if errors else cell_program))
+        return with_array_error_estimates(program) if errors else program
 
-    def _flat(self, cells: Sequence[Expr], names: Sequence[str]) -> Program:
+    def _flat(self, scheduled: Callable[..., Program], cells: Sequence[Expr], names: Sequence[str]) -> Program:
         together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that they share loops
-        return cell_program(list(together.children), names, self.options.integration)
+        return scheduled(list(together.children), names, self.options.integration)
 
 
 def _renamed(p: Parameter, name: str) -> Parameter:

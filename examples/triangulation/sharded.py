@@ -1,0 +1,206 @@
+"""The loss of a whole picture in JAX, shared out between devices: by pairs of a triangle and a pixel, or by triangles.
+
+    by pairs      each device has as many pairs as the others, and what all add up is the derivative by all vertices and colours
+    by faces      each device has some of the triangles, with their colours, and goes through a window of pixels for each of them
+
+The integral is that of `scene.pixel_loss` in both, vertices and picture are on every device, and partial sums are added by `psum`. Pairs
+are shared out evenly and none is looked at in vain, but the list of them changes as vertices move. Windows are as large as the largest
+triangle needs, and the derivatives by the colours stay where their triangles are. This module imports JAX.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import teg
+from teg.backends.jax_precision import in_double_precision
+from teg.errors import InputError
+from teg.examples.triangulation.image_loss import bounding_boxes
+from teg.examples.triangulation.scene import COLOURS, FACES, TARGET, VERTICES, pixel_loss
+from teg.expr import Expr
+from teg.index import Index
+
+PAIRS = teg.indices("pairs", 2)  # (p, 3): a triangle, and the column and row of a pixel
+CORNERS = teg.indices("corners", 2)  # (m, 2): first column and row of the window of a triangle
+WIDTH, HEIGHT = teg.params("width height")  # of all windows, in pixels
+P: Any = jax.sharding.PartitionSpec
+WAYS = ("pairs", "faces")
+AXIS = "shards"
+PARTS = 8
+"""Numbers of pairs are rounded up to this many parts of a power of two, as JAX compiles a program for each number."""
+
+
+def loss_by_pairs() -> Expr:
+    """The loss per pixel, as a sum over pairs."""
+    k = teg.index("k")
+    total = teg.sum(pixel_loss(PAIRS[k, 0], PAIRS[k, 1], PAIRS[k, 2]), (k, 0, teg.length(PAIRS, 0)))
+    pixels: Index = teg.length(TARGET, 0) * teg.length(TARGET, 1)
+    return total / pixels
+
+
+def loss_by_faces() -> Expr:
+    """The loss per pixel, as a sum over triangles and their windows."""
+    face, i, j = teg.index("face"), teg.index("i"), teg.index("j")
+    pixel = pixel_loss(face, CORNERS[face, 0] + i, CORNERS[face, 1] + j)
+    total = teg.sum(pixel, (i, 0, WIDTH), (j, 0, HEIGHT), (face, 0, teg.length(FACES, 0)))
+    pixels: Index = teg.length(TARGET, 0) * teg.length(TARGET, 1)
+    return total / pixels
+
+
+class ShardedLoss:
+    """The loss of meshes of one topology against one picture, computed on several devices; used as an `ImageLoss` is.
+
+    `by` is "pairs" or "faces"; `target` (size, size, 3), `triangles` (m, 3), `devices` those of JAX (None: all there are). `dtype` is that
+    of vertices, colours and results. `pairs` and `seconds` count the triangles on pixels that were looked at, and in what time. `step`
+    gives the loss and both gradients for `operands`, all of them on the devices, for programs that go on there.
+
+    Raises InputError for another way, or no device.
+    """
+
+    def __init__(
+        self,
+        by: str,
+        target: np.ndarray,
+        triangles: np.ndarray,
+        devices: Sequence[Any] | None = None,
+        dtype: str = "float64",
+        discontinuities: str = "sift",
+    ) -> None:
+        if by not in WAYS:
+            raise InputError(f"a picture is not shared out by {by!r}", None, "by pairs or by faces")
+        chosen = jax.devices() if devices is None else list(devices)
+        if not chosen:
+            raise InputError("no device to share a picture out to", None, "devices=None takes all that JAX has")
+        self.by, self.size, self.dtype = by, len(target), dtype
+        self.triangles, self.count = np.asarray(triangles), len(chosen)
+        self.pairs, self.seconds = 0, 0.0
+        mesh = jax.make_mesh((self.count,), (AXIS,), axis_types=(jax.sharding.AxisType.Auto,), devices=chosen)
+        whole, split = jax.NamedSharding(mesh, P()), jax.NamedSharding(mesh, P(AXIS))
+        # faces that are points have no area; pairs of one fill up the shares of devices
+        spare = self.count - len(self.triangles) % self.count
+        self._faces = np.concatenate([self.triangles, np.zeros((spare, 3), self.triangles.dtype)])
+        self._whole, self._places, self._of_faces = whole, split, whole if by == "pairs" else split
+        with in_double_precision():
+            self._target = jax.device_put(np.asarray(target, dtype), whole)
+            self._indices = jax.device_put(self._faces, self._of_faces)
+            program = loss_by_pairs() if by == "pairs" else loss_by_faces()
+            by_vertices, by_colours, every = (
+                self._spread(teg.jax_function(program, wrt, dtype=dtype, discontinuities=how), mesh)
+                for wrt, how in (([VERTICES], discontinuities), ([COLOURS], "sift"), ([VERTICES, COLOURS], discontinuities))
+            )
+        self._gradient = _jitted(jax.grad(by_vertices))
+        self.step = _jitted(jax.value_and_grad(every, (0, 1)))
+
+        def newton(vertices: Any, colours: Any, faces: Any, places: Any, target: Any, window: tuple[int, int]) -> tuple[Any, Any]:
+            """The least loss by colours, and the change to them: the loss is quadratic in each, so one step is exact."""
+
+            def of(c: Any) -> tuple[Any, Any]:
+                value, slopes = jax.value_and_grad(by_colours, 1)(vertices, c, faces, places, target, window)
+                return slopes, value
+
+            slopes, curvature, value = jax.jvp(of, (colours,), (jnp.ones_like(colours),), has_aux=True)
+            change = jnp.where(curvature > 0, -slopes / jnp.where(curvature > 0, curvature, 1), 0)
+            return value - jnp.sum(change**2 * curvature) / 2, change
+
+        self._newton = _jitted(newton)
+
+    def _spread(self, loss: Any, mesh: Any) -> Any:
+        """The loss as a function of whole arrays, computed in parts."""
+        total: Any = jax.lax.psum
+        split = (P(), self._of_faces.spec, self._of_faces.spec, self._places.spec, P())
+
+        def spread(vertices: Any, colours: Any, faces: Any, places: Any, target: Any, window: tuple[int, int]) -> Any:
+            def part(vertices: Any, colours: Any, faces: Any, places: Any, target: Any) -> Any:
+                how = {"pairs": places} if self.by == "pairs" else {"corners": places, "width": window[0], "height": window[1]}
+                return total(loss(vertices=vertices, colours=colours, faces=faces, target=target, **how), AXIS)
+
+            parts: Any = jax.shard_map(part, mesh=mesh, in_specs=split, out_specs=P())
+            return parts(vertices, colours, faces, places, target)
+
+        return spread
+
+    def gradient(self, vertices: np.ndarray, colours: np.ndarray) -> np.ndarray:
+        """The derivative of the loss by the vertices, (n, 2)."""
+        return np.asarray(self._timed(self._gradient, vertices, colours))
+
+    def value_and_grad(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
+        """The loss, and its derivatives by the vertices, (n, 2), and by the colours, (m, 3)."""
+        value, (by_vertices, by_colours) = self._timed(self.step, vertices, colours)
+        return float(value), (np.asarray(by_vertices), np.asarray(by_colours)[: len(self.triangles)])
+
+    def best_colours(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[float, np.ndarray]:
+        """The least loss that these vertices can have, and the colours that give it."""
+        loss, change = self._timed(self._newton, vertices, colours)
+        return float(loss), colours + np.asarray(change)[: len(self.triangles)]
+
+    def operands(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[tuple[Any, ...], tuple[int, int], int]:
+        """What `step` is called with, on the devices: arrays, and the width and height of windows; and how many pairs they look at."""
+        boxes = bounding_boxes(vertices[self.triangles], self.size)
+        if self.by == "pairs":
+            places, window = shared_pairs(boxes, self.count), (0, 0)
+            looked_at = int(np.sum(places[:, 0] < len(boxes)))
+        else:
+            places, window = windows(boxes, self.size, len(self._faces))
+            looked_at = len(boxes) * window[0] * window[1]
+        padded = np.concatenate([colours, np.zeros((len(self._faces) - len(colours), 3))])
+        with in_double_precision():
+            moved = jax.device_put(vertices.astype(self.dtype), self._whole), jax.device_put(padded.astype(self.dtype), self._of_faces)
+            return (*moved, self._indices, jax.device_put(places.astype(np.int32), self._places), self._target), window, looked_at
+
+    def _timed(self, function: Any, vertices: np.ndarray, colours: np.ndarray) -> Any:
+        start = time.perf_counter()
+        operands, window, looked_at = self.operands(vertices, colours)
+        found = function(*operands, window=window)
+        self.seconds += time.perf_counter() - start
+        self.pairs += looked_at
+        return found
+
+
+def _jitted(function: Any) -> Any:
+    """A function that is jitted in double precision, and returns when it is done."""
+    compiled: Any = jax.jit(function, static_argnames="window")
+
+    def call(*operands: Any, window: tuple[int, int]) -> Any:
+        with in_double_precision():
+            found = compiled(*operands, window=window)
+            for leaf in jax.tree.leaves(found):
+                leaf.block_until_ready()
+        return found
+
+    return call
+
+
+def pairs_of(boxes: np.ndarray) -> np.ndarray:
+    """All pairs of a triangle and a pixel of its box, (p, 3): triangle, column, row; `boxes` as `bounding_boxes` gives them."""
+    wide, high = boxes[:, 1] - boxes[:, 0], boxes[:, 3] - boxes[:, 2]
+    counts = wide * high
+    face = np.repeat(np.arange(len(boxes)), counts)
+    place = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
+    row, column = np.divmod(place, wide[face])
+    return np.stack([face, boxes[face, 0] + column, boxes[face, 2] + row], axis=1)
+
+
+def shared_pairs(boxes: np.ndarray, devices: int) -> np.ndarray:
+    """Pairs that are shared out evenly, (p, 3): behind the last one, some of the triangle behind the last one, and the first pixel."""
+    found = pairs_of(boxes)
+    room = devices * _rounded(-(-len(found) // devices))
+    return np.concatenate([found, np.broadcast_to([len(boxes), 0, 0], (room - len(found), 3))])
+
+
+def windows(boxes: np.ndarray, size: int, faces: int) -> tuple[np.ndarray, tuple[int, int]]:
+    """Windows of one size that hold the boxes, inside of the picture: their first column and row, (faces, 2), and width and height."""
+    width, height = (min(_rounded(int(n)), size) for n in (boxes[:, 1::2] - boxes[:, ::2]).max(axis=0))
+    corners = np.minimum(boxes[:, ::2], [size - width, size - height])
+    return np.concatenate([corners, np.zeros((faces - len(corners), 2), corners.dtype)]), (width, height)
+
+
+def _rounded(number: int) -> int:
+    """The next number of few digits: not far above, and seldom another one when `number` changes a little."""
+    step = max((1 << max(number - 1, 0).bit_length()) // PARTS, 1)
+    return -(-number // step) * step

@@ -1,0 +1,171 @@
+"""The programs of a function and of its derivatives of any order, compiled for the C or the NumPy backend, on arrays of NumPy."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, cast
+
+from teg import expr as ex
+from teg.accuracy import report_missed
+from teg.array_arguments import whole_numbers
+from teg.array_compiled import build_arrays
+from teg.array_program import ArrayProgram
+from teg.array_reports import has_samples, report_arrays
+from teg.compile import build_kernel
+from teg.coverage import MapChecks
+from teg.derivative_programs import DerivativePrograms
+from teg.expr import Param
+from teg.framework_function import dimensions_of
+from teg.index import ArrayName
+from teg.program import Program, Sample, statements
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+class DerivativeKernels:
+    """The programs of a plan as functions of NumPy arrays, each compiled when it is first needed. Safe to share between threads.
+
+    `operands` of a run are the leaves of the plan, its integers, and then those of each direction, `moving` of them: float64, but for
+    arrays of indices; each of its own shape (`dimensions` says of how many axes) where the batch shares it, else with an axis n in front.
+    """
+
+    def __init__(self, plan: DerivativePrograms) -> None:
+        self.plan = plan
+        self.moving, self.entries = len(plan.wrt), len(plan.entries)
+        self.dimensions = tuple(dimensions_of(p) for p in (*plan.leaves, *plan.integers))
+        self._kernels: dict[tuple[int, int | None, bool], Any] = {}
+        self._sampled: dict[tuple[int, int | None], bool] = {}
+        self._checks: Any = None
+        self._lock = threading.RLock()
+
+    def run(self, order: int, entry: int | None, operands: Sequence[Any], n: int) -> list[Any]:
+        """The results of the program of an order, of all values or of one entry (`DerivativePrograms.program`): float64, (n,) for a number,
+        (n, *shape) for what is shaped like an array.
+
+        Raises ArrayIndexError where an index is out of its range, DiffeomorphismError where a map of the user's is none for these values.
+        Where a tolerance was missed it warns, or raises AccuracyError, as the plan's options say.
+        """
+        import numpy as np
+
+        leaves, integers = self.plan.leaves, self.plan.integers
+        given = len(leaves) + len(integers)
+        names: list[Param | ArrayName] = [*leaves, *self.plan.wrt * max(order, 0)]
+        values = [*operands[: len(leaves)], *operands[given:]]
+        columns = [v for p, v in zip(names, values, strict=True) if isinstance(p, Param)] + list(operands[len(leaves) : given])
+        arrays = [v for p, v in zip(names, values, strict=True) if isinstance(p, ArrayName)]
+        batched = any(
+            v.ndim > dimensions_of(p) for p, v in zip((*names, *integers), (*values, *operands[len(leaves) : given]), strict=True)
+        )
+        elements = n if batched else 1
+        found = self._results(order, entry, columns, arrays, elements)
+        return found if elements == n else [np.repeat(v, n, axis=0) for v in found]
+
+    def _results(self, order: int, entry: int | None, columns: Sequence[Any], arrays: Sequence[Any], n: int) -> list[Any]:
+        options = self.plan.options
+        kernel = self._kernel(order, entry)
+        program = kernel.program
+        if isinstance(program, ArrayProgram):
+            self._check_ranges(program, columns, arrays)
+        if order <= 0 and options.maps and options.check_maps:
+            self._check_maps(columns, arrays, n)
+        missed, found = _outcome(kernel, columns, arrays, n)
+        sampled = self._is_sampled(order, entry, program)
+        if (missed or sampled) and options.inaccurate != "ignore":
+            both = _outcome(self._kernel(order, entry, errors=True), columns, arrays, n)[1]
+            self._report(order, entry, program, both, (columns, arrays), n, sampled)
+        return found
+
+    def _kernel(self, order: int, entry: int | None, errors: bool = False) -> Any:
+        with self._lock:
+            key = order, entry, errors
+            if key not in self._kernels:
+                program = self.plan.program(order, entry, errors)
+                build = build_arrays if isinstance(program, ArrayProgram) else build_kernel
+                self._kernels[key] = cast(Any, build)(program, self.plan.options)
+            return self._kernels[key]
+
+    def _check_ranges(self, program: ArrayProgram, columns: Sequence[Any], arrays: Sequence[Any]) -> None:
+        from teg.backends.array_plan import check_ranges
+
+        count = len(self.plan.integers)
+        first = len(columns) - count
+        integers = {first + k: whole_numbers(p.name, columns[first + k]) for k, p in enumerate(self.plan.integers)}
+        shapes = [v.shape[v.ndim - a.dimensions :] for v, a in zip(arrays, program.arrays, strict=True)]
+        check_ranges(program, integers, arrays, shapes)
+
+    def _check_maps(self, columns: Sequence[Any], arrays: Sequence[Any], n: int) -> None:
+        """The maps of the user's are verified for these values of parameters and arrays."""
+        plan = self.plan
+        scalars = [p.name for p in (*plan.leaves, *plan.integers) if isinstance(p, Param)]
+        named = [p for p in plan.leaves if isinstance(p, ArrayName)]
+        e = plan.entries[0] if self.entries == 1 else ex.tuple_of(*plan.entries)
+        with self._lock:
+            if self._checks is None and named:
+                from teg.array_coverage import ArrayMapChecks
+
+                self._checks = ArrayMapChecks(e, plan.options.maps)
+            elif self._checks is None:
+                self._checks = MapChecks(e, plan.options.maps)
+        by_name = dict(zip(scalars, columns, strict=True))
+        if named:
+            dimensions = {p.name: dimensions_of(p) for p in plan.leaves}
+            self._checks.run(by_name, {a.name: v for a, v in zip(named, arrays, strict=True)}, dimensions, n)
+        else:
+            self._checks.run(by_name)
+
+    # -- reports -------------------------------------------------------------------------------------------------------
+
+    def _is_sampled(self, order: int, entry: int | None, program: Program | ArrayProgram) -> bool:
+        """Whether samples are taken that nobody asked for: they rarely reach a tolerance."""
+        key = order, entry
+        if key not in self._sampled:
+            if isinstance(program, ArrayProgram):
+                sampled = has_samples(program)
+            else:
+                sampled = any(isinstance(s, Sample) for s in statements(program.body))
+            self._sampled[key] = sampled and self.plan.options.integration.rule == "auto"
+        return self._sampled[key]
+
+    def _report(
+        self,
+        order: int,
+        entry: int | None,
+        program: Program | ArrayProgram,
+        found: Sequence[Any],
+        given: tuple[Sequence[Any], Sequence[Any]],
+        n: int,
+        sampled: bool,
+    ) -> None:
+        """Warn of the worst result of a run with estimates, or raise."""
+        import numpy as np
+
+        options, names = self.plan.options, self._names(order, entry)
+        columns = dict(zip(program.parameters, given[0], strict=True))
+        if isinstance(program, ArrayProgram):
+            arrays = {a.name: (v, a.dimensions) for a, v in zip(program.arrays, given[1], strict=True)}
+            report_arrays(found, names, options, {**{k: (v, 0) for k, v in columns.items()}, **arrays}, (n,), sampled)
+        else:
+            half = len(found) // 2
+            values, errors = np.array(found[:half]), np.array(found[half:])
+            report_missed(values, errors, names, options.integration.tol, options.inaccurate, columns, sampled)
+
+    def _names(self, order: int, entry: int | None) -> list[str]:
+        """What each result is, for messages."""
+        if order > 0:
+            return [f"the derivative of order {order + 1} by {p.name}" for p in self.plan.wrt]
+        values = ["the value"] * self.entries
+        return values if order < 0 else [*values, *[f"the derivative by {p.name}" for p in self.plan.wrt] * self.entries]
+
+
+def _outcome(kernel: Any, columns: Sequence[Any], arrays: Sequence[Any], n: int) -> tuple[bool, list[np.ndarray]]:
+    """Whether a tolerance was missed, and the results."""
+    if isinstance(kernel.program, ArrayProgram):
+        results = kernel.results(columns, arrays, n)
+        return results.missed, list(results.values)
+    if n == 1 and hasattr(kernel, "at_point") and all(c.ndim == 0 for c in columns):
+        outcome = kernel.at_point([float(c) for c in columns])
+    else:
+        outcome = kernel.outcome(columns, n)
+    return outcome.missed, list(outcome.values)

@@ -1,0 +1,170 @@
+"""What the functions of JAX and of PyTorch share: the names of their arguments, how a call gives them, and the programs for its shapes."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from typing import Any, ClassVar, TypeVar
+
+from teg.array_pipeline import outlined
+from teg.arrays import Array, arrays_of, integer_parameters, integers_of
+from teg.bodies import write_all_out
+from teg.build import check_program
+from teg.cells import check_indices, replace_integers
+from teg.derivative_programs import DerivativePrograms
+from teg.errors import ArrayIndexError, ParameterError
+from teg.expr import Expr, Param, Tuple, as_number
+from teg.index import ArrayName, IndexArray, Length, index_const, index_leaves
+from teg.node import postorder
+from teg.options import Options
+from teg.passes.sums import NeedsLengths
+from teg.traverse import parameters
+
+Parameter = Param | Array
+Made = TypeVar("Made")
+KEPT = 16
+"""What is kept for different shapes, integer parameters and index arrays, where they make a difference."""
+
+
+class FrameworkFunction:
+    """A program as a function of the values of its parameters and arrays, by name; the part that no framework has a say in.
+
+    `_leaves` are the real parameters and arrays, those that are differentiated by first, and then the arrays of indices; `_integers` are
+    the parameters that hold an integer.
+    """
+
+    framework: ClassVar[str]
+
+    def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options, dtype: str | None, indices: Mapping[Any, Any]) -> None:
+        self.expression = e
+        self._given = (e, wrt, options, dtype, dict(indices))
+        self._options, self._dtype = options, dtype
+        self._program = write_all_out(e)
+        counted = dict.fromkeys(integer_parameters(e))
+        arrays = arrays_of(e)
+        real = [p for p in dict.fromkeys([*parameters(e), *(p for m in options.maps for p in m.parameters)]) if p not in counted]
+        every: list[Parameter] = [*real, *(a for a in arrays if isinstance(a, Array))]
+        if wrt is not None and (whole := [p for p in wrt if p in counted]):
+            raise ParameterError(f"{whole[0].name!r} holds an integer: nothing is differentiable by it", None, "leave it out of the list")
+        self.wrt: tuple[Parameter, ...] = tuple(every if wrt is None else wrt)
+        self._leaves: tuple[Param | ArrayName, ...] = (
+            *self.wrt,
+            *(p for p in every if p not in self.wrt),
+            *(a for a in arrays if isinstance(a, IndexArray)),
+        )
+        self._integers: tuple[Param, ...] = tuple(counted)
+        self.parameters: tuple[str, ...] = tuple(name_of(p) for p in (*self._leaves, *self._integers))
+        self._fixed = {name_of(k): v for k, v in indices.items()}
+        static = {p.name for p in self._integers} | {a.name for a in arrays if isinstance(a, IndexArray)}
+        if unknown := [k for k in self._fixed if k not in static]:
+            hint = "integer parameters and arrays of indices: " + (", ".join(sorted(static)) or "there are none")
+            raise ParameterError(f"indices= names {unknown[0]!r}, which is none", None, hint)
+        self._plans: dict[Hashable, DerivativePrograms] = {}
+        self._plan: DerivativePrograms | None = None
+        self._lock = threading.RLock()
+        try:
+            self._plan = self._planned(outlined(self._program))
+        except NeedsLengths:
+            return  # a plan for the shapes of each call
+        self._plan.program(-1)  # what cannot be scheduled is told now
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (type(self), self._given)
+
+    # -- arguments -----------------------------------------------------------------------------------------------------
+
+    def _values(self, values: Mapping[Any, Any] | None, named: Mapping[str, Any]) -> dict[str, Any]:
+        """The value given for each parameter. Raises ParameterError where one is missing, unknown or given twice."""
+        if values is not None and not isinstance(values, Mapping):
+            text = f"a {self.framework} function is called with a dict, name -> value"
+            raise ParameterError(text, None, f"the parameters are {self._signature}")
+        given = {name_of(k): v for k, v in (values or {}).items()}
+        for source in (named, self._fixed):
+            for k, v in source.items():
+                if k in given:
+                    raise ParameterError(f"the parameter {k!r} is given twice", None, f"the parameters are {self._signature}")
+                given[k] = v
+        if unknown := [str(k) for k in given if k not in self.parameters]:
+            raise ParameterError(
+                f"there is no parameter named {', '.join(map(repr, unknown))}", None, f"the parameters are {self._signature}"
+            )
+        if missing := [k for k in self.parameters if k not in given]:
+            raise ParameterError(f"no value for {', '.join(map(repr, missing))}", None, f"the parameters are {self._signature}")
+        return given
+
+    @property
+    def _signature(self) -> str:
+        return ", ".join(self.parameters) or "none"
+
+    # -- programs ------------------------------------------------------------------------------------------------------
+
+    def _plan_for(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> DerivativePrograms:
+        """The programs of arrays of these shapes: the same for all, or, where they must be known, made for their lengths."""
+        if self._plan is not None:
+            return self._plan
+
+        def made() -> DerivativePrograms:
+            nodes = [n for node in postorder([self._program]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)]
+            numbers = {n: index_const(shapes[n.array][n.axis]) for n in nodes}
+            return self._planned(outlined(replace_integers(self._program, numbers)))  # type: ignore[arg-type]
+
+        return self._kept(self._plans, tuple(sorted((a.name, s) for a, s in shapes.items())), made)
+
+    def _kept(self, table: dict[Hashable, Made], key: Hashable, make: Callable[[], Made]) -> Made:
+        """What a table has for a key, made where it has nothing; the oldest entries are dropped."""
+        with self._lock:
+            if key not in table:
+                table[key] = make()
+                while len(table) > KEPT:
+                    del table[next(iter(table))]
+            return table[key]
+
+    def _planned(self, e: Expr) -> DerivativePrograms:
+        return DerivativePrograms(e, self._options, self.wrt, self._leaves, self._integers)
+
+
+def checked_expression(e: object) -> Expr:
+    """The program of a user's expression, checked."""
+    program = e if isinstance(e, Tuple) else as_number(e)
+    check_program(program)
+    check_indices(program)
+    return program
+
+
+def check_entries(p: Param | ArrayName, kind: str, dtype: object, shape: tuple[int, ...], hint: str) -> None:
+    """Raise where what is given for a parameter or an array cannot be its value, by the kind of its type ("i" integers, "f" real numbers,
+    "b" truth values, "" others) and its shape; `hint` says how to get integers."""
+    if isinstance(p, IndexArray):
+        if kind != "i":
+            raise ArrayIndexError(f"the entries of {p.name!r} are indices, and {dtype} was given", None, hint)
+    elif not kind:
+        raise ParameterError(f"the value of {p.name!r} is not a real number or an array of them: {dtype}")
+    if len(shape) < dimensions_of(p):
+        raise ParameterError(f"{p.name!r} has {dimensions_of(p)} dimensions, and an array of shape {shape} was given")
+
+
+def batch_shape(leaves: Sequence[Param | ArrayName], fronts: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+    """The shape of the batch: that to which the axes in front of every value's own broadcast."""
+    import numpy as np
+
+    try:
+        return np.broadcast_shapes(*fronts)
+    except ValueError:
+        text = ", ".join(f"{p.name}: {s}" for p, s in zip(leaves, fronts, strict=True) if s)
+        raise ParameterError(f"the shapes of the batch do not broadcast together: {text}") from None
+
+
+def name_of(key: Any) -> str:
+    """The name of a parameter or an array, or the name itself."""
+    name: str = key.name if isinstance(key, Param | ArrayName) else key
+    return name
+
+
+def dimensions_of(p: Param | ArrayName) -> int:
+    """How many dimensions a parameter's value has, 0 for a number."""
+    return p.dimensions if isinstance(p, ArrayName) else 0
+
+
+def nested(e: Expr, found: Iterator[Any]) -> Any:
+    """Results in the structure of a tuple expression."""
+    return tuple(nested(entry, found) for entry in e.children) if isinstance(e, Tuple) else next(found)

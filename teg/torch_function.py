@@ -1,0 +1,230 @@
+"""`teg.torch_function`: a program as a function of PyTorch, with correct derivatives of any order."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from functools import reduce
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from teg.array_pipeline import parameters_and_arrays
+from teg.derivative_kernels import DerivativeKernels
+from teg.errors import MissingPackageError, OptionError, ParameterError
+from teg.expr import Expr, Param
+from teg.framework_function import (
+    FrameworkFunction,
+    Parameter,
+    batch_shape,
+    check_entries,
+    checked_expression,
+    dimensions_of,
+    nested,
+)
+from teg.index import ArrayName, IndexArray
+from teg.integration import Integration
+from teg.isolation import MAX_ROOTS
+from teg.options import DEFAULT_TOLS, Options, checked_dtype
+
+if TYPE_CHECKING:
+    import torch
+
+OLDEST = (2, 4)
+"""The first version of PyTorch that this is meant for."""
+BACKENDS = ("numpy", "c")
+
+
+def torch_function(
+    e: object,
+    params: Sequence[Parameter] | Parameter | None = None,
+    *,
+    indices: Mapping[Any, Any] | None = None,
+    dtype: object = None,
+    backend: str = "numpy",
+    threads: int = 1,
+    memory: int = 256 * 2**20,
+    tol: float | None = None,
+    rule: str = "auto",
+    order: int | None = None,
+    seed: int = 0,
+    inaccurate: str = "warn",
+    discontinuities: str = "sift",
+    max_roots: int = MAX_ROOTS,
+    maps: Sequence[Any] = (),
+    check_maps: bool = True,
+) -> TorchFunction:
+    """A function of PyTorch: a dict of parameters and arrays by name to the value, a tensor, or a tuple of values.
+
+        f = teg.torch_function(e, backend="c")
+        f({"t": t, "a": 1.0}).sum().backward()
+
+    It is differentiable to any order, in reverse, forward, and by `torch.func` (`grad`, `vmap`, `jvp`, `hessian` and so on): derivatives
+    are programs made of the symbolic derivative, each when it is first needed, once. Where a tensor requires a gradient, one run gives it
+    with the value; where none does, no program of a gradient is made.
+
+    Values are tensors, NumPy arrays or numbers, and broadcast as those of an evaluator do: a number may be a tensor of the batch's shape,
+    an array has the batch's axes in front. `params` are what is differentiated by (default: all real parameters and arrays); the others are
+    constants, as if detached. A gradient is computed by all of `params` or by none, so leave out what never moves. Integer parameters and
+    `teg.indices` may be given at the call, or here by `indices=`.
+
+    `dtype`, "float32" or "float64" or a type of PyTorch, is what values of parameters are rounded to, and that of results; None: the type
+    that PyTorch gives to a sum of the arguments (float16 and bfloat16 too, and of Python's numbers alone its default type). What is between
+    is computed in float64. Programs run on the CPU: tensors of other devices are copied there, and results back.
+
+    The other options are those of `teg.compile`. `torch.compile` leaves a call between two graphs. `torch.func.hessian` maps second
+    derivatives over a batch, which `torch.autograd.functional` with `vectorize=True` cannot: it knows no functions of users.
+
+    Raises MissingPackageError without PyTorch, ParameterError for values that are missing, unknown, of wrong shapes, no real numbers or
+    on several devices, ArrayIndexError for indices out of range, OptionError for an option that is unknown; a call may warn of a tolerance
+    that was missed (AccuracyWarning), as `inaccurate` says.
+    """
+    program = checked_expression(e)
+    _import_torch()  # types of PyTorch have names
+    precision = None if dtype is None else checked_dtype(_name_of_type(dtype))
+    if backend not in BACKENDS:
+        raise OptionError(f"backend={backend!r} is not for PyTorch", None, "one of: " + ", ".join(BACKENDS))
+    integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots)
+    options = Options(backend, integration, inaccurate, "float64", threads, memory, discontinuities, maps, check_maps)
+    wrt = None if params is None else parameters_and_arrays(params)
+    return TorchFunction(program, wrt, options, precision, indices or {})
+
+
+class TorchFunction(FrameworkFunction):
+    """What `teg.torch_function` makes. `parameters` are the names of its arguments; call it with a dict, or by name. It may be shared
+    between threads, and pickles, so a module that holds it does."""
+
+    framework = "PyTorch"
+
+    def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options, dtype: str | None, indices: Mapping[Any, Any]) -> None:
+        _import_torch()
+        super().__init__(e, wrt, options, dtype, indices)
+        self._compiled: dict[Hashable, DerivativeKernels] = {}
+        if self._plan is not None:
+            self._kernels_of(self._plan)
+
+    def __repr__(self) -> str:
+        return f"<teg.torch_function of {', '.join(self.parameters)} on {self._options.backend}>"
+
+    def __call__(self, values: Mapping[str, Any] | None = None, /, **named: Any) -> Any:
+        """The value, a tensor of the batch's shape; for a tuple expression a tuple."""
+        import torch
+
+        if torch.compiler.is_compiling():
+            from teg.backends.torch_graphs import outside_of_graphs
+
+            return outside_of_graphs(self._called, values, named)
+        return self._called(values, named)
+
+    def _called(self, values: Mapping[str, Any] | None, named: Mapping[str, Any]) -> Any:
+        from teg.backends import torch_function as backend
+
+        call = self._arguments(self._values(values, named))
+        arrays = {p: tuple(v.shape[call.front :]) for p, v in zip(self._leaves, call.operands, strict=False) if isinstance(p, ArrayName)}
+        kernels = self._kernels_of(self._plan_for(arrays))
+        found = backend.values(kernels, call.front, call.dtype, call.operands)
+        return nested(self.expression, iter([v.to(call.device) for v in found]))
+
+    def _kernels_of(self, plan: Any) -> DerivativeKernels:
+        return self._kept(self._compiled, id(plan), lambda: DerivativeKernels(plan))
+
+    def _arguments(self, given: Mapping[str, Any]) -> _Call:
+        """What a call is given, as `backends.torch_function` takes it: on the CPU, of one type, with the axes of the batch in front."""
+        import torch
+
+        names = (*self._leaves, *self._integers)
+        tensors = [_tensor(p, given[p.name]) for p in names]
+        real = [(v, given[p.name]) for p, v in zip(self._leaves, tensors, strict=False) if not isinstance(p, IndexArray)]
+        dtype = getattr(torch, self._dtype) if self._dtype else _common_type(real)
+        device = _common_device([v for v, _ in real])
+        fronts = [tuple(v.shape[: v.ndim - dimensions_of(p)]) for p, v in zip(names, tensors, strict=True)]
+        batch = batch_shape(names, fronts)
+        operands = []
+        for i, (p, v, front) in enumerate(zip(names, tensors, fronts, strict=True)):
+            kind = torch.int64 if isinstance(p, IndexArray) else dtype if i < len(self._leaves) else torch.float64
+            v = v if i < len(self.wrt) else v.detach()
+            operands.append(v.to(device="cpu", dtype=kind).expand((*batch, *v.shape[len(front) :])))
+        return _Call(operands, len(batch), dtype, device)
+
+
+class _Call(NamedTuple):
+    """What a call is given: operands, of whose axes the first `front` are the batch's, and type and device of results."""
+
+    operands: list[Any]
+    front: int
+    dtype: Any
+    device: Any
+
+
+def _tensor(p: Param | ArrayName, value: Any) -> torch.Tensor:
+    """A value as a tensor, checked. A tensor is itself, NumPy's arrays keep their type, and Python's numbers are double or integer."""
+    import torch
+
+    if isinstance(value, torch.Tensor):
+        found = value
+        if value.layout != torch.strided or value.device.type == "meta":
+            what = "has no values" if value.device.type == "meta" else f"has the layout {value.layout}"
+            raise ParameterError(f"the tensor given for {p.name!r} {what}", None, "give a dense tensor")
+    else:
+        if isinstance(value, list | tuple) and any(isinstance(v, torch.Tensor) for v in value):
+            raise ParameterError(f"the value of {p.name!r} is a list of tensors", None, "torch.stack makes one tensor of them")
+        found = _of_numbers(p, value)
+    if isinstance(p, IndexArray) and not found.numel():
+        found = found.to(torch.int64)
+    kind = "f" if found.is_floating_point() else "" if found.is_complex() else "b" if found.dtype == torch.bool else "i"
+    check_entries(p, kind, found.dtype, tuple(found.shape), "use .long()")
+    return found
+
+
+def _of_numbers(p: Param | ArrayName, value: Any) -> torch.Tensor:
+    """Python's numbers, lists of them, and arrays of NumPy as a tensor."""
+    import numpy as np
+    import torch
+
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "fiub":
+            raise TypeError
+        kind = {"i": "int64", "u": "int64", "b": "bool"}.get(array.dtype.kind, array.dtype.name if array.dtype.itemsize <= 8 else "float64")
+        return torch.tensor(array.astype(kind, copy=False))  # a copy, which a backward pass still finds as it was
+    except (TypeError, ValueError, OverflowError):
+        raise ParameterError(f"the value of {p.name!r} is not a real number or an array of them: {value!r:.80}") from None
+
+
+def _common_type(values: Sequence[tuple[torch.Tensor, Any]]) -> Any:
+    """The floating type of a sum of values, given as tensors and as they were, by PyTorch's rules: what has axes goes before what has none,
+    and that before Python's numbers."""
+    import numpy as np
+    import torch
+
+    typed = [v for v, given in values if v.is_floating_point() and isinstance(given, torch.Tensor | np.ndarray)]
+    kinds = [v.dtype for v in typed if v.ndim] or [v.dtype for v in typed]
+    return reduce(torch.promote_types, kinds) if kinds else torch.get_default_dtype()
+
+
+def _common_device(tensors: Sequence[torch.Tensor]) -> Any:
+    """Where the tensors of a call lie; single numbers may also lie on the CPU."""
+    import torch
+
+    devices = dict.fromkeys(v.device for v in tensors if v.ndim or v.device.type != "cpu")
+    if len(devices) > 1:
+        text = " and ".join(map(str, devices))
+        raise ParameterError(f"tensors of one call lie on {text}", None, "move them to one device: tensor.to(device)")
+    return next(iter(devices), torch.device("cpu"))
+
+
+def _name_of_type(dtype: object) -> object:
+    """A type of PyTorch as a name; anything else as it is."""
+    import torch
+
+    return str(dtype).removeprefix("torch.") if isinstance(dtype, torch.dtype) else dtype
+
+
+def _import_torch() -> None:
+    try:
+        import torch
+    except ImportError:
+        raise MissingPackageError("the package torch is not installed", None, 'pip install "teg[torch]"') from None
+    version = tuple(int(part) for part in torch.__version__.split("+")[0].split(".")[:2])
+    if version < OLDEST:
+        oldest = ".".join(map(str, OLDEST))
+        raise MissingPackageError(
+            f"teg.torch_function needs PyTorch {oldest} or later, and this is {torch.__version__}", None, "pip install -U torch"
+        )
