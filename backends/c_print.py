@@ -77,6 +77,7 @@ from teg.program import (
 from teg.sampling import REPLICATES
 
 BREAKS_ON_STACK = 256
+TOGETHER = 8  # points whose outputs are written together
 INLINED, WHOLE = 6, 120
 """Of so few polygons and segments each is compiled where it stands, with up to so many values passed to it."""
 Together = tuple[int, ...]
@@ -541,19 +542,30 @@ def _yielded(first: int, values: Sequence[Arg], scope: Scope) -> list[str]:
     return packed(f"f[{j}] = {scope(value)};" for j, value in enumerate(values, first))
 
 
+def _in_both_orders(call: str, outputs: int) -> list[str]:
+    """A call of the element at a point, and once more where a tie was met. It stands in one place, where the C compiler may inline it."""
+    return [
+        "double *to = result;",
+        "for (;;) {",
+        *indent(call, "if (!ctx.tied || ctx.order < 0) break;", "ctx.order = -1;", "to = other;"),
+        "}",
+        f"if (ctx.tied) for (int j = 0; j < {outputs}; j++) result[j] = 0.5 * (result[j] + other[j]);",
+    ]
+
+
 def _batch_loop(program: Program, name: str, element: Routine, real: str) -> Iterator[str]:
     """The exported functions: every point by itself; where ties were met, the mean of the two orders. A call that is `watched` is stopped
-    between points, and in integrals that may take long. The thread that called keeps asking while it waits for the others."""
+    between points, and in integrals that may take long. The thread that called keeps asking while it waits for the others.
+
+    Outputs are kept for a few points and written together, a line of the cache for each: those of one point may all lie in places that
+    the cache cannot hold at once."""
     inputs, outputs = len(program.parameters), len(program.outputs)
     values = [f"p[{i}][i * stride[{i}]]" for i in range(inputs)]
     space, ties, context = element.workspace, has_ties(program.body), element.context
-    results = ["result", "other"] if ties else ["result"]
-    arrays = [f"double *const {array} = w + {space + k * outputs};" for k, array in enumerate(results)]
-    run = [*([] if element.indirect else values), "result", *["w"] * (space > 0), *["&ctx"] * context]
+    arrays = [f"double *const results = w + {space};", *([f"double *const other = w + {space + TOGETHER * outputs};"] if ties else [])]
+    run = [*([] if element.indirect else values), "to" if ties else "result", *["w"] * (space > 0), *["&ctx"] * context]
     call = f"element({', '.join(run)});"
-    again = call.replace("result", "other")
     gather = f"for (int j = 0; j < {inputs}; j++) w[j] = p[j][i * stride[j]];"
-    both = f"for (int j = 0; j < {outputs}; j++) result[j] = 0.5 * (result[j] + other[j]);"
     cast = "" if real == "double" else f"({real})"
     first = f"long n, const {real} *const *p, const long *stride, {real} *out, long *notes, int threads"
     second = "long (*poll)(void *data), void *data"
@@ -564,7 +576,7 @@ def _batch_loop(program: Program, name: str, element: Routine, real: str) -> Ite
         "{",
         *indent(
             "const int team = threads > 1 ? threads : 1;",
-            "const long share = n / (32L * team) + 1;",
+            f"const long together = n < {8 * TOGETHER}L * team ? 1 : {TOGETHER}, share = n / (32L * team * together) + 1;",
             "teg_watch watch = {poll, data, 0};",
             "int failed = 0, working = 0;",
             "(void)p, (void)stride, (void)share, (void)working;",
@@ -575,7 +587,7 @@ def _batch_loop(program: Program, name: str, element: Routine, real: str) -> Ite
         *indent(
             "{",
             *indent(
-                f"double *const w = malloc({space + len(results) * outputs + 1} * sizeof *w);",
+                f"double *const w = malloc({space + (TOGETHER + ties) * outputs + 1} * sizeof *w);",
                 *arrays,
                 "teg_pace pace = {&watch, 0, 16};",
             ),
@@ -592,18 +604,27 @@ def _batch_loop(program: Program, name: str, element: Routine, real: str) -> Ite
         "#endif",
         *indent(
             *indent(
-                "for (long i = 0; i < n; i++) {",
+                "for (long first = 0; first < n; first += together) {",
                 *indent(
+                    "const long count = n - first < together ? n - first : together;",
+                    "int stopped = 0;",
                     "if (!w) {",
                     *indent("failed = 1;", "continue;"),
                     "}",
-                    "if (teg_stopped(&pace)) continue;",
-                    *([gather] if element.indirect else []),
-                    *(["teg_context ctx = {+1, 0, 0, 0, &pace};"] if context else []),
-                    call,
-                    *(["if (ctx.tied) {", *indent("ctx.order = -1;", again, both), "}"] if ties else []),
-                    f"for (int j = 0; j < {outputs}; j++) out[j * n + i] = {cast}result[j];",
-                    f"if (notes) notes[i] = {'4 * ctx.evaluations + 2 * ctx.missed + ctx.tied' if context else '0'};",
+                    "for (long k = 0; k < count; k++) {",
+                    *indent(
+                        "const long i = first + k;",
+                        f"double *const result = results + k * {outputs};",
+                        "if ((stopped = teg_stopped(&pace))) break;",
+                        *([gather] if element.indirect else []),
+                        *(["teg_context ctx = {+1, 0, 0, 0, &pace};"] if context else []),
+                        *(_in_both_orders(call, outputs) if ties else [call]),
+                        f"if (notes) notes[i] = {'4 * ctx.evaluations + 2 * ctx.missed + ctx.tied' if context else '0'};",
+                    ),
+                    "}",
+                    "if (stopped) continue;",
+                    f"for (int j = 0; j < {outputs}; j++)",
+                    *indent(f"for (long k = 0; k < count; k++) out[j * n + first + k] = {cast}results[k * {outputs} + j];"),
                 ),
                 "}",
                 "free(w);",

@@ -58,15 +58,16 @@ def jax_function(
     nothing checks their range: where an index is outside of it, the value is NaN.
 
     `dtype` is that of numbers, arrays and results: "float32" or "float64", or None for that of the arguments. What is between is computed
-    in float64, whatever that is, and also where JAX's 64-bit mode is off. The other options are those of `teg.compile`; `maps` are not
-    verified for the values of a call, and no warning tells that a tolerance was missed: an evaluator's `value_and_error` does.
+    in float64, whatever that is, and also where JAX's 64-bit mode is off. `tol` is 1e-10, or 1e-6 with dtype="float32". The other options
+    are those of `teg.compile`; `maps` are not verified for the values of a call, and no warning tells that a tolerance was missed: an
+    evaluator's `value_and_error` does.
 
     Raises MissingPackageError without JAX, BackendError for dtype="float64" where the 64-bit mode is off, ParameterError for values that
     are missing, unknown, of wrong shapes or no real numbers, and ArrayIndexError for indices out of range or not known.
     """
     program = checked_expression(e)
     precision = None if dtype is None else checked_dtype(dtype)
-    integration = Integration(DEFAULT_TOLS["float64"] if tol is None else tol, rule, order, seed, max_roots)
+    integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots)
     options = Options("jax", integration, "ignore", precision or "float64", 1, 2**28, discontinuities, maps, False)
     wrt = None if params is None else parameters_and_arrays(params)
     _import_jax(precision)

@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import teg
 from teg.backends.c_standalone import standalone_c
 from tests.backends import isolate_programs, locate_programs, programs
+from tests.bench.backends import backend_rows
 from tests.bench.functions import call_time_rows, swap_rows
 from tests.bench.rows import (
     Row,
@@ -154,6 +155,7 @@ def main() -> None:
         "curved": curved,
         "kinks": lambda: [kink_row(n, *distances(n)) for n in (8, 20)],
         "search": searches,
+        "backends": backend_rows,
         "sympy": lambda: sympy_rows(nested_sines(100_000), squares(2_000)),
         "single": single,
     }
