@@ -1,4 +1,4 @@
-"""Check `teg.jax_function` on every reference: python tests/bench/jax_references.py [--every N] [--json FILE]. About ten minutes.
+"""Check `teg.jax_function` on every reference: python tests/bench/jax_references.py [--every N] [--json FILE]. About 20 minutes.
 
 Value and gradient, by `jax.jit(jax.value_and_grad(f))`: in double precision against the exact digits and against the C backend (NumPy's
 where there is no compiler), and in single precision, with JAX's 64-bit mode off, against the double ones at the rounded parameters. Errors
