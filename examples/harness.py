@@ -15,7 +15,7 @@ from typing import Any
 
 from teg.errors import CompilerError, InputError, MissingPackageError
 
-REPORTED = ("teg", "numpy", "scipy", "pillow", "scikit-image", "matplotlib")
+REPORTED = ("teg", "numpy", "scipy", "jax", "optax", "pillow", "scikit-image", "matplotlib")
 
 
 def require_packages(demonstration: str, packages: Mapping[str, str], progress: bool, extra: str = "demo") -> None:

@@ -121,6 +121,30 @@ def demo_bouncing_ball(options: argparse.Namespace) -> int:
     return _finish_demo(report, resumable=False)
 
 
+def demo_mesh_network(options: argparse.Namespace) -> int:
+    """A network in JAX that turns photos into triangles, trained through exact integrals: run, then say what came out and where it is."""
+    from teg.examples.mesh_network.run import run_mesh_network
+
+    report = run_mesh_network(
+        options.photo,
+        cells=options.cells,
+        epochs=options.epochs,
+        out=options.out,
+        discontinuities=options.discontinuities,
+        progress=not options.quiet,
+        resume=options.resume,
+        seed=options.seed,
+    )
+    loss, seconds = report["loss"], report["seconds"]
+    print(
+        f"loss of a photo not seen in training {loss['start']:.5f} → {loss['end']:.5f}, "
+        f"{loss['ratio']:.1%} of the grid in its best colours, after {report['epochs']} epochs in {seconds['training']:.1f} s"
+    )
+    if report["note"]:
+        print(report["note"])
+    return _finish_demo(report, resumable=True)
+
+
 def demo_shaders(options: argparse.Namespace) -> int:
     """A window in several lights: print what they give, and what the first one and the others take to compile."""
     from teg.examples.shaders import main as run_shaders
@@ -273,6 +297,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_triangulation(demos)
     _add_perlin(demos)
     _add_bouncing_ball(demos)
+    _add_mesh_network(demos)
     shaders = demos.add_parser("shaders", help="one window, several lights", description=demo_shaders.__doc__)
     shaders.add_argument("--backend", choices=BACKENDS, default="numpy", help="(%(default)s)")
     shaders.set_defaults(run=demo_shaders)
@@ -334,6 +359,19 @@ def _add_bouncing_ball(demos: Demos) -> None:
     _add_common(demo, demo_bouncing_ball, "out/bouncing-ball")
 
 
+def _add_mesh_network(demos: Demos) -> None:
+    about = "a network in JAX that turns photos into triangles"
+    demo = demos.add_parser("mesh-network", help=about, description=demo_mesh_network.__doc__)
+    demo.add_argument(
+        "photo", nargs="?", metavar="PHOTO", help="not seen in training: any file that Pillow reads (scikit-image's astronaut)"
+    )
+    demo.add_argument("--cells", type=int, default=24, metavar="N", help="of two triangles and 4² pixels each, a side (%(default)s)")
+    demo.add_argument("--epochs", type=int, default=60, metavar="K", help="of the training, in all (%(default)s)")
+    demo.add_argument("--seed", type=int, default=0, help="of the first weights and of the crops (%(default)s)")
+    demo.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
+    _add_common(demo, demo_mesh_network, "out/mesh-network", backends=False)
+
+
 def _add_charts(commands: Demos) -> None:
     charts = commands.add_parser("chart", help="measure, beside what one would use instead", description=list_charts.__doc__)
     charts.set_defaults(run=list_charts)
@@ -349,18 +387,19 @@ def _add_charts(commands: Demos) -> None:
         chart.set_defaults(run=run)
 
 
-def _add_common(demo: argparse.ArgumentParser, run: Callable[[argparse.Namespace], int], out: str) -> None:
-    """The options that every demo has."""
+def _add_common(demo: argparse.ArgumentParser, run: Callable[[argparse.Namespace], int], out: str, backends: bool = True) -> None:
+    """The options that every demo has; `backends` says that it runs in several."""
     demo.add_argument("-o", "--out", default=out, metavar="DIR", help="folder of the results (%(default)s)")
     plain = "ignore: what plain automatic differentiation does (%(default)s)"
     demo.add_argument("--discontinuities", choices=list(ESTIMATORS), default="sift", help=plain)
-    demo.add_argument("--backend", choices=BACKENDS, help="c if there is a C compiler, else numpy")
+    if backends:
+        demo.add_argument("--backend", choices=BACKENDS, help="c if there is a C compiler, else numpy")
     demo.add_argument("--quiet", action="store_true", help="no progress bar")
     demo.set_defaults(run=lambda options: _run_demo(run, options))
 
 
 def _run_demo(run: Callable[[argparse.Namespace], int], options: argparse.Namespace) -> int:
-    if options.backend == "jax":
+    if getattr(options, "backend", None) == "jax":
         os.environ.setdefault("JAX_ENABLE_X64", "1")
     return run(options)
 

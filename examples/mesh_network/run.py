@@ -1,0 +1,155 @@
+"""A network that turns photos into triangles, trained through an exact integral.
+
+photos → crops → network → vertices → (areas of pixels' parts, compiled) → loss → gradient by the weights → epochs → another photo
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from teg.errors import InputError
+from teg.examples.descent_record import RecordedDescent
+from teg.examples.harness import machine, ratio, require_packages, result_folder, versions, write_report
+from teg.examples.mesh_network.mesh import make_mesh, signed_areas
+
+EPOCHS = 60
+CELLS = (4, 128)
+BUNDLED = "astronaut"
+PACKAGES = {"jax": "jax", "optax": "optax", "PIL": "pillow", "skimage": "scikit-image", "matplotlib": "matplotlib", "tqdm": "tqdm"}
+SHEET = "mesh_network.png"
+PICTURES = (SHEET, "target.png", "before.png", "after.png", "mesh.svg")
+EXACT, SAMPLED = "exact gradient", "jax.grad of sampled triangles, which is 0"
+NOTHING_LEARNT = (
+    "the gradient by the weights is exactly 0: automatic differentiation does not see that an edge moves, "
+    "so the network learns nothing (with --discontinuities sift, the default, it does)"
+)
+
+
+@dataclass(frozen=True)
+class Options:
+    """All that a run depends on but the picture itself."""
+
+    photo: str | None
+    cells: int
+    epochs: int
+    discontinuities: str
+    seed: int
+
+    def check(self) -> None:
+        """Raise InputError for numbers that make no picture."""
+        if not CELLS[0] <= self.cells <= CELLS[1]:
+            raise InputError(f"a mesh of {self.cells} cells a side", None, f"between {CELLS[0]} and {CELLS[1]}")
+        if self.epochs < 0:
+            raise InputError(f"{self.epochs} epochs", None, "0 or more")
+        if self.seed < 0:
+            raise InputError(f"the seed {self.seed} is negative", None, "0, 1, 2, …")
+
+
+def run_mesh_network(
+    photo: str | Path | None = None,
+    cells: int = 24,
+    epochs: int = EPOCHS,
+    out: str | Path = "out/mesh-network",
+    discontinuities: str = "sift",
+    progress: bool = True,
+    resume: bool = False,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """Train a network to move the vertices of meshes, apply it to a photo it has not seen; write pictures to `out`.
+
+    Returns what run.json holds; "sampled" has the gradient of the same loss, its areas sampled, by the same weights at the start.
+    `photo` is any file that Pillow reads (None: scikit-image's astronaut), resized to `cells` cells of 4 pixels a side; the
+    network learns from crops of four other photos of scikit-image's. `discontinuities="ignore"` differentiates as plain automatic
+    differentiation does. `resume` continues the run whose checkpoint is in `out`, up to `epochs` in all. Ctrl-C ends the training,
+    after the epoch, not the writing: the report says "interrupted".
+
+    Raises InputError for a photo, number, folder or checkpoint that cannot be used, MissingPackageError.
+    """
+    require_packages("mesh network", PACKAGES, progress, extra="network")
+    from teg.examples.mesh_network.coverage import exact_cover, sampled_cover
+    from teg.examples.mesh_network.crops import training_photos
+    from teg.examples.mesh_network.training import Trainer
+    from teg.examples.photo import read_target
+
+    options = Options(None if photo is None else str(photo), cells, epochs, discontinuities, seed)
+    options.check()
+    mesh = make_mesh(cells)
+    target = read_target(photo, mesh.size, BUNDLED).astype(np.float32)
+    folder = result_folder(Path(out))
+    begun = time.perf_counter()
+    trainer = Trainer(exact_cover(discontinuities), training_photos(), target, mesh, seed)
+    identity = {k: getattr(options, k) for k in ("cells", "seed", "discontinuities")}
+    identity |= {"crops": trainer.crops, "batch": trainer.batch, "target": hashlib.sha256(target.tobytes()).hexdigest()}
+    start = trainer.first_state()
+    sampled_slope = trainer.largest_slope(start, sampled_cover)
+    run = RecordedDescent(start, trainer.next_state, folder / "checkpoint.npz", identity, resume)
+    setup = time.perf_counter() - begun
+    interrupted = run.descend(epochs, progress)
+
+    drawings = [(vertices, trainer.colours(vertices)) for vertices in map(trainer.vertices, (run.start, run.state))]
+    lines = {EXACT if discontinuities == "sift" else discontinuities: run.losses}
+    if sampled_slope == 0:
+        lines[SAMPLED] = run.losses[:1]
+    _draw(folder, target, mesh.triangles, drawings, run, lines)
+    moved = np.linalg.norm(drawings[1][0] - drawings[0][0], axis=1)
+    areas = signed_areas(drawings[1][0], mesh.triangles)
+    report = {
+        "loss": {"start": run.losses[0], "end": run.losses[-1], "ratio": ratio(run.losses[-1], run.losses[0])},
+        "training": run.state.training.tolist(),
+        "epochs": len(run.state.training),
+        "interrupted": interrupted,
+        "note": NOTHING_LEARNT if run.state.stuck and discontinuities == "ignore" else "",
+        "sampled": {"largest_slope": sampled_slope},
+        "mesh": {
+            "triangles": len(mesh.triangles),
+            "vertices": len(mesh.vertices),
+            "largest_movement": float(moved.max()),
+            "mean_movement": float(moved.mean()),
+            "turned_over": int(np.sum(areas < 0)),
+        },
+        "seconds": {"setup": setup, "training": run.seconds},
+        "options": asdict(options),
+        "target_sha256": identity["target"],
+        "command": _command(options, out),
+        "versions": versions(),
+        "machine": machine(),
+        "pictures": [str(folder / picture) for picture in PICTURES],
+        "losses": run.losses,
+    }
+    write_report(folder / "run.json", report)
+    return report
+
+
+def _draw(
+    folder: Path,
+    target: np.ndarray,
+    triangles: np.ndarray,
+    drawings: list[tuple[np.ndarray, np.ndarray]],
+    run: RecordedDescent[Any],
+    lines: dict[str, list[float]],
+) -> None:
+    from teg.examples.mesh_network.pictures import draw_sheet
+    from teg.examples.triangulation.pictures import draw_mesh, draw_target, write_svg
+
+    size = len(target)
+    for name, (vertices, colours) in zip(("before.png", "after.png"), drawings, strict=True):
+        draw_mesh(folder / name, vertices, triangles, colours, size)
+    draw_target(folder / "target.png", target)
+    vertices, colours = drawings[1]
+    write_svg(folder / "mesh.svg", vertices, triangles, colours, size)
+    captions = ("the grid in its best colours", f"the network's mesh, epoch {len(run.state.training)}")
+    draw_sheet(folder / SHEET, target, triangles, dict(zip(captions, drawings, strict=True)), lines, run.state.training)
+
+
+def _command(options: Options, out: str | Path) -> str:
+    words = ["teg", "demo", "mesh-network", *([options.photo] if options.photo else [])]
+    for name in ("cells", "epochs", "seed", "discontinuities"):
+        words += [f"--{name}", str(getattr(options, name))]
+    return shlex.join([*words, "-o", str(out)])
