@@ -24,6 +24,7 @@ from typing import cast
 from teg.backends import c_frame
 from teg.backends.c_bodies import merged, used_inputs, with_inputs
 from teg.backends.c_frame import BY_VALUE, Frame, Scope, Step, assignments, captured_by
+from teg.backends.c_hyperbola import along_a_branch, along_function, hyperbola
 from teg.backends.c_poles import plain_table, rational_piece, weights_function
 from teg.backends.c_polygon import (
     COORDINATES,
@@ -57,6 +58,7 @@ from teg.program import (
     Assign,
     Called,
     Gauss,
+    Hyperbola,
     Integrate,
     Isolate,
     Locate,
@@ -162,6 +164,7 @@ class Printer:
         self.inlined = False  # whether polygons and segments are written where they are called
         self.triangles: set[int] = set()  # degrees of rules on triangles
         self.units: set[tuple[int, int]] = set()  # nodes of segments, and how many of them are taken side by side
+        self.branches: set[tuple[tuple[int, int], ...]] = set()  # sets of moments of hyperbolas
         self.dimensions = 0  # of Sobol' points
         self.called: set[Together] = set()
         self.functions: Sequence[Called] = ()
@@ -173,12 +176,13 @@ class Printer:
         found = [*map(gauss_table, sorted(self.orders)), *map(node_table, sorted(self.measured))]
         found += [*map(triangle_table, sorted(self.triangles)), *(unit_table(*key) for key in sorted(self.units))]
         found += [*map(plain_table, sorted({n for n, _ in self.poles})), *(weights_function(*pole) for pole in sorted(self.poles))]
+        found += map(along_function, sorted(self.branches))
         return found + ([sobol_table(self.dimensions)] if self.dimensions else [])
 
     def element(self, program: Program, kind: str = "element", by_value: int = BY_VALUE, told: str | None = None) -> Routine:
         """The routine of the whole program at one point: from the parameters it writes the outputs to `f`. There is one "element", "run"s
         are numbered. It returns the boolean `told`, if there is one."""
-        self.inlined = sum(isinstance(s, Polygon | Segment) for s in statements(program.body)) <= INLINED
+        self.inlined = sum(isinstance(s, Polygon | Segment | Hyperbola) for s in statements(program.body)) <= INLINED
         self.functions = program.functions
         steps = [*self._steps(program.body), *_yields(program.outputs)]
         parameters, context = [f"p{i}" for i in range(len(program.parameters))], needs_context(program.body, self.counted)
@@ -226,7 +230,7 @@ class Printer:
 
         yield Step(tuple(stmt.name for stmt in calls), inputs, None, lines, 4 + len(inputs) // 8)
 
-    def _call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | When) -> Step:
+    def _call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | Hyperbola | When) -> Step:
         """The call of a statement's routine; many results or captured values go through the workspace."""
         absent = "0.0"
         match stmt:
@@ -244,6 +248,8 @@ class Printer:
                 routine, captured = self._sample(stmt)
             case Polygon() | Segment():
                 routine, captured = self._clipped(stmt)
+            case Hyperbola():
+                routine, captured = self._hyperbola(stmt)
             case When():
                 routine, captured = self._branch(stmt)
         names = assigned(stmt)
@@ -401,6 +407,18 @@ class Printer:
         head = _head(frame, "sum", len(stmt.results))
         routine = self._routine(kind, frame, head.replace("static", "TEG_INLINE", 1) if self.inlined else head, inside)
         return routine, tuple(given.get(arg, arg) for arg in captured)
+
+    def _hyperbola(self, stmt: Hyperbola) -> tuple[Routine, tuple[Arg, ...]]:
+        """The routine of the moments of a hyperbola."""
+        self.branches.add(along_a_branch(stmt))
+        scales = list(self._steps(stmt.scales))
+        own = (*stmt.corners, *(c for m in stmt.moments for _, _, c in m.terms), *stmt.scale)
+        captured = captured_by(own, scales, ())
+        frame = Frame(captured, [scales], own, bool(stmt.ties), by_value=WHOLE if self.inlined else BY_VALUE)
+        inside = [*frame.opening(), *hyperbola(stmt, frame)]
+        head = _head(frame, "sum", len(stmt.results))
+        routine = self._routine("hyperbola", frame, head.replace("static", "TEG_INLINE", 1) if self.inlined else head, inside)
+        return routine, tuple(captured)
 
     def _branch(self, stmt: When) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of what is behind a branch."""

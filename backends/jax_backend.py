@@ -33,6 +33,7 @@ from teg.program import (
     Arg,
     Assign,
     Gauss,
+    Hyperbola,
     Integrate,
     Isolate,
     Locate,
@@ -72,13 +73,13 @@ class JaxKernel:
 
     def __init__(self, program: Program) -> None:
         jax = _import_jax()
-        from teg.backends import jax_poles, jax_polygon, jax_roots, jax_runtime, jax_sampling
+        from teg.backends import jax_hyperbola, jax_poles, jax_polygon, jax_roots, jax_runtime, jax_sampling
 
         self.program = program
         text, functions = _printed(program), [_printed(cast(Program, f.body)) for f in program.functions]
         self.source = "\n".join([text, *(f"\n# function_{k}: the kernel of\n{body}" for k, body in enumerate(functions))])
         scope: dict[str, Any] = {"jnp": jax.numpy, "rt": jax_runtime, "roots": jax_roots, "sampling": jax_sampling}
-        scope |= {"polygons": jax_polygon, "poles": jax_poles}
+        scope |= {"polygons": jax_polygon, "poles": jax_poles, "hyperbolas": jax_hyperbola}
         for k, body in enumerate(functions):
             scope[f"function_{k}"] = _made(body, dict(scope))
         self._kernel = _made(text, scope)
@@ -209,7 +210,7 @@ def _nodes(block: tuple[Stmt, ...]) -> int:
                 most = max(most, stmt.nodes * _nodes(stmt.body))
             case When():
                 most = max(most, _nodes(stmt.body))
-            case Assign():
+            case Assign() | Hyperbola():
                 pass
             case _:
                 assert_never(stmt)
@@ -251,6 +252,8 @@ def _block(block: tuple[Stmt, ...], results: str) -> list[str]:
                 lines += _mean(stmt, note)
             case Polygon() | Segment():
                 lines += _clipped(stmt, note)
+            case Hyperbola():
+                lines += _moments(stmt, note)
             case Assign(name, "tie", (g, scale, r, _)):
                 lines.append(f"{name}, {note} = rt.tie(order, {strict(g, 'jnp')}, {_text(scale)}, {_text(r)})")
             case Assign():
@@ -377,6 +380,22 @@ def _clipped(stmt: Polygon | Segment, note: str) -> list[str]:
     ]
 
 
+def _moments(stmt: Hyperbola, note: str) -> list[str]:
+    """The scales of a hyperbola's corners, and its call."""
+    lines = [line for s in stmt.scales if isinstance(s, Assign) for line in assignment(s, DIALECT)]
+    kinds = inside(repr((m.kind, tuple((j, k) for j, k, _ in m.terms))) for m in stmt.moments)
+    coefficients = inside(f"({inside(_text(c) for _, _, c in m.terms)})" for m in stmt.moments)
+    arguments = [
+        "order",
+        *(f"({inside(map(_text, args))})" for args in (stmt.corners, stmt.scale)),
+        f"({kinds})",
+        f"({coefficients})",
+        "zero",
+    ]
+    arguments += [f"when={stmt.when}"] if stmt.when else []
+    return [*lines, f"({inside(stmt.results)}), {note} = hyperbolas.moments({', '.join(arguments)})"]
+
+
 def _names(block: tuple[Stmt, ...]) -> list[str]:
     """The names that a block gives a value."""
     return [name for s in block for name in assigned(s)]
@@ -387,6 +406,7 @@ def _has_note(stmt: Stmt) -> bool:
     return any(
         (isinstance(s, Assign) and s.op == "tie")
         or (isinstance(s, Integrate) and isinstance(s.rule, Adaptive | Rational))
+        or (isinstance(s, Hyperbola) and bool(s.ties))
         or (isinstance(s, Segment) and any(g.k is not None for g in s.half_lines))
         for s in statements((stmt,))
     )

@@ -13,7 +13,7 @@ from surface_families import FAMILIES, LINES, Family, x, y
 
 import teg
 from teg.integration import Integration
-from teg.pipeline import compiled_outputs, flatten, program_for
+from teg.pipeline import flatten, normal_form, program_for
 from teg.program import Program, Stmt, blocks
 
 TOL = 1e-4
@@ -44,18 +44,18 @@ def value_run(family: Family) -> RecordedRun:
 
 
 def _drawn(family: Family) -> str:
-    """What is clipped polygons by default is drawn as the rule "gauss" integrates it, piece by piece."""
-    return "gauss" if "clipped" in rules_of(family) else "auto"
+    """What is clipped polygons or in closed form by default is drawn as the rule "gauss" integrates it, piece by piece."""
+    return "gauss" if any(word in rules_of(family) for word in ("clipped", "closed form")) else "auto"
 
 
 def gradient_run(family: Family) -> RecordedRun:
-    """The program of the area's derivative by t, run, with a mark at the points it looks at. The mark is no polynomial; the rules are those
-    of the derivative without it."""
+    """The program of the area's derivative by t, run in charts, with a mark at the points it looks at. The mark is no polynomial; the rules
+    are those of the derivative without it."""
     mark = teg.atan2(y + SHIFT, x + SHIFT) if family.dimensions == 2 else teg.atan2(SHIFT, x + SHIFT)
     programs = []
     for integrand in (1, mark):
         e, parameters = family.integral(integrand)
-        gradient = compiled_outputs(e, [parameters[0]], 1, "sift")[1]
+        gradient = normal_form(teg.grad(e, [parameters[0]]))
         programs.append(program_for(flatten(gradient), list(family.values), Integration(tol=TOL, rule=_drawn(family))))
     plain, marked = programs
     rules = [s.rule for s in integrals_of(plain)]

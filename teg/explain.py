@@ -13,7 +13,7 @@ from teg.bodies import write_all_out
 from teg.build import check_parameters, check_program
 from teg.diffeomorphism import Diffeomorphism
 from teg.errors import OptionError, TegError
-from teg.explanation import Explanation
+from teg.explanation import CLOSED_FORM, Explanation
 from teg.expr import Expr, Param, Tuple, as_number
 from teg.function import Function
 from teg.integral import Integral, masses_of
@@ -22,6 +22,7 @@ from teg.inventory import Inventory, nests, text_of
 from teg.isolation import MAX_ROOTS, max_roots
 from teg.passes.atoms import canonicalise
 from teg.passes.breaks import BreakAnalysis
+from teg.passes.hyperbola import match_hyperbola
 from teg.passes.inline import reasons, write_out
 from teg.passes.polygon import Clipped, match_clipped
 from teg.passes.reparameterize import families_with
@@ -34,6 +35,7 @@ from teg.program import (
     Arg,
     Assign,
     Gauss,
+    Hyperbola,
     Integrate,
     Isolate,
     Locate,
@@ -180,6 +182,7 @@ class _Integrals:
     def __init__(self, how: Integration) -> None:
         self.how = how
         self.analysis = BreakAnalysis(how.max_roots)
+        self._closed: dict[Integral, bool] = {}
 
     def of(self, roots: Sequence[Expr], but: Sequence[Expr] = ()) -> list[dict[str, Any]]:
         """The integrals of expressions, outer ones first, without those of others; those that look the same are counted together."""
@@ -190,6 +193,8 @@ class _Integrals:
             for node, around in nests(root).items():
                 if not isinstance(node, Integral) or any(node in c.inside for c in map(self._clipped, around[:-1]) if c):
                     continue
+                if any(isinstance(i, Integral) and self._is_closed(i) for i in around[:-1]):
+                    continue
                 depths[node] = next((depths[i] + 1 for i in reversed(around[:-1]) if i.var in node.free), 0)
                 if node not in known:
                     row = self._row(node, depths[node])
@@ -199,6 +204,12 @@ class _Integrals:
 
     def _clipped(self, node: Expr) -> Clipped | None:
         return match_clipped(node, self.how) if isinstance(node, Integral) and masses_of(node.body, node.var) is None else None
+
+    def _is_closed(self, node: Integral) -> bool:
+        """Whether an integral, and the one inside it, are moments of a hyperbola."""
+        if node not in self._closed:
+            self._closed[node] = match_hyperbola(node, self.how) is not None
+        return self._closed[node]
 
     def _row(self, node: Integral, depth: int) -> dict[str, Any]:
         row = {"variable": node.var.name, "lower": text_of(node.lo), "upper": text_of(node.hi), "depth": depth}
@@ -214,6 +225,8 @@ class _Integrals:
             isolated = 0 if formula else max_roots(masses.g, node.var, self.how.max_roots)
             kind = {"kind": "sum over roots", "surface": f"{text_of(masses.g)} = 0", "rule": "sum", "nodes": None, "degree": None}
             return {**row, **kind, "formula": formula, "isolated": isolated, "located": 0, "searched": False, "breaks": 0, "pieces": 0}
+        if self._is_closed(node):
+            return {**row, **_unbroken(CLOSED_FORM), "nodes": None}
         clipped = self._clipped(node)
         if clipped is not None:
             polygon = len(clipped.boxes) > 1
@@ -287,7 +300,7 @@ def cost_of(program: Program) -> dict[str, Any]:
     hints = {r for s in every if isinstance(s, Locate) for r in s.results}
     return {
         "statements": len(every),
-        "integrals": len(integrals) + sum(isinstance(s, Sample | Polygon | Segment) for s in every),
+        "integrals": len(integrals) + sum(isinstance(s, Sample | Polygon | Segment | Hyperbola) for s in every),
         "isolations": sum(isinstance(s, Isolate | Locate) for s in every),
         "evaluations": _evaluations(program.body, hints),
         "adaptive": any(isinstance(s.rule, Adaptive) for s in integrals),
@@ -318,7 +331,7 @@ def _evaluations(block: Iterable[Stmt], hints: Container[Arg]) -> int:
                 )
             case Segment():
                 total += stmt.nodes * (_evaluations(stmt.body, hints) or 1)
-            case Isolate() | Locate() | Assign():
+            case Isolate() | Locate() | Hyperbola() | Assign():
                 continue
             case _:
                 assert_never(stmt)

@@ -13,6 +13,8 @@ GAP = "  "
 MAX_ROWS = 16
 """Rows of one table that are printed; `data` has all of them."""
 NARROWEST = 12
+CLOSED_FORM = "hyperbola, closed form"
+"""The rule of a polynomial on either side of a bilinear surface."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,9 @@ class Explanation:
         elif not data["surfaces"] and not data["value_error"]:
             lines.append("There is no surface: no integrand jumps.")
         if data["gradient_statements"] and not data["boundary"] and any(s["status"] == "eliminated" for s in data["surfaces"]):
-            lines.append("The boundary terms of the gradient are values at points: they need no integral.")
+            closed = any(i["rule"] == CLOSED_FORM for i in data["integrals"])
+            terms = "moments in closed form" if closed else "values at points"
+            lines.append(f"The boundary terms of the gradient are {terms}: they need no integral.")
         return lines
 
 

@@ -14,6 +14,7 @@ from teg.node import Node, postorder
 from teg.passes.affine import Affine
 from teg.passes.atoms import canonicalise
 from teg.passes.bilinear import Bilinear
+from teg.passes.hyperbola import border_of
 from teg.passes.implicit import Implicit
 from teg.passes.jumps import jump, vanishes_on
 from teg.passes.reparameterize import Families, find_family
@@ -154,6 +155,8 @@ class Inventory:
         if found is None:
             return {"status": "stuck", "family": "", "variables": [], "charts": [], "treatment": "its δ cannot be eliminated: no family"}
         data = found[0]
+        if isinstance(data, Bilinear) and border_of(g, ONE, _chain(around, data.variables)) is not None:
+            note = "; in closed form if what is integrated is a polynomial"
         charts = self._charts(g, data, around)
         by_formula = isinstance(data, Implicit) and all(c["how"] == "formula" for c in charts)
         return {

@@ -32,7 +32,7 @@ from teg.passes.estimators.ignore import ignore_discontinuities
 from teg.passes.group import group
 from teg.passes.implicit import with_deltas
 from teg.passes.inline import write_out
-from teg.passes.reparameterize import eliminate_deltas, families_with
+from teg.passes.reparameterize import closing, eliminate_deltas, families_with
 from teg.passes.schedule import schedule
 from teg.passes.sink import sink
 from teg.passes.steps import enumerate_steps
@@ -112,7 +112,7 @@ def eliminate(e: object, maps: Maps = ()) -> Expr:
 def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities: str, maps: Maps = ()) -> list[Expr]:
     """[value], [value, gradient], or [value, gradient, Hessian] as δ-free expressions in canonical form, ready to be scheduled together."""
     e, families = write_out(e), families_with(maps)
-    estimate = partial(eliminate_deltas, families=families) if discontinuities == "sift" else ESTIMATORS[discontinuities]
+    estimate = partial(eliminate_deltas, families=closing(families)) if discontinuities == "sift" else ESTIMATORS[discontinuities]
     outputs = [normal_form(e, maps=maps)]
     source = normal_form(e, keep_moving=True, maps=maps) if e.has_delta else outputs[0]
     for order in range(orders):

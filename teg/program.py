@@ -8,6 +8,7 @@
            | results = mean over points (v, …) of the unit cube: body      Sample: pseudo-random, or Sobol' points in replicates
            | results = ∫∫ over a box cut by half-planes: setup; body       Polygon: the box is clipped, a rule on a fan of triangles
            | results = ∫ over (0, 1) cut by half-lines: setup; body        Segment: the interval is clipped, Gauss-Legendre on what is left
+           | results = Σ c·moments of [g > 0], [g <= 0], δ(g): scales     Hyperbola: g bilinear on the unit square, in closed form
            | when b: body with results                                     When: a branch; where it is not taken, results are 0
 
 A program may call functions whose bodies are programs of their own (`Called`), without integrals.
@@ -174,6 +175,21 @@ Semantics of `Segment`: t is in (0, 1). A half-line is g(t) > 0 with g affine, g
     if from >= to every result is 0; else results = `factors` times Gauss-Legendre with `nodes` nodes over (from, to), `body` being run at
         each t
 
+Semantics of `Hyperbola`: g is affine in u and in v on the unit square, with the values `corners` at (0, 0), (1, 0), (1, 1), (0, 1); side i
+begins at corner i. Each result is Σ c·∫∫ uʲvᵏ w du dv over its `terms` (j, k, c), with the weight w by its kind,
+
+    "above"  [g > 0]        "below"  [g <= 0]        "border"  δ(g)
+
+    if `when` names a boolean that is false, every result is 0 and nothing below is evaluated
+    if a corner is NaN or infinite, every result is NaN
+    with `ties`, if the |g| at the ends of a side add up to at most NEAR_SIDE times those of all corners, run `scales`: a side *ties* if |g|
+        is at most TIE_EPS·scale at both of its ends. Unless all corners are ends of such sides, these are then set to 0, they count as
+        g > 0 if the program's run-time input `order` is +1 and as g <= 0 if it is -1, and a tie was met
+    if g > 0 at all corners, or at none, the region is all of the square, or nothing, a border is 0, and of the results only those
+        of the region that is not empty look at their coefficients; else both kinds of regions and the border are those of `teg.branches`
+    where a border's curve crosses itself on the square, |g| <= SADDLE·Σ|g in the middles of the sides| at the saddle, and the polynomial
+        there is more than NO_FLUX times the sum of its sizes in the middles of the sides, the result is an infinity of its sign
+
 Semantics of `When`: if `when` is false every result is 0 and nothing of `body` is run. Else `body` is run, which gives the results their
 values. Nothing else in it is known outside. It stands in the outermost block or in another `When`.
 
@@ -198,7 +214,7 @@ was met it is run again with order = -1 and the outputs are averaged. `k` number
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -240,6 +256,17 @@ THIN = 2.0**-5
 """A triangle so thin, compared with how much its half-planes change over a box, is clipped by the box, and not the box by it."""
 NEARLY = 2.0**-20
 """A half-line whose values are so small, compared with its terms, may be a tie: only then is it worth knowing how much rounding did."""
+
+NEAR_SIDE = 2.0**-10
+"""A side at whose ends a bilinear function is so small, compared with all corners, may be a tie."""
+SMALLEST = 1e-140
+"""The products of numbers that are smaller, or larger than its inverse, may be lost: they are divided first."""
+LARGEST_RATIO = 1e24
+"""Of the slopes at both ends of a branch that begins or ends on an asymptote, to rounding."""
+SADDLE = 8 * 2.0**-52
+"""The value at a saddle that is 0 to rounding, relative to those on the sides of the box."""
+NO_FLUX = 1e-12
+"""A boundary term's factor that is smaller than this at a saddle, in parts of its values on the box, is 0 there."""
 
 Arg = str | float | int | bool
 
@@ -452,6 +479,28 @@ class Segment:
 
 
 @dataclass(frozen=True, slots=True)
+class Moments:
+    """Σ c·uʲvᵏ over (j, k, c), on a region or along its border: "above", "below" or "border"."""
+
+    kind: str
+    terms: tuple[tuple[int, int, Arg], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Hyperbola:
+    """results = moments of a bilinear g on the unit square; with a border, `ties` are the numbers of its four sides in `Program.ties`,
+    and `scale` the scales of the rounding errors of its corners, known in `scales`."""
+
+    corners: tuple[Arg, ...]
+    scales: tuple[Stmt, ...]
+    scale: tuple[Arg, ...]
+    ties: tuple[int, ...]
+    moments: tuple[Moments, ...]
+    results: tuple[str, ...]
+    when: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class When:
     """Run `body`, which gives the results their values, if `when` holds; else they are 0."""
 
@@ -460,7 +509,7 @@ class When:
     results: tuple[str, ...]
 
 
-Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | When
+Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | Hyperbola | When
 
 
 def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
@@ -478,6 +527,8 @@ def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
             return (stmt.setup, stmt.body)
         case Segment():
             return (stmt.setup, stmt.scales, stmt.body)
+        case Hyperbola():
+            return (stmt.scales,)
         case Assign():
             return ()
 
@@ -551,7 +602,9 @@ def statements(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
 def has_ties(block: tuple[Stmt, ...]) -> bool:
     """Whether a run of a block can meet a tie."""
     return any(
-        (isinstance(s, Assign) and s.op == "tie") or (isinstance(s, Segment) and any(g.k is not None for g in s.half_lines))
+        (isinstance(s, Assign) and s.op == "tie")
+        or (isinstance(s, Hyperbola) and bool(s.ties))
+        or (isinstance(s, Segment) and any(g.k is not None for g in s.half_lines))
         for s in statements(block)
     )
 
@@ -639,6 +692,9 @@ def _live_part(block: tuple[Stmt, ...], live: set[Arg]) -> tuple[Stmt, ...]:
         if isinstance(stmt, Polygon | Segment):
             kept.append(_live_clipped(stmt, live))
             continue
+        if isinstance(stmt, Hyperbola):
+            kept.append(_live_moments(stmt, wanted, live))
+            continue
         if isinstance(stmt, When):
             body = _live_part(stmt.body, live)
             live.add(stmt.when)
@@ -684,6 +740,19 @@ def _live_clipped(stmt: Polygon | Segment, live: set[Arg]) -> Polygon | Segment:
     if isinstance(stmt, Segment):
         return replace(stmt, setup=setup, scales=scales, body=body, values=values, factors=factors, results=results)
     return replace(stmt, setup=setup, body=body, values=values, factors=factors, results=results)
+
+
+def _live_moments(stmt: Hyperbola, wanted: Sequence[int], live: set[Arg]) -> Hyperbola:
+    """A hyperbola with those of its moments that matter."""
+    moments = tuple(stmt.moments[i] for i in wanted)
+    if not any(m.kind == "border" for m in moments):
+        stmt = replace(stmt, scales=(), scale=(), ties=())
+    live.update(stmt.scale)
+    scales = _live_part(stmt.scales, live)
+    live.update((*stmt.corners, *(c for m in moments for _, _, c in m.terms)))
+    if stmt.when is not None:
+        live.add(stmt.when)
+    return replace(stmt, scales=scales, moments=moments, results=tuple(stmt.results[i] for i in wanted))
 
 
 def _live_sample(stmt: Sample, live: set[Arg]) -> Sample:

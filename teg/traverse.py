@@ -26,7 +26,7 @@ from teg.expr import (
     Where,
 )
 from teg.function import Apply
-from teg.integral import Delta, Integral, PointMasses, delta, integral_over
+from teg.integral import Border, Delta, Integral, PointMasses, delta, integral_over
 from teg.node import Node, postorder, postorder_through, union
 
 CompareHook = Callable[[Compare, Expr, "Cond | None"], Cond]
@@ -59,6 +59,8 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
             return ex.integer_power(c[0], node.exponent)
         case Apply():
             return Apply.make(node.data, c)
+        case Border():
+            return Border.make(node.data, c)
         case Call():
             return ex.call(node.name, *c)
         case Where():

@@ -22,7 +22,7 @@ from teg.expr import (
     Where,
 )
 from teg.function import Apply
-from teg.integral import Delta, Integral, PointMasses
+from teg.integral import Border, Delta, Integral, PointMasses
 from teg.node import Node, postorder
 
 
@@ -42,6 +42,9 @@ def verify(root: Node, stage: str = "") -> None:
             case Apply():
                 assert len(node.derivative) == node.callee.arity, f"{stage}: a derivative by other inputs than {node.callee.title} has"
                 kinds = (Expr,) * node.callee.arity
+            case Border():
+                assert len(node.children) == 4 + len(node.data[2]), f"{stage}: other coefficients than powers"
+                kinds = (Expr,) * len(node.children)
             case Call() | Tuple():
                 kinds = (Expr,) * len(node.children)
             case Where():

@@ -12,6 +12,8 @@ one of them whole.
 
 If g_x at the ends of y's range is r and s with r·s >= EVEN·(r² + s²), the denominator is of one size everywhere, and the first chart takes
 the whole curve; else, if this is so of g_y at the ends of x's range, the second one does. Most pixels have one chart then.
+
+A polynomial along the curve in a box needs no chart where derivatives end: its moments have a closed form (`hyperbola.py`).
 """
 
 from __future__ import annotations

@@ -20,9 +20,11 @@ from teg.program import (
     Arg,
     Assign,
     Called,
+    Hyperbola,
     Integrate,
     Isolate,
     Locate,
+    Moments,
     Polygon,
     Program,
     Sample,
@@ -111,6 +113,8 @@ class _Estimator:
                     self._sample(stmt, out)
                 case Polygon() | Segment():
                     self._clipped(stmt, out)
+                case Hyperbola():
+                    self._moments(stmt, out)
                 case Isolate():
                     out.append(stmt)
                     self._roots(stmt, out)
@@ -238,6 +242,30 @@ class _Estimator:
             total = self._times(out, factor, self._sum_of(parts, out)) if factor != 1.0 else self._sum_of(parts, out)
             spread = self._error(factor)
             self.errors[result] = total if spread == 0.0 else self._sum_of((total, self._op(out, "mul", spread, size)), out)
+
+    def _moments(self, stmt: Hyperbola, out: list[Stmt]) -> None:
+        """Roundings of the terms, what the coefficients are off by, and what the corners are, relative to the largest of them."""
+        kinds: dict[tuple[str, int, int], str] = {}
+        for m in stmt.moments:
+            for j, k, _ in m.terms:
+                kinds.setdefault((m.kind, j, k), self._fresh("v"))
+        single = tuple(Moments(kind, ((j, k, 1.0),)) for kind, j, k in kinds)
+        out.append(replace(stmt, scales=self._block(stmt.scales), moments=stmt.moments + single, results=(*stmt.results, *kinds.values())))
+        relative: Arg = ROUNDINGS
+        off = self._sum_of((self._error(c) for c in stmt.corners), out)
+        if off != 0.0:
+            largest: Arg = LEAST
+            for c in stmt.corners:
+                largest = self._op(out, "max", largest, self._op(out, "abs", c))
+            relative = self._op(out, "add", relative, self._op(out, "div", off, largest))
+        for result, m in zip(stmt.results, stmt.moments, strict=True):
+            parts: list[Arg] = []
+            for j, k, c in m.terms:
+                moment = self._op(out, "abs", kinds[m.kind, j, k])
+                parts.append(self._op(out, "mul", relative, self._op(out, "abs", c), moment))
+                if self._error(c) != 0.0:
+                    parts.append(self._op(out, "mul", self._error(c), moment))
+            self.errors[result] = self._sum_of(parts, out)
 
     def _other(self, stmt: Stmt, out: list[Stmt]) -> None:
         raise AssertionError(f"no error estimate for {type(stmt).__name__}")

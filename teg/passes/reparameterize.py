@@ -22,6 +22,7 @@ from teg.node import Node, postorder
 from teg.passes.affine import match_affine, match_partly_affine, rewrite_affine
 from teg.passes.bilinear import match_bilinear, rewrite_bilinear
 from teg.passes.charts import match_curve, rewrite_curve
+from teg.passes.hyperbola import border_of
 from teg.passes.implicit import match_implicit, rewrite_implicit
 from teg.passes.sift import deltas_of, linear_part, without
 from teg.passes.univariate import match_solvable, rewrite_solvable
@@ -44,6 +45,17 @@ FAMILIES: Families = (
     (match_implicit, rewrite_implicit),
     (match_partly_affine, rewrite_affine),
 )
+
+
+def rewrite_closed(g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
+    """A bilinear surface's boundary term in closed form, where there is one and it is not differentiated again; else its charts."""
+    closed = border_of(g, coefficient, chain)
+    return rewrite_bilinear(g, coefficient, chain, data) if closed is None else closed
+
+
+def closing(families: Families) -> Families:
+    """The families for boundary terms that are not differentiated again."""
+    return tuple((match, rewrite_closed if rewrite is rewrite_bilinear else rewrite) for match, rewrite in families)
 
 
 def families_with(maps: Sequence[Diffeomorphism]) -> Families:

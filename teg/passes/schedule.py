@@ -43,7 +43,7 @@ from teg.integral import Integral, PointMasses, masses_of
 from teg.integration import Integration
 from teg.node import Node, postorder
 from teg.passes.breaks import MAX_BENDS, BreakAnalysis, Breaks, Turn
-from teg.passes.clipped import ClippedEmitter
+from teg.passes.curved import CurvedEmitter
 from teg.passes.demand import GUARD_TERMS, guards, support
 from teg.passes.emit import NAN, Level
 from teg.passes.emptiness import certainly_empty
@@ -125,7 +125,7 @@ def _slope_of(g: Expr, x: Var) -> Expr | None:
     return rate if x in rate.free else None
 
 
-class _Scheduler(ClippedEmitter):
+class _Scheduler(CurvedEmitter):
     def __init__(self, parameters: Sequence[str], how: Integration) -> None:
         super().__init__(parameters, how)
         self.parameters = tuple(parameters)
@@ -142,6 +142,7 @@ class _Scheduler(ClippedEmitter):
     def plan_integrals(self, level: Level, roots: Sequence[Expr]) -> None:
         """Find the integrals that belong to this level, when each is needed, and which of them share a loop."""
         order = postorder(roots)
+        closed = self.plan_moments(level, order)
         inner = self.binders(roots)
         height: dict[Node, int] = {}
         mine: list[Integral] = []
@@ -150,7 +151,8 @@ class _Scheduler(ClippedEmitter):
             here = not node.free if level.var is None else level.var in node.free and not node.free & inner
             if isinstance(node, Integral) and here:
                 height[node] += 1
-                mine.append(node)
+                if node not in closed:
+                    mine.append(node)
         if not mine:
             return
         level.guards = guards(roots, order, inner, height, set(mine))
@@ -217,6 +219,9 @@ class _Scheduler(ClippedEmitter):
         """Give an integral, and those that share its loop, a name: one `Integrate`, one `Sample`, or a sum over roots."""
         if home.coordinates is not None and node in home.coordinates:
             self.sample_inside(node, home)
+            return
+        if self.has_moments(node):
+            super().integrate(node, home)
             return
         group = home.groups.get(node, [node])
         guard = home.guards.get(node, TRUE)

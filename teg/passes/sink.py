@@ -1,9 +1,10 @@
-"""Move what only one polygon or segment uses into it: it is then computed where the domain is not empty, and nowhere else.
+"""Move what only one polygon, segment or hyperbola uses into it: it is then computed where it is needed, and nowhere else.
 
     v = op(…);  results = ∫∫ over a polygon: body with v        →        results = ∫∫ over a polygon: setup v = op(…); body with v
 
-What decides the domain of a polygon stays outside, as the decision does; what only the ties of a segment need goes to its `scales`. An
-assignment is moved once and never copied, so a program does not grow; a `tie` stays where it is. Linear in the size of the program.
+What decides the domain of a polygon stays outside, as the decision does; what only the ties of a segment or a
+hyperbola need goes to its `scales`. An assignment is moved once and never copied, so a program does not grow; a `tie` stays where it is.
+Linear in the size of the program.
 """
 
 from __future__ import annotations
@@ -11,15 +12,29 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import fields, replace
 
-from teg.program import Arg, Assign, Integrate, Polygon, Program, Sample, Segment, Stmt, SumOver, blocks, clipped_by, statements
+from teg.program import (
+    Arg,
+    Assign,
+    Hyperbola,
+    Integrate,
+    Polygon,
+    Program,
+    Sample,
+    Segment,
+    Stmt,
+    SumOver,
+    blocks,
+    clipped_by,
+    statements,
+)
 
 Place = tuple[int, str]
 """A block inside a polygon or a segment: its number in the block around it, and "setup" or "scales"."""
 
 
 def sink(program: Program) -> Program:
-    """The program in which polygons and segments compute for themselves what nothing else uses."""
-    if not any(isinstance(s, Polygon | Segment) for s in statements(program.body)):
+    """The program in which polygons, segments and hyperbolas compute for themselves what nothing else uses."""
+    if not any(isinstance(s, Polygon | Segment | Hyperbola) for s in statements(program.body)):
         return program
     return replace(program, body=_sunk(program.body, program.outputs))
 
@@ -50,6 +65,10 @@ def _sunk(block: tuple[Stmt, ...], outputs: Iterable[Arg]) -> tuple[Stmt, ...]:
                 if isinstance(stmt, Segment):
                     note((*_names(stmt.scales), *(g.scale for g in stmt.half_lines)), (number, "scales"))
                 kept.append((number, stmt))
+            case Hyperbola():
+                note((stmt.when or True, *stmt.corners, *(c for m in stmt.moments for _, _, c in m.terms)), None)
+                note((*_names(stmt.scales), *stmt.scale), (number, "scales"))
+                kept.append((number, stmt))
             case _:
                 note(_names((stmt,)), None)
                 kept.append((number, _inside(stmt)))
@@ -71,13 +90,15 @@ def _filled(stmt: Stmt, number: int, moved: dict[Place, list[Stmt]]) -> Stmt:
         case Segment():
             scales = (*reversed(moved.get((number, "scales"), [])), *stmt.scales)
             return replace(stmt, setup=(*reversed(moved.get((number, "setup"), [])), *stmt.setup), scales=scales)
+        case Hyperbola():
+            return replace(stmt, scales=(*reversed(moved.get((number, "scales"), [])), *stmt.scales))
         case _:
             return stmt
 
 
 def _inside(stmt: Stmt) -> Stmt:
     """The same in the body of a loop."""
-    if isinstance(stmt, Assign) or not any(isinstance(s, Polygon | Segment) for b in blocks(stmt) for s in statements(b)):
+    if isinstance(stmt, Assign) or not any(isinstance(s, Polygon | Segment | Hyperbola) for b in blocks(stmt) for s in statements(b)):
         return stmt
     own = [arg for field in fields(stmt) for arg in _flat(getattr(stmt, field.name))]
     match stmt:

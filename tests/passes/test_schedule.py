@@ -8,7 +8,22 @@ import teg
 from teg.integration import Integration
 from teg.passes.schedule import schedule
 from teg.pipeline import flatten, normal_form
-from teg.program import Assign, Integrate, Isolate, Locate, Polygon, Program, Sample, Segment, SumOver, When, clipped_by, size, statements
+from teg.program import (
+    Assign,
+    Hyperbola,
+    Integrate,
+    Isolate,
+    Locate,
+    Polygon,
+    Program,
+    Sample,
+    Segment,
+    SumOver,
+    When,
+    clipped_by,
+    size,
+    statements,
+)
 from tests.references import Reference, untagged
 
 x, y = teg.vars("x y")
@@ -142,6 +157,14 @@ def names_of(p: Program) -> None:
                 for arg in s.values:
                     check(arg, body)
                 seen.extend((*variables, *s.results))
+                known |= set(s.results)
+            elif isinstance(s, Hyperbola):
+                for arg in (s.when, *s.corners, *(c for m in s.moments for _, _, c in m.terms)):
+                    check(arg, known)
+                inside = walk(s.scales, known)
+                for arg in s.scale:
+                    check(arg, inside)
+                seen.extend(s.results)
                 known |= set(s.results)
             elif isinstance(s, Sample):
                 check(s.when, known)

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FLOORS: tuple[frozenset[str], ...] = tuple(
     frozenset(names.split())
     for names in (
-        "teg.errors teg.program teg.quadrature teg.sampling teg.explanation",
+        "teg.errors teg.program teg.quadrature teg.branches teg.sampling teg.explanation",
         "teg.node teg.accuracy teg.array_program",
         "teg.expr",
         "teg.index",
@@ -58,11 +58,12 @@ PASSES_THAT_USE_ANOTHER = {
     "differentiate": {"jumps", "sift"},
     "emit": {"breaks"},
     "estimators.ignore": {"sift"},
-    "reparameterize": {"affine", "bilinear", "sift", "univariate", "charts", "implicit", "user"},  # the list of families
+    "reparameterize": {"affine", "bilinear", "hyperbola", "sift", "univariate", "charts", "implicit", "user"},  # the list of families
     "sampled": {"at_roots", "emit"},
     "emptiness": {"demand"},
     "clipped": {"barycentric", "demand", "emit", "polygon", "sampled", "vertices"},
-    "schedule": {"at_roots", "breaks", "clipped", "demand", "emit", "emptiness", "sampled"},
+    "curved": {"clipped", "emit", "hyperbola"},
+    "schedule": {"at_roots", "breaks", "curved", "demand", "emit", "emptiness", "sampled"},
     "steps": {"jumps"},
 }
 OPTIONAL = ["jax", "torch", "sympy", "scipy", "matplotlib", "PIL", "skimage", "tqdm", "mpmath"]
@@ -132,7 +133,7 @@ def test_passes_never_import_each_other() -> None:
 
 
 def test_backends_know_the_scheduled_program_only() -> None:
-    allowed = {"teg.errors", "teg.program", "teg.array_program", "teg.quadrature", "teg.sampling", "teg.backends"}
+    allowed = {"teg.errors", "teg.program", "teg.array_program", "teg.quadrature", "teg.branches", "teg.sampling", "teg.backends"}
     for module, path in MODULES.items():
         if module.startswith("teg.backends"):
             assert {o for o in imports(path) if not o.startswith("teg.backends")} <= allowed, module

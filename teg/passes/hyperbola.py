@@ -1,0 +1,152 @@
+"""Polynomials on one side of a bilinear surface over a box, and on the surface itself: moments in closed form.
+
+    ∫∫ P(x, y)·[g(x, y) > 0] dx dy,   ∫∫ P(x, y)·δ(g(x, y)) dx dy        g = g₀ + b·x + c·y + d·xy
+
+On the box scaled to the unit square both are Σ c_jk·M_jk with the coefficients c_jk of P at a corner and the moments M_jk of the region,
+or of the curve, which depend on the four values of g at the corners (`teg.branches`). All integrals that share these values share the
+crossings of the curve with the sides and the logarithm of each branch: one statement, `Hyperbola`.
+
+A boundary term stands in an expression as a `Border` of the corner values and the coefficients. It is made where derivatives end only, as
+it has none itself. P has at most degree 3 in each variable (2 in the region), so that no moment costs digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import factorial
+from typing import cast
+
+from teg.calculus import slope
+from teg.dump import show
+from teg.errors import NotDifferentiableError
+from teg.expr import FALSE, TRUE, ZERO, Add, Const, Expr, Mul, Var, add, const, integer_power, mul, sub
+from teg.integral import Border, Integral, masses_of
+from teg.integration import Integration
+from teg.nest import Binder, Chain
+from teg.polynomial import Shadow
+from teg.surfaces import atoms_of
+from teg.tails import is_unbounded
+from teg.traverse import replace_node, substitute
+
+MAX_BORDER, MAX_INSIDE = 3, 2
+Corners = tuple[Expr, Expr, Expr, Expr]
+"""The values of g, counterclockwise from the corner of both lower bounds, x being the inner variable."""
+Coefficients = dict[tuple[int, int], Expr]
+"""Of xʲyᵏ, relative to that corner and to the extents of the box."""
+
+
+@dataclass(frozen=True)
+class Sides:
+    """area·∫∫ over the unit square, of one polynomial where g > 0 and another one elsewhere."""
+
+    corners: Corners
+    above: Coefficients
+    below: Coefficients
+    area: Expr
+
+
+def border_of(g: Expr, coefficient: Expr, chain: Chain) -> Expr | None:
+    """∫∫ coefficient·δ(g) over a chain of two integrals, as a function of the values of g at the corners; None if it is none."""
+    if len(chain) != 2 or not _is_bilinear(g, chain) or any(e.free for b in chain for e in (b.lo, b.hi)):
+        return None
+    if any(isinstance(e, Const) and abs(e.data) == float("inf") for b in chain for e in (b.lo, b.hi)):
+        return None
+    found = _coefficients(coefficient, chain, MAX_BORDER)
+    if found is None:
+        return None
+    corners = _corners(g, chain)
+    if all(isinstance(e, Const) for e in corners):
+        return None
+    outer, inner = chain
+    sides = ((outer.var, outer.lo), (inner.var, inner.hi), (outer.var, outer.hi), (inner.var, inner.lo))
+    bounds = tuple(f"the bound {v.name} = {show(e, 300)}" for v, e in sides)
+    border = Border.make((f"{show(g, 300)} = 0", bounds, tuple(found)), (*corners, *found.values()))
+    return mul(_area(chain), border)
+
+
+def match_hyperbola(node: Integral, how: Integration) -> Sides | None:
+    """A closed integral over a box of what is a polynomial on either side of a bilinear surface, or None."""
+    if how.rule != "auto" or how.order is not None or node.free or node.has_delta or is_unbounded(node):
+        return None
+    inner, terms = _terms(node)
+    if inner is None or inner.free - {node.var} or any(e.free for e in (inner.lo, inner.hi, node.lo, node.hi)):
+        return None
+    chain = (Binder(node.var, node.lo, node.hi), Binder(inner.var, inner.lo, inner.hi))
+    atoms = dict.fromkeys(a for v in (node.var, inner.var) for a in atoms_of(terms, v))
+    if len(atoms) != 1:
+        return None
+    (atom,) = atoms
+    if atom.resolution is not None or not _is_bilinear(atom.g, chain):
+        return None
+    above, below = (_coefficients(cast(Expr, replace_node(terms, atom, c)), chain, MAX_INSIDE) for c in (TRUE, FALSE))
+    corners = _corners(atom.g, chain)
+    if above is None or below is None or all(isinstance(e, Const) for e in corners):
+        return None
+    return Sides(corners, above, below, _area(chain))
+
+
+def _terms(node: Integral) -> tuple[Integral | None, Expr]:
+    """The inner integral of a nest of two, and the integrand; if its body is a sum of products, each with one over the same interval."""
+    box: Integral | None = None
+    total: list[Expr] = []
+    for term in node.body.children if isinstance(node.body, Add) else (node.body,):
+        factors = cast("Sequence[Expr]", term.children) if isinstance(term, Mul) else (term,)
+        found = [f for f in factors if isinstance(f, Integral)]
+        if len(found) != 1 or found[0].body.has_integral or is_unbounded(found[0]) or masses_of(found[0].body, found[0].var) is not None:
+            return None, ZERO
+        (inner,) = found
+        box = inner if box is None else box
+        if (inner.var, inner.lo, inner.hi) != (box.var, box.lo, box.hi) or inner.var is node.var:
+            return None, ZERO
+        rest = mul(*(f for f in factors if f is not inner))
+        if inner.var in rest.free:
+            return None, ZERO
+        total.append(mul(rest, inner.body))
+    return box, add(*total)
+
+
+def _is_bilinear(g: Expr, chain: Chain) -> bool:
+    """Whether g is affine in each variable, with a mixed term, and made of parameters else."""
+    variables = tuple(b.var for b in chain)
+    if g.has_integral or g.has_delta or not g.free <= set(variables) or any(atoms_of(g, v) for v in variables):
+        return False
+    poly = Shadow(variables).polynomial(g)
+    return poly is not None and (1, 1) in poly and all(max(m) <= 1 for m in poly)
+
+
+def _corners(g: Expr, chain: Chain) -> Corners:
+    outer, inner = chain
+    places = ((inner.lo, outer.lo), (inner.hi, outer.lo), (inner.hi, outer.hi), (inner.lo, outer.hi))
+    return cast(Corners, tuple(substitute(g, {inner.var: u, outer.var: v}) for u, v in places))
+
+
+def _area(chain: Chain) -> Expr:
+    return mul(*(sub(b.hi, b.lo) for b in chain))
+
+
+def _coefficients(e: Expr, chain: Chain, most: int) -> Coefficients | None:
+    """Those of a polynomial of so low a degree in each variable; None if it is none."""
+    outer, inner = chain
+    x, y = inner.var, outer.var
+    if e.has_integral or e.has_delta or not e.free <= {x, y} or any(atoms_of(e, v) for v in (x, y)):
+        return None
+    poly = Shadow((x, y)).polynomial(e)
+    if poly is None or any(max(m) > most for m in poly):
+        return None
+    found: Coefficients = {}
+    corner: dict[Var, Expr] = {x: inner.lo, y: outer.lo}
+    width, height = sub(inner.hi, inner.lo), sub(outer.hi, outer.lo)
+    try:
+        for j in range(max((m[0] for m in poly), default=-1) + 1):
+            along = e
+            for k in range(max(m[1] for m in poly) + 1):
+                scale = mul(const(1.0 / (factorial(j) * factorial(k))), integer_power(width, j), integer_power(height, k))
+                value = mul(scale, cast(Expr, substitute(along, corner)))
+                if value is not ZERO:
+                    found[j, k] = value
+                along = slope(along, y)
+            e = slope(e, x)
+    except NotDifferentiableError:
+        return None
+    return found
