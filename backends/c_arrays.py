@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.array_program import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, scattered, steps, work
-from teg.backends.c_backend import LONG, _optimisation
+from teg.backends.c_backend import LONG, optimisation
 from teg.backends.c_build import load_library
 from teg.backends.c_interrupt import Caller
 from teg.backends.c_print import Printer, Routine
@@ -60,7 +60,7 @@ class CArrayKernel:
         self.program = program
         self.threads = threads
         self.source = print_arrays(program)
-        self._call = Caller(load_library(self.source, optimise=_optimisation(self.source), openmp=threads != 1))
+        self._call = Caller(load_library(self.source, optimise=optimisation(self.source), openmp=threads != 1))
 
     def __reduce__(self) -> tuple[object, ...]:
         return (CArrayKernel, (self.program, self.threads))

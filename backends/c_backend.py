@@ -94,14 +94,14 @@ def _built(program: Program, counted: bool, real: str, openmp: bool) -> tuple[st
     """The text of a program and its library. Functions that it calls are texts of their own."""
     if not program.functions:
         text = print_kernel(program, counted=counted, real=real)
-        return text, load_library(text, optimise=_optimisation(text), openmp=openmp)
+        return text, load_library(text, optimise=optimisation(text), openmp=openmp)
     kernel, called = kernel_text(program, counted, real)
     functions, bound = function_units(program, called)
-    library = load_linked(kernel, functions, bound, optimise=_optimisation(kernel), openmp=openmp)
+    library = load_linked(kernel, functions, bound, optimise=optimisation(kernel), openmp=openmp)
     return "\n".join([kernel, *functions, bound]), library
 
 
-def _optimisation(source: str) -> tuple[str, ...]:
+def optimisation(source: str) -> tuple[str, ...]:
     """How hard the compiler should try, so that long texts do not take it minutes: gcc 12 needs 8, 4, 3, 1 seconds a megabyte. Loops, which
     short texts are about, run 20 % faster after -O3 than after -O1; long straight lines do not."""
     size = len(source)

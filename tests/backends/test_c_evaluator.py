@@ -18,7 +18,7 @@ import pytest
 
 import teg
 from teg.backends import c_build
-from teg.backends.c_backend import _optimisation
+from teg.backends.c_backend import optimisation
 from teg.errors import OptionError, ParameterError
 from tests.backends.c_checks import in_c
 from tests.bench import scenes
@@ -256,11 +256,11 @@ def test_many_parameters_at_a_point() -> None:
 
 
 def test_long_texts_are_compiled_lightly() -> None:
-    assert _optimisation("x" * 1000) == ("-O3",)
-    assert _optimisation("x" * 400_000) == ("-O1",)
-    assert _optimisation("x" * 600_000)[0] == "-O1"
-    assert set(c_build.LIGHT) < set(_optimisation("x" * 600_000))
-    assert _optimisation("x" * 10_000_000) == ("-O0",)
+    assert optimisation("x" * 1000) == ("-O3",)
+    assert optimisation("x" * 400_000) == ("-O1",)
+    assert optimisation("x" * 600_000)[0] == "-O1"
+    assert set(c_build.LIGHT) < set(optimisation("x" * 600_000))
+    assert optimisation("x" * 10_000_000) == ("-O0",)
 
 
 @pytest.mark.slow
@@ -271,5 +271,5 @@ def test_a_thousand_brackets_are_right_whatever_the_flags() -> None:
     found, wanted = c.value_and_grad(at), numpy.value_and_grad(at)
     assert found[0] == pytest.approx(wanted[0], rel=1e-13)
     assert found[1] == wanted[1]
-    assert _optimisation(c.kernel(1).source)[0] == "-O1"
+    assert optimisation(c.kernel(1).source)[0] == "-O1"
     assert ctypes.sizeof(ctypes.c_double) == 8

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 import teg
+from teg.backends.c_backend import optimisation
 from teg.backends.c_build import BASE_FLAGS, NATIVE, find_compiler, load_library
 from teg.backends.c_standalone import standalone_c
 from teg.compile import Evaluator
@@ -293,7 +294,7 @@ def call_rows() -> list[Row]:
 
 def compile_time_row(name: str, e: teg.Expr, wrt: list[Any]) -> Row:
     """Seconds of the processor for everything in Python, from the expression to the C text of value and gradient, and for the C compiler on
-    that text."""
+    that text, with the options that the backend gives it."""
     names = sorted(p.name for p in parameters(e))
     start = time.process_time()
     outputs = [leaf for part in compiled_outputs(e, wrt, 1, "sift") for leaf in flatten(part)]
@@ -302,7 +303,7 @@ def compile_time_row(name: str, e: teg.Expr, wrt: list[Any]) -> Row:
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder, "scene.c")
         source.write_text(text, encoding="utf-8")
-        command = [*find_compiler(), "-O3", *BASE_FLAGS, NATIVE, str(source), "-o", os.devnull, "-lm"]
+        command = [*find_compiler(), *optimisation(text), *BASE_FLAGS, NATIVE, str(source), "-o", os.devnull, "-lm"]
         before = os.times()
         subprocess.run(command, check=True, capture_output=True)
         after = os.times()
