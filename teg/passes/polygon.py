@@ -139,10 +139,11 @@ def _match(boxes: tuple[Integral, ...], condition: Cond, integrand: Expr, inside
     shadow = Shadow(variables)
     if not 0 < len(halves) <= MAX_HALF_PLANES or any(atoms_of(e, v) for v in variables for e in (integrand, *(h.atom.g for h in halves))):
         return None
-    if any(shadow.degree(h.atom.g) not in (0, 1) for h in halves) or (
-        len(boxes) > 1 and any(h.atom.resolution is not None for h in halves)
-    ):
+    if any(shadow.degree(h.atom.g) not in (0, 1) for h in halves):
         return None
+    resolutions = [h.atom.resolution for h in halves if h.atom.resolution is not None]
+    if resolutions and (len(boxes) > 1 or any(v in r.free for r in resolutions for v in variables)):
+        return None  # which side a tie belongs to must be known before the interval is cut
     degree = shadow.degree(integrand)
     if degree is None or degree > MAX_DEGREE or (len(boxes) == 1 and degree // 2 + 1 > MAX_NODES):
         return None

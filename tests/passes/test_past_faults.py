@@ -188,3 +188,13 @@ def test_conditions_that_only_decide_ties_are_not_watched() -> None:
 def test_endless_stairs() -> None:
     f = teg.compile(INT(B(teg.mod(x, 1.0) < 0.5) * teg.exp(-x * x), (x, -math.inf, math.inf)), backend="c", inaccurate="ignore")
     assert f() == pytest.approx(0.5 * math.sqrt(math.pi), rel=1e-13)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_bound_along_which_a_tie_would_belong_to_either_side(backend: str) -> None:
+    """The side depends on y along x = t, which a segment cannot know before it is cut: the compiler failed."""
+    inner = INT(B(a * x + y + x * y > 0.5), (x, t, 1), (y, 0, 1))
+    for e, outer in ((inner, lambda v: 1.0), (teg.exp(inner), math.exp)):
+        value, gradient = teg.compile(e, [t], backend=backend).value_and_grad(a=0.25, t=0.2)
+        area = value if e is inner else math.log(value)
+        assert gradient["t"] == pytest.approx(-(1 - (0.5 - 0.25 * 0.2) / 1.2) * outer(area), rel=1e-13)
