@@ -103,7 +103,7 @@ def _built(program: Program, counted: bool, real: str, openmp: bool) -> tuple[st
 
 def optimisation(source: str) -> tuple[str, ...]:
     """How hard the compiler should try, so that long texts do not take it minutes: gcc 12 needs 8, 4, 3, 1 seconds a megabyte. Loops, which
-    short texts are about, run 20 % faster after -O3 than after -O1; long straight lines do not."""
+    short texts are about, run faster after -O3 than after -O1; long straight lines do not."""
     size = len(source)
     return ("-O3",) if size <= 280_000 else ("-O1",) if size <= 480_000 else ("-O1", *LIGHT) if size <= 7_000_000 else ("-O0",)
 

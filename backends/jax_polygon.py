@@ -1,7 +1,7 @@
 """Clipped polygons and segments with static shapes, which the printed JAX programs call as `polygons`.
 
 A polygon gains one corner with each half-plane, whatever that cuts off: where fewer are left, some stand twice, and their triangles have no
-area. Nothing is moved by index, as a scatter takes long. `setup` and `scales` stand in the program before the call.
+area. Nothing is moved by index: a scatter for each cut would take long. `setup` and `scales` stand in the program before the call.
 """
 
 from __future__ import annotations

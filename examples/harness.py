@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import shlex
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -69,6 +70,14 @@ def progress_bar(shown: bool, total: int, done: int, label: str = "") -> Iterato
 def ratio(end: float, start: float) -> float:
     """end / start, 1 where nothing was to be gained."""
     return end / start if start > 0 else 1.0
+
+
+def demo_command(name: str, photo: str | None, values: Mapping[str, object], out: str | Path, *flags: str) -> str:
+    """The command line that repeats a demonstration: its photo, a value for each option, and flags."""
+    words = ["teg", "demo", name, *([photo] if photo else [])]
+    for option, value in values.items():
+        words += ["--" + option.replace("_", "-"), str(value)]
+    return shlex.join([*words, *flags, "-o", str(out)])
 
 
 def versions() -> dict[str, str]:

@@ -5,7 +5,6 @@ throw → straight lines → (times of contacts → best heights → compiled gr
 
 from __future__ import annotations
 
-import shlex
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -17,7 +16,16 @@ from teg.errors import InputError
 from teg.examples.bouncing_ball.descent import ActionDescent, State
 from teg.examples.bouncing_ball.scene import compile_scene
 from teg.examples.bouncing_ball.throw import Throw, exact, make_throw
-from teg.examples.harness import default_backend, machine, progress_bar, require_packages, result_folder, versions, write_report
+from teg.examples.harness import (
+    default_backend,
+    demo_command,
+    machine,
+    progress_bar,
+    require_packages,
+    result_folder,
+    versions,
+    write_report,
+)
 
 STEPS = 300
 PACKAGES = {"scipy": "scipy", "matplotlib": "matplotlib", "tqdm": "tqdm"}
@@ -140,6 +148,6 @@ def _error(state: State, times: np.ndarray) -> float:
 
 
 def _command(throw: Throw, steps: int, discontinuities: str, backend: str, compare: bool, out: str | Path) -> str:
-    words = ["teg", "demo", "bouncing-ball", "--contacts", str(throw.contacts), "--speed", str(throw.speed)]
-    words += ["--duration", repr(throw.duration), "--steps", str(steps), "--discontinuities", discontinuities]
-    return shlex.join([*words, "--backend", backend, *([] if compare else ["--alone"]), "-o", str(out)])
+    values = {"contacts": throw.contacts, "speed": throw.speed, "duration": repr(throw.duration), "steps": steps}
+    values |= {"discontinuities": discontinuities, "backend": backend}
+    return demo_command("bouncing-ball", None, values, out, *([] if compare else ["--alone"]))

@@ -6,7 +6,6 @@ photos → crops → network → vertices → (areas of pixels' parts, compiled)
 from __future__ import annotations
 
 import hashlib
-import shlex
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 
 from teg.errors import InputError
 from teg.examples.descent_record import RecordedDescent
-from teg.examples.harness import machine, ratio, require_packages, result_folder, versions, write_report
+from teg.examples.harness import demo_command, machine, ratio, require_packages, result_folder, versions, write_report
 from teg.examples.mesh_network.mesh import make_mesh, signed_areas
 
 EPOCHS = 60
@@ -149,7 +148,5 @@ def _draw(
 
 
 def _command(options: Options, out: str | Path) -> str:
-    words = ["teg", "demo", "mesh-network", *([options.photo] if options.photo else [])]
-    for name in ("cells", "epochs", "seed", "discontinuities"):
-        words += [f"--{name}", str(getattr(options, name))]
-    return shlex.join([*words, "-o", str(out)])
+    names = ("cells", "epochs", "seed", "discontinuities")
+    return demo_command("mesh-network", options.photo, {n: getattr(options, n) for n in names}, out)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import shlex
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,7 +16,7 @@ import numpy as np
 
 from teg.errors import InputError
 from teg.examples.descent_record import RecordedDescent
-from teg.examples.harness import default_backend, machine, ratio, require_packages, result_folder, versions, write_report
+from teg.examples.harness import default_backend, demo_command, machine, ratio, require_packages, result_folder, versions, write_report
 from teg.examples.perlin.descent import first_state, next_state
 from teg.examples.perlin.scene import compile_scene
 from teg.examples.perlin.shader_loss import AFTER_GRADIENTS, ShaderLoss
@@ -193,7 +192,5 @@ def simple_approximations(target: np.ndarray) -> dict[str, float]:
 
 
 def _command(options: Options, compare: bool, out: str | Path) -> str:
-    words = ["teg", "demo", "perlin", *([options.photo] if options.photo else [])]
-    for name in ("cells", "octaves", "size", "steps", "seed", "discontinuities", "backend"):
-        words += [f"--{name}", str(getattr(options, name))]
-    return shlex.join([*words, *([] if compare else ["--alone"]), "-o", str(out)])
+    names = ("cells", "octaves", "size", "steps", "seed", "discontinuities", "backend")
+    return demo_command("perlin", options.photo, {n: getattr(options, n) for n in names}, out, *([] if compare else ["--alone"]))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import shlex
 import time
 from dataclasses import asdict, dataclass
 from importlib import util
@@ -18,7 +17,7 @@ import numpy as np
 
 from teg.errors import InputError, MissingPackageError
 from teg.examples.descent_record import RecordedDescent
-from teg.examples.harness import default_backend, machine, ratio, require_packages, result_folder, versions, write_report
+from teg.examples.harness import default_backend, demo_command, machine, ratio, require_packages, result_folder, versions, write_report
 from teg.examples.triangulation.descent import first_state, next_state
 from teg.examples.triangulation.image_loss import ImageLoss, PictureLoss
 from teg.examples.triangulation.mesh import make_mesh, signed_areas
@@ -151,8 +150,6 @@ def _loss(options: Options, target: np.ndarray, triangles: np.ndarray) -> Pictur
 
 
 def _command(options: Options, out: str | Path) -> str:
-    words = ["teg", "demo", "triangulation", *([options.photo] if options.photo else [])]
-    for name in ("triangles", "size", "steps", "seed", "discontinuities", "backend"):
-        words += [f"--{name}", str(getattr(options, name))]
-    words += ["--shared-by", options.shared_by] if options.shared_by else []
-    return shlex.join([*words, "-o", str(out)])
+    names = ("triangles", "size", "steps", "seed", "discontinuities", "backend")
+    shared = ["--shared-by", options.shared_by] if options.shared_by else []
+    return demo_command("triangulation", options.photo, {n: getattr(options, n) for n in names}, out, *shared)

@@ -43,6 +43,11 @@ def picture_loss() -> Expr:
     face, column, row = teg.index("face"), teg.index("column"), teg.index("row")
     columns, rows = (column, BOXES[face, 0], BOXES[face, 1]), (row, BOXES[face, 2], BOXES[face, 3])
     total = teg.sum(pixel_loss(face, column, row), columns, rows, (face, 0, teg.length(FACES, 0)))
+    return per_pixel(total)
+
+
+def per_pixel(total: Expr) -> Expr:
+    """A sum over pixels, over how many the picture has."""
     pixels: Index = teg.length(TARGET, 0) * teg.length(TARGET, 1)
     return total / pixels
 

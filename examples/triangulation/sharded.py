@@ -22,9 +22,8 @@ import teg
 from teg.backends.jax_precision import in_double_precision
 from teg.errors import InputError
 from teg.examples.triangulation.image_loss import bounding_boxes
-from teg.examples.triangulation.scene import COLOURS, FACES, TARGET, VERTICES, pixel_loss
+from teg.examples.triangulation.scene import COLOURS, FACES, VERTICES, per_pixel, pixel_loss
 from teg.expr import Expr
-from teg.index import Index
 
 PAIRS = teg.indices("pairs", 2)  # (p, 3): a triangle, and the column and row of a pixel
 CORNERS = teg.indices("corners", 2)  # (m, 2): first column and row of the window of a triangle
@@ -39,18 +38,14 @@ PARTS = 8
 def loss_by_pairs() -> Expr:
     """The loss per pixel, as a sum over pairs."""
     k = teg.index("k")
-    total = teg.sum(pixel_loss(PAIRS[k, 0], PAIRS[k, 1], PAIRS[k, 2]), (k, 0, teg.length(PAIRS, 0)))
-    pixels: Index = teg.length(TARGET, 0) * teg.length(TARGET, 1)
-    return total / pixels
+    return per_pixel(teg.sum(pixel_loss(PAIRS[k, 0], PAIRS[k, 1], PAIRS[k, 2]), (k, 0, teg.length(PAIRS, 0))))
 
 
 def loss_by_faces() -> Expr:
     """The loss per pixel, as a sum over triangles and their windows."""
     face, i, j = teg.index("face"), teg.index("i"), teg.index("j")
     pixel = pixel_loss(face, CORNERS[face, 0] + i, CORNERS[face, 1] + j)
-    total = teg.sum(pixel, (i, 0, WIDTH), (j, 0, HEIGHT), (face, 0, teg.length(FACES, 0)))
-    pixels: Index = teg.length(TARGET, 0) * teg.length(TARGET, 1)
-    return total / pixels
+    return per_pixel(teg.sum(pixel, (i, 0, WIDTH), (j, 0, HEIGHT), (face, 0, teg.length(FACES, 0))))
 
 
 class ShardedLoss:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import statistics
 import sys
 import time
 from pathlib import Path
@@ -22,8 +21,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from tests.bench.rows import median_time
+
 MISSING = "no CUDA device: the figures of a GPU are missing (--device cpu measures on the processor)"
-RUNS, COPIED = 7, 2**28
+COPIED = 2**28
 
 
 def find_device(kind: str) -> Any:
@@ -36,17 +37,6 @@ def find_device(kind: str) -> Any:
         return None
 
 
-def seconds(action: Any) -> float:
-    """The median of some runs, after one that compiles."""
-    action()
-    times = []
-    for _ in range(RUNS):
-        start = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - start)
-    return statistics.median(times)
-
-
 def bandwidth(device: Any, length: int = COPIED) -> float:
     """Bytes a second that a copy of an array reads and writes."""
     import jax
@@ -54,7 +44,7 @@ def bandwidth(device: Any, length: int = COPIED) -> float:
 
     whole = jax.device_put(jnp.zeros(length // 4, jnp.float32), device)
     copy = jax.jit(lambda v: v + 1)
-    return 2 * length / seconds(lambda: copy(whole).block_until_ready())
+    return 2 * length / median_time(lambda: copy(whole).block_until_ready(), warm=True)
 
 
 def row(device: Any, by: str, size: int, triangles: int, dtype: str, speed: float) -> dict[str, Any]:
@@ -71,7 +61,7 @@ def row(device: Any, by: str, size: int, triangles: int, dtype: str, speed: floa
     start = time.perf_counter()
     _, (slopes, _) = loss.step(*operands, window=window)
     first = time.perf_counter() - start
-    warm = seconds(lambda: loss.step(*operands, window=window))
+    warm = median_time(lambda: loss.step(*operands, window=window))
     wanted = ImageLoss(compile_scene("c", threads=0), target, mesh.triangles).gradient(mesh.vertices, colours)
     width = np.dtype(dtype).itemsize
     least = width * (2 * mesh.vertices.size + 2 * colours.size + target.size) + 4 * mesh.triangles.size

@@ -20,8 +20,10 @@ from tests.references import REFERENCES
 Row = dict[str, Any]
 
 
-def median_time(action: Callable[[], object], runs: int = 7) -> float:
-    """Seconds, the median."""
+def median_time(action: Callable[[], object], runs: int = 7, warm: bool = False) -> float:
+    """Seconds, the median; `warm`: after a run that is not counted."""
+    if warm:
+        action()
     times = []
     for _ in range(runs):
         start = time.perf_counter()

@@ -12,11 +12,8 @@ import argparse
 import json
 import os
 import socket
-import statistics
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,17 +26,6 @@ PICTURE, BATCH = (192, 256), 2**12
 SMALL = (24, 20), 2**6
 
 
-def median(action: Callable[[], object]) -> float:
-    """Seconds, after one run that compiles."""
-    action()
-    times = []
-    for _ in range(RUNS):
-        start = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - start)
-    return statistics.median(times)
-
-
 def measured(small: bool, whole_picture: bool) -> dict[str, Any]:
     """The times in this process, in ms; a batch is that of all processes."""
     import jax
@@ -48,6 +34,7 @@ def measured(small: bool, whole_picture: bool) -> dict[str, Any]:
     import teg
     from teg.examples.triangulation.mesh import make_mesh
     from teg.examples.triangulation.sharded import ShardedLoss
+    from tests.bench.rows import median_time
     from tests.bench.scenes import disk
 
     jax.config.update("jax_enable_x64", True)
@@ -59,14 +46,16 @@ def measured(small: bool, whole_picture: bool) -> dict[str, Any]:
         for by in ("pairs", "faces"):
             loss = ShardedLoss(by, target, mesh.triangles)
             operands, window, _ = loss.operands(mesh.vertices, colours)
-            found[f"picture by {by}, ms"] = 1e3 * median(lambda loss=loss, o=operands, w=window: loss.step(*o, window=w))
+            found[f"picture by {by}, ms"] = 1e3 * median_time(
+                lambda loss=loss, o=operands, w=window: loss.step(*o, window=w), RUNS, warm=True
+            )
     e, _ = disk()
     area = teg.jax_function(e)
     mesh = jax.make_mesh((jax.device_count(),), ("batch",), axis_types=(AxisType.Auto,))
     thresholds = np.random.default_rng(1).uniform(0.2, 1.5, batch)
     t = jax.make_array_from_callback(thresholds.shape, NamedSharding(mesh, PartitionSpec("batch")), lambda i: thresholds[i])
     step = jax.jit(jax.value_and_grad(lambda a, b, t: (area(t=t, a=a, b=b) ** 2).sum(), (0, 1, 2)))
-    found["batch of disks, ms"] = 1e3 * median(lambda: step(0.1, -0.2, t)[0].block_until_ready())
+    found["batch of disks, ms"] = 1e3 * median_time(lambda: step(0.1, -0.2, t)[0].block_until_ready(), RUNS, warm=True)
     return found
 
 
