@@ -23,12 +23,13 @@ from teg.array_program import Arg, ArrayProgram, Integers, Like, Load, Loop, Num
 from teg.backends.c_backend import LONG, optimisation
 from teg.backends.c_build import load_library
 from teg.backends.c_interrupt import Caller
-from teg.backends.c_print import Printer, Routine
+from teg.backends.c_packed import SIDE, decisive_branch
+from teg.backends.c_print import Printer, Routine, Straight
 from teg.backends.c_runtime import runtime
 from teg.backends.c_text import indent, literal, packed, wrapped
 from teg.backends.numpy_arrays import Results
 from teg.errors import BackendError
-from teg.program import Program, When, has_ties
+from teg.program import has_ties
 
 BY_VALUE = 120
 """Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""
@@ -119,9 +120,17 @@ class _ArrayPrinter:
         self.printer = Printer()
         self.routines: dict[int, Routine] = {}
         self.space = 0
+        self.straights: dict[int, Straight] = {}  # of the only flat program of an innermost loop
+        for step in steps(program.body):
+            if isinstance(step, Loop) and (only := _only_run(step)):
+                inside = {name for s in step.body for name in _given_by(s)}
+                varying = {i for i, arg in enumerate(only.inputs) if arg in inside}
+                if varying and (found := self.printer.packed(only.program, varying, SIDE)):
+                    self.straights[id(only)] = found
         for step in steps(program.body):
             if isinstance(step, Run):
-                routine = self.printer.element(step.program, "run", BY_VALUE, branch_of(step.program))
+                branch = None if id(step) in self.straights else decisive_branch(step.program)
+                routine = self.printer.element(step.program, "run", BY_VALUE, branch.when if branch else None)
                 self.routines[id(step)] = routine
                 again = len(step.results) if has_ties(step.program.body) else 0
                 self.space = max(self.space, routine.workspace + again + len(step.results))
@@ -184,7 +193,7 @@ class _ArrayPrinter:
                 case Scatter():
                     lines.append(f"t{step.output}[{_flat(step.array, step.subscripts)}] += {_spell(step.value)};")
                 case Run():
-                    lines += self._run(step)
+                    lines += [*self._run(step), *_named(step)]
                     if step is decisive:
                         lines.append(f"if (!{_array(step)}_taken) continue;")
                 case Loop() if depth:
@@ -219,41 +228,103 @@ class _ArrayPrinter:
         inputs = [_spell(a) if isinstance(a, str) else literal(float(a)) for a in step.inputs]
 
         passed = [*([] if routine.indirect else inputs), array, *["w"] * (routine.workspace > 0), *["&ctx"] * routine.context]
-        told = branch_of(step.program) is not None
+        told = id(step) not in self.straights and decisive_branch(step.program) is not None
         call = f"{f'{array}_taken = ' if told else ''}{routine.name}({', '.join(passed)});"
         gather = packed(f"w[{i}] = {value};" for i, value in enumerate(inputs)) if routine.indirect else []
         lines = [f"double {array}[{count}];", *([f"int {array}_taken;"] if told else [])]
         if not ties:
-            lines += [*gather, call]
-        else:  # one call, so that it is inlined
-            first = f"(w + {below})"
-            lines += [
-                "for (;;) {",
+            return [*lines, *gather, call]
+        first = f"(w + {below})"
+        return [  # one call, so that it is inlined
+            *lines,
+            "for (;;) {",
+            *indent(
+                *gather,
+                call,
+                "if (!ctx.tied) break;",
+                "if (ctx.order < 0) {",
                 *indent(
-                    *gather,
-                    call,
-                    "if (!ctx.tied) break;",
-                    "if (ctx.order < 0) {",
-                    *indent(
-                        f"for (int j = 0; j < {count}; j++) {array}[j] = 0.5 * ({first}[j] + {array}[j]);",
-                        "ctx.order = +1, ctx.tied = 0, note |= 1;",
-                        "break;",
-                    ),
-                    "}",
-                    f"for (int j = 0; j < {count}; j++) {first}[j] = {array}[j];",
-                    "ctx.order = -1;",
+                    f"for (int j = 0; j < {count}; j++) {array}[j] = 0.5 * ({first}[j] + {array}[j]);",
+                    "ctx.order = +1, ctx.tied = 0, note |= 1;",
+                    "break;",
                 ),
                 "}",
-            ]
-        return [*lines, *packed([f"{name} = {array}[{j}]" for j, name in enumerate(step.results)], "const double ", ", ", ";")]
+                f"for (int j = 0; j < {count}; j++) {first}[j] = {array}[j];",
+                "ctx.order = -1;",
+            ),
+            "}",
+        ]
 
     def _loop(self, step: Loop, depth: int) -> list[str]:
         """A loop inside another one."""
         sums = packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if step.results else []
+        return [*sums, *self._iterations(step, _spell(step.lo), _spell(step.hi), depth + 1)]
+
+    def _iterations(self, step: Loop, lo: str, hi: str, depth: int) -> list[str]:
+        """The iterations of a loop that is `depth` deep, and what they add to its sums."""
+        only = _only_run(step)
+        if only and id(only) in self.straights:
+            return self._side_by_side(step, only, lo, hi, depth)
+        inside = ["if (teg_stopped(pace)) break;", *self._block(step.body, depth, _decisive(step)), *self._added(step)]
+        return [f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
+
+    def _side_by_side(self, step: Loop, run: Run, lo: str, hi: str, depth: int) -> list[str]:
+        """The iterations of a loop with one flat program, SIDE at a time; those that are not on the straight line one by one."""
+        straight, array, count = self.straights[id(run)], _array(run), len(run.results)
+        at, lanes = f"{step.index}_first", f"{step.index}_count"
+        cut = step.body.index(run)
+        before, after = step.body[:cut], step.body[cut + 1 :]
+        inside = {name for s in before for name in _given_by(s)} | {step.index}
+
+        def gathered(wanted: Sequence[int]) -> list[str]:
+            """The inputs that vary, at the iterations; the last one is repeated."""
+            moving = [i for i in wanted if run.inputs[i] in inside]
+            if not moving:
+                return []
+            index = f"const int64_t {step.index} = {at} + (k < {lanes} ? k : {lanes} - 1);"
+            lines = self._block(_needed(before, {run.inputs[i] for i in moving}), depth)
+            given = packed(f"q{i}[k] = {_spell(run.inputs[i])};" for i in moving)
+            names = packed([f"q{i}[{SIDE}]" for i in moving], "double ", ", ", ";")
+            return [*names, f"for (int k = 0; k < {SIDE}; k++) {{", *indent(index, *lines, *given), "}"]
+
+        def arguments(wanted: Sequence[int], *more: str) -> str:
+            values = [run.inputs[i] for i in wanted]
+            return ", ".join([*(f"q{i}" if v in inside else _spell(v) for i, v in zip(wanted, values, strict=True)), *more])
+
+        adding = _decisive(step) is not run  # whether an iteration that is not live has something to add
+        later = [i for i in straight.used if i not in straight.decided_by]
+        decided = [*gathered(straight.decided_by), f"int live[{SIDE}], fast[{SIDE}];"]
+        decided.append(f"const int some = {straight.decision}({arguments(straight.decided_by, 'live', 'fast')});")
+        decided += [] if adding else ["if (!some) continue;"]
+        if straight.line:
+            line = [*gathered(later), f"{straight.line}({arguments(straight.used, 'f')});"]
+            decided += [f"double f[{SIDE * count}];", "if (some & 2) {", *indent(*line), "}"]
+        declaration, *call = self._run(run)
+        ways = [f"if (!live[k]) teg_fill({array}, {count}, 0.0);", "else {"] if adding else ["{"]
+        if straight.line:
+            ways[-1:] = [f"{ways[-1][:-1]}if (fast[k]) for (int j = 0; j < {count}; j++) {array}[j] = f[{SIDE} * j + k];", "else {"]
+        each = [
+            *([] if adding else ["if (!live[k]) continue;"]),
+            f"const int64_t {step.index} = {at} + k;",
+            *self._block(before, depth),
+            declaration,
+            *ways,
+            *indent(*call),
+            "}",
+            *_named(run),
+            *self._block(after, depth),
+            *self._added(step),
+        ]
         return [
-            *sums,
-            f"for (int64_t {step.index} = {_spell(step.lo)}; {step.index} < {_spell(step.hi)}; {step.index}++) {{",
-            *indent("if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1, _decisive(step)), *self._added(step)),
+            f"for (int64_t {at} = {lo}; {at} < {hi}; {at} += {SIDE}) {{",
+            *indent(
+                "if (teg_stopped(pace)) break;",
+                f"const int {lanes} = {hi} - {at} < {SIDE} ? (int)({hi} - {at}) : {SIDE};",
+                *decided,
+                f"for (int k = 0; k < {lanes}; k++) {{",
+                *indent(*each),
+                "}",
+            ),
             "}",
         ]
 
@@ -271,10 +342,6 @@ class _ArrayPrinter:
         for j in targets:
             places.append(f"double *const t{j}_ = c ? copies + (c - 1) * size + {offset} : t{j};")
             offset += f" + n{j}"
-        inside = [
-            *self._block_in_chunk(step, targets),
-            *self._added(step),
-        ]
         own = [f"double w[{self.space}];", "(void)w;"] if 0 < self.space <= ON_STACK else []
         heap = self.space > ON_STACK
         own += [f"double *const w = malloc({self.space} * sizeof *w);"] if heap else []
@@ -323,9 +390,7 @@ class _ArrayPrinter:
                             "teg_context ctx = {+1, 0, 0, 0, pace};",
                             "long note = 0;",
                             *(packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if results else []),
-                            f"for (int64_t {step.index} = first; {step.index} < last; {step.index}++) {{",
-                            *indent("if (teg_stopped(pace)) break;", *inside),
-                            "}",
+                            *self._in_chunk(step, targets),
                             *[f"partial[c * {results + 1} + {k}] = {r};" for k, r in enumerate(step.results)],
                             f"partial[c * {results + 1} + {results}] = (double)(note | 2 * (ctx.missed != 0));",
                             *(["free(w);"] if heap else []),
@@ -353,9 +418,9 @@ class _ArrayPrinter:
             f"/* {number} */",
         ]
 
-    def _block_in_chunk(self, step: Loop, targets: Sequence[int]) -> list[str]:
-        """The body, scattering into the chunk's own copies."""
-        lines = self._block(step.body, 1, _decisive(step))
+    def _in_chunk(self, step: Loop, targets: Sequence[int]) -> list[str]:
+        """The iterations of a chunk, which scatter into its own copies."""
+        lines = self._iterations(step, "first", "last", 1)
         if not targets:
             return lines
         names = re.compile(r"\bt(" + "|".join(map(str, targets)) + r")\[")
@@ -427,23 +492,64 @@ class _ArrayPrinter:
         )
 
 
-def branch_of(program: Program) -> str | None:
-    """The boolean without which every output of a flat program is 0, if one branch gives them all."""
-    for stmt in program.body:
-        if isinstance(stmt, When) and set(program.outputs) <= set(stmt.results):
-            return stmt.when
-    return None
+def _only_run(loop: Loop) -> Run | None:
+    """The flat program of an innermost loop that has just one."""
+    runs = [s for s in loop.body if isinstance(s, Run)]
+    return runs[0] if len(runs) == 1 and not any(isinstance(s, Loop) for s in loop.body) else None
+
+
+def _given_by(step: Step) -> tuple[str, ...]:
+    """The names that a step gives."""
+    match step:
+        case Run() | Loop():
+            return step.results
+        case Scatter():
+            return ()
+        case _:
+            return (step.name,)
+
+
+def _used_by(step: Step) -> tuple[Arg, ...]:
+    """What a step that is no loop uses."""
+    match step:
+        case Integers():
+            return step.args
+        case Number():
+            return (step.integer,)
+        case Load():
+            return step.subscripts
+        case Run():
+            return step.inputs
+        case Scatter():
+            return (*step.subscripts, step.value)
+        case Loop():
+            raise AssertionError(step)
+
+
+def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
+    """The steps of a block without loops that matter for these names."""
+    live, kept = set(wanted), []
+    for step in reversed(block):
+        if live.intersection(_given_by(step)):
+            live.update(_used_by(step))
+            kept.append(step)
+    return kept[::-1]
 
 
 def _decisive(loop: Loop) -> Run | None:
     """A flat program without whose branch an iteration adds nothing to anything."""
     for number, step in enumerate(loop.body):
-        if isinstance(step, Run) and branch_of(step.program) is not None:
+        if isinstance(step, Run) and decisive_branch(step.program) is not None:
             rest = loop.body[number + 1 :]
             added = [*loop.values, *(s.value for s in rest if isinstance(s, Scatter))]
             if all(isinstance(s, Scatter) for s in rest) and set(added) <= set(step.results):
                 return step
     return None
+
+
+def _named(step: Run) -> list[str]:
+    """Names for the results of a flat program."""
+    return packed([f"{name} = {_array(step)}[{j}]" for j, name in enumerate(step.results)], "const double ", ", ", ";")
 
 
 def _array(step: Run) -> str:

@@ -124,6 +124,7 @@ def polygon(stmt: Polygon, frame: Frame, distinct: Sequence[Arg], lanes: int, co
                 f"const {kind} {name} = *(const {kind} *)({array} + k);"
                 for name, array in (*((name, f"at_{name}") for name in names), ("weight", "weights"))
             ),
+            " ".join(f"(void){name};" for name in names),
             *in_lanes(frame.block(1), lanes),
         ),
         "}",

@@ -16,15 +16,16 @@ captured values where there are more than BY_VALUE.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import cast
 
-from teg.backends import c_frame
+from teg.backends import c_frame, c_packed
 from teg.backends.c_bodies import merged, used_inputs, with_inputs
 from teg.backends.c_frame import BY_VALUE, Frame, Scope, Step, assignments, captured_by
 from teg.backends.c_hyperbola import along_a_branch, along_function, hyperbola
+from teg.backends.c_packed import SIDE
 from teg.backends.c_poles import plain_table, rational_piece, weights_function
 from teg.backends.c_polygon import (
     COORDINATES,
@@ -79,7 +80,7 @@ from teg.program import (
 from teg.sampling import REPLICATES
 
 BREAKS_ON_STACK = 256
-TOGETHER = 8  # points whose outputs are written together
+TOGETHER = 64  # points whose outputs are written together
 INLINED, WHOLE = 6, 120
 """Of so few polygons and segments each is compiled where it stands, with up to so many values passed to it."""
 Together = tuple[int, ...]
@@ -97,7 +98,8 @@ def print_kernel(
     `declare` gives the declarations of the functions that are called; else these are in the text themselves."""
     printer = Printer(counted)
     element = printer.element(program)
-    texts = [*printer.texts, wrapped(_batch_loop(program, name, element, real))]
+    packed = None if counted else printer.packed(program, range(len(program.parameters)), TOGETHER)
+    texts = [*printer.texts, wrapped(_batch_loop(program, name, element, real, packed))]
     tables = printer.tables()
     called = tuple(sorted(printer.called))
     functions = declare(called) if declare is not None else [text for ks in called for text in _static_function(program, ks)]
@@ -153,6 +155,16 @@ class Routine:
     context: bool
 
 
+@dataclass(frozen=True, slots=True)
+class Straight:
+    """C functions of eight points, and which inputs are given to them: where the outputs are 0 or simple, and these."""
+
+    decision: str
+    decided_by: list[int]
+    line: str | None
+    used: list[int]
+
+
 class Printer:
     """Prints routines, each text once, inner integrals before outer ones."""
 
@@ -192,6 +204,28 @@ class Printer:
             inside.append(f"return {frame.scope()(told)};")
         storage = "TEG_INLINE" if kind == "run" and self.inlined and not frame.indirect else "static"
         return self._routine(kind, frame, f"{storage} {'void' if told is None else 'int'} {frame.signature('f')}", inside)
+
+    def packed(self, program: Program, varying: Container[int], apart: int) -> Straight | None:
+        """The functions that take eight points at once, if there are any; inputs not in `varying` are the same for all, the outputs of a
+        point lie `apart`."""
+        found = c_packed.packed(program)
+        if found is None:
+            return None
+        decided_by, used = c_packed.used_inputs(found)
+        given = c_packed.signature(decided_by, varying, "int *live", "int *fast")
+        decision = self._side_by_side("decision", f"int @({given})", c_packed.decision(found, varying))
+        line = None
+        if found.fast is not False:
+            given = c_packed.signature(used, varying, "double *f")
+            line = self._side_by_side("straight", f"void @({given})", c_packed.straight(found, varying, apart))
+        return Straight(decision, decided_by, line, used)
+
+    def _side_by_side(self, kind: str, head: str, inside: list[str]) -> str:
+        name = f"{kind}_{len(self._known) + 1}"
+        text = wrapped([f"TEG_INLINE {head}", "{", *indent(*inside), "}"])
+        self._known[text] = Routine(name, False, 0, False)
+        self.texts.append(text.replace("@", name))
+        return name
 
     def _steps(self, block: Sequence[Stmt]) -> Iterator[Step]:
         together: dict[object, list[Assign]] = {}  # a function and its derivatives at the same inputs
@@ -563,30 +597,84 @@ def _yielded(first: int, values: Sequence[Arg], scope: Scope) -> list[str]:
 def _in_both_orders(call: str, outputs: int) -> list[str]:
     """A call of the element at a point, and once more where a tie was met. It stands in one place, where the C compiler may inline it."""
     return [
-        "double *to = result;",
+        "double *to = row;",
         "for (;;) {",
         *indent(call, "if (!ctx.tied || ctx.order < 0) break;", "ctx.order = -1;", "to = other;"),
         "}",
-        f"if (ctx.tied) for (int j = 0; j < {outputs}; j++) result[j] = 0.5 * (result[j] + other[j]);",
+        f"if (ctx.tied) for (int j = 0; j < {outputs}; j++) row[j] = 0.5 * (row[j] + other[j]);",
     ]
 
 
-def _batch_loop(program: Program, name: str, element: Routine, real: str) -> Iterator[str]:
+def _inputs(inputs: int, real: str, straight: Straight | None) -> tuple[list[str], list[str]]:
+    """Lines that are run once, and lines that make in[i] the values of input i at the points from `at` on: where these are, eight copies of
+    the one that all points share, or copies, in which the last point is repeated."""
+    lanes = f"{SIDE}" if straight else "few"
+    copy = [
+        f"double *const column = columns + {SIDE} * i;",
+        f"for (long k = 0; k < {lanes}; k++) column[k] = p[i][(at + (k < few ? k : few - 1)) * stride[i]];",
+        "in[i] = column;",
+    ]
+    if real != "double":
+        return [], [f"for (int i = 0; i < {inputs}; i++) {{", *indent(*copy), "}"]
+    once = [
+        "int simple = 1;",
+        f"for (int i = 0; w && in && n >= {SIDE} && i < {inputs}; i++) {{",
+        *indent(
+            f"double *const column = columns + {SIDE} * i;",
+            f"if (!stride[i]) for (int k = 0; k < {SIDE}; k++) column[k] = p[i][0];",
+            "base[i] = stride[i] ? p[i] : column;",
+            "simple &= stride[i] == 0 || stride[i] == 1;",
+        ),
+        "}",
+    ]
+    here = [
+        f"if (simple && few == {SIDE}) for (int i = 0; i < {inputs}; i++) in[i] = base[i] + at * stride[i];",
+        f"else for (int i = 0; i < {inputs}; i++) {{",
+        *indent(*copy),
+        "}",
+    ]
+    return once, here
+
+
+def _batch_loop(program: Program, name: str, element: Routine, real: str, straight: Straight | None) -> Iterator[str]:
     """The exported functions: every point by itself; where ties were met, the mean of the two orders. A call that is `watched` is stopped
     between points, and in integrals that may take long. The thread that called keeps asking while it waits for the others.
 
-    Outputs are kept for a few points and written together, a line of the cache for each: those of one point may all lie in places that
-    the cache cannot hold at once."""
+    Outputs are kept for a block of points and written together, some lines of the cache for each: those of one point may all lie in places
+    that the cache cannot hold at once. In a block SIDE points at a time are looked at by the functions `straight`."""
     inputs, outputs = len(program.parameters), len(program.outputs)
-    values = [f"p[{i}][i * stride[{i}]]" for i in range(inputs)]
+    values = [f"in[{i}][k]" for i in range(inputs)]
     space, ties, context = element.workspace, has_ties(program.body), element.context
-    arrays = [f"double *const results = w + {space};", *([f"double *const other = w + {space + TOGETHER * outputs};"] if ties else [])]
-    run = [*([] if element.indirect else values), "to" if ties else "result", *["w"] * (space > 0), *["&ctx"] * context]
+    arrays = [
+        f"double *const columns = w + {space}, *const results = columns + {SIDE * inputs};",
+        f"double *const row = results + {TOGETHER * outputs}{f', *const other = row + {outputs}' if ties else ''};",
+    ]
+    run = [*([] if element.indirect else values), "to" if ties else "row", *["w"] * (space > 0), *["&ctx"] * context]
     call = f"element({', '.join(run)});"
-    gather = f"for (int j = 0; j < {inputs}; j++) w[j] = p[j][i * stride[j]];"
+    gather = f"for (int j = 0; j < {inputs}; j++) w[j] = in[j][k];"
     cast = "" if real == "double" else f"({real})"
     first = f"long n, const {real} *const *p, const long *stride, {real} *out, long *notes, int threads"
     second = "long (*poll)(void *data), void *data"
+    decided: list[str] = []
+    if straight:
+        given = [f"in[{i}]" for i in straight.decided_by]
+        decided = [
+            f"int live[{SIDE}], fast[{SIDE}];",
+            f"const int some = {straight.decision}({', '.join([*given, 'live', 'fast'])});",
+        ]
+        zero = f"for (int j = 0; j < {outputs}; j++) teg_fill(f + {TOGETHER} * j, {SIDE}, 0.0);"
+        if straight.line:
+            given = [f"in[{i}]" for i in straight.used]
+            decided.append(f"if (some & 2) {straight.line}({', '.join([*given, 'f'])});")
+        decided.append(f"{'else ' if straight.line else ''}if (!some) {zero}")
+    passed = [
+        "if (fast[k]) continue;",
+        "if (!live[k]) {",
+        *indent(f"for (int j = 0; j < {outputs}; j++) f[{TOGETHER} * j + k] = 0.0;", "continue;"),
+        "}",
+    ]
+    written = f"out[j * n + first + k] = {cast}results[{TOGETHER} * j + k];"
+    once, here = _inputs(inputs, real, straight)
     yield from (
         f"TEG_EXPORT int {name}_watched(",
         f"    {first},",
@@ -594,7 +682,8 @@ def _batch_loop(program: Program, name: str, element: Routine, real: str) -> Ite
         "{",
         *indent(
             "const int team = threads > 1 ? threads : 1;",
-            f"const long together = n < {8 * TOGETHER}L * team ? 1 : {TOGETHER}, share = n / (32L * team * together) + 1;",
+            f"const long each = n / team, together = team == 1 || each >= {32 * TOGETHER} ? {TOGETHER} : each >= {8 * SIDE} ? {SIDE} : 1;",
+            "const long share = each / (32 * together) + 1;",
             "teg_watch watch = {poll, data, 0};",
             "int failed = 0, working = 0;",
             "(void)p, (void)stride, (void)share, (void)working;",
@@ -605,8 +694,10 @@ def _batch_loop(program: Program, name: str, element: Routine, real: str) -> Ite
         *indent(
             "{",
             *indent(
-                f"double *const w = malloc({space + (TOGETHER + ties) * outputs + 1} * sizeof *w);",
+                f"double *const w = malloc({space + SIDE * inputs + TOGETHER * outputs + (1 + ties) * outputs + 1} * sizeof *w);",
                 *arrays,
+                f"const double **const in = malloc({2 * inputs + 1} * sizeof *in){', **const base = in + ' + str(inputs) if once else ''};",
+                *once,
                 "teg_pace pace = {&watch, 0, 16};",
             ),
         ),
@@ -626,26 +717,36 @@ def _batch_loop(program: Program, name: str, element: Routine, real: str) -> Ite
                 *indent(
                     "const long count = n - first < together ? n - first : together;",
                     "int stopped = 0;",
-                    "if (!w) {",
+                    "if (!w || !in) {",
                     *indent("failed = 1;", "continue;"),
                     "}",
-                    "for (long k = 0; k < count; k++) {",
+                    f"for (long g = 0; g < count && !stopped; g += {SIDE}) {{",
                     *indent(
-                        "const long i = first + k;",
-                        f"double *const result = results + k * {outputs};",
-                        "if ((stopped = teg_stopped(&pace))) break;",
-                        *([gather] if element.indirect else []),
-                        *(["teg_context ctx = {+1, 0, 0, 0, &pace};"] if context else []),
-                        *(_in_both_orders(call, outputs) if ties else [call]),
-                        f"if (notes) notes[i] = {'4 * ctx.evaluations + 2 * ctx.missed + ctx.tied' if context else '0'};",
+                        f"const long at = first + g, few = count - g < {SIDE} ? count - g : {SIDE};",
+                        "double *const f = results + g;",
+                        *here,
+                        *(["if ((stopped = teg_stopped(&pace))) break;"] if straight else []),
+                        *(["if (notes) for (long k = 0; k < few; k++) notes[at + k] = 0;"] if straight else []),
+                        *decided,
+                        f"for (long k = 0; {'some && ' if straight else ''}k < few; k++) {{",
+                        *indent(
+                            *(passed if straight else []),
+                            "if ((stopped = teg_stopped(&pace))) break;",
+                            *([gather] if element.indirect else []),
+                            *(["teg_context ctx = {+1, 0, 0, 0, &pace};"] if context else []),
+                            *(_in_both_orders(call, outputs) if ties else [call]),
+                            f"for (int j = 0; j < {outputs}; j++) f[{TOGETHER} * j + k] = row[j];",
+                            f"if (notes) notes[at + k] = {'4 * ctx.evaluations + 2 * ctx.missed + ctx.tied' if context else '0'};",
+                        ),
+                        "}",
                     ),
                     "}",
                     "if (stopped) continue;",
-                    f"for (int j = 0; j < {outputs}; j++)",
-                    *indent(f"for (long k = 0; k < count; k++) out[j * n + first + k] = {cast}results[k * {outputs} + j];"),
+                    f"for (int j = 0; j < {outputs}; j++) for (long k = 0; k < count; k++) {written}",
                 ),
                 "}",
                 "free(w);",
+                "free(in);",
             ),
         ),
         "#ifdef _OPENMP",

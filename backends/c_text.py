@@ -26,7 +26,7 @@ class Text(NamedTuple):
     negated: Text | None = None
 
 
-NEUTRAL = {"add": "0.0", "mul": "1.0", "and": "1", "or": "0"}
+NEUTRAL = {"add": "0.0", "mul": "1.0", "and": "1", "or": "0", "all": "1", "any": "0"}
 INFIX = {  # the sign, how the whole binds, how its first operand and the others must
     "add": (" + ", SUM, SUM, PRODUCT),
     "sub": (" - ", SUM, SUM, PRODUCT),
@@ -34,6 +34,8 @@ INFIX = {  # the sign, how the whole binds, how its first operand and the others
     "div": (" / ", PRODUCT, PRODUCT, UNARY),
     "and": (" && ", CONDITIONAL, COMPARISON, COMPARISON),
     "or": (" || ", CONDITIONAL, COMPARISON, COMPARISON),
+    "all": (" & ", CONDITIONAL, ATOM, ATOM),  # and, or without branches: all operands are computed
+    "any": (" | ", CONDITIONAL, ATOM, ATOM),
 }
 COMPARE = {"gt0": ">", "ge0": ">=", "lt0": "<", "le0": "<="}
 RENAMED = {"abs": "fabs", "mod": "teg_mod", "powi": "teg_powi", "tie": "teg_tie", "min": "teg_min", "max": "teg_max"}

@@ -1,0 +1,326 @@
+"""Points side by side: the straight line that most of them take, and which of them take it.
+
+Most points of a scene are where nothing is to be done, or where no surface passes: what decides that, and what is then to be computed,
+is arithmetic without branches, and eight points at once take little longer than one.
+
+    packed(program)       ->  Packed      without `live` every output is 0, and where `fast` holds they are those of `straight`
+    decision, straight    ->  C functions of eight points
+
+On the straight line the branch that gives every output is taken, if there is one, and no other; a polygon is its whole box, over which a
+product of Gauss-Legendre rules is exact. A point where a tie is met, a surface passes, or a number is not finite is not fast. Whether one
+is depends on that point alone, and a batch of one is computed as eight points: results do not depend on the neighbours.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from math import inf
+
+from teg.backends import c_frame
+from teg.backends.c_frame import Frame, Scope, Step, assignments, captured_by
+from teg.backends.c_polygon import SIDE_BY_SIDE
+from teg.backends.c_text import UNARY, indent, literal, operand
+from teg.backends.c_text import packed as in_few_lines
+from teg.program import TIE_EPS, Arg, Assign, Isolate, Locate, Polygon, Program, Stmt, When, assigned, statements
+from teg.quadrature import gauss_legendre
+
+SIDE = 8
+"""Points side by side."""
+DECIDING = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select"}
+DECLARED, ADDED, WORD = re.compile(r" *(?:const )?double (\w+) = (.*);$"), re.compile(r" *(\w+) \+= (.*);$"), re.compile(r"\w+")
+BRANCHLESS = {"and": "all", "or": "any"}
+LARGEST = 1.7976931348623157e308
+
+
+@dataclass(frozen=True, slots=True)
+class Packed:
+    """What is known of a program without branches; `fast` is False where no straight line is worth it."""
+
+    live: Arg
+    fast: Arg
+    deciding: tuple[Assign, ...]
+    straight: tuple[Assign | Polygon, ...]
+    outputs: tuple[Arg, ...]
+
+
+def decisive_branch(program: Program) -> When | None:
+    """The branch without which every output of a program is 0, if one gives them all."""
+    return next((s for s in program.body if isinstance(s, When) and set(program.outputs) <= set(s.results)), None)
+
+
+def packed(program: Program) -> Packed | None:
+    """The straight line of a program; None if it would decide nothing."""
+    branch = decisive_branch(program)
+    line = _Line(program)
+    fast = line.through([s for s in program.body if s is not branch])
+    if branch is not None:
+        fast &= line.through(branch.body)
+        line.conditions.append(branch.when)
+    elif not line.conditions:
+        return None
+    live: Arg = True if branch is None else branch.when
+    outputs: tuple[Arg, ...] = tuple(line.value(o) for o in program.outputs)
+    straight = _sliced(line.steps, outputs)
+    fast &= _is_short_arithmetic(straight)
+    both: Arg = line.assign("b", "and", *line.conditions) if fast else False
+    if branch is None and not fast:
+        return None
+    deciding = [s for s in _sliced(line.steps, (live, both)) if isinstance(s, Assign)]
+    if not all(s.op in DECIDING for s in deciding) or _weight(deciding) > c_frame.PART:
+        return None
+    return Packed(live, both, tuple(deciding), tuple(straight) if fast else (), outputs)
+
+
+class _Line:
+    """The statements of the straight line, and the conditions under which it is the program."""
+
+    def __init__(self, program: Program) -> None:
+        self.steps: list[Assign | Polygon] = []
+        self.conditions: list[Arg] = []
+        self.absent: dict[Arg, float] = {}  # results of what is not run
+        used = (int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit())
+        self._numbers = count(1 + max(used, default=0))
+
+    def assign(self, letter: str, op: str, *args: Arg) -> str:
+        name = f"{letter}{next(self._numbers)}"
+        self.steps.append(Assign(name, op, args))
+        return name
+
+    def value(self, arg: Arg) -> Arg:
+        return self.absent.get(arg, arg)
+
+    def through(self, block: Iterable[Stmt]) -> bool:
+        """Go through a block; whether there is a straight line."""
+        for stmt in block:
+            match stmt:
+                case Assign(op="tie"):
+                    self._tie(stmt)
+                case Assign():
+                    self.steps += self._plain(Assign(stmt.name, stmt.op, tuple(map(self.value, stmt.args))))
+                case Polygon(when=None) if all(isinstance(s, Assign) for s in (*stmt.setup, *stmt.body)):
+                    self._box(stmt)
+                case _:
+                    if stmt.when is None:
+                        return False
+                    self.conditions.append(self.assign("b", "not", stmt.when))
+                    self.absent |= dict.fromkeys(assigned(stmt), inf if isinstance(stmt, Isolate | Locate) else 0.0)
+        return True
+
+    def _plain(self, stmt: Stmt) -> list[Assign]:
+        """An assignment; an integral power as the products that it is."""
+        assert isinstance(stmt, Assign)
+        if stmt.op != "powi":
+            return [stmt]
+        square, left = stmt.args[0], abs(int(stmt.args[1]))
+        lines: list[Assign] = []
+        power: Arg = 1.0
+
+        def product(*args: Arg) -> str:
+            lines.append(Assign(f"v{next(self._numbers)}", "mul", args))
+            return lines[-1].name
+
+        while left:
+            if left % 2:
+                power = square if power == 1.0 else product(power, square)
+            left //= 2
+            square = product(square, square) if left else square
+        return [*lines, Assign(stmt.name, "div", (1.0, power)) if int(stmt.args[1]) < 0 else Assign(stmt.name, "const", (power,))]
+
+    def _tie(self, stmt: Assign) -> None:
+        g, scale = stmt.args[:2]
+        allowed = self.assign("v", "mul", TIE_EPS, scale)
+        beyond = self.assign("v", "sub", self.assign("v", "abs", g), allowed)
+        self.conditions.append(self.assign("b", "not", self.assign("b", "le0", beyond)))
+        self.steps.append(Assign(stmt.name, "gt0", (g,)))
+
+    def _box(self, stmt: Polygon) -> None:
+        """The whole box, inside of every half-plane. (A triangle around it is not thin: no half-plane changes by more than `across`.)"""
+        sizes: list[Arg] = [self.assign("v", "abs", stmt.width), self.assign("v", "abs", stmt.height)]
+        for g in stmt.half_planes:
+            steps = [self.assign("v", "mul", g.a, stmt.width), self.assign("v", "mul", g.b, stmt.height)]
+            changes: list[Arg] = [self.assign("v", "abs", step) for step in steps]
+            most_below = self.assign("v", "sub", self.assign("v", "add", *steps), self.assign("v", "add", *changes))
+            least = self.assign("v", "add", g.c, self.assign("v", "mul", 0.5, most_below))
+            self.conditions.append(self.assign("b", "gt0", least))
+            sizes += [least, *changes]
+        if stmt.corners:
+            self.conditions.append(self.assign("b", "gt0", stmt.across))
+            sizes.append(stmt.across)
+        excess = self.assign("v", "sub", self.assign("v", "add", *sizes), LARGEST)
+        self.conditions.append(self.assign("b", "le0", excess))  # all are finite
+        setup, body = (tuple(line for s in block for line in self._plain(s)) for block in (stmt.setup, stmt.body))
+        self.steps.append(replace(stmt, setup=setup, body=body))
+
+
+def _given(stmt: Assign | Polygon) -> set[Arg]:
+    """What a statement of the straight line uses."""
+    if isinstance(stmt, Assign):
+        return set(stmt.args)
+    inside = {a for s in (*stmt.setup, *stmt.body) if isinstance(s, Assign) for a in s.args}
+    planes = {a for g in stmt.half_planes[1:3] for a in (g.a, g.b, g.c)} | {stmt.across} if stmt.corners else set()
+    own = {name for s in (*stmt.setup, *stmt.body) for name in assigned(s)}.union(stmt.variables)
+    return ({stmt.width, stmt.height, *stmt.values, *stmt.factors} | inside | planes) - own
+
+
+def _sliced(steps: Sequence[Assign | Polygon], wanted: Iterable[Arg]) -> list[Assign | Polygon]:
+    """The statements that matter for what is wanted."""
+    live = set(wanted)
+    kept: list[Assign | Polygon] = []
+    for stmt in reversed(steps):
+        if live.intersection(assigned(stmt)):
+            live |= _given(stmt)
+            kept.append(stmt)
+    return kept[::-1]
+
+
+def _weight(steps: Iterable[Assign]) -> int:
+    return sum(step.weight for stmt in steps for step in assignments(stmt))
+
+
+def _is_short_arithmetic(straight: Sequence[Assign | Polygon]) -> bool:
+    """Whether there is nothing that eight numbers at once cannot do, and no more than what is one C function."""
+    flat = [s for stmt in straight for s in ((stmt,) if isinstance(stmt, Assign) else (*stmt.setup, *stmt.body))]
+    simple = [s for s in flat if isinstance(s, Assign) and s.op in SIDE_BY_SIDE]
+    results = sum(len(s.results) for s in straight if isinstance(s, Polygon))
+    return len(simple) == len(flat) and _weight(simple) + results <= c_frame.PART
+
+
+def _nodes(stmt: Polygon) -> int:
+    """Nodes of the rule on a box in one variable."""
+    return stmt.degree // 2 + 1
+
+
+# -- C -------------------------------------------------------------------------------------------------------------------
+
+
+def used_inputs(found: Packed) -> tuple[list[int], list[int]]:
+    """The parameters, by their numbers, that the decision uses, and those that the straight line does."""
+    return _inputs(found.deciding, (found.live, found.fast)), _inputs(found.straight, found.outputs)
+
+
+def _inputs(steps: Sequence[Assign | Polygon], outputs: Iterable[Arg]) -> list[int]:
+    used = {a for stmt in steps for a in _given(stmt)}.union(outputs)
+    return sorted(int(a[1:]) for a in used if isinstance(a, str) and a[0] == "p")
+
+
+def signature(inputs: Sequence[int], varying: Container[int], *more: str) -> str:
+    """The C parameters of a function of eight points: for an input that varies where its eight values are."""
+    return ", ".join([*(f"const double *q{i}" if i in varying else f"double p{i}" for i in inputs), *more])
+
+
+def _framed(blocks: list[list[Step]], own: Sequence[Arg], variables: Iterable[str] = ()) -> Frame:
+    """A C function of these blocks in which parameter i is called p{i}."""
+    names = {name: name for name in captured_by(own, [step for block in blocks for step in block], ()) if isinstance(name, str)}
+    return Frame([], blocks, own, False, {**{n: n for n in names if n[0] == "p"}, **{v: v for v in variables}})
+
+
+def decision(found: Packed, varying: Container[int]) -> list[str]:
+    """The inside of the C function that tells of eight points which are `live` and which `fast`; it returns 0 if none is live, else 1, plus
+    2 if one is fast."""
+
+    def loop(array: str, arg: Arg) -> list[str]:
+        needed = [s for s in _sliced(found.deciding, [arg]) if isinstance(s, Assign)]
+        frame = _framed([_steps(replace(s, op=BRANCHLESS.get(s.op, s.op)) for s in needed)], [arg])
+        there = [f"const double p{i} = q{i}[k];" for i in _inputs(needed, [arg]) if i in varying]
+        return [
+            f"for (int k = 0; k < {SIDE}; k++) {{",
+            *indent(*in_few_lines(there), *frame.block(0), f"{array}[k] = {frame.scope()(arg)};"),
+            "}",
+            f"for (int k = 0; k < {SIDE}; k++) some |= {array}[k];",
+        ]
+
+    lines = ["int some = 0;", *loop("live", found.live), "if (!some) return 0;", "some = 0;"]
+    return [*lines, *loop("fast", found.fast), "return 1 | some << 1;"]
+
+
+def straight(found: Packed, varying: Container[int], apart: int) -> list[str]:
+    """The inside of the C function of the outputs at eight points: output j of point k goes to f[apart * j + k]."""
+    blocks: list[list[Step]] = [[]]
+    own: list[Arg] = list(found.outputs)
+    boxes: list[Polygon] = []
+    for stmt in found.straight:
+        if isinstance(stmt, Assign):
+            blocks[-1] += assignments(stmt)
+            continue
+        blocks[-1] += _steps(stmt.setup)
+        blocks += [_steps(stmt.body), [_totals(stmt)]]
+        boxes.append(stmt)
+        planes = [a for g in stmt.half_planes[1:3] for a in (g.a, g.b, g.c)] if stmt.corners else []
+        own += [stmt.width, stmt.height, *planes, *([stmt.across] if stmt.corners else []), *stmt.values]
+    frame = _framed(blocks, own, [v for box in boxes for v in box.variables])
+    inputs = _inputs(found.straight, found.outputs)
+    lines = [f"const teg_lanes_8 p{i} = *(const teg_lanes_8 *)(q{i} + k);" for i in inputs if i in varying]
+    lines += frame.block(0)
+    for number, box in enumerate(boxes):
+        lines += _over_a_box(box, frame, 2 * number + 1)
+        lines += frame.block(2 * number + 2)
+    scope = frame.scope()
+    lines += [f"*(teg_lanes_8 *)(f + {apart * j} + k) = {scope(o)} + zero;" for j, o in enumerate(found.outputs)]
+    return [
+        "const teg_lanes_8 zero = {0.0};",
+        f"for (int k = 0; k < {SIDE}; k += (int)(sizeof(teg_lanes_8) / sizeof(double))) {{",
+        *indent(*_typed(lines, {f"p{i}" for i in inputs if i in varying})),
+        "}",
+    ]
+
+
+def _steps(block: Iterable[Stmt]) -> list[Step]:
+    return [step for s in block if isinstance(s, Assign) for step in assignments(s)]
+
+
+def _over_a_box(stmt: Polygon, frame: Frame, block: int) -> Iterator[str]:
+    """A product rule: what it adds up is called sum_{variable}_0, …"""
+    scope, n, own = frame.scope(), _nodes(stmt), stmt.variables[0]
+    nodes, weights = gauss_legendre(n)
+    places = [(0.5 + 0.5 * u, 0.5 * a) for u, a in zip(nodes, weights, strict=True)]
+    texts = [f"{{{', '.join(map(literal, (u, v, a * b)))}}}," for u, a in places for v, b in places]
+    yield f"static const double rule_{own}[{n * n}][3] = {{"
+    yield from indent(*in_few_lines(texts))
+    yield "};"
+    width, height = scope(stmt.width), scope(stmt.height)
+    yield f"const double area_{own} = {width} * {height};"
+    if stmt.corners:
+        yield f"const double inverse_{own} = 1.0 / {scope(stmt.across)};"
+    x, y = stmt.variables[:2]
+    inside = [f"const double {x} = {width} * rule_{own}[i][0];", f"const double {y} = {height} * rule_{own}[i][1];"]
+    for g, coordinate in zip(stmt.half_planes[1:3], stmt.variables[2:], strict=False):
+        at = f"{scope(g.c)} + {scope(g.a)} * {x} + {scope(g.b)} * {y}"
+        inside.append(f"const double {coordinate} = ({at}) * inverse_{own};")
+    inside += [f"(void){x}, (void){y};", *frame.block(block)]
+    inside.append(f"const double weight_{own} = area_{own} * rule_{own}[i][2];")
+    for j, value in enumerate(dict.fromkeys(stmt.values)):
+        yield f"double sum_{own}_{j} = {{0.0}};"
+        inside.append(f"sum_{own}_{j} += weight_{own} * {scope(value)};")
+    yield f"for (int i = 0; i < {n * n}; i++) {{"
+    yield from indent(*inside)
+    yield "}"
+
+
+def _totals(stmt: Polygon) -> Step:
+    """The results from what was added up."""
+    distinct = list(dict.fromkeys(stmt.values))
+
+    def lines(scope: Scope) -> list[str]:
+        made = []
+        for result, value, factor in zip(stmt.results, stmt.values, stmt.factors, strict=True):
+            times = "" if factor == 1.0 else f"{operand(scope.spell(factor), UNARY)} * "
+            made.append(f"const double {scope.name(result)} = {times}sum_{stmt.variables[0]}_{distinct.index(value)};")
+        return made
+
+    return Step(stmt.results, stmt.factors, lines=lines, weight=len(stmt.results))
+
+
+def _typed(lines: Sequence[str], varying: set[str]) -> list[str]:
+    """The lines with values that vary in lanes; `varying` are the names of those from outside. A sum is declared before what it adds up."""
+    there = set(varying)
+    for line in lines:
+        if (m := DECLARED.match(line) or ADDED.match(line)) and there.intersection(WORD.findall(m[2])):
+            there.add(m[1])
+    texts = []
+    for line in lines:
+        declared = DECLARED.match(line)
+        texts.append(line.replace("double ", "teg_lanes_8 ", 1) if declared and declared[1] in there else line)
+    return texts

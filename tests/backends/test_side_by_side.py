@@ -1,0 +1,218 @@
+"""Eight points at once in C: what the straight line is, that it agrees with the other backends, that points do not see each other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import teg
+from teg.backends import c_frame
+from teg.backends.c_arrays import print_arrays
+from teg.backends.c_backend import compile_c, print_kernel
+from teg.backends.c_packed import Packed, packed
+from teg.backends.numpy_backend import compile_numpy
+from teg.expr import Param
+from teg.program import Assign, Polygon, Program
+from tests.backends.c_checks import in_c, text_compiles_without_warnings
+from tests.backends.programs import Case
+from tests.bench.scenes import half_planes, picture, triangle_pixel
+
+pytestmark = [*in_c, pytest.mark.filterwarnings("error")]
+
+Array = npt.NDArray[np.float64]
+x, y = teg.vars("x y")
+a, b, c, s = teg.params("a b c s")
+
+
+def two_wedges() -> tuple[teg.Expr, list[Param]]:
+    """A wedge times one of two colours: a branch inside of the branch that gives everything."""
+    inside = teg.bracket((x + a * y > b) & (y - x > c))
+    return teg.integral(inside * (s * x + a * y) ** 3, (x, 0, 1), (y, 0, b)), [a, b, c, s]
+
+
+def power() -> tuple[teg.Expr, list[Param]]:
+    """Powers other than squares, positive and negative, of what is constant over the box."""
+    inside = teg.bracket((x + a * y > b) & (y - x > c))
+    return teg.integral(inside * (x * s**5 + y * s**-3), (x, 0, 1), (y, 0, 1)), [a, b, c, s]
+
+
+SCENES: dict[str, tuple[teg.Expr, list[Param]]] = {
+    "constant": triangle_pixel(0),
+    "linear": triangle_pixel(1),
+    "quadratic": triangle_pixel(2),
+    "half-planes": half_planes(3),
+    "wedges": two_wedges(),
+    "powers": power(),
+}
+
+
+def program_of(name: str) -> Program:
+    e, wrt = SCENES[name]
+    program = teg.compile(e, wrt, backend="numpy").program(1)
+    assert isinstance(program, Program)
+    return program
+
+
+def points(program: Program, n: int, seed: int = 0) -> list[Array]:
+    """Columns for the parameters: triangles around a unit box, in and beside it; some touch it, some have the box's corners."""
+    rng = np.random.default_rng(seed)
+    named = {p: rng.uniform(-2.0, 2.0, n) for p in program.parameters}
+    if "x0" in named:
+        size = np.exp(rng.uniform(-1.0, 2.0, n))
+        middle = 0.5 + size * rng.uniform(-1.2, 1.2, (2, n))
+        for k, angle in enumerate(rng.uniform(0.0, 2.1, n) + 2.1 * np.arange(3)[:, None]):
+            named |= {f"x{k}": middle[0] + size * np.cos(angle), f"y{k}": middle[1] + size * np.sin(angle)}
+        named |= {"left": np.zeros(n), "right": np.ones(n), "bottom": np.zeros(n), "top": np.ones(n)}
+        for name in (f"{v}{k}" for v in "xy" for k in range(3)):
+            named[name][::7] = np.round(2.0 * named[name][::7]) / 2.0
+    else:
+        for column in named.values():
+            column[::5] = np.round(column[::5])
+            column[1::5] *= 0.05
+        if "s" in named:
+            named["s"] += np.where(named["s"] < 0.0, -0.5, 0.5)
+    return [named[p] for p in program.parameters]
+
+
+def decided(found: Packed, program: Program, columns: list[Array]) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """Which points are live and which fast, by NumPy."""
+    flags = tuple(Assign(f"v{10**6 + i}", "select", (flag, 1.0, 0.0)) for i, flag in enumerate((found.live, found.fast)))
+    deciding = Program(program.parameters, (*found.deciding, *flags), tuple(f.name for f in flags))
+    live, fast = compile_numpy(deciding)(columns, len(columns[0])) == 1.0
+    return live, fast
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_straight_line_is_the_program_where_points_are_fast(name: str) -> None:
+    """Points are of all three kinds; what is not live is 0; on the straight line, with whole boxes, outputs are the program's."""
+    program = program_of(name)
+    found = packed(program)
+    assert found is not None
+    columns = points(program, 4000)
+    live, fast = decided(found, program, columns)
+    assert not (fast & ~live).any()
+    assert (live & ~fast).sum() > 40
+    assert found.live is True or (~live).sum() > 40
+    assert found.fast is not False
+    assert fast.sum() > 40
+    expected = compile_numpy(program)(columns, 4000)
+    assert not expected[:, ~live].any()
+    boxes = [stmt for stmt in found.straight if isinstance(stmt, Polygon)]
+    if not any(box.corners for box in boxes):
+        whole = tuple(replace(stmt, half_planes=()) if isinstance(stmt, Polygon) else stmt for stmt in found.straight)
+        line = compile_numpy(Program(program.parameters, whole, found.outputs))(columns, 4000)
+        np.testing.assert_allclose(line[:, fast], expected[:, fast], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_as_numpy(name: str) -> None:
+    program = program_of(name)
+    columns = points(program, 3000, 1)
+    found, expected = compile_c(program)(columns, 3000), compile_numpy(program)(columns, 3000)
+    np.testing.assert_allclose(found, expected, rtol=3e-12, atol=3e-12)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_what_is_not_finite(name: str) -> None:
+    program = program_of(name)
+    columns = points(program, 64 * len(program.parameters), 2)
+    for i, column in enumerate(columns):
+        for j, value in enumerate((np.nan, np.inf, -np.inf, 1e300, 1e-320)):
+            column[64 * i + 8 * j : 64 * i + 8 * j + 8] = value
+    with np.errstate(all="ignore"):
+        expected = compile_numpy(program)(columns, len(columns[0]))
+    found = compile_c(program)(columns, len(columns[0]))
+    finite = np.isfinite(expected)
+    assert np.isfinite(found[finite]).all()
+    finite &= np.abs(expected) < 1e100
+    np.testing.assert_allclose(found[finite], expected[finite], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_points_do_not_see_their_neighbours(name: str) -> None:
+    """Every output has the same bits alone, in batches of any size, in any order, shared or strided, with any number of threads."""
+    program = program_of(name)
+    n = 700
+    columns = points(program, n, 3)
+    kernel = compile_c(program)
+    whole = kernel(columns, n)
+    for threads in (2, 3):
+        np.testing.assert_array_equal(compile_c(program, threads=threads)(columns, n), whole)
+    order = np.random.default_rng(4).permutation(n)
+    np.testing.assert_array_equal(kernel([column[order] for column in columns], n), whole[:, order])
+    for first, last in ((0, 1), (5, 6), (3, 10), (8, 16), (1, 66), (64, 129), (2, 3)):
+        np.testing.assert_array_equal(kernel([column[first:last] for column in columns], last - first), whole[:, first:last])
+        point = kernel.at_point([float(column[first]) for column in columns])
+        np.testing.assert_array_equal(point.values[:, 0], whole[:, first])
+    apart = [np.repeat(column, 3)[::3] if i % 2 else column[::-1].copy()[::-1] for i, column in enumerate(columns)]
+    np.testing.assert_array_equal(kernel(apart, n), whole)
+    shared = [np.array(column[9]) if i % 3 else column for i, column in enumerate(columns)]
+    full = [np.full(n, column[9]) if i % 3 else column for i, column in enumerate(columns)]
+    np.testing.assert_array_equal(kernel(shared, n), kernel(full, n))
+
+
+def test_single_precision_is_the_same_line() -> None:
+    program = program_of("linear")
+    columns = [column.astype(np.float32) for column in points(program, 500, 5)]
+    found = compile_c(program, dtype="float32")(columns, 500)
+    expected = compile_c(program)([column.astype(np.float64) for column in columns], 500)
+    np.testing.assert_array_equal(found, expected.astype(np.float32))
+
+
+def test_a_tie_is_not_for_the_straight_line() -> None:
+    """Two edges that coincide on the border of the box: in a batch the mean of both sides, as alone."""
+    f = teg.compile(*triangle_pixel(0), backend="c")
+    corners = dict(zip(("x0", "y0", "x1", "y1", "x2", "y2"), (0.0, -5.0, 10.0, 0.5, 0.0, 6.0), strict=True))
+    box = {"left": 0.0, "right": 1.0, "bottom": 0.0, "top": 1.0}
+    colours = {f"c{k}": 1.0 for k in range(3)} | {f"t{k}": 0.0 for k in range(3)}
+    at: dict[str, Any] = {**corners, **box, **colours}
+    value, slopes = f.value_and_grad(at | {"x0": np.linspace(-0.5, 0.5, 101)})
+    np.testing.assert_allclose(value[50], 3.0, rtol=1e-14)
+    alone = f.grad(at)
+    assert slopes["x0"][50] == alone["x0"] != 0.0
+    assert slopes["x0"][0] == 0.0
+
+
+def test_long_programs_have_no_straight_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    program = program_of("linear")
+    assert "straight_" in print_kernel(program)
+    monkeypatch.setattr(c_frame, "PART", 20)
+    assert packed(program) is None
+    text = print_kernel(program)
+    assert "straight_" not in text
+    assert "decision_" not in text
+
+
+def test_a_program_that_counts_counts_every_point() -> None:
+    assert "decision_" not in print_kernel(program_of("linear"), counted=True)
+
+
+def test_no_warnings(tmp_path: Any) -> None:
+    for name in SCENES:
+        program = program_of(name)
+        text_compiles_without_warnings(tmp_path, [Case(name, program, (), ())])
+
+
+@pytest.mark.parametrize("wide", [1, 7, 8, 9, 40])
+def test_pictures_of_any_width(wide: int) -> None:
+    """Sums over pixels, a few at a time: as NumPy, for rows that are no multiple of eight, empty ones too."""
+    e, wrt = picture()
+    f, plain = teg.compile(e, wrt, backend="c"), teg.compile(e, wrt, backend="numpy")
+    assert "decision_" in print_arrays(f.program(1))
+    rng = np.random.default_rng(wide)
+    at = {
+        "V": np.array([[-3.0, -2.0], [wide + 2.0, 1.0], [wide / 2, 9.0], [0.25, 0.25]]),
+        "F": np.array([[0, 1, 2], [0, 1, 3], [1, 2, 3]]),
+        "B": np.array([[0, wide, 0, 6], [0, 0, 0, 6], [0, wide, 3, 6]]),
+        "C": rng.random((3, 9)),
+        "T": rng.random((6, wide, 3)),
+    }
+    value, slopes = f.value_and_grad(at)
+    expected, others = plain.value_and_grad(at)
+    assert value == pytest.approx(expected, rel=1e-13)
+    for name, slope in slopes.items():
+        np.testing.assert_allclose(slope, others[name], rtol=1e-11, atol=1e-12)
