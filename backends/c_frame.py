@@ -6,7 +6,6 @@ A value that is used once, in the block and the C function that compute it, has 
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -22,7 +21,7 @@ INLINE = 84  # characters of an expression printed where it is used
 ARGUMENT = 32  # … as an argument of an integral
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)  # not frozen: that takes twice as long to make, and a program has many
 class Step:
     """An assignment, or C lines given a Scope that spells names; `area` doubles are used beyond the frame's own workspace.
 
@@ -89,7 +88,15 @@ class Frame:
         self.parts: list[str] = []  # their texts
         self._count = [0]
         self._cuts = _cut(blocks)
-        known = {*self.names, *(name for step in steps for name in step.defines)}
+        known: set[Arg] = set(self.names)
+        times: dict[Arg, int] = {}  # how often a name is spelled
+        stored: dict[Arg, None] = {}
+        for step in steps:
+            known.update(step.defines)
+            for arg in step.uses:
+                times[arg] = times.get(arg, 0) + 1
+            if step.stored:
+                stored |= dict.fromkeys(step.stored)
         self._home: dict[Arg, int] = {}  # the part that defines a name, if it is not part 0
         self._slots: dict[Arg, int] = {arg: i for i, arg in enumerate(captured)} if self.indirect else {}
         self._uses = {0: dict.fromkeys(arg for arg in own if arg in known)}  # by part
@@ -102,13 +109,11 @@ class Frame:
             for arg in uses:
                 if self._home.get(arg, 0) != number:
                     self._slots.setdefault(arg, len(self._slots))
-        stored = dict.fromkeys(arg for step in steps for arg in step.stored)
         for arg in stored:
             self._slots.setdefault(arg, len(self._slots))
         self._own = {arg for arg in self._uses[0] if arg not in self._home}  # spelled in the function itself, by steps or between blocks
         self.size = len(self._slots)
-        times = Counter(arg for step in steps for arg in step.uses if isinstance(arg, str))
-        self._once = {arg for arg, n in times.items() if n == 1}.difference(own, stored)
+        self._once = {arg for arg, n in times.items() if n == 1 and isinstance(arg, str)}.difference(own, stored)
 
     @property
     def workspace(self) -> int:
@@ -140,8 +145,10 @@ class Frame:
 
     def block(self, index: int) -> list[str]:
         """The lines that run a block at the present values of the variables."""
-        used = {arg for step in self.blocks[index] for arg in (*step.uses, *step.stored)}
-        lines = [f"w[{self._slots[arg]}] = {name};" for arg, name in self.variables.items() if arg in self._slots and arg in used]
+        lines: list[str] = []
+        if kept := [arg for arg in self.variables if arg in self._slots]:
+            used = {arg for step in self.blocks[index] for arg in (*step.uses, *step.stored)}
+            lines += [f"w[{self._slots[arg]}] = {self.variables[arg]};" for arg in kept if arg in used]
         for number, part in self._cuts[index]:
             lines += self._call(number, part) if number else self._lines(part, self.scope())
         return lines

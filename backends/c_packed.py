@@ -54,6 +54,8 @@ def decisive_branch(program: Program) -> When | None:
 def packed(program: Program) -> Packed | None:
     """The straight line of a program; None if it would decide nothing."""
     branch = decisive_branch(program)
+    if len(program.body) > 4 * c_frame.PART or (branch is None and any(map(_is_hard, program.body))):
+        return None
     line = _Line(program)
     fast = line.through([s for s in program.body if s is not branch])
     if branch is not None:
@@ -72,6 +74,11 @@ def packed(program: Program) -> Packed | None:
     if not all(s.op in DECIDING for s in deciding) or _weight(deciding) > c_frame.PART:
         return None
     return Packed(live, both, tuple(deciding), tuple(straight) if fast else (), outputs)
+
+
+def _is_hard(stmt: Stmt) -> bool:
+    """Whether no straight line can pass it by."""
+    return not isinstance(stmt, Assign | Polygon | When) and stmt.when is None
 
 
 class _Line:

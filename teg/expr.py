@@ -110,7 +110,7 @@ class Expr(Node):
 
     def __float__(self) -> float:
         if isinstance(self, Const):
-            return cast(float, self.data)
+            return self.data  # type: ignore[no-any-return]
         raise OperandError("an expression is not a number yet", self, "teg.evaluate(e, {parameter: value}) gives its number")
 
     def __int__(self) -> int:
@@ -155,7 +155,7 @@ class Param(Expr):
 
     @property
     def name(self) -> str:
-        return cast(str, self.data)
+        return self.data  # type: ignore[no-any-return]
 
 
 class Var(Expr):
@@ -165,7 +165,7 @@ class Var(Expr):
 
     @property
     def name(self) -> str:
-        return cast(str, self.data)
+        return self.data  # type: ignore[no-any-return]
 
     def _free_variables(self) -> frozenset[Any]:
         return frozenset((self,))
@@ -192,11 +192,11 @@ class Pow(Expr):
 
     @property
     def base(self) -> Expr:
-        return cast(Expr, self.children[0])
+        return self.children[0]  # type: ignore[return-value]
 
     @property
     def exponent(self) -> int:
-        return cast(int, self.data)
+        return self.data  # type: ignore[no-any-return]
 
 
 class Call(Expr):
@@ -207,7 +207,7 @@ class Call(Expr):
 
     @property
     def name(self) -> str:
-        return cast(str, self.data)
+        return self.data  # type: ignore[no-any-return]
 
 
 class Where(Expr):
@@ -217,15 +217,15 @@ class Where(Expr):
 
     @property
     def condition(self) -> Cond:
-        return cast(Cond, self.children[0])
+        return self.children[0]  # type: ignore[return-value]
 
     @property
     def then(self) -> Expr:
-        return cast(Expr, self.children[1])
+        return self.children[1]  # type: ignore[return-value]
 
     @property
     def otherwise(self) -> Expr:
-        return cast(Expr, self.children[2])
+        return self.children[2]  # type: ignore[return-value]
 
 
 class Tuple(Expr):
@@ -300,16 +300,16 @@ class Compare(Cond):
 
     @property
     def strict(self) -> bool:
-        return cast(bool, self.data[0])
+        return self.data[0]  # type: ignore[no-any-return]
 
     @property
     def rivals(self) -> tuple[str, str] | None:
         """The two surfaces of a tie, printed, if the atom can meet one."""
-        return cast("tuple[str, str] | None", self.data[1])
+        return self.data[1]  # type: ignore[no-any-return]
 
     @property
     def g(self) -> Expr:
-        return cast(Expr, self.children[0])
+        return self.children[0]  # type: ignore[return-value]
 
     @property
     def resolution(self) -> Cond | None:
@@ -321,7 +321,7 @@ class Not(Cond):
 
     @property
     def operand(self) -> Cond:
-        return cast(Cond, self.children[0])
+        return self.children[0]  # type: ignore[return-value]
 
 
 class And(Cond):

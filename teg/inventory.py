@@ -20,7 +20,7 @@ from teg.passes.jumps import jump, vanishes_on
 from teg.passes.reparameterize import Families, find_family
 from teg.passes.univariate import Solvable
 from teg.passes.user import Mapped
-from teg.polynomial import P, Point, Shadow, residue
+from teg.polynomial import P, Point, Shadow, divided, residue
 from teg.roots import solve
 from teg.staircase import is_step, is_uncounted, with_floors
 from teg.surfaces import atoms_of, binders_inside, owned_surfaces
@@ -245,7 +245,7 @@ class Inventory:
     def _key(self, g: Expr) -> object:
         """The same for proportional surfaces."""
         u, v = (p.value(g) for p in self._points)
-        return v * pow(u, -1, P) % P if u and v else g
+        return divided(v, u) if u and v else g
 
 
 def entry_of(g: Expr, owner: str, status: str, treatment: str) -> Entry:

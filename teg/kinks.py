@@ -12,7 +12,7 @@ from typing import cast
 
 from teg.expr import MINUS_ONE, Add, Call, Compare, Expr, Mul, Pow, Where, add, call, const, mul, sub
 from teg.node import Node
-from teg.polynomial import P, Point, sign_of_residue
+from teg.polynomial import Point, divided, sign_of_residue
 from teg.traverse import rebuild
 
 
@@ -45,7 +45,7 @@ def _as_size(e: Where) -> Expr:
         of_h, of_difference = (Point(trial).value(u) for u in (h, difference))
         if not of_h or of_difference is None:
             return e
-        ratios.append(of_difference * pow(of_h, -1, P) % P)
+        ratios.append(divided(of_difference, of_h))
     sign = sign_of_residue(ratios[0]) if ratios[0] == ratios[1] else None
     if not sign:
         return e

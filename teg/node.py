@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import threading
 import weakref
-from collections.abc import Collection, Hashable, Iterable
+from collections.abc import Collection, Hashable, Iterable, Iterator
 from typing import Any, TypeVar
 
 _table: weakref.WeakValueDictionary[tuple[object, ...], Node] = weakref.WeakValueDictionary()
@@ -90,21 +90,23 @@ def postorder(roots: Iterable[Node]) -> list[Node]:
     order: list[Node] = []
     seen: set[Node] = set()
     path: list[Node] = []  # from a root to where we are
-    stack: list[Node | None] = list(roots)
-    stack.reverse()
-    while stack:
-        node = stack.pop()
-        if node is None:
-            order.append(path.pop())
-        elif node not in seen:
-            seen.add(node)
-            if node.children:
-                path.append(node)
-                stack.append(None)
-                stack += [c for c in node.children[::-1] if c not in seen]
-            else:
+    rest: list[Iterator[Node]] = []  # of each of these, and of the roots, what is still to be visited
+    waiting = iter(roots)
+    while True:
+        for node in waiting:
+            if node not in seen:
+                seen.add(node)
+                if node.children:
+                    path.append(node)
+                    rest.append(waiting)
+                    waiting = iter(node.children)
+                    break
                 order.append(node)
-    return order
+        else:
+            if not rest:
+                return order
+            order.append(path.pop())
+            waiting = rest.pop()
 
 
 def postorder_through(root: Node, variables: Collection[Node]) -> list[Node]:
@@ -112,17 +114,21 @@ def postorder_through(root: Node, variables: Collection[Node]) -> list[Node]:
     order: list[Node] = []
     seen: set[Node] = set()
     path: list[Node] = []
-    stack: list[Node | None] = [] if root.free.isdisjoint(variables) else [root]
-    while stack:
-        node = stack.pop()
-        if node is None:
+    rest: list[Iterator[Node]] = []
+    waiting = iter((root,))
+    while True:
+        for node in waiting:
+            if node not in seen and not node.free.isdisjoint(variables):
+                seen.add(node)
+                path.append(node)
+                rest.append(waiting)
+                waiting = iter(node.children)
+                break
+        else:
+            if not rest:
+                return order
             order.append(path.pop())
-        elif node not in seen:
-            seen.add(node)
-            path.append(node)
-            stack.append(None)
-            stack += [c for c in node.children[::-1] if c not in seen and not c.free.isdisjoint(variables)]
-    return order
+            waiting = rest.pop()
 
 
 def digest(node: Node) -> int:

@@ -13,6 +13,7 @@ import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from typing import cast
 
 from teg.expr import Add, Call, Const, Expr, Mul, Param, Pow, Var, Where, add, const, mul
@@ -30,6 +31,17 @@ Ratio = tuple[Poly, Poly]
 """Numerator and denominator; a denominator without variables is 1."""
 
 
+@lru_cache(maxsize=4096)
+def inverse(x: int) -> int:
+    """1/x in the field. The same ones are asked for again and again, and each takes as long as a hundred products."""
+    return pow(x, -1, P)
+
+
+def divided(x: int, y: int) -> int:
+    """x/y in the field."""
+    return x * inverse(y) % P
+
+
 def residue(*key: object) -> int:
     """A random element of the field that stands for `key`."""
     return int.from_bytes(hashlib.blake2b(repr(key).encode(), digest_size=64).digest(), "little") % P
@@ -39,7 +51,7 @@ def _residue_of_float(value: float) -> int | None:
     if not math.isfinite(value):
         return None
     numerator, denominator = value.as_integer_ratio()
-    return numerator % P if denominator == 1 else numerator * pow(denominator, -1, P) % P
+    return numerator % P if denominator == 1 else divided(numerator, denominator)
 
 
 class Shadow:
@@ -251,11 +263,11 @@ class Shadow:
         if self._is_constant(den):
             if den[self._one] == 1:
                 return (num, den)
-            inverse = pow(den[self._one], -1, P)
-            return ({m: c * inverse % P for m, c in num.items()}, {self._one: 1})
+            lead = inverse(den[self._one])
+            return ({m: c * lead % P for m, c in num.items()}, {self._one: 1})
         if not num:
             return ({}, {self._one: 1})
-        lead = pow(den[max(den)], -1, P)
+        lead = inverse(den[max(den)])
         if lead != 1:
             num = {m: c * lead % P for m, c in num.items()}
             den = {m: c * lead % P for m, c in den.items()}

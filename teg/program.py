@@ -515,6 +515,8 @@ Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segm
 def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
     """The blocks inside a statement, in the order they are run."""
     match stmt:
+        case Assign():  # most of them
+            return ()
         case Integrate():
             return (stmt.flags, stmt.body)
         case Isolate():
@@ -529,8 +531,6 @@ def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
             return (stmt.setup, stmt.scales, stmt.body)
         case Hyperbola():
             return (stmt.scales,)
-        case Assign():
-            return ()
 
 
 class Outcome(NamedTuple):
@@ -595,8 +595,9 @@ def statements(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
     while stack:
         stmt = stack.pop()
         yield stmt
-        for inner in reversed(blocks(stmt)):
-            stack.extend(reversed(inner))
+        if not isinstance(stmt, Assign):
+            for inner in reversed(blocks(stmt)):
+                stack.extend(reversed(inner))
 
 
 def has_ties(block: tuple[Stmt, ...]) -> bool:

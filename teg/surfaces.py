@@ -143,19 +143,21 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
     return substitute(e, at, mark)  # type: ignore[return-value]
 
 
-def below(point: Expr, bound: Expr, surface: Expr, var: Var, original: Expr) -> Cond:
-    """[point < bound] for a point of `surface`; `original` is the bound as it stood in the integral over `var`."""
+def below(point: Expr, bound: Expr, surface: Expr, var: Var, original: Expr, name: str | None = None) -> Cond:
+    """[point < bound] for a point of `surface`; `original` is the bound as it stood in the integral over `var`, `name` the surface's if it
+    is known."""
     other = bound_surface(var, original)
     truth = TRUE if comes_first(surface, other) else FALSE
     if isinstance(bound, Const) and math.isinf(bound.data):
         return TRUE if bound.data > 0 else FALSE
-    return positive(sub(bound, point), True, truth, (_tie_name(surface), f"the bound {var.name} = {show(original, 300)}"))
+    return positive(sub(bound, point), True, truth, (name or _tie_name(surface), f"the bound {var.name} = {show(original, 300)}"))
 
 
 def signed_inside(point: Expr, lo: Expr, hi: Expr, surface: Expr, var: Var, bounds: tuple[Expr, Expr], weight: Expr) -> Expr:
     """weight·([point < hi] - [point < lo]): right for reversed bounds too; the weight is not looked at where that is 0."""
-    under_hi = below(point, hi, surface, var, bounds[1])
-    under_lo = below(point, lo, surface, var, bounds[0])
+    name = _tie_name(surface)
+    under_hi = below(point, hi, surface, var, bounds[1], name)
+    under_lo = below(point, lo, surface, var, bounds[0], name)
     return signed_between(under_hi, under_lo, ordered(lo, hi), weight)
 
 

@@ -43,7 +43,7 @@ from teg.integral import Delta, Integral, delta, scaled_integral
 from teg.kinks import kinks_of, with_sizes
 from teg.node import Node, postorder, union
 from teg.passes.jumps import assign
-from teg.polynomial import P, Point, Shadow, expanded, sign_of_residue
+from teg.polynomial import Point, Shadow, divided, expanded, sign_of_residue
 from teg.surfaces import atoms_of, binders_inside
 from teg.traverse import rebuild, remake, rename_apart, replace_node, substitute
 
@@ -133,11 +133,11 @@ class _Canonical:
         """The expression that stands for the surface, and whether it has the sign of g."""
         first, second = (p.value(g) for p in self._points)
         if first and second:
-            key = second * pow(first, -1, P) % P
+            key = divided(second, first)
             representative = self._known.setdefault(key, g)
             if representative is not g and representative.free <= g.free:
                 other = self._points[0].value(representative)
-                sign = sign_of_residue(first * pow(other, -1, P)) if other else None
+                sign = sign_of_residue(divided(first, other)) if other else None
                 if sign is not None:
                     return representative, sign > 0
         return g, True

@@ -54,7 +54,7 @@ from teg.expr import (
 from teg.integral import Integral, masses_of
 from teg.isolation import MARGIN, MAX_ROOTS, Isolation, Location, isolate, locate
 from teg.node import Node, digest, postorder
-from teg.polynomial import Degrees, P, Point, Poly, Ratio, Shadow, residue
+from teg.polynomial import Degrees, P, Point, Poly, Ratio, Shadow, divided, residue
 from teg.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients, solve
 from teg.surfaces import atoms_of, binders_inside
 from teg.traverse import replace_node, substitute
@@ -265,7 +265,7 @@ class BreakAnalysis:
         """The same for functions that are proportional by a number."""
         if f not in self._keys:
             u, v = (p.value(f) for p in self._points)
-            self._keys[f] = v * pow(u, -1, P) % P if u and v else f
+            self._keys[f] = divided(v, u) if u and v else f
         return self._keys[f]
 
     def _solve(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Roots | None:
@@ -402,7 +402,7 @@ class BreakAnalysis:
         linear, ratio = shadow.polynomial(turn.function), shadow.of(node.body)
         if ratio is None or linear is None or max(linear) != (1,):
             return None
-        at = -linear.get((0,), 0) * pow(linear[1,], -1, P) % P
+        at = divided(-linear.get((0,), 0), linear[1,])
         above, numerator = _without_zero(ratio[0], at)
         below, denominator = _without_zero(ratio[1], at)
         degree, power = max((i for (i,) in numerator), default=0), below - above
@@ -457,7 +457,7 @@ def _antiderivative_at(shadow: Shadow, inner: Poly, end: Ratio) -> Ratio | None:
         if step is None:
             return None
         powers.append(step)
-        rest: Poly = {m[1:]: c * pow(i + 1, -1, P) % P for m, c in inner.items() if m[0] == i}
+        rest: Poly = {m[1:]: divided(c, i + 1) for m, c in inner.items() if m[0] == i}
         if rest:
             total = shadow._sum([total, shadow._product((rest, one[1]), step)])
             if total is None:

@@ -112,7 +112,7 @@ class Emitter(ABC):
         while level.var is not None:
             if level.var in node.free:
                 return level.middle if level.middle is not None and level.is_constant(node) else level
-            level = cast(Level, level.outer)
+            level = level.outer  # type: ignore[assignment]
         return level
 
     def assign(self, home: Level, kind: str, op: str, *args: Arg) -> str:
@@ -152,14 +152,14 @@ class Emitter(ABC):
             elif isinstance(node, Cond):
                 home.names[node] = self.condition(node, home)
             else:
-                home.names[node] = self.value(cast(Expr, node), home)
+                home.names[node] = self.value(node, home)  # type: ignore[arg-type]
             stack.pop()
 
     def _number_of(self, e: Expr, level: Level) -> Arg:
-        return cast(Arg, self.home_of(e, level).names[e])
+        return self.home_of(e, level).names[e]  # type: ignore[return-value]
 
     def _truths_of(self, c: Cond, level: Level) -> Truths:
-        return cast(Truths, self.home_of(c, level).names[c])
+        return self.home_of(c, level).names[c]  # type: ignore[return-value]
 
     # -- values and conditions -----------------------------------------------------------------------------------------
 

@@ -35,7 +35,7 @@ from teg.expr import (
 )
 from teg.integral import Integral, integral_over
 from teg.node import Node, postorder
-from teg.polynomial import P, Point
+from teg.polynomial import P, Point, divided
 from teg.traverse import rebuild
 
 
@@ -154,7 +154,7 @@ def vanishes_on(e: Expr, surface: Expr) -> bool:
             if zero is None or one is None or two is None or (two - 2 * one + zero) % P or (one - zero) % P == 0:
                 values.clear()
                 break
-            root = -zero * pow(one - zero, -1, P) % P
+            root = divided(-zero, one - zero)
             values.append(Point(trial, {pivot: root}).value(e))
         if values:
             return all(v == 0 for v in values)

@@ -130,6 +130,7 @@ class _Scheduler(CurvedEmitter):
         super().__init__(parameters, how)
         self.parameters = tuple(parameters)
         self.analysis = BreakAnalysis(how.max_roots)
+        self._rules: dict[tuple[Integral, int], Rule] = {}
 
     def run(self, outputs: Sequence[Expr]) -> Program:
         top = Level(None, None, 0)
@@ -193,7 +194,10 @@ class _Scheduler(CurvedEmitter):
         return depth[node] > MAX_NEST
 
     def _rule(self, node: Integral, level: Level) -> Rule:
-        return rule_for(node, self.analysis, self.how, level.depth)
+        key = node, level.depth
+        if key not in self._rules:
+            self._rules[key] = rule_for(node, self.analysis, self.how, level.depth)
+        return self._rules[key]
 
     def _kind(self, node: Integral, level: Level, masses: object) -> object:
         """Integrals of one kind can share a loop if the rest agrees."""

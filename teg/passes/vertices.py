@@ -44,14 +44,14 @@ from teg.expr import (
     where,
 )
 from teg.node import Node, postorder
-from teg.polynomial import P, Shadow, expanded
+from teg.polynomial import P, Shadow, divided, expanded
 from teg.traverse import substitute
 
 MAX_POINTS = 128
 """Of a longer conjunction the sides are not looked at: every pair of a side and a point would be."""
 MAX_SIDES = 8
 """Of more half-planes no three are looked for."""
-SMALL = {m * pow(2**k, -1, P) % P: m / 2**k for k in range(4) for m in range(-16, 17) if m}
+SMALL = {divided(m, 2**k): m / 2**k for k in range(4) for m in range(-16, 17) if m}
 
 Point = tuple[Expr, Expr]
 
@@ -140,7 +140,7 @@ def _between(plane: Plane, mine: Line, others: Sequence[Line], points: Sequence[
 
 def ratio(value: int, other: int) -> float:
     """The quotient of two elements of the field, if it is a small fraction; else NaN."""
-    found = SMALL.get(value * pow(other, -1, P) % P)
+    found = SMALL.get(divided(value, other))
     return math.nan if found is None else found
 
 
