@@ -23,8 +23,9 @@ from teg.array_program import Arg, ArrayProgram, Integers, Like, Load, Loop, Num
 from teg.backends.c_backend import LONG, optimisation
 from teg.backends.c_build import load_library
 from teg.backends.c_interrupt import Caller
-from teg.backends.c_packed import SIDE, decisive_branch
-from teg.backends.c_print import Printer, Routine, Straight
+from teg.backends.c_frame import Routine
+from teg.backends.c_packed import SIDE, Straight, decisive_branch
+from teg.backends.c_print import Printer
 from teg.backends.c_runtime import runtime
 from teg.backends.c_text import indent, literal, packed, wrapped
 from teg.backends.numpy_arrays import Results

@@ -35,8 +35,17 @@ from teg.errors import CompilerError
 BASE_FLAGS = ("-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 NATIVE = "-march=native"
 OPENMP = "-fopenmp"
-LIGHT = ("-fno-tree-dominator-opts", "-fno-tree-dse", "-fno-tree-fre", "-fno-forward-propagate", "-fno-dse", "-fno-cprop-registers")
-"""With -O1: passes that take a quarter of the time of long straight-line texts, and make them 3 % faster."""
+LIGHT = (
+    "-fno-tree-dominator-opts",
+    "-fno-tree-dse",
+    "-fno-tree-fre",
+    "-fno-forward-propagate",
+    "-fno-dse",
+    "-fno-cprop-registers",
+    "-fno-inline-functions-called-once",
+    "-fira-algorithm=priority",
+)
+"""With -O1: passes that take a third of the time of long straight-line texts, and make them 3 % faster."""
 ABANDONED = 24 * 3600
 """Seconds after which a build is over: its process was killed."""
 SUFFIX = ".dll" if sys.platform == "win32" else ".so"

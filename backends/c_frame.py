@@ -211,6 +211,16 @@ class Frame:
         return f"({slot} != 0.0)" if kind(arg) == "int" else slot
 
 
+@dataclass(frozen=True, slots=True)
+class Routine:
+    """A C function that needs `workspace` doubles at `w`; if `indirect`, captured values come first there; some want a `context`."""
+
+    name: str
+    indirect: bool
+    workspace: int
+    context: bool
+
+
 def captured_by(own: Sequence[Arg], steps: list[Step], variables: Iterable[str]) -> list[Arg]:
     """What a routine takes from outside, in order of first use: names, and literals that are not simple."""
     defined = {name for step in steps for name in step.defines}.union(variables)

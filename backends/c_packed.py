@@ -46,6 +46,16 @@ class Packed:
     outputs: tuple[Arg, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Straight:
+    """C functions of eight points, and which inputs are given to them: where the outputs are 0 or simple, and these."""
+
+    decision: str
+    decided_by: list[int]
+    line: str | None
+    used: list[int]
+
+
 def decisive_branch(program: Program) -> When | None:
     """The branch without which every output of a program is 0, if one gives them all."""
     return next((s for s in program.body if isinstance(s, When) and set(program.outputs) <= set(s.results)), None)

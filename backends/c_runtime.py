@@ -82,15 +82,20 @@ LIMITS = {
 
 def runtime(texts: Sequence[str]) -> list[str]:
     """The part of the runtime that these texts need, directly or through other parts, and its constants."""
-    needed = {word for text in texts for word in re.findall(r"\b(?:teg|TEG)_\w+", text)}
+    needed = {word for text in texts for word in _words(text)}
     always, rest = _paragraphs()
     parts: list[str] = []
     for name, paragraph in reversed(rest):
         if name in needed:
             parts.insert(0, paragraph)
-            needed.update(re.findall(r"\b(?:teg|TEG)_\w+", paragraph))
+            needed.update(_words(paragraph))
     defines = [f"#define {name} {value!r}" for name, value in LIMITS.items() if name in needed]
     return [always, *(["\n".join(defines)] if defines else []), *parts]
+
+
+def _words(text: str) -> list[str]:
+    """The names of the runtime in a text. Two patterns that begin with letters are found ten times as fast as one that does not."""
+    return [*re.findall(r"teg_\w+", text), *re.findall(r"TEG_\w+", text)]
 
 
 @cache

@@ -78,6 +78,7 @@ class Shadow:
         self._leaves = dict(leaves or {})
         self._integral = integral
         self._one: Monomial = (0,) * len(self.variables)
+        self._unit: Poly = {self._one: 1}
         self._known: dict[Expr, Ratio | None] = {}
 
     def of(self, e: Expr) -> Ratio | None:
@@ -115,7 +116,7 @@ class Shadow:
     def constant(self, value: int) -> Ratio:
         """A number of the field."""
         value %= P
-        return ({self._one: value} if value else {}, {self._one: 1})
+        return ({self._one: value} if value else {}, self._unit)
 
     def _is_constant(self, poly: Poly) -> bool:
         return len(poly) == 1 and self._one in poly
@@ -140,13 +141,13 @@ class Shadow:
             case Var():
                 if node in self._index:
                     i = self._index[node]
-                    return ({tuple(1 if j == i else 0 for j in range(len(self._one))): 1}, {self._one: 1})
+                    return ({tuple(1 if j == i else 0 for j in range(len(self._one))): 1}, self._unit)
                 return self.constant(self._random("variable", node.name))
             case Add():
                 return self._sum([known[c] for c in node.children])
             case Mul():
-                total: Ratio | None = self.constant(1)
-                for c in node.children:
+                total = known[node.children[0]]
+                for c in node.children[1:]:
                     total = self._product(total, known[c])
                 return total
             case Pow():
@@ -215,7 +216,7 @@ class Shadow:
             if ratio is None:
                 return None
             n, d = ratio
-            if d != den:
+            if d is not den and d != den:
                 n, num, den = self._multiply(n, den), self._multiply(num, d), self._multiply(den, d)
                 if n is None or num is None or den is None:
                     return None
@@ -230,7 +231,10 @@ class Shadow:
     def _product(self, a: Ratio | None, b: Ratio | None) -> Ratio | None:
         if a is None or b is None:
             return None
-        num, den = self._multiply(a[0], b[0]), self._multiply(a[1], b[1])
+        num = self._multiply(a[0], b[0])
+        if a[1] is self._unit and b[1] is self._unit:
+            return None if num is None else (num, self._unit)
+        den = self._multiply(a[1], b[1])
         return None if num is None or den is None else self._normal(num, den)
 
     def _power(self, a: Ratio | None, k: int) -> Ratio | None:
@@ -240,8 +244,8 @@ class Shadow:
             if not a[0]:
                 return self.constant(self._random("1/0", k))  # in a branch that is not taken, or else infinite whatever one does
             a, k = self._normal(a[1], a[0]), -k
-        total: Ratio | None = self.constant(1)
-        for _ in range(k):
+        total: Ratio | None = a if k else self.constant(1)
+        for _ in range(k - 1):
             total = self._product(total, a)
             if total is None:
                 return None
@@ -262,11 +266,11 @@ class Shadow:
     def _normal(self, num: Poly, den: Poly) -> Ratio:
         if self._is_constant(den):
             if den[self._one] == 1:
-                return (num, den)
+                return (num, self._unit)
             lead = inverse(den[self._one])
-            return ({m: c * lead % P for m, c in num.items()}, {self._one: 1})
+            return ({m: c * lead % P for m, c in num.items()}, self._unit)
         if not num:
-            return ({}, {self._one: 1})
+            return ({}, self._unit)
         lead = inverse(den[max(den)])
         if lead != 1:
             num = {m: c * lead % P for m, c in num.items()}
@@ -274,7 +278,7 @@ class Shadow:
         if len(num) == len(den) and num.keys() == den.keys():  # a multiple of the denominator is a number
             ratio = num[max(den)]
             if all(num[m] == c * ratio % P for m, c in den.items()):
-                return ({self._one: ratio} if ratio else {}, {self._one: 1})
+                return ({self._one: ratio} if ratio else {}, self._unit)
         return (num, den)
 
 

@@ -1,0 +1,193 @@
+"""The exported functions of a kernel: the loop over the points of a batch, shared by threads.
+
+for blocks of points:  for SIDE points:  inputs -> (decision, straight line) -> the element at the others;  outputs of the block
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from teg.backends.c_frame import Routine
+from teg.backends.c_packed import SIDE, Straight
+from teg.backends.c_text import indent
+from teg.program import Program, has_ties
+
+TOGETHER = 64
+"""Points whose outputs are written together, at most."""
+
+
+def together(program: Program) -> int:
+    """How many points have their outputs written together: no more than the first cache can hold."""
+    return TOGETHER if len(program.outputs) <= TOGETHER else SIDE
+
+
+def _in_both_orders(call: str, outputs: int) -> list[str]:
+    """A call of the element at a point, and once more where a tie was met. It stands in one place, where the C compiler may inline it."""
+    return [
+        "double *to = row;",
+        "for (;;) {",
+        *indent(call, "if (!ctx.tied || ctx.order < 0) break;", "ctx.order = -1;", "to = other;"),
+        "}",
+        f"if (ctx.tied) for (int j = 0; j < {outputs}; j++) row[j] = 0.5 * (row[j] + other[j]);",
+    ]
+
+
+def _inputs(inputs: int, real: str, straight: Straight | None) -> tuple[list[str], list[str]]:
+    """Lines that are run once, and lines that make in[i] the values of input i at the points from `at` on: where these are, eight copies of
+    the one that all points share, or copies, in which the last point is repeated."""
+    lanes = f"{SIDE}" if straight else "few"
+    copy = [
+        f"double *const column = columns + {SIDE} * i;",
+        f"for (long k = 0; k < {lanes}; k++) column[k] = p[i][(at + (k < few ? k : few - 1)) * stride[i]];",
+        "in[i] = column;",
+    ]
+    if real != "double":
+        return [], [f"for (int i = 0; i < {inputs}; i++) {{", *indent(*copy), "}"]
+    once = [
+        "int simple = 1;",
+        f"for (int i = 0; w && in && n >= {SIDE} && i < {inputs}; i++) {{",
+        *indent(
+            f"double *const column = columns + {SIDE} * i;",
+            f"if (!stride[i]) for (int k = 0; k < {SIDE}; k++) column[k] = p[i][0];",
+            "base[i] = stride[i] ? p[i] : column;",
+            "simple &= stride[i] == 0 || stride[i] == 1;",
+        ),
+        "}",
+    ]
+    here = [
+        f"if (simple && few == {SIDE}) for (int i = 0; i < {inputs}; i++) in[i] = base[i] + at * stride[i];",
+        f"else for (int i = 0; i < {inputs}; i++) {{",
+        *indent(*copy),
+        "}",
+    ]
+    return once, here
+
+
+def batch_loop(program: Program, name: str, element: Routine, real: str, straight: Straight | None) -> Iterator[str]:
+    """The exported functions: every point by itself; where ties were met, the mean of the two orders. A call that is `watched` is stopped
+    between points, and in integrals that may take long. The thread that called keeps asking while it waits for the others.
+
+    Outputs are kept for a block of points and written together, some lines of the cache for each: those of one point may all lie in places
+    that the cache cannot hold at once. In a block SIDE points at a time are looked at by the functions `straight`."""
+    inputs, outputs, apart = len(program.parameters), len(program.outputs), together(program)
+    values = [f"in[{i}][k]" for i in range(inputs)]
+    space, ties, context = element.workspace, has_ties(program.body), element.context
+    arrays = [
+        f"double *const columns = w + {space}, *const results = columns + {SIDE * inputs};",
+        f"double *const row = results + {apart * outputs}{f', *const other = row + {outputs}' if ties else ''};",
+    ]
+    run = [*([] if element.indirect else values), "to" if ties else "row", *["w"] * (space > 0), *["&ctx"] * context]
+    call = f"element({', '.join(run)});"
+    gather = f"for (int j = 0; j < {inputs}; j++) w[j] = in[j][k];"
+    cast = "" if real == "double" else f"({real})"
+    first = f"long n, const {real} *const *p, const long *stride, {real} *out, long *notes, int threads"
+    second = "long (*poll)(void *data), void *data"
+    decided: list[str] = []
+    if straight:
+        given = [f"in[{i}]" for i in straight.decided_by]
+        decided = [
+            f"int live[{SIDE}], fast[{SIDE}];",
+            f"const int some = {straight.decision}({', '.join([*given, 'live', 'fast'])});",
+        ]
+        zero = f"for (int j = 0; j < {outputs}; j++) teg_fill(f + {apart} * j, {SIDE}, 0.0);"
+        if straight.line:
+            given = [f"in[{i}]" for i in straight.used]
+            decided.append(f"if (some & 2) {straight.line}({', '.join([*given, 'f'])});")
+        decided.append(f"{'else ' if straight.line else ''}if (!some) {zero}")
+    passed = [
+        "if (fast[k]) continue;",
+        "if (!live[k]) {",
+        *indent(f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = 0.0;", "continue;"),
+        "}",
+    ]
+    written = f"out[j * n + first + k] = {cast}results[{apart} * j + k];"
+    once, here = _inputs(inputs, real, straight)
+    yield from (
+        f"TEG_EXPORT int {name}_watched(",
+        f"    {first},",
+        f"    {second})",
+        "{",
+        *indent(
+            "const int team = threads > 1 ? threads : 1;",
+            f"const long each = n / team, together = team == 1 || each >= {32 * apart} ? {apart} : each >= {8 * SIDE} ? {SIDE} : 1;",
+            "const long share = each / (32 * together) + 1;",
+            "teg_watch watch = {poll, data, 0};",
+            "int failed = 0, working = 0;",
+            "(void)p, (void)stride, (void)share, (void)working;",
+        ),
+        "#ifdef _OPENMP",
+        "#pragma omp parallel num_threads(team) if (team > 1)",
+        "#endif",
+        *indent(
+            "{",
+            *indent(
+                f"double *const w = malloc({space + SIDE * inputs + apart * outputs + (1 + ties) * outputs + 1} * sizeof *w);",
+                *arrays,
+                f"const double **const in = malloc({2 * inputs + 1} * sizeof *in){', **const base = in + ' + str(inputs) if once else ''};",
+                *once,
+                "teg_pace pace = {&watch, 0, 16};",
+            ),
+        ),
+        "#ifdef _OPENMP",
+        "#pragma omp atomic",
+        *indent(*indent("working++;")),
+        "#pragma omp barrier",
+        "#pragma omp master",
+        "#endif",
+        *indent(*indent("pace.caller = 1;")),
+        "#ifdef _OPENMP",
+        "#pragma omp for schedule(dynamic, share) nowait",
+        "#endif",
+        *indent(
+            *indent(
+                "for (long first = 0; first < n; first += together) {",
+                *indent(
+                    "const long count = n - first < together ? n - first : together;",
+                    "int stopped = 0;",
+                    "if (!w || !in) {",
+                    *indent("failed = 1;", "continue;"),
+                    "}",
+                    f"for (long g = 0; g < count && !stopped; g += {SIDE}) {{",
+                    *indent(
+                        f"const long at = first + g, few = count - g < {SIDE} ? count - g : {SIDE};",
+                        "double *const f = results + g;",
+                        *here,
+                        *(["if ((stopped = teg_stopped(&pace))) break;"] if straight else []),
+                        *(["if (notes) for (long k = 0; k < few; k++) notes[at + k] = 0;"] if straight else []),
+                        *decided,
+                        f"for (long k = 0; {'some && ' if straight else ''}k < few; k++) {{",
+                        *indent(
+                            *(passed if straight else []),
+                            "if ((stopped = teg_stopped(&pace))) break;",
+                            *([gather] if element.indirect else []),
+                            *(["teg_context ctx = {+1, 0, 0, 0, &pace};"] if context else []),
+                            *(_in_both_orders(call, outputs) if ties else [call]),
+                            f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = row[j];",
+                            f"if (notes) notes[at + k] = {'4 * ctx.evaluations + 2 * ctx.missed + ctx.tied' if context else '0'};",
+                        ),
+                        "}",
+                    ),
+                    "}",
+                    "if (stopped) continue;",
+                    f"for (int j = 0; j < {outputs}; j++) for (long k = 0; k < count; k++) {written}",
+                ),
+                "}",
+                "free(w);",
+                "free(in);",
+            ),
+        ),
+        "#ifdef _OPENMP",
+        *indent(*indent("teg_wait(&pace, &working);")),
+        "#endif",
+        *indent(
+            "}",
+            "return failed ? 1 : watch.stopped ? 2 : 0;",
+        ),
+        "}",
+        "",
+        f"TEG_EXPORT int {name}(",
+        f"    {first})",
+        "{",
+        *indent(f"return {name}_watched(n, p, stride, out, notes, threads, NULL, NULL);"),
+        "}",
+    )
