@@ -22,8 +22,8 @@ import numpy.typing as npt
 from teg.array_program import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, scattered, steps, work
 from teg.backends.c_backend import LONG, optimisation
 from teg.backends.c_build import load_library
-from teg.backends.c_interrupt import Caller
 from teg.backends.c_frame import Routine
+from teg.backends.c_interrupt import Caller
 from teg.backends.c_packed import SIDE, Straight, decisive_branch
 from teg.backends.c_print import Printer
 from teg.backends.c_runtime import runtime

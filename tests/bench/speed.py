@@ -54,11 +54,10 @@ def in_turn(first: Callable[[], object], second: Callable[[], object], rounds: i
 
 
 class Kernel:
-    """The kernel of value and gradient (`orders` 0: of the value) that an evaluator runs, through the interface for plain C: a call fills
-    `results`, (outputs, n)."""
+    """The kernel of value and gradient that an evaluator runs, through the interface for plain C: a call fills `results`, (outputs, n)."""
 
-    def __init__(self, f: Evaluator, values: dict[str, np.ndarray], orders: int = 1) -> None:
-        program = f.program(orders)
+    def __init__(self, f: Evaluator, values: dict[str, np.ndarray]) -> None:
+        program = f.program(1)
         self._library = load_library(standalone_c(program, "scene")[0])
         self._columns = [np.ascontiguousarray(values[name], dtype=np.float64) for name in f.parameters]
         n = max(c.size for c in self._columns)
@@ -70,13 +69,6 @@ class Kernel:
 
     def __call__(self) -> None:
         self._library.scene(*self._arguments)
-
-
-def moving(values: dict[str, np.ndarray], outputs: int) -> Kernel:
-    """A kernel that reads as many values for each point, and writes as many outputs, and adds two of its inputs for each."""
-    inputs = [teg.param(name) for name in values]
-    sums = [inputs[j % len(inputs)] + inputs[(7 * j + 3) % len(inputs)] for j in range(outputs)]
-    return Kernel(teg.compile(teg.tuple(*sums), inputs, backend="c"), values, orders=0)
 
 
 def relative(found: np.ndarray, exact: np.ndarray) -> float:
@@ -112,8 +104,7 @@ def random_pairs(order: int, n: int, rng: np.random.Generator) -> tuple[np.ndarr
 def triangle_rows(order: int) -> list[Row]:
     """Loss and full gradient of a triangle-pixel pair, by how much of the pixel is covered; `error` is the largest difference from the
     handwritten kernel, `error to 60 digits` that of the generated one in the cases of `kinds`, thinner than 10⁻³ left out. The generated
-    kernel has a column for each parameter and result; `to move, ns` is the time of one that only reads and writes as many, and `net` the
-    ratio without it. The handwritten one has rows, and of a pair without overlap reads vertices and box only; its time is left whole."""
+    kernel has a column for each parameter and result, the handwritten one rows."""
     e, wrt = triangle_pixel(order)
     f = teg.compile(e, wrt, backend="c")
     pairs = random_pairs(order, 40 * PAIRS, np.random.default_rng(1))
@@ -127,19 +118,14 @@ def triangle_rows(order: int) -> list[Row]:
     rows: list[Row] = []
     for kind, cover in enumerate(COVERS):
         chosen = [a[np.flatnonzero(all_of_them.kinds == kind)[:PAIRS]] for a in pairs]
-        columns = pair_columns(order, *chosen)
-        hand, generated = Triangles(order, *chosen), Kernel(f, columns)
-        moved = moving(columns, len(generated.results))
+        hand, generated = Triangles(order, *chosen), Kernel(f, pair_columns(order, *chosen))
         hand_time, time_here = (t / len(chosen[0]) for t in in_turn(hand, generated))
-        moving_time, _ = (t / len(chosen[0]) for t in in_turn(moved, moved, rounds=1))
         row = {
             "colour": COLOURS[order],
             "cover": cover,
             "by hand, ns": hand_time,
             "generated, ns": time_here,
             "ratio": time_here / hand_time,
-            "to move, ns": moving_time,
-            "net": (time_here - moving_time) / hand_time,
         }
         rows.append({**row, "error": relative(generated.results.T, hand.results), "error to 60 digits": accuracy})
     return rows
