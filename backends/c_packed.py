@@ -24,14 +24,30 @@ from teg.backends.c_frame import Frame, Scope, Step, assignments, captured_by
 from teg.backends.c_polygon import SIDE_BY_SIDE
 from teg.backends.c_text import UNARY, indent, literal, operand
 from teg.backends.c_text import packed as in_few_lines
-from teg.program import TIE_EPS, Arg, Assign, Isolate, Locate, Polygon, Program, Stmt, When, assigned, statements
+from teg.program import (
+    NEAR_SIDE,
+    TIE_EPS,
+    Arg,
+    Assign,
+    Hyperbola,
+    Isolate,
+    Locate,
+    Polygon,
+    Program,
+    Stmt,
+    When,
+    assigned,
+    statements,
+)
 from teg.quadrature import gauss_legendre
 
 SIDE = 8
 """Points side by side."""
 DECIDING = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select"}
 DECLARED, ADDED, WORD = re.compile(r" *(?:const )?double (\w+) = (.*);$"), re.compile(r" *(\w+) \+= (.*);$"), re.compile(r"\w+")
+STRAIGHT = SIDE_BY_SIDE | {"choose"}
 BRANCHLESS = {"and": "all", "or": "any"}
+CHOSEN = re.compile(r" *teg_lanes_8 (\w+);$")
 LARGEST = 1.7976931348623157e308
 
 
@@ -88,7 +104,7 @@ def packed(program: Program) -> Packed | None:
 
 def _is_hard(stmt: Stmt) -> bool:
     """Whether no straight line can pass it by."""
-    return not isinstance(stmt, Assign | Polygon | When) and stmt.when is None
+    return not isinstance(stmt, Assign | Polygon | Hyperbola | When) and stmt.when is None
 
 
 class _Line:
@@ -119,6 +135,8 @@ class _Line:
                     self.steps += self._plain(Assign(stmt.name, stmt.op, tuple(map(self.value, stmt.args))))
                 case Polygon(when=None) if all(isinstance(s, Assign) for s in (*stmt.setup, *stmt.body)):
                     self._box(stmt)
+                case Hyperbola(when=None):
+                    self._square(stmt)
                 case _:
                     if stmt.when is None:
                         return False
@@ -171,6 +189,27 @@ class _Line:
         setup, body = (tuple(line for s in block for line in self._plain(s)) for block in (stmt.setup, stmt.body))
         self.steps.append(replace(stmt, setup=setup, body=body))
 
+    def _square(self, stmt: Hyperbola) -> None:
+        """The whole square, the curve nowhere near it."""
+        corners = [self.value(g) for g in stmt.corners]
+        sizes = [self.assign("v", "abs", g) for g in corners]
+        total = self.assign("v", "add", *sizes)
+        self.conditions.append(self.assign("b", "le0", self.assign("v", "sub", total, LARGEST)))
+        above, below = (self.assign("b", "and", *(self.assign("b", op, g) for g in corners)) for op in ("gt0", "lt0"))
+        self.conditions.append(self.assign("b", "or", above, below))
+        near = self.assign("v", "mul", NEAR_SIDE, total)
+        for i, size in enumerate(sizes):
+            side = self.assign("v", "add", size, sizes[(i + 1) % 4])
+            self.conditions.append(self.assign("b", "gt0", self.assign("v", "sub", side, near)))
+        for result, moments in zip(stmt.results, stmt.moments, strict=True):
+            if moments.kind == "border":
+                self.absent[result] = 0.0
+                continue
+            terms = [self.assign("v", "mul", self.value(c), 1.0 / ((j + 1) * (k + 1))) for j, k, c in moments.terms]
+            whole = self.assign("v", "add", *terms)
+            parts = (whole, 0.0) if moments.kind == "above" else (0.0, whole)
+            self.steps.append(Assign(result, "choose", (corners[0], *parts)))
+
 
 def _given(stmt: Assign | Polygon) -> set[Arg]:
     """What a statement of the straight line uses."""
@@ -200,7 +239,7 @@ def _weight(steps: Iterable[Assign]) -> int:
 def _is_short_arithmetic(straight: Sequence[Assign | Polygon]) -> bool:
     """Whether there is nothing that eight numbers at once cannot do, and no more than what is one C function."""
     flat = [s for stmt in straight for s in ((stmt,) if isinstance(stmt, Assign) else (*stmt.setup, *stmt.body))]
-    simple = [s for s in flat if isinstance(s, Assign) and s.op in SIDE_BY_SIDE]
+    simple = [s for s in flat if isinstance(s, Assign) and s.op in STRAIGHT]
     results = sum(len(s.results) for s in straight if isinstance(s, Polygon))
     return len(simple) == len(flat) and _weight(simple) + results <= c_frame.PART
 
@@ -260,7 +299,7 @@ def straight(found: Packed, varying: Container[int], apart: int) -> list[str]:
     boxes: list[Polygon] = []
     for stmt in found.straight:
         if isinstance(stmt, Assign):
-            blocks[-1] += assignments(stmt)
+            blocks[-1] += [_choice(stmt)] if stmt.op == "choose" else assignments(stmt)
             continue
         blocks[-1] += _steps(stmt.setup)
         blocks += [_steps(stmt.body), [_totals(stmt)]]
@@ -279,13 +318,25 @@ def straight(found: Packed, varying: Container[int], apart: int) -> list[str]:
     return [
         "const teg_lanes_8 zero = {0.0};",
         f"for (int k = 0; k < {SIDE}; k += (int)(sizeof(teg_lanes_8) / sizeof(double))) {{",
-        *indent(*_typed(lines, {f"p{i}" for i in inputs if i in varying})),
+        *indent(*_typed(lines, {"zero", *(f"p{i}" for i in inputs if i in varying)})),
         "}",
     ]
 
 
 def _steps(block: Iterable[Stmt]) -> list[Step]:
     return [step for s in block if isinstance(s, Assign) for step in assignments(s)]
+
+
+def _choice(stmt: Assign) -> Step:
+    """The second of three values where the first is positive, else the third."""
+
+    def lines(scope: Scope) -> list[str]:
+        of = [scope(a) for a in stmt.args]
+        name = scope.name(stmt.name)
+        given = [f"const double {letter}_{name} = {text} + zero;" for letter, text in zip("gxy", of, strict=True)]
+        return [*given, f"teg_lanes_8 {name};", f"teg_choose_8(&{name}, &g_{name}, &x_{name}, &y_{name});"]
+
+    return Step((stmt.name,), stmt.args, lines=lines, weight=4)
 
 
 def _over_a_box(stmt: Polygon, frame: Frame, block: int) -> Iterator[str]:
@@ -334,7 +385,7 @@ def _typed(lines: Sequence[str], varying: set[str]) -> list[str]:
     """The lines with values that vary in lanes; `varying` are the names of those from outside. A sum is declared before what it adds up."""
     there = set(varying)
     for line in lines:
-        if (m := DECLARED.match(line) or ADDED.match(line)) and there.intersection(WORD.findall(m[2])):
+        if (m := CHOSEN.match(line)) or ((m := DECLARED.match(line) or ADDED.match(line)) and there.intersection(WORD.findall(m[2]))):
             there.add(m[1])
     texts = []
     for line in lines:

@@ -215,6 +215,24 @@ typedef double __attribute__((vector_size(64), aligned(8), may_alias)) teg_lanes
 typedef double teg_lanes_8;
 #endif
 
+/* Flags side by side: all bits of a number, or none. */
+#ifdef __GNUC__
+typedef long long __attribute__((vector_size(64), aligned(8), may_alias)) teg_flags_8;
+#else
+typedef int teg_flags_8;
+#endif
+
+/* Of numbers side by side those of x where g > 0, else those of y. */
+static inline void teg_choose_8(teg_lanes_8 *chosen, const teg_lanes_8 *g, const teg_lanes_8 *x, const teg_lanes_8 *y)
+{
+    const teg_flags_8 above = (teg_flags_8)(*g > 0.0);
+#ifdef __GNUC__
+    *chosen = (teg_lanes_8)((above & (teg_flags_8)*x) | (~above & (teg_flags_8)*y));
+#else
+    *chosen = above ? *x : *y;
+#endif
+}
+
 static inline double teg_total_2(const teg_lanes_2 *lanes)
 {
 #ifdef __GNUC__

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +20,7 @@ from teg.expr import Param
 from teg.program import Assign, Polygon, Program
 from tests.backends.c_checks import in_c, text_compiles_without_warnings
 from tests.backends.programs import Case
-from tests.bench.scenes import half_planes, picture, triangle_pixel
+from tests.bench.scenes import bilinear_pixel, half_planes, picture, triangle_pixel
 
 pytestmark = [*in_c, pytest.mark.filterwarnings("error")]
 
@@ -47,6 +48,7 @@ SCENES: dict[str, tuple[teg.Expr, list[Param]]] = {
     "half-planes": half_planes(3),
     "wedges": two_wedges(),
     "powers": power(),
+    "bilinear": bilinear_pixel(),
 }
 
 
@@ -86,6 +88,18 @@ def decided(found: Packed, program: Program, columns: list[Array]) -> tuple[npt.
     return live, fast
 
 
+def plain(straight: tuple[Assign | Polygon, ...]) -> Iterator[Assign | Polygon]:
+    """The straight line in words that NumPy knows, with whole boxes."""
+    for i, stmt in enumerate(straight):
+        if isinstance(stmt, Polygon):
+            yield replace(stmt, half_planes=())
+        elif stmt.op == "choose":
+            yield Assign(f"b{10**6 + i}", "gt0", stmt.args[:1])
+            yield Assign(stmt.name, "select", (f"b{10**6 + i}", *stmt.args[1:]))
+        else:
+            yield stmt
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_the_straight_line_is_the_program_where_points_are_fast(name: str) -> None:
     """Points are of all three kinds; what is not live is 0; on the straight line, with whole boxes, outputs are the program's."""
@@ -103,8 +117,7 @@ def test_the_straight_line_is_the_program_where_points_are_fast(name: str) -> No
     assert not expected[:, ~live].any()
     boxes = [stmt for stmt in found.straight if isinstance(stmt, Polygon)]
     if not any(box.corners for box in boxes):
-        whole = tuple(replace(stmt, half_planes=()) if isinstance(stmt, Polygon) else stmt for stmt in found.straight)
-        line = compile_numpy(Program(program.parameters, whole, found.outputs))(columns, 4000)
+        line = compile_numpy(Program(program.parameters, tuple(plain(found.straight)), found.outputs))(columns, 4000)
         np.testing.assert_allclose(line[:, fast], expected[:, fast], rtol=1e-12, atol=1e-12)
 
 
@@ -153,6 +166,17 @@ def test_points_do_not_see_their_neighbours(name: str) -> None:
     shared = [np.array(column[9]) if i % 3 else column for i, column in enumerate(columns)]
     full = [np.full(n, column[9]) if i % 3 else column for i, column in enumerate(columns)]
     np.testing.assert_array_equal(kernel(shared, n), kernel(full, n))
+
+
+def test_colours_that_are_not_looked_at() -> None:
+    """A colour that is nowhere may be anything; one that is somewhere may not."""
+    f = teg.compile(*bilinear_pixel(), backend="c")
+    corners = dict.fromkeys(("c00", "c10", "c01", "c11"), 1.0)
+    colours = {f"above{k}": 0.5 for k in range(3)} | {f"target{k}": 0.0 for k in range(3)}
+    for nothing in (np.nan, np.inf):
+        at = corners | colours | {f"below{k}": nothing for k in range(3)}
+        assert f(at | {"t": 0.0}) == 0.75
+        assert not np.isfinite(f(at | {"t": 2.0}))
 
 
 def test_single_precision_is_the_same_line() -> None:
