@@ -33,9 +33,10 @@ from teg.index import (
     Length,
     index_leaves,
 )
+from teg.liveness import without_dead_code
 from teg.node import Node, postorder
 from teg.passes.group import group
-from teg.program import Assign, Program, Stmt, assigned, blocks, has_ties, without_dead_code
+from teg.program import Assign, Program, Stmt, assigned, blocks, has_ties
 
 Schedule = Callable[[Sequence[Expr], Sequence[str]], Program]
 """A flat program of scalar outputs, given them and the names of the parameters."""

@@ -277,5 +277,6 @@ def _select_bound(pivots: list[Cond], sides: list[tuple[Cond, Cond]], which: int
         atoms = [cast(Compare, c) for c in conditions]
         g = _select(pivots, [a.g for a in atoms])
         resolution: Cond = disjunction(*(conjunction(p, r) for p, r in zip(pivots, [cast(Cond, a.resolution) for a in atoms], strict=True)))
-        return positive(g, True, resolution, atoms[-1].rivals)
+        rivals = [cast("tuple[str, str]", a.rivals) for a in atoms]
+        return positive(g, True, resolution, (rivals[0][0], " or ".join(dict.fromkeys(other for _, other in rivals))))
     return disjunction(*(conjunction(p, c) for p, c in zip(pivots, conditions, strict=True)))

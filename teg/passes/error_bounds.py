@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+from teg.liveness import without_dead_code
 from teg.program import (
     EDGE,
     ROUNDING,
@@ -35,7 +36,6 @@ from teg.program import (
     clipped_by,
     statements,
     without_branches,
-    without_dead_code,
 )
 
 STEEP = ("div", "powi", "pow", "log", "sqrt", "asin", "acos", "tan", "atan2")

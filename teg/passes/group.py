@@ -17,6 +17,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from itertools import count
 
+from teg.liveness import without_dead_code
 from teg.program import (
     Arg,
     Assign,
@@ -31,7 +32,6 @@ from teg.program import (
     assigned,
     blocks,
     statements,
-    without_dead_code,
 )
 
 OPPOSITE = {"gt0": "le0", "le0": "gt0", "ge0": "lt0", "lt0": "ge0", "and": "or", "or": "and"}

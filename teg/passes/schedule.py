@@ -41,6 +41,7 @@ from teg.expr import (
 )
 from teg.integral import Integral, PointMasses, masses_of
 from teg.integration import Integration
+from teg.liveness import without_dead_code
 from teg.node import Node, postorder
 from teg.passes.breaks import MAX_BENDS, BreakAnalysis, Breaks, Turn
 from teg.passes.curved import CurvedEmitter
@@ -49,7 +50,7 @@ from teg.passes.emit import NAN, Level
 from teg.passes.emptiness import certainly_empty
 from teg.passes.sampled import deciding_integrals
 from teg.polynomial import Shadow
-from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Integrate, Midpoint, Program, Rational, Rule, Tie, without_dead_code
+from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Integrate, Midpoint, Program, Rational, Rule, Tie
 from teg.roots import local_origin
 from teg.surfaces import atoms_of
 from teg.tails import infinite_ends, is_unbounded

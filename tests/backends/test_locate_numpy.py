@@ -10,7 +10,8 @@ import pytest
 
 from teg.backends import numpy_roots
 from teg.backends.numpy_backend import compile_numpy
-from teg.program import LOCATE_DEPTH, LOCATE_WIDTH, Assign, Locate, Program, without_dead_code
+from teg.liveness import without_dead_code
+from teg.program import LOCATE_DEPTH, LOCATE_WIDTH, Assign, Locate, Program
 from tests.backends.isolate_programs import numbered
 from tests.backends.locate_programs import LOCATE_CASES, PLACES, Pair, ends, literally, locate, point, two_circles, wave
 from tests.backends.programs import INF, Case, columns, expected, let, program

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from teg.backends.numpy_backend import compile_numpy
-from teg.program import Adaptive, Assign, Bend, Gauss, Integrate, Program, without_dead_code
+from teg.liveness import without_dead_code
+from teg.program import Adaptive, Assign, Bend, Gauss, Integrate, Program
 from tests.backends.programs import (
     ADAPTIVE,
     CASES,

@@ -198,3 +198,10 @@ def test_a_bound_along_which_a_tie_would_belong_to_either_side(backend: str) -> 
         value, gradient = teg.compile(e, [t], backend=backend).value_and_grad(a=0.25, t=0.2)
         area = value if e is inner else math.log(value)
         assert gradient["t"] == pytest.approx(-(1 - (0.5 - 0.25 * 0.2) / 1.2) * outer(area), rel=1e-13)
+
+
+def test_a_tie_names_every_bound_that_it_may_be() -> None:
+    """Which variable is eliminated is decided at run time, so the bound is one of two: the other was named alone."""
+    f = teg.compile(INT(B(a * x + t * y > 0.0), (x, 0, 1), (y, 0, 1)), [a, t])
+    (found,) = f.diagnose(a=0.0, t=1.0)
+    assert found.surfaces[1] == "the bound y = 0 or the bound x = 0"
