@@ -53,10 +53,12 @@ LARGEST = 1.7976931348623157e308
 
 @dataclass(frozen=True, slots=True)
 class Packed:
-    """What is known of a program without branches; `fast` is False where no straight line is worth it."""
+    """What is known of a program without branches: what `live` is computed from, in the program's own words, and what `fast` is, on the
+    straight line, which is not where other points go. `live` is True, or `fast` False, where nothing is known."""
 
     live: Arg
     fast: Arg
+    settling: tuple[Assign, ...]
     deciding: tuple[Assign, ...]
     straight: tuple[Assign | Polygon, ...]
     outputs: tuple[Arg, ...]
@@ -83,23 +85,41 @@ def packed(program: Program) -> Packed | None:
     if len(program.body) > 4 * c_frame.PART or (branch is None and any(map(_is_hard, program.body))):
         return None
     line = _Line(program)
+    live, settling = _settled(program, branch, line)
     fast = line.through([s for s in program.body if s is not branch])
     if branch is not None:
-        fast &= line.through(branch.body)
+        fast = fast and line.through(branch.body)
         line.conditions.append(branch.when)
     elif not line.conditions:
         return None
-    live: Arg = True if branch is None else branch.when
     outputs: tuple[Arg, ...] = tuple(line.value(o) for o in program.outputs)
-    straight = _sliced(line.steps, outputs)
-    fast &= _is_short_arithmetic(straight)
+    straight = _sliced(line.steps, outputs) if fast else []
+    fast = fast and _is_short_arithmetic(straight)
     both: Arg = line.assign("b", "and", *line.conditions) if fast else False
-    if branch is None and not fast:
+    needed = _sliced(line.steps, (both,))
+    deciding = [s for s in needed if isinstance(s, Assign)]
+    if len(deciding) < len(needed) or not _is_short_decision(deciding):
+        fast, both, deciding = False, False, []
+    if live is True and not fast:
         return None
-    deciding = [s for s in _sliced(line.steps, (live, both)) if isinstance(s, Assign)]
-    if not all(s.op in DECIDING for s in deciding) or _weight(deciding) > c_frame.PART:
-        return None
-    return Packed(live, both, tuple(deciding), tuple(straight) if fast else (), outputs)
+    return Packed(live, both, tuple(settling), tuple(deciding), tuple(straight) if fast else (), outputs)
+
+
+def _settled(program: Program, branch: When | None, line: _Line) -> tuple[Arg, list[Assign]]:
+    """The boolean without which every output is 0, and what it is computed from as it stands in the program; True if that is more than
+    short arithmetic."""
+    if branch is None:
+        return True, []
+    live: set[Arg] = {branch.when}
+    kept: list[Assign] = []
+    for stmt in reversed(program.body):
+        if live.intersection(assigned(stmt)):
+            if not isinstance(stmt, Assign):
+                return True, []
+            live.update(stmt.args)
+            kept.append(stmt)
+    settling = [simple for stmt in reversed(kept) for simple in line.plain(stmt)]
+    return (branch.when, settling) if _is_short_decision(settling) else (True, [])
 
 
 def _is_hard(stmt: Stmt) -> bool:
@@ -132,9 +152,9 @@ class _Line:
                 case Assign(op="tie"):
                     self._tie(stmt)
                 case Assign():
-                    self.steps += self._plain(Assign(stmt.name, stmt.op, tuple(map(self.value, stmt.args))))
+                    self.steps += self.plain(stmt)
                 case Polygon(when=None) if all(isinstance(s, Assign) for s in (*stmt.setup, *stmt.body)):
-                    self._box(stmt)
+                    self._box(self._known(stmt))
                 case Hyperbola(when=None):
                     self._square(stmt)
                 case _:
@@ -144,9 +164,9 @@ class _Line:
                     self.absent |= dict.fromkeys(assigned(stmt), inf if isinstance(stmt, Isolate | Locate) else 0.0)
         return True
 
-    def _plain(self, stmt: Stmt) -> list[Assign]:
-        """An assignment; an integral power as the products that it is."""
-        assert isinstance(stmt, Assign)
+    def plain(self, stmt: Assign) -> list[Assign]:
+        """An assignment, without results of what is not run; an integral power as the products that it is."""
+        stmt = Assign(stmt.name, stmt.op, tuple(map(self.value, stmt.args)))
         if stmt.op != "powi":
             return [stmt]
         square, left = stmt.args[0], abs(int(stmt.args[1]))
@@ -165,11 +185,31 @@ class _Line:
         return [*lines, Assign(stmt.name, "div", (1.0, power)) if int(stmt.args[1]) < 0 else Assign(stmt.name, "const", (power,))]
 
     def _tie(self, stmt: Assign) -> None:
-        g, scale = stmt.args[:2]
+        g, scale = map(self.value, stmt.args[:2])
         allowed = self.assign("v", "mul", TIE_EPS, scale)
         beyond = self.assign("v", "sub", self.assign("v", "abs", g), allowed)
         self.conditions.append(self.assign("b", "not", self.assign("b", "le0", beyond)))
         self.steps.append(Assign(stmt.name, "gt0", (g,)))
+
+    def _known(self, stmt: Polygon) -> Polygon:
+        """A polygon without results of what is not run."""
+        value = self.value
+
+        def block(statements: Iterable[Stmt]) -> tuple[Assign, ...]:
+            return tuple(line for s in statements if isinstance(s, Assign) for line in self.plain(s))
+
+        return replace(
+            stmt,
+            width=value(stmt.width),
+            height=value(stmt.height),
+            half_planes=tuple(replace(g, a=value(g.a), b=value(g.b), c=value(g.c)) for g in stmt.half_planes),
+            setup=block(stmt.setup),
+            body=block(stmt.body),
+            values=tuple(map(value, stmt.values)),
+            factors=tuple(map(value, stmt.factors)),
+            corners=tuple((value(u), value(v)) for u, v in stmt.corners),
+            across=value(stmt.across),
+        )
 
     def _box(self, stmt: Polygon) -> None:
         """The whole box, inside of every half-plane. (A triangle around it is not thin: no half-plane changes by more than `across`.)"""
@@ -186,8 +226,7 @@ class _Line:
             sizes.append(stmt.across)
         excess = self.assign("v", "sub", self.assign("v", "add", *sizes), LARGEST)
         self.conditions.append(self.assign("b", "le0", excess))  # all are finite
-        setup, body = (tuple(line for s in block for line in self._plain(s)) for block in (stmt.setup, stmt.body))
-        self.steps.append(replace(stmt, setup=setup, body=body))
+        self.steps.append(stmt)
 
     def _square(self, stmt: Hyperbola) -> None:
         """The whole square, the curve nowhere near it."""
@@ -236,6 +275,11 @@ def _weight(steps: Iterable[Assign]) -> int:
     return sum(step.weight for stmt in steps for step in assignments(stmt))
 
 
+def _is_short_decision(steps: Sequence[Assign]) -> bool:
+    """Whether it is comparisons and arithmetic, and no more of it than is one C function."""
+    return all(s.op in DECIDING for s in steps) and _weight(steps) <= c_frame.PART
+
+
 def _is_short_arithmetic(straight: Sequence[Assign | Polygon]) -> bool:
     """Whether there is nothing that eight numbers at once cannot do, and no more than what is one C function."""
     flat = [s for stmt in straight for s in ((stmt,) if isinstance(stmt, Assign) else (*stmt.setup, *stmt.body))]
@@ -254,7 +298,7 @@ def _nodes(stmt: Polygon) -> int:
 
 def used_inputs(found: Packed) -> tuple[list[int], list[int]]:
     """The parameters, by their numbers, that the decision uses, and those that the straight line does."""
-    return _inputs(found.deciding, (found.live, found.fast)), _inputs(found.straight, found.outputs)
+    return _inputs((*found.settling, *found.deciding), (found.live, found.fast)), _inputs(found.straight, found.outputs)
 
 
 def _inputs(steps: Sequence[Assign | Polygon], outputs: Iterable[Arg]) -> list[int]:
@@ -277,8 +321,7 @@ def decision(found: Packed, varying: Container[int]) -> list[str]:
     """The inside of the C function that tells of eight points which are `live` and which `fast`; it returns 0 if none is live, else 1, plus
     2 if one is fast."""
 
-    def loop(array: str, arg: Arg) -> list[str]:
-        needed = [s for s in _sliced(found.deciding, [arg]) if isinstance(s, Assign)]
+    def loop(array: str, arg: Arg, needed: Sequence[Assign]) -> list[str]:
         frame = _framed([_steps(replace(s, op=BRANCHLESS.get(s.op, s.op)) for s in needed)], [arg])
         there = [f"const double p{i} = q{i}[k];" for i in _inputs(needed, [arg]) if i in varying]
         return [
@@ -288,8 +331,8 @@ def decision(found: Packed, varying: Container[int]) -> list[str]:
             f"for (int k = 0; k < {SIDE}; k++) some |= {array}[k];",
         ]
 
-    lines = ["int some = 0;", *loop("live", found.live), "if (!some) return 0;", "some = 0;"]
-    return [*lines, *loop("fast", found.fast), "return 1 | some << 1;"]
+    lines = ["int some = 0;", *loop("live", found.live, found.settling), "if (!some) return 0;", "some = 0;"]
+    return [*lines, *loop("fast", found.fast, found.deciding), "return 1 | some << 1;"]
 
 
 def straight(found: Packed, varying: Container[int], apart: int) -> list[str]:

@@ -201,11 +201,8 @@ class Printer:
         return Straight(decision, decided_by, line, used)
 
     def _side_by_side(self, kind: str, head: str, inside: list[str]) -> str:
-        name = f"{kind}_{len(self._known) + 1}"
-        text = wrapped([f"TEG_INLINE {head}", "{", *indent(*inside), "}"])
-        self._known[text] = Routine(name, False, 0, False)
-        self.texts.append(text.replace("@", name))
-        return name
+        """The name of such a function."""
+        return self._once(kind, wrapped([f"TEG_INLINE {head}", "{", *indent(*inside), "}"])).name
 
     def _steps(self, block: Sequence[Stmt]) -> Iterator[Step]:
         together: dict[object, list[Assign]] = {}  # a function and its derivatives at the same inputs
@@ -501,11 +498,15 @@ class Printer:
         return self._routine("mean", frame, _head(frame, "mean", values + tested), inside), tuple(captured)
 
     def _routine(self, kind: str, frame: Frame, signature: str, inside: list[str]) -> Routine:
-        """The routine of this text, which is printed unless it is known. '@' stands for its name."""
+        """The routine of this text, in which '@' stands for its name."""
         text = "\n\n".join([*frame.parts, wrapped([signature, "{", *indent(*inside), "}"])])
+        return self._once(kind, text, frame.indirect, frame.workspace, frame.context)
+
+    def _once(self, kind: str, text: str, indirect: bool = False, workspace: int = 0, context: bool = False) -> Routine:
+        """The routine of this text, which is printed unless it is known."""
         if text not in self._known:
             name = kind if kind == "element" else f"{kind}_{len(self._known) + 1}"
-            self._known[text] = Routine(name, frame.indirect, frame.workspace, frame.context)
+            self._known[text] = Routine(name, indirect, workspace, context)
             self.texts.append(text.replace("@", name))
         return self._known[text]
 

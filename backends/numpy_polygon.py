@@ -97,7 +97,7 @@ class PolygonIntegral(Domain):
             u, v = a * width, b * height
             most = c + np.where(u <= 0.0, 0.0, u) + np.where(v <= 0.0, 0.0, v)
             low = c + np.where(u >= 0.0, 0.0, u) + np.where(v >= 0.0, 0.0, v)
-            fails |= (most <= 0.0) & ~((low >= 0.0) & closed)
+            fails |= (most <= 0.0) & np.logical_not((low >= 0.0) & closed)
             known &= np.isfinite(most - low)
             least.append(low)
             swings.append(most - low)
@@ -228,7 +228,7 @@ class SegmentIntegral(Domain):
             first, last = lines[4 * i], lines[4 * i + 1]
             ties, holds = tied[i]
             root = first / np.asarray(first - last)
-            out = (first <= 0.0) & (last <= 0.0) & ~((first == 0.0) & (last == 0.0) & closed)
+            out = (first <= 0.0) & (last <= 0.0) & np.logical_not((first == 0.0) & (last == 0.0) & closed)
             outside |= np.where(ties, ~np.asarray(holds, bool), out)
             undefined |= ~np.isfinite(first - last) & ~np.asarray(ties)
             cuts = ~np.asarray(ties) & np.isfinite(first - last)

@@ -191,3 +191,16 @@ def test_jax_agrees(degree: int) -> None:
     expected, slopes = teg.compile(e, wrt, backend="numpy").value_and_grad(at)
     np.testing.assert_allclose(value, expected, rtol=1e-13, atol=1e-14)
     same(gradient, slopes, 1e-12)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_half_plane_of_numbers_only(backend: str) -> None:
+    """[2 < y/2] holds nowhere, whatever the bounds are: NumPy failed on ends of a half-line that are literals."""
+    x, y = teg.vars("x y")
+    a, c, d = teg.params("a c d")
+    inside = teg.bracket((0.5 * y > 2) & ((a + 1) * x + (a + 1) * y <= d + 1))
+    f = teg.compile(teg.integral(inside * c * x, (x, 0, d), (y, 0, 1)), [a, c, d], backend=backend)
+    values = np.array([0.0, 1.0, -1.0, 0.5])
+    value, gradient = f.value_and_grad(a=values, c=values[::-1], d=np.roll(values, 1))
+    assert not np.any(value)
+    assert not any(np.any(slope) for slope in gradient.values())

@@ -168,6 +168,61 @@ def test_points_do_not_see_their_neighbours(name: str) -> None:
     np.testing.assert_array_equal(kernel(shared, n), kernel(full, n))
 
 
+def moment(c: teg.Expr | float, a: teg.Expr | float) -> teg.Expr:
+    """An integral that is not needed where c <= 0."""
+    u = teg.var("u")
+    return teg.integral(teg.bracket(u < c) * u * a, (u, 0, 1))
+
+
+def wedge(body: teg.Expr | float, above: teg.Expr = b, width: teg.Expr | float = 1.0) -> teg.Expr:
+    return teg.integral(teg.bracket((x + a * y > above) & (y - x > c - 0.5)) * body, (x, 0, width), (y, 0, 1))
+
+
+@pytest.mark.parametrize(
+    "e",
+    [
+        wedge(x, s + b * moment(c, a)),  # it decides whether anything is to be done
+        wedge(x, s + b * moment(c + 0.25, a)) + wedge(y, b),
+        wedge(x * s + moment(c, a) * y),
+        wedge(x, b, moment(c, a)),
+        teg.where(moment(c, a) > b, 1.0, 2.0) * wedge(x * s),
+        teg.integral(teg.exp(-a * x), (x, 0, 1)) * wedge(x * s),
+        wedge(x + teg.integral(teg.exp(-a * x), (x, 0, 1)) * y),
+        wedge(x) * wedge(y, s),
+    ],
+    ids=["decides", "decides one of two", "factor", "bound", "branch", "adaptive", "adaptive inside", "product"],
+)
+def test_integrals_that_other_points_need(e: teg.Expr) -> None:
+    """What the straight line leaves out is not left out at points that do not take it."""
+    n = 400
+    rng = np.random.default_rng(6)
+    at = {p: rng.uniform(-1.0, 2.0, n) for p in "abcs"}
+    at["b"][::3] *= -6.0
+    (value, slopes), (expected, others) = (teg.compile(e, [a, b, c, s], backend=k).value_and_grad(at) for k in ("c", "numpy"))
+    np.testing.assert_allclose(value, expected, rtol=1e-11, atol=1e-11)
+    for name, slope in slopes.items():
+        np.testing.assert_allclose(slope, others[name], rtol=1e-10, atol=1e-10)
+
+
+def test_sums_with_the_same_body() -> None:
+    """One function for all of them, also where others come between."""
+    t = teg.param("t")
+    arrays = [teg.array(name, 2) for name in "UVWZ"]
+
+    def total(array: teg.Array, power: int) -> teg.Expr:
+        k = teg.index("k")
+        inside = teg.bracket((x + array[k, 0] * y > array[k, 1]) & (y - x > array[k, 2]))
+        return teg.sum(teg.integral(inside * (x**power * array[k, 3] + y), (x, 0, 1), (y, 0, 1)), (k, 0, teg.length(array, 0)))
+
+    e = sum((t**i * total(array, 1 + i % 2) for i, array in enumerate(arrays)), start=0 * t)
+    rng = np.random.default_rng(7)
+    at: dict[str, Any] = {str(array.name): rng.uniform(-1.0, 1.0, (9 + i, 4)) for i, array in enumerate(arrays)} | {"t": 0.75}
+    (value, slopes), (expected, others) = (teg.compile(e, [*arrays, t], backend=k).value_and_grad(at) for k in ("c", "numpy"))
+    assert value == pytest.approx(expected, rel=1e-13)
+    for name, slope in slopes.items():
+        np.testing.assert_allclose(slope, others[name], rtol=1e-11, atol=1e-12)
+
+
 def test_colours_that_are_not_looked_at() -> None:
     """A colour that is nowhere may be anything; one that is somewhere may not."""
     f = teg.compile(*bilinear_pixel(), backend="c")
