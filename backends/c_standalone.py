@@ -35,7 +35,8 @@ _MATHEMATICS = """
 MATHEMATICS = frozenset(_MATHEMATICS.split())
 """Those of <math.h>, which have suffixes f and l too."""
 
-ROUTINES = re.compile(r"element(_part_\d+)?|(run|integral|roots|places|sum|mean|polygon|segment)_\d.*")
+_KINDS = "run|integral|roots|places|sum|mean|polygon|segment|hyperbola|branch|decision|straight"
+ROUTINES = re.compile(rf"element(_part_\d+)?|({_KINDS})_\d.*")
 """What the functions in the generated text are called, whether this one has them or not."""
 
 
