@@ -25,7 +25,7 @@ from teg.expr import ONE, Expr, Param, Tuple, as_number
 from teg.integration import Integration
 from teg.linking import with_bodies
 from teg.passes.adjoint import gradient_of
-from teg.passes.atoms import canonicalise
+from teg.passes.atoms import Canonical
 from teg.passes.differentiate import tangent_of
 from teg.passes.error_bounds import with_error_estimates
 from teg.passes.estimators.ignore import ignore_discontinuities
@@ -63,15 +63,16 @@ def run_pass(name: str, step: Pass, e: Expr) -> Expr:
     return result
 
 
-def normal_form(e: Expr, keep_moving: bool = False, maps: Maps = ()) -> Expr:
+def normal_form(e: Expr, keep_moving: bool = False, maps: Maps = (), canonical: Canonical | None = None) -> Expr:
     """Canonical atoms, split integrals, no δ; but for those that are carried along, if e is to be differentiated again (`keep_moving`)."""
+    canonical = canonical or Canonical()
     e = run_pass("inline", write_out, e)  # first: what jumps inside of a function has to be seen
     e = run_pass("steps", enumerate_steps, with_deltas(e) if keep_moving else e)  # first: the steps of floor are brackets, hence atoms
-    e = run_pass("canonicalise", canonicalise, e)  # a surface must be one expression before its jump can be taken
+    e = run_pass("canonicalise", canonical, e)  # a surface must be one expression before its jump can be taken
     if e.has_delta:
         e = run_pass("finite bounds", with_finite_bounds, e)
         e = run_pass("eliminate", partial(eliminate_deltas, keep_moving=keep_moving, families=families_with(maps)), e)
-        e = run_pass("canonicalise", canonicalise, e)  # sifting makes new atoms
+        e = run_pass("canonicalise", canonical, e)  # sifting makes new atoms
     return e
 
 
@@ -113,8 +114,9 @@ def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities
     """[value], [value, gradient], or [value, gradient, Hessian] as δ-free expressions in canonical form, ready to be scheduled together."""
     e, families = write_out(e), families_with(maps)
     estimate = partial(eliminate_deltas, families=closing(families)) if discontinuities == "sift" else ESTIMATORS[discontinuities]
-    outputs = [normal_form(e, maps=maps)]
-    source = normal_form(e, keep_moving=True, maps=maps) if e.has_delta else outputs[0]
+    canonical = Canonical()  # what is canonical already is met again at the end
+    outputs = [normal_form(e, maps=maps, canonical=canonical)]
+    source = normal_form(e, keep_moving=True, maps=maps, canonical=canonical) if e.has_delta else outputs[0]
     for order in range(orders):
         raw: Expr = gradient_of(_with_moving_steps(source, wrt) if discontinuities == "sift" else without_uncounted(source, wrt), wrt)
         last = order + 1 == orders
@@ -124,8 +126,8 @@ def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities
             raw = run_pass("eliminate", partial(eliminate_deltas, keep_moving=True, families=families), raw)
         outputs.append(run_pass(discontinuities, estimate, raw))
         if not last:
-            source = run_pass("canonicalise", canonicalise, raw if discontinuities == "sift" else outputs[-1])
-    together = canonicalise(ex.tuple_of(*outputs))  # one surface is one expression across the outputs, so that they share loops
+            source = run_pass("canonicalise", canonical, raw if discontinuities == "sift" else outputs[-1])
+    together = canonical(ex.tuple_of(*outputs))  # one surface is one expression across the outputs, so that they share loops
     return list(cast(Tuple, together).children)
 
 

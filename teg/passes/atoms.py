@@ -54,19 +54,23 @@ MAX_KINKS = 2
 
 def canonicalise(root: Expr) -> Expr:
     """The program with canonical atoms and split integrals; its value is the same."""
-    return _Canonical().run(rename_apart(root))
+    return Canonical()(root)
 
 
-class _Canonical:
-    """The surfaces met so far, by what they are up to a number."""
+class Canonical:
+    """Makes programs canonical: the surfaces met so far, by what they are up to a number, and what need not be looked at again."""
 
     def __init__(self) -> None:
         self._points = (Point("first"), Point("second"))
         self._known: dict[int, Expr] = {}
+        self._new: dict[Node, Node] = {}
 
-    def run(self, root: Node) -> Expr:
-        new: dict[Node, Node] = {}
-        for node in postorder([root]):
+    def __call__(self, root: Expr) -> Expr:
+        """The program with canonical atoms and split integrals; its value is the same."""
+        new, order = self._new, postorder([rename_apart(root)])
+        for node in order:
+            if node in new:
+                continue
             result = remake(node, tuple([new[c] for c in node.children]))
             if isinstance(result, Compare):
                 if result.resolution is None:
@@ -78,7 +82,9 @@ class _Canonical:
             elif isinstance(result, Integral):
                 result = self._integral(result)
             new[node] = result
-        return cast(Expr, new[root])
+        for node in order:
+            new.setdefault(new[node], new[node])
+        return cast(Expr, new[order[-1]])
 
     # -- atoms ---------------------------------------------------------------------------------------------------------
 
