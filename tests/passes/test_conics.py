@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
@@ -131,8 +131,10 @@ def is_right(coefficients: Sequence[float]) -> None:
     assert f.diagnose(at)
     sides = [[_sides(coefficients, i, h) for h in (1e-8, 1e-4)] for i in range(6)]
     endless = any(abs(v) > 1.2 * abs(u) and abs(v) > 1 for near, far in sides for v, u in zip(near, far, strict=True))
-    for k, (near, _) in zip(NAMES, sides, strict=True):
+    for k, (near, _), e in zip(NAMES, sides, exact, strict=True):
         if math.isfinite(gradient[k]):
+            if abs(gradient[k] - float(e)) <= 1e-8 * (1 + abs(float(e))):
+                continue  # the slices of a neighbour may touch a corner, where they know nothing
             assert gradient[k] == pytest.approx(sum(near) / 2, abs=1e-3 * (1 + max(map(abs, near))))  # √h where it touches a side
         else:
             assert endless  # with the logarithm of the distance, or faster
@@ -153,6 +155,7 @@ _conics = st.tuples(*[_number] * 6).filter(lambda c: any(abs(v) > 0.1 for v in c
 @AS_IT_IS
 @settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 @given(_conics)
+@example((0.5, 0.0, -1.0, 1.0, 0.0, 0.5))  # two lines that cross on a side of the box
 def test_conics_at_random(coefficients: tuple[float, ...]) -> None:
     is_right(coefficients)
 
