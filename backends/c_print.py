@@ -75,8 +75,8 @@ from teg.program import (
     When,
     assigned,
     clipped_by,
+    compound,
     has_ties,
-    statements,
 )
 from teg.sampling import REPLICATES
 
@@ -174,7 +174,7 @@ class Printer:
     def element(self, program: Program, kind: str = "element", by_value: int = BY_VALUE, told: str | None = None) -> Routine:
         """The routine of the whole program at one point: from the parameters it writes the outputs to `f`. There is one "element", "run"s
         are numbered. It returns the boolean `told`, if there is one."""
-        self.inlined = sum(isinstance(s, Polygon | Segment | Hyperbola) for s in statements(program.body)) <= INLINED
+        self.inlined = sum(isinstance(s, Polygon | Segment | Hyperbola) for s in compound(program.body)) <= INLINED
         self.functions = program.functions
         steps = [*self._steps(program.body), *_yields(program.outputs)]
         parameters, context = [f"p{i}" for i in range(len(program.parameters))], needs_context(program.body, self.counted)
@@ -387,7 +387,7 @@ class Printer:
                 ]
 
     def _is_counted(self, stmt: Integrate | Sample) -> bool:
-        return self.counted and not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in statements(stmt.body))
+        return self.counted and not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in compound(stmt.body))
 
     def _clipped(self, stmt: Polygon | Segment) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of a polygon or a segment."""
@@ -539,14 +539,14 @@ def needs_context(block: tuple[Stmt, ...], counted: bool) -> bool:
         isinstance(s, Sample)
         or (isinstance(s, Polygon | Segment) and counted)
         or (isinstance(s, Integrate) and (counted or isinstance(s.rule, Adaptive | Rational) or _is_long(s)))
-        for s in statements(block)
+        for s in compound(block)
     )
 
 
 def _is_long(stmt: Integrate) -> bool:
     """Whether at a node so much is done that a call may have to be stopped before it, or there are very many."""
-    inside = (s for s in statements(stmt.body) if isinstance(s, Integrate | Sample))
-    deep = any(isinstance(s, Sample) or any(isinstance(other, Integrate) for other in statements(s.body)) for s in inside)
+    inside = (s for s in compound(stmt.body) if isinstance(s, Integrate | Sample))
+    deep = any(isinstance(s, Sample) or any(isinstance(other, Integrate) for other in compound(s.body)) for s in inside)
     return deep or (isinstance(stmt.rule, Midpoint) and stmt.rule.nodes > MANY)
 
 

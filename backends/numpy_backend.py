@@ -60,7 +60,7 @@ from teg.program import (
     assigned,
     blocks,
     clipped_by,
-    statements,
+    compound,
     without_branches,
 )
 
@@ -337,7 +337,7 @@ class _Printer:
             case _:
                 assert_never(stmt.rule)
         node_width = self.function(body, [stmt.var, *for_body, *flagged], stmt.body, results)
-        leaf = not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in statements(stmt.body))
+        leaf = not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in compound(stmt.body))
         counts = f"values={len(stmt.values)}, tested={stmt.tested}, estimated={bool(stmt.estimates)!r}, leaf={leaf!r}"
         fields = f"flags={flags}, body={body}, {counts}, piece_width={piece_width}, node_width={node_width}, infinite={stmt.infinite!r}"
         bends = f"bends=({inside(repr(b.kind) for b in stmt.bends)})"
@@ -368,7 +368,7 @@ class _Printer:
         body, tested = f"body_{number}", len(stmt.estimates)
         width = self.function(body, [*stmt.points, *sampled(stmt)], stmt.body, stmt.values) + len(stmt.values)
         rule = f"kind={stmt.kind!r}, seed={stmt.seed}, dimensions={len(stmt.points)}, count={stmt.count}"
-        leaf = not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in statements(stmt.body))
+        leaf = not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in compound(stmt.body))
         counts = f"values={len(stmt.values)}, tested={tested}, estimated={tested > 0!r}, width={width}, leaf={leaf!r}"
         self.lines += ["", "", f"mean_{number} = sampling.Mean(", f"    body={body}, {rule},", f"    {counts}", ")"]
 

@@ -600,14 +600,30 @@ def statements(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
                 stack.extend(reversed(inner))
 
 
+def compound(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
+    """The same but for assignments, which are most of them."""
+    stack = [s for s in reversed(block) if not isinstance(s, Assign)]
+    while stack:
+        stmt = stack.pop()
+        yield stmt
+        for inner in reversed(blocks(stmt)):
+            stack += [s for s in reversed(inner) if not isinstance(s, Assign)]
+
+
 def has_ties(block: tuple[Stmt, ...]) -> bool:
     """Whether a run of a block can meet a tie."""
-    return any(
-        (isinstance(s, Assign) and s.op == "tie")
-        or (isinstance(s, Hyperbola) and bool(s.ties))
-        or (isinstance(s, Segment) and any(g.k is not None for g in s.half_lines))
-        for s in statements(block)
-    )
+    waiting = [block]
+    while waiting:
+        stmts = waiting.pop()
+        for s in stmts:
+            if isinstance(s, Assign):
+                if s.op == "tie":
+                    return True
+            elif (isinstance(s, Hyperbola) and s.ties) or (isinstance(s, Segment) and any(g.k is not None for g in s.half_lines)):
+                return True
+            else:
+                waiting += blocks(s)
+    return False
 
 
 def size(program: Program) -> int:

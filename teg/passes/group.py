@@ -31,6 +31,7 @@ from teg.program import (
     When,
     assigned,
     blocks,
+    compound,
     statements,
 )
 
@@ -44,7 +45,7 @@ MOST = 30_000
 
 def group(program: Program) -> Program:
     """The program with what vanishes together behind branches, and without `met` in its polygons."""
-    if not any(isinstance(s, Polygon) and s.met is not True for s in statements(program.body)):
+    if not any(isinstance(s, Polygon) and s.met is not True for s in compound(program.body)):
         return program
     body, uses = program.body, _Uses()
     flags = {s.met: _failures(body, s.met) for s in body if isinstance(s, Polygon) and isinstance(s.met, str)}

@@ -25,6 +25,7 @@ from teg.program import (
     SumOver,
     blocks,
     clipped_by,
+    compound,
     statements,
 )
 
@@ -34,7 +35,7 @@ Place = tuple[int, str]
 
 def sink(program: Program) -> Program:
     """The program in which polygons, segments and hyperbolas compute for themselves what nothing else uses."""
-    if not any(isinstance(s, Polygon | Segment | Hyperbola) for s in statements(program.body)):
+    if not any(isinstance(s, Polygon | Segment | Hyperbola) for s in compound(program.body)):
         return program
     return replace(program, body=_sunk(program.body, program.outputs))
 
@@ -98,7 +99,7 @@ def _filled(stmt: Stmt, number: int, moved: dict[Place, list[Stmt]]) -> Stmt:
 
 def _inside(stmt: Stmt) -> Stmt:
     """The same in the body of a loop."""
-    if isinstance(stmt, Assign) or not any(isinstance(s, Polygon | Segment | Hyperbola) for b in blocks(stmt) for s in statements(b)):
+    if isinstance(stmt, Assign) or not any(isinstance(s, Polygon | Segment | Hyperbola) for b in blocks(stmt) for s in compound(b)):
         return stmt
     own = [arg for field in fields(stmt) for arg in _flat(getattr(stmt, field.name))]
     match stmt:
