@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pytest
 
 import teg
-from teg.backends import c_frame
+from teg.backends import c_backend, c_frame
 from teg.backends.c_arrays import print_arrays
 from teg.backends.c_backend import compile_c, print_kernel
 from teg.backends.c_packed import Packed, packed
@@ -268,6 +268,19 @@ def test_long_programs_have_no_straight_line(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_program_that_counts_counts_every_point() -> None:
     assert "decision_" not in print_kernel(program_of("linear"), counted=True)
+
+
+@pytest.mark.parametrize("name", ["linear", "powers", "bilinear"])
+def test_compilers_without_vectors(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The text for other compilers than gcc and clang, where a lane is one number."""
+    program = program_of(name)
+    columns = points(program, 300, 8)
+    expected = compile_c(program)(columns, 300)
+    print_it = c_backend.print_kernel
+    monkeypatch.setattr(c_backend, "print_kernel", lambda *a, **k: print_it(*a, **k).replace("#ifdef __GNUC__", "#if 0"))
+    kernel = compile_c(program)
+    assert "__GNUC__" not in kernel.source
+    np.testing.assert_allclose(kernel(columns, 300), expected, rtol=1e-12, atol=1e-12)
 
 
 def test_no_warnings(tmp_path: Any) -> None:
