@@ -81,6 +81,7 @@ from teg.program import (
 from teg.sampling import REPLICATES
 
 BREAKS_ON_STACK = 256
+SHORT = 40  # statements of an integral that is compared with others
 INLINED, WHOLE = 6, 120
 """Of so few polygons and segments each is compiled where it stands, with up to so many values passed to it."""
 Together = tuple[int, ...]
@@ -162,6 +163,7 @@ class Printer:
         self.functions: Sequence[Called] = ()
         self.texts: list[str] = []
         self._known: dict[str, Routine] = {}
+        self._patterns: dict[object, tuple[Routine, list[tuple[int, Arg]]]] = {}
 
     def tables(self) -> list[str]:
         """The tables that the routines use, and functions made of tables."""
@@ -246,7 +248,7 @@ class Printer:
         absent = "0.0"
         match stmt:
             case Integrate():
-                routine, captured = self._integral(stmt)
+                routine, captured = self._known_integral(stmt) or self._integral(stmt)
             case Isolate():
                 routine, captured = self._isolation(stmt)
                 absent = "INFINITY"
@@ -293,6 +295,19 @@ class Printer:
         stored = tuple(arg for arg in captured if isinstance(arg, str)) if routine.indirect else ()
         weight = 4 + len(captured) // 4 + (count if count > 1 else 0)
         return Step(names, uses, None, lines, weight, stacked + routine.workspace, c_frame.ARGUMENT, stored)
+
+    def _known_integral(self, stmt: Integrate) -> tuple[Routine, tuple[Arg, ...]] | None:
+        """The same for a short integral of which one was printed that differs in names only: a sum may have thousands."""
+        pattern = _pattern(stmt)
+        if pattern is None:
+            return None
+        key, names = pattern
+        if key not in self._patterns:
+            routine, captured = self._integral(stmt)
+            number = {name: i for i, name in enumerate(names)}
+            self._patterns[key] = routine, [(number[a], 0.0) if isinstance(a, str) else (-1, a) for a in captured]
+        routine, places = self._patterns[key]
+        return routine, tuple(literal if i < 0 else names[i] for i, literal in places)
 
     def _integral(self, stmt: Integrate) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of an integral, and what this occurrence passes to it."""
@@ -531,6 +546,27 @@ def _with_resolutions_passed(stmt: Segment) -> tuple[Segment, dict[Arg, Arg]]:
             given[f"b+{i}"] = g.resolution
             half_lines[i] = replace(g, resolution=f"b+{i}")
     return replace(stmt, half_lines=tuple(half_lines)), given
+
+
+def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
+    """What a short integral is but for its names, and these in the order in which they are met; None for any other."""
+    lines = (*stmt.flags, *stmt.body)
+    plain = isinstance(stmt.rule, Gauss) and not (stmt.bends or stmt.watch or stmt.infinite or stmt.estimates)
+    if not plain or len(lines) > SHORT or not all(isinstance(s, Assign) and s.op != "call" for s in lines):
+        return None
+    number: dict[str, int] = {stmt.var: 0}
+    parts: list[object] = [stmt.rule, len(stmt.flags), len(stmt.results), len(stmt.breaks), len(stmt.values)]
+
+    def note(args: Sequence[Arg | None]) -> None:
+        for arg in args:
+            parts.append(f"{arg[0]}{number.setdefault(arg, len(number))}" if isinstance(arg, str) else repr(arg))
+
+    note((stmt.lo, stmt.hi, *stmt.breaks, stmt.need, *stmt.values))
+    for line in lines:
+        assert isinstance(line, Assign)
+        parts += [line.op, len(line.args)]
+        note((line.name, *line.args))
+    return tuple(parts), list(number)
 
 
 def needs_context(block: tuple[Stmt, ...], counted: bool) -> bool:

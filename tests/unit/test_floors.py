@@ -16,7 +16,7 @@ FLOORS: tuple[frozenset[str], ...] = tuple(
     frozenset(names.split())
     for names in (
         "teg.errors teg.program teg.quadrature teg.branches teg.sampling teg.explanation",
-        "teg.node teg.accuracy teg.array_program",
+        "teg.node teg.accuracy teg.array_program teg.liveness",
         "teg.expr",
         "teg.index",
         "teg.integral teg.arrays",
