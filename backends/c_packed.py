@@ -18,12 +18,14 @@ from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from math import inf
+from typing import Any
 
 from teg.backends import c_frame
 from teg.backends.c_frame import Frame, Scope, Step, assignments, captured_by
 from teg.backends.c_polygon import SIDE_BY_SIDE
 from teg.backends.c_text import UNARY, indent, literal, operand
 from teg.backends.c_text import packed as in_few_lines
+from teg.liveness import without_dead_code
 from teg.program import (
     NEAR_SIDE,
     TIE_EPS,
@@ -60,7 +62,7 @@ class Packed:
     fast: Arg
     settling: tuple[Assign, ...]
     deciding: tuple[Assign, ...]
-    straight: tuple[Assign | Polygon, ...]
+    straight: tuple[Stmt, ...]
     outputs: tuple[Arg, ...]
 
 
@@ -110,16 +112,10 @@ def _settled(program: Program, branch: When | None, line: _Line) -> tuple[Arg, l
     short arithmetic."""
     if branch is None:
         return True, []
-    live: set[Arg] = {branch.when}
-    kept: list[Assign] = []
-    for stmt in reversed(program.body):
-        if live.intersection(assigned(stmt)):
-            if not isinstance(stmt, Assign):
-                return True, []
-            live.update(stmt.args)
-            kept.append(stmt)
-    settling = [simple for stmt in reversed(kept) for simple in line.plain(stmt)]
-    return (branch.when, settling) if _is_short_decision(settling) else (True, [])
+    kept = _sliced(program.body, (branch.when,))
+    settling = [simple for s in kept if isinstance(s, Assign) for simple in line.plain(s)]
+    known = all(isinstance(s, Assign) for s in kept) and _is_short_decision(settling)
+    return (branch.when, settling) if known else (True, [])
 
 
 def _is_hard(stmt: Stmt) -> bool:
@@ -131,7 +127,7 @@ class _Line:
     """The statements of the straight line, and the conditions under which it is the program."""
 
     def __init__(self, program: Program) -> None:
-        self.steps: list[Assign | Polygon] = []
+        self.steps: list[Stmt] = []
         self.conditions: list[Arg] = []
         self.absent: dict[Arg, float] = {}  # results of what is not run
         used = (int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit())
@@ -172,16 +168,11 @@ class _Line:
         square, left = stmt.args[0], abs(int(stmt.args[1]))
         lines: list[Assign] = []
         power: Arg = 1.0
-
-        def product(*args: Arg) -> str:
-            lines.append(Assign(f"v{next(self._numbers)}", "mul", args))
-            return lines[-1].name
-
         while left:
             if left % 2:
-                power = square if power == 1.0 else product(power, square)
+                power = square if power == 1.0 else self._new(lines, "mul", power, square)
             left //= 2
-            square = product(square, square) if left else square
+            square = self._new(lines, "mul", square, square) if left else square
         return [*lines, Assign(stmt.name, "div", (1.0, power)) if int(stmt.args[1]) < 0 else Assign(stmt.name, "const", (power,))]
 
     def _tie(self, stmt: Assign) -> None:
@@ -212,7 +203,8 @@ class _Line:
         )
 
     def _box(self, stmt: Polygon) -> None:
-        """The whole box, inside of every half-plane. (A triangle around it is not thin: no half-plane changes by more than `across`.)"""
+        """The whole box, inside of every half-plane. (A triangle around it is not thin: no half-plane changes by more than `across`.) A
+        node's barycentric coordinates are values like others there."""
         sizes: list[Arg] = [self.assign("v", "abs", stmt.width), self.assign("v", "abs", stmt.height)]
         for g in stmt.half_planes:
             steps = [self.assign("v", "mul", g.a, stmt.width), self.assign("v", "mul", g.b, stmt.height)]
@@ -226,7 +218,22 @@ class _Line:
             sizes.append(stmt.across)
         excess = self.assign("v", "sub", self.assign("v", "add", *sizes), LARGEST)
         self.conditions.append(self.assign("b", "le0", excess))  # all are finite
-        self.steps.append(stmt)
+        (x, y), coordinates, setup, body = stmt.variables[:2], stmt.variables[2:], list(stmt.setup), list(stmt.body)
+        if coordinates:
+            inverse = self._new(setup, "div", 1.0, stmt.across)
+            lines: list[Stmt] = []
+            for g, name in zip(stmt.half_planes[1:3], coordinates, strict=True):
+                at = self._new(lines, "add", g.c, self._new(lines, "mul", g.a, x), self._new(lines, "mul", g.b, y))
+                lines.append(Assign(name, "mul", (at, inverse)))
+            body = [*lines, *body]
+        whole = replace(stmt, variables=(x, y), half_planes=(), corners=(), across=0.0, met=True)
+        self.steps.append(replace(whole, setup=tuple(setup), body=tuple(body)))
+
+    def _new(self, block: list[Any], op: str, *args: Arg) -> str:
+        """The name of a value that is computed in a block."""
+        name = f"v{next(self._numbers)}"
+        block.append(Assign(name, op, args))
+        return name
 
     def _square(self, stmt: Hyperbola) -> None:
         """The whole square, the curve nowhere near it."""
@@ -250,25 +257,19 @@ class _Line:
             self.steps.append(Assign(result, "choose", (corners[0], *parts)))
 
 
-def _given(stmt: Assign | Polygon) -> set[Arg]:
+def _given(stmt: Stmt) -> set[Arg]:
     """What a statement of the straight line uses."""
     if isinstance(stmt, Assign):
         return set(stmt.args)
+    assert isinstance(stmt, Polygon)
     inside = {a for s in (*stmt.setup, *stmt.body) if isinstance(s, Assign) for a in s.args}
-    planes = {a for g in stmt.half_planes[1:3] for a in (g.a, g.b, g.c)} | {stmt.across} if stmt.corners else set()
     own = {name for s in (*stmt.setup, *stmt.body) for name in assigned(s)}.union(stmt.variables)
-    return ({stmt.width, stmt.height, *stmt.values, *stmt.factors} | inside | planes) - own
+    return ({stmt.width, stmt.height, *stmt.values, *stmt.factors} | inside) - own
 
 
-def _sliced(steps: Sequence[Assign | Polygon], wanted: Iterable[Arg]) -> list[Assign | Polygon]:
+def _sliced(steps: Iterable[Stmt], wanted: Iterable[Arg]) -> list[Stmt]:
     """The statements that matter for what is wanted."""
-    live = set(wanted)
-    kept: list[Assign | Polygon] = []
-    for stmt in reversed(steps):
-        if live.intersection(assigned(stmt)):
-            live |= _given(stmt)
-            kept.append(stmt)
-    return kept[::-1]
+    return list(without_dead_code(Program((), tuple(steps), tuple(wanted))).body)
 
 
 def _weight(steps: Iterable[Assign]) -> int:
@@ -280,9 +281,9 @@ def _is_short_decision(steps: Sequence[Assign]) -> bool:
     return all(s.op in DECIDING for s in steps) and _weight(steps) <= c_frame.PART
 
 
-def _is_short_arithmetic(straight: Sequence[Assign | Polygon]) -> bool:
+def _is_short_arithmetic(straight: Sequence[Stmt]) -> bool:
     """Whether there is nothing that eight numbers at once cannot do, and no more than what is one C function."""
-    flat = [s for stmt in straight for s in ((stmt,) if isinstance(stmt, Assign) else (*stmt.setup, *stmt.body))]
+    flat = [s for stmt in straight for s in ((*stmt.setup, *stmt.body) if isinstance(stmt, Polygon) else (stmt,))]
     simple = [s for s in flat if isinstance(s, Assign) and s.op in STRAIGHT]
     results = sum(len(s.results) for s in straight if isinstance(s, Polygon))
     return len(simple) == len(flat) and _weight(simple) + results <= c_frame.PART
@@ -301,7 +302,7 @@ def used_inputs(found: Packed) -> tuple[list[int], list[int]]:
     return _inputs((*found.settling, *found.deciding), (found.live, found.fast)), _inputs(found.straight, found.outputs)
 
 
-def _inputs(steps: Sequence[Assign | Polygon], outputs: Iterable[Arg]) -> list[int]:
+def _inputs(steps: Sequence[Stmt], outputs: Iterable[Arg]) -> list[int]:
     used = {a for stmt in steps for a in _given(stmt)}.union(outputs)
     return sorted(int(a[1:]) for a in used if isinstance(a, str) and a[0] == "p")
 
@@ -344,11 +345,11 @@ def straight(found: Packed, varying: Container[int], apart: int) -> list[str]:
         if isinstance(stmt, Assign):
             blocks[-1] += [_choice(stmt)] if stmt.op == "choose" else assignments(stmt)
             continue
+        assert isinstance(stmt, Polygon)
         blocks[-1] += _steps(stmt.setup)
         blocks += [_steps(stmt.body), [_totals(stmt)]]
         boxes.append(stmt)
-        planes = [a for g in stmt.half_planes[1:3] for a in (g.a, g.b, g.c)] if stmt.corners else []
-        own += [stmt.width, stmt.height, *planes, *([stmt.across] if stmt.corners else []), *stmt.values]
+        own += [stmt.width, stmt.height, *stmt.values]
     frame = _framed(blocks, own, [v for box in boxes for v in box.variables])
     inputs = _inputs(found.straight, found.outputs)
     lines = [f"const teg_lanes_8 p{i} = *(const teg_lanes_8 *)(q{i} + k);" for i in inputs if i in varying]
@@ -393,13 +394,8 @@ def _over_a_box(stmt: Polygon, frame: Frame, block: int) -> Iterator[str]:
     yield "};"
     width, height = scope(stmt.width), scope(stmt.height)
     yield f"const double area_{own} = {width} * {height};"
-    if stmt.corners:
-        yield f"const double inverse_{own} = 1.0 / {scope(stmt.across)};"
-    x, y = stmt.variables[:2]
+    x, y = stmt.variables
     inside = [f"const double {x} = {width} * rule_{own}[i][0];", f"const double {y} = {height} * rule_{own}[i][1];"]
-    for g, coordinate in zip(stmt.half_planes[1:3], stmt.variables[2:], strict=False):
-        at = f"{scope(g.c)} + {scope(g.a)} * {x} + {scope(g.b)} * {y}"
-        inside.append(f"const double {coordinate} = ({at}) * inverse_{own};")
     inside += [f"(void){x}, (void){y};", *frame.block(block)]
     inside.append(f"const double weight_{own} = area_{own} * rule_{own}[i][2];")
     for j, value in enumerate(dict.fromkeys(stmt.values)):
