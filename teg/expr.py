@@ -657,8 +657,11 @@ def absolute(u: Expr) -> Expr:
 
 
 def positive(g: Expr, strict: bool = True, resolution: Cond | None = None, rivals: tuple[str, str] | None = None) -> Cond:
-    """The atom g > 0, or g >= 0."""
-    if isinstance(g, Const):
+    """Returns the atom g > 0, or g >= 0.
+
+    A constant `g` decides it, but for a 0 with a `resolution`: two surfaces coincide there, and only the order of a tie tells them apart.
+    """
+    if isinstance(g, Const) and (resolution is None or g.data != 0):
         return TRUE if g.data > 0 or (not strict and g.data == 0) else FALSE
     if g.has_delta:
         raise DeltaError("a Dirac delta inside a condition has no meaning", g)
