@@ -25,6 +25,8 @@ from teg.surfaces import binders_inside
 Truths = tuple[Arg, Arg]  # holds, fails
 NAN = float("nan")
 _EPSILON = 2.0**-52
+_SLACK = 8.0
+"""So many roundings of a product are within the factor 4 of `TIE_EPS`."""
 
 
 @dataclass
@@ -331,21 +333,76 @@ class Emitter(ABC):
                         carried.append(put("mul", err, *(size(f) for j, f in enumerate(e.children) if j != i)))
                 return total(size(e), *carried)
             case Pow():
+                own = self._weighted(max(1.0, abs(e.exponent) / _SLACK), size(e), home)  # as many roundings as there are products
                 if errors[0] == 0.0:
-                    return size(e)
-                return total(size(e), put("mul", float(abs(e.exponent)), errors[0], put("powi", size(e.base), e.exponent - 1)))
+                    return own
+                return total(own, put("mul", float(abs(e.exponent)), errors[0], put("powi", size(e.base), e.exponent - 1)))
             case Where():
                 return errors[0] if errors[0] == errors[1] else put("select", self.truths(e.condition, home)[0], *errors)
             case Call() if e.name == "magnitude":
                 return errors[0]
-            case Call() if e.name in ("sqrt", "root") and errors[0] != 0.0:
-                least = put("sqrt", put("mul", _EPSILON, errors[0]))  # √ of a rounding error is the most the root of nothing can be
-                return total(size(e), put("div", errors[0], put("add", size(e), least)))
-            case Call() if e.name == "log" and errors[0] != 0.0:
-                return total(size(e), put("div", errors[0], size(e.children[0])))
-            case Call() if e.name == "exp" and errors[0] != 0.0:
-                return total(size(e), size(e) if errors[0] == 1.0 else put("mul", errors[0], size(e)))
-            case Add() | Call():
+            case Add() if len(e.children) > 2:  # partial sums can be larger than the sum
+                return total(put("add", *(size(c) for c in e.children)), *errors)
+            case Call() if any(error != 0.0 for error in errors):
+                return total(size(e), *self._carried_by(e, errors, home))
+            case Add():
                 return total(size(e), *errors)
             case _:
                 return size(e)
+
+    def _weighted(self, weight: float, value: Arg, home: Level) -> Arg:
+        """weight·value."""
+        return value if weight == 1.0 else self.assign(home, "v", "mul", weight, value)
+
+    def _carried_by(self, e: Call, errors: list[Arg], home: Level) -> list[Arg]:
+        """Returns bounds of the errors of the arguments times the slopes of the function.
+
+        A slope that is infinite at one point is taken an error away from there: the function changes by no more than a few times that.
+        """
+
+        def put(op: str, *args: Arg) -> Arg:
+            return self.assign(home, "v", op, *args)
+
+        first, u, error = self.size(e, home), self.size(cast(Expr, e.children[0]), home), errors[0]
+        match e.name:
+            case "exp" | "cosh":
+                return [first if error == 1.0 else put("mul", error, first)]
+            case "log":
+                return [put("div", error, u)]
+            case "sqrt" | "root":
+                return [put("div", error, put("add", first, put("sqrt", put("mul", _EPSILON, error))))]
+            case "tan":
+                return [put("mul", error, put("add", 1.0, put("mul", first, first)))]
+            case "tanh":
+                return [put("mul", error, put("abs", put("sub", 1.0, put("mul", first, first))))]
+            case "sinh":
+                return [put("mul", error, put("add", 1.0, first))]
+            case "atan":
+                return [put("div", error, put("add", 1.0, put("mul", u, u)))]
+            case "asin" | "acos":
+                away = put("abs", put("sub", 1.0, put("mul", u, u)))
+                return [put("div", error, put("sqrt", put("add", away, put("mul", _EPSILON, error))))]
+            case "pow":
+                return self._carried_by_power(e, errors, home)
+            case "atan2":
+                v = self.size(cast(Expr, e.children[1]), home)
+                square = put("add", put("mul", u, u), put("mul", v, v))
+                return [put("div", put("add", put("mul", v, error), put("mul", u, errors[1])), square)]
+            case _:  # sin, cos: slopes of at most 1; floor and mod between their steps
+                return errors
+
+    def _carried_by_power(self, e: Call, errors: list[Arg], home: Level) -> list[Arg]:
+        """Returns bounds of what the errors of base and exponent do to a power: |y|·|x|^(y-1)·Δx and |log x|·|x|^y·Δy."""
+
+        def put(op: str, *args: Arg) -> Arg:
+            return self.assign(home, "v", op, *args)
+
+        base, exponent = self.size(cast(Expr, e.children[0]), home), self.number(cast(Expr, e.children[1]), home)
+        parts: list[Arg] = []
+        if errors[0] != 0.0:
+            away = put("add", base, put("mul", _EPSILON, errors[0]))
+            steep = put("max", 1.0, put("abs", exponent))
+            parts.append(put("mul", errors[0], put("div", put("mul", steep, put("pow", away, exponent)), away)))
+        if errors[1] != 0.0:
+            parts.append(put("mul", errors[1], self.size(e, home), put("abs", put("log", base))))
+        return parts

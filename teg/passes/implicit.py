@@ -78,19 +78,13 @@ def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit) -
     except NotDifferentiableError:
         return None
     boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip(mine, ranges, strict=True)]
-    sizes = [mul(s, sub(b.hi, b.lo)) for s, b in zip(slopes, boxes, strict=True)]
-    total = integer_power(add(*(integer_power(s, 4) for s in sizes)), -1)
+    weights = _chart_weights(slopes, boxes)
     at = {b.var: b.var for b in mine}
     value = restrict(coefficient, cast("dict[Var, Expr]", at), g, tuple(b.var for b in reversed(mine)))
     masses = PointMasses.make(None, (_apart_from_birth(g, boxes),))
     charts = []
     for i, box in enumerate(boxes):
-        if len(mine) == 1:
-            weight = integer_power(call("magnitude", slopes[0]), -1)
-        else:
-            extent = integer_power(sub(box.hi, box.lo), 4)
-            weight = mul(integer_power(call("magnitude", slopes[i]), 3), extent, total)
-        inside = mul(masses, weight, value)
+        inside = mul(masses, weights[i], value)
         for b, limits in zip(mine, boxes, strict=True):
             if b.var is box.var or (limits.lo, limits.hi) != (b.lo, b.hi):
                 inside = signed_inside(b.var, b.lo, b.hi, g, b.var, (b.lo, b.hi), inside)
@@ -99,6 +93,21 @@ def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit) -
     if not rest:
         charts.append(infinite_at_saddle(g, coefficient, boxes))
     return add(*charts)
+
+
+def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder]) -> list[Expr]:
+    """Returns φᵢ/|gᵢ| of every chart: with m the largest |gⱼXⱼ| and rⱼ = |gⱼXⱼ|/m it is rᵢ³Xᵢ/(m·Σⱼrⱼ⁴), where no power overflows."""
+    if len(slopes) == 1:
+        return [integer_power(call("magnitude", slopes[0]), -1)]
+    extents = [sub(b.hi, b.lo) for b in boxes]
+    sizes = [call("magnitude", mul(s, extent)) for s, extent in zip(slopes, extents, strict=True)]
+    largest = sizes[0]
+    for size in sizes[1:]:
+        largest = call("max", largest, size)
+    scale = integer_power(largest, -1)
+    ratios = [mul(size, scale) for size in sizes]
+    total = mul(scale, integer_power(add(*(integer_power(r, 4) for r in ratios)), -1))
+    return [mul(integer_power(r, 3), extent, total) for r, extent in zip(ratios, extents, strict=True)]
 
 
 def with_deltas(root: Expr) -> Expr:
