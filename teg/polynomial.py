@@ -324,27 +324,96 @@ def sign_of_residue(value: int) -> int | None:
     return 1 if s1 > 0 else -1
 
 
+Powers = tuple[tuple[int, int], ...]
+"""A monomial: pairs (number of the generator, exponent), sorted."""
+
+Form = dict[Powers, Fraction]
+"""A polynomial with exact coefficients."""
+
+
 def expanded(e: Expr, limit: int = 48) -> Expr | None:
     """The sum of monomials in everything that is not a sum, product or integer power, with exact cancellation; None if it is longer
     than `limit` terms or a number in it is not exact as float64."""
-    forms: dict[Expr, dict[tuple[tuple[int, int], ...], Fraction] | None] = {}
+    form, generators = _normal_form(e, limit)
+    return None if form is None else _from_form(form, generators)
+
+
+def perfect_power(e: Expr, limit: int = 48) -> tuple[int, Expr, int] | None:
+    """Returns (sign of c, h, k) with e = c·hᵏ, c a number and k > 1 as large as possible; None if e is no such power."""
+    form, generators = _normal_form(e, limit)
+    if not form:
+        return None
+    lead = max(form, key=lambda m: _dense(m, len(generators)))
+    shared = math.gcd(*(k for _, k in lead)) if lead else 0
+    for k in range(shared, 1, -1):
+        base = _root(form, lead, k, len(generators)) if shared % k == 0 else None
+        if base is not None:
+            scale = math.lcm(*(c.denominator for c in base.values()))
+            h = _from_form({m: c * scale for m, c in base.items()}, generators)
+            return None if h is None else (1 if form[lead] > 0 else -1, h, k)
+    return None
+
+
+def _root(form: Form, lead: Powers, k: int, size: int) -> Form | None:
+    """The monic polynomial whose k-th power is proportional to a form: term by term, each from the highest one that is still missing."""
+    top: Powers = tuple((i, j // k) for i, j in lead)
+    root: Form = {top: Fraction(1)}
+    slope = {i: (k - 1) * j for i, j in top}
+    while len(root) <= len(form):
+        power: Form | None = {(): form[lead]}
+        for _ in range(k):
+            power = None if power is None else _product(power, root, 4 * len(form))
+        if power is None:
+            return None
+        missing = {m: form.get(m, Fraction(0)) - power.get(m, Fraction(0)) for m in {**form, **power}}
+        missing = {m: c for m, c in missing.items() if c}
+        if not missing:
+            return root
+        highest = max(missing, key=lambda m: _dense(m, size))
+        term = {i: j - slope.get(i, 0) for i, j in {**dict.fromkeys(slope, 0), **dict(highest)}.items()}
+        name = tuple(sorted((i, j) for i, j in term.items() if j))
+        if any(j < 0 for j in term.values()) or name in root:
+            return None
+        root[name] = missing[highest] / (k * form[lead])
+    return None
+
+
+def _dense(m: Powers, size: int) -> tuple[int, ...]:
+    """All exponents of a monomial: their lexicographic order is an order of monomials."""
+    powers = dict(m)
+    return tuple(powers.get(i, 0) for i in range(size))
+
+
+def _product(a: Form, b: Form, limit: int) -> Form | None:
+    """The product of two forms; None if it is longer than `limit` terms."""
+    if len(a) * len(b) > 10 * limit:
+        return None
+    out: Form = {}
+    for m1, c1 in a.items():
+        for m2, c2 in b.items():
+            powers = dict(m1)
+            for i, k in m2:
+                powers[i] = powers.get(i, 0) + k
+            m = tuple(sorted((i, k) for i, k in powers.items() if k))
+            out[m] = out.get(m, Fraction(0)) + c1 * c2
+    return {m: c for m, c in out.items() if c} if len(out) <= limit else None
+
+
+def _from_form(form: Form, generators: Sequence[Expr]) -> Expr | None:
+    """A form as an expression; None if a number in it is not exact as float64."""
+    terms = []
+    for m, coefficient in form.items():
+        if Fraction(float(coefficient)) != coefficient:
+            return None
+        terms.append(mul(const(float(coefficient)), *(generators[i] ** k for i, k in m)))
+    return add(*terms)
+
+
+def _normal_form(e: Expr, limit: int) -> tuple[Form | None, list[Expr]]:
+    """An expression as a polynomial of generators, its nodes that are no sum, product or integer power; None if it is too long."""
+    forms: dict[Expr, Form | None] = {}
     atoms: list[Expr] = []
     number: dict[Expr, int] = {}
-    Form = dict[tuple[tuple[int, int], ...], Fraction]
-
-    def product(a: Form, b: Form) -> Form | None:
-        if len(a) * len(b) > 40 * limit:
-            return None
-        out: Form = {}
-        for m1, c1 in a.items():
-            for m2, c2 in b.items():
-                powers = dict(m1)
-                for i, k in m2:
-                    powers[i] = powers.get(i, 0) + k
-                m = tuple(sorted((i, k) for i, k in powers.items() if k))
-                out[m] = out.get(m, Fraction(0)) + c1 * c2
-        return {m: c for m, c in out.items() if c} if len(out) <= 4 * limit else None
-
     stack: list[Expr] = [e]
     while stack:
         node = stack[-1]
@@ -374,7 +443,7 @@ def expanded(e: Expr, limit: int = 48) -> Expr | None:
             form = {(): Fraction(1)}
             for c in node.children if isinstance(node, Mul) else (node.base,) * node.exponent:
                 part = forms[c]
-                form = None if form is None or part is None else product(form, part)
+                form = None if form is None or part is None else _product(form, part, 4 * limit)
         else:
             base, k = (node.base, node.exponent) if isinstance(node, Pow) and len(forms.get(node.base) or {}) != 1 else (node, 1)
             form = {((number.setdefault(base, len(number)), k),): Fraction(1)}
@@ -382,11 +451,4 @@ def expanded(e: Expr, limit: int = 48) -> Expr | None:
                 atoms.append(base)
         forms[node] = form
     result = forms[e]
-    if result is None or len(result) > limit:
-        return None
-    terms = []
-    for m, coefficient in result.items():
-        if Fraction(float(coefficient)) != coefficient:
-            return None
-        terms.append(mul(const(float(coefficient)), *(atoms[i] ** k for i, k in m)))
-    return add(*terms)
+    return (None if result is None or len(result) > limit else result), atoms

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from teg import expr as ex
 from teg.calculus import slope
+from teg.coincidence import ZeroSet, peeled
 from teg.dump import show
 from teg.errors import NotDifferentiableError
 from teg.expr import (
@@ -34,6 +35,7 @@ from teg.expr import (
 )
 from teg.integral import Integral
 from teg.node import Node, digest
+from teg.polynomial import Shadow
 from teg.traverse import substitute
 
 
@@ -130,6 +132,12 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
     `directions` are the variables along which tied surfaces are moved apart, innermost first.
     """
     inner = binders_inside(e)
+    zeros: list[ZeroSet] = []
+
+    def is_annulled(other: Expr) -> bool:
+        if not zeros:
+            zeros.append(ZeroSet(surface))
+        return zeros[0].annuls(peeled(other, partial=True))
 
     def mark(old: Compare, g: Expr, resolution: Cond | None) -> Cond:
         if resolution is not None or old.g is surface or old.g.free & inner:
@@ -138,9 +146,16 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
         if rising is None:
             return positive(g, old.strict)
         truth = negation(rising) if comes_first(surface, old.g) else rising
+        if not (surface.has_integral or old.g.has_integral or _are_planes(old.g, surface)) and is_annulled(old.g):
+            g = ZERO  # one surface in two forms: a tie everywhere, and not what rounding leaves of it
         return positive(g, old.strict, truth, (_tie_name(surface), _tie_name(old.g)))
 
     return substitute(e, at, mark)  # type: ignore[return-value]
+
+
+def _are_planes(g: Expr, h: Expr) -> bool:
+    """Whether both are affine in all their variables: such surfaces have one form where they coincide."""
+    return all(Shadow(tuple(e.free)).degree(e) == 1 for e in (g, h))
 
 
 def below(point: Expr, bound: Expr, surface: Expr, var: Var, original: Expr, name: str | None = None) -> Cond:

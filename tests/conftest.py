@@ -23,3 +23,13 @@ def verified() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TEG_VERIFY", "1")
         yield
+
+
+@pytest.fixture
+def x64() -> Iterator[None]:
+    """JAX in 64-bit mode during a test; the test is skipped without JAX."""
+    jax = pytest.importorskip("jax")
+    before = jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)
+    yield
+    jax.config.update("jax_enable_x64", before)

@@ -131,9 +131,19 @@ class RootEmitter(Emitter):
             level.coincident = self._coincident(node, isolation, bodies, home.middle)
         self.plan_integrals(level, bodies)
         values = tuple(self.number(b, level) for b in bodies)
+        if masses.g.free == {node.var}:
+            values = self._where_slope_is_known(isolation.slope, values, level)
         results = tuple(self.fresh("v") for _ in group)
         home.block.append(SumOver(var, points, tuple(level.block), values, results, when))
         return results
+
+    def _where_slope_is_known(self, slope: Expr, values: Sequence[Arg], level: Level) -> tuple[Arg, ...]:
+        """Returns values that are divided by the slope at a root; NaN where rounding alone could have made that slope."""
+        size = self.size(slope, level)
+        noise = self.assign(level, "v", "mul", TIE_EPS, self.tie_scale(slope, level))
+        small = self.assign(level, "b", "ge0", self.assign(level, "v", "sub", noise, size))
+        unknown = self.assign(level, "b", "and", small, self.assign(level, "b", "gt0", size))
+        return tuple(self.assign(level, "v", "select", unknown, NAN, v) for v in values)
 
     def _sum_of_branches(self, bodies: Sequence[Expr], x: Var, roots: Sequence[Root], home: Level) -> tuple[Arg, ...]:
         """The same where the roots have formulas: one after the other. On a piece between complete breaks the conditions at a root are

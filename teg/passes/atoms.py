@@ -5,6 +5,7 @@
 1. A condition inside an atom is hoisted: [g > 0] = b & [g|b:=true > 0]  |  ~b & [g|b:=false > 0], where there are few. Of many, those
    that are continuous (abs, minimum, maximum) become |·|, which is no condition (`teg.kinks`).
 2. Factors split: [u·v > 0] = [u > 0] & [v > 0]  |  [u < 0] & [v < 0], so that (y - c)·(x - t) has two surfaces with two owners.
+   A surface is written without an increasing function or an odd power in front of both sides (`teg.coincidence`).
 3. A surface proportional by a number to one met before becomes that one, its sign and strictness kept right.
 4. An atom that a bound decides (x < t on (0, t)) is replaced by its value at the other bound.
 5. ∫ΣFᵢ = Σ∫Fᵢ where the terms have different atoms, and factors free of x leave ∫ dx.
@@ -17,6 +18,7 @@ from __future__ import annotations
 from typing import cast
 
 from teg import expr as ex
+from teg.coincidence import shortest
 from teg.expr import (
     FALSE,
     MINUS_ONE,
@@ -316,11 +318,19 @@ def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
             stack.append(e.base)
         elif isinstance(e, Add):
             common, rest = _common_factors(e)
+            short = e if common else shortest(e)
             if common:
                 stack.extend(common)
                 stack.append(rest)
+            elif short is not e:
+                stack.append(short)
             else:
                 factors.append(e)
+        elif isinstance(e, Call) and e.name == "magnitude" and e.free:
+            continue  # likewise
+        elif isinstance(e, Call) and e.name in ("sqrt", "root", "pow") and e.free:
+            stack.append(e.children[0])  # its zeros, with a slope
+            factors.append(add(ex.ONE, e))  # no zeros, but NaN where it is not defined
         elif isinstance(e, Pow) and e.free:
             continue  # an even power is positive but where it is 0, and that has measure 0
         elif not _is_positive(e):

@@ -24,6 +24,7 @@ from dataclasses import dataclass, field, replace
 from typing import cast
 
 from teg.calculus import slope
+from teg.coincidence import coincide
 from teg.errors import NotDifferentiableError
 from teg.expr import (
     FALSE,
@@ -165,6 +166,9 @@ class BreakAnalysis:
         complete = found.complete
         functions, matters = self._distinct(found.functions)
         for f, representative in functions.items():
+            if self._is_zero(representative):  # a surface that coincides with the one that this integral runs along
+                handled.add(f)
+                continue
             roots = self._roots(representative, x, node.lo, node.hi)
             if roots is not None and roots[1]:
                 handled.add(f)
@@ -216,6 +220,8 @@ class BreakAnalysis:
                 stack.append((node.g, counts and bool(node.g.free & inner)))
             else:
                 stack.extend((c, counts) for c in node.children)
+            if isinstance(node, Call) and not counts and node.name in _PARTIAL and not node.free & inner and not _is_sum_of_squares(node):
+                found.functions[node.children[0]] = TRUE  # where the condition begins to be a number
             if isinstance(node, Call) and not node.free & inner:
                 if node.name == "magnitude":
                     if counts:
@@ -308,7 +314,7 @@ class BreakAnalysis:
                 f = f.base
             if len(out.functions) >= MAX_FUNCTIONS:
                 out.complete = False
-            elif f.free:
+            elif f.free and not self._is_zero(f):  # surfaces that coincide meet everywhere
                 out.functions[f] = disjunction(out.functions.get(f, FALSE), matters)
 
         put(sub(hi, lo))
@@ -360,16 +366,22 @@ class BreakAnalysis:
             formula = self._solve(f, z, lo, hi)
             if formula is None or not formula.certain:
                 out.complete = False  # where its roots are born, and where they meet others, is searched for
-                for g in (*_turning(f, z), *curved[i + 1 :]):
+                for g in (*_turning(f, z), *(h for h in curved[i + 1 :] if not coincide(f, h))):
                     if (f.free | g.free) - {z}:
                         out.meetings[f, g, z, lo, hi] = None
-                for _, rate1, at1 in affine:
-                    put(cast(Expr, substitute(f, {z: sub(origin, at1 / rate1)})))
+                for other, rate1, at1 in affine:
+                    if not coincide(other, f):
+                        put(cast(Expr, substitute(f, {z: sub(origin, at1 / rate1)})))
                 continue
             for root in formula.found:
                 for g in (*curved[i + 1 :], *(f for f, *_ in affine)):
-                    put(cast(Expr, substitute(g, {z: root.point})))
+                    if not coincide(f, g):
+                        put(cast(Expr, substitute(g, {z: root.point})))
         return out
+
+    def _is_zero(self, f: Expr) -> bool:
+        """Whether a function is 0 everywhere, although it is not written so."""
+        return all(p.value(f) == 0 for p in self._points)
 
     def _somewhere(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
         """Whether a root of f with a formula lies between the bounds."""
@@ -481,6 +493,20 @@ def _kept(root: Expr, matters: Cond, x: Var) -> Expr:
     if matters is TRUE:
         return root
     return where(cast(Cond, substitute(matters, {x: root})), root, const(math.nan))
+
+
+_PARTIAL = frozenset(("sqrt", "log", "pow"))
+
+
+def _is_sum_of_squares(node: Call) -> bool:
+    """Whether the argument of a function is a sum of even powers, with numbers that are not negative."""
+    terms = node.children[0].children if isinstance(node.children[0], Add) else node.children[:1]
+    for term in terms:
+        for factor in term.children if isinstance(term, Mul) else (term,):
+            even = isinstance(factor, Pow) and factor.exponent % 2 == 0
+            if not even and not (isinstance(factor, Const) and factor.data >= 0):
+                return False
+    return True
 
 
 def _with_the_same_zeros(f: Expr) -> Expr:

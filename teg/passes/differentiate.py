@@ -21,6 +21,7 @@ from typing import Any, cast
 
 from teg import expr as ex
 from teg.calculus import factor_cofactors, partials, slope
+from teg.coincidence import ZeroSet, peeled
 from teg.errors import DeltaError
 from teg.expr import (
     MINUS_ONE,
@@ -163,8 +164,10 @@ def _transported(chain: Chain, weight: Expr, d: Delta, direction: Direction) -> 
         along.update(velocity)
         expansion = add(*(_divergence(u, v) for v, u in velocity.items()))
     change = add(tangent_of(weight, along), mul(weight, expansion))
-    nobodys = {h for h in deltas_of(change) if len(h.g.free | g.free) == 1}  # two points of one line meet for single parameter values only
-    terms = [nest(mul(d, without(change, nobodys)), chain)]
+    apart = {h for h in deltas_of(change) if len(h.g.free | g.free) == 1}  # two points of one line meet for single parameter values only
+    zeros = ZeroSet(g)
+    together = {h for h in deltas_of(change) if zeros.annuls(peeled(h.g, partial=True))}  # a surface in another form moves with this one
+    terms = [nest(mul(d, without(change, apart | together)), chain)]
     for i, b in enumerate(chain):
         for bound, sign in ((b.hi, ex.ONE), (b.lo, MINUS_ONE)):
             rate = sub(tangent_of(bound, along), along.get(b.var, ZERO))

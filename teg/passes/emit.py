@@ -363,7 +363,7 @@ class Emitter(ABC):
         def put(op: str, *args: Arg) -> Arg:
             return self.assign(home, "v", op, *args)
 
-        first, u, error = self.size(e, home), self.size(cast(Expr, e.children[0]), home), errors[0]
+        first, u, error = self.size(e, home), self.size(e.children[0], home), errors[0]
         match e.name:
             case "exp" | "cosh":
                 return [first if error == 1.0 else put("mul", error, first)]
@@ -385,7 +385,7 @@ class Emitter(ABC):
             case "pow":
                 return self._carried_by_power(e, errors, home)
             case "atan2":
-                v = self.size(cast(Expr, e.children[1]), home)
+                v = self.size(e.children[1], home)
                 square = put("add", put("mul", u, u), put("mul", v, v))
                 return [put("div", put("add", put("mul", v, error), put("mul", u, errors[1])), square)]
             case _:  # sin, cos: slopes of at most 1; floor and mod between their steps
@@ -397,7 +397,7 @@ class Emitter(ABC):
         def put(op: str, *args: Arg) -> Arg:
             return self.assign(home, "v", op, *args)
 
-        base, exponent = self.size(cast(Expr, e.children[0]), home), self.number(cast(Expr, e.children[1]), home)
+        base, exponent = self.size(e.children[0], home), self.number(e.children[1], home)
         parts: list[Arg] = []
         if errors[0] != 0.0:
             away = put("add", base, put("mul", _EPSILON, errors[0]))

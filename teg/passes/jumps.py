@@ -14,6 +14,7 @@ from typing import Any
 
 from teg import expr as ex
 from teg.calculus import factor_cofactors
+from teg.coincidence import ZeroSet
 from teg.expr import (
     FALSE,
     TRUE,
@@ -24,9 +25,7 @@ from teg.expr import (
     Const,
     Expr,
     Mul,
-    Param,
     Tuple,
-    Var,
     Where,
     add,
     mul,
@@ -35,7 +34,6 @@ from teg.expr import (
 )
 from teg.integral import Integral, integral_over
 from teg.node import Node, postorder
-from teg.polynomial import P, Point, divided
 from teg.traverse import rebuild
 
 
@@ -139,26 +137,8 @@ def _product_jump(node: Mul, of: Any, one: Any, zero: Any) -> Expr:
 
 
 def vanishes_on(e: Expr, surface: Expr) -> bool:
-    """e is 0 wherever the surface g is (so that e·δ(g) is nothing): the kinks of abs, min, max, and every continuous `where`.
-
-    Decided at two random points of the variety g = 0: all symbols but one in which g is affine are random, that one is solved for.
-    """
-    if isinstance(e, Const):
-        return e is ZERO
-    for pivot in (n for n in postorder([surface]) if isinstance(n, Var | Param)):
-        values: list[int | None] = []
-        for trial in ("0", "1"):
-            zero = Point(trial, {pivot: 0}).value(surface)
-            one = Point(trial, {pivot: 1}).value(surface)
-            two = Point(trial, {pivot: 2}).value(surface)
-            if zero is None or one is None or two is None or (two - 2 * one + zero) % P or (one - zero) % P == 0:
-                values.clear()
-                break
-            root = divided(-zero, one - zero)
-            values.append(Point(trial, {pivot: root}).value(e))
-        if values:
-            return all(v == 0 for v in values)
-    return False
+    """e is 0 wherever the surface g is (so that e·δ(g) is nothing): the kinks of abs, min, max, and every continuous `where`."""
+    return e is ZERO if isinstance(e, Const) else ZeroSet(surface).annuls(e)
 
 
 def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:

@@ -75,7 +75,10 @@ def sum_over_roots(g: Expr, coefficient: Expr, b: Binder, directions: Sequence[V
     terms = []
     for root in roots.found:
         at = {b.var: root.point}
-        weight = ex.integer_power(call("magnitude", cast(Expr, substitute(rate, at))), -1)
+        rate_there = cast(Expr, substitute(rate, at))
+        if rate_there is ZERO:
+            return None  # all along the surface: the formula has no meaning there
+        weight = ex.integer_power(call("magnitude", rate_there), -1)
         value = mul(weight, restrict(coefficient, at, g, directions))
         inside = signed_inside(root.point, b.lo, b.hi, g, b.var, (b.lo, b.hi), value)
         terms.append(where(root.exists, inside, ZERO))

@@ -7,16 +7,6 @@ from collections.abc import Iterator
 import pytest
 
 
-@pytest.fixture
-def x64() -> Iterator[None]:
-    """JAX in 64-bit mode during a test; the test is skipped without JAX."""
-    jax = pytest.importorskip("jax")
-    before = jax.config.jax_enable_x64
-    jax.config.update("jax_enable_x64", True)
-    yield
-    jax.config.update("jax_enable_x64", before)
-
-
 @pytest.fixture(scope="module")
 def one_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """One empty cache of compiled C for the tests of a module."""

@@ -22,6 +22,8 @@ FLOORS: tuple[frozenset[str], ...] = tuple(
         "teg.integral teg.arrays",
         "teg.function",
         "teg.traverse teg.calculus teg.dump teg.latex teg.verify teg.polynomial",
+        "teg.field_polynomials",
+        "teg.coincidence",
         "teg.build teg.roots teg.surfaces teg.nest teg.places teg.intervals teg.kinks teg.sympy_nodes teg.tails teg.cells",
         "teg.bodies teg.isolation teg.staircase teg.critical teg.identities teg.numerics teg.sympy_writer teg.sympy_reader",
         "teg.symbolic teg.verification teg.integration",

@@ -1,0 +1,167 @@
+"""Conditions that say the same in other words: shorter forms of a surface, and whether two surfaces coincide.
+
+    f(u) - f(v) > 0   is   u - v > 0           where f increases on all numbers: exp, sinh, tanh, atan, odd powers
+    f(u) - f(v) > 0   is   (u - v)(u + v) > 0  where f increases with |u|: cosh, even powers
+    c·hᵏ > 0          is   c > 0               almost everywhere for even k; it is c·h > 0 for odd k, also where the power is written out
+
+A surface whose slope is 0 all along it has no δ; the shorter form has one. Functions that are not defined everywhere (log, √, other powers,
+asin) keep their form, since a condition on them is NaN outside of their domain; `coincide` looks through them all the same. Whether a
+polynomial is a power, or shares a factor with another one, is asked of its values in GF(P), as all structure is (`teg.polynomial`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import cast
+
+from teg.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Param, Pow, Var, add, integer_power, mul, sub
+from teg.field_polynomials import coefficients, common_factor, derivative, one_root
+from teg.node import postorder
+from teg.polynomial import P, Point, Shadow, divided, perfect_power
+
+MAX_DEGREE = 24
+"""Of polynomials whose common factors are looked for."""
+MAX_ROOT_DEGREE = 8
+"""Of polynomials whose roots in the field are computed."""
+TRIALS = 4
+"""Half of all quadratics have no root in the field: so many random points are tried."""
+
+_INCREASING = frozenset(("exp", "sinh", "tanh", "atan"))
+_INCREASING_WHERE_DEFINED = _INCREASING | {"log", "sqrt", "root", "asin"}
+
+
+def shortest(g: Expr) -> Expr:
+    """Returns a surface with the sign of g almost everywhere: without an increasing function in front, and no power written out."""
+    g = peeled(g)
+    power = perfect_power(g) if isinstance(g, Add) and any(_is_multiple(g, v) for v in sorted(g.free, key=lambda v: v.name)) else None
+    if power is None:
+        return g
+    sign, base, k = power
+    return mul(ONE if sign > 0 else MINUS_ONE, integer_power(base, 2) if k % 2 == 0 else base)
+
+
+def peeled(g: Expr, partial: bool = False) -> Expr:
+    """Returns a surface with the sign of g, without an increasing function in front of both of its terms.
+
+    With `partial`, functions that are not defined everywhere count too: then only the zeros are the same, where both are defined.
+    """
+    while True:
+        inner = _without_function(g, partial)
+        if inner is None:
+            return g
+        g = inner
+
+
+def coincide(f: Expr, g: Expr) -> bool:
+    """Returns whether two surfaces have a component in common: they then meet all along it, and not at places of their own.
+
+    A polynomial of one symbol shares a factor with the other one, or the other one is 0 at its roots. A no is no proof.
+    """
+    f, g = peeled(f, partial=True), peeled(g, partial=True)
+    return any(_share_zeros(f, g, v) for v in sorted(f.free & g.free, key=lambda v: v.name))
+
+
+def _share_zeros(f: Expr, g: Expr, v: Var) -> bool:
+    p, q = _coefficients(f, v), _coefficients(g, v)
+    if p and q:
+        return max(len(p), len(q)) <= MAX_DEGREE + 1 and len(common_factor(p, q)) > 1
+    return (bool(p) and ZeroSet(f).annuls(g)) or (bool(q) and ZeroSet(g).annuls(f))
+
+
+class ZeroSet:
+    """Random points of the surface g = 0: all symbols but one are random, that one is solved for in the field.
+
+    Preferred is a symbol in which g is affine, else a variable in which it is a polynomial of low degree.
+    """
+
+    def __init__(self, g: Expr) -> None:
+        self._points = _points_on(peeled(g, partial=True))
+
+    def is_known(self) -> bool:
+        """Whether there are such points."""
+        return bool(self._points)
+
+    def annuls(self, e: Expr) -> bool:
+        """Returns whether e is 0 at all of the points; a wrong yes has a chance below 1e-100."""
+        return bool(self._points) and all(point.value(e) == 0 for point in self._points)
+
+
+def _points_on(g: Expr) -> list[Point]:
+    symbols = [n for n in postorder([g]) if isinstance(n, Var | Param)]
+    for pivot in symbols:
+        points = [_affine_zero(g, pivot, trial) for trial in ("0", "1")]
+        if points[0] is not None and points[1] is not None:
+            return [p for p in points if p is not None]
+    for v in symbols:
+        if isinstance(v, Var) and 2 <= (Shadow((v,)).degree(g) or 0) <= MAX_ROOT_DEGREE:
+            roots = [(str(trial), one_root(_coefficients(g, v, str(trial)))) for trial in range(TRIALS)]
+            return [Point(trial, {v: root}) for trial, root in roots if root is not None]
+    return []
+
+
+def _affine_zero(g: Expr, pivot: Expr, trial: str) -> Point | None:
+    """A point of g = 0 where g is affine in the pivot; None where it is not."""
+    zero, one, two = (Point(trial, {pivot: k}).value(g) for k in range(3))
+    if zero is None or one is None or two is None or (two - 2 * one + zero) % P or (one - zero) % P == 0:
+        return None
+    return Point(trial, {pivot: divided(-zero, one - zero)})
+
+
+def _coefficients(g: Expr, v: Var, salt: str = "") -> list[int]:
+    """g as a polynomial of v in the field; 0 where it is none."""
+    return coefficients(Shadow((v,), salt=salt).polynomial(g) or {})
+
+
+def _is_multiple(g: Expr, v: Var) -> bool:
+    """Whether g is a polynomial of v with a factor that stands in it twice."""
+    p = _coefficients(g, v)
+    return 2 < len(p) <= MAX_DEGREE + 1 and len(common_factor(p, derivative(p))) > 1
+
+
+def _without_function(g: Expr, partial: bool) -> Expr | None:
+    if not isinstance(g, Add) or len(g.children) != 2:
+        return None
+    (a, first), (b, second) = (_split(c) for c in g.children)
+    if a != -b or not a:
+        return None
+    above, below = (first, second) if a > 0 else (second, first)
+    if isinstance(above, Call) and isinstance(below, Call) and above.name == below.name:
+        u, v = above.children[0], below.children[0]
+        if above.name in (_INCREASING_WHERE_DEFINED if partial else _INCREASING):
+            return sub(u, v)
+        if partial and (above.name == "acos" or (above.name == "pow" and above.children[1] is below.children[1])):
+            return sub(u, v) if above.name == "pow" else sub(v, u)
+        if above.name == "cosh":  # it increases with |u|
+            return sub(integer_power(u, 2), integer_power(v, 2))
+    for k in sorted({k for e in (above, below) for k in _exponents(e) if k > 1}, reverse=True):
+        roots = [_root_of(e, k) for e in (above, below)]
+        if roots[0] is None or roots[1] is None:
+            continue
+        if k % 2:
+            return sub(roots[0], roots[1])
+        return mul(sub(roots[0], roots[1]), add(roots[0], roots[1]))
+    return None
+
+
+def _split(e: Expr) -> tuple[float, Expr]:
+    """The number in front of a term, and the term without it."""
+    if isinstance(e, Const):
+        return e.data, ONE
+    if isinstance(e, Mul) and isinstance(e.children[0], Const):
+        return e.children[0].data, mul(*e.children[1:])
+    return 1.0, e
+
+
+def _factors(e: Expr) -> Sequence[Expr]:
+    return cast("Sequence[Expr]", e.children if isinstance(e, Mul) else (e,))
+
+
+def _exponents(e: Expr) -> list[int]:
+    return [f.exponent for f in _factors(e) if isinstance(f, Pow)]
+
+
+def _root_of(e: Expr, k: int) -> Expr | None:
+    """The k-th root of a product of k-th powers; None if e is no such product."""
+    if not all(f is ONE or (isinstance(f, Pow) and f.exponent % k == 0) for f in _factors(e)):
+        return None
+    return mul(*(integer_power(f.base, f.exponent // k) if isinstance(f, Pow) else f for f in _factors(e)))
