@@ -1,13 +1,18 @@
 """One C function in the making: what its names are called, which of them live in the workspace, where it is cut.
 
 A value that is used once, in the block and the C function that compute it, has no name: it is printed where it is used.
+
+A `Step` declares everything its lines read: `uses` (values and captured literals, spelled), `stored` (values read from the workspace) and
+`locals` (C variables of the function that are no values). The parameters and loads of a part follow from these declarations alone. A
+`Scope` refuses to spell an argument that the step being printed does not declare.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from teg.backends.c_text import ATOM, NEUTRAL, Text, expression, indent, kind, literal, packed, wrapped
 from teg.program import Arg, Assign
@@ -21,11 +26,25 @@ INLINE = 84  # characters of an expression printed where it is used
 ARGUMENT = 32  # … as an argument of an integral
 
 
+class Local(NamedTuple):
+    """A C variable of a function that is not a value of the program: its declaration as a parameter, without the name, and its name."""
+
+    type: str
+    name: str
+
+
+WORKSPACE, RESULTS, CONTEXT = Local("double *", "w"), Local("double *", "f"), Local("teg_context *", "ctx")
+SUMS, WEIGHT = Local("double *", "s"), Local("double ", "weight")
+LOCALS = (WORKSPACE, RESULTS, SUMS, WEIGHT, CONTEXT)
+"""In the order in which a part takes them."""
+
+
 @dataclass(slots=True, eq=False)  # not frozen: that takes twice as long to make, and a program has many
 class Step:
     """An assignment, or C lines given a Scope that spells names; `area` doubles are used beyond the frame's own workspace.
 
-    `uses` has an argument as often as it is spelled, `longest` is what may be printed in its place; `stored` are read from the workspace.
+    `uses` has an argument as often as it is spelled, `longest` is what may be printed in its place; `stored` are read from the workspace;
+    `locals` are the C variables of the function that the lines name, but for the workspace of values that are loaded or kept.
     """
 
     defines: tuple[str, ...]
@@ -36,11 +55,13 @@ class Step:
     area: int = 0
     longest: int = INLINE
     stored: tuple[str, ...] = ()
+    locals: tuple[Local, ...] = ()
 
 
 @dataclass(slots=True)
 class Scope:
-    """How names and literals are spelled at one place; the workspace of called routines begins at `free`."""
+    """How names and literals are spelled at one place; the workspace of called routines begins at `free`. Only arguments that are
+    `declared` are spelled (None: all), and values that were named in this scope since."""
 
     names: dict[Arg, str]
     free: int
@@ -48,11 +69,13 @@ class Scope:
     waiting: dict[Arg, Text] = field(default_factory=dict)  # values to be printed where they are used
     count: list[int] = field(default_factory=lambda: [0])
     slots: dict[Arg, int] = field(default_factory=dict)
+    declared: Collection[Arg] | None = None
 
     def __call__(self, arg: Arg) -> str:
         return self.spell(arg).text
 
     def spell(self, arg: Arg) -> Text:
+        assert self.declared is None or arg in self.declared, f"{arg} is spelled by a step that does not declare it"
         if isinstance(arg, str):
             return self.waiting.get(arg) or Text(self.elsewhere.get(arg) or self.names[arg], ATOM)
         if isinstance(arg, bool):
@@ -67,7 +90,8 @@ class Scope:
 
 
 class Frame:
-    """A C function; a part is a C function of its own that runs a stretch of a long block; part 0 is the function itself."""
+    """A C function; a part is a C function of its own that runs a stretch of a long block; part 0 is the function itself. The numbers of
+    blocks that must not be cut are in `whole`; `own` are the arguments that the function spells between its blocks."""
 
     def __init__(
         self,
@@ -78,6 +102,7 @@ class Frame:
         variables: dict[str, str] | None = None,
         prefix: str = "c",
         by_value: int = BY_VALUE,
+        whole: Container[int] = (),
     ) -> None:
         steps = [step for block in blocks for step in block]
         self.captured, self.blocks, self.context, self.variables = captured, blocks, context, variables or {}
@@ -87,7 +112,8 @@ class Frame:
         self.names.update(self.variables)
         self.parts: list[str] = []  # their texts
         self._count = [0]
-        self._cuts = _cut(blocks)
+        self._cuts = _cut(blocks, whole)
+        self._between = frozenset(own)
         known: set[Arg] = set(self.names)
         times: dict[Arg, int] = {}  # how often a name is spelled
         stored: dict[Arg, None] = {}
@@ -127,9 +153,9 @@ class Frame:
         return [f"double *const {name} = w + {self.size - count};"]
 
     def scope(self) -> Scope:
-        """Names as they are spelled in the function itself."""
+        """Names as they are spelled in the function itself, between its blocks."""
         elsewhere = {arg: self._load(arg) for arg in self._uses[0] if arg in self._home}
-        return Scope(self.names, self.size, elsewhere, count=self._count, slots=self._slots)
+        return Scope(self.names, self.size, elsewhere, count=self._count, slots=self._slots, declared=self._between)
 
     def signature(self, *pointers: str) -> str:
         """Name and C parameters of the function."""
@@ -155,13 +181,15 @@ class Frame:
 
     def _call(self, number: int, part: list[Step]) -> list[str]:
         """Print a part; the line that calls it."""
-        passed = ["double *w"] * (self.workspace > 0) + ["double *f"] + ["teg_context *ctx"] * self.context
         loads = self._declarations(arg for arg in self._uses[number] if self._home.get(arg, 0) != number)
         inside = indent(*loads, *self._lines(part, Scope(self.names, self.size, count=self._count, slots=self._slots)))
-        words = set(re.findall(r"\b(?:w|f|ctx)\b", "\n".join(inside)))
-        passed = [parameter for parameter in passed if parameter.split("*")[1] in words]
-        self.parts.append(wrapped([f"static void @_part_{number}({', '.join(passed) or 'void'})", "{", *inside, "}"]))
-        return [f"@_part_{number}({', '.join(parameter.split('*')[1] for parameter in passed)});"]
+        used = {local for step in part for local in step.locals}
+        if loads or any(name in self._slots for step in part for name in step.defines):
+            used.add(WORKSPACE)
+        passed = [local for local in LOCALS if local in used]
+        head = ", ".join(local.type + local.name for local in passed)
+        self.parts.append(wrapped([f"static void @_part_{number}({head or 'void'})", "{", *inside, "}"]))
+        return [f"@_part_{number}({', '.join(local.name for local in passed)});"]
 
     def _lines(self, steps: list[Step], scope: Scope) -> list[str]:
         """The lines of steps; a value used once waits until the step that uses it."""
@@ -169,6 +197,7 @@ class Frame:
         here = used | self._own
         lines: list[str] = []
         for step in steps:
+            scope.declared = step.uses
             waiting = [arg for arg in step.uses if arg in scope.waiting]
             for arg in waiting:
                 if len(scope.waiting[arg].text) > step.longest:
@@ -252,7 +281,7 @@ def _assignment(stmt: Assign) -> Step:
             uses = stmt.args[1:]
         case _:
             uses = stmt.args
-    return Step((stmt.name,), uses, stmt, weight=1 + len(uses) // 8)
+    return Step((stmt.name,), uses, stmt, weight=1 + len(uses) // 8, locals=(CONTEXT,) if stmt.op == "tie" else ())
 
 
 def _value(stmt: Assign, uses: Sequence[Arg], scope: Scope) -> Text:
@@ -265,13 +294,13 @@ def _declared(name: Arg, value: Text, scope: Scope) -> str:
     return f"const {kind(name)} {scope.name(name)} = {value.text};"
 
 
-def _cut(blocks: list[list[Step]]) -> list[list[tuple[int, list[Step]]]]:
+def _cut(blocks: list[list[Step]], whole: Container[int]) -> list[list[tuple[int, list[Step]]]]:
     """Each block as numbered parts of bounded weight; a block that stays whole has number 0."""
     long = sum(step.weight for block in blocks for step in block) > PART
     cuts: list[list[tuple[int, list[Step]]]] = []
     number = 0
-    for block in blocks:
-        if not long or sum(step.weight for step in block) <= PART:
+    for index, block in enumerate(blocks):
+        if not long or index in whole or sum(step.weight for step in block) <= PART:
             cuts.append([(0, block)])
             continue
         cut: list[tuple[int, list[Step]]] = []

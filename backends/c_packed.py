@@ -20,7 +20,6 @@ from itertools import count
 from math import inf
 from typing import Any
 
-from teg.backends import c_frame
 from teg.backends.c_frame import Frame, Scope, Step, assignments, captured_by
 from teg.backends.c_polygon import SIDE_BY_SIDE
 from teg.backends.c_text import UNARY, indent, literal, operand
@@ -45,6 +44,8 @@ from teg.quadrature import gauss_legendre
 
 SIDE = 8
 """Points side by side."""
+LONGEST, MOST = 400, 1600
+"""Statements of a straight line or of a decision, each one C function that is not cut; and of a program that is looked at."""
 DECIDING = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select"}
 DECLARED, ADDED, WORD = re.compile(r" *(?:const )?double (\w+) = (.*);$"), re.compile(r" *(\w+) \+= (.*);$"), re.compile(r"\w+")
 STRAIGHT = SIDE_BY_SIDE | {"choose"}
@@ -84,7 +85,7 @@ def decisive_branch(program: Program) -> When | None:
 def packed(program: Program) -> Packed | None:
     """The straight line of a program; None if it would decide nothing."""
     branch = decisive_branch(program)
-    if len(program.body) > 4 * c_frame.PART or (branch is None and any(map(_is_hard, program.body))):
+    if len(program.body) > MOST or (branch is None and any(map(_is_hard, program.body))):
         return None
     line = _Line(program)
     live, settling = _settled(program, branch, line)
@@ -278,7 +279,7 @@ def _weight(steps: Iterable[Assign]) -> int:
 
 def _is_short_decision(steps: Sequence[Assign]) -> bool:
     """Whether it is comparisons and arithmetic, and no more of it than is one C function."""
-    return all(s.op in DECIDING for s in steps) and _weight(steps) <= c_frame.PART
+    return all(s.op in DECIDING for s in steps) and _weight(steps) <= LONGEST
 
 
 def _is_short_arithmetic(straight: Sequence[Stmt]) -> bool:
@@ -286,7 +287,7 @@ def _is_short_arithmetic(straight: Sequence[Stmt]) -> bool:
     flat = [s for stmt in straight for s in ((*stmt.setup, *stmt.body) if isinstance(stmt, Polygon) else (stmt,))]
     simple = [s for s in flat if isinstance(s, Assign) and s.op in STRAIGHT]
     results = sum(len(s.results) for s in straight if isinstance(s, Polygon))
-    return len(simple) == len(flat) and _weight(simple) + results <= c_frame.PART
+    return len(simple) == len(flat) and _weight(simple) + results <= LONGEST
 
 
 def _nodes(stmt: Polygon) -> int:
@@ -315,7 +316,8 @@ def signature(inputs: Sequence[int], varying: Container[int], *more: str) -> str
 def _framed(blocks: list[list[Step]], own: Sequence[Arg], variables: Iterable[str] = ()) -> Frame:
     """A C function of these blocks in which parameter i is called p{i}."""
     names = {name: name for name in captured_by(own, [step for block in blocks for step in block], ()) if isinstance(name, str)}
-    return Frame([], blocks, own, False, {**{n: n for n in names if n[0] == "p"}, **{v: v for v in variables}})
+    known = {**{n: n for n in names if n[0] == "p"}, **{v: v for v in variables}}
+    return Frame([], blocks, own, False, known, whole=range(len(blocks)))
 
 
 def decision(found: Packed, varying: Container[int]) -> list[str]:

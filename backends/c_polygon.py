@@ -10,14 +10,19 @@ operations than sums, products and quotients (an integrand that calls a function
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
-from teg.backends.c_frame import PART, Frame, Scope, Step
+from teg.backends.c_frame import SUMS, WEIGHT, Frame, Scope, Step
 from teg.backends.c_text import indent, literal, packed
 from teg.program import Arg, Assign, Polygon, Segment, Stmt
 from teg.quadrature import gauss_legendre, triangle_rule
 
+SOME = 8
+"""Sums of a step."""
 LANES = 8
 """Nodes of a polygon side by side."""
+LONGEST = 200
+"""Statements of a body that runs side by side: it is one block, as values in lanes cannot cross the border of a part."""
 COORDINATES = ("x", "y", "l1", "l2")
 """Of a node: its place, and its barycentric coordinates."""
 SIDE_BY_SIDE = {"add", "sub", "mul", "div", "neg", "const"}
@@ -28,17 +33,21 @@ def runs_side_by_side(body: Sequence[Stmt]) -> bool:
     for stmt in body:
         if not isinstance(stmt, Assign) or not (stmt.op in SIDE_BY_SIDE or (stmt.op == "powi" and stmt.args[1] == 2)):
             return False
-    return len(body) <= PART // 2
+    return len(body) <= LONGEST
 
 
-def sums(values: Sequence[Arg]) -> tuple[list[Arg], Step]:
-    """The distinct values, and the step that adds each, times its weight, to its sum."""
+def sums(values: Sequence[Arg]) -> tuple[list[Arg], list[Step]]:
+    """The distinct values, and the steps that add each, times its weight, to its sum."""
     distinct = list(dict.fromkeys(values))
+    steps = []
+    for first in range(0, len(distinct), SOME):
+        some = tuple(distinct[first : first + SOME])
+        steps.append(Step((), some, lines=partial(_added, first, some), weight=len(some), locals=(SUMS, WEIGHT)))
+    return distinct, steps
 
-    def lines(scope: Scope) -> list[str]:
-        return packed(f"s[{j}] += weight * {_factor(scope, value)};" for j, value in enumerate(distinct))
 
-    return distinct, Step((), tuple(distinct), lines=lines, weight=len(distinct))
+def _added(first: int, values: Sequence[Arg], scope: Scope) -> list[str]:
+    return packed(f"s[{j}] += weight * {_factor(scope, value)};" for j, value in enumerate(values, first))
 
 
 def _factor(scope: Scope, value: Arg) -> str:

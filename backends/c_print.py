@@ -24,7 +24,7 @@ from typing import cast
 from teg.backends import c_frame, c_packed
 from teg.backends.c_batch import batch_loop, together
 from teg.backends.c_bodies import merged, used_inputs, with_inputs
-from teg.backends.c_frame import BY_VALUE, Frame, Routine, Scope, Step, assignments, captured_by
+from teg.backends.c_frame import BY_VALUE, CONTEXT, RESULTS, WORKSPACE, Frame, Routine, Scope, Step, assignments, captured_by
 from teg.backends.c_hyperbola import along_a_branch, along_function, hyperbola
 from teg.backends.c_packed import Straight
 from teg.backends.c_poles import plain_table, rational_piece, weights_function
@@ -291,10 +291,18 @@ class Printer:
             scope.names.update((name, f"{array}[{j}]") for j, name in enumerate(names))
             return [*before, f"double {array}[{count}];", f"{call};"]
 
-        uses = (*(() if routine.indirect else captured), *(() if stmt.when is None else (stmt.when,)))
-        stored = tuple(arg for arg in captured if isinstance(arg, str)) if routine.indirect else ()
-        weight = 4 + len(captured) // 4 + (count if count > 1 else 0)
-        return Step(names, uses, None, lines, weight, stacked + routine.workspace, c_frame.ARGUMENT, stored)
+        in_workspace = [arg for arg in captured if isinstance(arg, str)] if routine.indirect else []
+        spelled = [arg for arg in captured if not (routine.indirect and isinstance(arg, str))]
+        return Step(
+            names,
+            uses=(*spelled, *(() if stmt.when is None else (stmt.when,))),
+            lines=lines,
+            weight=4 + len(captured) // 4 + (count if count > 1 else 0),
+            area=stacked + routine.workspace,
+            longest=c_frame.ARGUMENT,
+            stored=tuple(in_workspace),
+            locals=(*([WORKSPACE] if routine.workspace or stacked else []), *([CONTEXT] if routine.context else [])),
+        )
 
     def _known_integral(self, stmt: Integrate) -> tuple[Routine, tuple[Arg, ...]] | None:
         """The same for a short integral of which one was printed that differs in names only: a sum may have thousands."""
@@ -409,9 +417,9 @@ class Printer:
         given: dict[Arg, Arg] = {}
         if isinstance(stmt, Segment):
             stmt, given = _with_resolutions_passed(stmt)
-        side_by_side = runs_side_by_side(stmt.body)
+        side_by_side = runs_side_by_side(stmt.body) and not (isinstance(stmt, Polygon) and not stmt.degree)
         distinct, adding = sums(stmt.values)
-        body = [*self._steps(stmt.body), adding]
+        body = [*self._steps(stmt.body), *adding]
         own = (*clipped_by(stmt), *stmt.factors, *(() if isinstance(stmt, Polygon) else (g.scale for g in stmt.half_lines)))
         context = needs_context((stmt,), self.counted)
         if isinstance(stmt, Polygon):
@@ -419,16 +427,17 @@ class Printer:
         else:
             blocks, variables = [list(self._steps(stmt.setup)), list(self._steps(stmt.scales)), body], {stmt.var: "x"}
         captured = captured_by(own, [step for block in blocks for step in block], variables)
-        frame = Frame(captured, blocks, own, context, variables, by_value=WHOLE if self.inlined else BY_VALUE)
+        lanes = 1 if not side_by_side else LANES if isinstance(stmt, Polygon) else segment_lanes(stmt.nodes)
+        whole = (len(blocks) - 1,) if lanes > 1 else ()  # values in lanes are not what parts take and keep
+        frame = Frame(captured, blocks, own, context, variables, by_value=WHOLE if self.inlined else BY_VALUE, whole=whole)
         if isinstance(stmt, Polygon):
             if stmt.degree not in (0, 2):
                 self.triangles.add(stmt.degree)
-            lines = polygon(stmt, frame, distinct, LANES if side_by_side and stmt.degree else 1, self.counted)
+            lines = polygon(stmt, frame, distinct, lanes, self.counted)
         else:
-            lanes = segment_lanes(stmt.nodes) if side_by_side else 1
             self.units.add((stmt.nodes, segment_lanes(stmt.nodes)))
             lines = segment(stmt, frame, distinct, lanes, self.counted)
-        inside = [*frame.opening(), *(["double *const f = 0;"] if frame.parts else []), *lines]  # parts of the setup write no results
+        inside = [*frame.opening(), *lines]
         kind = "polygon" if isinstance(stmt, Polygon) else "segment"
         head = _head(frame, "sum", len(stmt.results))
         routine = self._routine(kind, frame, head.replace("static", "TEG_INLINE", 1) if self.inlined else head, inside)
@@ -604,7 +613,7 @@ def _yields(values: Sequence[Arg], place: int = 0) -> Iterator[Step]:
     """The values of a block, written to `f` from there on, a few a step."""
     for first in range(0, len(values), 8):
         some = values[first : first + 8]
-        yield Step((), tuple(some), lines=partial(_yielded, place + first, some), weight=len(some))
+        yield Step((), tuple(some), lines=partial(_yielded, place + first, some), weight=len(some), locals=(RESULTS,))
 
 
 def _yielded(first: int, values: Sequence[Arg], scope: Scope) -> list[str]:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 import teg
-from teg.backends import c_backend, c_frame
+from teg.backends import c_backend, c_packed
 from teg.backends.c_arrays import print_arrays
 from teg.backends.c_backend import compile_c, print_kernel
 from teg.backends.c_packed import Packed, packed
@@ -255,7 +255,7 @@ def test_a_tie_is_not_for_the_straight_line() -> None:
 def test_long_programs_have_no_straight_line(monkeypatch: pytest.MonkeyPatch) -> None:
     program = program_of("linear")
     assert "straight_" in print_kernel(program)
-    monkeypatch.setattr(c_frame, "PART", 20)
+    monkeypatch.setattr(c_packed, "LONGEST", 20)
     assert packed(program) is None
     text = print_kernel(program)
     assert "straight_" not in text
