@@ -193,6 +193,7 @@ def segment(stmt: Segment, frame: Frame, distinct: Sequence[Arg], lanes: int, co
         *indent(
             f"const {wide} weight = length * *(const {wide} *)(teg_unit_{stmt.nodes}[1] + k);",
             f"const {wide} x = cut.from + length * *(const {wide} *)(teg_unit_{stmt.nodes}[0] + k);",
+            "(void)x;",
             *in_lanes(frame.block(2), lanes),
         ),
         "}",

@@ -282,14 +282,14 @@ class Printer:
             if count == 1:
                 guarded = call if when is None else f"{when} ? {call} : {absent}"
                 return [*before, f"const double {scope.name(names[0])} = {guarded};"]
+            run = [*before, f"{call};"]
             if when is not None:  # what goes through the workspace is written only where it is read
-                inside = f"{{ {' '.join(before)} {call}; }}" if before else f"{call};"
-                call, before = f"if ({when}) {inside} else teg_fill({place}, {count}, {absent})", []
+                run = [f"if ({when}) {{", *indent(*run), f"}} else teg_fill({place}, {count}, {absent});"]
             if stacked:
                 loads = [f"{scope.name(name)} = {place}[{j}]" for j, name in enumerate(names)]
-                return [*before, f"{call};", *packed(loads, "const double ", ", ", ";")]
+                return [*run, *packed(loads, "const double ", ", ", ";")]
             scope.names.update((name, f"{array}[{j}]") for j, name in enumerate(names))
-            return [*before, f"double {array}[{count}];", f"{call};"]
+            return [f"double {array}[{count}];", *run]
 
         in_workspace = [arg for arg in captured if isinstance(arg, str)] if routine.indirect else []
         spelled = [arg for arg in captured if not (routine.indirect and isinstance(arg, str))]
