@@ -92,7 +92,12 @@ def _object(text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Pat
 
 def find_compiler() -> tuple[str, ...]:
     """The C compiler's command: `CC`, which may hold arguments, else the first of cc, gcc, clang."""
-    candidates = [shlex.split(os.environ.get("CC", "")), ["cc"], ["gcc"], ["clang"]]
+    chosen = os.environ.get("CC", "")
+    try:
+        candidates = [shlex.split(chosen), ["cc"], ["gcc"], ["clang"]]
+    except ValueError as error:
+        message = f"the environment variable CC is no command: {str(error).lower()}"
+        raise CompilerError(message, repr(chosen), 'write it as in a shell, CC="gcc -m64"') from None
     for command in filter(None, candidates):
         path = shutil.which(command[0])
         if path is not None:

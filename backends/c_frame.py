@@ -75,7 +75,8 @@ class Scope:
         return self.spell(arg).text
 
     def spell(self, arg: Arg) -> Text:
-        assert self.declared is None or arg in self.declared, f"{arg} is spelled by a step that does not declare it"
+        known = isinstance(arg, str) or (not isinstance(arg, bool) and float(arg) in self.names)  # other literals stand in the text
+        assert not known or self.declared is None or arg in self.declared, f"{arg} is spelled by a step that does not declare it"
         if isinstance(arg, str):
             return self.waiting.get(arg) or Text(self.elsewhere.get(arg) or self.names[arg], ATOM)
         if isinstance(arg, bool):

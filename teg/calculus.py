@@ -114,7 +114,7 @@ def factor_cofactors(node: Mul) -> list[Expr]:
 def slope(e: Expr, by: Var | Param) -> Expr:
     """∂e/∂by, conditions taken as constant. For atoms: raises NotDifferentiableError if an integral in e depends on `by`."""
     tangent: dict[Expr, Expr] = defaultdict(lambda: ZERO)
-    for node in postorder_through(e, (by,)) if isinstance(by, Var) else postorder([e]):
+    for node in postorder_through(e, (by,), _value_nodes) if isinstance(by, Var) else _in_value_position(e):
         if isinstance(node, Expr):
             tangent[node] = _slope(node, by, tangent)
     return tangent[e]
@@ -145,6 +145,22 @@ def _slope(node: Expr, by: Var | Param, tangent: Mapping[Expr, Expr]) -> Expr:
             raise NotDifferentiableError("the slope of a surface that holds an integral over the same variable is not known", node)
         case _:
             return ZERO
+
+
+def _value_nodes(node: Node) -> tuple[Node, ...]:
+    """The children in value position of any node: a floor in a condition has no slope, and none is asked for."""
+    return node.children[1:] if isinstance(node, Where) else node.children
+
+
+def _in_value_position(e: Expr) -> list[Node]:
+    """The nodes of e that stand in value position, children before parents."""
+    reached: set[Node] = {e}
+    stack: list[Node] = [e]
+    while stack:
+        new = [c for c in _value_nodes(stack.pop()) if c not in reached]
+        reached.update(new)
+        stack += new
+    return [node for node in postorder([e]) if node in reached]
 
 
 def value_children(node: Expr) -> tuple[Expr, ...]:

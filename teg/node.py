@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import threading
 import weakref
-from collections.abc import Collection, Hashable, Iterable, Iterator
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator
 from typing import Any, TypeVar
 
 _table: weakref.WeakValueDictionary[tuple[object, ...], Node] = weakref.WeakValueDictionary()
@@ -109,8 +109,11 @@ def postorder(roots: Iterable[Node]) -> list[Node]:
             waiting = rest.pop()
 
 
-def postorder_through(root: Node, variables: Collection[Node]) -> list[Node]:
-    """The nodes below the root in which one of these variables occurs free, children before parents: no more of a program is visited."""
+def postorder_through(
+    root: Node, variables: Collection[Node], below: Callable[[Node], Iterable[Node]] = lambda node: node.children
+) -> list[Node]:
+    """The nodes below the root in which one of these variables occurs free, children before parents: no more of a program is visited.
+    `below` gives the children of a node that are looked at."""
     order: list[Node] = []
     seen: set[Node] = set()
     path: list[Node] = []
@@ -122,7 +125,7 @@ def postorder_through(root: Node, variables: Collection[Node]) -> list[Node]:
                 seen.add(node)
                 path.append(node)
                 rest.append(waiting)
-                waiting = iter(node.children)
+                waiting = iter(below(node))
                 break
         else:
             if not rest:

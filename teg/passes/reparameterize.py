@@ -16,7 +16,7 @@ from typing import Any, cast
 from teg.diffeomorphism import Diffeomorphism, checked_maps
 from teg.errors import DeltaError, NoReparameterisationError
 from teg.expr import ZERO, Cond, Const, Expr, Mul, Var, Where, add, conjunction, mul, where
-from teg.integral import Delta, Integral, integral_over
+from teg.integral import Delta, Integral, delta, integral_over
 from teg.nest import Binder, Chain, nest
 from teg.node import Node, postorder
 from teg.passes.affine import match_affine, match_partly_affine, rewrite_affine
@@ -206,6 +206,9 @@ class _Elimination:
             for match, rewrite in self.families if chain[i].var in g.free else ():
                 data = match(g, [chain[i].var])
                 inner = rewrite(g, coefficient, chain[i:], data) if data is not None else None
+                if inner is not None and self.keep_moving and data.moves:  # sums over roots are not differentiated again
+                    self.kept = True
+                    return nest(mul(delta(g), coefficient), chain)
                 if inner is not None:
                     return nest(inner, chain[:i])
         return None

@@ -293,3 +293,11 @@ def test_a_library_is_one_that_ctypes_loads(cache: Path) -> None:
     library = c_build.load_library("double twice(double x) { return 2.0 * x; }")
     library.twice.restype, library.twice.argtypes = ctypes.c_double, [ctypes.c_double]
     assert library.twice(1.5) == 3.0
+
+
+@pytest.mark.parametrize("command", ["gcc '", 'cc "-O2', "cc \\"])
+def test_a_command_that_cannot_be_read_is_named(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", command)
+    with pytest.raises(CompilerError, match="CC") as raised:
+        c_build.find_compiler()
+    assert repr(command) in str(raised.value)

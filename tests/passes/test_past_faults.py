@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ import teg
 B, INT = teg.bracket, teg.integral
 x, y, z, s = teg.vars("x y z s")
 t, a, b, c, d, u, lo, r, m, n = teg.params("t a b c d u l r m n")
+BACKENDS = ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)]
 TINY = 1.7764603190678118e-08
 CASES: dict[str, tuple[Callable[[], teg.Expr], dict[str, float], dict[str, float]]] = {
     # [x < t] + 2·[c·x < c·t] is 3·[x < t]: the sign of the ratio of the two atoms is that of c, however small
@@ -205,3 +207,75 @@ def test_a_tie_names_every_bound_that_it_may_be() -> None:
     f = teg.compile(INT(B(a * x + t * y > 0.0), (x, 0, 1), (y, 0, 1)), [a, t])
     (found,) = f.diagnose(a=0.0, t=1.0)
     assert found.surfaces[1] == "the bound y = 0 or the bound x = 0"
+
+
+def _second_derivatives(c: float, d: float) -> dict[tuple[str, str], float]:
+    """Of ∫ min(X(d + y), c + 0.3y) - 0.25 dy over (0, 1), e^1.5X - X = d + y: beyond the y* where both are equal the bound is the smaller
+    one, so the derivatives are 1 - y* and X(d + y*) - X(d)."""
+
+    def reach(right: mpmath.mpf) -> mpmath.mpf:
+        return mpmath.findroot(lambda u: mpmath.exp(1.5 * u) - u - right, 0.5)
+
+    def rate(right: mpmath.mpf) -> mpmath.mpf:
+        return 1 / (1.5 * mpmath.exp(1.5 * reach(right)) - 1)
+
+    meeting = mpmath.findroot(lambda v: reach(d + v) - c - 0.3 * v, 0.5)
+    steep, apart = rate(d + meeting), rate(d + meeting) - 0.3
+    mixed = float(steep / apart)
+    return {
+        ("c", "c"): float(-1 / apart),
+        ("c", "d"): mixed,
+        ("d", "c"): mixed,
+        ("d", "d"): float(steep * (1 - steep / apart) - rate(mpmath.mpf(d))),
+    }
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_hessian_over_a_moving_bound_of_a_surface_that_only_isolation_knows(backend: str) -> None:
+    """The surface is affine in y, but the bounds of x run through y: its δ is that of one variable, and moves again."""
+    f = teg.compile(INT(B(teg.exp(1.5 * x) - x - y < d), (x, 0.25, c + 0.3 * y), (y, 0, 1)), [c, d], backend=backend)
+    at = {"c": 0.405, "d": 1.25}
+    found = f.hessian(at)
+    for pair, value in _second_derivatives(**at).items():
+        assert found[pair] == pytest.approx(value, rel=1e-10), pair
+
+
+def test_a_floor_in_a_condition_has_no_slope() -> None:
+    """By pieces: with u = d - x the condition holds for u in (0, c) and (1, 1 + c)."""
+    f = teg.compile(INT(teg.exp(B(teg.mod(d - x, 1) < c) + x * B(x < a)), (x, -1, d)))
+    e = math.exp
+    exact = (e(-0.7) - e(-1)) + e(1) * (e(-0.3) - e(-0.7)) + (e(0.3) - e(-0.3)) + e(1) * 0.4
+    assert f(a=0.3, c=0.4, d=0.7) == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_bounds_from_infinity(backend: str) -> None:
+    """∫ from ∞ to 0 is minus that from 0 to ∞, and so are its derivatives where a surface moves."""
+    f = teg.compile(INT(B(x < t) * teg.exp(-x), (x, math.inf, 0)), backend=backend)
+    assert f(0.5) == pytest.approx(-(1 - math.exp(-0.5)), rel=1e-12)
+    assert f.grad(0.5)["t"] == pytest.approx(-math.exp(-0.5), rel=1e-12)
+    g = teg.compile(INT(B(x > t) * teg.exp(-x * x), (x, 0, -math.inf)), backend=backend)
+    assert g.grad(-0.5)["t"] == pytest.approx(math.exp(-0.25), rel=1e-12)
+    h = teg.compile(INT(B(x * x < t) * teg.exp(-x * x / 2), (x, math.inf, -math.inf)), backend=backend)
+    assert h(1.0) == pytest.approx(-math.sqrt(2 * math.pi) * math.erf(math.sqrt(0.5)), rel=1e-11)
+    assert h.grad(1.0)["t"] == pytest.approx(-math.exp(-0.5), rel=1e-11)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_either_branch_of_a_where_around_sums(backend: str) -> None:
+    """Σ V_i·[x < V_i] and a number, and its square, on either side of x = t; V = 0.2, 0.5, 0.9, t = 0.4, by hand."""
+    array, k = teg.array("V", 1), teg.index("k")
+    total = teg.sum(array[k] * B(x < array[k]), (k, 0, teg.length(array, 0)))
+    squares = teg.sum(array[k] ** 2, (k, 0, teg.length(array, 0)))
+    at = {"t": 0.4, "V": np.array([0.2, 0.5, 0.9])}
+    exact = {
+        "then": (INT(teg.where(x < t, total, x), (x, 0, 1)), 1.02, 1.0, [0.4, 0.4, 0.4]),
+        "otherwise": (INT(teg.where(x < t, x, total), (x, 0, 1)), 0.58, -1.0, [0.0, 0.6, 1.4]),
+        "both": (INT(teg.where(x < t, squares * x, total * total), (x, 0, 1)), 0.608, -1.52, [0.032, 1.51, 1.954]),
+    }
+    for name, (e, value, by_t, by_array) in exact.items():
+        f = teg.compile(e, backend=backend)
+        slopes = f.grad(at)
+        assert f(at) == pytest.approx(value, rel=1e-12), name
+        assert slopes["t"] == pytest.approx(by_t, rel=1e-12), name
+        np.testing.assert_allclose(slopes["V"], by_array, rtol=1e-12, atol=1e-14, err_msg=name)
