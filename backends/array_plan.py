@@ -3,7 +3,7 @@
 First by intervals: the integers of a program over whole loops, entries of index arrays between the least and the largest; a range from
 one column of an index array to another one is compared row by row. That settles nearly every program in one pass over the index arrays.
 Where it does not (a padding of -1 that no iteration reads), the integers are evaluated, iteration by iteration, and the first one that is
-out of its range is named in the error.
+out of its range is named in the error. Integers have 64 bits when a program runs: one that has not room in them is an error as well.
 """
 
 from __future__ import annotations
@@ -15,9 +15,12 @@ import numpy.typing as npt
 
 from teg.array_program import Arg, ArrayProgram, Integers, Load, Loop, Scatter, Step, steps
 from teg.errors import ArrayIndexError
+from teg.index import OPERATIONS
 
 Interval = tuple[int, int]
 Whole = npt.NDArray[np.int64]
+SIGNS = {"add": "+", "sub": "-", "mul": "·", "floordiv": "//"}
+LEAST, MOST = -(2**63), 2**63 - 1
 BLOCK = 2**18
 """Iterations that are checked at a time."""
 
@@ -61,6 +64,8 @@ def _settled(
                 (least, most), end = of(step.lo), of(step.hi)
                 if end[0] < most and not _are_ranges(entries_of.get(step.lo), entries_of.get(step.hi), arrays):
                     return False
+                if not _has_room((end[0] - most, end[1] - least)):
+                    return False
                 known[step.index] = (least, max(end[1] - 1, least))
             case Integers(name, "length", (axis,), k):
                 known[name] = (shapes[k][int(axis)],) * 2
@@ -78,7 +83,7 @@ def _settled(
                 known[name], entries_of[name] = spans[key], step
             case Integers(name, op, (a, b)):
                 found = _combined(op, of(a), of(b))
-                if found is None:
+                if found is None or not _has_room(found):
                     return False
                 known[name] = found
             case Load() | Scatter():
@@ -124,6 +129,10 @@ def _combined(op: str, a: Interval, b: Interval) -> Interval | None:
             return None
 
 
+def _has_room(span: Interval) -> bool:
+    return span[0] >= LEAST and span[1] <= MOST
+
+
 class _Exact:
     """Every iteration of one element of the batch."""
 
@@ -150,8 +159,10 @@ class _Exact:
             raise ArrayIndexError(
                 f"a sum has a negative length: from {lo[at]} to {hi[at]}", None, "an empty range ends where it begins; a range is half-open"
             )
-        ends = np.cumsum(hi - lo)
+        ends = np.cumsum(exactly("sub", hi, lo))
         total = int(ends[-1]) if lanes else 0
+        if float(np.sum((hi - lo).astype(np.float64))) >= MOST:
+            raise ArrayIndexError(f"a sum is too long: from {lo[0]} to {hi[0]}")
         for start in range(0, total, BLOCK):
             flat = np.arange(start, min(start + BLOCK, total))
             parent = np.searchsorted(ends, flat, side="right")
@@ -171,9 +182,7 @@ class _Exact:
         if step.op == "gather":
             self._check(step.array, step.args, values, max((a.size for a in args), default=1))
             return np.asarray(self.arrays[step.array][tuple(args)], dtype=np.int64)
-        if step.op in ("floordiv", "mod") and (args[1] == 0).any():
-            raise ArrayIndexError("an index is divided by 0")
-        return apply(step.op, args[0], args[1])
+        return exactly(step.op, args[0], args[1])
 
     def _check(self, k: int, places: Sequence[Arg], values: Mapping[Arg, Whole], lanes: int) -> None:
         shape, spec = self.arrays[k].shape, self.program.arrays[k]
@@ -189,6 +198,29 @@ class _Exact:
                     None,
                     "indices count from 0, also where a condition drops the value: keep them inside by % or by teg.minimum",
                 )
+
+
+def exactly(op: str, a: Whole, b: Whole) -> Whole:
+    """An integer operation on lanes; raises ArrayIndexError where a result has more than 64 bits, or is divided by 0."""
+    if op in ("floordiv", "mod") and (b == 0).any():
+        raise ArrayIndexError("an index is divided by 0")
+    if not a.size or not b.size:
+        return apply(op, a, b)
+    ends = [(int(v.min()), int(v.max())) for v in (a, b)]
+    span = (LEAST, MOST) if op == "mod" else _combined(op, *ends)
+    if span is None:  # divided by numbers of either sign
+        span = (LEAST, MOST) if ends[0][0] > LEAST else (LEAST, MOST + 1)
+    if not _has_room(span):
+        of = OPERATIONS[op]
+        lanes = np.broadcast(a, b)
+        wrong = next(((int(x), int(y)) for x, y in lanes if not LEAST <= of(int(x), int(y)) <= MOST), None)
+        if wrong is not None:
+            raise ArrayIndexError(
+                f"an index is too large: {wrong[0]} {SIGNS[op]} {wrong[1]} is {of(*wrong)}, which 64 bits do not hold",
+                None,
+                "indices, and the integers that they are computed from, lie between -2⁶³ and 2⁶³",
+            )
+    return apply(op, a, b)
 
 
 def apply(op: str, a: Whole, b: Whole) -> Whole:

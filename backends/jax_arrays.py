@@ -12,6 +12,7 @@ parameters, and where the bounds of a loop depend on index arrays, from their en
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -21,13 +22,20 @@ import numpy as np
 from jax import lax
 
 from teg.array_program import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, steps
-from teg.backends.array_plan import apply
+from teg.backends.array_plan import exactly
 from teg.backends.jax_backend import JaxKernel
 from teg.backends.jax_lanes import on_lanes
 from teg.backends.jax_runtime import union
 from teg.errors import ArrayIndexError
 from teg.program import Program
 
+NOWHERE = -(2**63)
+"""What stands for an integer that is not known: an entry of an index array beyond its ends, and all that is computed from it, or a result
+that 64 bits do not hold. An entry there is NaN."""
+_JAX: dict[str, Callable[[Any, Any], Any]] = {
+    "add": operator.add, "sub": operator.sub, "mul": operator.mul, "floordiv": operator.floordiv, "mod": operator.mod,
+    "min": jnp.minimum, "max": jnp.maximum,
+}  # fmt: skip
 BLOCK = 2**17
 """Iterations that run at a time, at most."""
 
@@ -40,6 +48,7 @@ class ArrayFunction:
         kernels = {id(s): compile(s.program) for s in steps(program.body) if isinstance(s, Run)}
         self.source = "\n".join(k.source for k in kernels.values())
         self._runs = {k: on_lanes(kernel) for k, kernel in kernels.items()}
+        self._traced = _from_index_arrays(program)
         self._blocks = {id(s): _block_size(s, kernels) for s in steps(program.body) if isinstance(s, Loop)}
 
     def __call__(self, scalars: Sequence[Any], arrays: Sequence[Any], indices: Sequence[Any] = ()) -> tuple[list[Any], Any]:
@@ -87,7 +96,10 @@ class _Trace:
                 case Integers():
                     lanes.values[step.name] = self._integers(step, lanes)
                 case Number():
-                    lanes.values[step.name] = jnp.asarray(_of(step.integer, lanes), jnp.float64)
+                    number = jnp.asarray(_of(step.integer, lanes), jnp.float64)
+                    lanes.values[step.name] = (
+                        jnp.where(number == NOWHERE, jnp.nan, number) if step.integer in self.function._traced else number
+                    )
                 case Load():
                     lanes.values[step.name] = self._entry(step.array, step.subscripts, lanes)
                 case Run():
@@ -109,21 +121,23 @@ class _Trace:
             return self._entry(step.array, step.args, lanes)
         a, b = (_of(arg, lanes) for arg in step.args)
         if isinstance(a, int) and isinstance(b, int):
-            return int(apply(step.op, np.asarray(a), np.asarray(b)))
-        if step.op in ("min", "max"):
-            return jnp.minimum(a, b) if step.op == "min" else jnp.maximum(a, b)
-        return {"add": lambda: a + b, "sub": lambda: a - b, "mul": lambda: a * b, "floordiv": lambda: a // b, "mod": lambda: a % b}[
-            step.op
-        ]()
+            return int(exactly(step.op, np.asarray(a), np.asarray(b)))
+        if step.name in self.function._traced:
+            return _nowhere_or(step.op, a, b)
+        return _JAX[step.op](a, b)
 
     def _entry(self, k: int, subscripts: Sequence[Arg], lanes: _Lanes) -> Any:
-        """An entry; where a subscript is out of its range, which only traced index arrays can be, NaN, or an index out of all ranges."""
+        """An entry; where a subscript is out of its range, which only traced index arrays can be, NaN or NOWHERE."""
         array = self.arrays[k]
         places = tuple(_of(p, lanes) for p in subscripts)
-        if jnp.issubdtype(array.dtype, jnp.floating):
-            return array.at[places].get(mode="fill", fill_value=jnp.nan, wrap_negative_indices=False)
-        missing = np.iinfo(np.int32).max
-        return array.at[places].get(mode="fill", fill_value=missing, wrap_negative_indices=False).astype(jnp.int64)
+        floating = jnp.issubdtype(array.dtype, jnp.floating)
+        if not self.function._traced.intersection(subscripts):  # checked before
+            return array.at[places].get(mode="fill", wrap_negative_indices=False).astype(jnp.float64 if floating else jnp.int64)
+        inside = True
+        for place, n in zip(places, array.shape, strict=True):  # JAX's own check comes after a conversion to 32 bits
+            inside = inside & (place >= 0) & (place < n)
+        found = array.at[tuple(jnp.where(inside, place, 0) for place in places)].get(mode="fill", fill_value=0)
+        return jnp.where(inside, found, jnp.nan) if floating else jnp.where(inside, found.astype(jnp.int64), NOWHERE)
 
     def _run(self, step: Run, lanes: _Lanes) -> Any:
         columns = [jnp.asarray(_of(a, lanes), jnp.float64) for a in step.inputs]
@@ -196,6 +210,22 @@ class _Trace:
         values = {name: v[parent] if getattr(v, "ndim", 0) else v for name, v in lanes.values.items()}
         values[step.index] = index
         return _Lanes(values, size, live), parent
+
+
+def _nowhere_or(op: str, a: Any, b: Any) -> Any:
+    """An integer operation on lanes; NOWHERE where an argument is, where 64 bits do not hold the result, and where it is divided by 0."""
+    lost = (a == NOWHERE) | (b == NOWHERE)
+    if op in ("floordiv", "mod"):
+        lost = lost | (b == 0)
+        b = jnp.where(b == 0, 1, b)
+    found = _JAX[op](a, b)
+    if op == "add":
+        lost = lost | (((a ^ found) & (b ^ found)) < 0)
+    elif op == "sub":
+        lost = lost | (((a ^ b) & (a ^ found)) < 0)
+    elif op == "mul":
+        lost = lost | (jnp.abs(jnp.asarray(a, jnp.float64) * jnp.asarray(b, jnp.float64)) >= 2.0**63)
+    return jnp.where(lost, NOWHERE, found)
 
 
 def _live(terms: Any, lanes: _Lanes) -> Any:
@@ -277,7 +307,7 @@ class Extents:
                     f"give it as NumPy's array when the function is made: teg.jax_function(e, indices={{{name!r}: {name}}})",
                 )
             return np.asarray(self.entries[step.array])[tuple(args)]
-        found = apply(step.op, np.asarray(args[0]), np.asarray(args[1]))
+        found = exactly(step.op, np.asarray(args[0]), np.asarray(args[1]))
         return found if found.ndim else int(found)
 
 
@@ -296,6 +326,17 @@ def _depending(program: ArrayProgram, sources: set[str]) -> set[Arg]:
     found: set[Arg] = set(sources)
     for step in steps(program.body):
         if isinstance(step, Integers) and step.op not in ("param", "length") and any(isinstance(a, str) and a in found for a in step.args):
+            found.add(step.name)
+    return found
+
+
+def _from_index_arrays(program: ArrayProgram) -> set[Arg]:
+    """The integers that depend on entries of index arrays, which may be traced."""
+    found: set[Arg] = set()
+    for step in steps(program.body):
+        if isinstance(step, Loop) and (step.lo in found or step.hi in found):
+            found.add(step.index)
+        elif isinstance(step, Integers) and (step.op == "gather" or (step.op not in ("param", "length") and found.intersection(step.args))):
             found.add(step.name)
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from numbers import Real
@@ -75,10 +76,30 @@ def plain_numbers(names: Sequence[str], args: tuple[Any, ...], named: Mapping[st
     return found
 
 
+def refuse_masked(name: str, value: Any) -> None:
+    """Raise ParameterError for an array with masked entries, or a list of arrays of which one has any: NumPy reads through the mask."""
+    masked = sys.modules.get("numpy.ma")
+    if masked is None or isinstance(value, Real | Decimal):
+        return
+    stack = [value]
+    while stack:
+        top = stack.pop()
+        if isinstance(top, masked.MaskedArray):
+            if masked.is_masked(top):
+                raise ParameterError(
+                    f"the array given for {name!r} has masked entries, which have no value",
+                    None,
+                    "give the values that count: compressed(), or filled(…) with numbers of your choice",
+                )
+        elif isinstance(top, list | tuple):
+            stack.extend(top)
+
+
 def as_floats(name: str, value: Any, dtype: str = "float64") -> np.ndarray:
     """A value as an array of floats. Raises ParameterError where it is not a real number or an array of them."""
     import numpy as np
 
+    refuse_masked(name, value)
     try:
         if isinstance(value, Real | Decimal):
             with np.errstate(over="ignore"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from teg.arguments import refuse_masked
 from teg.array_compiled import Compiled
 from teg.array_program import ArrayProgram
 from teg.errors import ArrayIndexError, ParameterError
@@ -11,6 +12,10 @@ from teg.index import ArrayName, IndexArray
 
 if TYPE_CHECKING:
     import numpy as np
+
+
+EXACT = 2.0**53
+"""Integer parameters come as floats, which hold whole numbers up to this one."""
 
 
 class Call(NamedTuple):
@@ -36,6 +41,7 @@ def as_entries(a: ArrayName, value: Any, dtype: str) -> np.ndarray:
     """An array as it was given: float64, rounded to a dtype, or 64-bit integers."""
     import numpy as np
 
+    refuse_masked(a.name, value)
     try:
         found = np.asarray(value)
     except (TypeError, ValueError):
@@ -63,4 +69,8 @@ def whole_numbers(name: str, column: np.ndarray) -> np.ndarray:
     if not np.all(np.isfinite(column)) or np.any(column != np.floor(column)):
         wrong = column[~(np.isfinite(column) & (column == np.floor(column)))] if column.ndim else column
         raise ArrayIndexError(f"{name!r} is used as an integer, and its value is {float(np.ravel(wrong)[0])!r}")
+    if np.any(np.abs(column) > EXACT):
+        raise ArrayIndexError(
+            f"{name!r} is used as an integer, and {float(column[np.abs(column) > EXACT].flat[0]):.17g} is not held exactly"
+        )
     return np.asarray(column, dtype=np.int64)

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
+from teg.arguments import refuse_masked
 from teg.array_pipeline import outlined
 from teg.arrays import Array, arrays_of, integer_parameters, integers_of
 from teg.bodies import write_all_out
@@ -90,6 +91,8 @@ class FrameworkFunction:
             )
         if missing := [k for k in self.parameters if k not in given]:
             raise ParameterError(f"no value for {', '.join(map(repr, missing))}", None, f"the parameters are {self._signature}")
+        for k, v in given.items():
+            refuse_masked(k, v)
         return given
 
     @property

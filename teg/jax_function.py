@@ -10,7 +10,7 @@ from teg.array_pipeline import parameters_and_arrays
 from teg.array_program import ArrayProgram
 from teg.derivative_programs import DerivativePrograms
 from teg.errors import ArrayIndexError, BackendError, MissingPackageError, ParameterError
-from teg.expr import Expr
+from teg.expr import Expr, Param
 from teg.framework_function import (
     FrameworkFunction,
     Parameter,
@@ -108,8 +108,8 @@ class JaxFunction(FrameworkFunction):
         for p in self._leaves:
             value = given[p.name]
             try:
-                leaf = jnp.asarray(value)
-            except (TypeError, ValueError):
+                leaf = _as_array(p, value)
+            except (TypeError, ValueError, OverflowError):
                 raise ParameterError(f"the value of {p.name!r} is not a real number or an array of them: {value!r:.80}") from None
             kind = {"i": "i", "u": "i", "b": "b"}.get(leaf.dtype.kind, "f" if jnp.issubdtype(leaf.dtype, jnp.floating) else "")
             check_entries(p, kind, leaf.dtype, leaf.shape, "use .astype(int)")
@@ -187,6 +187,21 @@ class JaxFunction(FrameworkFunction):
         real = [np.broadcast_to(np.float64(0.0), s) for s in shapes[: len(shapes) - len(known)]]
         for values in _elements(known, arrays[len(real) :]):
             check_ranges(program, whole, [*real, *values], shapes)
+
+
+def _as_array(p: Param | ArrayName, value: Any) -> Any:
+    """A value as an array of JAX. Integers of NumPy are not cut to the 32 bits that JAX has where its 64-bit mode is off."""
+    import jax.numpy as jnp
+    import numpy as np
+
+    leaf = jnp.asarray(value)
+    if not isinstance(value, np.ndarray | np.generic) or value.dtype.kind not in "iu" or np.array_equal(np.asarray(leaf), value):
+        return leaf
+    if isinstance(p, IndexArray):
+        wrong = np.ravel(value)[np.ravel(np.asarray(leaf) != value)][0]
+        text = f"an entry of {p.name!r} is too large for the {leaf.dtype} of JAX: {wrong}"
+        raise ArrayIndexError(text, None, 'jax.config.update("jax_enable_x64", True)')
+    return jnp.asarray(value.astype(np.float64))
 
 
 def _import_jax(dtype: str | None) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
+from teg.arguments import refuse_masked
 from teg.arrays import Array
 from teg.compile import compile
 from teg.errors import OptionError, ParameterError
@@ -102,6 +103,7 @@ class VectorFunction:
         if missing := [name for name in self.shapes if name not in given]:
             raise ParameterError(f"no value for {', '.join(map(repr, missing))}", None, "the vector holds " + ", ".join(self.shapes))
         for name, shape in self.shapes.items():
+            refuse_masked(name, given[name])
             if np.shape(given[name]) != shape:
                 raise ParameterError(f"{name!r} has the shape {shape}, not {np.shape(given[name])}")
         return np.concatenate([np.ravel(np.asarray(given[name], dtype=np.float64)) for name in self.shapes])
@@ -148,6 +150,7 @@ class VectorFunction:
     def _checked(self, x: Any) -> np.ndarray:
         import numpy as np
 
+        refuse_masked("x", x)
         try:
             given = np.asarray(x)
             if given.dtype.kind not in "fiub":

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from teg.array_pipeline import parameters_and_arrays
 from teg.derivative_kernels import DerivativeKernels
-from teg.errors import MissingPackageError, OptionError, ParameterError
+from teg.errors import ArrayIndexError, MissingPackageError, OptionError, ParameterError
 from teg.expr import Expr, Param
 from teg.framework_function import (
     FrameworkFunction,
@@ -182,6 +182,10 @@ def _of_numbers(p: Param | ArrayName, value: Any) -> torch.Tensor:
         array = np.asarray(value)
         if array.dtype.kind not in "fiub":
             raise TypeError
+        if array.dtype.kind == "u" and array.size and array.max() > np.iinfo(np.int64).max:
+            if isinstance(p, IndexArray):
+                raise ArrayIndexError(f"an entry of {p.name!r} is too large for an index: {array.max()}")
+            array = array.astype(np.float64)
         kind = {"i": "int64", "u": "int64", "b": "bool"}.get(array.dtype.kind, array.dtype.name if array.dtype.itemsize <= 8 else "float64")
         return torch.tensor(array.astype(kind, copy=False))  # a copy, which a backward pass still finds as it was
     except (TypeError, ValueError, OverflowError):
