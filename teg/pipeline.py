@@ -1,7 +1,7 @@
 """The list of passes: the one screen to read first.
 
     value        functions → differences → steps of floor → canonicalise → eliminate δ → canonicalise → schedule
-    derivative   functions → differences → steps of floor → canonicalise → (eliminate δ) → tangent or adjoint    of `diff`, `grad`: δ visible
+    derivative   functions → differences → steps of floor → canonicalise → (eliminate δ) → tangent or adjoint    `diff`, `grad`
     compiled     … → eliminate δ → canonicalise → schedule → a backend prints it
 
 A pass is `Expr -> Expr` (the last one `Expr -> Program`). TEG_DUMP=all, or a pass's name, prints the program after passes;
@@ -112,10 +112,19 @@ def eliminate(e: object, maps: Maps = ()) -> Expr:
     return normal_form(_expression(e), maps=maps)
 
 
-def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities: str, maps: Maps = ()) -> list[Expr]:
-    """[value], [value, gradient], or [value, gradient, Hessian] as δ-free expressions in canonical form, ready to be scheduled together."""
+def compiled_outputs(
+    e: Expr, wrt: Sequence[Param], orders: int, discontinuities: str, maps: Maps = (), closed_forms: bool = True
+) -> list[Expr]:
+    """[value], [value, gradient], or [value, gradient, Hessian] as δ-free expressions in canonical form, ready to be scheduled together.
+
+    Boundary terms without a rule of integration are among them only with `closed_forms`.
+    """
     e, families = write_out(e), families_with(maps)
-    estimate = partial(eliminate_deltas, families=closing(families)) if discontinuities == "sift" else ESTIMATORS[discontinuities]
+    estimate = (
+        partial(eliminate_deltas, families=closing(families) if closed_forms else families)
+        if discontinuities == "sift"
+        else ESTIMATORS[discontinuities]
+    )
     canonical = Canonical()  # what is canonical already is met again at the end
     outputs = [normal_form(e, maps=maps, canonical=canonical)]
     source = normal_form(e, keep_moving=True, maps=maps, canonical=canonical) if e.has_delta else outputs[0]

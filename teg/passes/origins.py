@@ -54,7 +54,7 @@ def with_differences(root: Expr) -> Expr:
     for node in order:
         unchanged = all(new[c] is c for c in node.children)
         result = node if unchanged else remake(node, tuple([new[c] for c in node.children]))
-        if node in groups and (mine := groups[cast(Expr, node)]):
+        if node in groups and (mine := groups[node]):
             result = _by_differences(cast(Expr, result), _of_coordinates(cast(Expr, result), mine, axes))
         new[node] = result
     return cast(Expr, new[root])
@@ -151,10 +151,10 @@ def _groups(e: Expr) -> list[Group]:
         if row is None:
             return []
         rows.append([row[s] for s in symbols])
-    found = [
+    found: list[Group] = [
         tuple(s for s, d in zip(symbols, v, strict=True) if d) for v in _null_space(rows) if all(d in (0, 1) for d in v) and sum(v) > 1
     ]
-    return found if sum(map(len, found)) == len(set().union(*found)) else []
+    return found if len({s for group in found for s in group}) == sum(map(len, found)) else []
 
 
 @lru_cache(maxsize=4096)

@@ -121,7 +121,7 @@ def _terms(e: Expr) -> list[tuple[Expr, Integral]]:
             ]
             if len(inner) != 1 or len(found) + len(stack) > MAX_TERMS:
                 return []
-            stack.append((mul(factor, *(f for f in cast("Sequence[Expr]", term.children) if f is not inner[0])), cast(Expr, inner[0])))
+            stack.append((mul(factor, *(f for f in cast("Sequence[Expr]", term.children) if f is not inner[0])), inner[0]))
         else:
             return []
     return found
@@ -136,7 +136,7 @@ def match_segment(node: Integral) -> Clipped | None:
 
 def match_clipped(node: Integral, how: Integration) -> Clipped | None:
     """The integral as a polygon or a segment, if it is one and no other rule is asked for."""
-    return (match_polygon(node) or match_segment(node)) if how.rule == "auto" and how.order is None else None
+    return (match_polygon(node) or match_segment(node)) if how.closed_forms else None
 
 
 def _split(body: Expr) -> tuple[Cond, Expr]:

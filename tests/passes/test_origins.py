@@ -46,7 +46,7 @@ def shifted(n: int, across: float, up: float) -> dict[str, Any]:
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     turned = a[:, 0] * b[:, 1] < a[:, 1] * b[:, 0]
     corners[turned] = corners[turned][:, ::-1]
-    found = {f"x{i}": corners[:, i, 0] + across for i in range(3)} | {f"y{i}": corners[:, i, 1] + up for i in range(3)}
+    found: dict[str, Any] = {f"x{i}": corners[:, i, 0] + across for i in range(3)} | {f"y{i}": corners[:, i, 1] + up for i in range(3)}
     found |= {"left": across, "right": across + 1, "bottom": up, "top": up + 1}
     return found | {f"c{i}": rng.uniform(0, 1, n) for i in range(3)}
 
@@ -72,7 +72,7 @@ def test_a_triangle_far_away_in_jax() -> None:
     pytest.importorskip("jax")
     import jax
 
-    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call]
     (ax, ay), (bx, by), (cx, cy) = VERTICES
     edges = [edge(1, 2, "determinant"), edge(2, 0, "determinant"), edge(0, 1, "determinant")]
     e = teg.integral(teg.bracket((edges[0] > 0) & (edges[1] > 0) & (edges[2] > 0)), (x, LEFT, RIGHT), (y, BOTTOM, TOP))
