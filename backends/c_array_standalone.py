@@ -80,8 +80,9 @@ extern "C" {{
             array, and a sum must not end before it begins.
    out      for each output where it goes: output j of element k is out[j][k]; of one that is an array of size numbers it is the
             numbers from out[j] + k * size on, row by row. Outputs are set, not added to, and must not overlap inputs or arrays.
-   notes    NULL, or room for n: notes[k] is 2 if a tolerance was missed in element k, plus 1 if surfaces coincide there (the
-            terms in question are then the mean of both sides).
+   notes    NULL, or room for n: notes[k] is 4 if a condition has more roots than there is room for in element k (a larger
+            max_roots= gives more), plus 2 if a tolerance was missed, plus 1 if surfaces coincide there (the terms in question
+            are then the mean of both sides).
    threads  compiled with OpenMP, so many share the iterations of an outermost sum, or the batch; the outputs have the same bits
             for any number.
 

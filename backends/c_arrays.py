@@ -87,7 +87,8 @@ class CArrayKernel:
         told = notes.ctypes.data
         if n and self._call.batch(n, ctypes.addressof(given), strides.ctypes.data, targets.ctypes.data, told, team):
             raise BackendError("there is no memory for the kernel's workspace")
-        return Results(out, bool(np.bitwise_or.reduce(notes) & 2) if n else False, 0)
+        noted = int(np.bitwise_or.reduce(notes)) if n else 0
+        return Results(out, bool(noted & 2), 0, bool(noted & 4))
 
 
 def compile_c_arrays(program: ArrayProgram, *, threads: int = 1) -> CArrayKernel:
@@ -167,7 +168,7 @@ class _ArrayPrinter:
             lines.append(f"for (int64_t k = 0; k < n{j}; k++) t{j}[k] = 0.0;")
         lines += [f"double w[{self.space}];", "(void)w;"] if 0 < self.space <= ON_STACK else []
         lines += [f"double *const w = malloc({self.space} * sizeof *w);", "if (!w) return -1;"] if self.space > ON_STACK else []
-        lines += ["teg_context ctx = {+1, 0, 0, 0, pace};", "long note = 0;"]
+        lines += ["teg_context ctx = {+1, 0, 0, 0, 0, pace};", "long note = 0;"]
         lines += self._block(program.body, 0)
         for j, o in enumerate(program.outputs):
             if not isinstance(o, Like):
@@ -176,7 +177,10 @@ class _ArrayPrinter:
         used = " ".join(f"(void)p{i};" for i in range(len(program.parameters)))
         used += " ".join(f" (void)a{i}, (void)s{i};" for i in range(len(program.arrays)))
         lines += [used] if used else []
-        lines += ["(void)ctx, (void)pace, (void)team, (void)p, (void)stride, (void)a;", "return note | 2 * (ctx.missed != 0);"]
+        lines += [
+            "(void)ctx, (void)pace, (void)team, (void)p, (void)stride, (void)a;",
+            "return note | 2 * (ctx.missed != 0) | 4 * ctx.crowded;",
+        ]
         yield from indent(*lines)
         yield "}"
 
@@ -388,12 +392,12 @@ class _ArrayPrinter:
                             *own,
                             *(["if (!w) {", *indent("failed = 1;", "continue;"), "}"] if heap else []),
                             *places,
-                            "teg_context ctx = {+1, 0, 0, 0, pace};",
+                            "teg_context ctx = {+1, 0, 0, 0, 0, pace};",
                             "long note = 0;",
                             *(packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if results else []),
                             *self._in_chunk(step, targets),
                             *[f"partial[c * {results + 1} + {k}] = {r};" for k, r in enumerate(step.results)],
-                            f"partial[c * {results + 1} + {results}] = (double)(note | 2 * (ctx.missed != 0));",
+                            f"partial[c * {results + 1} + {results}] = (double)(note | 2 * (ctx.missed != 0) | 4 * ctx.crowded);",
                             *(["free(w);"] if heap else []),
                         ),
                         "}",

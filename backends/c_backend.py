@@ -70,7 +70,8 @@ class CKernel:
             raise BackendError("there is no memory for the kernel's workspace")
         if notes is None:
             return Outcome(out, False, 0)
-        return Outcome(out, bool(np.bitwise_or.reduce(notes) & 2), int((notes >> 2).sum()) if self.counted else 0)
+        noted = int(np.bitwise_or.reduce(notes))
+        return Outcome(out, bool(noted & 2), int((notes >> 3).sum()) if self.counted else 0, bool(noted & 4))
 
     def at_point(self, values: Sequence[float]) -> Outcome:
         """The outcome of one point, given as plain numbers in the order of the parameters; quicker than a batch of one."""
@@ -79,7 +80,7 @@ class CKernel:
         if note < 0:
             raise BackendError("there is no memory for the kernel's workspace")
         out = np.frombuffer(array, dtype=self._type)[self._inputs :].reshape(self._outputs, 1)
-        return Outcome(out, bool(note & 2), note >> 2)
+        return Outcome(out, bool(note & 2), note >> 3, bool(note & 4))
 
     def __reduce__(self) -> tuple[object, ...]:
         return (CKernel, (self.program, self.threads, self.counted, self.dtype))

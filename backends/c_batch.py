@@ -79,6 +79,7 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
     run = [*([] if element.indirect else values), "to" if ties else "row", *["w"] * (space > 0), *["&ctx"] * context]
     call = f"element({', '.join(run)});"
     gather = f"for (int j = 0; j < {inputs}; j++) w[j] = in[j][k];"
+    note = "8 * ctx.evaluations + 4 * ctx.crowded + 2 * ctx.missed + ctx.tied"
     cast = "" if real == "double" else f"({real})"
     first = f"long n, const {real} *const *p, const long *stride, {real} *out, long *notes, int threads"
     second = "long (*poll)(void *data), void *data"
@@ -160,10 +161,10 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
                             *(passed if straight else []),
                             "if ((stopped = teg_stopped(&pace))) break;",
                             *([gather] if element.indirect else []),
-                            *(["teg_context ctx = {+1, 0, 0, 0, &pace};"] if context else []),
+                            *(["teg_context ctx = {+1, 0, 0, 0, 0, &pace};"] if context else []),
                             *(_in_both_orders(call, outputs) if ties else [call]),
                             f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = row[j];",
-                            f"if (notes) notes[at + k] = {'4 * ctx.evaluations + 2 * ctx.missed + ctx.tied' if context else '0'};",
+                            f"if (notes) notes[at + k] = {note if context else '0'};",
                         ),
                         "}",
                     ),

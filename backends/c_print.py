@@ -468,19 +468,19 @@ class Printer:
         return routine, tuple(captured)
 
     def _isolation(self, stmt: Isolate) -> tuple[Routine, tuple[Arg, ...]]:
-        """The routine of an isolation: `f` holds g, g' and then the four bounds."""
-        enclosure = [*self._steps(stmt.enclosure), *_yields(stmt.bounds, 2)]
-        point = [*self._steps(stmt.point), *_yields((stmt.value, stmt.slope))]
+        """The routine of an isolation: `f` holds g, g', g", then the six bounds and the noise."""
+        enclosure = [*self._steps(stmt.enclosure), *_yields((*stmt.bounds, *stmt.curving, stmt.noise), 3)]
+        point = [*self._steps(stmt.point), *_yields((stmt.value, stmt.slope, stmt.curvature))]
         own, variables = (stmt.lo, stmt.hi), {stmt.var: "x", stmt.left: "left", stmt.right: "right"}
         captured = captured_by(own, [*enclosure, *point], variables)
         frame = Frame(captured, [enclosure, point], own, needs_context((stmt,), self.counted), variables)
-        count, spell = len(stmt.results), frame.scope()
+        spell = frame.scope()
         inside = [
             *frame.opening(),
-            "double f[6] = {0.0};",
-            *isolation(frame.block(0), frame.block(1), spell(stmt.lo), spell(stmt.hi), count),
+            "double f[10] = {0.0};",
+            *isolation(frame.block(0), frame.block(1), (spell(stmt.lo), spell(stmt.hi)), stmt),
         ]
-        return self._routine("roots", frame, _head(frame, "root", count), inside), tuple(captured)
+        return self._routine("roots", frame, _head(frame, "root", len(assigned(stmt))), inside), tuple(captured)
 
     def _location(self, stmt: Locate) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of a location: `f` holds the four bounds."""
@@ -579,9 +579,9 @@ def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
 
 
 def needs_context(block: tuple[Stmt, ...], counted: bool) -> bool:
-    """Whether a run of it can meet a tie, miss a tolerance, take long, or count."""
+    """Whether a run of it can meet a tie, miss a tolerance, have too little room, take long, or count."""
     return has_ties(block) or any(
-        isinstance(s, Sample)
+        isinstance(s, Sample | Isolate)
         or (isinstance(s, Polygon | Segment) and counted)
         or (isinstance(s, Integrate) and (counted or isinstance(s.rule, Adaptive | Rational) or _is_long(s)))
         for s in compound(block)

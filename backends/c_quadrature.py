@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from teg.backends.c_text import each, indent, literal
-from teg.program import INSIDE, Adaptive, Bend
+from teg.program import INSIDE, Adaptive, Bend, Isolate, assigned
 from teg.quadrature import decay_power, gauss_legendre, null_rules
 
 
@@ -207,22 +207,26 @@ def adaptive_piece(
     ]
 
 
-def isolation(enclosure: Sequence[str], point: Sequence[str], lo: str, hi: str, count: int) -> list[str]:
-    """Write the roots between lo and hi to `root`: `point` writes g and g' at x to `f`, `enclosure` bounds over (left, right) to `f + 2`.
+def isolation(enclosure: Sequence[str], point: Sequence[str], bounds: tuple[str, str], stmt: Isolate) -> list[str]:
+    """Write the roots between `bounds` to `root`, and behind them their errors, if the statement has them: `point` writes g, g' and g" at x
+    to `f`, `enclosure` what is known over (left, right) to `f + 3`.
 
     A box that its bounds alone clear spares the run of `point`.
     """
+    count, single = len(stmt.results), len(assigned(stmt)) == 1
+    errors = f"root + {count}" if stmt.errors else "NULL"
+    given = f"{bounds[0]}, {bounds[1]}, root, {errors}, {count}, {stmt.width}, {literal(stmt.tol)}"
     return [
-        *(["double root[1];"] if count == 1 else []),
+        *(["double root[1];"] if single else []),
         "teg_isolation search;",
-        f"teg_isolate(&search, {lo}, {hi}, root, {count});",
+        f"teg_isolate(&search, {given});",
         "while (search.asks != TEG_DONE) {",
         *indent(
-            "if (search.asks == TEG_BOX) {",
+            "if (search.asks == TEG_BOX || search.asks == TEG_TOUCH) {",
             *indent(
-                *_used(enclosure, left="search.box.from", right="search.box.to"),
+                *_used(enclosure, left="search.from", right="search.to"),
                 *enclosure,
-                "if (teg_is_clear(&search.box, f + 2)) {",
+                "if (search.asks == TEG_BOX && teg_is_clear(&search.box, f + 3)) {",
                 *indent("teg_next_box(&search);", "continue;"),
                 "}",
             ),
@@ -232,8 +236,8 @@ def isolation(enclosure: Sequence[str], point: Sequence[str], lo: str, hi: str, 
             "teg_answer(&search, f);",
         ),
         "}",
-        "teg_roots(&search);",
-        *(["return root[0];"] if count == 1 else []),
+        "teg_roots(&search, ctx);",
+        *(["return root[0];"] if single else []),
     ]
 
 

@@ -95,8 +95,9 @@ extern "C" {{
    stride   for each input how far apart the values of neighbouring points are, in numbers; 0: all points share one value.
    out      room for {name.upper()}_OUTPUTS * n numbers; output j at point k is out[j * n + k]. NaN where an input is NaN, and where
             there is no answer.
-   notes    NULL, or room for n: notes[k] is 2 if a tolerance was missed at point k, plus 1 if surfaces coincide there (the
-            output is then the mean of both sides).
+   notes    NULL, or room for n: notes[k] is 4 if a condition has more roots than there is room for at point k (a larger
+            max_roots= gives more), plus 2 if a tolerance was missed, plus 1 if surfaces coincide there (the output is then the
+            mean of both sides).
    threads  compiled with OpenMP, so many share the points; the outputs have the same bits for any number.
 
    Returns 0; 1 if there was no memory for the workspace, and then `out` is not complete. Nothing is kept between calls, and

@@ -98,7 +98,7 @@ class JaxKernel:
         return self.outcome(columns, n).values
 
     def outcome(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> Outcome:
-        """The outputs, and whether a tolerance was missed; evaluations are not counted."""
+        """The outputs, whether a tolerance was missed, and whether a search had too little room; evaluations are not counted."""
         _import_jax()
         values = [np.asarray(column, dtype=np.float64) for column in columns]
         mapped = tuple(v.ndim > 0 for v in values)
@@ -109,8 +109,8 @@ class JaxKernel:
         if not any(mapped):
             found, note = call(*values)
             out[:] = np.asarray(found)[:, None]
-            return Outcome(out, bool(note & 2), 0)
-        missed = False
+            return Outcome(out, bool(note & 2), 0, bool(note & 4))
+        noted = 0
         for start in range(0, n, self._step):
             count = min(self._step, n - start)
             padding = (0, (1 << (count - 1).bit_length()) - count)  # few lengths: few compilations
@@ -118,8 +118,8 @@ class JaxKernel:
             given = [np.pad(v[part], padding, mode="edge") if v.ndim else v for v in values]
             found, note = call(*given)
             out[:, part] = np.asarray(found)[:, :count]
-            missed |= bool(note & 2)
-        return Outcome(out, missed, 0)
+            noted |= int(note)
+        return Outcome(out, bool(noted & 2), 0, bool(noted & 4))
 
     def _batch(self, mapped: tuple[bool, ...]) -> Callable[..., Any]:
         """The jitted function of columns, those `mapped` with a batch axis: (outputs, n), or (outputs,); and the note of all."""
@@ -302,14 +302,15 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
 def _isolation(stmt: Isolate, note: str) -> list[str]:
     """The functions of an isolation, and its call."""
     enclosure, point = f"enclosure_{stmt.var}", f"point_{stmt.var}"
-    arguments = [_text(stmt.lo), _text(stmt.hi), enclosure, point, str(len(stmt.results))]
+    room = f"({len(stmt.results)}, {stmt.width})"
+    arguments = [_text(stmt.lo), _text(stmt.hi), enclosure, point, room, _text(stmt.tol), repr(bool(stmt.errors))]
     arguments += [f"when={stmt.when}"] if stmt.when else []
     return [
         f"def {enclosure}({stmt.left}, {stmt.right}):",
-        *_block(stmt.enclosure, f"({inside(map(_text, stmt.bounds))})"),
+        *_block(stmt.enclosure, f"({inside(map(_text, (*stmt.bounds, *stmt.curving, stmt.noise)))})"),
         f"def {point}({stmt.var}):",
-        *_block(stmt.point, f"({inside(map(_text, (stmt.value, stmt.slope)))})"),
-        f"({inside(stmt.results)}), {note} = roots.isolate({', '.join(arguments)})",
+        *_block(stmt.point, f"({inside(map(_text, (stmt.value, stmt.slope, stmt.curvature)))})"),
+        f"({inside(assigned(stmt))}), {note} = roots.isolate({', '.join(arguments)})",
     ]
 
 
@@ -405,6 +406,7 @@ def _has_note(stmt: Stmt) -> bool:
     """Whether a tie may be met there, or a tolerance missed."""
     return any(
         (isinstance(s, Assign) and s.op == "tie")
+        or isinstance(s, Isolate)
         or (isinstance(s, Integrate) and isinstance(s.rule, Adaptive | Rational))
         or (isinstance(s, Hyperbola) and bool(s.ties))
         or (isinstance(s, Segment) and any(g.k is not None for g in s.half_lines))

@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.backends.jax_runtime import Note, Scalar, union, vector, where
-from teg.program import ISOLATE_DEPTH, ISOLATE_STEPS, ISOLATE_WIDTH, LOCATE_DEPTH, LOCATE_WIDTH
+from teg.backends.jax_runtime import CROWDED, MISSED, Note, Scalar, union, vector, where
+from teg.program import ISOLATE_DEPTH, ISOLATE_STEPS, LOCATE_DEPTH, LOCATE_WIDTH
 
 Block = Callable[..., tuple[tuple[Scalar, ...], Note]]  # variables -> values, note
 
@@ -27,8 +27,8 @@ ROW = 32
 class _Search(NamedTuple):
     """A search that is at the box (p, q), which begins at start/END; level l has seen count[l] boxes.
 
-    Of g at ends of boxes only the sign is kept: 1 for g > 0, -1 for g <= 0, 0 for NaN. The box of level l that waits on
-    the right of the present one, or of an ancestor, ends at ends[l], with sign_ends[l]. The last undecided boxes
+    Of g and its slope at ends of boxes only the signs are kept: 1 for > 0, -1 for <= 0, 0 for NaN. The box of level l that waits on
+    the right of the present one, or of an ancestor, ends at ends[l], with the signs sign_ends[:, l]. The last undecided boxes
     begin at `first` and end at `last`. `found` places are taken.
     """
 
@@ -36,8 +36,8 @@ class _Search(NamedTuple):
     level: Any
     p: Any
     q: Any
-    sign_p: Any
-    sign_q: Any
+    signs_p: Any
+    signs_q: Any
     ends: Any
     sign_ends: Any
     count: Any
@@ -50,38 +50,45 @@ class _Search(NamedTuple):
 
 
 class _Places(NamedTuple):
-    """What was found, one array entry each: a range (p, q), how many roots, whether it is monotone, the sign of g at q.
+    """What was found, one array entry each: a range (p, q), how many roots, whether g changes its sign in it, the sign of g at q, and how
+    far a root in its middle may be off.
 
-    A range is a monotone box, whose root is for Newton's method to find, or undecided boxes joined.
+    A range is a box with one root, which is for Newton's method to find, undecided boxes joined, or a tangency.
     """
 
     p: Any
     q: Any
     times: Any
-    monotone: Any
+    crossing: Any
     sign_q: Any
+    error: Any
 
 
 def isolate(
-    lo: Scalar, hi: Scalar, enclosure: Block, point: Block, results: int, *, when: Scalar = True
+    lo: Scalar, hi: Scalar, enclosure: Block, point: Block, room: tuple[int, int], tol: float, estimated: bool, *, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Scalar]:
-    """The roots in ascending order, then +inf; and the note."""
+    """The roots in ascending order, then +inf; behind them, if `estimated`, their errors; and the note. There is `room` for so many roots,
+    and so many boxes on a level."""
+    results, width = room
     lo, hi = jnp.asarray(lo, jnp.float64), jnp.asarray(hi, jnp.float64)
     finite = jnp.isfinite(lo) & jnp.isfinite(hi)
     active = when & finite & (lo != hi)
     p, q = jnp.minimum(lo, hi), jnp.maximum(lo, hi)
     at_ends, note = jax.vmap(lambda v: vector(point(v)))(jnp.stack([p, q]))
-    end = _search(active, p, q, _sign(at_ends[:, 0]), enclosure, point, results + 1)
+    end = _search(active, p, q, _sign(at_ends[:, :2]), enclosure, point, results + 2, width)
     places = end.places
-    there = jnp.arange(results + 1) < end.found
-    searched, note_steps = jax.vmap(lambda *box: _crossing(point, *box))(there & places.monotone, places.p, places.q, places.sign_q)
+    there = jnp.arange(results + 2) < end.found
+    searched, note_steps = jax.vmap(lambda *box: _crossing(point, 0, *box))(there & places.crossing, places.p, places.q, places.sign_q)
     times = jnp.where(there, places.times, 0)
-    root = jnp.where(places.monotone, searched, 0.5 * (places.p + places.q))
-    listed = jnp.sort(jnp.concatenate([jnp.where(times >= i, root, jnp.inf) for i in (1, 2)]))[:results]
-    crowded = jnp.any(end.count > ISOLATE_WIDTH) | (end.found > results + 1) | (jnp.sum(times) > results)
-    listed = jnp.where(~finite | (active & crowded), jnp.nan, listed)
-    listed = jnp.where(when, listed, jnp.inf)
-    return tuple(listed[i] for i in range(results)), where(active, union(note)) | end.note | union(note_steps)
+    root = jnp.where(places.crossing, searched, 0.5 * (places.p + places.q))
+    both = [jnp.concatenate([jnp.where(times >= i, v, absent) for i in (1, 2)]) for v, absent in ((root, jnp.inf), (places.error, 0.0))]
+    listed, errors = (v[:results] for v in lax.sort(tuple(both), num_keys=1))
+    crowded = active & (jnp.any(end.count > width) | (end.found > results + 2) | (jnp.sum(times) > results))
+    missed = active & ~crowded & jnp.any(errors > tol * jnp.abs(hi - lo))
+    refused = when & (~finite | crowded)
+    found = [jnp.where(when, jnp.where(refused, jnp.nan, v), jnp.inf) for v in ((listed, errors) if estimated else (listed,))]
+    noted = jnp.where(crowded, jnp.int32(CROWDED), jnp.int32(0)) | jnp.where(missed, jnp.int32(MISSED), jnp.int32(0))
+    return tuple(v[i] for v in found for i in range(results)), where(active, union(note)) | end.note | union(note_steps) | noted
 
 
 def sum_over(points: tuple[Scalar, ...], body: Block, results: int, *, when: Scalar = True) -> tuple[tuple[Scalar, ...], Scalar]:
@@ -97,8 +104,8 @@ def sum_over(points: tuple[Scalar, ...], body: Block, results: int, *, when: Sca
     return tuple(sums[i] for i in range(results)), union(where(there, note))
 
 
-def _search(active: Scalar, p: Scalar, q: Scalar, signs: Any, enclosure: Block, point: Block, room: int) -> _Search:
-    """The search of the box (p, q), at its end or where it is known to be hopeless, with places for `room` finds.
+def _search(active: Scalar, p: Scalar, q: Scalar, signs: Any, enclosure: Block, point: Block, room: int, width: int) -> _Search:
+    """The search of the box (p, q), at its end or where it is known to be hopeless, with places for `room` finds and `width` boxes a level.
 
     No stack is needed to know where the search stands: behind a box that ends at u/END, the next one
     waiting is the largest dyadic one that begins there, whose level is told by the lowest bit of u.
@@ -107,74 +114,121 @@ def _search(active: Scalar, p: Scalar, q: Scalar, signs: Any, enclosure: Block, 
 
     def step(at: _Search) -> _Search:
         m, h = 0.5 * (at.p + at.q), 0.5 * (at.q - at.p)
-        (least, most, slowest, fastest), note_box = vector(enclosure(at.p, at.q))
-        (g, _), note_middle = vector(point(m))
+        (least, most, slowest, fastest, bent_down, bent_up, noise), note_box = vector(enclosure(at.p, at.q))
+        (g, slope, _), note_middle = vector(point(m))
         reach = h * jnp.maximum(jnp.abs(slowest), jnp.abs(fastest))
         bounded = jnp.isfinite(slowest) & jnp.isfinite(fastest)
         away = (least > 0.0) | (most < 0.0) | (bounded & ((g - reach > 0.0) | (g + reach < 0.0)))
         away |= jnp.isnan(least) & jnp.isnan(most) & jnp.isnan(g)
-        changes = at.sign_p * at.sign_q < 0
-        steep = ((slowest > 0.0) | (fastest < 0.0)) & (at.sign_p * at.sign_q != 0)
-        whole = (m <= at.p) | (m >= at.q)
+        changes, turns = at.signs_p * at.signs_q < 0
+        known, sloped = at.signs_p * at.signs_q != 0
         flat = (slowest == 0.0) & (fastest == 0.0)
-        left = (changes | ~away) & ~steep & ~flat
-        undecided = left & (whole | (at.level == ISOLATE_DEPTH))
+        inside = (changes | ~away) & ~flat
+        monotone = inside & ((slowest > 0.0) | (fastest < 0.0)) & known
+        bent = inside & ~monotone & ((bent_down > 0.0) | (bent_up < 0.0)) & known & sloped
+        turning = bent & ~changes & turns & ((at.signs_p[0] > 0) == (bent_down > 0.0))
+        _, touch, two, turn, error, note_turn = _turn(enclosure, point, turning & (at.start < END), at)
+        blurred = jnp.abs(g) + h * jnp.abs(slope) + 0.5 * h * h * jnp.maximum(jnp.abs(bent_down), jnp.abs(bent_up)) <= noise
+        whole = (m <= at.p) | (m >= at.q)
+        left = inside & ~monotone & ~bent
+        undecided = left & (whole | (at.level == ISOLATE_DEPTH) | blurred)
         halve = left & ~undecided
 
         joins = at.last == at.p
-        first, sign_first = jnp.where(joins, at.first, at.p), jnp.where(joins, at.sign_first, at.sign_p)
-        times = jnp.array([1, 0, 2], jnp.int8)[sign_first * at.sign_q + 1]
-        monotone = steep & changes
+        first, sign_first = jnp.where(joins, at.first, at.p), jnp.where(joins, at.sign_first, at.signs_p[0])
+        times = jnp.array([1, 0, 2], jnp.int8)[sign_first * at.signs_q[0] + 1]
+        crossing = (monotone | bent) & changes
         empty = (at.found > 0) & (at.places.times[jnp.minimum(at.found, room) - 1] == 0)
         place = at.found - (empty | (undecided & joins))
-        here = (numbers == place) & (undecided | monotone)
-        new = _Places(jnp.where(undecided, first, at.p), at.q, jnp.where(undecided, times, jnp.int8(1)), monotone, at.sign_q)
+        found = undecided | crossing | touch | two
+        begin = jnp.where(undecided, first, jnp.where(touch, turn, at.p))
+        end = jnp.where(touch | two, turn, at.q)
+        error = jnp.where(undecided, 0.5 * (at.q - first), jnp.where(touch, error, 0.0))
+        new = _Places(
+            begin,
+            end,
+            jnp.where(undecided, times, jnp.where(touch, jnp.int8(2), jnp.int8(1))),
+            crossing | two,
+            jnp.where(two, -at.signs_q[0], at.signs_q[0]),
+            error,
+        )
+        second = _Places(turn, at.q, jnp.int8(1), jnp.bool_(True), at.signs_q[0], jnp.float64(0.0))
 
         # a box that cannot be halved stays whole on the levels below
-        seen = (levels == at.level) | (undecided & (levels >= at.level))
-        count = at.count + seen.astype(jnp.uint8)
-        found = jnp.where(undecided | monotone, place + 1, at.found)
-        hopeless = jnp.any(count > ISOLATE_WIDTH) | (found > room)
+        seen = (levels == at.level) | (left & whole & (levels >= at.level))
+        count = at.count + seen.astype(at.count.dtype)
+        taken = jnp.where(found, place + 1 + two, at.found)
+        hopeless = jnp.any(count > width) | (taken > room)
         below = halve & (levels == at.level + 1)
         start = jnp.where(halve, at.start, at.start + (jnp.int64(END) >> at.level.astype(jnp.int64)))
         start = jnp.where(hopeless, END, start)
         level = jnp.where(halve, at.level + 1, (ISOLATE_DEPTH - lax.population_count((start & -start) - 1)).astype(jnp.int8))
+        here, after = (numbers == place) & found, (numbers == place + 1) & two
+        places = [jnp.where(after, b, jnp.where(here, a, old)) for a, b, old in zip(new, second, at.places, strict=True)]
         return _Search(
             start=start,
             level=level,
             p=jnp.where(halve, at.p, at.q),
             q=jnp.where(halve, m, at.ends[level]),
-            sign_p=jnp.where(halve, at.sign_p, at.sign_q),
-            sign_q=jnp.where(halve, _sign(g), at.sign_ends[level]),
+            signs_p=jnp.where(halve, at.signs_p, at.signs_q),
+            signs_q=jnp.where(halve, _sign(jnp.stack([g, slope])), at.sign_ends[:, level]),
             ends=jnp.where(below, at.q, at.ends),
-            sign_ends=jnp.where(below, at.sign_q, at.sign_ends),
+            sign_ends=jnp.where(below, at.signs_q[:, None], at.sign_ends),
             count=count,
             first=jnp.where(undecided, first, at.first),
             sign_first=jnp.where(undecided, sign_first, at.sign_first),
             last=jnp.where(undecided, at.q, at.last),
-            found=found,
-            places=_Places(*(jnp.where(here, value, old) for value, old in zip(new, at.places, strict=True))),
-            note=at.note | note_box | note_middle,
+            found=taken,
+            places=_Places(*places),
+            note=at.note | note_box | note_middle | note_turn,
         )
 
+    kinds = (jnp.float64, jnp.float64, jnp.int8, jnp.bool_, jnp.int8, jnp.float64)
     beginning = _Search(
         start=jnp.where(active, jnp.int64(0), END),
         level=jnp.int8(0),
         p=p,
         q=q,
-        sign_p=signs[0],
-        sign_q=signs[1],
+        signs_p=signs[0],
+        signs_q=signs[1],
         ends=jnp.zeros(ISOLATE_DEPTH + 1),
-        sign_ends=jnp.zeros(ISOLATE_DEPTH + 1, jnp.int8),
-        count=jnp.zeros(ISOLATE_DEPTH + 1, jnp.uint8),
+        sign_ends=jnp.zeros((2, ISOLATE_DEPTH + 1), jnp.int8),
+        count=jnp.zeros(ISOLATE_DEPTH + 1, jnp.uint8 if width < 255 else jnp.int32),
         first=jnp.float64(0.0),
         sign_first=jnp.int8(0),
         last=jnp.float64(jnp.nan),
         found=jnp.int64(0),
-        places=_Places(*(jnp.zeros(room, kind) for kind in (jnp.float64, jnp.float64, jnp.int8, jnp.bool_, jnp.int8))),
+        places=_Places(*(jnp.zeros(room, kind) for kind in kinds)),
         note=jnp.int32(0),
     )
     return lax.while_loop(lambda at: at.start < END, step, beginning)
+
+
+class _Turned(NamedTuple):
+    """Whether a box that turns is still to be looked at; whether g touches 0 there or has a root on either side; where, how far a tangency
+    may be off, and the note."""
+
+    waits: Any
+    touch: Any
+    two: Any
+    turn: Any
+    error: Any
+    note: Any
+
+
+def _turn(enclosure: Block, point: Block, turning: Scalar, at: _Search) -> _Turned:
+    """What becomes of a box that turns. It is a loop of one step, which a batch makes only if one of its elements needs it."""
+
+    def look(_: _Turned) -> _Turned:
+        turn, note_steps = _crossing(point, 1, turning, at.p, at.q, at.signs_q[1])
+        (g, _, curvature), note = vector(point(turn))
+        *_, noise = vector(enclosure(turn, turn))[0]
+        touch = jnp.abs(g) <= noise
+        two = ~touch & ((g > 0.0) != (at.signs_p[0] > 0))
+        return _Turned(jnp.bool_(False), touch, two, turn, jnp.sqrt(2.0 * noise / jnp.abs(curvature)), note_steps | note)
+
+    no = jnp.bool_(False)
+    return lax.while_loop(lambda found: found.waits, look, _Turned(turning, no, no, at.p, jnp.float64(0.0), jnp.int32(0)))
 
 
 def _sign(g: Scalar) -> Scalar:
@@ -195,11 +249,12 @@ class _Newton(NamedTuple):
     note: Any
 
 
-def _crossing(point: Block, active: Scalar, p: Scalar, q: Scalar, sign_q: Scalar) -> tuple[Scalar, Scalar]:
-    """The root in a monotone box, by Newton's method kept inside by bisection, and the note."""
+def _crossing(point: Block, order: int, active: Scalar, p: Scalar, q: Scalar, sign_q: Scalar) -> tuple[Scalar, Scalar]:
+    """The zero of g (order 0) or of its slope (order 1) in a box, by Newton's method kept inside by bisection, and the note."""
 
     def step(at: _Newton) -> _Newton:
-        (g, slope), note = vector(point(at.v))
+        values, note = vector(point(at.v))
+        g, slope = values[order], values[order + 1]
         at_right = (g > 0.0) == (sign_q > 0)
         p, q = jnp.where(at_right, at.p, at.v), jnp.where(at_right, at.v, at.q)
         step, middle = -g / slope, 0.5 * (p + q)

@@ -35,11 +35,11 @@ from teg.program import (
 from teg.quadrature import decay_power, gauss_legendre, null_rules
 
 Scalar = Any  # a traced scalar, float64 or boolean, or a Python literal
-Note = Any  # an int32: TIED where a tie was met, MISSED where a tolerance was
+Note = Any  # an int32: TIED where a tie was met, MISSED where a tolerance was, CROWDED where a search has too little room
 Body = Callable[[Scalar, tuple[Scalar, ...]], tuple[tuple[Scalar, ...], Note]]  # x, flags -> values, note
 Flags = Callable[[Scalar], tuple[Scalar, tuple[Scalar, ...], tuple[Scalar, ...], Note]]  # middle -> need, bends, flags, note
 Rule = Callable[[Substitution, Sequence[Any], Scalar, Callable[[Scalar], Any]], tuple[Any, Note]]
-TIED, MISSED = 1, 2
+TIED, MISSED, CROWDED = 1, 2, 4
 
 MIDPOINTS = 1024
 """Points of the midpoint rule at a time."""

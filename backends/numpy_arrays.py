@@ -32,11 +32,12 @@ class FlatKernel:
 
 class Results(NamedTuple):
     """What a run of a program with arrays gives: its outputs, (n,) for a number, (n, *shape) for an array; whether a tolerance was missed,
-    and the number of evaluations of integrands."""
+    the number of evaluations of integrands, and whether a search had too little room."""
 
     values: list[Array]
     missed: bool
     evaluations: int
+    crowded: bool = False
 
 
 class Lanes(NamedTuple):
@@ -77,7 +78,7 @@ class LaneKernel:
                 found.append(run.targets.get(j, np.zeros(n * int(np.prod(shape)))).reshape(n, *shape))
             else:
                 found.append(np.array(np.broadcast_to(lane_values(output, lanes), (n,)), dtype=np.float64))
-        return Results(found, run.missed, run.evaluations)
+        return Results(found, run.missed, run.evaluations, run.crowded)
 
 
 class Running:
@@ -90,7 +91,7 @@ class Running:
         self.batched = [a.ndim > s.dimensions for a, s in zip(arrays, self.specs, strict=True)]
         self.n = n
         self.targets: dict[int, Array] = {}
-        self.missed = False
+        self.missed = self.crowded = False
         self.evaluations = 0
 
     def block(self, block: Sequence[Step], lanes: Lanes) -> None:
@@ -130,6 +131,7 @@ class Running:
         count = min(lanes.size, 1) if shared else lanes.size
         outcome = self.kernel._kernels[id(step)].outcome(columns, count)
         self.missed |= outcome.missed
+        self.crowded |= outcome.crowded
         self.evaluations += outcome.evaluations
         for name, row in zip(step.results, outcome.values, strict=True):
             lanes.values[name] = row[0] if shared and count else row

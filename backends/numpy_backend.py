@@ -103,8 +103,8 @@ class NumpyKernel:
 
     def outcome(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> Outcome:
         """The outputs, whether a tolerance was missed, and how many evaluations it took."""
-        out, _, missed, evaluations = self._run(columns, n)
-        return Outcome(out, missed, evaluations)
+        out, _, run = self._run(columns, n)
+        return Outcome(out, run.missed, run.evaluations, run.crowded)
 
     def met_ties(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[int, ...]:
         """The numbers k of the ties that a call with these arguments meets, ascending."""
@@ -112,7 +112,7 @@ class NumpyKernel:
 
     def values_and_ties(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], tuple[int, ...]]:
         """The outputs, and the numbers k of the ties that were met, ascending."""
-        out, met, _, _ = self._run(columns, n)
+        out, met, _ = self._run(columns, n)
         return out, tuple(sorted(met))
 
     def in_order(self, columns: Sequence[npt.NDArray[np.float64]], n: int, order: int) -> npt.NDArray[np.float64]:
@@ -120,12 +120,13 @@ class NumpyKernel:
         with np.errstate(all="ignore"):
             return self._outputs(rt.Run(order, self._room), [np.asarray(c, dtype=np.float64)[()] for c in columns], n)
 
-    def _run(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], set[int], bool, int]:
+    def _run(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], set[int], rt.Run]:
+        """The outputs, the ties that were met, and a run that holds what all parts of the batch noted."""
         values = [np.asarray(column, dtype=np.float64) for column in columns]
         shared = all(v.ndim == 0 for v in values)
         out = np.empty((len(self.program.outputs), n))
         met: set[int] = set()
-        missed, evaluations = False, 0
+        noted = rt.Run(+1, self._room)
         with np.errstate(all="ignore"):
             step = n if shared else rt.Run(1, self._room).chunk(self._width)
             for start in range(0, n, max(1, step)):
@@ -138,11 +139,9 @@ class NumpyKernel:
                     reverse = self._outputs(again, arguments, min(step, n - start))
                     out[:, part] = 0.5 * out[:, part] + 0.5 * reverse
                     met |= run.met | again.met
-                    run.missed |= again.missed
-                    run.evaluations += again.evaluations
-                missed |= run.missed
-                evaluations += run.evaluations
-        return out, met, missed, evaluations
+                    noted.add(again)
+                noted.add(run)
+        return out, met, noted
 
     def _outputs(self, run: rt.Run, arguments: Iterable[Any], n: int) -> npt.NDArray[np.float64]:
         out = np.empty((len(self.program.outputs), n))
@@ -242,7 +241,8 @@ def of_bends(stmt: Integrate) -> list[Arg]:
 
 def searched(stmt: Isolate) -> tuple[list[str], list[str]]:
     """What an isolation's blocks use from outside: `enclosure`, `point`."""
-    in_enclosure, in_point = free(stmt.enclosure, stmt.bounds), free(stmt.point, (stmt.value, stmt.slope))
+    in_enclosure = free(stmt.enclosure, (*stmt.bounds, *stmt.curving, stmt.noise))
+    in_point = free(stmt.point, (stmt.value, stmt.slope, stmt.curvature))
     return [name for name in in_enclosure if name not in (stmt.left, stmt.right)], [name for name in in_point if name != stmt.var]
 
 
@@ -346,10 +346,11 @@ class _Printer:
     def isolation(self, number: int, stmt: Isolate) -> None:
         for_enclosure, for_point = searched(stmt)
         enclosure, point = f"enclosure_{number}", f"point_{number}"
-        enclosure_width = self.function(enclosure, [stmt.left, stmt.right, *for_enclosure], stmt.enclosure, stmt.bounds)
-        point_width = self.function(point, [stmt.var, *for_point], stmt.point, (stmt.value, stmt.slope))
-        fields = f"enclosure={enclosure}, point={point}, results={len(stmt.results)}"
-        fields += f", enclosure_width={enclosure_width}, point_width={point_width}"
+        enclosed = (*stmt.bounds, *stmt.curving, stmt.noise)
+        enclosure_width = self.function(enclosure, [stmt.left, stmt.right, *for_enclosure], stmt.enclosure, enclosed)
+        point_width = self.function(point, [stmt.var, *for_point], stmt.point, (stmt.value, stmt.slope, stmt.curvature))
+        fields = f"enclosure={enclosure}, point={point}, count={len(stmt.results)}, estimated={bool(stmt.errors)!r}"
+        fields += f", tol={_text(stmt.tol)}, width={stmt.width}, enclosure_width={enclosure_width}, point_width={point_width}"
         self.lines += ["", "", f"isolation_{number} = roots.Isolation(", f"    {fields}", ")"]
 
     def location(self, number: int, stmt: Locate) -> None:

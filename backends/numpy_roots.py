@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
 from teg.backends.numpy_runtime import Array, Block, Run, Value, gather, on_lanes, parts, scatter
-from teg.program import ISOLATE_DEPTH, ISOLATE_STEPS, ISOLATE_WIDTH, LOCATE_DEPTH, LOCATE_WIDTH
+from teg.program import ISOLATE_DEPTH, ISOLATE_STEPS, LOCATE_DEPTH, LOCATE_WIDTH
 
 BOX = 20
 """Doubles that a box takes while its level is examined."""
@@ -22,13 +23,16 @@ BOX = 20
 class Isolation:
     """The roots of a function: interval bisection, then Newton's method.
 
-    `enclosure` and `point` are printed blocks, `results` the number of roots there is room for, and the widths are
-    the doubles that a lane of each block takes.
+    `enclosure` and `point` are printed blocks, `count` the number of roots there is room for, `tol` and `width` those of the statement;
+    the other widths are the doubles that a lane of each block takes. With `estimated` the errors of the roots come behind them.
     """
 
     enclosure: Block
     point: Block
-    results: int
+    count: int
+    estimated: bool
+    tol: float
+    width: int
     enclosure_width: int
     point_width: int
 
@@ -48,21 +52,28 @@ class Isolation:
             return _Search(self, run, given[2:first], given[first:]).roots(given[0], given[1], lanes)
 
         given = (lo, hi, *for_enclosure, *for_point)
-        return on_lanes(work, given, when, self.results, np.inf, run.chunk(len(given) + BOX * ISOLATE_WIDTH))
+        found = on_lanes(work, given, when, 2 * self.count, np.inf, run.chunk(len(given) + BOX * self.width))
+        return found if self.estimated else found[: self.count]
 
 
 @dataclass(frozen=True, slots=True)
 class _Boxes:
-    """Boxes (p, q) in lanes, in ascending order, with g at both ends."""
+    """Boxes (p, q) in lanes, in ascending order, with g and its slope at both ends."""
 
     lane: Array
     p: Array
     q: Array
     at_p: Array
     at_q: Array
+    slope_p: Array
+    slope_q: Array
 
     def __getitem__(self, index: Array | slice) -> _Boxes:
-        return _Boxes(self.lane[index], self.p[index], self.q[index], self.at_p[index], self.at_q[index])
+        return _Boxes(*(column[index] for column in self.columns))
+
+    @property
+    def columns(self) -> tuple[Array, ...]:
+        return self.lane, self.p, self.q, self.at_p, self.at_q, self.slope_p, self.slope_q
 
     @property
     def changes(self) -> Array:
@@ -76,7 +87,13 @@ class _Boxes:
         known: Array = ~(np.isnan(self.at_p) | np.isnan(self.at_q))
         return known
 
-    def halved(self, m: Array, at_m: Array) -> _Boxes:
+    @property
+    def turns(self) -> Array:
+        """Where the slope changes its sign."""
+        turns: Array = (self.slope_p > 0.0) != (self.slope_q > 0.0)
+        return turns & ~(np.isnan(self.slope_p) | np.isnan(self.slope_q))
+
+    def halved(self, m: Array, at_m: Array, slope_m: Array) -> _Boxes:
         """The halves, in order; a box whose middle m is rounded to one of its ends stays whole."""
         apart = (self.p < m) & (m < self.q)
         times = np.where(apart, 2, 1)
@@ -84,13 +101,16 @@ class _Boxes:
         halves = self[np.repeat(np.arange(m.size), times)]
         halves.q[left] = halves.p[left + 1] = m[apart]
         halves.at_q[left] = halves.at_p[left + 1] = at_m[apart]
+        halves.slope_q[left] = halves.slope_p[left + 1] = slope_m[apart]
         return halves
 
     def joined(self) -> _Boxes:
         """Boxes that share an end as one."""
-        starts = np.flatnonzero(np.r_[True, (self.lane[1:] != self.lane[:-1]) | (self.p[1:] != self.q[:-1])])
-        ends = np.r_[starts[1:], self.lane.size] - 1
-        return _Boxes(self.lane[starts], self.p[starts], self.q[ends], self.at_p[starts], self.at_q[ends])
+        first = self[np.lexsort((self.p, self.lane))]
+        starts = np.flatnonzero(np.r_[True, (first.lane[1:] != first.lane[:-1]) | (first.p[1:] != first.q[:-1])])
+        last = first[np.r_[starts[1:], first.lane.size] - 1]
+        first = first[starts]
+        return _Boxes(first.lane, first.p, last.q, first.at_p, last.at_q, first.slope_p, last.slope_q)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,52 +123,89 @@ class _Search:
     for_point: Sequence[Array]
 
     def roots(self, lo: Array, hi: Array, lanes: int) -> Array:
-        """The roots in (lo, hi), (results, lanes)."""
+        """The roots in (lo, hi) and then their errors, (2·count, lanes)."""
         lo, hi = (np.broadcast_to(v, (lanes,)) for v in (lo, hi))
         finite = np.isfinite(lo) & np.isfinite(hi)
         lane = np.flatnonzero(finite & (lo != hi))
         p, q = np.minimum(lo, hi)[lane], np.maximum(lo, hi)[lane]
-        whole = _Boxes(lane, p, q, self._at(lane, p)[0], self._at(lane, q)[0])
-        monotone, undecided, crowded = self._boxes(whole, lanes)
-        found = [self._crossings(monotone), self._tangencies(undecided)]
-        lane, root = np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
-        return _table(lane, root, self.isolation.results, ~finite | crowded, np.nan)
+        at_p, at_q = self._at(lane, p), self._at(lane, q)
+        whole = _Boxes(lane, p, q, at_p[0], at_q[0], at_p[1], at_q[1])
+        crossing, turning, undecided, crowded = self._boxes(whole, lanes)
+        once, twice = self._turned(turning)
+        found = [self._crossings(crossing), self._crossings(once), twice, self._tangencies(undecided)]
+        lane, root, error = (np.concatenate([f[i] for f in found]) for i in range(3))
+        count = self.isolation.count
+        crowded |= np.bincount(lane, minlength=lanes) > count
+        kept = ~crowded[lane]
+        self.run.crowded |= bool(crowded.any())
+        self.run.missed |= bool((error > self.isolation.tol * np.abs(hi - lo)[lane])[kept].any())
+        return _table(lane, (root, error), count, ~finite | crowded, np.nan)
 
-    def _boxes(self, boxes: _Boxes, lanes: int) -> tuple[_Boxes, _Boxes, Array]:
-        """The monotone boxes in which g changes its sign, the undecided ones, and the lanes with too many."""
+    def _boxes(self, boxes: _Boxes, lanes: int) -> tuple[_Boxes, _Boxes, _Boxes, Array]:
+        """The boxes with one root, at which g changes its sign; those that turn, and may have two; the undecided ones; and the lanes with
+        too many boxes on a level."""
         crowded = np.zeros(lanes, dtype=np.bool_)
-        found = [boxes[:0]]
+        crossing, turning, lost = [boxes[:0]], [boxes[:0]], [boxes[:0]]
         for level in range(ISOLATE_DEPTH + 1):
-            crowded |= np.bincount(boxes.lane, minlength=lanes) > ISOLATE_WIDTH
+            crowded |= np.bincount(boxes.lane, minlength=lanes) > self.isolation.width
             boxes = boxes[~crowded[boxes.lane]]
             if not boxes.lane.size:
                 break
             m, h = 0.5 * (boxes.p + boxes.q), 0.5 * (boxes.q - boxes.p)
-            least, most, slowest, fastest = self._enclosed(boxes)
-            g, _ = self._at(boxes.lane, m)
+            least, most, slowest, fastest, bent_down, bent_up, noise = self._enclosed(boxes)
+            g, slope, _ = self._at(boxes.lane, m)
+            changes = boxes.changes
             reach = h * np.maximum(np.abs(slowest), np.abs(fastest))
             bounded = np.isfinite(slowest) & np.isfinite(fastest)
             away = (least > 0.0) | (most < 0.0) | (bounded & ((g - reach > 0.0) | (g + reach < 0.0)))
             away |= np.isnan(least) & np.isnan(most) & np.isnan(g)
-            steep = ((slowest > 0.0) | (fastest < 0.0)) & boxes.known
-            found.append(boxes[steep & boxes.changes])
-            flat = (slowest == 0.0) & (fastest == 0.0)
-            left = np.flatnonzero((boxes.changes | ~away) & ~steep & ~flat)
-            boxes = boxes[left] if level == ISOLATE_DEPTH else boxes[left].halved(m[left], g[left])
-        columns = [[b.lane, b.p, b.q, b.at_p, b.at_q] for b in found]
-        monotone = _Boxes(*(np.concatenate(column) for column in zip(*columns, strict=True)))
-        return monotone[~crowded[monotone.lane]], boxes, crowded
+            open_ = (changes | ~away) & ~((slowest == 0.0) & (fastest == 0.0))
+            monotone = open_ & ((slowest > 0.0) | (fastest < 0.0)) & boxes.known
+            bent = open_ & ~monotone & ((bent_down > 0.0) | (bent_up < 0.0)) & boxes.known
+            bent &= ~(np.isnan(boxes.slope_p) | np.isnan(boxes.slope_q))
+            crossing.append(boxes[(monotone | bent) & changes])
+            turning.append(boxes[bent & ~changes & boxes.turns & ((boxes.at_p > 0.0) == (bent_down > 0.0))])
+            blurred = np.abs(g) + h * np.abs(slope) + 0.5 * h * h * np.maximum(np.abs(bent_down), np.abs(bent_up)) <= noise
+            left = open_ & ~monotone & ~bent
+            lost.append(boxes[left if level == ISOLATE_DEPTH else left & blurred])
+            left = np.flatnonzero(left & ~blurred)
+            boxes = boxes[left].halved(m[left], g[left], slope[left])
+        parts = [_Boxes(*map(np.concatenate, zip(*(b.columns for b in each), strict=True))) for each in (crossing, turning, lost)]
+        kept = [b[~crowded[b.lane]] for b in parts]
+        return kept[0], kept[1], kept[2], crowded
 
-    def _crossings(self, boxes: _Boxes) -> tuple[Array, Array]:
-        """The roots in monotone boxes, (lane, root), by Newton's method kept inside by bisection."""
-        lane, p, q, above = boxes.lane, boxes.p, boxes.q, boxes.at_q > 0.0
+    def _turned(self, boxes: _Boxes) -> tuple[_Boxes, tuple[Array, Array, Array]]:
+        """Of boxes in which g turns, those with one root on either side of the turning point; and the tangencies, (lane, root, error), each
+        twice."""
+        if not boxes.lane.size:
+            return boxes, (boxes.lane, boxes.p, boxes.p)
+        turn = self._newton(boxes.lane, boxes.p, boxes.q, boxes.slope_q > 0.0, 1)
+        g, slope, curvature = self._at(boxes.lane, turn)
+        noise = self._enclosed(_Boxes(boxes.lane, turn, turn, g, g, slope, slope))[6]
+        touch = np.abs(g) <= noise
+        two = ~touch & ((g > 0.0) != (boxes.at_p > 0.0))
+        lane, p, q, at_p, at_q, slope_p, slope_q = (v[two] for v in boxes.columns)
+        t, at_t, at_slope = turn[two], g[two], slope[two]
+        halves = (lane, lane), (p, t), (t, q), (at_p, at_t), (at_t, at_q), (slope_p, at_slope), (at_slope, slope_q)
+        error = np.sqrt(2.0 * noise / np.abs(curvature))
+        twice = (np.repeat(v[touch], 2) for v in (boxes.lane, turn, error))
+        return _Boxes(*map(np.concatenate, halves)), cast("tuple[Array, Array, Array]", tuple(twice))
+
+    def _crossings(self, boxes: _Boxes) -> tuple[Array, Array, Array]:
+        """The roots in boxes in which g changes its sign, (lane, root, error)."""
+        root = self._newton(boxes.lane, boxes.p, boxes.q, boxes.at_q > 0.0, 0)
+        return boxes.lane, root, np.zeros(root.size)
+
+    def _newton(self, lane: Array, p: Array, q: Array, above: Array, order: int) -> Array:
+        """The zeros in (p, q) of g (order 0) or of its slope (order 1), which is > 0 at q where `above` says so: Newton's method, kept
+        inside by bisection."""
         v = 0.5 * (p + q)
         where, root = np.arange(v.size), v.copy()
         before = last = np.full(v.size, np.inf)
         for _ in range(ISOLATE_STEPS):
             if not v.size:
                 break
-            g, slope = self._at(lane, v)
+            g, slope = self._at(lane, v)[order : order + 2]
             at_right = (g > 0.0) == above
             p, q = np.where(at_right, p, v), np.where(at_right, v, q)
             step, middle = -g / slope, 0.5 * (p + q)
@@ -160,24 +217,25 @@ class _Search:
             before, last = last[going], np.abs(step)[going]
             where, lane, above = where[going], lane[going], above[going]
             p, q, v = p[going], q[going], v[going]
-        return boxes.lane, root
+        return root
 
-    def _tangencies(self, boxes: _Boxes) -> tuple[Array, Array]:
-        """The roots of undecided boxes, (lane, root): one where g changes its sign in neighbouring boxes together, else two."""
+    def _tangencies(self, boxes: _Boxes) -> tuple[Array, Array, Array]:
+        """The roots of undecided boxes, (lane, root, error): one where g changes its sign in neighbouring boxes together, else two."""
         if not boxes.lane.size:
-            return boxes.lane, boxes.p
+            return boxes.lane, boxes.p, boxes.p
         boxes = boxes.joined()
         times = np.where(boxes.changes, 1, np.where(boxes.known, 2, 0))
-        return np.repeat(boxes.lane, times), np.repeat(0.5 * (boxes.p + boxes.q), times)
+        middle, half = 0.5 * (boxes.p + boxes.q), 0.5 * (boxes.q - boxes.p)
+        return np.repeat(boxes.lane, times), np.repeat(middle, times), np.repeat(half, times)
 
     def _at(self, lane: Array, v: Array) -> Array:
-        """g and its slope, (2, points), at points v of their lanes."""
-        return _evaluated(self.run, self.isolation.point, self.isolation.point_width, 2, lane, (v,), self.for_point)
+        """g, its slope and its curvature, (3, points), at points v of their lanes."""
+        return _evaluated(self.run, self.isolation.point, self.isolation.point_width, 3, lane, (v,), self.for_point)
 
     def _enclosed(self, boxes: _Boxes) -> Array:
-        """Bounds of g and of its slope, (4, boxes)."""
+        """Bounds of g, of its slope and of its curvature, and the noise, (7, boxes)."""
         width, ends = self.isolation.enclosure_width, (boxes.p, boxes.q)
-        return _evaluated(self.run, self.isolation.enclosure, width, 4, boxes.lane, ends, self.for_enclosure)
+        return _evaluated(self.run, self.isolation.enclosure, width, 7, boxes.lane, ends, self.for_enclosure)
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +291,8 @@ class Location:
         def work(given: Sequence[Array], lanes: int) -> Array:
             lane, left, right, crowded = self._rectangles(run, given[:4], given[4:], lanes)
             lane, place = _middles(lane, left, right)
-            return _table(lane, place, self.results, crowded, np.inf)
+            crowded |= np.bincount(lane, minlength=lanes) > self.results
+            return _table(lane, (place,), self.results, crowded, np.inf)
 
         given = (lo, hi, low, high, *for_enclosure)
         return on_lanes(work, given, when, self.results, np.inf, run.chunk(len(given) + BOX * LOCATE_WIDTH))
@@ -288,17 +347,21 @@ def _middles(lane: Array, left: Array, right: Array) -> tuple[Array, Array]:
     return lane[starts], 0.5 * (left[starts] + right[ends])
 
 
-def _table(lane: Array, found: Array, results: int, refused: Array, instead: float) -> Array:
-    """What was found in each lane in ascending order, then +inf, (results, lanes); `instead` where refused or too many."""
+def _table(lane: Array, columns: Sequence[Array], results: int, refused: Array, instead: float) -> Array:
+    """The first column in each lane in ascending order, then +inf; then the others in the same order, then 0; (columns·results, lanes).
+    `instead` where a lane is refused: one that has more than `results`."""
     lanes = refused.size
-    order = np.lexsort((found, lane))
-    lane, found = lane[order], found[order]
+    order = np.lexsort((columns[0], lane))
+    lane = lane[order]
     count = np.bincount(lane, minlength=lanes)
     rank = np.arange(lane.size) - (np.cumsum(count) - count)[lane]
-    table = np.full((results, lanes), np.inf)
-    table[rank[rank < results], lane[rank < results]] = found[rank < results]
-    table[:, refused | (count > results)] = instead
-    return table
+    there = rank < results
+    table = np.full((len(columns), results, lanes), np.inf)
+    table[1:] = 0.0
+    for rows, column in zip(table, columns, strict=True):
+        rows[rank[there], lane[there]] = column[order][there]
+    table[:, :, refused] = instead
+    return table.reshape((len(columns) * results, lanes))
 
 
 def _evaluated(

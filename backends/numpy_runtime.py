@@ -49,13 +49,20 @@ MAX_LANES = 2**15
 @dataclass(slots=True)
 class Run:
     """One run of a program: how ties are decided, the doubles a block may hold; the ties met so far, whether a tolerance was
-    missed, and at how many points integrands without integrals inside were evaluated."""
+    missed, at how many points integrands without integrals inside were evaluated, and whether a search has too little room."""
 
     order: int
     room: int
     met: set[int] = field(default_factory=set)
     missed: bool = False
     evaluations: int = 0
+    crowded: bool = False
+
+    def add(self, other: Run) -> None:
+        """Note what another run of the program noted, but for its ties."""
+        self.missed |= other.missed
+        self.crowded |= other.crowded
+        self.evaluations += other.evaluations
 
     def chunk(self, width: int, lanes: int = 1) -> int:
         """How many items, of `lanes` lanes of `width` doubles each, a block may run on at a time."""

@@ -30,9 +30,9 @@ def report_missed(
     inaccurate: str,
     parameters: dict[str, np.ndarray],
     sampled: bool = False,
-) -> None:
+) -> bool:
     """Warn of the worst result, or raise: `values` and `errors` are (results, n), `names` say what each result is; `sampled`: the program
-    has integrals that were sampled because they are too deep."""
+    has integrals that were sampled because they are too deep. Returns whether there was anything to say."""
     import numpy as np
 
     with np.errstate(all="ignore"):
@@ -42,10 +42,9 @@ def report_missed(
     endless = ~np.isfinite(values) & meant
     excess = np.where(endless, np.inf, np.where(np.isnan(excess), 0.0, excess))
     if not excess.size or not excess.max() > SLACK:
-        return
+        return False
     i, j = map(int, np.unravel_index(int(np.argmax(excess)), excess.shape))
-    shown = [f"{k} = {float(v if v.ndim == 0 else v[j]):.6g}" for k, v in list(parameters.items())[:8]]
-    place = f" at {', '.join(shown)}" + (", …" if len(parameters) > 8 else "") if shown else ""
+    place = _place(parameters, j)
     if np.isinf(excess[i, j]) and endless[i, j]:
         what = f"{names[i]} does not converge{place}: the integral seems to diverge (given as {values[i, j]:g})"
         hint = "is the integrand integrable there? where its singularity has a formula of the variable alone, put it on a bound"
@@ -57,6 +56,42 @@ def report_missed(
         hint = "a larger tol=, a smaller region, or a formula for what the integrand jumps at; f.value_and_error() gives the estimates"
         if sampled:
             hint = 'so many integrals inside each other are sampled: the estimate is a standard error; rule="qmc", order=… asks for that'
+    _say(what, hint, inaccurate)
+    return True
+
+
+def report_not_a_number(
+    values: np.ndarray, names: Sequence[str], inaccurate: str, parameters: dict[str, np.ndarray], crowded: bool = False
+) -> bool:
+    """Warn of the first result, or raise, that is no number though all parameters are finite: `values` are (results, n), `names` say what
+    each is; `crowded`: a condition has more roots than are looked for. Returns whether there was anything to say."""
+    import numpy as np
+
+    missing = np.isnan(values)
+    if not missing.any():
+        return False
+    for v in parameters.values():
+        missing = missing & np.isfinite(v)
+    if not missing.any():
+        return False
+    i, j = map(int, np.unravel_index(int(np.argmax(missing)), missing.shape))
+    what = f"{names[i]} is not a number{_place(parameters, j)}"
+    hint = "does the expression hold 0/0, inf - inf, or a root or a logarithm of a negative number there? f.diagnose(…) may say more"
+    if crowded:
+        what += ": a condition has more roots than are looked for"
+        hint = "integrate over a smaller region"
+    _say(what, hint, inaccurate)
+    return True
+
+
+def _place(parameters: dict[str, np.ndarray], j: int) -> str:
+    """Where in a batch that is, in words."""
+    shown = [f"{k} = {float(v if v.ndim == 0 else v[j]):.6g}" for k, v in list(parameters.items())[:8]]
+    return f" at {', '.join(shown)}" + (", …" if len(parameters) > 8 else "") if shown else ""
+
+
+def _say(what: str, hint: str, inaccurate: str) -> None:
+    """Warn the caller, or raise."""
     if inaccurate == "raise":
         raise AccuracyError(what, None, hint)
     warnings.warn(f"{what}\n  hint: {hint}", AccuracyWarning, stacklevel=_level_of_the_caller())

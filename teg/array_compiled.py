@@ -15,6 +15,7 @@ from teg.array_schedule import Output, output_of, schedule_arrays
 from teg.arrays import Array
 from teg.expr import Expr, Param, Tuple
 from teg.index import ArrayName
+from teg.integration import Integration, with_more_room
 from teg.options import Options
 from teg.passes.atoms import canonicalise
 from teg.passes.schedule import schedule
@@ -32,6 +33,7 @@ class Compiled:
         self.scalars, self.arrays = scalars, arrays
         self._kernels: dict[object, Any] = {}
         self._sampled: dict[object, bool] = {}
+        self._room: dict[object, Integration] = {}  # of what met more roots than there was room for
         self._checks: Any = None
 
     def kernel(self, what: str, which: tuple[Parameter, ...] = (), counted: bool = False, errors: bool = False) -> Any:
@@ -39,17 +41,31 @@ class Compiled:
         ("product", or "both" of the latter); with `errors` one whose outputs have error estimates behind them."""
         key = what, which, counted, errors
         if key not in self._kernels:
-            program = self.program(what, which, unfinished=errors)
+            program = self.program(what, which, unfinished=errors, how=self._room.get(key))
             program = with_array_error_estimates(program) if errors else program
             self._kernels[key] = build_arrays(program, self.options, counted)
         return self._kernels[key]
 
-    def program(self, what: str, which: tuple[Parameter, ...], unfinished: bool = False) -> ArrayProgram:
+    def room(self, what: str, which: tuple[Parameter, ...] = ()) -> Integration | None:
+        """How a kernel integrates, if it was given more room than the options say."""
+        return self._room.get((what, which, False, False))
+
+    def widen(self, what: str, which: tuple[Parameter, ...], counted: bool, errors: bool) -> bool:
+        """Give a kernel more room for roots when it is made again; False where it has as much as there can be."""
+        key = what, which, counted, errors
+        wider = with_more_room(self._room.get(key, self.options.integration))
+        if wider is None:
+            return False
+        self._room[key] = wider
+        self._kernels.pop(key, None)
+        return True
+
+    def program(self, what: str, which: tuple[Parameter, ...], unfinished: bool = False, how: Integration | None = None) -> ArrayProgram:
         """The scheduled program; an `unfinished` one lacks the last passes over flat programs."""
         directions = tuple(direction_of(p) for p in which)
         scalars = [*self.scalars, *(d.name for d in directions if isinstance(d, Param))]
         arrays = [*self.arrays, *(d for d in directions if isinstance(d, Array))]
-        return schedule_arrays(self.outputs(what, which), scalars, arrays, partial(self.flat, unfinished=unfinished))
+        return schedule_arrays(self.outputs(what, which), scalars, arrays, partial(self.flat, unfinished=unfinished, how=how))
 
     def outputs(self, what: str, which: tuple[Parameter, ...]) -> list[Output]:
         """The numbers and arrays that are computed, without δ."""
@@ -79,10 +95,10 @@ class Compiled:
         directions: dict[Parameter, object] = {p: direction_of(p) for p in which}
         return tangent(leaf, directions, lambda cell, along: jvp(cell, along, maps))
 
-    def flat(self, cells: Sequence[Expr], names: Sequence[str], unfinished: bool = False) -> Program:
+    def flat(self, cells: Sequence[Expr], names: Sequence[str], unfinished: bool = False, how: Integration | None = None) -> Program:
         """The flat program of some cells."""
         together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that they share loops
-        return (schedule if unfinished else cell_program)(list(together.children), names, self.options.integration)
+        return (schedule if unfinished else cell_program)(list(together.children), names, how or self.options.integration)
 
     def map_checks(self) -> Any:
         """The checks of the user's maps at a call."""

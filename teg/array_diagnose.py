@@ -32,11 +32,13 @@ MOST = 100
 
 
 def diagnose_arrays(
-    wrt: Sequence[Param | ArrayName], program: ArrayProgram, probes: ArrayProgram, call: Any, max_roots: int, second: Any = None
+    wrt: Sequence[Param | ArrayName], program: ArrayProgram, probes: ArrayProgram, call: Any, second: Any = None
 ) -> list[Diagnosis]:
     """One Diagnosis a reason, iteration and batch element. `program` gives values and derivatives, `probes` is that of `probes_of`;
     `second` says of each element whether its second derivatives are finite, if anyone has asked for them."""
     watch, borders = TieWatch(program), TieWatch(probes)
+    flat = (s for step in steps(program.body) if isinstance(step, Run) for s in statements(step.program.body))
+    searched = any(isinstance(s, Isolate) for s in flat)  # roots that meet to rounding are a tangency
     scalars, arrays = program.parameters, program.arrays
     found: list[Diagnosis] = []
     for i in range(call.n):
@@ -47,11 +49,11 @@ def diagnose_arrays(
         _, on_border = borders.ties(columns, given, 1)
         mine = [*_ties(met, values, i, _tie), *_ties(on_border, values, i, _border)]
         if all(np.isfinite(v).all() for v in (*columns, *given)):
-            mine += _of_results(wrt, program, results.values, values, max_roots, i)
+            mine += _of_results(wrt, program, results.values, values, i)
             if not mine and second is not None and not second[i]:
                 mine.append(Diagnosis("second derivative", (), values, "a second derivative is infinite, or not a number, here", i))
             if not mine:
-                relative = STEP_OVER_TIES if watch.noted else STEP
+                relative = STEP_OVER_TIES if watch.noted or searched else STEP
                 mine += _one_sided(wrt, program, watch, (columns, given), results.values, (values, relative, i))
         found += mine
     return found
@@ -128,7 +130,6 @@ def _of_results(
     program: ArrayProgram,
     results: Sequence[Numbers],
     values: dict[str, float],
-    max_roots: int,
     index: int,
 ) -> list[Diagnosis]:
     """Derivatives that are infinite, values and derivatives that are no numbers."""
@@ -140,9 +141,6 @@ def _of_results(
     if any(np.isnan(v).any() for v in results):
         by = [_entry(name, _where(np.isnan(slopes[0]))) for name, slopes in _slopes(wrt, results) if np.isnan(slopes).any()]
         reason = f"the derivative by {by[0]} is not a number here" if by else "the value is not a number here"
-        flat = (s for step in steps(program.body) if isinstance(step, Run) for s in statements(step.program.body))
-        if any(isinstance(s, Isolate) for s in flat):
-            reason += f"; if a condition has more than {max_roots} roots, raise max_roots="
         return [Diagnosis("not a number", (), values, reason, index)]
     return []
 

@@ -12,7 +12,7 @@ from teg.array_arguments import Call, as_entries, whole_numbers
 from teg.array_compiled import Compiled, direction_of
 from teg.array_pipeline import Parameter, on_cells, outlined
 from teg.array_program import ArrayProgram
-from teg.array_reports import paired, places, report_arrays
+from teg.array_reports import paired, places, report_arrays, report_missing
 from teg.array_schedule import schedule_arrays
 from teg.arrays import Array, arrays_of, integer_parameters, integers_of
 from teg.cells import check_indices, replace_integers
@@ -218,7 +218,8 @@ class ArrayEvaluator:
 
         call = self._call(args, named)
         made = call.made
-        program = made.program("gradient", ())
+        self._results("gradient", args, named, ())  # with room for all roots
+        program = made.program("gradient", (), how=made.room("gradient"))
         values = [on_cells(leaf, partial(normal_form, maps=self._options.maps)) for leaf in flatten(made.e)]
         probes = schedule_arrays([probes_of(v) for v in values], self._scalars, self._arrays, made.flat)
         call.check(program)
@@ -229,7 +230,7 @@ class ArrayEvaluator:
             moved, which = self._moved(given, {p.name: np.ones(self._shape(given, p)) for p in self.wrt})
             products = self._results("product", (moved,), {}, which)[0].values
             second = np.all([np.isfinite(v).reshape(call.n, -1).all(axis=1) for v in products], axis=0)
-        return diagnose_arrays(self.wrt, program, probes, call, self._options.integration.max_roots, second)
+        return diagnose_arrays(self.wrt, program, probes, call, second)
 
     @property
     def dtype(self) -> str:
@@ -290,18 +291,26 @@ class ArrayEvaluator:
         self, what: str, args: tuple[Any, ...], named: Mapping[str, Any], which: tuple[Parameter, ...] = ()
     ) -> tuple[list[Any], tuple[int, ...]]:
         results, shape, made = self._results(what, args, named, which)
-        sampled = made.is_sampled(what, which)
-        if (results.missed or sampled) and self._options.inaccurate != "ignore":
-            found = self._results(what, args, named, which, errors=True)[0].values
+        if self._options.inaccurate != "ignore":
             given = args[0] if which else self._given(args, named)
             pairs = {k: (given[k], d) for k, d in self.dimensions.items()}
-            report_arrays(found, self._result_names(what), self._options, pairs, shape, sampled)
+            told, names, sampled = False, self._result_names(what), made.is_sampled(what, which)
+            if results.missed or sampled:
+                found = self._results(what, args, named, which, errors=True)[0].values
+                told = report_arrays(found, names, self._options, pairs, shape, sampled)
+            if not told:
+                report_missing(results.values, names, self._options, pairs, shape, results.crowded)
         values = [rounded(v) for v in results.values] if self._options.dtype == "float32" else results.values
         return [v.reshape(shape + v.shape[1:]) if shape else v[0] for v in values], shape
 
     def _estimated(self, what: str, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[list[Any], list[Any]]:
         """Results, and the estimates of their errors."""
         results, shape, _ = self._results(what, args, named, (), errors=True)
+        if self._options.inaccurate != "ignore":
+            given = self._given(args, named)
+            numbers = {k: (given[k], d) for k, d in self.dimensions.items()}
+            half = results.values[: len(results.values) // 2]
+            report_missing(half, self._result_names(what), self._options, numbers, shape, results.crowded)
         pairs = paired(results.values, self._options.dtype)
         found = [[v.reshape(shape + v.shape[1:]) if shape else v[0] for v in half] for half in zip(*pairs, strict=True)]
         return found[0], found[1]
@@ -320,13 +329,18 @@ class ArrayEvaluator:
         counted: bool = False,
         errors: bool = False,
     ) -> tuple[Any, tuple[int, ...], Compiled]:
+        import numpy as np
+
         call = self._call(args, named, which)
         kernel = call.made.kernel(what, which, counted, errors)
         call.check(kernel.program)
         if self._options.maps and self._options.check_maps:
             arrays = {a.name: v for a, v in zip(self._arrays, call.arrays, strict=False)}
             call.made.map_checks().run(dict(zip(self._scalars, call.columns, strict=False)), arrays, self.dimensions, call.n)
-        return kernel.results(call.columns, call.arrays, call.n), call.shape, call.made
+        results = kernel.results(call.columns, call.arrays, call.n)
+        while results.crowded and any(np.isnan(v).any() for v in results.values) and call.made.widen(what, which, counted, errors):
+            results = call.made.kernel(what, which, counted, errors).results(call.columns, call.arrays, call.n)
+        return results, call.shape, call.made
 
     def _call(self, args: tuple[Any, ...], named: Mapping[str, Any], which: tuple[Parameter, ...] = ()) -> Call:
         """What a call is given, as kernels take it; with `which`, directions along these parameters too."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, overload
 
-from teg.accuracy import report_missed
+from teg.accuracy import report_missed, report_not_a_number
 from teg.arguments import with_rounding
 from teg.array_program import ArrayProgram, Run, steps
 from teg.expr import Expr, Tuple
@@ -48,27 +48,65 @@ def report_arrays(
     given: Mapping[str, tuple[Any, int]],
     shape: tuple[int, ...],
     sampled: bool,
-) -> None:
+) -> bool:
     """Warn of the worst entry of the results of a run with estimates, or raise: `found` are the results, (n, *shape of one), and then the
     estimates; `names` say what each result is, `given` are the values of parameters and arrays with their dimensions, for a batch of
-    `shape`. Elements that are given something infinite, or no number, are passed over."""
+    `shape`. Elements that are given something infinite, or no number, are passed over. Returns whether there was anything to say."""
     import numpy as np
 
-    count, n = len(found) // 2, len(found[0])
-    values, errors = (np.concatenate([np.moveaxis(v, 0, -1).reshape(-1, n) for v in half]) for half in (found[:count], found[count:]))
+    count = len(found) // 2
+    values, errors = (_rows(half) for half in (found[:count], found[count:]))
+    meant, parameters = _meant(given, shape, len(found[0]), np.isfinite)
+    if not meant.any():
+        return False
+    titles = _Titles(names, [v.shape[1:] for v in found[:count]])
+    how = options.integration.tol, options.inaccurate
+    return report_missed(values[:, meant], errors[:, meant], titles, *how, parameters, sampled)
+
+
+def report_missing(
+    found: Sequence[np.ndarray],
+    names: Sequence[str],
+    options: Options,
+    given: Mapping[str, tuple[Any, int]],
+    shape: tuple[int, ...],
+    crowded: bool,
+) -> bool:
+    """The same of an entry of the results that is no number though all that was given is finite; `found` are the results only."""
+    import numpy as np
+
+    if not any(np.isnan(v).any() for v in found):
+        return False
+    meant, parameters = _meant(given, shape, len(found[0]), np.isfinite)
+    if not meant.any():
+        return False
+    titles = _Titles(names, [v.shape[1:] for v in found])
+    return report_not_a_number(_rows(found)[:, meant], titles, options.inaccurate, parameters, crowded)
+
+
+def _rows(found: Sequence[np.ndarray]) -> np.ndarray:
+    """Every entry of results (n, *shape of one) as a row."""
+    import numpy as np
+
+    return np.concatenate([np.moveaxis(v, 0, -1).reshape(-1, len(v)) for v in found])
+
+
+def _meant(
+    given: Mapping[str, tuple[Any, int]], shape: tuple[int, ...], n: int, usable: Callable[[np.ndarray], np.ndarray]
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Which elements of a batch are given `usable` numbers only, and the values of parameters there."""
+    import numpy as np
+
     meant = np.ones(n, dtype=bool)
     shown: dict[str, np.ndarray] = {}
     for name, (v, dimensions) in given.items():
         entries = np.asarray(v, dtype=np.float64)
         leading = entries.shape[: entries.ndim - dimensions]
-        finite = np.isfinite(entries).reshape(*leading, -1).all(axis=-1)
-        meant &= np.broadcast_to(finite, shape).reshape(n)
+        good = usable(entries).reshape(*leading, -1).all(axis=-1)
+        meant &= np.broadcast_to(good, shape).reshape(n)
         if not dimensions:
             shown[name] = np.broadcast_to(entries, shape).reshape(n) if shape else entries
-    if meant.any():
-        parameters = {k: v if v.ndim == 0 else v[meant] for k, v in shown.items()}
-        titles = _Titles(names, [v.shape[1:] for v in found[:count]])
-        report_missed(values[:, meant], errors[:, meant], titles, options.integration.tol, options.inaccurate, parameters, sampled)
+    return meant, {k: v if v.ndim == 0 else v[meant] for k, v in shown.items()}
 
 
 class _Titles(Sequence[str]):

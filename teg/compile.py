@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from teg.accuracy import report_missed
+from teg.accuracy import report_missed, report_not_a_number
 from teg.arguments import as_doubles, batch, plain_numbers, rounded, with_rounding
 from teg.arguments import values as arguments
 from teg.array_compiled import direction_of
@@ -23,7 +24,7 @@ from teg.errors import OptionError, ParameterError
 from teg.explain import Explanation, explain
 from teg.expr import Expr, Param, Tuple, as_number
 from teg.index import ArrayName
-from teg.integration import Integration
+from teg.integration import Integration, with_more_room
 from teg.isolation import MAX_ROOTS
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
 from teg.pipeline import compiled_outputs, flatten, jvp
@@ -71,8 +72,8 @@ def compile(
     that occur are arguments after them). `backend` is "numpy", "c" or "jax". `threads` are the C backend's (0: one for each processor;
     results are the same for any number), `memory` (bytes) bounds the NumPy backend's temporary arrays. `discontinuities` says what
     becomes of the Dirac deltas of a derivative: "sift" (the right thing) or "ignore" (plain automatic differentiation, for comparison).
-    `max_roots` is how many roots a condition may have whose number no theorem bounds; with more of them the result is NaN, and `diagnose`
-    says so.
+    `max_roots` is for how many roots of a condition there is room at first, if no theorem bounds their number. A call that meets more of
+    them makes the program again with more room, up to 4096.
 
     `dtype`, "float64" or "float32", is what values of parameters are rounded to when they come in, and results when they go out. All
     between is computed in float64, by JAX too where x64 is off: where surfaces cross and pieces end takes its digits, and single precision
@@ -142,6 +143,8 @@ class Evaluator:
         self._derived = linked(program, self.wrt, self.parameters, options.integration, options.discontinuities, options.maps)
         self._kernels: dict[int, Kernel] = {}
         self._special: dict[tuple[str, int], Kernel] = {}
+        self._room: dict[tuple[str, int], Integration] = {}  # of what met more roots than there was room for
+        self._titles: tuple[str, ...] = ("the value", "the gradient", "the Hessian")
         self._sampled: dict[int, bool] = {}
         self._products: dict[tuple[Param, ...], Evaluator] = {}
         self._checks = MapChecks(write_all_out(e) if options.maps else e, options.maps if options.check_maps else ())
@@ -157,7 +160,7 @@ class Evaluator:
 
     def program(self, orders: int) -> Program:
         """The scheduled program of value (0), value and gradient (1), value, gradient and Hessian (2)."""
-        return self._derived.program(orders)
+        return self._derived.program(orders, how=self._room.get(("value", orders)))
 
     def kernel(self, orders: int) -> Kernel:
         """The compiled program, built when it is first needed."""
@@ -169,15 +172,36 @@ class Evaluator:
         """The program with error estimates."""
         key = "errors", orders
         if key not in self._special:
-            self._special[key] = build_kernel(self._derived.program(orders, errors=True), self._options)
+            program = self._derived.program(orders, errors=True, how=self._room.get(key))
+            self._special[key] = build_kernel(program, self._options)
         return self._special[key]
 
     def _counting(self, orders: int) -> Kernel:
         """The program as one that counts evaluations; for JAX, which does not, by NumPy."""
         key = "count", orders
         if key not in self._special:
-            self._special[key] = build_kernel(self.program(orders), self._options, counted=True)
+            program = self._derived.program(orders, how=self._room.get(key))
+            self._special[key] = build_kernel(program, self._options, counted=True)
         return self._special[key]
+
+    def _outcome(self, what: str, orders: int, columns: Sequence[np.ndarray], n: int) -> Outcome:
+        """The outcome of the program ("value"), of that with estimates ("errors") or of the one that counts evaluations ("count"). As long
+        as a condition has more roots than there is room for, and a result is no number, the program is made again with more room."""
+        import numpy as np
+
+        make = {"value": self.kernel, "errors": self._estimating, "count": self._counting}[what]
+        while True:
+            outcome = make(orders).outcome(columns, n)
+            if not outcome.crowded or not np.isnan(outcome.values).any():
+                return outcome
+            wider = with_more_room(self._room.get((what, orders), self._options.integration))
+            if wider is None:
+                return outcome
+            self._room[what, orders] = wider
+            if what == "value":
+                self._kernels.pop(orders, None)
+            else:
+                self._special.pop((what, orders), None)
 
     @property
     def dtype(self) -> str:
@@ -241,7 +265,7 @@ class Evaluator:
         if derivatives not in (0, 1, 2):
             raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value, 1: and gradient, 2: and Hessian")
         columns, _, n = self._columns(args, named)
-        return self._counting(derivatives).outcome(as_doubles(columns), n).evaluations
+        return self._outcome("count", derivatives, as_doubles(columns), n).evaluations
 
     def hessian(self, *args: Any, **named: Any) -> dict[tuple[str, str], Any]:
         """Second derivatives, a dict (name, name) -> array, with both orders of the names."""
@@ -288,7 +312,8 @@ class Evaluator:
             options = self._options
             along = jvp(self.expression, {p: direction_of(p) for p in which}, options.maps)
             slopes = compiled_outputs(along, self.wrt, 1, options.discontinuities, options.maps, options.integration.closed_forms)[1]
-            self._products[which] = Evaluator(slopes, [], options)
+            self._products[which] = product = Evaluator(slopes, [], options)
+            product._titles = ("the Hessian times the direction",)
         return self._products[which]
 
     # -- reports -------------------------------------------------------------------------------------------------------
@@ -312,6 +337,7 @@ class Evaluator:
     def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:
         """Where and why the expression is not differentiable at these values; an empty list where it is."""
         columns, _shape, n = self._columns(args, named)
+        self._outcome("value", 2 if 2 in self._kernels else 1, as_doubles(columns), n)  # with room for all roots
         return diagnose(self, as_doubles(columns), n)
 
     def __repr__(self) -> str:
@@ -339,25 +365,32 @@ class Evaluator:
         return _by_parameter(self.expression, blocks, [p.name for p in self.wrt])
 
     def _run(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[np.ndarray, tuple[int, ...]]:
-        kernel = self.kernel(orders)
-        columns: list[np.ndarray] | None = None
         shape: tuple[int, ...] = ()
-        n = 1
         if self._quick and (numbers := plain_numbers(self.parameters, args, named)) is not None:
-            outcome = cast(Any, kernel).at_point(numbers)
-        else:
-            columns, shape, n = self._columns(args, named)
-            self._checks.run(dict(zip(self.parameters, columns, strict=True)))
-            outcome = kernel.outcome(columns, n)
-        if (outcome.missed or self._is_sampled(orders)) and self._options.inaccurate != "ignore":
-            doubles = as_doubles(columns or self._columns(args, named)[0])
-            found = self._estimating(orders).outcome(doubles, n).values
-            results = len(found) // 2
-            given = dict(zip(self.parameters, doubles, strict=True))
-            names = self._result_names(orders)
-            options = self._options.integration.tol, self._options.inaccurate
-            report_missed(found[:results], found[results:], names, *options, given, self._is_sampled(orders))
+            outcome = cast(Any, self.kernel(orders)).at_point(numbers)
+            if not (outcome.missed or outcome.crowded or self._is_sampled(orders) or any(map(math.isnan, outcome.values[:, 0].tolist()))):
+                return outcome.values, shape
+        columns, shape, n = self._columns(args, named)
+        self._checks.run(dict(zip(self.parameters, columns, strict=True)))
+        outcome = self._outcome("value", orders, columns, n)
+        if self._options.inaccurate != "ignore":
+            self._report(orders, outcome, columns, n)
         return rounded(outcome.values) if self._rounds else outcome.values, shape
+
+    def _report(self, orders: int, outcome: Outcome, columns: Sequence[np.ndarray], n: int) -> None:
+        """Warn, or raise, where a tolerance was missed, or a result is no number though all parameters are."""
+        import numpy as np
+
+        options, doubles = self._options, as_doubles(columns)
+        given, names = dict(zip(self.parameters, doubles, strict=True)), self._result_names(orders)
+        sampled, crowded = self._is_sampled(orders), outcome.crowded
+        if outcome.missed or sampled:
+            estimated = self._outcome("errors", orders, doubles, n)
+            found, results = estimated.values, len(estimated.values) // 2
+            if report_missed(found[:results], found[results:], names, options.integration.tol, options.inaccurate, given, sampled):
+                return
+        if np.isnan(outcome.values).any():
+            report_not_a_number(outcome.values, names, options.inaccurate, given, crowded)
 
     def _is_sampled(self, orders: int) -> bool:
         """Whether samples were taken that nobody asked for: they rarely reach a tolerance."""
@@ -369,7 +402,11 @@ class Evaluator:
     def _estimated(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[np.ndarray, tuple[int, ...]]:
         columns, shape, n = self._columns(args, named)
         self._checks.run(dict(zip(self.parameters, columns, strict=True)))
-        found = self._estimating(orders).outcome(as_doubles(columns), n).values
+        outcome = self._outcome("errors", orders, as_doubles(columns), n)
+        found, results = outcome.values, len(outcome.values) // 2
+        if self._options.inaccurate != "ignore":
+            given = dict(zip(self.parameters, as_doubles(columns), strict=True))
+            report_not_a_number(found[:results], self._result_names(orders), self._options.inaccurate, given, outcome.crowded)
         return with_rounding(found) if self._options.dtype == "float32" else found, shape
 
     def output_names(self, derivatives: int = 0) -> list[str]:
@@ -386,8 +423,7 @@ class Evaluator:
 
     def _result_names(self, orders: int) -> list[str]:
         """What each result is, for messages."""
-        kinds = ("the value", "the gradient", "the Hessian")
-        return [kind for kind, e in zip(kinds, self.outputs(orders), strict=False) for _ in flatten(e)]
+        return [kind for kind, e in zip(self._titles, self.outputs(orders), strict=False) for _ in flatten(e)]
 
     def _columns(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[list[np.ndarray], tuple[int, ...], int]:
         return batch(self.parameters, args, named, self._options.dtype)

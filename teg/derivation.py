@@ -40,7 +40,7 @@ class Derivation:
     def __init__(self, task: Task) -> None:
         self.task = task
         self._outputs: dict[int, list[Expr]] = {}
-        self._programs: dict[tuple[int, bool], Program] = {}
+        self._programs: dict[tuple[int, bool, Integration], Program] = {}
         self._lock = threading.RLock()
 
     def outputs(self, orders: int) -> list[Expr]:
@@ -53,14 +53,16 @@ class Derivation:
                 )
             return self._outputs[orders]
 
-    def program(self, orders: int, errors: bool = False) -> Program:
-        """The scheduled program of value (0), value and gradient (1), value, gradient and Hessian (2); with `errors` estimates behind."""
+    def program(self, orders: int, errors: bool = False, how: Integration | None = None) -> Program:
+        """The scheduled program of value (0), value and gradient (1), value, gradient and Hessian (2); with `errors` estimates behind;
+        integrated as the task says, or as `how` does."""
         task = self.task
+        key = orders, errors, how or task.integration
         with self._lock:
-            if (orders, errors) not in self._programs:
+            if key not in self._programs:
                 flat = [leaf for e in self.outputs(orders) for leaf in flatten(e)]
-                self._programs[orders, errors] = program_for(flat, task.arguments, task.integration, errors)
-            return self._programs[orders, errors]
+                self._programs[key] = program_for(flat, task.arguments, key[2], errors)
+            return self._programs[key]
 
 
 @dataclass(frozen=True)
@@ -69,18 +71,19 @@ class Linked:
 
     derivation: Derivation
     functions: tuple[Function, ...]
-    _programs: dict[tuple[int, bool], Program] = field(default_factory=dict)
+    _programs: dict[tuple[int, bool, Integration | None], Program] = field(default_factory=dict)
 
     def outputs(self, orders: int) -> list[Expr]:
         """Those of the derivation, with the functions."""
         found = self.derivation.outputs(orders)
         return [without_slots(e, self.functions) for e in found] if self.functions else found
 
-    def program(self, orders: int, errors: bool = False) -> Program:
+    def program(self, orders: int, errors: bool = False, how: Integration | None = None) -> Program:
         """That of the derivation, with the bodies of the functions."""
-        if (orders, errors) not in self._programs:
-            self._programs[orders, errors] = with_bodies(self.derivation.program(orders, errors), self.functions)
-        return self._programs[orders, errors]
+        key = orders, errors, how
+        if key not in self._programs:
+            self._programs[key] = with_bodies(self.derivation.program(orders, errors, how), self.functions)
+        return self._programs[key]
 
 
 def linked(

@@ -7,17 +7,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 from teg import expr as ex
-from teg.accuracy import report_missed
+from teg.accuracy import report_missed, report_not_a_number
 from teg.array_arguments import whole_numbers
 from teg.array_compiled import build_arrays
 from teg.array_program import ArrayProgram
-from teg.array_reports import has_samples, report_arrays
+from teg.array_reports import has_samples, report_arrays, report_missing
 from teg.compile import build_kernel
 from teg.coverage import MapChecks
 from teg.derivative_programs import DerivativePrograms
 from teg.expr import Param
 from teg.framework_function import dimensions_of
 from teg.index import ArrayName
+from teg.integration import Integration, with_more_room
 from teg.program import Program, Sample, statements
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ class DerivativeKernels:
         self.dimensions = tuple(dimensions_of(p) for p in (*plan.leaves, *plan.integers))
         self._kernels: dict[tuple[int, int | None, bool], Any] = {}
         self._sampled: dict[tuple[int, int | None], bool] = {}
+        self._room: dict[tuple[int, int | None, bool], Integration] = {}  # of what met more roots than there was room for
         self._checks: Any = None
         self._lock = threading.RLock()
 
@@ -70,18 +72,39 @@ class DerivativeKernels:
             self._check_ranges(program, columns, arrays)
         if order <= 0 and options.maps and options.check_maps:
             self._check_maps(columns, arrays, n)
-        missed, found = _outcome(kernel, columns, arrays, n)
-        sampled = self._is_sampled(order, entry, program)
-        if (missed or sampled) and options.inaccurate != "ignore":
-            both = _outcome(self._kernel(order, entry, errors=True), columns, arrays, n)[1]
-            self._report(order, entry, program, both, (columns, arrays), n, sampled)
+        missed, crowded, found = self._outcome((order, entry, False), columns, arrays, n)
+        if options.inaccurate != "ignore":
+            sampled, told = self._is_sampled(order, entry, program), False
+            if missed or sampled:
+                both = self._outcome((order, entry, True), columns, arrays, n)[2]
+                told = self._report(order, entry, program, both, (columns, arrays), n, sampled)
+            if not told:
+                self._report_missing(order, entry, program, found, (columns, arrays), n, crowded)
         return found
+
+    def _outcome(
+        self, key: tuple[int, int | None, bool], columns: Sequence[Any], arrays: Sequence[Any], n: int
+    ) -> tuple[bool, bool, list[np.ndarray]]:
+        """Whether a tolerance was missed, whether there was too little room for roots, and the results; as long as one is no number for the
+        latter, the program is made again with more room."""
+        import numpy as np
+
+        while True:
+            missed, crowded, found = _outcome(self._kernel(*key), columns, arrays, n)
+            if not crowded or not any(np.isnan(v).any() for v in found):
+                return missed, crowded, found
+            with self._lock:
+                wider = with_more_room(self._room.get(key, self.plan.options.integration))
+                if wider is None:
+                    return missed, crowded, found
+                self._room[key] = wider
+                self._kernels.pop(key, None)
 
     def _kernel(self, order: int, entry: int | None, errors: bool = False) -> Any:
         with self._lock:
             key = order, entry, errors
             if key not in self._kernels:
-                program = self.plan.program(order, entry, errors)
+                program = self.plan.program(order, entry, errors, self._room.get(key))
                 build = build_arrays if isinstance(program, ArrayProgram) else build_kernel
                 self._kernels[key] = cast(Any, build)(program, self.plan.options)
             return self._kernels[key]
@@ -137,19 +160,37 @@ class DerivativeKernels:
         given: tuple[Sequence[Any], Sequence[Any]],
         n: int,
         sampled: bool,
-    ) -> None:
-        """Warn of the worst result of a run with estimates, or raise."""
+    ) -> bool:
+        """Warn of the worst result of a run with estimates, or raise. Returns whether there was anything to say."""
         import numpy as np
 
         options, names = self.plan.options, self._names(order, entry)
         columns = dict(zip(program.parameters, given[0], strict=True))
         if isinstance(program, ArrayProgram):
-            arrays = {a.name: (v, a.dimensions) for a, v in zip(program.arrays, given[1], strict=True)}
-            report_arrays(found, names, options, {**{k: (v, 0) for k, v in columns.items()}, **arrays}, (n,), sampled)
+            return report_arrays(found, names, options, _with_dimensions(program, given), (n,), sampled)
+        half = len(found) // 2
+        values, errors = np.array(found[:half]), np.array(found[half:])
+        return report_missed(values, errors, names, options.integration.tol, options.inaccurate, columns, sampled)
+
+    def _report_missing(
+        self,
+        order: int,
+        entry: int | None,
+        program: Program | ArrayProgram,
+        found: Sequence[Any],
+        given: tuple[Sequence[Any], Sequence[Any]],
+        n: int,
+        crowded: bool,
+    ) -> None:
+        """Warn of a result that is no number though all operands are, or raise."""
+        import numpy as np
+
+        options, names = self.plan.options, self._names(order, entry)
+        if isinstance(program, ArrayProgram):
+            report_missing(found, names, options, _with_dimensions(program, given), (n,), crowded)
         else:
-            half = len(found) // 2
-            values, errors = np.array(found[:half]), np.array(found[half:])
-            report_missed(values, errors, names, options.integration.tol, options.inaccurate, columns, sampled)
+            columns = dict(zip(program.parameters, given[0], strict=True))
+            report_not_a_number(np.array(found), names, options.inaccurate, columns, crowded)
 
     def _names(self, order: int, entry: int | None) -> list[str]:
         """What each result is, for messages."""
@@ -159,13 +200,18 @@ class DerivativeKernels:
         return values if order < 0 else [*values, *[f"the derivative by {p.name}" for p in self.plan.wrt] * self.entries]
 
 
-def _outcome(kernel: Any, columns: Sequence[Any], arrays: Sequence[Any], n: int) -> tuple[bool, list[np.ndarray]]:
-    """Whether a tolerance was missed, and the results."""
+def _with_dimensions(program: ArrayProgram, given: tuple[Sequence[Any], Sequence[Any]]) -> dict[str, tuple[Any, int]]:
+    """The values of parameters and arrays by name, each with its dimensions."""
+    columns = {k: (v, 0) for k, v in zip(program.parameters, given[0], strict=True)}
+    return columns | {a.name: (v, a.dimensions) for a, v in zip(program.arrays, given[1], strict=True)}
+
+
+def _outcome(kernel: Any, columns: Sequence[Any], arrays: Sequence[Any], n: int) -> tuple[bool, bool, list[np.ndarray]]:
+    """Whether a tolerance was missed, whether there was too little room for roots, and the results."""
     if isinstance(kernel.program, ArrayProgram):
-        results = kernel.results(columns, arrays, n)
-        return results.missed, list(results.values)
-    if n == 1 and hasattr(kernel, "at_point") and all(c.ndim == 0 for c in columns):
+        outcome = kernel.results(columns, arrays, n)
+    elif n == 1 and hasattr(kernel, "at_point") and all(c.ndim == 0 for c in columns):
         outcome = kernel.at_point([float(c) for c in columns])
     else:
         outcome = kernel.outcome(columns, n)
-    return outcome.missed, list(outcome.values)
+    return outcome.missed, outcome.crowded, list(outcome.values)

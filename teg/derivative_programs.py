@@ -23,6 +23,7 @@ from teg.array_schedule import Output, output_of, schedule_arrays
 from teg.arrays import Array
 from teg.expr import Expr, Param, Tuple
 from teg.index import ArrayName
+from teg.integration import Integration
 from teg.options import Options
 from teg.passes.atoms import canonicalise
 from teg.passes.schedule import schedule
@@ -46,7 +47,7 @@ class DerivativePrograms:
     ) -> None:
         self.options = options
         self.wrt, self.leaves, self.integers = tuple(wrt), tuple(leaves), tuple(integers)
-        self._programs: dict[tuple[int, int | None, bool], Program | ArrayProgram] = {}
+        self._programs: dict[tuple[int, int | None, bool, Integration], Program | ArrayProgram] = {}
         self._lock = threading.RLock()
         self._counting: frozenset[int] | None = None
         self.entries = flatten(e)
@@ -63,15 +64,16 @@ class DerivativePrograms:
             self._counting = frozenset(found)
         return self._counting
 
-    def program(self, order: int, entry: int | None = None, errors: bool = False) -> Program | ArrayProgram:
+    def program(self, order: int, entry: int | None = None, errors: bool = False, how: Integration | None = None) -> Program | ArrayProgram:
         """The program of values (-1), values and gradients (0), or the derivative along directions, of all values or of one entry; with
-        `errors` an estimate of the error of each output stands behind them."""
+        `errors` an estimate of the error of each output stands behind them; integrated as the options say, or as `how` does."""
         with self._lock:
-            key = order, entry, errors
+            how = how or self.options.integration
+            key = order, entry, errors, how
             if key not in self._programs:
                 entries = self.entries if entry is None else [self.entries[entry]]
                 arrays = any(isinstance(p, ArrayName) for p in self.leaves) or bool(self.integers)
-                self._programs[key] = (self._of_arrays if arrays else self._of_numbers)(order, entries, errors)
+                self._programs[key] = (self._of_arrays if arrays else self._of_numbers)(order, entries, errors, how)
             return self._programs[key]
 
     def _directions(self, order: int) -> list[dict[Parameter, Parameter]]:
@@ -90,7 +92,7 @@ class DerivativePrograms:
         how = self.options.discontinuities
         return e if how == "sift" else on_cells(e, ESTIMATORS[how])
 
-    def _of_numbers(self, order: int, entries: Sequence[Expr], errors: bool) -> Program:
+    def _of_numbers(self, order: int, entries: Sequence[Expr], errors: bool, integration: Integration) -> Program:
         directions, wrt = self._directions(order), cast("tuple[Param, ...]", self.wrt)
         how, maps = self.options.discontinuities, self.options.maps
         names = [p.name for p in self.leaves] + [q.name for d in directions for q in d.values()]
@@ -100,9 +102,9 @@ class DerivativePrograms:
         outputs = compiled_outputs(source, wrt, min(order + 1, 1), how, maps, self.options.integration.closed_forms)
         if order > 0:
             outputs = outputs[1:]
-        return program_for([leaf for output in outputs for leaf in flatten(output)], names, self.options.integration, errors)
+        return program_for([leaf for output in outputs for leaf in flatten(output)], names, integration, errors)
 
-    def _of_arrays(self, order: int, entries: Sequence[Expr], errors: bool) -> ArrayProgram:
+    def _of_arrays(self, order: int, entries: Sequence[Expr], errors: bool, integration: Integration) -> ArrayProgram:
         directions = self._directions(order)
         how, maps = self.options.discontinuities, self.options.maps
         along = [q for d in directions for q in d.values()]
@@ -122,12 +124,12 @@ class DerivativePrograms:
                 if slope.has_delta:  # a tangent is also a value, as a factor of another derivative
                     slope = on_cells(slope, partial(normal_form, maps=maps))
                 outputs.append((p, slope) if isinstance(p, Array) else slope)
-        program = schedule_arrays(outputs, scalars, arrays, partial(self._flat, schedule if errors else cell_program))
+        program = schedule_arrays(outputs, scalars, arrays, partial(self._flat, schedule if errors else cell_program, integration))
         return with_array_error_estimates(program) if errors else program
 
-    def _flat(self, scheduled: Callable[..., Program], cells: Sequence[Expr], names: Sequence[str]) -> Program:
+    def _flat(self, scheduled: Callable[..., Program], how: Integration, cells: Sequence[Expr], names: Sequence[str]) -> Program:
         together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that they share loops
-        return scheduled(list(together.children), names, self.options.integration)
+        return scheduled(list(together.children), names, how)
 
 
 def _renamed(p: Parameter, name: str) -> Parameter:

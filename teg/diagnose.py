@@ -71,8 +71,9 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
         for a in atoms_of(normal_form(f.expression))
         if not a.g.free and a.resolution is None
     ]
-    program = program_for([*outputs, *probes], f.parameters, f._options.integration)
+    program = program_for([*outputs, *probes], f.parameters, f._room.get(("value", orders), f._options.integration))
     kernel = compile_numpy(program)
+    searched = any(isinstance(s, Isolate) for s in statements(program.body))  # roots that meet to rounding are a tangency
     found: list[Diagnosis] = []
     for i in range(n):
         element = [c if c.ndim == 0 else c[i : i + 1] for c in columns]
@@ -99,13 +100,11 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
                 )
             elif np.isnan(gradient).any():
                 reason = "the value or a derivative is not a number here"
-                if any(isinstance(s, Isolate) for s in statements(program.body)):
-                    reason += f"; if a condition has more than {f._options.integration.max_roots} roots, raise max_roots="
                 found.append(Diagnosis("not a number", (), values, reason, i))
             elif not np.isfinite(hessian).all():
                 found.append(Diagnosis("second derivative", (), values, "a second derivative is infinite, or not a number, here", i))
             elif not any(d.index == i for d in found):
-                found += _one_sided(f, kernel, element, values, results[:first_order, 0], STEP_OVER_TIES if met else STEP, i)
+                found += _one_sided(f, kernel, element, values, results[:first_order, 0], STEP_OVER_TIES if met or searched else STEP, i)
     return found
 
 

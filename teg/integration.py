@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Integral, Real
 from typing import Any
 
@@ -19,14 +19,18 @@ RULES = {
     "qmc": "samples",
 }
 """The rules, and what `order` means to each."""
+MOST_ROOTS = 4096
+"""More roots of one condition than that are not looked for: each takes a place in the loops."""
+WIDER = 4
+"""How many times the room for roots grows where it was too little."""
 MAX_ORDER = 64
 """Nodes of a Gauss rule: beyond that pieces are better halved."""
 
 
 @dataclass(frozen=True)
 class Integration:
-    """Tolerance (mixed absolute and relative), rule, its order (None: the rule's own choice), the seed of samples, and how many roots a
-    condition may have whose number no theorem bounds. Raises OptionError for values that they cannot have."""
+    """Tolerance (mixed absolute and relative), rule, its order (None: the rule's own choice), the seed of samples, and for how many roots
+    of a condition there is room at first, if no theorem bounds their number. Raises OptionError for values that they cannot have."""
 
     tol: float = DEFAULT_TOL
     rule: str = "auto"
@@ -51,7 +55,7 @@ class Integration:
             object.__setattr__(self, "order", int(order))
         if not _is_whole(self.seed) or not 0 <= self.seed < 2**32:
             raise OptionError(f"seed={self.seed!r} is not a seed", None, "a whole number from 0 to 2³² - 1")
-        if not _is_whole(self.max_roots) or not 1 <= self.max_roots <= 4096:
+        if not _is_whole(self.max_roots) or not 1 <= self.max_roots <= MOST_ROOTS:
             raise OptionError(f"max_roots={self.max_roots!r} is not a number of roots", None, "1 to 4096; each takes a place in the loops")
         object.__setattr__(self, "seed", int(self.seed))
         object.__setattr__(self, "max_roots", int(self.max_roots))
@@ -60,6 +64,11 @@ class Integration:
     def closed_forms(self) -> bool:
         """Whether an integral may be computed without a rule (clipped polygons, moments of hyperbolas): only where none was asked for."""
         return self.rule == "auto" and self.order is None
+
+
+def with_more_room(how: Integration) -> Integration | None:
+    """The same with more room for roots; None where there is as much as there can be."""
+    return replace(how, max_roots=min(WIDER * how.max_roots, MOST_ROOTS)) if how.max_roots < MOST_ROOTS else None
 
 
 def _is_whole(value: Any) -> bool:

@@ -315,5 +315,6 @@ def _coordinates(data: object, charts: Sequence[Entry]) -> str:
 def _roots(chart: Entry) -> str:
     """A variable, and its roots, in words."""
     most = "" if chart["how"] == "formula" else "≤ "
-    beyond = ", NaN beyond" if chart["beyond"] else ""
-    return f"{chart['variable']} ({most}{chart['roots']} root{'' if chart['roots'] == 1 else 's'}, {chart['how']}{beyond})"
+    if chart["beyond"]:
+        return f"{chart['variable']} ({chart['roots']} roots at first, {chart['how']})"
+    return f"{chart['variable']} ({most}{chart['roots']} root{'' if chart['roots'] == 1 else 's'}, {chart['how']})"

@@ -6,7 +6,7 @@ both over a box are needed, and a bound on the number of roots, for which places
     polynomial in x of degree n                              n
     Σᵢ Pᵢ(x)·exp(aᵢx + bᵢ), Pᵢ of degree nᵢ                  Σ(nᵢ + 1) - 1             (Pólya and Szegő, part V, problem 75)
     kinked: |·| of m functions, otherwise one of the above   (3m + 1) times that: at a kink near 0 a root may be found thrice
-    anything else                                            `max_roots` of the compilation: more of them make the result NaN
+    anything else                                            `max_roots` of the compilation: with more of them it is made again
 """
 
 from __future__ import annotations
@@ -17,21 +17,30 @@ from typing import cast
 
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import Add, Call, Const, Expr, Mul, Pow, Var, Where, add, const, mul, sub
+from teg.expr import ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, add, call, const, mul, sub
 from teg.intervals import Enclosure
-from teg.node import postorder
+from teg.node import Node, postorder
 from teg.polynomial import Shadow
 from teg.traverse import fresh, replace_node
 
 MAX_ROOTS = 16
+MAX_PLACES = 64
+"""Roots for which places are reserved where a theorem bounds their number."""
 MARGIN = 1e-9
 _LARGEST = 20_000
 """Nodes of a surface and its enclosures together: beyond that a box costs more than adaptive integration."""
 
 
+_SMOOTH = frozenset(["sin", "cos", "tan", "exp", "log", "sqrt", "asin", "acos", "atan", "sinh", "cosh", "tanh", "pow", "atan2"])
+"""Functions without kinks: between the ends of a box on which their curvature is bounded it is what their slope changes by."""
+_NO_NUMBER = const(math.nan)
+_ANYTHING: tuple[Expr, Expr] = (const(-math.inf), const(math.inf))
+
+
 @dataclass(frozen=True)
 class Isolation:
-    """g and its slope in `var`; bounds of both for left <= var <= right; how many roots there can be."""
+    """g, its slope and its curvature in `var`; bounds of g and the slope, and of the curvature, for left <= var <= right; how many roots
+    there can be. Where the curvature is not known it is NaN, between infinite bounds."""
 
     g: Expr
     var: Var
@@ -40,6 +49,8 @@ class Isolation:
     right: Var
     bounds: tuple[Expr, Expr, Expr, Expr]
     count: int
+    curvature: Expr = _NO_NUMBER
+    curving: tuple[Expr, Expr] = _ANYTHING
 
 
 def isolate(g: Expr, x: Var, limit: int = MAX_ROOTS) -> Isolation | None:
@@ -49,13 +60,86 @@ def isolate(g: Expr, x: Var, limit: int = MAX_ROOTS) -> Isolation | None:
     left, right = fresh(x.name + "₋", g.free), fresh(x.name + "₊", g.free)
     try:
         rate = slope(g, x)
+        if (taylor := _taylor(g, x, mul(const(0.5), add(left, right)))) is not None:
+            bounds, curving = _around(taylor, mul(const(0.5), sub(right, left)))
+            if len(postorder(bounds)) <= _LARGEST:
+                return Isolation(g, x, rate, left, right, bounds, max_roots(g, x, limit), slope(rate, x), curving)
         boxed = Enclosure({x: (left, right)})
         bounds = (*boxed.of(g), *boxed.of(rate))
     except NotDifferentiableError:
         return None
     if len(postorder(bounds)) > _LARGEST:
         return None
-    return Isolation(g, x, rate, left, right, bounds, max_roots(g, x, limit))
+    return Isolation(g, x, rate, left, right, bounds, max_roots(g, x, limit), *_curvature(g, rate, x, boxed))
+
+
+def _taylor(g: Expr, x: Var, middle: Expr) -> list[Expr] | None:
+    """The coefficients of a polynomial g in powers of x - middle; None if g is written with anything but sums, products and powers of x, or
+    its degree is above MAX_PLACES. A bound of such a sum is off by as much as its highest terms, whatever g is written like."""
+    series: dict[Node, list[Expr]] = {}
+    for node in postorder([g]):
+        if x not in node.free:
+            continue
+        parts = [series[c] if c in series else [cast(Expr, c)] for c in node.children]
+        match node:
+            case Var():
+                found = [middle, ONE]
+            case Add():
+                found = [add(*(p[k] for p in parts if k < len(p))) for k in range(max(map(len, parts)))]
+            case Mul():
+                found = parts[0]
+                for p in parts[1:]:
+                    found = _convolved(found, p)
+            case Pow() if 0 < node.exponent <= MAX_PLACES:
+                found = parts[0]
+                for bit in f"{node.exponent:b}"[1:]:
+                    found = _convolved(found, found)
+                    found = _convolved(found, parts[0]) if bit == "1" else found
+            case _:
+                return None
+        if len(found) > MAX_PLACES + 1:
+            return None
+        series[node] = found
+    return series[g]
+
+
+def _convolved(first: list[Expr], second: list[Expr]) -> list[Expr]:
+    """The coefficients of a product."""
+    terms: list[list[Expr]] = [[] for _ in range(len(first) + len(second) - 1)]
+    for i, u in enumerate(first):
+        for j, v in enumerate(second):
+            terms[i + j].append(mul(u, v))
+    return [add(*t) for t in terms]
+
+
+def _around(taylor: list[Expr], half: Expr) -> tuple[tuple[Expr, Expr, Expr, Expr], tuple[Expr, Expr]]:
+    """Bounds of Σ cₖwᵏ, of its slope and of its curvature for |w| <= half."""
+    ends: list[Expr] = []
+    for order in range(3):
+        scaled = [mul(const(float(math.perm(k, order))), c) for k, c in enumerate(taylor)][order:] or [ZERO]
+        reach: Expr = ZERO
+        for c in reversed(scaled[1:]):
+            reach = mul(half, add(call("magnitude", c), reach))
+        ends += [sub(scaled[0], reach), add(scaled[0], reach)]
+    return (ends[0], ends[1], ends[2], ends[3]), (ends[4], ends[5])
+
+
+def _curvature(g: Expr, rate: Expr, x: Var, boxed: Enclosure) -> tuple[Expr, tuple[Expr, Expr]]:
+    """The curvature of g and its bounds, where g has one everywhere and it does not cost much more than g and its slope."""
+    if not all(_is_smooth(n) for n in postorder([g]) if x in n.free):
+        return _NO_NUMBER, _ANYTHING
+    try:
+        curvature = slope(rate, x)
+        curving = boxed.of(curvature)
+    except NotDifferentiableError:
+        return _NO_NUMBER, _ANYTHING
+    if len(postorder(curving)) > _LARGEST:
+        return _NO_NUMBER, _ANYTHING
+    return curvature, curving
+
+
+def _is_smooth(node: Node) -> bool:
+    return isinstance(node, Var | Add | Mul | Pow) or (isinstance(node, Call) and node.name in _SMOOTH)
 
 
 @dataclass(frozen=True)
@@ -110,7 +194,9 @@ def max_roots(g: Expr, x: Var, limit: int = MAX_ROOTS) -> int:
         if x in node.free and (isinstance(node, Where) or (isinstance(node, Call) and node.name == "magnitude")):
             kinks += 1
     smooth = _of_smooth(g, x)
-    return limit if smooth is None else min((3 * kinks + 1) * smooth, limit)
+    if smooth is None:
+        return limit
+    return min((3 * kinks + 1) * smooth, max(limit, MAX_PLACES))
 
 
 def _of_smooth(g: Expr, x: Var) -> int | None:

@@ -43,12 +43,13 @@ def _live_part(block: tuple[Stmt, ...], live: set[Arg]) -> tuple[Stmt, ...]:
         if not wanted and not live.intersection(assigned(stmt)):
             continue
         if isinstance(stmt, Isolate):  # the number of results is part of its meaning
-            live.update((*stmt.bounds, stmt.value, stmt.slope))
+            live.update((*stmt.bounds, *stmt.curving, stmt.noise, stmt.value, stmt.slope, stmt.curvature))
             point, enclosure = _live_part(stmt.point, live), _live_part(stmt.enclosure, live)
+            errors = stmt.errors if live.intersection(stmt.errors) else ()
             live.update((stmt.lo, stmt.hi))
             if stmt.when is not None:
                 live.add(stmt.when)
-            kept.append(replace(stmt, enclosure=enclosure, point=point))
+            kept.append(replace(stmt, enclosure=enclosure, point=point, errors=errors))
             continue
         if isinstance(stmt, Locate):
             live.update(stmt.bounds)

@@ -90,29 +90,39 @@ NaN or not, and no tie. If at these points a watched boolean is not always the s
 unless it is at most WATCH_WIDTH wide in u, or MAX_DEPTH or MAX_INTERVALS was reached; then it is accepted, its K counts as any other.
 An interval that will be halved anyway need not be evaluated further, but the first one is, for A₀.
 
-Semantics of `Isolate`: g is a smooth function of `var`, given twice. The block `point` computes `value` = g and `slope` = g′ at `var`; the
-block `enclosure` computes `bounds` = (g₋, g₊, d₋, d₊) with g₋ <= g <= g₊ and d₋ <= g′ <= d₊ for all v with left <= v <= right.
+Semantics of `Isolate`: g is a smooth function of `var`. The block `point` computes `value` = g, `slope` = g′ and `curvature` = g″ at `var`
+(NaN where g″ is not known). The block `enclosure` computes `bounds` = (g₋, g₊, d₋, d₊) and `curving` = (c₋, c₊) with g₋ <= g <= g₊,
+d₋ <= g′ <= d₊ and c₋ <= g″ <= c₊ for all v with left <= v <= right, and `noise`, how far rounding may move g at ½(left + right).
 
-    if `when` names a boolean that is false, every result is +inf
+    if `when` names a boolean that is false, every result and every error is +inf
     if lo or hi is NaN or infinite every result is NaN; if lo = hi every result is +inf; lo > hi are exchanged
     level 0 is the box (lo, hi). For each level 0, 1, …, ISOLATE_DEPTH, for each box (p, q) of it, with m = ½(p + q), h = ½(q - p):
-        run `enclosure` at left := p, right := q; run `point` at m; g(p) and g(q) are known likewise
+        run `enclosure` at left := p, right := q; run `point` at m; g and g′ at p and q are known likewise
         the box is dropped if  d₋ = d₊ = 0:  g is constant there, and if it is 0 that is no isolated root
         the box *changes sign* if  g(p) <= 0 < g(q)  or  g(q) <= 0 < g(p); then it is kept, whatever rounded bounds say
         another box is dropped, for there is no root in it, if   g₋ > 0  or  g₊ < 0,
             or d₋ and d₊ are finite and  g(m) - h·max(|d₋|, |d₊|) > 0  or  g(m) + h·max(|d₋|, |d₊|) < 0     (mean value theorem),
             or g₋, g₊ and g(m) are all NaN                                                                     (g is not defined there)
         else if  d₋ > 0  or  d₊ < 0,  and g(p) and g(q) are numbers  (monotone): one root if it changes sign, else none
-        else if this is level ISOLATE_DEPTH: the box is *undecided*
+        else if  c₋ > 0  or  c₊ < 0,  and g and g′ are numbers at p and q  (convex or concave): one root if it changes sign; else none,
+            unless it turns between p and q: one of g′(p), g′(q) is > 0 and the other is not, and g(p) > 0 if and only if c₋ > 0. Then, t
+            being where g′ = 0, with the noise of `enclosure` at left := right := t: if |g(t)| <= noise the root t twice (a tangency), else
+            if one of g(t), g(p) is > 0 and the other is not two roots, in (p, t) and in (t, q), else none
+        else if this is level ISOLATE_DEPTH, or |g(m)| + h·|g′(m)| + ½h²·max(|c₋|, |c₊|) <= noise (lost in rounding): it is *undecided*
         else it is halved, (p, m) and (m, q) go to the next level, or (p, q) itself if m is not strictly between p and q
-    more than ISOLATE_WIDTH boxes on a level make every result NaN
+    more than `width` boxes on a level make every result NaN
     undecided boxes that share an end are joined; a joined box (p, q) gives one root ½(p + q) if it changes sign; else none if g(p) or g(q)
         is NaN (the border of where g is defined), else that root twice (a tangency)
-    a root in a monotone box is found by Newton's method from v = m, kept in [p, q]: at each iterate v, if g = 0 it stops; else v replaces
-        q if g > 0 is as at the box's right end, else p; a step -g/g′ that is 0 or not a number, leaves [p, q], or is longer than half of
-        the step before the last one (if there was one), is replaced by a bisection, to ½(p + q). It stops after a step of at most 2⁻⁵²
-        times |v|, v being where it arrived, or after ISOLATE_STEPS steps; the last step is taken
+    a root in a box that changes sign is found by Newton's method from v = m, kept in [p, q]: at each iterate v, if g = 0 it stops; else v
+        replaces q if g > 0 is as at the box's right end, else p; a step -g/g′ that is 0 or not a number, leaves [p, q], or is longer than
+        half of the step before the last one (if there was one), is replaced by a bisection, to ½(p + q). It stops after a step of at most
+        2⁻⁵² times |v|, v being where it arrived, or after ISOLATE_STEPS steps; the last step is taken. A zero of g′ is found likewise
     results = the roots in ascending order, then +inf; more roots than results make every result NaN
+    a root's *error* is ½(q - p) for a joined box, √(2·noise/|g″(t)|) for a tangency t, else 0; `errors` are those of the results (0 for
+        +inf, NaN for NaN). If one is more than tol·|hi - lo|, the tolerance was missed
+
+A search with more than `width` boxes on a level, or more roots than results, is *crowded*, and the run's outcome says so: the same
+program with more room has the answer.
 
 Semantics of `Locate`: f and g are functions of v, between `lo` and `hi`, and of u, between `low` and `high`. The block `enclosure` computes
 `bounds` = (f₋, f₊, g₋, g₊), which hold f and g for all left <= v <= right and bottom <= u <= top.
@@ -214,6 +224,7 @@ was met it is run again with order = -1 and the outputs are averaged. `k` number
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import count
@@ -357,7 +368,7 @@ class Integrate:
 
 @dataclass(frozen=True, slots=True)
 class Isolate:
-    """results = the roots of g between lo and hi, ascending, +inf for those that are not there."""
+    """results = the roots of g between lo and hi, ascending, +inf for those that are not there; `errors`: how far each may be off."""
 
     var: str
     lo: Arg
@@ -371,6 +382,12 @@ class Isolate:
     slope: Arg
     results: tuple[str, ...]
     when: str | None = None
+    curving: tuple[Arg, Arg] = (-math.inf, math.inf)
+    noise: Arg = 0.0
+    curvature: Arg = math.nan
+    tol: float = math.inf
+    width: int = ISOLATE_WIDTH
+    errors: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -534,12 +551,14 @@ def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
 
 
 class Outcome(NamedTuple):
-    """What a run of a program gives: its outputs, (outputs, n), whether a tolerance was missed anywhere, and the number of evaluations of
-    integrands without integrals inside (0 if the kernel was not asked to count)."""
+    """What a run of a program gives: its outputs, (outputs, n), whether a tolerance was missed anywhere, the number of evaluations of
+    integrands without integrals inside (0 if the kernel was not asked to count), and whether a search found more roots than it has room
+    for."""
 
     values: np.ndarray
     missed: bool
     evaluations: int
+    crowded: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -585,6 +604,8 @@ def assigned(stmt: Stmt) -> tuple[str, ...]:
             return (stmt.name,)
         case Integrate() | Sample():
             return (*stmt.results, *stmt.estimates)
+        case Isolate():
+            return (*stmt.results, *stmt.errors)
         case _:
             return stmt.results
 

@@ -17,13 +17,15 @@ from teg.expr import ONE, Compare, Expr, Var
 from teg.integral import Integral, PointMasses
 from teg.isolation import MAX_ROOTS, Isolation, Location, isolate, off_the_grid, widened
 from teg.passes.emit import NAN, Emitter, Level
-from teg.program import TIE_EPS, Arg, Isolate, Locate, SumOver
+from teg.program import ISOLATE_WIDTH, TIE_EPS, Arg, Isolate, Locate, SumOver
 from teg.roots import Root, solve
 from teg.surfaces import atoms_of
 from teg.tails import finite_place, is_unbounded
 from teg.traverse import replace_node, substitute
 
 _NOWHERE = float("inf")
+BOXES = 8
+"""Boxes of a level for which there is room, in parts of the number of roots."""
 _ROOT_ERROR = 4.0
 """A root found at run time is off by at most so many ε of its size."""
 
@@ -31,9 +33,9 @@ _ROOT_ERROR = 4.0
 class RootEmitter(Emitter):
     """An emitter that also finds roots, and sums over them; `when`: the guard of the integral that asks, if it has one."""
 
-    def __init__(self, parameters: Sequence[str], max_roots: int) -> None:
+    def __init__(self, parameters: Sequence[str], max_roots: int, tol: float) -> None:
         super().__init__(parameters)
-        self.max_roots = max_roots
+        self.max_roots, self.tol = max_roots, tol
 
     @abstractmethod
     def plan_integrals(self, level: Level, roots: Sequence[Expr]) -> None:
@@ -50,13 +52,24 @@ class RootEmitter(Emitter):
             at_left = home.inside(isolation.left, left)
             at_both = at_left.inside(isolation.right, right)
             bounds = cast("tuple[Arg, Arg, Arg, Arg]", tuple(self.number(b, at_both) for b in isolation.bounds))
+            curving = cast("tuple[Arg, Arg]", tuple(self.number(b, at_both) for b in isolation.curving))
+            noise = self._noise(isolation, left, right, at_both)
             at_point = home.inside(isolation.var, var)
-            value, rate = self.number(isolation.g, at_point), self.number(isolation.slope, at_point)
+            value, rate, curvature = (self.number(e, at_point) for e in (isolation.g, isolation.slope, isolation.curvature))
             results = tuple(self.fresh("v") for _ in range(isolation.count))
-            enclosure = (*at_left.block, *at_both.block)
-            home.block.append(Isolate(var, *ends, left, right, enclosure, bounds, tuple(at_point.block), value, rate, results, when))
+            enclosure, point = (*at_left.block, *at_both.block), tuple(at_point.block)
+            width = max(ISOLATE_WIDTH, BOXES * self.max_roots)
+            rest = (curving, noise, curvature, self.tol, width)
+            home.block.append(Isolate(var, *ends, left, right, enclosure, bounds, point, value, rate, results, when, *rest))
             home.isolated[key] = results
         return home.isolated[key]
+
+    def _noise(self, isolation: Isolation, left: str, right: str, at_both: Level) -> Arg:
+        """How far rounding may move g in the middle of a box."""
+        middle = self.assign(at_both, "v", "mul", 0.5, self.assign(at_both, "v", "add", left, right))
+        at_middle = at_both.inside(isolation.var, middle)
+        at_middle.block = at_both.block
+        return self.assign(at_middle, "v", "mul", TIE_EPS, self.tie_scale(isolation.g, at_middle))
 
     def isolated_in(self, node: Integral, isolation: Isolation, home: Level, when: str | None, wide: bool = False) -> tuple[Arg, ...]:
         """The roots of a function within the bounds of an integral (or a little beyond them), up to infinity if need be."""

@@ -11,6 +11,7 @@ without integrals of integrals gains a few statements. Linear in the size of the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -68,6 +69,7 @@ class _Estimator:
         self._made: dict[Arg, Assign] = {}
         self._functions = {(f.callee, f.derivative): k for k, f in enumerate(program.functions)}
         self._count = 0
+        self._has_clusters = any(isinstance(stmt, Isolate) for stmt in statements(program.body))
         self._taken = {name for stmt in statements(program.body) for name in assigned(stmt)}
 
     def run(self, roundings: float) -> Program:
@@ -116,6 +118,7 @@ class _Estimator:
                 case Hyperbola():
                     self._moments(stmt, out)
                 case Isolate():
+                    stmt = replace(stmt, errors=tuple(self._fresh("v") for _ in stmt.results))
                     out.append(stmt)
                     self._roots(stmt, out)
                 case Locate():
@@ -156,7 +159,10 @@ class _Estimator:
                 parts.append(self._op(out, "mul", ends, self._op(out, "div", self._op(out, "abs", result), length)))
             if i in sizes:
                 size, extent = (self._op(out, "abs", v) for v in sizes[i])
-                parts.append(self._op(out, "mul", inside, self._op(out, "div", size, self._op(out, "max", extent, LEAST))))
+                mean = self._op(out, "div", size, self._op(out, "max", extent, LEAST))
+                if self._has_clusters:  # a piece that is taken for empty hides how large the integrand is in it
+                    mean = self._op(out, "select", self._op(out, "gt0", extent), mean, 1.0)
+                parts.append(self._op(out, "mul", inside, mean))
             self.errors[result] = self._sum_of(parts, out)
 
     def _size_and_extent(self, value: Arg, out: list[Stmt]) -> tuple[Arg, Arg]:
@@ -165,9 +171,12 @@ class _Estimator:
         return size, self._op(out, "select", self._op(out, "gt0", size), 1.0, 0.0)
 
     def _roots(self, stmt: Isolate, out: list[Stmt]) -> None:
-        """A root is off by Δg/|g'|: both are computed there, where the function is inexact."""
+        """A root in a cluster may be anywhere in it. A root is off by Δg/|g'|: both are computed there, where the function is inexact."""
         point = list(self._block(stmt.point))
         error = self._error(stmt.value)
+        for root, cluster in zip(stmt.results, stmt.errors, strict=True):
+            known = self._op(out, "gt0", self._op(out, "sub", math.inf, cluster))
+            self.errors[root] = self._op(out, "select", known, cluster, 0.0)
         if error == 0.0 or not all(isinstance(s, Assign) for s in point):
             return
         slope = self._op(point, "max", self._op(point, "abs", stmt.slope), LEAST)
@@ -180,9 +189,9 @@ class _Estimator:
                 args = tuple(names.get(a, a) if isinstance(a, str) else a for a in s.args)
                 names[s.name] = self._fresh(s.name[0])
                 body.append(Assign(str(names[s.name]), s.op, args))
-            self.errors[root] = self._fresh("v")
-            values, results = (names[off],), (str(self.errors[root]),)
-            out.append(SumOver(stmt.var, (root,), tuple(body), values, results, stmt.when))
+            moved = self._fresh("v")
+            out.append(SumOver(stmt.var, (root,), tuple(body), (names[off],), (moved,), stmt.when))
+            self.errors[root] = self._op(out, "add", self.errors[root], moved)
 
     def _sum(self, stmt: SumOver, out: list[Stmt]) -> None:
         for error in {self._error(p): None for p in stmt.points if self._error(p) != 0.0}:

@@ -42,7 +42,7 @@ class UnbrokenEmitter(RootEmitter):
     """An emitter that also integrates without breaks, where the rule is one of these."""
 
     def __init__(self, parameters: Sequence[str], how: Integration) -> None:
-        super().__init__(parameters, how.max_roots)
+        super().__init__(parameters, how.max_roots, how.tol)
         self.how = how
         self.deciding: set[Node] = set()
 
