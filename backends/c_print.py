@@ -284,7 +284,10 @@ class Printer:
                 return [*before, f"const double {scope.name(names[0])} = {guarded};"]
             if when is not None:  # what goes through the workspace is written only where it is read
                 inside = f"{{ {' '.join(before)} {call}; }}" if before else f"{call};"
-                call, before = f"if ({when}) {inside} else teg_fill({place}, {count}, {absent})", []
+                nothing = f"teg_fill({place}, {count}, {absent})"
+                if isinstance(stmt, Locate) and stmt.lost is not None:
+                    nothing = f"{{ {nothing}; {place}[{count - 1}] = 0.0; }}"
+                call, before = f"if ({when}) {inside} else {nothing}", []
             if stacked:
                 loads = [f"{scope.name(name)} = {place}[{j}]" for j, name in enumerate(names)]
                 return [*before, f"{call};", *packed(loads, "const double ", ", ", ";")]
@@ -474,7 +477,7 @@ class Printer:
         return self._routine("roots", frame, _head(frame, "root", count), inside), tuple(captured)
 
     def _location(self, stmt: Locate) -> tuple[Routine, tuple[Arg, ...]]:
-        """The routine of a location: `f` holds the four bounds."""
+        """The routine of a location: `f` holds the bounds."""
         enclosure = [*self._steps(stmt.enclosure), *_yields(stmt.bounds)]
         own = (stmt.lo, stmt.hi, stmt.low, stmt.high)
         variables = {stmt.left: "left", stmt.right: "right", stmt.bottom: "bottom", stmt.top: "top"}
@@ -482,8 +485,10 @@ class Printer:
         frame = Frame(captured, [enclosure], own, needs_context((stmt,), self.counted), variables)
         count, spell = len(stmt.results), frame.scope()
         v, u = (spell(stmt.lo), spell(stmt.hi)), (spell(stmt.low), spell(stmt.high))
-        inside = [*frame.opening(), "double f[4];", *location(frame.block(0), v, u, count)]
-        return self._routine("places", frame, _head(frame, "place", count), inside), tuple(captured)
+        slopes, counted = len(stmt.bounds) > 4, stmt.lost is not None
+        bounds = f"double f[{len(stmt.bounds)}];"
+        inside = [*frame.opening(), bounds, *location(frame.block(0), v, u, count, slopes, counted)]
+        return self._routine("places", frame, _head(frame, "place", count + counted), inside), tuple(captured)
 
     def _sum(self, stmt: SumOver) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of a sum over points."""
@@ -572,7 +577,7 @@ def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
 def needs_context(block: tuple[Stmt, ...], counted: bool) -> bool:
     """Whether a run of it can meet a tie, miss a tolerance, take long, or count."""
     return has_ties(block) or any(
-        isinstance(s, Sample)
+        isinstance(s, Sample | Locate)
         or (isinstance(s, Polygon | Segment) and counted)
         or (isinstance(s, Integrate) and (counted or isinstance(s.rule, Adaptive | Rational) or _is_long(s)))
         for s in compound(block)

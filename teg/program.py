@@ -249,7 +249,12 @@ ISOLATE_DEPTH = 40
 ISOLATE_WIDTH = 128
 ISOLATE_STEPS = 100
 LOCATE_DEPTH = 72
-LOCATE_WIDTH = 1024
+LOCATE_WIDTH = 4096
+LOCATE_MOST = 2**15
+LOCATE_STEPS = 6
+LOCATE_NARROW = 2.0**-30
+LOCATE_SAME = 2.0**-40
+LOCATE_LOST = 2.0**-40
 MAX_HALF_PLANES = 64
 """Of more a `Polygon` would be long: they share the pieces of two integrals instead."""
 THIN = 2.0**-5
@@ -375,7 +380,10 @@ class Isolate:
 
 @dataclass(frozen=True, slots=True)
 class Locate:
-    """results = where in (lo, hi) f and g have a common zero over (low, high), ascending, +inf for those that are not there."""
+    """results = where in (lo, hi) f and g have a common zero over (low, high), ascending, +inf for those that are not there.
+
+    `bounds` are those of f and g, and in that case also of ∂f/∂v, ∂f/∂u, ∂g/∂v, ∂g/∂u; `lost` is the part of the rectangle that was given up.
+    """
 
     lo: Arg
     hi: Arg
@@ -386,9 +394,10 @@ class Locate:
     bottom: str
     top: str
     enclosure: tuple[Stmt, ...]
-    bounds: tuple[Arg, Arg, Arg, Arg]
+    bounds: tuple[Arg, ...]
     results: tuple[str, ...]
     when: str | None = None
+    lost: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -585,6 +594,8 @@ def assigned(stmt: Stmt) -> tuple[str, ...]:
             return (stmt.name,)
         case Integrate() | Sample():
             return (*stmt.results, *stmt.estimates)
+        case Locate() if stmt.lost is not None:
+            return (*stmt.results, stmt.lost)
         case _:
             return stmt.results
 
