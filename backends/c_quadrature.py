@@ -238,8 +238,8 @@ def isolation(enclosure: Sequence[str], point: Sequence[str], lo: str, hi: str, 
 
 
 def location(enclosure: Sequence[str], v: tuple[str, str], u: tuple[str, str], count: int, slopes: bool, counted: bool) -> list[str]:
-    """Write the places between the ends of v to `place`, and behind them, if it is `counted`, the part that was given up: `enclosure` writes
-    bounds of f and g over a rectangle to `f`, and if there are `slopes` those of their slopes."""
+    """Write the places between the ends of v to `place`, and behind them, if it is `counted`, the part that was given up: `enclosure`
+    writes bounds of f and g over a rectangle to `f`, and if there are `slopes` those of their slopes."""
     sides = {side: f"search.here.{side}" for side in ("left", "right", "bottom", "top")}
     single = count == 1 and not counted
     return [

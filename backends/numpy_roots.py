@@ -24,6 +24,7 @@ from teg.program import (
     LOCATE_SAME,
     LOCATE_STEPS,
     LOCATE_WIDTH,
+    LOCATE_ZEROS,
 )
 
 BOX = 20
@@ -242,8 +243,8 @@ class Location:
         for_enclosure: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """The places, of the arguments' common shape, ascending, then the part that was given up; `for_enclosure` is what the block takes from
-        outside."""
+        """The places, of the arguments' common shape, ascending, then the part that was given up; `for_enclosure` is what the block takes
+        from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             found = _Locating(self, run, given[4:]).places(given[:4], lanes)
@@ -302,7 +303,7 @@ class _Locating:
                     v, same = self._newton(lane[single], middle[:, single], at[:, single]), LOCATE_SAME * extent[0, lane[single]]
                     found.append((lane[single], v - same, v + same))
                     zeros += np.bincount(lane[single], minlength=lanes)
-                left = ~away & ~single & (zeros[lane] <= LOCATE_WIDTH)
+                left = ~away & ~single & (zeros[lane] <= LOCATE_ZEROS)
                 lane, corner, near, far = lane[left], corner[:, left], near[:, left], far[:, left]
             here = np.bincount(lane, minlength=lanes)
             examined += 2 * here
@@ -312,7 +313,7 @@ class _Locating:
             found.append((lane[over], near[0, over], far[0, over]))
             lane, corner = lane[~over], corner[:, ~over]
             lane, corner = np.concatenate([lane, lane]), np.concatenate([corner, corner + _half(width, level)], axis=1)
-        many = zeros > LOCATE_WIDTH
+        many = zeros > LOCATE_ZEROS
         lane, left, right = (np.concatenate(column) for column in zip(*found, strict=True))
         kept = ~many[lane]
         return _Places(lane[kept], left[kept], right[kept]), np.where(many, 1.0, lost)

@@ -1130,7 +1130,7 @@ typedef struct {
     struct {
         double left, right, bottom, top;
     } here;
-    double across[2][TEG_LOCATE_WIDTH], up[2][TEG_LOCATE_WIDTH], zeros[TEG_LOCATE_WIDTH];
+    double across[2][TEG_LOCATE_WIDTH], up[2][TEG_LOCATE_WIDTH], zeros[TEG_LOCATE_ZEROS];
 } teg_location;
 
 /* Begin with the whole rectangle, if there is one; are the slopes bounded too? */
@@ -1166,7 +1166,7 @@ static inline int teg_next_level(teg_location *s)
 {
     const int twice = 2 * s->left;
     s->over = twice == 0 || twice > TEG_LOCATE_WIDTH || s->examined + twice > TEG_LOCATE_MOST || s->level == TEG_LOCATE_DEPTH ||
-        s->found > TEG_LOCATE_WIDTH;
+        s->found > TEG_LOCATE_ZEROS;
     if (s->over) return 0;
     s->level++;
     s->number = twice;
@@ -1245,7 +1245,7 @@ static inline void teg_newton(teg_location *s, const double *f)
         teg_ask_at(s, v, u);
         return;
     }
-    if (s->found < TEG_LOCATE_WIDTH) s->zeros[s->found] = v;
+    if (s->found < TEG_LOCATE_ZEROS) s->zeros[s->found] = v;
     s->found++;
     teg_done(s, 0);
 }
@@ -1295,7 +1295,7 @@ static double teg_places(teg_location *s, double *places, int room)
     const double same = TEG_LOCATE_SAME * s->extent;
     double *const across = s->across[s->level & 1], lost = left * s->wide * s->tall, from = 0.0, to = 0.0;
     int found = 0, open = 0;
-    if (s->found > TEG_LOCATE_WIDTH) {
+    if (s->found > TEG_LOCATE_ZEROS) {
         teg_fill(places, room, INFINITY);
         return 1.0;
     }

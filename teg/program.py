@@ -251,6 +251,7 @@ ISOLATE_STEPS = 100
 LOCATE_DEPTH = 72
 LOCATE_WIDTH = 4096
 LOCATE_MOST = 2**15
+LOCATE_ZEROS = 512
 LOCATE_STEPS = 6
 LOCATE_NARROW = 2.0**-30
 LOCATE_SAME = 2.0**-40
@@ -382,7 +383,8 @@ class Isolate:
 class Locate:
     """results = where in (lo, hi) f and g have a common zero over (low, high), ascending, +inf for those that are not there.
 
-    `bounds` are those of f and g, and in that case also of ∂f/∂v, ∂f/∂u, ∂g/∂v, ∂g/∂u; `lost` is the part of the rectangle that was given up.
+    `bounds` are those of f and g, then, if they are known, those of ∂f/∂v, ∂f/∂u, ∂g/∂v and ∂g/∂u; `lost` names the part of the rectangle
+    that was given up.
     """
 
     lo: Arg
