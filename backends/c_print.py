@@ -486,8 +486,7 @@ class Printer:
         count, spell = len(stmt.results), frame.scope()
         v, u = (spell(stmt.lo), spell(stmt.hi)), (spell(stmt.low), spell(stmt.high))
         slopes, counted = len(stmt.bounds) > 4, stmt.lost is not None
-        bounds = f"double f[{len(stmt.bounds)}];"
-        inside = [*frame.opening(), bounds, *location(frame.block(0), v, u, count, slopes, counted)]
+        inside = [*frame.opening(), "double f[12] = {0.0};", *location(frame.block(0), v, u, count, slopes, counted)]
         return self._routine("places", frame, _head(frame, "place", count + counted), inside), tuple(captured)
 
     def _sum(self, stmt: SumOver) -> tuple[Routine, tuple[Arg, ...]]:

@@ -265,7 +265,7 @@ def locate(
     many = end.found > LOCATE_ZEROS
     listed = _joined(jnp.where(many, jnp.inf, lefts), jnp.where(many, jnp.inf, rights), extent[0], results)
     behind = jnp.where(jnp.isfinite(listed[results]), jnp.maximum(0.0, (origin[0] + extent[0] - listed[results - 1]) / extent[0]), 0.0)
-    lost = jnp.where(many, 1.0, end.left * width[0] * width[1] + behind)
+    lost = jnp.where(many, 1.0, jnp.minimum(1.0, end.left * width[0] * width[1] + behind))
     lost = jnp.where(active, lost, 0.0)
     places = jnp.where(active, listed[:results], jnp.inf)
     note = where(active, end.note | note) | where(lost > LOCATE_LOST, MISSED)

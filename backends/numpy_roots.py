@@ -392,7 +392,7 @@ def _cut_off(lane: Array, place: Array, results: int, lost: Array, end: Array, e
     table[rank[rank < results], lane[rank < results]] = place[rank < results]
     table[-1] = lost
     more = count > results
-    table[-1, more] += np.maximum(0.0, (end - table[results - 1])[more] / extent[more])
+    table[-1, more] = np.minimum(1.0, table[-1, more] + np.maximum(0.0, (end - table[results - 1])[more] / extent[more]))
     return table
 
 

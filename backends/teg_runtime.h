@@ -1126,7 +1126,7 @@ static void teg_roots(teg_isolation *s)
 typedef struct {
     enum { TEG_RECTANGLE, TEG_MIDDLE, TEG_NEWTON } asks;
     int slopes, level, number, taken, left, examined, found, steps, over;
-    double lo, low, extent, height, wide, tall, v, u, bounds[12];
+    double lo, low, extent, height, wide, tall, v, u, half, rise, bounds[8];
     struct {
         double left, right, bottom, top;
     } here;
@@ -1144,7 +1144,8 @@ static void teg_locate(teg_location *s, int slopes, double lo, double hi, double
     s->extent = fabs(hi - lo);
     s->height = fabs(high - low);
     s->wide = s->tall = 1.0;
-    s->level = s->taken = s->left = s->found = s->over = 0;
+    s->half = s->rise = 0.0;
+    s->level = s->taken = s->left = s->found = s->steps = s->over = 0;
     s->examined = s->number = finite && lo != hi && low != high;
 }
 
@@ -1203,13 +1204,13 @@ static inline int teg_excluded(const double *f)
     return f[0] > 0.0 || f[1] < 0.0 || f[2] > 0.0 || f[3] < 0.0 || (isnan(f[0]) && isnan(f[1])) || (isnan(f[2]) && isnan(f[3]));
 }
 
-/* What bounds over a rectangle with half the sides h and k, and the values f and g in its middle, say of common zeros: -1, there is
-   none; 1, there is one, and Newton's method finds it; 0, nothing. */
+/* What bounds of slopes over a rectangle with half the sides h and k, and the values f and g in its middle, say of common zeros: -1, there
+   is none; 1, there is one, and Newton's method finds it; 0, nothing. */
 static int teg_krawczyk(const double *bounds, double f, double g, double h, double k)
 {
     double size[4], middle[4], radius[4];
     for (int i = 0; i < 4; i++) {
-        const double least = bounds[4 + 2 * i], most = bounds[5 + 2 * i];
+        const double least = bounds[2 * i], most = bounds[2 * i + 1];
         size[i] = fmax(fabs(least), fabs(most));
         if (isnan(least) || isnan(most)) size[i] = NAN;
         middle[i] = 0.5 * (least + most);
@@ -1254,28 +1255,24 @@ static inline void teg_newton(teg_location *s, const double *f)
 static inline void teg_judge(teg_location *s, const double *f)
 {
     const double h = 0.5 * (s->here.right - s->here.left), k = 0.5 * (s->here.top - s->here.bottom);
-    switch (s->asks) {
-    case TEG_RECTANGLE:
-        if (teg_excluded(f) || !s->slopes) {
-            teg_done(s, !teg_excluded(f));
-            return;
-        }
-        for (int i = 0; i < 12; i++) s->bounds[i] = f[i];
-        s->bounds[0] = h;
-        s->bounds[1] = k;
+    if (s->asks == TEG_RECTANGLE && (teg_excluded(f) || !s->slopes)) {
+        teg_done(s, !teg_excluded(f));
+    } else if (s->asks == TEG_RECTANGLE) {
+        for (int i = 0; i < 8; i++) s->bounds[i] = f[4 + i];
+        s->half = h;
+        s->rise = k;
         s->asks = TEG_MIDDLE;
         teg_ask_at(s, 0.5 * (s->here.left + s->here.right), 0.5 * (s->here.bottom + s->here.top));
-        return;
-    case TEG_MIDDLE: {
-        const int known = teg_krawczyk(s->bounds, f[0], f[2], s->bounds[0], s->bounds[1]);
+    } else if (s->asks == TEG_MIDDLE) {
+        const int known = teg_krawczyk(s->bounds, f[0], f[2], s->half, s->rise);
         if (known != 1) {
             teg_done(s, known == 0);
             return;
         }
         s->asks = TEG_NEWTON;
-        s->steps = 0; /* fall through */
-    }
-    default:
+        s->steps = 0;
+        teg_newton(s, f);
+    } else {
         teg_newton(s, f);
     }
 }
@@ -1323,7 +1320,7 @@ static double teg_places(teg_location *s, double *places, int room)
     }
     if (found > room) {
         const double behind = (s->lo + s->extent - places[room - 1]) / s->extent;
-        return behind > 0.0 ? lost + behind : lost;
+        return behind > 0.0 ? fmin(1.0, lost + behind) : lost;
     }
     teg_fill(places + found, room - found, INFINITY);
     return lost;
