@@ -158,7 +158,9 @@ class _Line:
                     if stmt.when is None:
                         return False
                     self.conditions.append(self.assign("b", "not", stmt.when))
-                    self.absent |= dict.fromkeys(assigned(stmt), inf if isinstance(stmt, Isolate | Locate) else 0.0)
+                    self.absent |= dict.fromkeys(assigned(stmt), 0.0)
+                    if isinstance(stmt, Isolate | Locate):
+                        self.absent |= dict.fromkeys(stmt.results, inf)
         return True
 
     def plain(self, stmt: Assign) -> list[Assign]:

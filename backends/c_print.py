@@ -284,7 +284,10 @@ class Printer:
                 return [*before, f"const double {scope.name(names[0])} = {guarded};"]
             run = [*before, f"{call};"]
             if when is not None:  # what goes through the workspace is written only where it is read
-                run = [f"if ({when}) {{", *indent(*run), f"}} else teg_fill({place}, {count}, {absent});"]
+                nothing = f"teg_fill({place}, {count}, {absent});"
+                if isinstance(stmt, Locate) and stmt.lost is not None:
+                    nothing = f"{{ {nothing} {place}[{count - 1}] = 0.0; }}"
+                run = [f"if ({when}) {{", *indent(*run), f"}} else {nothing}"]
             if stacked:
                 loads = [f"{scope.name(name)} = {place}[{j}]" for j, name in enumerate(names)]
                 return [*run, *packed(loads, "const double ", ", ", ";")]
@@ -483,7 +486,7 @@ class Printer:
         return self._routine("roots", frame, _head(frame, "root", len(assigned(stmt))), inside), tuple(captured)
 
     def _location(self, stmt: Locate) -> tuple[Routine, tuple[Arg, ...]]:
-        """The routine of a location: `f` holds the four bounds."""
+        """The routine of a location: `f` holds the bounds."""
         enclosure = [*self._steps(stmt.enclosure), *_yields(stmt.bounds)]
         own = (stmt.lo, stmt.hi, stmt.low, stmt.high)
         variables = {stmt.left: "left", stmt.right: "right", stmt.bottom: "bottom", stmt.top: "top"}
@@ -491,8 +494,9 @@ class Printer:
         frame = Frame(captured, [enclosure], own, needs_context((stmt,), self.counted), variables)
         count, spell = len(stmt.results), frame.scope()
         v, u = (spell(stmt.lo), spell(stmt.hi)), (spell(stmt.low), spell(stmt.high))
-        inside = [*frame.opening(), "double f[4];", *location(frame.block(0), v, u, count)]
-        return self._routine("places", frame, _head(frame, "place", count), inside), tuple(captured)
+        slopes, counted = len(stmt.bounds) > 4, stmt.lost is not None
+        inside = [*frame.opening(), "double f[12] = {0.0};", *location(frame.block(0), v, u, count, slopes, counted)]
+        return self._routine("places", frame, _head(frame, "place", count + counted), inside), tuple(captured)
 
     def _sum(self, stmt: SumOver) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of a sum over points."""
@@ -581,7 +585,7 @@ def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
 def needs_context(block: tuple[Stmt, ...], counted: bool) -> bool:
     """Whether a run of it can meet a tie, miss a tolerance, have too little room, take long, or count."""
     return has_ties(block) or any(
-        isinstance(s, Sample | Isolate)
+        isinstance(s, Sample | Isolate | Locate)
         or (isinstance(s, Polygon | Segment) and counted)
         or (isinstance(s, Integrate) and (counted or isinstance(s.rule, Adaptive | Rational) or _is_long(s)))
         for s in compound(block)

@@ -241,18 +241,22 @@ def isolation(enclosure: Sequence[str], point: Sequence[str], bounds: tuple[str,
     ]
 
 
-def location(enclosure: Sequence[str], v: tuple[str, str], u: tuple[str, str], count: int) -> list[str]:
-    """Write the places between the ends of v to `place`: `enclosure` writes bounds of f and g over a rectangle to `f`."""
+def location(enclosure: Sequence[str], v: tuple[str, str], u: tuple[str, str], count: int, slopes: bool, counted: bool) -> list[str]:
+    """Write the places between the ends of v to `place`, and behind them, if it is `counted`, the part that was given up: `enclosure`
+    writes bounds of f and g over a rectangle to `f`, and if there are `slopes` those of their slopes."""
     sides = {side: f"search.here.{side}" for side in ("left", "right", "bottom", "top")}
+    single = count == 1 and not counted
     return [
-        *(["double place[1];"] if count == 1 else []),
+        *(["double place[1];"] if single else []),
         "teg_location search;",
-        f"teg_locate(&search, {', '.join((*v, *u))});",
+        f"teg_locate(&search, {int(slopes)}, {', '.join((*v, *u))});",
         "while (teg_next_rectangle(&search)) {",
         *indent(*_used(enclosure, **sides), *enclosure, "teg_judge(&search, f);"),
         "}",
-        f"teg_places(&search, place, {count});",
-        *(["return place[0];"] if count == 1 else []),
+        f"const double lost = teg_places(&search, place, {count});",
+        "if (lost > TEG_LOCATE_LOST) ctx->missed = 1;",
+        *([f"place[{count}] = lost;"] if counted else []),
+        *(["return place[0];"] if single else []),
     ]
 
 

@@ -322,7 +322,7 @@ def _location(stmt: Locate, note: str) -> list[str]:
     return [
         f"def {enclosure}({stmt.left}, {stmt.right}, {stmt.bottom}, {stmt.top}):",
         *_block(stmt.enclosure, f"({inside(map(_text, stmt.bounds))})"),
-        f"({inside(stmt.results)}), {note} = roots.locate({', '.join(arguments)})",
+        f"({inside((*stmt.results, stmt.lost or '_'))}), {note} = roots.locate({', '.join(arguments)})",
     ]
 
 
@@ -408,6 +408,7 @@ def _has_note(stmt: Stmt) -> bool:
         (isinstance(s, Assign) and s.op == "tie")
         or isinstance(s, Isolate)
         or (isinstance(s, Integrate) and isinstance(s.rule, Adaptive | Rational))
+        or isinstance(s, Locate)
         or (isinstance(s, Hyperbola) and bool(s.ties))
         or (isinstance(s, Segment) and any(g.k is not None for g in s.half_lines))
         for s in statements((stmt,))

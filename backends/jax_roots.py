@@ -14,14 +14,25 @@ import jax.numpy as jnp
 from jax import lax
 
 from teg.backends.jax_runtime import CROWDED, MISSED, Note, Scalar, union, vector, where
-from teg.program import ISOLATE_DEPTH, ISOLATE_STEPS, LOCATE_DEPTH, LOCATE_WIDTH
+from teg.program import (
+    ISOLATE_DEPTH,
+    ISOLATE_STEPS,
+    LOCATE_DEPTH,
+    LOCATE_LOST,
+    LOCATE_MOST,
+    LOCATE_NARROW,
+    LOCATE_SAME,
+    LOCATE_STEPS,
+    LOCATE_WIDTH,
+    LOCATE_ZEROS,
+)
 
 Block = Callable[..., tuple[tuple[Scalar, ...], Note]]  # variables -> values, note
 
 END = 2**ISOLATE_DEPTH
 """Where a box of the last level begins is counted from 0 to END."""
 ROW = 32
-"""Rectangles that a walk keeps before they are put aside: what it carries is copied at every step."""
+"""Rectangles that are examined together: all that a search carries is copied at every step."""
 
 
 class _Search(NamedTuple):
@@ -270,111 +281,165 @@ def _crossing(point: Block, order: int, active: Scalar, p: Scalar, q: Scalar, si
     return end.v, end.note
 
 
-class _Walk(NamedTuple):
-    """A walk that is at the rectangle (left, right) × (bottom, top) of a level; -1 behind the last one.
+class _Level(NamedTuple):
+    """A search that is at the rectangle number `taken` of `number` on a level: halves of those that were left of the level before.
 
-    Level l has seen count[l] rectangles. On the level `waiting` (-1: on none) an upper half is still to come, then on
-    waits[waiting] and so on up. When one of level l comes, the present rectangle ends where it begins; it has begin[l] as its
-    beginning in the direction that was not halved, end[l] as its end in the other. `kept` has the intervals (left, right) of
-    `found` rectangles of the last level, (ROW, 2), then +inf.
+    What is left of a level and of the next one are two rows of `corners`, in parts of the whole, (2, LOCATE_WIDTH + ROW, 2), by turns.
+    `zeros` are the middles of rectangles that hold one zero, `found` of them.
     """
 
     level: Any
+    number: Any
+    taken: Any
     left: Any
-    right: Any
-    bottom: Any
-    top: Any
-    waiting: Any
-    waits: Any
-    begin: Any
-    end: Any
-    count: Any
-    crowded: Any
-    kept: Any
+    examined: Any
     found: Any
+    corners: Any
+    zeros: Any
     note: Any
 
 
 def locate(
     lo: Scalar, hi: Scalar, low: Scalar, high: Scalar, enclosure: Block, results: int, *, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Scalar]:
-    """The places v of common zeros in ascending order, then +inf; and the note."""
+    """The places v of common zeros in ascending order, then +inf; the part of the rectangle that was given up; and the note."""
     lo, hi, low, high = (jnp.asarray(v, jnp.float64) for v in (lo, hi, low, high))
     active = when & jnp.all(jnp.isfinite(jnp.stack([lo, hi, low, high]))) & (lo != hi) & (low != high)
-    whole = jnp.stack([jnp.minimum(lo, hi), jnp.maximum(lo, hi), jnp.minimum(low, high), jnp.maximum(low, high)])
-    kept, crowded, note = _walk(active, whole, enclosure)
-    # intervals of one level of bisection: in the order of their left ends their right ends ascend too
-    left, right = lax.sort((kept[:, 0], kept[:, 1]), num_keys=2)
-    begins = jnp.concatenate([jnp.array([True]), left[1:] > right[:-1]])  # the entries behind the last one, +inf, are one interval
-    begin = jnp.searchsorted(jnp.cumsum(begins), jnp.arange(1, results + 2))
-    ends = jnp.minimum(begin, left.size - 1)
-    places = 0.5 * (left[ends[:-1]] + right[begin[1:] - 1])
-    refused = ~active | crowded | jnp.isfinite(left[ends[results]])
-    places = jnp.where(refused, jnp.inf, places)
-    return tuple(places[i] for i in range(results)), note
+    origin = jnp.stack([jnp.minimum(lo, hi), jnp.minimum(low, high)])
+    extent = jnp.stack([jnp.abs(hi - lo), jnp.abs(high - low)])
+    bounds = jax.vmap(lambda near, far: vector(enclosure(near[0], far[0], near[1], far[1])))
+    end = _levels(active, origin, extent, bounds)
+    zeros, note = _settled(end.zeros, end.found, bounds)
+    width = _widths(end.level)
+    waiting = jnp.arange(LOCATE_WIDTH) < end.left
+    across = jnp.where(waiting, end.corners[(end.level % 2).astype(jnp.int32), :LOCATE_WIDTH, 0], jnp.inf)
+    same = LOCATE_SAME * extent[0]
+    lefts = jnp.concatenate([zeros - same, origin[0] + extent[0] * across])
+    rights = jnp.concatenate([zeros + same, origin[0] + extent[0] * (across + width[0])])
+    many = end.found > LOCATE_ZEROS
+    listed = _joined(jnp.where(many, jnp.inf, lefts), jnp.where(many, jnp.inf, rights), extent[0], results)
+    behind = jnp.where(jnp.isfinite(listed[results]), jnp.maximum(0.0, (origin[0] + extent[0] - listed[results - 1]) / extent[0]), 0.0)
+    lost = jnp.where(many, 1.0, jnp.minimum(1.0, end.left * width[0] * width[1] + behind))
+    lost = jnp.where(active, lost, 0.0)
+    places = jnp.where(active, listed[:results], jnp.inf)
+    note = where(active, end.note | note) | where(lost > LOCATE_LOST, MISSED)
+    return (*(places[i] for i in range(results)), lost), note
 
 
-def _walk(active: Scalar, whole: Any, enclosure: Block) -> tuple[Any, Scalar, Scalar]:
-    """What of a rectangle is kept, intervals of v and +inf, (·, 2); whether a level has too many, and the note.
+def _widths(level: Scalar) -> Any:
+    """The sides of the rectangles of a level, in parts of the whole."""
+    halves = jnp.asarray([0.5**i for i in range(LOCATE_DEPTH // 2 + 1)])  # `exp2` is not exact
+    return halves[jnp.stack([(level + 1) // 2, level // 2])]
 
-    Depth first, like `_search`: behind a rectangle that is not halved comes the one that waits on the deepest level.
-    """
-    levels, numbers = jnp.arange(LOCATE_DEPTH + 1, dtype=jnp.int8), jnp.arange(ROW)
-    nothing = jnp.full((ROW, 2), jnp.inf)
 
-    def step(at: _Walk) -> _Walk:
-        left, right, bottom, top = at.left, at.right, at.bottom, at.top
-        (f_least, f_most, g_least, g_most), note = vector(enclosure(left, right, bottom, top))
-        away = (f_least > 0.0) | (f_most < 0.0) | (g_least > 0.0) | (g_most < 0.0)
-        away |= (jnp.isnan(f_least) & jnp.isnan(f_most)) | (jnp.isnan(g_least) & jnp.isnan(g_most))
-        keep = ~away & (at.level == LOCATE_DEPTH)
-        halve = ~away & ~keep
-        count = at.count + (levels == at.level).astype(jnp.int16)
-        crowded = at.count[at.level] >= LOCATE_WIDTH
-        level = jnp.where(halve, at.level + 1, at.waiting)
-        across, was_across = at.level % 2 == 0, level % 2 == 1
-        begin, end = at.begin[level], at.end[level]
-        below = halve & (levels == at.level + 1)
-        here = keep & (numbers == at.found)
-        return _Walk(
-            level=jnp.where(crowded, jnp.int8(-1), level),
-            left=jnp.where(halve, left, jnp.where(was_across, right, begin)),
-            right=jnp.where(halve, jnp.where(across, 0.5 * (left + right), right), jnp.where(was_across, end, right)),
-            bottom=jnp.where(halve, bottom, jnp.where(was_across, begin, top)),
-            top=jnp.where(halve, jnp.where(across, top, 0.5 * (bottom + top)), jnp.where(was_across, top, end)),
-            waiting=jnp.where(halve, level, at.waits[level]),
-            waits=jnp.where(below, at.waiting, at.waits),
-            begin=jnp.where(below, jnp.where(across, bottom, left), at.begin),
-            end=jnp.where(below, jnp.where(across, right, top), at.end),
-            count=count,
-            crowded=crowded,
-            kept=jnp.where(here[:, None], jnp.stack([left, right]), at.kept),
-            found=at.found + keep,
-            note=at.note | note,
+def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any], tuple[Any, Note]]) -> _Level:
+    """The search, at its end: ROW rectangles at a time, level by level."""
+    lanes, nothing = jnp.arange(ROW, dtype=jnp.int32), jnp.int32(0)
+
+    def step(at: _Level) -> _Level:
+        width, now = _widths(at.level), (at.level % 2).astype(jnp.int32)
+        parents = lax.dynamic_slice(at.corners, (1 - now, at.taken // 2, nothing), (1, ROW // 2, 2))[0]
+        half = jnp.where(at.level % 2 == 1, width * jnp.array([1.0, 0.0]), width * jnp.array([0.0, 1.0]))
+        corner = jnp.repeat(parents, 2, axis=0) + jnp.where(lanes[:, None] % 2 == 1, half, 0.0)
+        there = at.taken + lanes < at.number
+        near, far = origin + extent * corner, origin + extent * (corner + width)
+        over, note = bounds(near, far)
+        kept = there & ~_excluded(over)
+        middle = 0.5 * (near + far)
+        single = jnp.zeros(ROW, jnp.bool_)
+        if over.shape[1] > 4:
+            values, more = bounds(middle, middle)
+            away, single = _refuted(over, values[:, ::2], 0.5 * (far - near))
+            note, kept, single = jnp.where(kept, note | more, note), kept & ~away & ~single, kept & single
+        packed = corner[jnp.argsort(~kept, stable=True)]
+        zeros = jnp.where(jnp.arange(ROW)[:, None] < jnp.sum(single), middle[jnp.argsort(~single, stable=True)], jnp.inf)
+        left, found = (count + jnp.sum(new, dtype=jnp.int32) for count, new in ((at.left, kept), (at.found, single)))
+        last = at.taken + ROW >= at.number
+        twice = 2 * left
+        full = (twice > LOCATE_WIDTH) | (at.examined + twice > LOCATE_MOST) | (found > LOCATE_ZEROS)
+        goes_on = last & (twice > 0) & ~full & (at.level < LOCATE_DEPTH)
+        return _Level(
+            level=jnp.where(goes_on, at.level + 1, at.level),
+            number=jnp.where(goes_on, twice, jnp.where(last, 0, at.number)),
+            taken=jnp.where(last, 0, at.taken + ROW),
+            left=jnp.where(goes_on, 0, left),
+            examined=jnp.where(goes_on, at.examined + twice, at.examined),
+            found=found,
+            corners=lax.dynamic_update_slice(at.corners, packed[None], (now, at.left, nothing)),
+            zeros=lax.dynamic_update_slice(at.zeros, zeros, (jnp.minimum(at.found, LOCATE_ZEROS), nothing)),
+            note=at.note | union(where(there, note)),
         )
 
-    def fill(at: tuple[_Walk, Any, Any]) -> tuple[_Walk, Any, Any]:
-        walk, rows, row = at
-        walk = walk._replace(kept=nothing, found=jnp.int64(0))
-        walk = lax.while_loop(lambda at: (at.level >= 0) & (at.found < ROW), step, walk)
-        return walk, lax.dynamic_update_index_in_dim(rows, walk.kept, row, 0), row + 1
-
-    beginning = _Walk(
-        level=jnp.where(active, jnp.int8(0), jnp.int8(-1)),
-        left=whole[0],
-        right=whole[1],
-        bottom=whole[2],
-        top=whole[3],
-        waiting=jnp.int8(-1),
-        waits=jnp.zeros(LOCATE_DEPTH + 1, jnp.int8),
-        begin=jnp.zeros(LOCATE_DEPTH + 1),
-        end=jnp.zeros(LOCATE_DEPTH + 1),
-        count=jnp.zeros(LOCATE_DEPTH + 1, jnp.int16),
-        crowded=jnp.bool_(False),
-        kept=nothing,
-        found=jnp.int64(0),
+    beginning = _Level(
+        level=nothing,
+        number=jnp.where(active, jnp.int32(1), nothing),
+        taken=nothing,
+        left=nothing,
+        examined=jnp.int32(1),
+        found=nothing,
+        corners=jnp.zeros((2, LOCATE_WIDTH + ROW, 2)),
+        zeros=jnp.full((LOCATE_ZEROS + ROW, 2), jnp.inf),
         note=jnp.int32(0),
     )
-    rows = jnp.full((LOCATE_WIDTH // ROW + 1, ROW, 2), jnp.inf)  # one more: some of the last one's entries are +inf
-    end, rows, _ = lax.while_loop(lambda at: at[0].level >= 0, fill, (beginning, rows, jnp.int64(0)))
-    return rows.reshape((-1, 2)), end.crowded, end.note
+    return lax.while_loop(lambda at: at.number > 0, step, beginning)
+
+
+def _excluded(bounds: Any) -> Any:
+    """Where bounds f-, f+, g-, g+, (·, 4), leave no common zero."""
+    f_least, f_most, g_least, g_most = (bounds[:, i] for i in range(4))
+    away = (f_least > 0.0) | (f_most < 0.0) | (g_least > 0.0) | (g_most < 0.0)
+    return away | (jnp.isnan(f_least) & jnp.isnan(f_most)) | (jnp.isnan(g_least) & jnp.isnan(g_most))
+
+
+def _refuted(bounds: Any, at: Any, reach: Any) -> tuple[Any, Any]:
+    """Where there is no common zero by the mean value theorem, and where Krawczyk's test says that there is exactly one. `bounds` are those
+    over rectangles with half the sides `reach`, `at` the values and slopes in their middles."""
+    f, g, h, k = at[:, 0], at[:, 1], reach[:, 0], reach[:, 1]
+    least, most = bounds[:, 4::2].T, bounds[:, 5::2].T
+    middle, radius, size = 0.5 * (least + most), 0.5 * (most - least), jnp.maximum(jnp.abs(least), jnp.abs(most))
+    away = (jnp.abs(f) > size[0] * h + size[1] * k) | (jnp.abs(g) > size[2] * h + size[3] * k)
+    (a, b, c, d), (ra, rb, rc, rd) = middle, radius
+    det = jnp.abs(a * d - b * c)
+    a, b, c, d = a / det, b / det, c / det, d / det
+    v, u = jnp.abs(d * f - b * g), jnp.abs(a * g - c * f)
+    a, b, c, d = jnp.abs(a), jnp.abs(b), jnp.abs(c), jnp.abs(d)
+    wide = (d * ra + b * rc) * h + (d * rb + b * rd) * k
+    high = (c * ra + a * rc) * h + (c * rb + a * rd) * k
+    away |= (v > h + wide) | (u > k + high)
+    single = (wide <= 0.25 * h) & (high <= 0.25 * k) & (v + wide < h) & (u + high < k) & ~away
+    return away, single
+
+
+def _settled(zeros: Any, found: Scalar, bounds: Callable[[Any, Any], tuple[Any, Note]]) -> tuple[Any, Note]:
+    """The v of zeros near points (v, u), by Newton's method, ROW at a time, +inf for those that are not there; and the note."""
+
+    def block(at: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+        row, placed, note = at
+        near = lax.dynamic_slice(zeros, (row, jnp.int32(0)), (ROW, 2))
+        there = jnp.isfinite(near[:, 0])
+        for _ in range(LOCATE_STEPS):
+            values, more = bounds(near, near)
+            f, g, f_v, f_u, g_v, g_u = (values[:, i] for i in range(0, 12, 2))
+            det = f_v * g_u - f_u * g_v
+            near = near - jnp.stack([(g_u * f - f_u * g) / det, (f_v * g - g_v * f) / det], axis=1)
+            note = note | union(where(there, more))
+        return row + ROW, lax.dynamic_update_slice(placed, jnp.where(there, near[:, 0], jnp.inf), (row,)), note
+
+    if jax.eval_shape(bounds, zeros[:1], zeros[:1])[0].shape[1] <= 4:
+        return zeros[:, 0], jnp.int32(0)
+    _, placed, note = lax.while_loop(lambda at: at[0] < found, block, (jnp.int32(0), zeros[:, 0], jnp.int32(0)))
+    return placed, note
+
+
+def _joined(left: Any, right: Any, extent: Scalar, results: int) -> Any:
+    """The first results + 1 places, ascending, of intervals of which those are joined that overlap or touch: the middle of a narrow one,
+    both ends of another. Both ends are sorted by themselves: an interval begins a new place where as many intervals ended before it as
+    began; the entries behind the last one, +inf, are one interval."""
+    left, right = jnp.sort(left), jnp.sort(right)
+    begins = jnp.concatenate([jnp.array([True]), left[1:] > right[:-1]])
+    begin = jnp.searchsorted(jnp.cumsum(begins), jnp.arange(1, results + 3))
+    from_, to = left[jnp.minimum(begin[:-1], left.size - 1)], right[begin[1:] - 1]
+    absent = (begin[:-1] >= left.size) | jnp.isinf(from_)
+    wide = ~absent & (to - from_ > LOCATE_NARROW * extent)
+    first = jnp.where(absent, jnp.inf, jnp.where(wide, from_, 0.5 * (from_ + to)))
+    return jnp.sort(jnp.concatenate([first, jnp.where(wide, to, jnp.inf)]))

@@ -358,6 +358,7 @@ class _Printer:
         sides = [stmt.left, stmt.right, stmt.bottom, stmt.top]
         width = self.function(enclosure, [*sides, *located(stmt)], stmt.enclosure, stmt.bounds)
         fields = f"enclosure={enclosure}, results={len(stmt.results)}, width={width}"
+        fields += f", bounds={len(stmt.bounds)}, counts={stmt.lost is not None}"
         self.lines += ["", "", f"location_{number} = roots.Location({fields})"]
 
     def sum(self, number: int, stmt: SumOver) -> None:

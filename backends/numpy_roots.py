@@ -13,7 +13,18 @@ from typing import cast
 import numpy as np
 
 from teg.backends.numpy_runtime import Array, Block, Run, Value, gather, on_lanes, parts, scatter
-from teg.program import ISOLATE_DEPTH, ISOLATE_STEPS, LOCATE_DEPTH, LOCATE_WIDTH
+from teg.program import (
+    ISOLATE_DEPTH,
+    ISOLATE_STEPS,
+    LOCATE_DEPTH,
+    LOCATE_LOST,
+    LOCATE_MOST,
+    LOCATE_NARROW,
+    LOCATE_SAME,
+    LOCATE_STEPS,
+    LOCATE_WIDTH,
+    LOCATE_ZEROS,
+)
 
 BOX = 20
 """Doubles that a box takes while its level is examined."""
@@ -268,13 +279,15 @@ class PointSum:
 class Location:
     """The places v where two functions of (v, u) have a common zero: interval bisection of a rectangle.
 
-    `enclosure` is a printed block, `results` the number of places there is room for, `width` the doubles that a
-    lane of the block takes.
+    `enclosure` is a printed block that gives `bounds` numbers, `results` the number of places there is room for, `width` the doubles that a
+    lane of the block takes; `counts`: the part of the rectangle that was given up is asked for.
     """
 
     enclosure: Block
     results: int
     width: int
+    bounds: int = 4
+    counts: bool = False
 
     def __call__(
         self,
@@ -286,65 +299,157 @@ class Location:
         for_enclosure: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """The places, of the arguments' common shape, ascending; `for_enclosure` is what the block takes from outside."""
+        """The places, of the arguments' common shape, ascending, then the part that was given up; `for_enclosure` is what the block takes
+        from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
-            lane, left, right, crowded = self._rectangles(run, given[:4], given[4:], lanes)
-            lane, place = _middles(lane, left, right)
-            crowded |= np.bincount(lane, minlength=lanes) > self.results
-            return _table(lane, (place,), self.results, crowded, np.inf)
+            found = _Locating(self, run, given[4:]).places(given[:4], lanes)
+            run.missed |= bool((found[-1] > LOCATE_LOST).any())
+            return found if self.counts else found[:-1]
 
         given = (lo, hi, low, high, *for_enclosure)
-        return on_lanes(work, given, when, self.results, np.inf, run.chunk(len(given) + BOX * LOCATE_WIDTH))
+        results = on_lanes(work, given, when, self.results + self.counts, np.inf, run.chunk(len(given) + BOX * LOCATE_WIDTH))
+        return (*results[:-1], np.where(np.isinf(results[-1]), 0.0, results[-1])) if self.counts else results
 
-    def _rectangles(
-        self,
-        run: Run,
-        limits: Sequence[Array],
-        given: Sequence[Array],
-        lanes: int,
-    ) -> tuple[Array, Array, Array, Array]:
-        """The rectangles that are kept, as (lane, left, right), and the lanes with too many on a level."""
+
+@dataclass(frozen=True, slots=True)
+class _Places:
+    """Intervals (left, right) of lanes that hold places."""
+
+    lane: Array
+    left: Array
+    right: Array
+
+
+@dataclass(frozen=True, slots=True)
+class _Locating:
+    """One search on flat lanes, with what the block takes from outside."""
+
+    location: Location
+    run: Run
+    given: Sequence[Array]
+
+    def places(self, limits: Sequence[Array], lanes: int) -> Array:
+        """The places, and the part of the rectangle that was given up, (results + 1, lanes)."""
         lo, hi, low, high = (np.broadcast_to(v, (lanes,)) for v in limits)
         lane = np.flatnonzero(np.isfinite([lo, hi, low, high]).all(axis=0) & (lo != hi) & (low != high))
-        corners = np.minimum(lo, hi), np.maximum(lo, hi), np.minimum(low, high), np.maximum(low, high)
-        sides = np.array([side[lane] for side in corners])
-        crowded = np.zeros(lanes, dtype=np.bool_)
+        origin, extent = np.array([np.minimum(lo, hi), np.minimum(low, high)]), np.array([np.abs(hi - lo), np.abs(high - low)])
+        found, lost = self._rectangles(lane, origin, extent, lanes)
+        lane, place = _joined(found, extent[0])
+        return _cut_off(lane, place, self.location.results, lost, origin[0] + extent[0], extent[0])
+
+    def _rectangles(self, lane: Array, origin: Array, extent: Array, lanes: int) -> tuple[_Places, Array]:
+        """Intervals that hold a place, and of each lane the part that was given up."""
+        found: list[tuple[Array, Array, Array]] = [(lane[:0], origin[0, :0], origin[0, :0])]
+        corner = np.zeros((2, lane.size))
+        examined, zeros, lost = np.bincount(lane, minlength=lanes), np.zeros(lanes, dtype=np.int64), np.zeros(lanes)
         for level in range(LOCATE_DEPTH + 1):
+            width = np.array([[0.5 ** ((level + 1) // 2)], [0.5 ** (level // 2)]])
+            near, far = (origin[:, lane] + extent[:, lane] * at for at in (corner, corner + width))
             if not lane.size:
                 break
-            f_least, f_most, g_least, g_most = _evaluated(run, self.enclosure, self.width, 4, lane, tuple(sides), given)
-            away = (f_least > 0.0) | (f_most < 0.0) | (g_least > 0.0) | (g_most < 0.0)
-            away |= (np.isnan(f_least) & np.isnan(f_most)) | (np.isnan(g_least) & np.isnan(g_most))
-            kept = np.flatnonzero(~away)
-            if level < LOCATE_DEPTH:  # lanes that are about to have too many are left out before they take the memory
-                crowded |= 2 * np.bincount(lane[kept], minlength=lanes) > LOCATE_WIDTH
-                kept = kept[~crowded[lane[kept]]]
-            lane, sides = lane[kept], sides[:, kept]
-            if level < LOCATE_DEPTH:
-                lane, sides = np.concatenate([lane, lane]), _halved(sides, 0 if level % 2 == 0 else 2)
-        return lane, sides[0], sides[1], crowded
+            bounds = self._bounds(lane, near, far)
+            kept = np.flatnonzero(~_excluded(bounds[:4]))
+            lane, corner, near, far = lane[kept], corner[:, kept], near[:, kept], far[:, kept]
+            if len(bounds) > 4 and lane.size:
+                middle = 0.5 * (near + far)
+                at = self._bounds(lane, middle, middle)[::2]
+                away, single = _refuted(bounds[:, kept], at, 0.5 * (far - near))
+                if single.any():
+                    v, same = self._newton(lane[single], middle[:, single], at[:, single]), LOCATE_SAME * extent[0, lane[single]]
+                    found.append((lane[single], v - same, v + same))
+                    zeros += np.bincount(lane[single], minlength=lanes)
+                still = ~away & ~single & (zeros[lane] <= LOCATE_ZEROS)
+                lane, corner, near, far = lane[still], corner[:, still], near[:, still], far[:, still]
+            here = np.bincount(lane, minlength=lanes)
+            examined += 2 * here
+            ends = (2 * here > LOCATE_WIDTH) | (examined > LOCATE_MOST) | (level == LOCATE_DEPTH)
+            lost += np.where(ends, here * 0.5**level, 0.0)
+            over = ends[lane]
+            found.append((lane[over], near[0, over], far[0, over]))
+            lane, corner = lane[~over], corner[:, ~over]
+            lane, corner = np.concatenate([lane, lane]), np.concatenate([corner, corner + _half(width, level)], axis=1)
+        many = zeros > LOCATE_ZEROS
+        lane, left, right = (np.concatenate(column) for column in zip(*found, strict=True))
+        kept = ~many[lane]
+        return _Places(lane[kept], left[kept], right[kept]), np.where(many, 1.0, lost)
+
+    def _newton(self, lane: Array, at: Array, values: Array) -> Array:
+        """The v of the zeros near points (v, u), by Newton's method; `values` are f, g and their slopes there."""
+        for step in range(LOCATE_STEPS):
+            f, g, f_v, f_u, g_v, g_u = values
+            det = f_v * g_u - f_u * g_v
+            at = at - np.array([(g_u * f - f_u * g) / det, (f_v * g - g_v * f) / det])
+            if step < LOCATE_STEPS - 1:
+                values = self._bounds(lane, at, at)[::2]
+        return cast(Array, at[0])
+
+    def _bounds(self, lane: Array, near: Array, far: Array) -> Array:
+        """Bounds over rectangles between two corners."""
+        sides = near[0], far[0], near[1], far[1]
+        return _evaluated(self.run, self.location.enclosure, self.location.width, self.location.bounds, lane, sides, self.given)
 
 
-def _halved(sides: Array, first: int) -> Array:
-    """All lower halves of rectangles, then all upper ones, (4, 2·rectangles), cut between the sides `first` and `first` + 1."""
-    lower, upper = sides.copy(), sides.copy()
-    lower[first + 1] = upper[first] = 0.5 * (sides[first] + sides[first + 1])
-    return np.concatenate([lower, upper], axis=1)
+def _excluded(bounds: Array) -> Array:
+    """Where bounds f-, f+, g-, g+ leave no common zero."""
+    f_least, f_most, g_least, g_most = bounds
+    away = (f_least > 0.0) | (f_most < 0.0) | (g_least > 0.0) | (g_most < 0.0)
+    excluded: Array = away | (np.isnan(f_least) & np.isnan(f_most)) | (np.isnan(g_least) & np.isnan(g_most))
+    return excluded
 
 
-def _middles(lane: Array, left: Array, right: Array) -> tuple[Array, Array]:
-    """The middles, as (lane, place), of intervals (left, right), those that overlap or touch being joined.
+def _refuted(bounds: Array, at: Array, reach: Array) -> tuple[Array, Array]:
+    """Where there is no common zero by the mean value theorem, and where Krawczyk's test says that there is exactly one. `bounds` are those
+    over rectangles with half the sides `reach`, `at` the values and slopes in their middles."""
+    (f, g), (h, k) = at[:2], reach
+    middle, radius = 0.5 * (bounds[4::2] + bounds[5::2]), 0.5 * (bounds[5::2] - bounds[4::2])
+    sizes = np.maximum(np.abs(bounds[4::2]), np.abs(bounds[5::2]))
+    away = (np.abs(f) > sizes[0] * h + sizes[1] * k) | (np.abs(g) > sizes[2] * h + sizes[3] * k)
+    (a, b, c, d), (ra, rb, rc, rd) = middle, radius
+    det = a * d - b * c
+    size = np.abs(det)
+    a, b, c, d = a / size, b / size, c / size, d / size
+    v, u = np.abs(d * f - b * g), np.abs(a * g - c * f)
+    a, b, c, d = np.abs(a), np.abs(b), np.abs(c), np.abs(d)
+    wide = (d * ra + b * rc) * h + (d * rb + b * rd) * k
+    high = (c * ra + a * rc) * h + (c * rb + a * rd) * k
+    away |= (v > h + wide) | (u > k + high)
+    single = (wide <= 0.25 * h) & (high <= 0.25 * k) & (v + wide < h) & (u + high < k) & ~away
+    return away, single
 
-    The intervals are of one level of bisection: in the order of their left ends their right ends ascend too.
-    """
-    if not lane.size:
-        return lane, left
-    order = np.lexsort((right, left, lane))
-    lane, left, right = lane[order], left[order], right[order]
+
+def _half(width: Array, level: int) -> Array:
+    """From the corner of a rectangle of a level to that of its second half."""
+    return 0.5 * width * ([[1.0], [0.0]] if level % 2 == 0 else [[0.0], [1.0]])
+
+
+def _joined(found: _Places, extent: Array) -> tuple[Array, Array]:
+    """The places, as (lane, place), of intervals of which those are joined that overlap or touch: the middle of a narrow one, both ends of
+    another. Both ends are sorted by themselves: an interval begins a new place where as many intervals ended before it as began."""
+    if not found.lane.size:
+        return found.lane, found.left
+    order = np.lexsort((found.left, found.lane))
+    lane, left = found.lane[order], found.left[order]
+    right = found.right[np.lexsort((found.right, found.lane))]
     starts = np.flatnonzero(np.r_[True, (lane[1:] != lane[:-1]) | (left[1:] > right[:-1])])
-    ends = np.r_[starts[1:], lane.size] - 1
-    return lane[starts], 0.5 * (left[starts] + right[ends])
+    lane, left, right = lane[starts], left[starts], right[np.r_[starts[1:], lane.size] - 1]
+    wide = right - left > LOCATE_NARROW * extent[lane]
+    places = np.where(wide, left, 0.5 * (left + right))
+    return np.concatenate([lane, lane[wide]]), np.concatenate([places, right[wide]])
+
+
+def _cut_off(lane: Array, place: Array, results: int, lost: Array, end: Array, extent: Array) -> Array:
+    """The first places of each lane in ascending order, then +inf, and what is lost, behind the last one too if there are more of them."""
+    order = np.lexsort((place, lane))
+    lane, place = lane[order], place[order]
+    count = np.bincount(lane, minlength=lost.size)
+    rank = np.arange(lane.size) - (np.cumsum(count) - count)[lane]
+    table = np.full((results + 1, lost.size), np.inf)
+    table[rank[rank < results], lane[rank < results]] = place[rank < results]
+    table[-1] = lost
+    more = count > results
+    table[-1, more] = np.minimum(1.0, table[-1, more] + np.maximum(0.0, (end - table[results - 1])[more] / extent[more]))
+    return table
 
 
 def _table(lane: Array, columns: Sequence[Array], results: int, refused: Array, instead: float) -> Array:

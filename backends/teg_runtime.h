@@ -1252,81 +1252,210 @@ static void teg_roots(teg_isolation *s, teg_context *ctx)
     if (s->errors) teg_fill(s->errors + s->found, s->room - s->found, 0.0);
 }
 
-/* A rectangle of a location, that was halved so often: v between left and right, u between bottom and top. */
+/* The location of common zeros of f and g, a dialogue: it asks for their bounds over `here`, a TEG_RECTANGLE of this level or a point.
+   The rectangles that are left of a level, by their corners in parts of the whole, and those of the next one take turns in `across`
+   and `up`; `zeros` are those known to be alone in a rectangle. */
 typedef struct {
-    double left, right, bottom, top;
-    int level;
-} teg_rectangle;
-
-/* The location of common zeros, a dialogue: it asks for the bounds of f and g over `here`. Rectangles are taken depth-first, so
-   that few wait; `used` counts those of every level, and the kept ones leave their intervals of v in `from` and `to`. */
-typedef struct {
-    int overfull, count, kept, used[TEG_LOCATE_DEPTH + 1];
-    teg_rectangle here, waiting[TEG_LOCATE_DEPTH + 1];
-    double from[TEG_LOCATE_WIDTH], to[TEG_LOCATE_WIDTH];
+    enum { TEG_RECTANGLE, TEG_MIDDLE, TEG_NEWTON } asks;
+    int slopes, level, number, taken, left, examined, found, steps, over;
+    double lo, low, extent, height, wide, tall, v, u, half, rise, bounds[8];
+    struct {
+        double left, right, bottom, top;
+    } here;
+    double across[2][TEG_LOCATE_WIDTH], up[2][TEG_LOCATE_WIDTH], zeros[TEG_LOCATE_ZEROS];
 } teg_location;
 
-/* Let a rectangle wait for its turn, or give up where its level has too many. */
-static inline void teg_put_rectangle(teg_location *s, teg_rectangle box)
-{
-    if (++s->used[box.level] > TEG_LOCATE_WIDTH) s->overfull = 1;
-    else s->waiting[s->count++] = box;
-}
-
-/* Begin with the whole rectangle, if there is one. */
-static void teg_locate(teg_location *s, double lo, double hi, double low, double high)
+/* Begin with the whole rectangle, if there is one; are the slopes bounded too? */
+static void teg_locate(teg_location *s, int slopes, double lo, double hi, double low, double high)
 {
     const int finite = isfinite(lo) && isfinite(hi) && isfinite(low) && isfinite(high);
-    const teg_rectangle whole = {
-        lo < hi ? lo : hi, lo < hi ? hi : lo, low < high ? low : high, low < high ? high : low, 0};
-    s->overfull = s->count = s->kept = 0;
-    for (int i = 0; i <= TEG_LOCATE_DEPTH; i++) s->used[i] = 0;
-    if (finite && lo != hi && low != high) teg_put_rectangle(s, whole);
+    s->asks = TEG_RECTANGLE;
+    s->slopes = slopes;
+    s->lo = lo < hi ? lo : hi;
+    s->low = low < high ? low : high;
+    s->extent = fabs(hi - lo);
+    s->height = fabs(high - low);
+    s->wide = s->tall = 1.0;
+    s->half = s->rise = 0.0;
+    s->level = s->taken = s->left = s->found = s->steps = s->over = 0;
+    s->examined = s->number = finite && lo != hi && low != high;
 }
 
-/* Take the next rectangle, the leftmost and lowest that waits. Returns whether there is one. */
-static inline int teg_next_rectangle(teg_location *s)
+/* The corner of a rectangle of this level: one half of what was left of the level before. */
+static inline void teg_corner(teg_location *s, int i)
 {
-    if (s->overfull || s->count == 0) return 0;
-    s->here = s->waiting[--s->count];
+    const int before = (s->level - 1) & 1;
+    s->v = s->u = 0.0;
+    if (s->level == 0) return;
+    s->v = s->across[before][i / 2];
+    s->u = s->up[before][i / 2];
+    if (i % 2 == 0) return;
+    if (s->level % 2) s->v += s->wide;
+    else s->u += s->tall;
+}
+
+/* A level was examined: is there to be another one? */
+static inline int teg_next_level(teg_location *s)
+{
+    const int twice = 2 * s->left;
+    s->over = twice == 0 || twice > TEG_LOCATE_WIDTH || s->examined + twice > TEG_LOCATE_MOST || s->level == TEG_LOCATE_DEPTH ||
+        s->found > TEG_LOCATE_ZEROS;
+    if (s->over) return 0;
+    s->level++;
+    s->number = twice;
+    s->examined += twice;
+    s->taken = s->left = 0;
+    if (s->level % 2) s->wide *= 0.5;
+    else s->tall *= 0.5;
     return 1;
 }
 
-/* Drop, keep or halve a rectangle, by the bounds f-, f+, g-, g+ over it. */
-static inline void teg_judge(teg_location *s, const double *f)
+/* Take the next rectangle. Returns whether there is anything to be asked. */
+static inline int teg_next_rectangle(teg_location *s)
 {
-    const teg_rectangle box = s->here;
-    teg_rectangle first = box, second = box;
-    if (f[0] > 0.0 || f[1] < 0.0 || f[2] > 0.0 || f[3] < 0.0) return;
-    if ((isnan(f[0]) && isnan(f[1])) || (isnan(f[2]) && isnan(f[3]))) return;
-    if (box.level == TEG_LOCATE_DEPTH) {
-        s->from[s->kept] = box.left;
-        s->to[s->kept++] = box.right;
-        return;
-    }
-    first.level = second.level = box.level + 1;
-    if (box.level % 2 == 0) first.right = second.left = 0.5 * (box.left + box.right);
-    else first.top = second.bottom = 0.5 * (box.bottom + box.top);
-    teg_put_rectangle(s, second);
-    teg_put_rectangle(s, first);
+    if (s->asks != TEG_RECTANGLE) return 1;
+    if (s->taken == s->number && !teg_next_level(s)) return 0;
+    teg_corner(s, s->taken);
+    s->here.left = s->lo + s->extent * s->v;
+    s->here.right = s->lo + s->extent * (s->v + s->wide);
+    s->here.bottom = s->low + s->height * s->u;
+    s->here.top = s->low + s->height * (s->u + s->tall);
+    return 1;
 }
 
-/* The middles of the joined intervals in order, then +inf; all +inf if there are more than fit. Both ends are sorted by
-   themselves: an interval begins a new place where as many intervals ended before it as began. */
-static void teg_places(teg_location *s, double *places, int room)
+/* Ask for the values at a point. */
+static inline void teg_ask_at(teg_location *s, double v, double u)
 {
-    int found = 0;
-    if (s->overfull) s->kept = 0;
-    teg_sort(s->from, s->kept);
-    teg_sort(s->to, s->kept);
-    for (int i = 0, first = 0; i < s->kept; i++) {
-        if (i + 1 < s->kept && s->from[i + 1] <= s->to[i]) continue;
-        if (found < room) places[found] = 0.5 * (s->from[first] + s->to[i]);
-        found++;
-        first = i + 1;
+    s->here.left = s->here.right = v;
+    s->here.bottom = s->here.top = u;
+}
+
+/* Whether bounds f-, f+, g-, g+ leave no common zero. */
+static inline int teg_excluded(const double *f)
+{
+    return f[0] > 0.0 || f[1] < 0.0 || f[2] > 0.0 || f[3] < 0.0 || (isnan(f[0]) && isnan(f[1])) || (isnan(f[2]) && isnan(f[3]));
+}
+
+/* What bounds of slopes over a rectangle with half the sides h and k, and the values f and g in its middle, say of common zeros: -1, there
+   is none; 1, there is one, and Newton's method finds it; 0, nothing. */
+static int teg_krawczyk(const double *bounds, double f, double g, double h, double k)
+{
+    double size[4], middle[4], radius[4];
+    for (int i = 0; i < 4; i++) {
+        const double least = bounds[2 * i], most = bounds[2 * i + 1];
+        size[i] = fmax(fabs(least), fabs(most));
+        if (isnan(least) || isnan(most)) size[i] = NAN;
+        middle[i] = 0.5 * (least + most);
+        radius[i] = 0.5 * (most - least);
     }
-    if (found > room) found = 0;
+    if (fabs(f) > size[0] * h + size[1] * k || fabs(g) > size[2] * h + size[3] * k) return -1;
+    const double det = fabs(middle[0] * middle[3] - middle[1] * middle[2]);
+    const double a = middle[0] / det, b = middle[1] / det, c = middle[2] / det, d = middle[3] / det;
+    const double v = fabs(d * f - b * g), u = fabs(a * g - c * f);
+    const double across = (fabs(d) * radius[0] + fabs(b) * radius[2]) * h + (fabs(d) * radius[1] + fabs(b) * radius[3]) * k;
+    const double up = (fabs(c) * radius[0] + fabs(a) * radius[2]) * h + (fabs(c) * radius[1] + fabs(a) * radius[3]) * k;
+    if (v > h + across || u > k + up) return -1;
+    return across <= 0.25 * h && up <= 0.25 * k && v + across < h && u + up < k;
+}
+
+/* The rectangle that was asked for is done with; it may be left over. */
+static inline void teg_done(teg_location *s, int left)
+{
+    if (left) {
+        s->across[s->level & 1][s->left] = s->v;
+        s->up[s->level & 1][s->left++] = s->u;
+    }
+    s->taken++;
+    s->asks = TEG_RECTANGLE;
+}
+
+/* A step of Newton's method from `here`, by f, g and their slopes there. */
+static inline void teg_newton(teg_location *s, const double *f)
+{
+    const double det = f[4] * f[10] - f[6] * f[8];
+    const double v = s->here.left - (f[10] * f[0] - f[6] * f[2]) / det, u = s->here.bottom - (f[4] * f[2] - f[8] * f[0]) / det;
+    if (++s->steps < TEG_LOCATE_STEPS) {
+        teg_ask_at(s, v, u);
+        return;
+    }
+    if (s->found < TEG_LOCATE_ZEROS) s->zeros[s->found] = v;
+    s->found++;
+    teg_done(s, 0);
+}
+
+/* Drop, keep or settle a rectangle, by the bounds of f, of g and of their slopes over `here`. */
+static inline void teg_judge(teg_location *s, const double *f)
+{
+    const double h = 0.5 * (s->here.right - s->here.left), k = 0.5 * (s->here.top - s->here.bottom);
+    if (s->asks == TEG_RECTANGLE && (teg_excluded(f) || !s->slopes)) {
+        teg_done(s, !teg_excluded(f));
+    } else if (s->asks == TEG_RECTANGLE) {
+        for (int i = 0; i < 8; i++) s->bounds[i] = f[4 + i];
+        s->half = h;
+        s->rise = k;
+        s->asks = TEG_MIDDLE;
+        teg_ask_at(s, 0.5 * (s->here.left + s->here.right), 0.5 * (s->here.bottom + s->here.top));
+    } else if (s->asks == TEG_MIDDLE) {
+        const int known = teg_krawczyk(s->bounds, f[0], f[2], s->half, s->rise);
+        if (known != 1) {
+            teg_done(s, known == 0);
+            return;
+        }
+        s->asks = TEG_NEWTON;
+        s->steps = 0;
+        teg_newton(s, f);
+    } else {
+        teg_newton(s, f);
+    }
+}
+
+/* Put a place behind the others, if there is room. */
+static inline int teg_put_place(double *places, int room, int found, double place)
+{
+    if (found < room) places[found] = place;
+    return found + 1;
+}
+
+/* The places of the zeros and of the rectangles left over, in order, then +inf: of intervals that overlap or touch the middle, or
+   both ends if that is wide. Returns the part of the whole in which there may be others. */
+static double teg_places(teg_location *s, double *places, int room)
+{
+    const int left = s->left;
+    const double same = TEG_LOCATE_SAME * s->extent;
+    double *const across = s->across[s->level & 1], lost = left * s->wide * s->tall, from = 0.0, to = 0.0;
+    int found = 0, open = 0;
+    if (s->found > TEG_LOCATE_ZEROS) {
+        teg_fill(places, room, INFINITY);
+        return 1.0;
+    }
+    teg_sort(s->zeros, s->found);
+    teg_sort(across, left);
+    for (int i = 0, k = 0; i < s->found || k < left || open;) {
+        double begin = INFINITY, end = INFINITY;
+        if (i < s->found) begin = s->zeros[i] - same;
+        const double other = k < left ? s->lo + s->extent * across[k] : INFINITY;
+        if (other < begin) end = s->lo + s->extent * (across[k++] + s->wide), begin = other;
+        else if (i < s->found) end = s->zeros[i++] + same;
+        if (open && begin <= to) {
+            if (end > to) to = end;
+            continue;
+        }
+        if (open && to - from > TEG_LOCATE_NARROW * s->extent) {
+            found = teg_put_place(places, room, found, from);
+            found = teg_put_place(places, room, found, to);
+        } else if (open) {
+            found = teg_put_place(places, room, found, 0.5 * (from + to));
+        }
+        open = begin < INFINITY;
+        from = begin;
+        to = end;
+    }
+    if (found > room) {
+        const double behind = (s->lo + s->extent - places[room - 1]) / s->extent;
+        return behind > 0.0 ? fmin(1.0, lost + behind) : lost;
+    }
     teg_fill(places + found, room - found, INFINITY);
+    return lost;
 }
 
 /* Points of sampled integrals: see teg/sampling.py. 64 bits well mixed. */

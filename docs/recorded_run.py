@@ -18,8 +18,6 @@ from teg.backends.pole_weights import pole_weights
 from teg.program import (
     ABSOLUTE_FLOOR,
     INSIDE,
-    LOCATE_DEPTH,
-    LOCATE_WIDTH,
     MAX_DEPTH,
     MAX_INTERVALS,
     PIECE_EPS,
@@ -37,6 +35,7 @@ from teg.program import (
     Rational,
     Stmt,
     SumOver,
+    assigned,
     statements,
 )  # fmt: skip
 from teg.quadrature import gauss_legendre
@@ -51,7 +50,7 @@ KNOWN: dict[type, frozenset[str]] = {
         (Assign, "name op args"),
         (Integrate, "var lo hi breaks flags need body values results rule when watch bends base"),
         (Isolate, "var lo hi left right enclosure bounds point value slope results when"),
-        (Locate, "lo hi low high left right bottom top enclosure bounds results when"),
+        (Locate, "lo hi low high left right bottom top enclosure bounds results when lost"),
         (SumOver, "var points body values results when"),
         (Gauss, "nodes"),
         (Rational, "nodes power"),
@@ -105,9 +104,11 @@ class RecordedRun:
                 names[stmt.name] = _operation(stmt, names)
                 self._mark(stmt, names)
             elif stmt.when is not None and not names[stmt.when]:
-                names.update(dict.fromkeys(stmt.results, np.float64(np.inf if isinstance(stmt, Isolate | Locate) else 0.0)))
+                names.update(dict.fromkeys(assigned(stmt), np.float64(0.0)))
+                if isinstance(stmt, Isolate | Locate):
+                    names.update(dict.fromkeys(stmt.results, np.float64(np.inf)))
             else:
-                names.update(zip(stmt.results, self._results(stmt, names), strict=True))
+                names.update(zip(assigned(stmt), self._results(stmt, names), strict=True))
 
     def _results(self, stmt: Integrate | Isolate | Locate | SumOver, names: Values) -> Sequence[Any]:
         match stmt:
@@ -148,35 +149,15 @@ class RecordedRun:
         search = numpy_roots.Isolation(enclosure, point, len(stmt.results), 1, 1)
         return search(numpy_runtime.Run(1, 2**20), _get(names, stmt.lo), _get(names, stmt.hi), (), ())
 
-    def _locate(self, stmt: Locate, names: Values) -> list[float]:
-        absent = [np.float64(np.inf)] * len(stmt.results)
-        left, right, bottom, top = (np.array([float(_get(names, e))]) for e in (stmt.lo, stmt.hi, stmt.low, stmt.high))
-        left, right = np.minimum(left, right), np.maximum(left, right)
-        bottom, top = np.minimum(bottom, top), np.maximum(bottom, top)
-        if not np.isfinite([left, right, bottom, top]).all() or left == right or bottom == top:
-            return absent
-        for level in range(LOCATE_DEPTH + 1):
-            if left.size > LOCATE_WIDTH:
-                return absent
+    def _locate(self, stmt: Locate, names: Values) -> list[Any]:
+        def enclosure(_run: object, left: Any, right: Any, bottom: Any, top: Any) -> tuple[Any, ...]:
             inner = {**names, stmt.left: left, stmt.right: right, stmt.bottom: bottom, stmt.top: top}
             self._run(stmt.enclosure, inner)
-            f0, f1, g0, g1 = (np.broadcast_to(_get(inner, b), left.shape) for b in stmt.bounds)
-            away = (f0 > 0.0) | (f1 < 0.0) | (g0 > 0.0) | (g1 < 0.0) | (np.isnan(f0) & np.isnan(f1)) | (np.isnan(g0) & np.isnan(g1))
-            left, right, bottom, top = (v[~away] for v in (left, right, bottom, top))
-            if level < LOCATE_DEPTH and level % 2 == 0:
-                m = 0.5 * (left + right)
-                left, right, bottom, top = np.r_[left, m], np.r_[m, right], np.r_[bottom, bottom], np.r_[top, top]
-            elif level < LOCATE_DEPTH:
-                m = 0.5 * (bottom + top)
-                left, right, bottom, top = np.r_[left, left], np.r_[right, right], np.r_[bottom, m], np.r_[m, top]
-        joined: list[list[float]] = []
-        for p, q in sorted(zip(left, right, strict=True)):
-            if joined and p <= joined[-1][1]:
-                joined[-1][1] = max(q, joined[-1][1])
-            else:
-                joined.append([p, q])
-        found = [np.float64(0.5 * (p + q)) for p, q in joined]
-        return absent if len(found) > len(absent) else found + absent[len(found) :]
+            return tuple(np.broadcast_to(_get(inner, b), left.shape) for b in stmt.bounds)
+
+        search = numpy_roots.Location(enclosure, len(stmt.results), 1, len(stmt.bounds), stmt.lost is not None)
+        sides = (_get(names, e) for e in (stmt.lo, stmt.hi, stmt.low, stmt.high))
+        return list(search(numpy_runtime.Run(1, 2**20), *sides, ()))
 
     # -- integrals -----------------------------------------------------------------------------------------------------
 

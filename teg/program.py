@@ -3,7 +3,8 @@
     stmt ::= name = op(args…)                                              Assign: one scalar, float64 or boolean
            | results = ∫ v in (lo, breaks…, hi) by rule: flags; body       Integrate: pieces between breaks, nodes in a piece
            | results = roots of g in v in [lo, hi]                         Isolate: interval bisection, then Newton's method
-           | results = places v where f = g = 0 in a rectangle            Locate: interval bisection; hints where to break
+           | results = places v where f = g = 0 in a rectangle            Locate: interval bisection; hints where to break, and what was
+                                                                          given up
            | results = Σ v in points: body                                 SumOver: the roots found by an Isolate
            | results = mean over points (v, …) of the unit cube: body      Sample: pseudo-random, or Sobol' points in replicates
            | results = ∫∫ over a box cut by half-planes: setup; body       Polygon: the box is clipped, a rule on a fan of triangles
@@ -125,17 +126,33 @@ A search with more than `width` boxes on a level, or more roots than results, is
 program with more room has the answer.
 
 Semantics of `Locate`: f and g are functions of v, between `lo` and `hi`, and of u, between `low` and `high`. The block `enclosure` computes
-`bounds` = (f₋, f₊, g₋, g₊), which hold f and g for all left <= v <= right and bottom <= u <= top.
+`bounds` = (f₋, f₊, g₋, g₊), which hold f and g for all left <= v <= right and bottom <= u <= top; where they are known also such bounds of
+∂f/∂v, ∂f/∂u, ∂g/∂v and ∂g/∂u. At a point, left = right and bottom = top, the lower bounds are values and slopes.
 
-    if `when` names a boolean that is false, or lo, hi, low or high is not finite, or lo = hi, or low = high, every result is +inf
-    lo > hi are exchanged, and low > high
-    level 0 is the rectangle (lo, hi) × (low, high). For each level 0, 1, …, LOCATE_DEPTH, for each rectangle of it run `enclosure`;
+    if `when` names a boolean that is false, or lo, hi, low or high is not finite, or lo = hi, or low = high, every result is +inf, lost = 0
+    lo > hi are exchanged, and low > high; V = hi - lo, U = high - low
+    a rectangle of level L is 2^-⌈L/2⌉ of V wide and 2^-⌊L/2⌋ of U high; from its corner, in parts of the whole, (i, k) it reaches from
+        lo + V·i to lo + V·(i + 2^-⌈L/2⌉), and from low + U·k to low + U·(k + 2^-⌊L/2⌋). Level 0 is the whole rectangle
+    for each level 0, 1, …, for each rectangle of it run `enclosure`;
         it is dropped if  f₋ > 0  or  f₊ < 0  or  g₋ > 0  or  g₊ < 0,  or f₋ and f₊ are both NaN,  or g₋ and g₊ are
-        else if this is level LOCATE_DEPTH it is kept
-        else it is halved, in v on an even level and in u on an odd one, and both halves go to the next level
-    more than LOCATE_WIDTH rectangles on a level make every result +inf
-    the intervals of v of the rectangles that are kept are sorted, and joined where they overlap or touch;
-    results = the middles of the joined intervals in ascending order, then +inf; more of them than results make every result +inf
+        else, if there are bounds of slopes, with f and g in its middle m, half its sides h and k, the largest sizes of the slopes s,
+            their middles a, b, c, d (∂f/∂v, ∂f/∂u, ∂g/∂v, ∂g/∂u) and half of their widths r, D = |ad - bc|,
+                V* = (|d|·r_a + |b|·r_c)·h/D + (|d|·r_b + |b|·r_d)·k/D,    U* = (|c|·r_a + |a|·r_c)·h/D + (|c|·r_b + |a|·r_d)·k/D,
+            it is dropped if  |f| > s_a·h + s_b·k  or  |g| > s_c·h + s_d·k                                       (mean value theorem),
+                or |df - bg|/D > h + V*  or  |ag - cf|/D > k + U*                                        (Krawczyk: no common zero)
+            else there is one zero, which Newton's method finds, if
+                V* <= h/4  and  U* <= k/4  and  |df - bg|/D + V* < h  and  |ag - cf|/D + U* < k
+        else it is *left*
+    with n rectangles left on level L: if n = 0 the search is over; else, if L = LOCATE_DEPTH, or 2n > LOCATE_WIDTH, or the next level would
+        make more than LOCATE_MOST rectangles in all, it is over and they are given up: lost = n·2^-L; else each is halved, in v if L is
+        even and in u if L is odd, and the halves are level L + 1. lost = 0 if none was given up
+    a zero is where LOCATE_STEPS steps of Newton's method lead from m; its interval is v ± LOCATE_SAME·V; more than LOCATE_ZEROS zeros,
+        counted at the end of a level, end the search: then every result is +inf, and lost = 1
+    the intervals of v of the zeros and of the rectangles given up are joined where they overlap or touch; an interval gives one place, its
+        middle, if it is at most LOCATE_NARROW·V wide, else two, its ends
+    results = the places in ascending order, then +inf; if there are more of them than results, (hi - the last result)/V, if that is > 0, is
+        added to lost, which is at most 1
+    if lost > LOCATE_LOST the tolerance was missed
 
 Semantics of `SumOver`: if `when` names a boolean that is false, every result is 0; else if a point is NaN every result is NaN; else `body`
 is run with `var` at each point that is finite, and each result is the sum of its value, in the order of the points.
@@ -260,7 +277,15 @@ ISOLATE_DEPTH = 40
 ISOLATE_WIDTH = 128
 ISOLATE_STEPS = 100
 LOCATE_DEPTH = 72
-LOCATE_WIDTH = 1024
+LOCATE_WIDTH = 4096
+LOCATE_MOST = 2**15
+LOCATE_ZEROS = 512
+LOCATE_STEPS = 6
+"""Steps of Newton's method: the first one leaves a quarter of the rectangle at most, and each doubles the digits."""
+LOCATE_NARROW = 2.0**-30
+LOCATE_SAME = 2.0**-40
+LOCATE_LOST = 2.0**-40
+"""A smaller part of the rectangle may be given up: the end of a search that closes in on a point where curves touch."""
 MAX_HALF_PLANES = 64
 """Of more a `Polygon` would be long: they share the pieces of two integrals instead."""
 THIN = 2.0**-5
@@ -392,7 +417,11 @@ class Isolate:
 
 @dataclass(frozen=True, slots=True)
 class Locate:
-    """results = where in (lo, hi) f and g have a common zero over (low, high), ascending, +inf for those that are not there."""
+    """results = where in (lo, hi) f and g have a common zero over (low, high), ascending, +inf for those that are not there.
+
+    `bounds` are those of f and g, then, if they are known, those of ∂f/∂v, ∂f/∂u, ∂g/∂v and ∂g/∂u; `lost` names the part of the rectangle
+    that was given up.
+    """
 
     lo: Arg
     hi: Arg
@@ -403,9 +432,10 @@ class Locate:
     bottom: str
     top: str
     enclosure: tuple[Stmt, ...]
-    bounds: tuple[Arg, Arg, Arg, Arg]
+    bounds: tuple[Arg, ...]
     results: tuple[str, ...]
     when: str | None = None
+    lost: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -606,6 +636,8 @@ def assigned(stmt: Stmt) -> tuple[str, ...]:
             return (*stmt.results, *stmt.estimates)
         case Isolate():
             return (*stmt.results, *stmt.errors)
+        case Locate() if stmt.lost is not None:
+            return (*stmt.results, stmt.lost)
         case _:
             return stmt.results
 

@@ -97,10 +97,11 @@ class RootEmitter(Emitter):
             for corner, name in zip(location.corners, (left, right, bottom, top), strict=True):
                 level = level.inside(corner, name)
                 blocks.append(level.block)
-            bounds = cast("tuple[Arg, Arg, Arg, Arg]", tuple(self.number(b, level) for b in location.bounds))
+            bounds = tuple(self.number(b, level) for b in location.bounds)
             enclosure = tuple(s for block in blocks for s in block)
-            results = tuple(self.fresh("v") for _ in range(MAX_ROOTS))
-            home.block.append(Locate(first, last, low, high, left, right, bottom, top, enclosure, bounds, results, when))
+            results = tuple(self.fresh("v") for _ in range(max(MAX_ROOTS, self.max_roots)))
+            lost = self.fresh("v")
+            home.block.append(Locate(first, last, low, high, left, right, bottom, top, enclosure, bounds, results, when, lost))
             home.isolated[key] = results
         return home.isolated[key]
 

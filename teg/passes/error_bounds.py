@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import cast
 
 from teg.liveness import without_dead_code
 from teg.program import (
@@ -68,6 +69,7 @@ class _Estimator:
         self.errors: Errors = {f"p{i}": f"p{first + j}" for j, i in enumerate(inexact)}
         self._made: dict[Arg, Assign] = {}
         self._functions = {(f.callee, f.derivative): k for k, f in enumerate(program.functions)}
+        self._lost: dict[Arg, Locate] = {}
         self._count = 0
         self._has_clusters = any(isinstance(stmt, Isolate) for stmt in statements(program.body))
         self._taken = {name for stmt in statements(program.body) for name in assigned(stmt)}
@@ -123,6 +125,8 @@ class _Estimator:
                     self._roots(stmt, out)
                 case Locate():
                     out.append(stmt)
+                    if stmt.lost is not None:
+                        self._lost.update(dict.fromkeys(stmt.results, stmt))
                 case _:
                     self._other(stmt, out)
         return tuple(out)
@@ -149,11 +153,14 @@ class _Estimator:
         found = (*stmt.results, *results, *(str(v) for pair in sizes.values() for v in pair))
         out.append(replace(stmt, flags=flags, body=body, values=values, results=found, estimates=estimates))
         more = dict(zip(inexact, results, strict=True))
+        given_up = self._given_up(stmt, out)
         ends = self._sum_of((self._error(stmt.lo), self._error(stmt.hi)), out)
         for i, (result, estimate) in enumerate(zip(stmt.results, estimates, strict=True)):
             parts: list[Arg] = [estimate]
             if i in more:  # the companion is not negative, but the bounds may be the wrong way round
                 parts.append(self._op(out, "abs", more[i]))
+            for part, area in given_up:
+                parts.append(self._op(out, "mul", part, self._op(out, "add", area, self._op(out, "abs", result))))
             if ends != 0.0:
                 length = self._op(out, "abs", self._op(out, "sub", stmt.hi, stmt.lo))
                 parts.append(self._op(out, "mul", ends, self._op(out, "div", self._op(out, "abs", result), length)))
@@ -164,6 +171,19 @@ class _Estimator:
                     mean = self._op(out, "select", self._op(out, "gt0", extent), mean, 1.0)
                 parts.append(self._op(out, "mul", inside, mean))
             self.errors[result] = self._sum_of(parts, out)
+
+    def _given_up(self, stmt: Integrate, out: list[Stmt]) -> list[tuple[Arg, Arg]]:
+        """Of every rectangle in which the breaks of an integral were looked for: the part that was given up, and its area. An unseen region
+        there is taken to be as dense as the integral, or to be 1. Of a boundary term the root of the part counts: a region of area A can
+        have a perimeter of √A and more."""
+        rectangles = dict.fromkeys(self._lost[b] for b in stmt.breaks if b in self._lost)
+        border = any(isinstance(s, SumOver) for s in stmt.body)
+        found: list[tuple[Arg, Arg]] = []
+        for r in rectangles:
+            area = self._op(out, "mul", *(self._op(out, "abs", self._op(out, "sub", q, p)) for p, q in ((r.lo, r.hi), (r.low, r.high))))
+            lost = cast(Arg, r.lost)
+            found.append((self._op(out, "sqrt", lost) if border else lost, area))
+        return found
 
     def _size_and_extent(self, value: Arg, out: list[Stmt]) -> tuple[Arg, Arg]:
         """|value|, and 1 where it is not 0."""

@@ -301,9 +301,8 @@ class _Scheduler(CurvedEmitter):
             if isolation.g in decisive:  # too many roots: no number
                 lo = self.assign(home, "v", "select", self.assign(home, "b", "ok", found[0]), lo, NAN)
             breaks += self._mattering(found, analysis.matters[isolation.g], node.var, home)
-        if home.var is None:  # inside another integral it would be done for each of its nodes
-            for location in analysis.located:
-                breaks += self.located(location, node.lo, node.hi, home, when)
+        for location in analysis.located:
+            breaks += self.located(location, node.lo, node.hi, home, when)
         return lo, hi, breaks
 
     def _exponentials(self, group: Sequence[Integral]) -> tuple[list[Expr], list[tuple[Expr, Expr]]]:

@@ -1,6 +1,7 @@
 """Programs with `Locate`, written by hand, with known answers: every backend runs over this table.
 
-A pair of functions f, g of (v, u) is written once, as the block of a `Locate` that bounds them by interval arithmetic.
+A pair of functions f, g of (v, u) is written once, as the block of a `Locate` that bounds them by interval arithmetic, and their slopes if
+it is `sloped`.
 """
 
 from __future__ import annotations
@@ -8,7 +9,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from teg.program import LOCATE_DEPTH, LOCATE_WIDTH, Adaptive, Arg, Assign, Locate, Stmt
+from teg.program import (
+    LOCATE_DEPTH,
+    LOCATE_MOST,
+    LOCATE_NARROW,
+    LOCATE_SAME,
+    LOCATE_STEPS,
+    LOCATE_WIDTH,
+    LOCATE_ZEROS,
+    Adaptive,
+    Arg,
+    Assign,
+    Locate,
+    Stmt,
+)
 from tests.backends.isolate_programs import numbered, sum_over
 from tests.backends.programs import INF, NAN, Case, Row, integrate, let, program
 
@@ -19,15 +33,26 @@ NEAR = 8 * LAST  # of places in a range of a few units
 
 @dataclass(frozen=True)
 class Pair:
-    """Bounds of f and g for v between x0l and x0r and u between x1l and x1r."""
+    """Bounds of f and g for v between x0l and x0r and u between x1l and x1r; maybe of their slopes by v and by u."""
 
     enclosure: tuple[Stmt, ...]
-    bounds: tuple[Arg, Arg, Arg, Arg]
+    bounds: tuple[Arg, ...]
 
 
-def locate(results: str, pair: Pair, lo: Arg, hi: Arg, low: Arg, high: Arg, when: str | None = None) -> Locate:
+def locate(results: str, pair: Pair, lo: Arg, hi: Arg, low: Arg, high: Arg, when: str | None = None, lost: str | None = None) -> Locate:
     """The places of a pair; the names of the results are written in one string."""
-    return Locate(lo, hi, low, high, LEFT, RIGHT, BOTTOM, TOP, pair.enclosure, pair.bounds, tuple(results.split()), when)
+    return Locate(lo, hi, low, high, LEFT, RIGHT, BOTTOM, TOP, pair.enclosure, pair.bounds, tuple(results.split()), when, lost)
+
+
+def sloped(pair: Pair, block: tuple[Stmt, ...], *slopes: Arg) -> Pair:
+    """A pair with bounds of ∂f/∂v, ∂f/∂u, ∂g/∂v, ∂g/∂u, which the block computes."""
+    return Pair((*pair.enclosure, *block), (*pair.bounds, *slopes))
+
+
+def doubled(name: str) -> tuple[Assign, ...]:
+    """Bounds of the slopes of a circle of that name: v‹name›0v, v‹name›1v by v, v‹name›0u, v‹name›1u by u."""
+    ends = ((i, side, end) for side in "vu" for i, end in enumerate("ab"))
+    return tuple(let(f"v{name}{i}{side}", "mul", 2.0, f"v{name}{side}{end}") for i, side, end in ends)
 
 
 def distance(name: str, low: Arg, high: Arg, p: Arg) -> tuple[Assign, ...]:
@@ -121,6 +146,29 @@ def root(p: Arg, u: Arg) -> Pair:
     return Pair(body, ("va", "vb", "vc", "vd"))
 
 
+def sloped_ends(v: Arg, u: Arg, p: Arg) -> Pair:
+    """`ends` with slopes: those of 2(u - centre) are 0 and 2."""
+    return sloped(ends(v, u, p), doubled("f"), "vf0v", "vf1v", "vf0u", "vf1u", 0.0, 0.0, 2.0, 2.0)
+
+
+def sloped_circles(v: Arg, u: Arg, p: Arg, q: Arg) -> Pair:
+    """`two_circles` with slopes."""
+    names = [f"v{c}{i}{side}" for c in "fg" for side in "vu" for i in (0, 1)]
+    return sloped(two_circles(v, u, p, q), (*doubled("f"), *doubled("g")), *names)
+
+
+def sloped_wave(k: Arg, u: Arg) -> Pair:
+    """`wave` with slopes: that of sin(k·v) is bounded by its value in the middle."""
+    block = (
+        let("vcos", "cos", "vkm"),
+        let("vs", "mul", k, "vcos"),
+        let("vsh", "mul", k, "vkh"),
+        let("vs0", "sub", "vs", "vsh"),
+        let("vs1", "add", "vs", "vsh"),
+    )
+    return sloped(wave(k, u), block, "vs0", "vs1", 0.0, 0.0, 0.0, 0.0, 1.0, 1.0)
+
+
 def exchanged(pair: Pair) -> Pair:
     """g, f for f, g."""
     return Pair(pair.enclosure, (*pair.bounds[2:], *pair.bounds[:2]))
@@ -146,6 +194,28 @@ def places_of(
     """The places of a pair in order, as many results as there are rows expected."""
     results = numbered(len(expected))
     return Case(name, program(len(columns), (locate(results, pair, *v, *u),), *results.split()), columns, expected, n, tolerance)
+
+
+def lost_in(
+    name: str,
+    pair: Pair,
+    columns: tuple[Row, ...],
+    expected: tuple[Row, ...],
+    n: int = 1,
+    v: tuple[Arg, Arg] = (-2.0, 3.0),
+    u: tuple[Arg, Arg] = (-1.5, 1.75),
+    tolerance: float = NEAR,
+) -> Case:
+    """The same, and in the last row what was given up."""
+    results = numbered(len(expected) - 1)
+    return Case(
+        name,
+        program(len(columns), (locate(results, pair, *v, *u, lost="vlost"),), *results.split(), "vlost"),
+        columns,
+        expected,
+        n,
+        tolerance,
+    )
 
 
 PLACES = (
@@ -202,23 +272,25 @@ PLACES = (
         "as many places as results, or more",
         wave("p0", 0.3),
         ((math.pi, 5.0, 2.0),),
-        ((1.0, INF, math.pi / 2), (2.0, INF, math.pi), (3.0, INF, INF)),
+        ((1.0, math.pi / 5, math.pi / 2), (2.0, 2 * math.pi / 5, math.pi), (3.0, 3 * math.pi / 5, INF)),
         3,
         v=(0.4, 3.5),
     ),
-    places_of("a single result", ends("p0", 0.0, 1.0), ((2.5, -2.5, 0.0),), ((1.5, -1.5, INF),), 3),
-    places_of("zero everywhere", ZERO, (), (INF, INF)),
-    places_of("zero on a circle", SAME, (), (INF, INF, INF)),
-    places_of("zero on a line of constant v", UPRIGHT, (), (INF, INF)),
-    places_of("zero on a line of constant u", LEVEL, (), (INF, INF)),
-    places_of("bounds that know nothing", Pair((), (-INF, INF, -INF, INF)), (), (INF,)),
+    places_of("a single result", ends("p0", 0.0, 1.0), ((2.5, -2.5, 0.0),), ((1.5, -1.5, -1.0),), 3),
+    lost_in("zero everywhere: both ends of what was given up", ZERO, (), (-2.0, 3.0, 1.0)),
+    lost_in("zero on a circle: the coarse rectangles about it", SAME, (), (-1.0, 1.0, INF, 0.25), tolerance=0.3),
+    lost_in("zero on a line of constant v: a coarse interval about it", UPRIGHT, (), (0.3, 0.3, INF, 0.0), tolerance=2e-3),
+    lost_in("zero on a line of constant u", LEVEL, (), (-2.0, 3.0, INF, 0.0), tolerance=2e-3),
+    lost_in("bounds that know nothing: behind the last result all is lost", Pair((), (-INF, INF, -INF, INF)), (), (-2.0, 1.0)),
+    lost_in("three zeros, two results", wave(math.pi, 0.3), (), (1.0, 2.0, 1.5 / 3.1), v=(0.4, 3.5)),
+    lost_in("nothing lost", ends(0.0, 0.0, 1.0), (), (-1.0, 1.0, INF, 0.0)),
     places_of("bounds that exclude 0", Pair((), (1.0, 2.0, -1.0, 1.0)), (), (INF, INF)),
-    places_of(
-        "as many rectangles as there is room for, or two more",
+    lost_in(
+        "as many rectangles as there is room for, or given up a level before",
         corner("p0", "p1"),
-        (tuple(i * LAST for i in (32, 27, 512, 513, 1, 1, 64)), tuple(i * LAST for i in (32, 38, 2, 1, 1024, 1025, 16))),
-        ((16 * LAST, INF, 256 * LAST, INF, 0.5 * LAST, INF, 32 * LAST), INF),
-        7,
+        (tuple(i * LAST for i in (32, 64, 64, 1, 1)), tuple(i * LAST for i in (32, 64, 66, 1, 1024))),
+        ((16 * LAST, 32 * LAST, 32 * LAST, 0.5 * LAST, 0.5 * LAST), INF, tuple(i * LAST**2 for i in (1024, 4096, 64 * 66, 1, 1024))),
+        5,
         v=(0.0, 1.0),
         u=(0.0, 1.0),
         tolerance=0.0,
@@ -260,11 +332,47 @@ PLACES = (
         "a side that cannot be halved so often: rectangles repeat where the middle is an end",
         point("p0", 0.3),
         ((1.0 + 2.0**-52, 1.0),),
-        ((1.0 + 2.0**-52, INF), INF),
+        (1.0, 1.0 + 2.0**-51),
         2,
         v=(1.0, 1.0 + 2.0**-51),
         u=(0.0, 1.0),
         tolerance=0.0,
+    ),
+    lost_in(
+        "with slopes: the ends of a circle, to rounding",
+        sloped_ends(0.013, -0.007, "p0"),
+        ((1.0, 0.5, 6.25, 16.0, -0.5),),
+        ((-0.987, 0.013 - math.sqrt(0.5), 2.513, INF, INF), (1.013, 0.013 + math.sqrt(0.5), INF, INF, INF), 0.0),
+        5,
+        tolerance=1e-14,
+    ),
+    lost_in(
+        "with slopes: two circles that cross, one that touches another",
+        sloped_circles("p0", "p1", "p2", "p3"),
+        ((-1.0, 7.0, 5.0), (7.0, 1.0, 0.0), (25.0, 25.0, 4.0), (25.0, 25.0, 9.0)),
+        ((-4.0, 3.0, 2.0), (3.0, 4.0, INF), 0.0),
+        3,
+        v=(-6.05, 5.01),
+        u=(-6.52, 7.03),
+        tolerance=2 * NEAR,
+    ),
+    lost_in(
+        "with slopes: many zeros, and more than results",
+        sloped_wave(math.pi, "p0"),
+        ((0.3, 2.0),),
+        (*((float(i), INF) for i in range(1, 9)), (8.75 / 16.35, 0.0)),
+        2,
+        v=(0.4, 16.75),
+        tolerance=1e-13,
+    ),
+    lost_in("with slopes: too many zeros to be counted", sloped_wave(700.0, 0.3), (), (INF, 1.0), v=(0.4, 3.5)),
+    lost_in(
+        "with slopes: a tiny circle",
+        sloped_ends("p0", 0.2345, 1e-16),
+        ((0.3712, -0.1),),
+        ((0.37119999, -0.10000001), (0.37120001, -0.09999999), 0.0),
+        2,
+        tolerance=1e-14,
     ),
 )
 
@@ -298,14 +406,15 @@ NESTS = (
             (
                 let("b0", "gt0", "p0"),
                 locate("vr0 vr1", point("p1", 0.5), 0.0, 1.0, 0.0, 1.0, when="b0"),
-                Locate("p1", 0.0, 0.0, 1.0, "x2l", "x2r", "x3l", "x3r", (), (0.0, "x2r", 0.0, "x3l"), ("vq0",), "b0"),
+                Locate("p1", 0.0, 0.0, 1.0, "x2l", "x2r", "x3l", "x3r", (), (0.0, "x2r", 0.0, "x3l"), ("vq0",), "b0", "vlost"),
             ),
             "vr0",
             "vr1",
             "vq0",
+            "vlost",
         ),
         ((1.0, -1.0, 0.0, -1.0), (0.5, 0.5, 0.5, NAN)),
-        ((0.5, INF, INF, INF), INF, INF),
+        ((0.5, INF, INF, INF), INF, (0.0, INF, INF, INF), (1.0, 0.0, 0.0, 0.0)),
         4,
     ),
     Case(
@@ -399,24 +508,83 @@ LOCATE_CASES = (*PLACES, *NESTS)
 
 
 def literally(pair: Pair, lo: float, hi: float, low: float, high: float, room: int, given: dict[Arg, float]) -> list[float]:
-    """The text of `teg.program` in plain Python, for a pair whose block is assignments only; `given` are the parameters."""
-    nothing = [INF] * room
+    """The text of `teg.program` in plain Python, for a pair whose block is assignments only; `given` are the parameters. The last entry is
+    the part that was given up."""
     if not all(map(math.isfinite, (lo, hi, low, high))) or lo == hi or low == high:
-        return nothing
-    level = [(min(lo, hi), max(lo, hi), min(low, high), max(low, high))]
-    kept = []
-    for depth in range(LOCATE_DEPTH + 1):
-        if len(level) > LOCATE_WIDTH:
-            return nothing
-        kept = [box for box in level if not _dropped(*_bounds(pair, dict(zip((LEFT, RIGHT, BOTTOM, TOP), box, strict=True)) | given))]
-        level = []
-        for p, q, r, s in kept:
-            m, n = 0.5 * (p + q), 0.5 * (r + s)
-            level += [(p, q, r, n), (p, q, n, s)] if depth % 2 else [(p, m, r, s), (m, q, r, s)]
+        return [INF] * room + [0.0]
+    (lo, hi), (low, high) = sorted((lo, hi)), sorted((low, high))
+    extent, height = hi - lo, high - low
+    corners, left, lost, zeros, examined = [(0.0, 0.0)], [], 0.0, [], 1
+    intervals: list[tuple[float, float]] = []
+    for level in range(LOCATE_DEPTH + 1):
+        wide, tall = 2.0 ** -((level + 1) // 2), 2.0 ** -(level // 2)
+        left = []
+        for i, k in corners:
+            box = (lo + extent * i, lo + extent * (i + wide), low + height * k, low + height * (k + tall))
+            zero = _judged(pair, box, given)
+            if zero is not None:
+                zeros.append(zero)
+            elif zero is None and not _is_dropped(pair, box, given):
+                left.append((i, k))
+        if len(zeros) > LOCATE_ZEROS:
+            return [INF] * room + [1.0]
+        examined += 2 * len(left)
+        if not left or level == LOCATE_DEPTH or 2 * len(left) > LOCATE_WIDTH or examined > LOCATE_MOST:
+            lost = len(left) * wide * tall
+            intervals = [(lo + extent * i, lo + extent * (i + wide)) for i, _ in left]
+            break
+        corners = [(i + a, k + b) for i, k in left for a, b in ((0.0, 0.0), (0.0, 0.5 * tall) if level % 2 else (0.5 * wide, 0.0))]
+    intervals += [(v - LOCATE_SAME * extent, v + LOCATE_SAME * extent) for v in zeros]
     joined: list[tuple[float, float]] = []
-    for p, q in sorted((p, q) for p, q, *_ in kept):
+    for p, q in sorted(intervals):
         joined[-1:] = [*joined[-1:], (p, q)] if not joined or p > joined[-1][1] else [(joined[-1][0], max(q, joined[-1][1]))]
-    return nothing if len(joined) > room else [0.5 * (p + q) for p, q in joined] + [INF] * (room - len(joined))
+    places = [v for p, q in joined for v in ([p, q] if q - p > LOCATE_NARROW * extent else [0.5 * (p + q)])]
+    if len(places) > room:
+        return [*places[:room], min(1.0, lost + max(0.0, (lo + extent - places[room - 1]) / extent))]
+    return [*places, *[INF] * (room - len(places)), lost]
+
+
+def _is_dropped(pair: Pair, box: tuple[float, float, float, float], given: dict[Arg, float]) -> bool:
+    """Whether there is certainly no common zero in a rectangle."""
+    bounds = _bounds(pair, dict(zip((LEFT, RIGHT, BOTTOM, TOP), box, strict=True)) | given)
+    return _dropped(*bounds[:4]) or (len(bounds) > 4 and _krawczyk(pair, box, bounds, given) == "none")
+
+
+def _judged(pair: Pair, box: tuple[float, float, float, float], given: dict[Arg, float]) -> float | None:
+    """The v of the zero of a rectangle that is known to hold one."""
+    bounds = _bounds(pair, dict(zip((LEFT, RIGHT, BOTTOM, TOP), box, strict=True)) | given)
+    if _dropped(*bounds[:4]) or len(bounds) == 4 or _krawczyk(pair, box, bounds, given) != "one":
+        return None
+    v, u = 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3])
+    for _ in range(LOCATE_STEPS):
+        f, g, a, b, c, d = _bounds(pair, {LEFT: v, RIGHT: v, BOTTOM: u, TOP: u} | given)[::2]
+        det = a * d - b * c
+        v, u = v - (d * f - b * g) / det, u - (a * g - c * f) / det
+    return v
+
+
+def _krawczyk(pair: Pair, box: tuple[float, float, float, float], bounds: list[float], given: dict[Arg, float]) -> str:
+    """The number of common zeros in a rectangle, as far as its slopes tell: "none", "one" or "any"."""
+    v, u, h, k = 0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), 0.5 * (box[1] - box[0]), 0.5 * (box[3] - box[2])
+    f, g = _bounds(pair, {LEFT: v, RIGHT: v, BOTTOM: u, TOP: u} | given)[:4:2]
+    slopes = list(zip(bounds[4::2], bounds[5::2], strict=True))
+    if any(math.isnan(s) for pair_ in slopes for s in pair_):
+        return "any"
+    sizes = [max(abs(p), abs(q)) for p, q in slopes]
+    if abs(f) > sizes[0] * h + sizes[1] * k or abs(g) > sizes[2] * h + sizes[3] * k:
+        return "none"
+    a, b, c, d = (0.5 * (p + q) for p, q in slopes)
+    ra, rb, rc, rd = (0.5 * (q - p) for p, q in slopes)
+    det = abs(a * d - b * c)
+    if det == 0.0 or math.isnan(det):
+        return "any"
+    a, b, c, d = a / det, b / det, c / det, d / det
+    shift, rise = abs(d * f - b * g), abs(a * g - c * f)
+    wide = (abs(d) * ra + abs(b) * rc) * h + (abs(d) * rb + abs(b) * rd) * k
+    tall = (abs(c) * ra + abs(a) * rc) * h + (abs(c) * rb + abs(a) * rd) * k
+    if shift > h + wide or rise > k + tall:
+        return "none"
+    return "one" if wide <= 0.25 * h and tall <= 0.25 * k and shift + wide < h and rise + tall < k else "any"
 
 
 def _dropped(f0: float, f1: float, g0: float, g1: float) -> bool:
@@ -452,4 +620,6 @@ def _operation(op: str, x: float, y: float = 1.0, z: float = 1.0) -> float:
             return math.sqrt(x) if x >= 0 else NAN
         case "sin":
             return math.sin(x)
+        case "cos":
+            return math.cos(x)
     raise ValueError(op)
