@@ -34,6 +34,7 @@ from teg.expr import (
 )
 from teg.integral import Integral, integral_over
 from teg.node import Node, postorder
+from teg.singularities import fades_at
 from teg.traverse import rebuild
 
 
@@ -146,6 +147,6 @@ def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
     found = []
     for g in surfaces:
         j = jump(body, g)
-        if j is not ZERO and not vanishes_on(j, g):
+        if j is not ZERO and not vanishes_on(j, g) and not fades_at(j, g):
             found.append((g, j))
     return found
