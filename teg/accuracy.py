@@ -51,6 +51,8 @@ def report_missed(
         if np.isnan(values[i, j]):
             what = f"{names[i]} is not a number{place}: an integral seems to diverge, or has no derivative there"
             hint = "f.diagnose(…) may say why; is the integrand integrable?"
+        if not names[i].startswith("the value"):
+            hint = "f.diagnose(…) may say why; a derivative diverges where a singularity that moves reaches a bound, or is not integrable"
     else:
         what = f"{names[i]} misses the tolerance {tol:g}{place}: {values[i, j]:.10g}, error estimate {errors[i, j]:.1e}"
         hint = "a larger tol=, a smaller region, or a formula for what the integrand jumps at; f.value_and_error() gives the estimates"

@@ -8,7 +8,7 @@
                                        for g owned by I, J = jump_g(F), (u, ḡ) in sweep(g, x):   u += w·∫ₗʰ J·ḡ·δ(g) dx
                                        h += w·F|ₓ₌ₕ ;  l -= w·F|ₓ₌ₗ
 
-      I with a δ in it:                u += w·(its forward derivative by u), one sweep a parameter
+      I with a δ in it, or with singularities that move:   u += w·(its forward derivative by u), one sweep a parameter
 A leaf may be the parameters themselves: whichever cut is the smaller one is taken; a surface that an outer variable runs through is
 always cut at the parameters, so that its δ can be eliminated over that variable with one integral a parameter.
 """
@@ -43,8 +43,9 @@ from teg.expr import (
 )
 from teg.integral import Delta, Integral, delta, integral_over
 from teg.node import Node, postorder
-from teg.passes.differentiate import carried
+from teg.passes.differentiate import Transport, carried, tangent_of
 from teg.passes.jumps import surface_terms
+from teg.singularities import sharp_nodes
 from teg.surfaces import bound_surface, open_surfaces, owned_surfaces, restrict
 
 Adjoints = dict[Expr, Expr]
@@ -71,6 +72,7 @@ class _Sweep:
         for node in postorder([root]):
             if node in wrt or any([c in self.active for c in node.children]):
                 self.active.add(node)
+        self.sharp = sharp_nodes([root])
 
     def run(self, e: Expr, var: Var | None) -> Adjoints:
         """Adjoints of the leaves of e (`var` given), or of the parameters."""
@@ -153,6 +155,8 @@ class _Sweep:
                 ]
             case Integral() if node.has_delta:  # one forward sweep a parameter
                 return [(p, mul(w, carried(node, {p: ONE}))) for p in self.wrt if p in self.active]
+            case Integral() if (moved := self._transported(node)) is not None:
+                return [(p, mul(w, change)) for p, change in moved]
             case Integral():
                 return self._through(node, w)
             case Delta():
@@ -161,6 +165,15 @@ class _Sweep:
                 )
             case _:
                 raise AssertionError(f"unknown node {type(node).__name__}")
+
+    def _transported(self, node: Integral) -> list[tuple[Expr, Expr]] | None:
+        """The derivatives of an integral with singularities that move, one forward sweep a parameter; None where there are none."""
+        if node not in self.sharp:
+            return None
+        moved = {p: Transport(node, {p: ONE}, self.sharp).of(node) for p in self.wrt if p in self.active}
+        if all(change is None for change in moved.values()):
+            return None
+        return [(p, tangent_of(node, {p: ONE}) if change is None else change) for p, change in moved.items()]
 
     def _through(self, node: Integral, w: Expr) -> list[tuple[Expr, Expr]]:
         x, lo, hi, body = node.var, node.lo, node.hi, node.body

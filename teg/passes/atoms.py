@@ -8,7 +8,8 @@
    A surface is written without an increasing function or an odd power in front of both sides (`teg.coincidence`).
 3. A surface proportional by a number to one met before becomes that one, its sign and strictness kept right.
 4. An atom that a bound decides (x < t on (0, t)) is replaced by its value at the other bound.
-5. ∫ΣFᵢ = Σ∫Fᵢ where the terms have different atoms, and factors free of x leave ∫ dx.
+5. An integral of a polynomial that a condition depends on is written out: [∫₀ˣ(1 - u/p)du > 0] is a condition on x - x²/(2p).
+6. ∫ΣFᵢ = Σ∫Fᵢ where the terms have different atoms, and factors free of x leave ∫ dx.
 
 Linear in the program, up to the few conditions that are hoisted.
 """
@@ -18,6 +19,7 @@ from __future__ import annotations
 from typing import cast
 
 from teg import expr as ex
+from teg.antiderivative import integrated
 from teg.coincidence import shortest
 from teg.expr import (
     FALSE,
@@ -70,10 +72,13 @@ class Canonical:
     def __call__(self, root: Expr) -> Expr:
         """The program with canonical atoms and split integrals; its value is the same."""
         new, order = self._new, postorder([rename_apart(root)])
+        deciding = _deciding_integrals(order)
         for node in order:
             if node in new:
                 continue
             result = remake(node, tuple([new[c] for c in node.children]))
+            if node in deciding and isinstance(result, Integral) and (polynomial := integrated(result)) is not None:
+                result = polynomial
             if isinstance(result, Compare):
                 if result.resolution is None:
                     result = self._atom(result.g, result.strict, MAX_HOISTED)
@@ -186,6 +191,12 @@ class Canonical:
                 rest = cast(Integral, new[node])
                 new[node] = scaled_integral(rest.body, rest.var, rest.lo, rest.hi)
         return cast(Expr, new[e])
+
+
+def _deciding_integrals(order: list[Node]) -> set[Node]:
+    """The integrals in atoms that variables run through: where they are polynomials the atom is one."""
+    atoms = [n.g for n in order if isinstance(n, Compare) and n.g.has_integral and n.free]
+    return {n for n in postorder(atoms) if isinstance(n, Integral) and n.free} if atoms else set()
 
 
 def _side(surface: tuple[Expr, bool], strict: bool, upward: bool) -> Cond:

@@ -11,12 +11,19 @@ coordinates they move in δ(g) is constant, and (Reynolds' transport theorem)
     d ∫…∫ w δ(g)  =  ∫…∫ (D w + w div V) δ(g)  +  the terms of bounds and surfaces as above,  each moving with D instead of d,   D = d + V·∇
 
 where a bound of x moves, relative to its points, with D(bound) - Vₓ. So no chart of the surface is ever differentiated.
+
+An integrand that is singular on surfaces that move (|x - p|^-½) is carried along with them likewise, without a δ:
+
+    d ∫…∫ w  =  ∫…∫ (D w + w div V)  +  the terms of bounds and other surfaces, each moving with D
+
+with the V of `teg.singularities`, for which D w is as integrable as w is.
 Source: Bangaru et al. 2021, section 4; Leibniz' rule for the bounds; Flanders 1973 for moving domains.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Container, Mapping
 from typing import Any, cast
 
 from teg import expr as ex
@@ -28,6 +35,7 @@ from teg.expr import (
     ZERO,
     Add,
     Call,
+    Cond,
     Const,
     Expr,
     Mul,
@@ -37,9 +45,13 @@ from teg.expr import (
     Var,
     Where,
     add,
+    call,
+    conjunction,
     const,
     integer_power,
     mul,
+    negation,
+    positive,
     sub,
     where,
 )
@@ -48,6 +60,7 @@ from teg.nest import Binder, Chain, nest
 from teg.node import Node
 from teg.passes.jumps import surface_terms
 from teg.passes.sift import deltas_of, linear_part, without
+from teg.singularities import Field, Keys, Surface, field_of, find_surfaces, on_sides, sharp_nodes
 from teg.surfaces import bound_surface, open_surfaces, owned_surfaces, restrict
 from teg.traverse import substitute
 
@@ -63,9 +76,12 @@ def tangent_of(e: Expr, direction: Direction) -> Expr:
     return _with_open_surfaces(e, tangent)
 
 
-def _tangents(e: Expr, direction: Direction) -> dict[Expr, Expr]:
-    """The tangents of e and of what it is made of; an integral with a δ in it is carried along as a whole."""
+def _tangents(e: Expr, direction: Direction, field: Field | None = None) -> dict[Expr, Expr]:
+    """The tangents of e and of what it is made of; an integral with a δ in it, or with singularities that move, is carried along as a
+    whole. The surfaces of `field` change at the rates it tells."""
     tangent: dict[Expr, Expr] = {}
+    rates: dict[Expr, Expr] = {}
+    singular = Transport(e, direction)
     opened: set[Node] = set()
     stack: list[Node] = [e]
     while stack:
@@ -74,12 +90,72 @@ def _tangents(e: Expr, direction: Direction) -> dict[Expr, Expr]:
             continue
         whole = isinstance(node, Integral) and node.has_delta
         if node not in opened and not whole:
+            if isinstance(node, Integral) and (moved := singular.of(node)) is not None:
+                tangent[node] = moved
+                continue
             opened.add(node)
             stack.append(node)
             stack.extend(c for c in reversed(node.children) if c not in opened)
         elif isinstance(node, Expr):
-            tangent[node] = carried(cast(Integral, node), direction) if whole else _tangent(node, direction, tangent)
+            if whole:
+                tangent[node] = carried(cast(Integral, node), direction)
+            elif field is not None and (change := _carried_along(node, field, tangent, rates)) is not None:
+                tangent[node] = change
+            else:
+                tangent[node] = _tangent(node, direction, tangent)
     return tangent
+
+
+def _carried_along(node: Expr, field: Field, tangent: Mapping[Expr, Expr], rates: dict[Expr, Expr]) -> Expr | None:
+    """The tangent of a node that vanishes, or is infinite, where a surface of the field does: its relative rate of change is finite there,
+    and is noted in `rates`. None for other nodes."""
+    rate = field.rate(node)
+    if rate is None:
+        base = _carrier(node, rates)
+        if base is None:
+            return None
+        rate = _relative_rate(node, base, tangent, rates)
+        if rate is None:
+            return rates[base]  # a logarithm
+    rates[node] = rate
+    return None if isinstance(node, Mul | Where) and field.rate(node) is None else mul(node, rate)
+
+
+def _carrier(node: Expr, rates: Mapping[Expr, Expr]) -> Expr | None:
+    """The part of a node whose zeros are zeros or poles of it, if its relative rate is known."""
+    match node:
+        case Mul():
+            return next((c for c in node.children if c in rates), None)
+        case Where():
+            return next((c for c in (node.then, node.otherwise) if c in rates), None)
+        case Pow() | Call() if isinstance(node, Pow) or node.name in ("sqrt", "root", "pow", "magnitude", "log"):
+            return node.children[0] if node.children[0] in rates else None  # type: ignore[return-value]
+        case _:
+            return None
+
+
+def _relative_rate(node: Expr, base: Expr, tangent: Mapping[Expr, Expr], rates: Mapping[Expr, Expr]) -> Expr | None:
+    """D(node)/node; None for a logarithm, whose tangent is the rate of its argument."""
+
+    def rate_of(e: Expr) -> Expr:
+        return rates[e] if e in rates else ZERO if tangent[e] is ZERO else mul(tangent[e], integer_power(e, -1))
+
+    match node:
+        case Mul():
+            return add(*(rate_of(c) for c in node.children))
+        case Where():
+            return where(node.condition, rate_of(node.then), rate_of(node.otherwise))
+        case Pow():
+            return mul(const(node.exponent), rates[base])
+        case Call(name="log"):
+            return None
+        case Call(name="magnitude"):
+            return rates[base]
+        case Call(name="pow"):
+            k = node.children[1]
+            return add(mul(k, rates[base]), ZERO if tangent[k] is ZERO else mul(call("log", base), tangent[k]))
+        case _:
+            return mul(const(0.5), rates[base])
 
 
 def _with_open_surfaces(e: Expr, tangent: dict[Expr, Expr]) -> Expr:
@@ -133,6 +209,111 @@ def _integral(node: Integral, tangent: dict[Expr, Expr]) -> Expr:
     moving = [g for g in owned_surfaces(body, x) if tangent[g] is not ZERO]
     for g, jump in surface_terms(body, moving):
         terms.append(integral_over(mul(jump, tangent[g], delta(g)), x, lo, hi))
+    return add(*terms)
+
+
+class Transport:
+    """Derivatives, along one direction, of integrals whose integrands have singularities that move."""
+
+    def __init__(self, root: Expr, direction: Direction, sharp: Container[Node] | None = None) -> None:
+        self.direction = direction
+        self._root = root
+        self._sharp = sharp
+        self._keys = Keys()
+        self._rates: dict[Expr, Expr] = {}
+
+    def of(self, node: Integral) -> Expr | None:
+        """The derivative of an integral; None if there is no singularity that must be carried along."""
+        if self._sharp is None:
+            self._sharp = sharp_nodes([self._root])
+        if node not in self._sharp:
+            return None
+        parts: list[tuple[Chain, Expr, list[Surface]]] = []
+        for chain, weight in _integrands(node, self._sharp):
+            parts += ((chain, *part) for part in self._parts(weight, chain))
+        if not any(surfaces for _, _, surfaces in parts):
+            return None
+        terms = []
+        for chain, weight, surfaces in parts:
+            if surfaces:
+                terms.append(_moved(chain, weight, field_of(surfaces, chain, self._keys), self.direction))
+            else:
+                whole = nest(weight, chain)
+                terms.append(_tangents(whole, self.direction)[whole])
+        return add(*terms)
+
+    def _rate(self, g: Expr) -> Expr:
+        if g not in self._rates:
+            self._rates[g] = _tangents(g, self.direction)[g]
+        return self._rates[g]
+
+    def _surfaces(self, e: Expr, chain: Chain) -> list[Surface] | None:
+        return find_surfaces(e, chain, self._rate, self._keys)
+
+    def _parts(self, weight: Expr, chain: Chain) -> list[tuple[Expr, list[Surface]]]:
+        """Summands of an integrand, and branches of it, with the surfaces of each; those with the same surfaces stay together, and so does
+        an integrand of which a part may diverge alone."""
+        parts: list[tuple[Expr, list[Surface]]] = []
+        stack: list[tuple[Cond, Expr]] = [(ex.TRUE, weight)]
+        while stack:
+            condition, e = stack.pop()
+            whole, surfaces = where(condition, e, ZERO), self._surfaces(e, chain)
+            pieces = e.children if isinstance(e, Add) else (e.then, e.otherwise) if isinstance(e, Where) else ()
+            found = [self._surfaces(c, chain) for c in pieces] if surfaces else []
+            if not surfaces or None in found:
+                parts.append((whole, surfaces or []))
+                continue
+            groups: dict[frozenset[object], list[Expr]] = {}
+            for c, inside in zip(pieces, found, strict=True):
+                groups.setdefault(frozenset(self._keys.of(s.g) for s in inside or ()), []).append(c)
+            if len(groups) < 2:
+                parts.append((whole, surfaces))
+            elif isinstance(e, Where):
+                stack.append((conjunction(condition, negation(e.condition)), e.otherwise))
+                stack.append((conjunction(condition, e.condition), e.then))
+            else:
+                stack.extend((condition, add(*members)) for members in groups.values())
+        return [(e, surfaces) for e, surfaces in parts if e is not ZERO]
+
+
+def _integrands(node: Integral, sharp: Container[Node]) -> list[tuple[Chain, Expr]]:
+    """A nest as a sum of nests, each with an integrand that holds no integral with singular functions in a linear position."""
+    found: list[tuple[Chain, Expr]] = []
+    stack: list[tuple[Expr, Chain, Expr]] = [(node, (), ex.ONE)]
+    while stack:
+        e, chain, factor = stack.pop()
+        inner = [c for c in e.children if c in sharp and c.has_integral and isinstance(c, Expr)]
+        if isinstance(e, Integral):
+            stack.append((e.body, (*chain, Binder(e.var, e.lo, e.hi)), factor))
+        elif isinstance(e, Add) and inner:
+            stack.extend((c, chain, factor) for c in inner)
+            stack.append((add(*(c for c in e.children if c not in inner)), chain, factor))
+        elif isinstance(e, Mul) and len(inner) == 1:
+            stack.append((inner[0], chain, mul(factor, *(c for c in e.children if c is not inner[0]))))
+        elif isinstance(e, Where) and inner:
+            stack.append((e.then, chain, mul(factor, where(e.condition, ex.ONE, ZERO))))
+            stack.append((e.otherwise, chain, mul(factor, where(e.condition, ZERO, ex.ONE))))
+        else:
+            found.append((chain, mul(factor, e)))
+    return [(chain, weight) for chain, weight in found if weight is not ZERO]
+
+
+def _moved(chain: Chain, weight: Expr, field: Field, direction: Direction) -> Expr:
+    """d ∫…∫ weight, the points moving with its singularities."""
+    along = {**direction, **field.velocity}
+    tangent = _tangents(weight, along, field)
+    mine = {b.var for b in chain}
+    others = [h for h in open_surfaces(weight) if h.free & mine and tangent[h] is not ZERO and not field.carries(h)]
+    steps = (mul(jump, tangent[h], delta(h)) for h, jump in surface_terms(weight, others))
+    expansion = add(*(_divergence(u, v) for v, u in field.velocity.items()))
+    terms = [nest(add(tangent[weight], *steps, mul(weight, expansion)), chain)]
+    for i, b in enumerate(chain):
+        for bound, sign in ((b.hi, ex.ONE), (b.lo, MINUS_ONE)):
+            rate = ZERO if (b.var, bound) in field.kept else tangent_of(bound, along)
+            if rate is not ZERO:
+                inner = nest(mul(sign, rate, weight), chain[i + 1 :])
+                terms.append(nest(restrict(inner, {b.var: bound}, bound_surface(b.var, bound), (b.var,)), chain[:i]))
+    terms += (where(positive(call("magnitude", v)), ZERO, const(math.nan)) for v in on_sides(field.surfaces, chain))
     return add(*terms)
 
 

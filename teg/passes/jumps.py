@@ -10,7 +10,7 @@ jump(∫ₗʰ a) = ∫ₗʰ jump(a), or ∫_{l₁}^{h₁} a₁ - ∫_{l₀}^{h�
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 from teg import expr as ex
 from teg.calculus import factor_cofactors
@@ -34,7 +34,9 @@ from teg.expr import (
 )
 from teg.integral import Integral, integral_over
 from teg.node import Node, postorder
-from teg.traverse import rebuild
+from teg.polynomial import Point
+from teg.singularities import fades_at
+from teg.traverse import rebuild, replace_node
 
 
 def _containing(root: Node, surface: Expr) -> list[Node]:
@@ -138,7 +140,13 @@ def _product_jump(node: Mul, of: Any, one: Any, zero: Any) -> Expr:
 
 def vanishes_on(e: Expr, surface: Expr) -> bool:
     """e is 0 wherever the surface g is (so that e·δ(g) is nothing): the kinks of abs, min, max, and every continuous `where`."""
-    return e is ZERO if isinstance(e, Const) else ZeroSet(surface).annuls(e)
+    if isinstance(e, Const):
+        return e is ZERO
+    if surface.has_integral:  # |g| has no jump, whatever g is
+        without = cast(Expr, replace_node(e, surface, ZERO))
+        if all(Point(trial).value(without) == 0 for trial in ("0", "1")):
+            return True
+    return ZeroSet(surface).annuls(e)
 
 
 def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
@@ -146,6 +154,6 @@ def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
     found = []
     for g in surfaces:
         j = jump(body, g)
-        if j is not ZERO and not vanishes_on(j, g):
+        if j is not ZERO and not vanishes_on(j, g) and not fades_at(j, g):
             found.append((g, j))
     return found

@@ -1,0 +1,137 @@
+"""Numbers between which an expression lies, whatever its parameters are.
+
+    extent(e, {x: (0, 1)})  =  (least, most)        with   least <= e <= most   for all parameters, and all x in (0, 1)
+
+Natural interval extension on numbers. What is not known is everything, (-∞, ∞); so is a parameter. Roundings are not directed: a bound may
+be off by a few of them, and one that is exactly 0 comes of squares, sizes and the like. `teg.intervals` gives bounds at run time instead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import cast
+
+from teg.expr import MINUS_ONE, Add, Call, Compare, Const, Expr, Mul, Pow, Var, Where, mul
+from teg.node import Node, postorder
+
+Extent = tuple[float, float]
+EVERYTHING: Extent = (-math.inf, math.inf)
+
+
+def extent(e: Expr, box: Mapping[Var, Extent]) -> Extent:
+    """The least and the largest value of e over a box; of variables that are not in it nothing is known."""
+    known: dict[Node, Extent] = {}
+    for node in postorder([e]):
+        if isinstance(node, Expr):
+            lo, hi = _extent(node, box, known)
+            known[node] = EVERYTHING if lo != lo or hi != hi else (lo, hi)
+    return known[e]
+
+
+def _extent(node: Expr, box: Mapping[Var, Extent], known: Mapping[Node, Extent]) -> Extent:
+    match node:
+        case Const():
+            return node.data, node.data
+        case Var():
+            return box.get(node, EVERYTHING)
+        case Add():
+            parts = [known[c] for c in node.children]
+            return sum(p[0] for p in parts), sum(p[1] for p in parts)
+        case Mul():
+            result = known[node.children[0]]
+            for c in node.children[1:]:
+                result = _product(result, known[c])
+            return result
+        case Pow():
+            return _power(known[node.base], node.exponent)
+        case Where():
+            a, b = _where_it_counts(node, known)
+            return min(a[0], b[0]), max(a[1], b[1])
+        case Call():
+            rule = _RULES.get(node.name)
+            return EVERYTHING if rule is None else rule(known[node.children[0]])
+        case _:
+            return EVERYTHING
+
+
+def _where_it_counts(node: Where, known: Mapping[Node, Extent]) -> tuple[Extent, Extent]:
+    """The extents of both branches; u and -u are at least 0 where they are taken in where(u > 0, u, -u)."""
+    a, b = known[node.then], known[node.otherwise]
+    if isinstance(node.condition, Compare):
+        g = node.condition.g
+        if node.then is g:
+            a = max(a[0], 0.0), max(a[1], 0.0)
+        elif node.then is mul(MINUS_ONE, g):
+            a = min(a[0], 0.0), min(a[1], 0.0)
+        if node.otherwise is mul(MINUS_ONE, g):
+            b = max(b[0], 0.0), max(b[1], 0.0)
+        elif node.otherwise is g:
+            b = min(b[0], 0.0), min(b[1], 0.0)
+    return a, b
+
+
+def _times(a: float, b: float) -> float:
+    return 0.0 if a == 0.0 or b == 0.0 else a * b
+
+
+def _product(a: Extent, b: Extent) -> Extent:
+    corners = [_times(u, v) for u in a for v in b]
+    return min(corners), max(corners)
+
+
+def _sizes(u: Extent) -> Extent:
+    return max(0.0, u[0], -u[1]), max(u[1], -u[0])
+
+
+def _power(u: Extent, k: int) -> Extent:
+    if k < 0:
+        if u[0] < 0.0 < u[1]:
+            return (0.0, math.inf) if k % 2 == 0 else EVERYTHING
+        positive = u[0] >= 0.0
+        size = _power(_sizes(u), -k)
+        reciprocal = (1.0 / size[1] if size[1] else math.inf, 1.0 / size[0] if size[0] else math.inf)
+        return reciprocal if positive or k % 2 == 0 else (-reciprocal[1], -reciprocal[0])
+    lo, hi = u if k % 2 else _sizes(u)
+    return _raised(lo, k), _raised(hi, k)
+
+
+def _raised(x: float, k: int) -> float:
+    try:
+        return x**k
+    except OverflowError:
+        return math.inf if x > 0 or k % 2 == 0 else -math.inf
+
+
+def _rising(f: Callable[[float], float], least: float, most: float) -> Callable[[Extent], Extent]:
+    """A rising function, defined from where it has the value `least`, at most `most`."""
+
+    def rule(u: Extent) -> Extent:
+        values = []
+        for x, otherwise in zip(u, (least, most), strict=True):
+            try:
+                values.append(f(x))
+            except (ValueError, OverflowError):
+                values.append(otherwise)
+        return values[0], values[1]
+
+    return rule
+
+
+_WAVE: Extent = (-1.0, 1.0)
+_RULES: dict[str, Callable[[Extent], Extent]] = {
+    "sin": lambda u: _WAVE,
+    "cos": lambda u: _WAVE,
+    "exp": _rising(math.exp, 0.0, math.inf),
+    "sinh": _rising(math.sinh, -math.inf, math.inf),
+    "cosh": lambda u: cast(Extent, tuple(_rising(math.cosh, 1.0, math.inf)((x, x))[0] for x in _sizes(u))),
+    "tanh": _rising(math.tanh, -1.0, 1.0),
+    "atan": _rising(math.atan, -math.pi / 2, math.pi / 2),
+    "asin": lambda u: (-math.pi / 2, math.pi / 2),
+    "acos": lambda u: (0.0, math.pi),
+    "sqrt": _rising(math.sqrt, 0.0, math.inf),
+    "root": lambda u: (0.0, math.inf),
+    "pow": lambda u: (0.0, math.inf),
+    "log": _rising(math.log, -math.inf, math.inf),
+    "magnitude": _sizes,
+}
