@@ -55,6 +55,7 @@ class Compiled:
         """The numbers and arrays that are computed, without δ."""
         leaves = flatten(self.e)
         maps, estimator = self.options.maps, self.options.discontinuities
+        closed = self.options.integration.closed_forms
         found: list[Output] = []
         if what != "product":
             found += [output_of(on_cells(leaf, partial(normal_form, maps=maps))) for leaf in leaves]
@@ -62,7 +63,7 @@ class Compiled:
             return found
 
         def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
-            return flatten(compiled_outputs(cell, wrt, 1, estimator, maps)[1])
+            return flatten(compiled_outputs(cell, wrt, 1, estimator, maps, closed)[1])
 
         sources = list(leaves) if what != "product" else []
         sources += [self._tangent(leaf, which) for leaf in leaves] if what in ("product", "both") else []

@@ -126,7 +126,7 @@ class _Passes:
         return normal_form(cell, maps=self.maps)
 
     def derive(self, cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
-        return flatten(compiled_outputs(cell, wrt, 1, self.discontinuities, self.maps)[1])
+        return flatten(compiled_outputs(cell, wrt, 1, self.discontinuities, self.maps, self.how.closed_forms)[1])
 
     def flat(self, cells: Sequence[Expr], names: Sequence[str]) -> Program:
         return cell_program(flatten(canonicalise(tuple_of(*cells))), names, self.how)

@@ -287,7 +287,7 @@ class Evaluator:
         if which not in self._products:
             options = self._options
             along = jvp(self.expression, {p: direction_of(p) for p in which}, options.maps)
-            slopes = compiled_outputs(along, self.wrt, 1, options.discontinuities, options.maps)[1]
+            slopes = compiled_outputs(along, self.wrt, 1, options.discontinuities, options.maps, options.integration.closed_forms)[1]
             self._products[which] = Evaluator(slopes, [], options)
         return self._products[which]
 

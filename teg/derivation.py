@@ -48,7 +48,9 @@ class Derivation:
         task = self.task
         with self._lock:
             if orders not in self._outputs:
-                self._outputs[orders] = compiled_outputs(task.expression, task.wrt, orders, task.discontinuities, task.maps)
+                self._outputs[orders] = compiled_outputs(
+                    task.expression, task.wrt, orders, task.discontinuities, task.maps, task.integration.closed_forms
+                )
             return self._outputs[orders]
 
     def program(self, orders: int, errors: bool = False) -> Program:

@@ -97,7 +97,7 @@ class DerivativePrograms:
         source = entries[0] if len(entries) == 1 else ex.tuple_of(*entries)
         for direction in directions:
             source = self._without_deltas(jvp(source, cast("dict[Param, object]", direction), maps))
-        outputs = compiled_outputs(source, wrt, min(order + 1, 1), how, maps)
+        outputs = compiled_outputs(source, wrt, min(order + 1, 1), how, maps, self.options.integration.closed_forms)
         if order > 0:
             outputs = outputs[1:]
         return program_for([leaf for output in outputs for leaf in flatten(output)], names, self.options.integration, errors)
@@ -110,7 +110,7 @@ class DerivativePrograms:
         arrays = [p for p in (*self.leaves, *along) if isinstance(p, ArrayName)]
 
         def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
-            return flatten(compiled_outputs(cell, wrt, 1, how, maps)[1])
+            return flatten(compiled_outputs(cell, wrt, 1, how, maps, self.options.integration.closed_forms)[1])
 
         outputs: list[Output] = []
         if order <= 0:

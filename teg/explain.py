@@ -139,7 +139,7 @@ def _explain(e: Expr, wrt: Any, how: Integration, discontinuities: str, derivati
     data["value_statements"], data["cost"]["value"] = size(program), cost_of(program)
     if not chosen:
         return Explanation(data)
-    outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, discontinuities, maps))
+    outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, discontinuities, maps, how.closed_forms))
     if outputs is not None:
         program = program_for([leaf for o in outputs for leaf in flatten(o)], names, how)
         data["gradient_statements"], data["cost"]["value and gradient"] = size(program), cost_of(program)

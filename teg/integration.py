@@ -56,6 +56,11 @@ class Integration:
         object.__setattr__(self, "seed", int(self.seed))
         object.__setattr__(self, "max_roots", int(self.max_roots))
 
+    @property
+    def closed_forms(self) -> bool:
+        """Whether an integral may be computed without a rule (clipped polygons, moments of hyperbolas): only where none was asked for."""
+        return self.rule == "auto" and self.order is None
+
 
 def _is_whole(value: Any) -> bool:
     return isinstance(value, Integral) and not isinstance(value, bool)

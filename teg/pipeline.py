@@ -1,7 +1,7 @@
 """The list of passes: the one screen to read first.
 
-    value        functions → steps of floor → canonicalise → eliminate δ → canonicalise → schedule
-    derivative   functions → steps of floor → canonicalise → (eliminate δ) → tangent or adjoint    what `diff` and `grad` return, δ visible
+    value        functions → differences → steps of floor → canonicalise → eliminate δ → canonicalise → schedule
+    derivative   functions → differences → steps of floor → canonicalise → (eliminate δ) → tangent or adjoint    `diff`, `grad`
     compiled     … → eliminate δ → canonicalise → schedule → a backend prints it
 
 A pass is `Expr -> Expr` (the last one `Expr -> Program`). TEG_DUMP=all, or a pass's name, prints the program after passes;
@@ -32,6 +32,7 @@ from teg.passes.estimators.ignore import ignore_discontinuities
 from teg.passes.group import group
 from teg.passes.implicit import with_deltas
 from teg.passes.inline import write_out
+from teg.passes.origins import with_differences
 from teg.passes.reparameterize import closing, eliminate_deltas, families_with
 from teg.passes.schedule import schedule
 from teg.passes.sink import sink
@@ -67,6 +68,7 @@ def normal_form(e: Expr, keep_moving: bool = False, maps: Maps = (), canonical: 
     """Canonical atoms, split integrals, no δ; but for those that are carried along, if e is to be differentiated again (`keep_moving`)."""
     canonical = canonical or Canonical()
     e = run_pass("inline", write_out, e)  # first: what jumps inside of a function has to be seen
+    e = run_pass("differences", with_differences, e)  # before products of far coordinates are differentiated
     e = run_pass("steps", enumerate_steps, with_deltas(e) if keep_moving else e)  # first: the steps of floor are brackets, hence atoms
     e = run_pass("canonicalise", canonical, e)  # a surface must be one expression before its jump can be taken
     if e.has_delta:
@@ -110,10 +112,19 @@ def eliminate(e: object, maps: Maps = ()) -> Expr:
     return normal_form(_expression(e), maps=maps)
 
 
-def compiled_outputs(e: Expr, wrt: Sequence[Param], orders: int, discontinuities: str, maps: Maps = ()) -> list[Expr]:
-    """[value], [value, gradient], or [value, gradient, Hessian] as δ-free expressions in canonical form, ready to be scheduled together."""
+def compiled_outputs(
+    e: Expr, wrt: Sequence[Param], orders: int, discontinuities: str, maps: Maps = (), closed_forms: bool = True
+) -> list[Expr]:
+    """[value], [value, gradient], or [value, gradient, Hessian] as δ-free expressions in canonical form, ready to be scheduled together.
+
+    Boundary terms without a rule of integration are among them only with `closed_forms`.
+    """
     e, families = write_out(e), families_with(maps)
-    estimate = partial(eliminate_deltas, families=closing(families)) if discontinuities == "sift" else ESTIMATORS[discontinuities]
+    estimate = (
+        partial(eliminate_deltas, families=closing(families) if closed_forms else families)
+        if discontinuities == "sift"
+        else ESTIMATORS[discontinuities]
+    )
     canonical = Canonical()  # what is canonical already is met again at the end
     outputs = [normal_form(e, maps=maps, canonical=canonical)]
     source = normal_form(e, keep_moving=True, maps=maps, canonical=canonical) if e.has_delta else outputs[0]

@@ -43,9 +43,9 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.node import postorder
+from teg.node import Node, postorder
 from teg.polynomial import Degrees, Shadow, expanded
-from teg.traverse import fresh, replace_node, size, substitute
+from teg.traverse import fresh, parameters, replace_node, size, substitute
 
 MAX_PERIODIC = 16
 """Roots of a periodic function for which code is made where the bounds are not known as numbers."""
@@ -147,12 +147,12 @@ def _is_coarse(normal: Expr) -> bool:
 
 
 def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
-    """Both roots. Where B is twice a number or a short expression times A, they are m ± s, which is as exact and smoother."""
+    """Both roots. Where A is a number and m = -B/2A cannot be much larger than a root, they are m ± s, which is as exact and smoother."""
     a, b, c = quadratic_coefficients(g, x, origin)
     d = discriminant(a, b, c)
     exists = conjunction(positive(d, strict=False), _not_zero(a))
     root = call("root", d)
-    if b is ZERO or isinstance(a, Const):
+    if b is ZERO or (isinstance(a, Const) and not _may_cancel(a, b, d)):
         half = div(root, mul(const(2), ex.const(abs(a.data)) if isinstance(a, Const) else call("magnitude", a)))
         middle = add(origin, tidy(mul(const(-0.5), div(b, a)))) if b is not ZERO else origin
         return (Root(sub(middle, half), exists), Root(add(middle, half), exists))
@@ -166,6 +166,41 @@ def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
     first = conjunction(real, disjunction(conjunction(up, has_larger), conjunction(down, has_smaller)))
     second = conjunction(real, disjunction(conjunction(up, has_smaller), conjunction(down, has_larger)))
     return (Root(where(up, larger, smaller), first), Root(where(up, smaller, larger), second))
+
+
+def _may_cancel(a: Const, b: Expr, d: Expr) -> bool:
+    """Whether m and s may be nearly the same, D holding B²: with a large parameter in B, or numbers such that m is large."""
+    if not b.free and set(parameters(b)) & set(parameters(d)):
+        return True
+    middle = _ordinary_size(b)
+    return middle > COARSE * 2.0 * abs(a.data) and _ordinary_size(d) >= 0.5 * middle**2
+
+
+def _ordinary_size(e: Expr) -> float:
+    """The size of an expression whose parameters, variables and functions are of size 1 and whose terms do not cancel."""
+    sizes: dict[Node, float] = {}
+    with_numbers = (Add, Mul, Pow)
+    for node in postorder([e]):
+        parts = [sizes[c] for c in node.children] if isinstance(node, with_numbers) else []
+        match node:
+            case Const():
+                sizes[node] = abs(float(node.data))
+            case Add():
+                sizes[node] = sum(parts)
+            case Mul():
+                sizes[node] = math.prod(parts)
+            case Pow():
+                sizes[node] = _power(parts[0], node.exponent)
+            case _:
+                sizes[node] = 1.0
+    return sizes[e]
+
+
+def _power(base: float, exponent: int) -> float:
+    try:
+        return base**exponent
+    except (OverflowError, ZeroDivisionError):
+        return math.inf
 
 
 def _not_zero(e: Expr) -> Cond:

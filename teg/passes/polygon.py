@@ -20,6 +20,7 @@ from teg.calculus import slope
 from teg.errors import NotDifferentiableError
 from teg.expr import (
     MINUS_ONE,
+    ONE,
     TRUE,
     ZERO,
     Add,
@@ -52,6 +53,8 @@ from teg.traverse import replace_node, substitute
 
 MAX_DEGREE = 24
 MAX_NODES = 16
+MAX_TERMS = 256
+"""Of a sum of integrals over one box."""
 
 
 @dataclass(frozen=True)
@@ -89,13 +92,9 @@ class Clipped:
 def match_polygon(node: Integral) -> Clipped | None:
     """A polynomial on a box in two variables in the intersection of half-planes, or None."""
     outside, rest = _split(node.body)
-    terms: list[tuple[Expr, Integral]] = []
-    for term in rest.children if isinstance(rest, Add) else (rest,):
-        factors = term.children if isinstance(term, Mul) else (term,)
-        inner = [f for f in factors if isinstance(f, Integral)]
-        if len(inner) != 1 or inner[0].has_delta or masses_of(inner[0].body, inner[0].var) is not None:
-            return None
-        terms.append((mul(*(f for f in factors if f is not inner[0])), inner[0]))
+    terms = _terms(rest)
+    if not terms or any(i.has_delta or masses_of(i.body, i.var) is not None for _, i in terms):
+        return None
     (_, first), condition = terms[0], _split(terms[0][1].body)[0]
     box = (first.var, first.lo, first.hi)
     if any((i.var, i.lo, i.hi) != box or _split(i.body)[0] is not condition or first.var in factor.free for factor, i in terms):
@@ -104,6 +103,28 @@ def match_polygon(node: Integral) -> Clipped | None:
         return None
     integrand = add(*(mul(factor, _split(i.body)[1]) for factor, i in terms))
     return _match((first, node), conjunction(condition, outside), integrand, tuple(i for _, i in terms))
+
+
+def _terms(e: Expr) -> list[tuple[Expr, Integral]]:
+    """The sum of factors times integrals that an integrand is, sums inside of products written out; nothing if it is none."""
+    found: list[tuple[Expr, Integral]] = []
+    stack: list[tuple[Expr, Expr]] = [(ONE, e)]
+    while stack:
+        factor, term = stack.pop()
+        if isinstance(term, Integral):
+            found.append((factor, term))
+        elif isinstance(term, Add):
+            stack.extend((factor, c) for c in reversed(cast("Sequence[Expr]", term.children)))
+        elif isinstance(term, Mul):
+            inner: list[Expr] = [f for f in term.children if isinstance(f, Integral)] or [
+                f for f in term.children if isinstance(f, Add) and f.has_integral
+            ]
+            if len(inner) != 1 or len(found) + len(stack) > MAX_TERMS:
+                return []
+            stack.append((mul(factor, *(f for f in cast("Sequence[Expr]", term.children) if f is not inner[0])), inner[0]))
+        else:
+            return []
+    return found
 
 
 def match_segment(node: Integral) -> Clipped | None:
@@ -115,7 +136,7 @@ def match_segment(node: Integral) -> Clipped | None:
 
 def match_clipped(node: Integral, how: Integration) -> Clipped | None:
     """The integral as a polygon or a segment, if it is one and no other rule is asked for."""
-    return (match_polygon(node) or match_segment(node)) if how.rule == "auto" and how.order is None else None
+    return (match_polygon(node) or match_segment(node)) if how.closed_forms else None
 
 
 def _split(body: Expr) -> tuple[Cond, Expr]:

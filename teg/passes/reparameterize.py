@@ -13,18 +13,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, cast
 
+from teg.calculus import slope
 from teg.diffeomorphism import Diffeomorphism, checked_maps
 from teg.errors import DeltaError, NoReparameterisationError
 from teg.expr import ZERO, Cond, Const, Expr, Mul, Var, Where, add, conjunction, mul, where
 from teg.integral import Delta, Integral, delta, integral_over
 from teg.nest import Binder, Chain, nest
 from teg.node import Node, postorder
-from teg.passes.affine import match_affine, match_partly_affine, rewrite_affine
+from teg.passes.affine import Affine, match_affine, match_partly_affine, rewrite_affine
 from teg.passes.bilinear import match_bilinear, rewrite_bilinear
 from teg.passes.charts import match_curve, rewrite_curve
 from teg.passes.hyperbola import border_of
 from teg.passes.implicit import match_implicit, rewrite_implicit
 from teg.passes.sift import deltas_of, linear_part, without
+from teg.passes.steep import Graph, match_steep, rewrite_steep
 from teg.passes.univariate import match_solvable, rewrite_solvable
 from teg.passes.user import user_families
 from teg.polynomial import Shadow
@@ -85,6 +87,14 @@ def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families =
     return root
 
 
+def without_steep_graphs(g: Expr, data: Any, boxes: Sequence[Binder]) -> tuple[Any, Rewrite] | None:
+    """The family that replaces a graph where it is steep, `boxes` being the integrals over the variables of g, outermost first; or None."""
+    if not isinstance(data, Affine) or len(data.variables) == len(boxes) or not any(isinstance(slope(g, v), Const) for v in data.variables):
+        return None
+    steep = match_steep(g, data, boxes)
+    return None if steep is None else (steep, rewrite_steep if isinstance(steep, Graph) else rewrite_implicit)
+
+
 def find_family(g: Expr, variables: Sequence[Var], families: Families = FAMILIES) -> tuple[Any, Rewrite] | None:
     """The first family that matches a surface: its data and its rewriting."""
     for match, rewrite in families:
@@ -102,7 +112,8 @@ class _Elimination:
         self.families = families
         self.keep_moving = keep_moving
         self.kept = False
-        self.variables = list(dict.fromkeys(n.var for n in postorder([root]) if isinstance(n, Integral)))
+        self.binders = {n.var: Binder(n.var, n.lo, n.hi) for n in postorder([root]) if isinstance(n, Integral)}
+        self.variables = list(self.binders)
         self.decisions: dict[Expr, tuple[Any, Rewrite]] = {}
         self.sifted: dict[tuple[Delta, Expr, Chain], Expr] = {}
 
@@ -133,6 +144,9 @@ class _Elimination:
                     "its value, and derivatives that do not move it, work. Moving it needs a formula for one variable: write the condition "
                     "so that a variable stands alone, y < f(x, t), or without an integral over its own variable",
                 )
+            steep = without_steep_graphs(g, found[0], [self.binders[v] for v in reversed(mine)])
+            if steep is not None and not (self.keep_moving and isinstance(steep[0], Graph)):
+                found = steep
             self.decisions[g] = found
         return self.decisions[g]
 

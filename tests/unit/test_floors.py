@@ -60,12 +60,13 @@ PASSES_THAT_USE_ANOTHER = {
     "differentiate": {"jumps", "sift"},
     "emit": {"breaks"},
     "estimators.ignore": {"sift"},
-    "reparameterize": {"affine", "bilinear", "hyperbola", "sift", "univariate", "charts", "implicit", "user"},  # the list of families
+    "reparameterize": {"affine", "bilinear", "hyperbola", "sift", "univariate", "charts", "implicit", "steep", "user"},  # the list of families
     "sampled": {"at_roots", "emit"},
     "emptiness": {"demand"},
     "clipped": {"barycentric", "demand", "emit", "polygon", "sampled", "vertices"},
     "curved": {"clipped", "emit", "hyperbola"},
     "schedule": {"at_roots", "breaks", "curved", "demand", "emit", "emptiness", "sampled"},
+    "steep": {"affine", "implicit"},
     "steps": {"jumps"},
 }
 OPTIONAL = ["jax", "torch", "sympy", "scipy", "matplotlib", "PIL", "skimage", "tqdm", "mpmath"]

@@ -1,0 +1,305 @@
+"""Polynomials in absolute coordinates, written by differences of coordinates.
+
+    x₀y₁ - x₁y₀ + x(y₀ - y₁) + y(x₁ - x₀)   →   (x - x₀)(y₀ - y₁) + (y - y₀)(x₁ - x₀)
+    x² - 2cx + c²                           →   (x - c)²
+
+Far from the origin the products on the left are large and cancel: at 4096 an edge loses 24 bits. Both sides are one polynomial, for it
+stays the same when x, x₀ and x₁ move together: a *group*, a set of symbols with Σ ∂g/∂s = 0. So every symbol s of the group may be replaced
+by s - o, o being one of them, and o by 0; differences are rounded once, if at all.
+
+Groups are the vectors of zeros and ones in the null space of the gradients of g at random points of a finite field. A group is one of
+coordinates if a variable is in it; a sum without variables (an area) is rewritten for groups of symbols that share one. Nothing changes
+where every factor of a product is itself invariant, as in (x - p)·(y - q). Of the origins that are possible the one with the shortest
+result is taken: a vertex, through which the surface goes, makes terms vanish. Cost: one gradient a symbol, for sums of at most MAX_SYMBOLS.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import cast
+
+from teg.expr import MINUS_ONE, ZERO, Add, Const, Expr, Mul, Param, Pow, Var, add, mul
+from teg.node import Node, postorder
+from teg.polynomial import residue
+from teg.traverse import remake, size
+
+MAX_SYMBOLS = 24
+MAX_NODES = 300
+MAX_ORIGINS = 16
+"""Combinations of origins that are compared."""
+PRIME = 2**61 - 1
+
+Group = tuple[Expr, ...]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known of a polynomial without looking inside again; a sum that is too large has no symbols."""
+
+    symbols: frozenset[Expr]
+    nodes: int
+    products: bool
+
+
+def with_differences(root: Expr) -> Expr:
+    """The same, with polynomials that do not change when coordinates move together written by differences."""
+    order = postorder([root])
+    candidates = _candidates(order)
+    groups = {e: _groups(e) for e in candidates}
+    axes = _axes([g for found in groups.values() for g in found])
+    new: dict[Node, Node] = {}
+    for node in order:
+        unchanged = all(new[c] is c for c in node.children)
+        result = node if unchanged else remake(node, tuple([new[c] for c in node.children]))
+        if node in groups and (mine := groups[node]):
+            result = _by_differences(cast(Expr, result), _of_coordinates(cast(Expr, result), mine, axes))
+        new[node] = result
+    return cast(Expr, new[root])
+
+
+def _candidates(order: Sequence[Node]) -> dict[Expr, None]:
+    """The polynomial sums that are no terms of another one, small enough, with products, and a symbol that occurs twice."""
+    facts: dict[Node, Facts] = {}
+    outermost: dict[Expr, None] = {}
+    for node in order:
+        known = [facts.get(c) for c in node.children]
+        if isinstance(node, Add | Mul | Pow) and all(known) and not (isinstance(node, Pow) and node.exponent < 0):
+            facts[node] = _combined(node, cast("list[Facts]", known))
+        elif isinstance(node, Param | Var | Const):
+            facts[node] = Facts(frozenset(() if isinstance(node, Const) else (node,)), 1, False)
+        is_sum = isinstance(node, Add) or (isinstance(node, Mul) and _scaled(node) is not None)
+        for c in node.children:
+            inner = _scaled(c) if isinstance(c, Mul) else c
+            if isinstance(inner, Add) and inner in facts and not (is_sum and node in facts):
+                outermost[inner] = None
+    last = order[-1]
+    if isinstance(last, Add) and last in facts:
+        outermost[last] = None
+    return {e: None for e in outermost if facts[e].products and 2 <= len(facts[e].symbols) <= MAX_SYMBOLS and _repeats(e)}
+
+
+def _combined(node: Node, parts: Sequence[Facts]) -> Facts:
+    """The facts of a sum, product or power; without symbols where it is too large to be looked at."""
+    nodes = 1 + sum(p.nodes for p in parts)
+    if nodes > MAX_NODES or (isinstance(node, Pow) and node.exponent > MAX_SYMBOLS):
+        return Facts(frozenset(), MAX_NODES, True)
+    symbols = frozenset().union(*(p.symbols for p in parts))
+    product = isinstance(node, Pow) or (isinstance(node, Mul) and sum(bool(p.symbols) for p in parts) > 1)
+    return Facts(symbols, nodes, product or any(p.products for p in parts))
+
+
+def _scaled(e: Node) -> Expr | None:
+    """The sum in a number times a sum."""
+    if isinstance(e, Mul) and len(e.children) == 2 and isinstance(e.children[0], Const) and isinstance(e.children[1], Add):
+        return e.children[1]
+    return None
+
+
+def _repeats(e: Expr) -> bool:
+    """Does a symbol occur twice? If none does, nothing can cancel."""
+    seen: set[Node] = set()
+    stack: list[Node] = [e]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Param | Var):
+            if node in seen:
+                return True
+            seen.add(node)
+        else:
+            stack.extend(node.children)
+            if isinstance(node, Pow):
+                return True
+    return False
+
+
+def _axes(groups: Sequence[Group]) -> list[set[Expr]]:
+    """For each variable the symbols that move together with it in some polynomial."""
+    axes: dict[Expr, set[Expr]] = {}
+    for group in groups:
+        for v in group:
+            if isinstance(v, Var):
+                axes.setdefault(v, set()).update(group)
+    found = list(axes.values())
+    return [axis for k, axis in enumerate(found) if all(axis.isdisjoint(other) for other in found[:k])]
+
+
+def _of_coordinates(e: Expr, groups: Sequence[Group], axes: Sequence[set[Expr]]) -> list[Group]:
+    """The groups along axes: all symbols of an axis, where a polynomial does not change with these; else the groups that share an axis."""
+    order = postorder([e])
+    whole = [tuple(s for s in order if s in axis) for axis in axes]
+    fixed = _invariant(order, whole)
+    if fixed is None:
+        return []
+    mine = [g for g, same in zip(whole, fixed, strict=True) if e in same and len(g) > 1]
+    taken = {s for g in mine for s in g}
+    return mine + [g for g in groups if taken.isdisjoint(g) and any(axis.issuperset(g) for axis in axes)]
+
+
+# -- groups ----------------------------------------------------------------------------------------------------------
+
+
+def _groups(e: Expr) -> list[Group]:
+    """The sets of symbols of a polynomial that it does not change with when they move together, if they are disjoint."""
+    order = postorder([e])
+    symbols = [n for n in order if isinstance(n, Param | Var)]
+    rows = []
+    for k in range(len(symbols) + 1):
+        row = _gradient(order, {s: _random(s.name, type(s).__name__, k) for s in symbols})
+        if row is None:
+            return []
+        rows.append([row[s] for s in symbols])
+    found: list[Group] = [
+        tuple(s for s, d in zip(symbols, v, strict=True) if d) for v in _null_space(rows) if all(d in (0, 1) for d in v) and sum(v) > 1
+    ]
+    return found if len({s for group in found for s in group}) == sum(map(len, found)) else []
+
+
+@lru_cache(maxsize=4096)
+def _random(*key: object) -> int:
+    return residue("origins", *key) % PRIME
+
+
+def _values(order: Sequence[Node], at: Mapping[Node, int]) -> dict[Node, int] | None:
+    """The values of a polynomial's nodes in the field; None where a number in it is not finite."""
+    value: dict[Node, int] = {}
+    for node in order:
+        match node:
+            case Const():
+                if node.data - node.data != 0.0:
+                    return None
+                numerator, denominator = node.data.as_integer_ratio()
+                value[node] = numerator * pow(denominator, -1, PRIME) % PRIME if denominator != 1 else numerator % PRIME
+            case Add():
+                value[node] = sum(value[c] for c in node.children) % PRIME
+            case Mul():
+                total = 1
+                for c in node.children:
+                    total = total * value[c] % PRIME
+                value[node] = total
+            case Pow():
+                value[node] = pow(value[node.base], node.exponent, PRIME)
+            case _:
+                value[node] = at[node]
+    return value
+
+
+def _gradient(order: Sequence[Node], at: Mapping[Node, int]) -> dict[Node, int] | None:
+    """The derivatives of a polynomial by its nodes, in reverse."""
+    value = _values(order, at)
+    if value is None:
+        return None
+    weight = dict.fromkeys(order, 0)
+    weight[order[-1]] = 1
+    for node in reversed(order):
+        w = weight[node]
+        if isinstance(node, Add):
+            for c in node.children:
+                weight[c] = (weight[c] + w) % PRIME
+        elif isinstance(node, Pow):
+            weight[node.base] = (weight[node.base] + w * node.exponent * pow(value[node.base], node.exponent - 1, PRIME)) % PRIME
+        elif isinstance(node, Mul):
+            before = [1]
+            for c in node.children[:-1]:
+                before.append(before[-1] * value[c] % PRIME)
+            after = w
+            for c, left in zip(reversed(node.children), reversed(before), strict=True):
+                weight[c] = (weight[c] + after * left) % PRIME
+                after = after * value[c] % PRIME
+    return weight
+
+
+def _null_space(rows: list[list[int]]) -> list[list[int]]:
+    """A basis of the vectors that all rows are orthogonal to, with one free column each."""
+    n = len(rows[0])
+    pivots: dict[int, list[int]] = {}
+    for row in rows:
+        for column, other in pivots.items():
+            if row[column]:
+                row = [(a - row[column] * b) % PRIME for a, b in zip(row, other, strict=True)]
+        lead = next((i for i, a in enumerate(row) if a), None)
+        if lead is None:
+            continue
+        scale = pow(row[lead], -1, PRIME)
+        row = [a * scale % PRIME for a in row]
+        pivots = {c: [(a - r[lead] * b) % PRIME for a, b in zip(r, row, strict=True)] for c, r in pivots.items()}
+        pivots[lead] = row
+    basis = []
+    for free in (i for i in range(n) if i not in pivots):
+        vector = [0] * n
+        vector[free] = 1
+        for column, row in pivots.items():
+            vector[column] = -row[free] % PRIME
+        basis.append(vector)
+    return basis
+
+
+# -- differences -----------------------------------------------------------------------------------------------------
+
+
+def _by_differences(e: Expr, groups: Sequence[Group]) -> Expr:
+    """The polynomial with the symbols of those groups replaced by differences in which it is written with absolute coordinates."""
+    order = postorder([e])
+    fixed = _invariant(order, groups)
+    if fixed is None:
+        return e
+    needed = [g for g, same in zip(groups, fixed, strict=True) if any(_is_absolute(n, same) for n in order)]
+    if not needed:
+        return e
+    fixed = [same for g, same in zip(groups, fixed, strict=True) if g in needed]
+    settled = _settled(order, fixed)
+    origins: list[list[Expr]] = [[s for s in g if isinstance(s, Param)] or [g[-1]] for g in needed]
+    best: Expr | None = None
+    for choice in itertools.islice(itertools.product(*origins), MAX_ORIGINS):
+        written = _relative(order, settled, {s: o for g, o in zip(needed, choice, strict=True) for s in g})
+        if best is None or size(written) < size(best):
+            best = written
+    return cast(Expr, best)
+
+
+def _invariant(order: Sequence[Node], groups: Sequence[Group]) -> list[set[Node]] | None:
+    """For each group the nodes that do not change when its symbols move together."""
+    symbols = [n for n in order if isinstance(n, Param | Var)]
+    at: dict[Node, int] = {s: _random(s.name, type(s).__name__, 0) for s in symbols}
+    here = _values(order, at)
+    if here is None:
+        return None
+    result = []
+    for group in groups:
+        there = cast("dict[Node, int]", _values(order, {s: v + _random("shift") if s in group else v for s, v in at.items()}))
+        result.append({n for n in order if here[n] == there[n]})
+    return result
+
+
+def _is_absolute(node: Node, fixed: set[Node]) -> bool:
+    """A product, or a power, with a factor that moves with the group."""
+    if isinstance(node, Pow):
+        return node.base not in fixed
+    if not isinstance(node, Mul) or sum(not isinstance(c, Const) for c in node.children) < 2:
+        return False
+    return any(c not in fixed for c in node.children)
+
+
+def _settled(order: Sequence[Node], fixed: Sequence[set[Node]]) -> set[Node]:
+    """The nodes that may stay as they are: invariant in all groups, with no product in absolute coordinates inside."""
+    clean: set[Node] = set()
+    for node in order:
+        if all(c in clean for c in node.children) and not any(_is_absolute(node, same) for same in fixed):
+            clean.add(node)
+    return {n for n in clean if all(n in same for same in fixed)}
+
+
+def _relative(order: Sequence[Node], settled: set[Node], origin: Mapping[Expr, Expr]) -> Expr:
+    """The polynomial with differences from the origins for symbols."""
+    new: dict[Node, Node] = {}
+    for node in order:
+        if node in settled:
+            new[node] = node
+        elif isinstance(node, Param | Var):
+            o = origin.get(node)
+            new[node] = node if o is None else ZERO if o is node else add(node, mul(MINUS_ONE, o))
+        else:
+            new[node] = remake(node, tuple([new[c] for c in node.children]))
+    return cast(Expr, new[order[-1]])
