@@ -321,8 +321,7 @@ class Printer:
 
     def _integral(self, stmt: Integrate) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of an integral, and what this occurrence passes to it."""
-        watch = stmt.watch if isinstance(stmt.rule, Adaptive) else ()
-        at_nodes = stmt.at_nodes if watch or not stmt.watch else stmt.values
+        at_nodes = stmt.at_nodes
         flags, body = list(self._steps(stmt.flags)), [*self._steps(stmt.body), *_yields(at_nodes)]
         blocks, variables, bounds = [flags, body], {stmt.var: "x"}, ()
         if stmt.guard is not None:

@@ -397,7 +397,8 @@ class Integrate:
     @property
     def at_nodes(self) -> tuple[Arg, ...]:
         """The arguments that `body` computes at a node: values, watched booleans, sharp values, peaks."""
-        return (*self.values, *self.watch, *(self.guard.seen if self.guard is not None else ()), *self.peaks)
+        watch = self.watch if isinstance(self.rule, Adaptive) else ()
+        return (*self.values, *watch, *(self.guard.seen if self.guard is not None else ()), *self.peaks)
 
 
 @dataclass(frozen=True, slots=True)
