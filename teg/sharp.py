@@ -88,6 +88,8 @@ def _sharp(node: Expr, x: Var, degrees: Degrees, poles: int) -> Sharp | None:
     match node:
         case Pow():
             u, k = node.base, node.exponent
+            if k == -1 and isinstance(u, Call) and u.name in ("sqrt", "root"):  # as singular as nodes can see, and has places of its own
+                return None
             if 0 < k <= LARGE_POWER or (-LARGE_POWER <= k < 0 and poles <= 1 and degrees.of(u, x) in (1, 2)):
                 return None
             return Sharp(node if k % 2 == 0 else call("magnitude", node), _divided(mul(const(k), _slope(u, x)), u))
@@ -228,7 +230,7 @@ def is_tame(sharp: Sharp, ranges: Mapping[Var, Interval], x: Var, gap: float | N
     upper, lower = (_number(b) for b in found)
     if 0.0 < lower and upper <= UNSEEN * lower < math.inf:
         return True
-    if sharp.rate is None or gap is None or not upper < math.inf:
+    if sharp.rate is None or gap is None:
         return False
     try:
         fastest = [abs(_number(b)) for b in boxed.of(sharp.rate)]
