@@ -45,8 +45,9 @@ _INFINITY = const(math.inf)
 
 @dataclass(frozen=True)
 class Sharp:
-    """A sharp value, a bound of its logarithm's slope in the variable (None: not known), and the argument of a wave."""
+    """A sharp value and the node it comes from, its logarithm's slope in the variable (None: not known), and the argument of a wave."""
 
+    node: Expr
     value: Expr
     rate: Expr | None
     wave: Expr | None = None
@@ -57,7 +58,7 @@ def sharp_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var], degrees:
     pieces are known: a single one has places of its own."""
     found: dict[Expr, Sharp] = {}
     for node in _in_values(bodies, x, inner):
-        sharp = _sharp(node, x, degrees, poles) if not node.free & inner else None
+        sharp = sharp_value(node, x, degrees, poles) if not node.free & inner else None
         if sharp is not None:
             found.setdefault(sharp.wave or sharp.value, sharp)
     return list(found.values())[:MAX_SHARP]
@@ -83,8 +84,8 @@ def _in_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var]) -> list[Ex
     return order
 
 
-def _sharp(node: Expr, x: Var, degrees: Degrees, poles: int) -> Sharp | None:
-    """What a node contributes; None for most."""
+def sharp_value(node: Expr, x: Var, degrees: Degrees, poles: int) -> Sharp | None:
+    """The sharp value that a node contributes, as seen from x; None for most."""
     match node:
         case Pow():
             u, k = node.base, node.exponent
@@ -92,7 +93,7 @@ def _sharp(node: Expr, x: Var, degrees: Degrees, poles: int) -> Sharp | None:
                 return None
             if 0 < k <= LARGE_POWER or (-LARGE_POWER <= k < 0 and poles <= 1 and degrees.of(u, x) in (1, 2)):
                 return None
-            return Sharp(node if k % 2 == 0 else call("magnitude", node), _divided(mul(const(k), _slope(u, x)), u))
+            return Sharp(node, node if k % 2 == 0 else call("magnitude", node), _divided(mul(const(k), _slope(u, x)), u))
         case Apply():
             return None
         case Call():
@@ -105,21 +106,22 @@ def _sharp_call(node: Call, x: Var, degrees: Degrees) -> Sharp | None:
     u = cast(Expr, node.children[0])
     match node.name:
         case "exp":
-            return Sharp(node, _slope(u, x))
+            return Sharp(node, node, _slope(u, x))
         case "cosh" | "sinh":
-            return Sharp(call("cosh", u), _slope(u, x))
+            return Sharp(node, call("cosh", u), _slope(u, x))
         case "tanh":
             rate = _slope(u, x)
-            return Sharp(add(sub(ONE, integer_power(node, 2)), const(SATURATED)), None if rate is None else mul(const(2.0), rate))
+            slope_of_tanh = add(sub(ONE, integer_power(node, 2)), const(SATURATED))
+            return Sharp(node, slope_of_tanh, None if rate is None else mul(const(2.0), rate))
         case "atan":
-            return Sharp(integer_power(add(ONE, integer_power(u, 2)), -1), _slope(u, x))
+            return Sharp(node, integer_power(add(ONE, integer_power(u, 2)), -1), _slope(u, x))
         case "pow":
             k = cast(Expr, node.children[1])
             if isinstance(k, Const) and -1.0 < k.data <= 2.0:
                 return None
-            return Sharp(node, None if x in k.free else _divided(mul(k, _slope(u, x)), u))
+            return Sharp(node, node, None if x in k.free else _divided(mul(k, _slope(u, x)), u))
         case "sin" | "cos":
-            return None if degrees.of(u, x) is not None else Sharp(ONE, None, u)
+            return None if degrees.of(u, x) is not None else Sharp(node, ONE, None, u)
         case _:
             return None
 

@@ -131,7 +131,7 @@ class BreakAnalysis:
         self._breaks: dict[Integral, Breaks] = {}
         self._projections: dict[Integral, _Found] = {}
         self._shadows: dict[tuple[Var, ...], Shadow] = {}
-        self.degrees = Degrees()
+        self._degrees = Degrees()
         self._formulas: dict[tuple[Expr, Var, Expr, Expr], Roots | None] = {}
         self._points = (Point("first"), Point("second"))
         self._keys: dict[Expr, object] = {}
@@ -194,7 +194,7 @@ class BreakAnalysis:
         """The turns that are quadratic in the variable, each once; of others remains that there may be roots at the ends of pieces."""
         bends: dict[object, Turn] = {}
         for turn in found.turns:
-            degree = self.degrees.of(turn.function, x)
+            degree = self._degrees.of(turn.function, x)
             if degree == 0:
                 continue
             key = turn.kind, self.key(turn.function)
@@ -237,7 +237,7 @@ class BreakAnalysis:
                     found.complete = False
             elif isinstance(node, Pow) and node.exponent < 0 and counts and not node.free & inner:
                 base = _with_the_same_zeros(node.base)
-                if self.degrees.of(base, x) in (1, 2):
+                if self._degrees.of(base, x) in (1, 2):
                     found.functions[base] = TRUE
                     found.turns[Turn("pole", base)] = None
             elif isinstance(node, Integral):
@@ -278,7 +278,7 @@ class BreakAnalysis:
         """The roots of a function by formula; integrals that share surfaces and bounds ask for the same ones."""
         problem = (f, x, lo, hi)
         if problem not in self._formulas:
-            self._formulas[problem] = solve(f, x, lo, hi, degrees=self.degrees)
+            self._formulas[problem] = solve(f, x, lo, hi, degrees=self._degrees)
         return self._formulas[problem]
 
     def _roots(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[Expr], bool] | None:
@@ -325,7 +325,7 @@ class BreakAnalysis:
         others: list[Expr] = []
         for function in breaks.functions:
             for f in _branches(function) or ():
-                degree = self.degrees.of(f, z)
+                degree = self._degrees.of(f, z)
                 for bound in (lo, hi):
                     if not (isinstance(bound, Const) and math.isinf(bound.data)):
                         put(cast(Expr, substitute(f, {z: bound})))

@@ -7,18 +7,29 @@ and what the sharp value is at the ends of their range: a ridge that leaves the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import cast
 
-from teg.expr import ONE, Expr, Var
-from teg.intervals import Enclosure
-from teg.passes.emit import Emitter, Level
-from teg.program import Adaptive, Guard
+from teg.expr import ONE, ZERO, Const, Expr, Var, const, positive, sub, where
+from teg.integral import Integral
+from teg.integration import Integration
+from teg.intervals import Enclosure, Interval
+from teg.node import Node
+from teg.passes.curved import CurvedEmitter
+from teg.passes.emit import Level
+from teg.polynomial import Degrees
+from teg.program import Adaptive, Arg, Gauss, Guard, Rule
 from teg.quadrature import gauss_legendre
-from teg.sharp import Sharp, bounds, sizes
-from teg.traverse import fresh
+from teg.sharp import Sharp, bounds, is_tame, numeric_range, range_of, sharp_value, sharp_values, sizes
+from teg.traverse import fresh, substitute
 
 CUBIC_RATE = 1.5
 """How much faster than on a straight line a cubic's place goes."""
+WIDE_GAP = 0.4
+"""The largest part of a piece in one gap, for rules that are not known yet."""
+_LARGEST = 1e300
 
 
 def widest_gap(rule: Adaptive) -> float:
@@ -30,21 +41,150 @@ def widest_gap(rule: Adaptive) -> float:
     return widest * (CUBIC_RATE if rule.cubic else 1.0)
 
 
-def guard_of(
-    emitter: Emitter, x: Var, bodies: Sequence[Expr], sharp: Sequence[Sharp], level: Level, home: Level
-) -> Guard | None:
-    """The guard of an integral over x with these sharp values; None where none of them has bounds."""
-    taken = frozenset[Var]().union(*(b.free for b in bodies), *(s.value.free for s in sharp))
-    left, right = fresh(x.name + "₋", taken), fresh(x.name + "₊", taken)
-    boxed = Enclosure({x: (left, right)})
-    known = [(s, b) for s in sharp if (b := bounds(s, boxed)) is not None]
-    if not known:
-        return None
-    seen = tuple(emitter.number(s.value if s.wave is None else ONE, level) for s, _ in known)
-    left_name, right_name = emitter.fresh("x"), emitter.fresh("x")
-    at_left = home.inside(left, left_name)
-    at_both = at_left.inside(right, right_name)
-    extents = tuple(emitter.number(e, at_both) for e in sizes(bodies, boxed))
-    upper = tuple(emitter.number(b[0], at_both) for _, b in known)
-    lower = tuple(emitter.number(b[1], at_both) for _, b in known)
-    return Guard(left_name, right_name, (*at_left.block, *at_both.block), extents, upper, lower, seen)
+@dataclass(frozen=True)
+class Peak:
+    """A node of an integrand inside, the integrals around it from the outermost one, and the name of its largest sharp value there."""
+
+    node: Expr
+    path: tuple[Integral, ...]
+    name: str
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """A sharp value: what a node sees of it, and its bounds over the box of the guard."""
+
+    seen: Arg
+    upper: Expr
+    lower: Expr
+
+
+class GuardedEmitter(CurvedEmitter):
+    """An emitter that also guards adaptive integrals."""
+
+    def __init__(self, parameters: Sequence[str], how: Integration) -> None:
+        super().__init__(parameters, how)
+        self.degrees = Degrees()
+        self.ranges: Mapping[Var, Interval] = {}  # of the variables of the integrals around, where they are known in numbers
+        self.peaks: dict[Integral, tuple[Peak, ...]] = {}
+
+    def guard(self, group: Sequence[Integral], known: Sequence[Sharp], level: Level, home: Level, gap: float | None) -> Guard | None:
+        """The guard of integrals that share a loop, with these sharp values of their own and those of the integrals inside."""
+        x, bodies = group[0].var, [i.body for i in group]
+        taken = frozenset[Var]().union(*(b.free for b in bodies), *(s.value.free for s in known))
+        left, right = fresh(x.name + "₋", taken), fresh(x.name + "₊", taken)
+        boxed = Enclosure({x: (left, right)})
+        inside = self._inside(bodies, x, gap)
+        known = [*known, *(s for peak in inside for s in self._faces(peak, x, gap))]
+        found = []
+        for sharp in known:
+            if (b := bounds(sharp, boxed)) is not None:
+                found.append(Bounded(self.number(sharp.value if sharp.wave is None else ONE, level), *b))
+        for peak in inside:
+            sharp = cast(Sharp, sharp_value(peak.node, x, self.degrees, 2))
+            if (box := _around(peak, boxed.box)) is not None and (b := bounds(sharp, Enclosure(box))) is not None:
+                upper = where(positive(sub(const(_LARGEST), b[0])), b[0], ZERO)  # a singularity inside is nothing to be looked for
+                found.append(Bounded(peak.name, upper, upper))
+        if not found:
+            return None
+        names = self.fresh("x"), self.fresh("x")
+        at_left = home.inside(left, names[0])
+        at_both = at_left.inside(right, names[1])
+        extents = tuple(self.number(e, at_both) for e in sizes(bodies, boxed))
+        upper_names = tuple(self.number(b.upper, at_both) for b in found)
+        lower_names = tuple(self.number(b.lower, at_both) for b in found)
+        block = (*at_left.block, *at_both.block)
+        return Guard(*names, block, extents, upper_names, lower_names, tuple(b.seen for b in found))
+
+    def is_tame(self, sharp: Sharp, x: Var, gap: float | None) -> bool:
+        """Whether a sharp value, seen from x, is known to change little between nodes."""
+        return x in self.ranges and is_tame(sharp, self.ranges, x, gap)
+
+    def largest(self, group: Sequence[Integral], level: Level, rule: Rule) -> tuple[tuple[Arg, ...], tuple[str, ...]]:
+        """The values whose largest the integrals around may want, and the names that these get."""
+        outside = [v for v in _variables(level.outer)]
+        if not outside or not isinstance(rule, Gauss | Adaptive):
+            return (), ()
+        x, bodies = group[0].var, [i.body for i in group]
+        wanted: dict[Arg, list[tuple[Expr, tuple[Integral, ...]]]] = {}
+        for sharp in sharp_values(bodies, x, self.binders(bodies), self.degrees, 2):
+            if sharp.wave is None and self._is_wanted(sharp.node, outside):
+                wanted.setdefault(self.number(sharp.value, level), []).append((sharp.node, ()))
+        for peak in self._peaks_in(bodies, x):
+            if self._is_wanted(peak.node, outside):
+                wanted.setdefault(peak.name, []).append((peak.node, peak.path))
+        names = {arg: self.fresh("v") for arg in wanted if isinstance(arg, str)}
+        for node in group:
+            self.peaks[node] = tuple(Peak(n, (node, *path), name) for arg, name in names.items() for n, path in wanted[arg])
+        return tuple(names), tuple(names.values())
+
+    def _is_wanted(self, node: Expr, outside: Sequence[Var]) -> bool:
+        """Whether a node is sharp as seen from one of the integrals around."""
+        for v in outside:
+            sharp = sharp_value(node, v, self.degrees, 2) if v in node.free else None
+            if sharp is not None and not self.is_tame(sharp, v, WIDE_GAP):
+                return True
+        return False
+
+    def _peaks_in(self, bodies: Sequence[Expr], x: Var) -> list[Peak]:
+        """What is known of the integrals that stand in these integrands, and depend on x, but not of those inside of them."""
+        found: list[Peak] = []
+        seen: set[Node] = set()
+        stack: list[Node] = list(reversed(bodies))
+        while stack:
+            node = stack.pop()
+            if node in seen or x not in node.free:
+                continue
+            seen.add(node)
+            if isinstance(node, Integral):
+                found += self.peaks.get(node, ())
+            else:
+                stack.extend(reversed(node.children))
+        return list({p.name: p for p in found}.values())
+
+    def _inside(self, bodies: Sequence[Expr], x: Var, gap: float | None) -> list[Peak]:
+        """The sharp values of the integrals inside that are not tame as seen from x."""
+        found = []
+        for peak in self._peaks_in(bodies, x):
+            sharp = sharp_value(peak.node, x, self.degrees, 2) if x in peak.node.free else None
+            if sharp is not None and not self.is_tame_inside(sharp, peak, x, gap):
+                found.append(peak)
+        return found
+
+    def is_tame_inside(self, sharp: Sharp, peak: Peak, x: Var, gap: float | None) -> bool:
+        """The same for a value inside of further integrals."""
+        ranges = dict(self.ranges)
+        for node in peak.path:
+            ranges = numeric_range(node, ranges)
+        return x in ranges and is_tame(sharp, ranges, x, gap)
+
+    def _faces(self, peak: Peak, x: Var, gap: float | None) -> Iterator[Sharp]:
+        """A sharp value at both ends of the range of the only integral around it."""
+        if len(peak.path) != 1:
+            return
+        (inner,) = peak.path
+        for end in (inner.lo, inner.hi):
+            if not (isinstance(end, Const) and math.isinf(end.data)):
+                node = cast(Expr, substitute(peak.node, {inner.var: end}))
+                sharp = sharp_value(node, x, self.degrees, 2) if x in node.free else None
+                if sharp is not None and sharp.wave is None and not self.is_tame(sharp, x, gap):
+                    yield sharp
+
+
+def _variables(level: Level | None) -> Iterator[Var]:
+    """The variables of the integrals around."""
+    while level is not None:
+        if level.var is not None:
+            yield level.var
+        level = level.outer
+
+
+def _around(peak: Peak, box: Mapping[Var, Interval]) -> dict[Var, Interval] | None:
+    """The box with the ranges of the variables of the integrals around a node; None where they are not known."""
+    larger = dict(box)
+    for node in peak.path:
+        low, high = range_of(node, larger)
+        if low is None or high is None:
+            return None
+        larger[node.var] = low, high
+    return larger

@@ -9,7 +9,7 @@ results. Inside, what is constant on a piece (conditions whose roots are breaks,
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import assert_never, cast
 
@@ -41,20 +41,18 @@ from teg.expr import (
 )
 from teg.integral import Integral, PointMasses, masses_of
 from teg.integration import Integration
-from teg.intervals import Interval
 from teg.liveness import without_dead_code
 from teg.node import Node, postorder
 from teg.passes.breaks import MAX_BENDS, BreakAnalysis, Breaks, Turn
-from teg.passes.curved import CurvedEmitter
 from teg.passes.demand import GUARD_TERMS, guards, support
 from teg.passes.emit import NAN, Level
 from teg.passes.emptiness import certainly_empty
-from teg.passes.guarded import guard_of, widest_gap
+from teg.passes.guarded import GuardedEmitter, widest_gap
 from teg.passes.sampled import deciding_integrals
 from teg.polynomial import Shadow
 from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Guard, Integrate, Midpoint, Program, Rational, Rule, Tie
 from teg.roots import local_origin
-from teg.sharp import Sharp, is_tame, numeric_range, sharp_values
+from teg.sharp import Sharp, numeric_range, sharp_values
 from teg.surfaces import atoms_of
 from teg.tails import infinite_ends, is_unbounded
 from teg.traverse import substitute
@@ -129,13 +127,12 @@ def _slope_of(g: Expr, x: Var) -> Expr | None:
     return rate if x in rate.free else None
 
 
-class _Scheduler(CurvedEmitter):
+class _Scheduler(GuardedEmitter):
     def __init__(self, parameters: Sequence[str], how: Integration) -> None:
         super().__init__(parameters, how)
         self.parameters = tuple(parameters)
         self.analysis = BreakAnalysis(how.max_roots)
         self._rules: dict[tuple[Integral, int], Rule] = {}
-        self.ranges: Mapping[Var, Interval] = {}  # of the variables of the integrals around, where they are known in numbers
 
     def run(self, outputs: Sequence[Expr]) -> Program:
         top = Level(None, None, 0)
@@ -266,28 +263,26 @@ class _Scheduler(CurvedEmitter):
         values = tuple(self.number(b, level) for b in bodies)
         watch = self._watched(bodies, level) if isinstance(rule, Adaptive) and rule.tol < math.inf else ()
         base, bends = self._bends(group, level, home, rule) if isinstance(rule, Adaptive | Rational) else (0.0, ())
-        guard = self._guard(group, level, home, rule, bends) if isinstance(rule, Adaptive) and rule.tol < math.inf else None
+        guard = self._guard(group, level, home, rule, bends)
+        peaks, largest = self.largest(group, level, rule)
         results = tuple(self.fresh("v") for _ in group)
         flags, inside = tuple(level.middle.block), tuple(level.block)
         infinite = is_unbounded(node)
         scale = self._scale(group, home) if infinite else 1.0
         rest = (rule, when, watch, bends, base, infinite, scale)
-        home.block.append(Integrate(var, lo, hi, breaks, flags, need, inside, values, results, *rest, guard=guard))
+        home.block.append(Integrate(var, lo, hi, breaks, flags, need, inside, values, results, *rest, guard=guard, peaks=peaks, largest=largest))
         home.names.update(zip(group, results, strict=True))
         self.ranges = around
 
-    def _guard(self, group: Sequence[Integral], level: Level, home: Level, rule: Adaptive, bends: Sequence[Bend]) -> Guard | None:
+    def _guard(self, group: Sequence[Integral], level: Level, home: Level, rule: Rule, bends: Sequence[Bend]) -> Guard | None:
         """What finds features of the integrands between all nodes; None where there can be none."""
+        if not isinstance(rule, Adaptive) or rule.tol == math.inf:
+            return None
         x, bodies = group[0].var, [i.body for i in group]
         poles = sum(b.kind == "pole" for b in bends)
-        known = sharp_values(bodies, x, self.binders(bodies), self.analysis.degrees, poles)
-        if not known:
-            return None
-        known = self._without_peaks(group, known)
         gap = None if bends or is_unbounded(group[0]) else widest_gap(rule)
-        if x in self.ranges:
-            known = [s for s in known if not is_tame(s, self.ranges, x, gap)]
-        return guard_of(self, x, bodies, known, level, home) if known else None
+        known = self._without_peaks(group, sharp_values(bodies, x, self.binders(bodies), self.degrees, poles))
+        return self.guard(group, [s for s in known if not self.is_tame(s, x, gap)], level, home, gap)
 
     def _without_peaks(self, group: Sequence[Integral], known: Sequence[Sharp]) -> list[Sharp]:
         """The sharp values without narrow Gaussians, which are breaks: an exponential of a quadratic that opens downwards."""
@@ -296,7 +291,7 @@ class _Scheduler(CurvedEmitter):
         rest = []
         for s in known:
             value = s.value
-            if isinstance(value, Call) and value.name == "exp" and self.analysis.degrees.of(cast(Expr, value.children[0]), x) == 2:
+            if isinstance(value, Call) and value.name == "exp" and self.degrees.of(cast(Expr, value.children[0]), x) == 2:
                 pair = self._quadratic(value, x, inner)
                 if pair in quadratic:
                     value = where(positive(mul(MINUS_ONE, cast("tuple[Expr, Expr]", pair)[1])), ONE, value)

@@ -63,10 +63,10 @@ PASSES_THAT_USE_ANOTHER = {
     "reparameterize": {"affine", "bilinear", "hyperbola", "sift", "univariate", "charts", "implicit", "steep", "user"},  # the list of families
     "sampled": {"at_roots", "emit"},
     "emptiness": {"demand"},
-    "guarded": {"emit"},
+    "guarded": {"curved", "emit"},
     "clipped": {"barycentric", "demand", "emit", "polygon", "sampled", "vertices"},
     "curved": {"clipped", "emit", "hyperbola"},
-    "schedule": {"at_roots", "breaks", "curved", "demand", "emit", "emptiness", "guarded", "sampled"},
+    "schedule": {"at_roots", "breaks", "demand", "emit", "emptiness", "guarded", "sampled"},
     "steep": {"affine", "implicit"},
     "steps": {"jumps"},
 }
