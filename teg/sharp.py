@@ -60,7 +60,7 @@ def sharp_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var], degrees:
     for node in _in_values(bodies, x, inner):
         sharp = sharp_value(node, x, degrees, poles) if not node.free & inner else None
         if sharp is not None:
-            found.setdefault(sharp.wave or sharp.value, sharp)
+            found.setdefault(sharp.value if sharp.wave is None else sharp.wave, sharp)
     return list(found.values())[:MAX_SHARP]
 
 
