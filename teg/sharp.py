@@ -21,14 +21,14 @@ from typing import cast
 
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import MINUS_ONE, ONE, Call, Compare, Const, Expr, Mul, Pow, Var, add, call, const, integer_power, mul, sub
+from teg.expr import MINUS_ONE, ONE, Call, Compare, Const, Expr, Param, Pow, Var, add, call, const, integer_power, mul, sub
 from teg.function import Apply
 from teg.integral import Integral, PointMasses
 from teg.intervals import Enclosure, Interval
 from teg.node import Node, postorder
-from teg.numerics import folded
+from teg.numerics import folded, values_of
 from teg.polynomial import Degrees
-from teg.program import HIDDEN, UNSEEN
+from teg.program import UNSEEN
 from teg.traverse import fresh, rebuild
 
 LARGE_POWER = 16
@@ -37,20 +37,23 @@ SATURATED = 1e-13
 """Added to the slope of tanh: where that is lost in the rounding of 1, nothing is narrow."""
 FAR_ARGUMENT = 3.0
 """How far the argument of a wave may go between two nodes."""
-MAX_SHARP = 64
 MAX_NODES = 4000
 """Nodes of a guard's bounds: beyond that every box matters."""
 _INFINITY = const(math.inf)
+_NO_NUMBER = const(math.nan)
 
 
 @dataclass(frozen=True)
 class Sharp:
-    """A sharp value and the node it comes from, its logarithm's slope in the variable (None: not known), and the argument of a wave."""
+    """A sharp value, the node it comes from, and that node's argument u. The slope of the value's logarithm is at most `factor` times that
+    of u (None: not known); of `power`s, that of u's logarithm. Of a `wave` it is u that counts."""
 
     node: Expr
     value: Expr
-    rate: Expr | None
-    wave: Expr | None = None
+    argument: Expr
+    factor: Expr | None
+    power: bool = False
+    wave: bool = False
 
 
 def sharp_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var], degrees: Degrees, poles: int) -> list[Sharp]:
@@ -60,8 +63,8 @@ def sharp_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var], degrees:
     for node in _in_values(bodies, x, inner):
         sharp = sharp_value(node, x, degrees, poles) if not node.free & inner else None
         if sharp is not None:
-            found.setdefault(sharp.value if sharp.wave is None else sharp.wave, sharp)
-    return list(found.values())[:MAX_SHARP]
+            found.setdefault(sharp.argument if sharp.wave else sharp.value, sharp)
+    return list(found.values())
 
 
 def _in_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var]) -> list[Expr]:
@@ -93,7 +96,7 @@ def sharp_value(node: Expr, x: Var, degrees: Degrees, poles: int) -> Sharp | Non
                 return None
             if 0 < k <= LARGE_POWER or (-LARGE_POWER <= k < 0 and poles <= 1 and degrees.of(u, x) in (1, 2)):
                 return None
-            return Sharp(node, node if k % 2 == 0 else call("magnitude", node), _divided(mul(const(k), _slope(u, x)), u))
+            return Sharp(node, node if k % 2 == 0 else call("magnitude", node), u, const(k), power=True)
         case Apply():
             return None
         case Call():
@@ -106,35 +109,22 @@ def _sharp_call(node: Call, x: Var, degrees: Degrees) -> Sharp | None:
     u = cast(Expr, node.children[0])
     match node.name:
         case "exp":
-            return Sharp(node, node, _slope(u, x))
+            return Sharp(node, node, u, ONE)
         case "cosh" | "sinh":
-            return Sharp(node, call("cosh", u), _slope(u, x))
+            return Sharp(node, call("cosh", u), u, ONE)
         case "tanh":
-            rate = _slope(u, x)
-            slope_of_tanh = add(sub(ONE, integer_power(node, 2)), const(SATURATED))
-            return Sharp(node, slope_of_tanh, None if rate is None else mul(const(2.0), rate))
+            return Sharp(node, add(sub(ONE, integer_power(node, 2)), const(SATURATED)), u, const(2.0))
         case "atan":
-            return Sharp(node, integer_power(add(ONE, integer_power(u, 2)), -1), _slope(u, x))
+            return Sharp(node, integer_power(add(ONE, integer_power(u, 2)), -1), u, ONE)
         case "pow":
             k = cast(Expr, node.children[1])
             if isinstance(k, Const) and -1.0 < k.data <= 2.0:
                 return None
-            return Sharp(node, node, None if x in k.free else _divided(mul(k, _slope(u, x)), u))
+            return Sharp(node, node, u, None if x in k.free else k, power=True)
         case "sin" | "cos":
-            return None if degrees.of(u, x) is not None else Sharp(node, ONE, None, u)
+            return None if degrees.of(u, x) is not None else Sharp(node, ONE, u, None, wave=True)
         case _:
             return None
-
-
-def _slope(u: Expr, x: Var) -> Expr | None:
-    try:
-        return slope(u, x)
-    except NotDifferentiableError:
-        return None
-
-
-def _divided(rate: Expr | None, u: Expr) -> Expr | None:
-    return None if rate is None else mul(rate, integer_power(u, -1))
 
 
 # -- bounds --------------------------------------------------------------------------------------------------------------
@@ -143,10 +133,10 @@ def _divided(rate: Expr | None, u: Expr) -> Expr | None:
 def bounds(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr] | None:
     """The upper and the lower bound of a sharp value over a box; None where none are known."""
     try:
-        if sharp.wave is None:
+        if not sharp.wave:
             lo, hi = boxed.of(sharp.value)
             return hi, lo
-        first, last = boxed.of(sharp.wave)
+        first, last = boxed.of(sharp.argument)
     except (NotDifferentiableError, AssertionError):
         return None
     return call("max", ONE, mul(const(UNSEEN / FAR_ARGUMENT), sub(last, first))), ONE
@@ -222,30 +212,43 @@ def _ordered(a: Expr, b: Expr) -> bool:
 # -- tame ones -----------------------------------------------------------------------------------------------------------
 
 
-def is_tame(sharp: Sharp, ranges: Mapping[Var, Interval], x: Var, gap: float | None) -> bool:
-    """Whether a sharp value certainly changes by less than UNSEEN between neighbouring nodes, over a box known in numbers; `gap` is the
+def tame_ones(known: Sequence[Sharp], ranges: Mapping[Var, Interval], x: Var, gap: float | None) -> list[bool]:
+    """Which sharp values certainly change by less than UNSEEN between neighbouring nodes, over a box known in numbers; `gap` is the
     largest part of a piece between two nodes (None: not known)."""
+    if x not in ranges:
+        return [False] * len(known)
     boxed = Enclosure(ranges)
-    found = bounds(sharp, boxed)
-    if found is None:
-        return False
-    upper, lower = (_number(b) for b in found)
-    if 0.0 < lower and upper <= UNSEEN * lower < math.inf:
-        return True
-    if sharp.rate is None or gap is None:
-        return False
+    nothing = (_NO_NUMBER, _NO_NUMBER)
+    ends = _numbers([b for s in known for b in bounds(s, boxed) or nothing])
+    tame = [0.0 < lower and upper <= UNSEEN * lower < math.inf for upper, lower in zip(ends[::2], ends[1::2], strict=True)]
+    rest = [i for i, settled in enumerate(tame) if not settled and known[i].factor is not None]
+    if gap is None or not rest:
+        return tame
+    rates = _numbers([b for i in rest for b in _rate(known[i], x, boxed) or nothing])
+    lo, hi = _numbers(ranges[x])
+    for i, slowest, fastest in zip(rest, rates[::2], rates[1::2], strict=True):
+        change = max(abs(slowest), abs(fastest)) * (hi - lo) * gap
+        tame[i] = not math.isnan(slowest + fastest) and change <= math.log(UNSEEN)
+    return tame
+
+
+def _rate(sharp: Sharp, x: Var, boxed: Enclosure) -> Interval | None:
+    """Bounds of the slope of the logarithm of a sharp value."""
     try:
-        fastest = [abs(_number(b)) for b in boxed.of(sharp.rate)]
+        rate = mul(cast(Expr, sharp.factor), slope(sharp.argument, x))
+        return boxed.of(mul(rate, integer_power(sharp.argument, -1)) if sharp.power else rate)
     except NotDifferentiableError:
-        return False
-    lo, hi = map(_number, ranges[x])
-    return not any(map(math.isnan, fastest)) and max(fastest) * (hi - lo) * gap <= math.log(UNSEEN)
+        return None
 
 
-def _number(e: Expr) -> float:
-    """The value of an expression of numbers, NaN for any other."""
-    value = folded(e)
-    return float(value.data) if isinstance(value, Const) else math.nan
+def _numbers(expressions: Sequence[Expr]) -> list[float]:
+    """The values of those expressions that are made of numbers alone, NaN for the others."""
+    symbolic: set[Node] = set()
+    for node in postorder(expressions):
+        if isinstance(node, Param | Var | Apply | Integral) or any(c in symbolic for c in node.children):
+            symbolic.add(node)
+    values = iter(values_of([e for e in expressions if e not in symbolic], {}))
+    return [math.nan if e in symbolic else float(next(values)) for e in expressions]
 
 
 def numeric_range(node: Integral, ranges: Mapping[Var, Interval]) -> dict[Var, Interval]:

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from teg.expr import ONE, ZERO, Const, Expr, Var, const, positive, sub, where
+from teg.expr import ZERO, Const, Expr, Var, const, positive, sub, where
 from teg.integral import Integral
 from teg.integration import Integration
 from teg.intervals import Enclosure, Interval
@@ -22,7 +22,7 @@ from teg.passes.emit import Level
 from teg.polynomial import Degrees
 from teg.program import Adaptive, Arg, Gauss, Guard, Rule
 from teg.quadrature import gauss_legendre
-from teg.sharp import Sharp, bounds, is_tame, numeric_range, range_of, sharp_value, sharp_values, sizes
+from teg.sharp import Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
 from teg.traverse import fresh, substitute
 
 CUBIC_RATE = 1.5
@@ -75,11 +75,11 @@ class GuardedEmitter(CurvedEmitter):
         left, right = fresh(x.name + "₋", taken), fresh(x.name + "₊", taken)
         boxed = Enclosure({x: (left, right)})
         inside = self._inside(bodies, x, gap)
-        known = [*known, *(s for peak in inside for s in self._faces(peak, x, gap))]
+        known = [*known, *self.not_tame([s for peak in inside for s in self._faces(peak, x)], x, gap)]
         found = []
         for sharp in known:
             if (b := bounds(sharp, boxed)) is not None:
-                found.append(Bounded(self.number(sharp.value if sharp.wave is None else ONE, level), *b))
+                found.append(Bounded(self.number(sharp.value, level), *b))
         for peak in inside:
             sharp = cast(Sharp, sharp_value(peak.node, x, self.degrees, 2))
             if (box := _around(peak, boxed.box)) is not None and (b := bounds(sharp, Enclosure(box))) is not None:
@@ -96,9 +96,9 @@ class GuardedEmitter(CurvedEmitter):
         block = (*at_left.block, *at_both.block)
         return Guard(*names, block, extents, upper_names, lower_names, tuple(b.seen for b in found))
 
-    def is_tame(self, sharp: Sharp, x: Var, gap: float | None) -> bool:
-        """Whether a sharp value, seen from x, is known to change little between nodes."""
-        return x in self.ranges and is_tame(sharp, self.ranges, x, gap)
+    def not_tame(self, known: Sequence[Sharp], x: Var, gap: float | None) -> list[Sharp]:
+        """The sharp values that may change much between neighbouring nodes in x."""
+        return [s for s, tame in zip(known, tame_ones(known, self.ranges, x, gap), strict=True) if not tame]
 
     def largest(self, group: Sequence[Integral], level: Level, rule: Rule) -> tuple[tuple[Arg, ...], tuple[str, ...]]:
         """The values whose largest the integrals around may want, and the names that these get."""
@@ -107,24 +107,27 @@ class GuardedEmitter(CurvedEmitter):
             return (), ()
         x, bodies = group[0].var, [i.body for i in group]
         wanted: dict[Arg, list[tuple[Expr, tuple[Integral, ...]]]] = {}
-        for sharp in sharp_values(bodies, x, self.binders(bodies), self.degrees, 2):
-            if sharp.wave is None and self._is_wanted(sharp.node, outside):
-                wanted.setdefault(self.number(sharp.value, level), []).append((sharp.node, ()))
-        for peak in self._peaks_in(bodies, x):
-            if self._is_wanted(peak.node, outside):
+        own = [s for s in sharp_values(bodies, x, self.binders(bodies), self.degrees, 2) if not s.wave]
+        inside = self._peaks_in(bodies, x)
+        sharp = self._sharp_outside([*(s.node for s in own), *(p.node for p in inside)], outside)
+        for s in own:
+            if s.node in sharp:
+                wanted.setdefault(self.number(s.value, level), []).append((s.node, ()))
+        for peak in inside:
+            if peak.node in sharp:
                 wanted.setdefault(peak.name, []).append((peak.node, peak.path))
         names = {arg: self.fresh("v") for arg in wanted if isinstance(arg, str)}
         for node in group:
             self.peaks[node] = tuple(Peak(n, (node, *path), name) for arg, name in names.items() for n, path in wanted[arg])
         return tuple(names), tuple(names.values())
 
-    def _is_wanted(self, node: Expr, outside: Sequence[Var]) -> bool:
-        """Whether a node is sharp as seen from one of the integrals around."""
+    def _sharp_outside(self, nodes: Sequence[Expr], outside: Sequence[Var]) -> set[Expr]:
+        """Those nodes that are sharp as seen from one of the integrals around."""
+        found: set[Expr] = set()
         for v in outside:
-            sharp = sharp_value(node, v, self.degrees, 2) if v in node.free else None
-            if sharp is not None and not self.is_tame(sharp, v, WIDE_GAP):
-                return True
-        return False
+            seen = [sharp_value(n, v, self.degrees, 2) for n in nodes if v in n.free and n not in found]
+            found.update(s.node for s in self.not_tame([s for s in seen if s is not None], v, WIDE_GAP))
+        return found
 
     def _peaks_in(self, bodies: Sequence[Expr], x: Var) -> list[Peak]:
         """What is known of the integrals that stand in these integrands, and depend on x, but not of those inside of them."""
@@ -144,21 +147,21 @@ class GuardedEmitter(CurvedEmitter):
 
     def _inside(self, bodies: Sequence[Expr], x: Var, gap: float | None) -> list[Peak]:
         """The sharp values of the integrals inside that are not tame as seen from x."""
-        found = []
+        paths: dict[tuple[Integral, ...], list[tuple[Peak, Sharp]]] = {}
         for peak in self._peaks_in(bodies, x):
             sharp = sharp_value(peak.node, x, self.degrees, 2) if x in peak.node.free else None
-            if sharp is not None and not self.is_tame_inside(sharp, peak, x, gap):
-                found.append(peak)
+            if sharp is not None:
+                paths.setdefault(peak.path, []).append((peak, sharp))
+        found: list[Peak] = []
+        for path, entries in paths.items():
+            ranges = dict(self.ranges)
+            for node in path:
+                ranges = numeric_range(node, ranges)
+            tame = tame_ones([s for _, s in entries], ranges, x, gap)
+            found += [peak for (peak, _), known in zip(entries, tame, strict=True) if not known]
         return found
 
-    def is_tame_inside(self, sharp: Sharp, peak: Peak, x: Var, gap: float | None) -> bool:
-        """The same for a value inside of further integrals."""
-        ranges = dict(self.ranges)
-        for node in peak.path:
-            ranges = numeric_range(node, ranges)
-        return x in ranges and is_tame(sharp, ranges, x, gap)
-
-    def _faces(self, peak: Peak, x: Var, gap: float | None) -> Iterator[Sharp]:
+    def _faces(self, peak: Peak, x: Var) -> Iterator[Sharp]:
         """A sharp value at both ends of the range of the only integral around it."""
         if len(peak.path) != 1:
             return
@@ -167,7 +170,7 @@ class GuardedEmitter(CurvedEmitter):
             if not (isinstance(end, Const) and math.isinf(end.data)):
                 node = cast(Expr, substitute(peak.node, {inner.var: end}))
                 sharp = sharp_value(node, x, self.degrees, 2) if x in node.free else None
-                if sharp is not None and sharp.wave is None and not self.is_tame(sharp, x, gap):
+                if sharp is not None and not sharp.wave:
                     yield sharp
 
 

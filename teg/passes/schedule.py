@@ -282,7 +282,7 @@ class _Scheduler(GuardedEmitter):
         poles = sum(b.kind == "pole" for b in bends)
         gap = None if bends or is_unbounded(group[0]) else widest_gap(rule)
         known = self._without_peaks(group, sharp_values(bodies, x, self.binders(bodies), self.degrees, poles))
-        return self.guard(group, [s for s in known if not self.is_tame(s, x, gap)], level, home, gap)
+        return self.guard(group, self.not_tame(known, x, gap), level, home, gap)
 
     def _without_peaks(self, group: Sequence[Integral], known: Sequence[Sharp]) -> list[Sharp]:
         """The sharp values without narrow Gaussians, which are breaks: an exponential of a quadratic that opens downwards."""
@@ -295,7 +295,7 @@ class _Scheduler(GuardedEmitter):
                 pair = self._quadratic(value, x, inner)
                 if pair in quadratic:
                     value = where(positive(mul(MINUS_ONE, cast("tuple[Expr, Expr]", pair)[1])), ONE, value)
-            if x in value.free or s.wave is not None:
+            if x in value.free or s.wave:
                 rest.append(replace(s, value=value))
         return rest
 
