@@ -323,7 +323,8 @@ class Printer:
         """The routine of an integral, and what this occurrence passes to it."""
         at_nodes = stmt.at_nodes
         flags, body = list(self._steps(stmt.flags)), [*self._steps(stmt.body), *_yields(at_nodes)]
-        blocks, variables, bounds = [flags, body], {stmt.var: "x"}, ()
+        blocks, variables = [flags, body], {stmt.var: "x"}
+        bounds: tuple[Arg, ...] = ()
         if stmt.guard is not None:
             bounds = (*stmt.guard.sizes, *stmt.guard.upper, *stmt.guard.lower)
             blocks.append([*self._steps(stmt.guard.block), *_yields(bounds)])

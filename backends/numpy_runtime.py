@@ -138,6 +138,12 @@ def on_lanes(
     return tuple(found.reshape((results, *shape)))
 
 
+def keep_largest(rows: Array, lane: Array, values: Array) -> None:
+    """Raise each row, (lanes,), to the largest of its values in each lane; NaN is left out."""
+    for i in range(len(rows)):
+        np.fmax.at(rows[i], lane, values[i])
+
+
 @dataclass(frozen=True, slots=True)
 class Integral:
     """An integral without its rule: lanes into pieces, and the sums of the pieces back into lanes.
@@ -241,8 +247,7 @@ class Integral:
         if not self.peaks:
             return sums
         largest = np.zeros((self.peaks, lanes))
-        for row, values_of_pieces in zip(largest, found[self.sums :], strict=True):
-            np.fmax.at(row, lane, values_of_pieces)
+        keep_largest(largest, lane, found[self.sums :])
         return np.concatenate([sums, largest])
 
     def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Any], scale: Value) -> Substitution:
@@ -382,10 +387,10 @@ class AdaptiveIntegral(Integral):
             found = self._measure(run, places, values, piece, left, width, nodes)
             total, size, error, changed = found.total, found.size, found.error, found.changed
             if not whole.size:
-                whole = size
+                whole = size if self.guard is None else size.copy()
             if self.guard is not None:
                 above = np.fmax(above, size)
-                np.fmax.at(whole, (slice(None), piece), size)
+                keep_largest(whole, piece, size)
             largest = whole[:, piece] if self.guard is None else above
             used += np.bincount(piece, minlength=pieces)
             enough = np.maximum(self.tol * (largest + ABSOLUTE_FLOOR), ROUNDING * size)
@@ -404,8 +409,7 @@ class AdaptiveIntegral(Integral):
             run.missed |= bool(np.isinf(total[: self.tested, done]).any())
             spent += scatter(np.where(changed, 0.0, error)[:, done], piece[done], pieces)
             sums[: self.values] += scatter(total[:, done], piece[done], pieces)
-            for row, tops in zip(sums[self.sums :], found.largest, strict=True):
-                np.fmax.at(row, piece, tops)
+            keep_largest(sums[self.sums :], piece, found.largest)
             if self.estimated:
                 estimate = error[:, done] + rounding(places.p, places.q)[piece[done]] * size[:, done]
                 sums[self.values : self.sums] += scatter(estimate, piece[done], pieces)
@@ -443,9 +447,7 @@ class AdaptiveIntegral(Integral):
             nodes = left + (0.5 * (right - left)) * (1.0 + at[:, None])
             given = [gather(v, piece[chosen]) for v in values]
             part = places.part(piece[chosen])
-            accepted[chosen] = ~self.guard.hides(
-                run, part, given, (left, right), nodes, found.seen[:, :, chosen], enough[:, chosen], depth
-            )
+            accepted[chosen] = ~self.guard.hides(run, part, given, (left, right), nodes, found.seen[:, :, chosen], enough[:, chosen], depth)
 
     def _measure(
         self,

@@ -106,7 +106,7 @@ def sharp_value(node: Expr, x: Var, degrees: Degrees, poles: int) -> Sharp | Non
 
 
 def _sharp_call(node: Call, x: Var, degrees: Degrees) -> Sharp | None:
-    u = cast(Expr, node.children[0])
+    u = node.children[0]
     match node.name:
         case "exp":
             return Sharp(node, node, u, ONE)
@@ -117,7 +117,7 @@ def _sharp_call(node: Call, x: Var, degrees: Degrees) -> Sharp | None:
         case "atan":
             return Sharp(node, integer_power(add(ONE, integer_power(u, 2)), -1), u, ONE)
         case "pow":
-            k = cast(Expr, node.children[1])
+            k = node.children[1]
             if isinstance(k, Const) and -1.0 < k.data <= 2.0:
                 return None
             return Sharp(node, node, u, None if x in k.free else k, power=True)
@@ -220,7 +220,7 @@ def tame_ones(known: Sequence[Sharp], ranges: Mapping[Var, Interval], x: Var, ga
     boxed = Enclosure(ranges)
     nothing = (_NO_NUMBER, _NO_NUMBER)
     ends = _numbers([b for s in known for b in bounds(s, boxed) or nothing])
-    tame = [0.0 < lower and upper <= UNSEEN * lower < math.inf for upper, lower in zip(ends[::2], ends[1::2], strict=True)]
+    tame = [lower > 0.0 and upper <= UNSEEN * lower < math.inf for upper, lower in zip(ends[::2], ends[1::2], strict=True)]
     rest = [i for i, settled in enumerate(tame) if not settled and known[i].factor is not None]
     if gap is None or not rest:
         return tame

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import cast
 
 from teg.expr import ZERO, Const, Expr, Var, const, positive, sub, where
@@ -37,7 +38,7 @@ def widest_gap(rule: Adaptive) -> float:
     widest = 0.0
     for nodes in {rule.first, rule.order}:
         places = [-1.0, *gauss_legendre(nodes)[0], 1.0]
-        widest = max(widest, *(0.5 * (b - a) for a, b in zip(places, places[1:], strict=False)))
+        widest = max(widest, *(0.5 * (b - a) for a, b in pairwise(places)))
     return widest * (CUBIC_RATE if rule.cubic else 1.0)
 
 
@@ -102,7 +103,7 @@ class GuardedEmitter(CurvedEmitter):
 
     def largest(self, group: Sequence[Integral], level: Level, rule: Rule) -> tuple[tuple[Arg, ...], tuple[str, ...]]:
         """The values whose largest the integrals around may want, and the names that these get."""
-        outside = [v for v in _variables(level.outer)]
+        outside = list(_variables(level.outer))
         if not outside or not isinstance(rule, Gauss | Adaptive):
             return (), ()
         x, bodies = group[0].var, [i.body for i in group]

@@ -263,14 +263,16 @@ class _Scheduler(GuardedEmitter):
         values = tuple(self.number(b, level) for b in bodies)
         watch = self._watched(bodies, level) if isinstance(rule, Adaptive) and rule.tol < math.inf else ()
         base, bends = self._bends(group, level, home, rule) if isinstance(rule, Adaptive | Rational) else (0.0, ())
-        guard = self._guard(group, level, home, rule, bends)
+        search = self._guard(group, level, home, rule, bends)
         peaks, largest = self.largest(group, level, rule)
         results = tuple(self.fresh("v") for _ in group)
         flags, inside = tuple(level.middle.block), tuple(level.block)
         infinite = is_unbounded(node)
         scale = self._scale(group, home) if infinite else 1.0
         rest = (rule, when, watch, bends, base, infinite, scale)
-        home.block.append(Integrate(var, lo, hi, breaks, flags, need, inside, values, results, *rest, guard=guard, peaks=peaks, largest=largest))
+        home.block.append(
+            Integrate(var, lo, hi, breaks, flags, need, inside, values, results, *rest, guard=search, peaks=peaks, largest=largest)
+        )
         home.names.update(zip(group, results, strict=True))
         self.ranges = around
 
@@ -291,10 +293,10 @@ class _Scheduler(GuardedEmitter):
         rest = []
         for s in known:
             value = s.value
-            if isinstance(value, Call) and value.name == "exp" and self.degrees.of(cast(Expr, value.children[0]), x) == 2:
+            if isinstance(value, Call) and value.name == "exp" and self.degrees.of(value.children[0], x) == 2:
                 pair = self._quadratic(value, x, inner)
-                if pair in quadratic:
-                    value = where(positive(mul(MINUS_ONE, cast("tuple[Expr, Expr]", pair)[1])), ONE, value)
+                if pair is not None and pair in quadratic:
+                    value = where(positive(mul(MINUS_ONE, pair[1])), ONE, value)
             if x in value.free or s.wave:
                 rest.append(replace(s, value=value))
         return rest
@@ -356,7 +358,7 @@ class _Scheduler(GuardedEmitter):
 
     def _quadratic(self, node: Call, x: Var, inner: frozenset[Var]) -> tuple[Expr, Expr] | None:
         """Of an exponential of a linear or quadratic polynomial: its exponent's slope at 0 and curvature, ZERO for a linear one."""
-        exponent = self._at_ridge(cast(Expr, node.children[0]), inner)
+        exponent = self._at_ridge(node.children[0], inner)
         degree = Shadow((x,)).degree(exponent)
         if degree not in (1, 2):
             return None
