@@ -40,6 +40,7 @@ from teg.backends.c_polygon import (
     unit_table,
 )
 from teg.backends.c_quadrature import (
+    GuardText,
     adaptive_piece,
     bent_piece,
     gauss_piece,
@@ -55,6 +56,7 @@ from teg.backends.c_runtime import runtime
 from teg.backends.c_sampling import sample_loop, sobol_table, used_points
 from teg.backends.c_text import each, harmless, indent, packed, wrapped
 from teg.program import (
+    MAX_DEPTH,
     Adaptive,
     Arg,
     Assign,
@@ -322,15 +324,21 @@ class Printer:
 
     def _integral(self, stmt: Integrate) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of an integral, and what this occurrence passes to it."""
-        watch = stmt.watch if isinstance(stmt.rule, Adaptive) else ()
-        flags, body = list(self._steps(stmt.flags)), [*self._steps(stmt.body), *_yields((*stmt.values, *watch))]
+        at_nodes = stmt.at_nodes
+        flags, body = list(self._steps(stmt.flags)), [*self._steps(stmt.body), *_yields(at_nodes)]
+        blocks, variables = [flags, body], {stmt.var: "x"}
+        bounds: tuple[Arg, ...] = ()
+        if stmt.guard is not None:
+            bounds = (*stmt.guard.sizes, *stmt.guard.upper, *stmt.guard.lower)
+            blocks.append([*self._steps(stmt.guard.block), *_yields(bounds)])
+            variables |= {stmt.guard.left: "left", stmt.guard.right: "right"}
         decided = (*(() if stmt.need is None else (stmt.need,)), *(b.when for b in stmt.bends))
         of_bends = (stmt.base, *(c for b in stmt.bends for c in b.coefficients)) if stmt.bends else ()
         own = (stmt.lo, stmt.hi, *stmt.breaks, *decided, *of_bends, *((stmt.scale,) if stmt.infinite else ()))
-        captured = captured_by(own, [*flags, *body], (stmt.var,))
+        captured = captured_by(own, [step for block in blocks for step in block], variables)
         values, count, pieces = len(stmt.values), len(assigned(stmt)), len(stmt.breaks) + 1
-        frame = Frame(captured, [flags, body], own, needs_context((stmt,), self.counted), {stmt.var: "x"})
-        arrays = frame.array("f", values + len(watch))
+        frame = Frame(captured, blocks, own, needs_context((stmt,), self.counted), variables)
+        arrays = frame.array("f", max(len(at_nodes), len(bounds)))
         if isinstance(stmt.rule, Midpoint) and stmt.estimates:
             arrays += frame.array("last", stmt.tested)
         if isinstance(stmt.rule, Rational):
@@ -340,6 +348,9 @@ class Printer:
             arrays += frame.array("plain", values - stmt.tested) if values > stmt.tested else []
             arrays += frame.array("whole", stmt.tested)
             arrays += frame.array("spent", stmt.tested)
+        if stmt.guard is not None and isinstance(stmt.rule, Adaptive):
+            arrays += frame.array("above", (MAX_DEPTH + 1) * stmt.tested)
+            arrays += frame.array("seen_at", len(stmt.guard.seen) * max(stmt.rule.first, stmt.rule.order))
         arrays += frame.array("ends", pieces + 1, BREAKS_ON_STACK)
         spell = frame.scope()
         ends = [f"ends[{i}] = teg_clamp({spell(arg)}, a, b);" for i, arg in enumerate(stmt.breaks, 1)]
@@ -380,7 +391,7 @@ class Printer:
                 return midpoint_piece(block, points, count, tested if estimated else 0, counted)
             case Gauss(nodes):
                 self.orders.add(nodes)
-                return gauss_piece(block, nodes, count, len(stmt.estimates), counted)
+                return gauss_piece(block, nodes, count, len(stmt.estimates), counted, len(stmt.peaks))
             case Rational() as rule:
                 self.poles.add((rule.nodes, rule.power))
                 (bend,) = stmt.bends
@@ -409,6 +420,8 @@ class Printer:
                         noted=noted,
                         estimated=estimated,
                         counted=self._is_counted(stmt),
+                        guard=None if stmt.guard is None else GuardText(frame.block(2), len(stmt.guard.seen)),
+                        peaks=len(stmt.peaks),
                     ),
                 ]
 
@@ -564,7 +577,7 @@ def _with_resolutions_passed(stmt: Segment) -> tuple[Segment, dict[Arg, Arg]]:
 def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
     """What a short integral is but for its names, and these in the order in which they are met; None for any other."""
     lines = (*stmt.flags, *stmt.body)
-    plain = isinstance(stmt.rule, Gauss) and not (stmt.bends or stmt.watch or stmt.infinite or stmt.estimates)
+    plain = isinstance(stmt.rule, Gauss) and not (stmt.bends or stmt.watch or stmt.infinite or stmt.estimates or stmt.peaks)
     if not plain or len(lines) > SHORT or not all(isinstance(s, Assign) and s.op != "call" for s in lines):
         return None
     number: dict[str, int] = {stmt.var: 0}

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from teg.backends.c_text import each, indent, literal
 from teg.program import INSIDE, Adaptive, Bend, Isolate, assigned
 from teg.quadrature import decay_power, gauss_legendre, null_rules
 
 
-def gauss_piece(block: Sequence[str], nodes: int, count: int, estimated: int, counted: bool) -> list[str]:
+def gauss_piece(block: Sequence[str], nodes: int, count: int, estimated: int, counted: bool, peaks: int = 0) -> list[str]:
     """Add a Gauss-Legendre rule over (p, q) to `sum`, and behind it the estimates of the first values; `block` writes the values at x to
     `f`."""
     return [
@@ -24,6 +25,7 @@ def gauss_piece(block: Sequence[str], nodes: int, count: int, estimated: int, co
             *block,
             each(count, "sum[j] += weight * f[j];") if not estimated else _each(count, "sum[j] += weight * f[j];"),
             *([_each(estimated, f"sum[{count} + j] += rounding * weight * fabs(f[j]);")] if estimated else []),
+            *(largest(peaks, count + estimated, count) if peaks else []),
         ),
         "}",
     ]
@@ -113,6 +115,8 @@ def adaptive_piece(
     noted: bool,
     estimated: bool,
     counted: bool,
+    guard: GuardText | None = None,
+    peaks: int = 0,
 ) -> list[str]:
     """Add the adaptive rule over (p, q) to `sum`, from the left; `waiting` is a stack of intervals.
 
@@ -126,10 +130,12 @@ def adaptive_piece(
         place = ["double slope;", "x = teg_place(&way, u, &slope);", "slope *= half;"]
     elif rule.cubic:
         place = ["const double slope = half * (q - p) * (6.0 * u * (1.0 - u));", "x = p + (q - p) * (u * u * (3.0 - 2.0 * u));"]
+    behind = count + watched + (0 if guard is None else guard.sharp)
     powers = [str(decay_power(n)) for n in (rule.first, rule.order)]
     if ends:
         powers = [f"(way.kind == TEG_POWER ? 0 : {power})" for power in powers]
-    good = f"teg_assess({tested}, measured, whole, {literal(rule.tol)}, {powers[1]})"
+    whole = "whole" if guard is None else "above + here.depth * " + str(tested)
+    good = f"teg_assess({tested}, measured, {whole}, {literal(rule.tol)}, {powers[1]})"
     choose = [f"const int nodes = {rule.order};", f"const teg_node *const table = teg_nodes_{rule.order};"]
     node, first = "table[k].node", "0"
     before: list[str] = []
@@ -146,7 +152,7 @@ def adaptive_piece(
         good = f"(changed ? fine : {good})"
     else:
         power = f"used == 1 ? {powers[0]} : {powers[1]}"
-        good = f"teg_assess({tested}, measured, whole, {literal(rule.tol)}, {power})"
+        good = f"teg_assess({tested}, measured, {whole}, {literal(rule.tol)}, {power})"
         choose = [
             f"const int nodes = used == 1 ? {rule.first} : {rule.order};",
             f"const teg_node *const table = used == 1 ? teg_nodes_{rule.first} : teg_nodes_{rule.order};",
@@ -157,7 +163,7 @@ def adaptive_piece(
     ]
     if not watched:
         again = ["if (used == 1) {", *indent("waiting[n++] = here;", "continue;"), "}", *again]
-    diverges = "isfinite(measured[8 * j + 1]) && measured[8 * j + 7] > TEG_DIVERGENT * whole[j]"
+    diverges = f"isfinite(measured[8 * j + 1]) && measured[8 * j + 7] > TEG_DIVERGENT * {'whole[j]' if guard is None else f'({whole})[j]'}"
     if watched:
         diverges = f"!changed && {diverges}"
     return [
@@ -181,12 +187,23 @@ def adaptive_piece(
                 *(["const int tied = ctx->tied, missed = ctx->missed;"] if watched and noted else []),
                 *block,
                 *after,
+                *([] if guard is None else [_each(guard.sharp, f"seen_at[{guard.sharp} * k + j] = f[{count + watched} + j];")]),
+                *(largest(peaks, count + (tested if estimated else 0), behind) if peaks else []),
                 "const double *const rule = table[k].rule;",
                 *_added(count, tested),
             ),
             "}",
-            f"if (used == 1) {_each(tested, 'whole[j] = measured[8 * j + 7];')}",
-            f"const int good = {good};",
+            *(
+                [f"if (used == 1) {_each(tested, 'whole[j] = measured[8 * j + 7];')}", f"const int good = {good};"]
+                if guard is None
+                else [
+                    f"teg_largest({tested}, measured, whole, above, here.depth, used);",
+                    f"int good = {good};",
+                    f"if (good && {'!changed && ' if watched else ''}teg_settled({tested}, measured)) {{",
+                    *indent(*_searched(guard, place, tested, whole, literal(rule.tol))),
+                    "}",
+                ]
+            ),
             "if (!good && !last) {",
             *indent(*again, "continue;"),
             "}",
@@ -205,6 +222,45 @@ def adaptive_piece(
         "}",
         f"if (teg_overspent({tested}, spent, whole, {literal(rule.tol)})) ctx->missed = 1;",
     ]
+
+
+@dataclass(frozen=True, slots=True)
+class GuardText:
+    """The lines that write, from `left` and `right`, bounds of the tested values' sizes and of so many sharp values to `f`."""
+
+    block: Sequence[str]
+    sharp: int
+
+
+def _searched(guard: GuardText, place: Sequence[str], tested: int, above: str, tol: str) -> list[str]:
+    """Make `good` 0 if something is hidden between the nodes: first the whole interval, number -1, then the gaps."""
+
+    def end(name: str, u: str, at_end: str) -> list[str]:
+        return [f"if ({at_end}) {{", *indent(f"const double u = {u};", *place, "(void)slope;", f"{name} = x;"), "}"]
+
+    return [
+        "for (int gap = -1; gap <= nodes && good; gap++) {",
+        *indent(
+            "const double first = gap < 1 ? here.from : middle + half * table[gap - 1].node;",
+            "const double second = gap < 0 || gap == nodes ? here.to : middle + half * table[gap].node;",
+            "double left = p, right = q;",
+            *end("left", "first", "first > 0.0"),
+            *end("right", "second", "second < 1.0"),
+            "if (gap >= 0 && !isfinite(right - left)) continue;",
+            *guard.block,
+            "const int inside = first > 0.0 && second < 1.0 && here.depth < TEG_GUARD_DEPTH;",
+            f"const int unseen = teg_matters({tested}, f, right - left, measured, {above}, {tol})",
+            f"    && teg_unseen({guard.sharp}, f + {tested}, seen_at, nodes, gap, inside);",
+            "if (gap < 0 && !unseen) break;",
+            "if (gap >= 0 && unseen) good = 0;",
+        ),
+        "}",
+    ]
+
+
+def largest(peaks: int, place: int, behind: int) -> list[str]:
+    """Keep the largest of the last values of a block in `sum`."""
+    return [_each(peaks, f"sum[{place} + j] = fmax(sum[{place} + j], f[{behind} + j]);")]
 
 
 def isolation(enclosure: Sequence[str], point: Sequence[str], bounds: tuple[str, str], stmt: Isolate) -> list[str]:

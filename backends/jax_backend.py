@@ -73,13 +73,13 @@ class JaxKernel:
 
     def __init__(self, program: Program) -> None:
         jax = _import_jax()
-        from teg.backends import jax_hyperbola, jax_poles, jax_polygon, jax_roots, jax_runtime, jax_sampling
+        from teg.backends import jax_guard, jax_hyperbola, jax_poles, jax_polygon, jax_roots, jax_runtime, jax_sampling
 
         self.program = program
         text, functions = _printed(program), [_printed(cast(Program, f.body)) for f in program.functions]
         self.source = "\n".join([text, *(f"\n# function_{k}: the kernel of\n{body}" for k, body in enumerate(functions))])
         scope: dict[str, Any] = {"jnp": jax.numpy, "rt": jax_runtime, "roots": jax_roots, "sampling": jax_sampling}
-        scope |= {"polygons": jax_polygon, "poles": jax_poles, "hyperbolas": jax_hyperbola}
+        scope |= {"polygons": jax_polygon, "poles": jax_poles, "hyperbolas": jax_hyperbola, "guards": jax_guard}
         for k, body in enumerate(functions):
             scope[f"function_{k}"] = _made(body, dict(scope))
         self._kernel = _made(text, scope)
@@ -271,7 +271,7 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
     flagged = f"({inside(_names(stmt.flags))})"
     has_flags = bool(stmt.flags) or stmt.need is not None or bool(stmt.bends)
     flags, body = f"flags_{stmt.var}" if has_flags else "None", f"body_{stmt.var}"
-    values, cubic = stmt.values, False
+    cubic = False
     match stmt.rule:
         case Gauss(nodes):
             name, options = "rt.gauss", [str(nodes)]
@@ -281,11 +281,11 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
             name, options = "rt.midpoint", [str(nodes), "zero"]
         case Adaptive(tol, first, order, cubic):
             name, options = "rt.adaptive", [_text(tol), f"({first}, {order})", str(len(stmt.watch))]
-            values += stmt.watch
         case _:
             assert_never(stmt.rule)
     kinds = f"({inside(repr(b.kind) for b in stmt.bends)})"
-    pieces = f"rt.Pieces({len(stmt.values)}, {stmt.tested}, {bool(stmt.estimates)}, {kinds}, {cubic}, {stmt.infinite})"
+    peaks = f", {len(stmt.peaks)}" if stmt.peaks else ""
+    pieces = f"rt.Pieces({len(stmt.values)}, {stmt.tested}, {bool(stmt.estimates)}, {kinds}, {cubic}, {stmt.infinite}{peaks})"
     of_bends = [stmt.base, stmt.scale, *(c for b in stmt.bends for c in b.coefficients)] if stmt.bends or stmt.infinite else []
     arguments = [pieces, *options, _text(stmt.lo), _text(stmt.hi), f"({inside(map(_text, stmt.breaks))})"]
     arguments += [f"({inside(map(_text, of_bends))})", flags, body] + ([f"when={stmt.when}"] if stmt.when else [])
@@ -295,7 +295,12 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
         lines += _block(stmt.flags, f"{stmt.need or True}, ({inside(_text(b.when) for b in stmt.bends)}), {flagged}")
     lines += [f"def {body}({stmt.var}, flagged):"]
     lines += [f"    {flagged} = flagged"] if _names(stmt.flags) else []
-    lines += _block(stmt.body, f"({inside(map(_text, values))})")
+    lines += _block(stmt.body, f"({inside(map(_text, stmt.at_nodes))})")
+    if stmt.guard is not None:
+        bounds = (*stmt.guard.sizes, *stmt.guard.upper, *stmt.guard.lower)
+        lines += [f"def guard_{stmt.var}({stmt.guard.left}, {stmt.guard.right}):"]
+        lines += _block(stmt.guard.block, f"({inside(map(_text, bounds))})")
+        arguments.append(f"guard=guards.Guard(guard_{stmt.var}, {len(stmt.guard.upper)})")
     return [*lines, f"({inside(assigned(stmt))}), {note} = {name}({', '.join(arguments)})"]
 
 

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from teg.backends.jax_bends import Substitution, inside, place, substitution, ways
+from teg.backends.jax_guard import Guard
 from teg.backends.substitutions import POWER
 from teg.program import (
     ABSOLUTE_FLOOR,
@@ -78,7 +79,8 @@ def where(condition: Scalar, note: Note) -> Note:
 
 
 class Pieces(NamedTuple):
-    """What an integral has beside its body: `values` of which `tested` count, estimates if `estimated`, kinds of bends, tails."""
+    """What an integral has beside its body: `values` of which `tested` count, estimates if `estimated`, kinds of bends, tails, and how
+    many of the last values of the body it wants the largest of."""
 
     values: int
     tested: int
@@ -86,6 +88,12 @@ class Pieces(NamedTuple):
     kinds: tuple[str, ...] = ()
     cubic: bool = False
     infinite: bool = False
+    peaks: int = 0
+
+    @property
+    def sums(self) -> int:
+        """How many results are sums over pieces: the values, and the estimates."""
+        return self.values + (self.tested if self.estimated else 0)
 
     @property
     def ways(self) -> tuple[int, ...]:
@@ -103,13 +111,13 @@ def midpoint(pieces: Pieces, points: int, zero: Scalar, *integral: Any, when: Sc
 
 
 def adaptive(
-    pieces: Pieces, tol: float, orders: tuple[int, int], watched: int, *integral: Any, when: Scalar = True
+    pieces: Pieces, tol: float, orders: tuple[int, int], watched: int, *integral: Any, when: Scalar = True, guard: Guard | None = None
 ) -> tuple[tuple[Scalar, ...], Note]:
     """Gauss-Legendre with bisection on each piece; the arguments are those of `integrate`.
 
-    The last `watched` values of the body are conditions: an interval on which one changes is halved.
+    Behind the values the body has `watched` conditions (an interval on which one changes is halved), and the sharp values of a `guard`.
     """
-    return integrate(pieces, partial(_adaptive, pieces, tol, orders, watched), *integral, when=when)
+    return integrate(pieces, partial(_adaptive, pieces, tol, orders, watched, guard), *integral, when=when)
 
 
 def integrate(
@@ -150,9 +158,11 @@ def integrate(
     total = jnp.sum(sums, axis=0)
     sign = jnp.where(lo <= hi, 1.0, -1.0)
     total = jnp.concatenate([sign * total[: pieces.values], total[pieces.values :]])
+    if pieces.peaks:
+        total = jnp.concatenate([total[: pieces.sums], jnp.max(sums[:, pieces.sums :], axis=0)])
     total = jnp.where(broken, jnp.nan, total)
     total = jnp.where(when, total, 0.0)
-    return tuple(total[i] for i in range(pieces.values + (pieces.tested if pieces.estimated else 0))), union(notes)
+    return tuple(total[i] for i in range(pieces.sums + pieces.peaks)), union(notes)
 
 
 def vector(block: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
@@ -190,11 +200,19 @@ def _gauss(
     at, weights = map(jnp.float64, gauss_legendre(nodes))
     half = 0.5 * (places.q - places.p)
     found, notes = jax.vmap(values)(0.5 * (places.p + places.q) + half * at)
+    found, tops = found[:, : pieces.values], found[:, pieces.values :]
     sums = half * jnp.sum(weights[:, None] * found, axis=0)
     if pieces.estimated:
         size = half * jnp.sum(weights[:, None] * jnp.abs(found[:, : pieces.tested]), axis=0)
         sums = jnp.concatenate([sums, rounding(places) * size])
+    if pieces.peaks:
+        sums = jnp.concatenate([sums, _largest(tops)])
     return jnp.where(active, sums, 0.0), where(active, union(notes))
+
+
+def _largest(values: Any) -> Any:
+    """The largest of values at nodes, (nodes, values), none of them negative; NaN is left out."""
+    return jnp.max(jnp.where(values > 0.0, values, 0.0), axis=0)
 
 
 def _midpoint(
@@ -227,7 +245,8 @@ def _midpoint(
 
 
 class _Progress(NamedTuple):
-    """Adaptive quadrature of one piece, left to right; it is at the interval (start, start + width)/END."""
+    """Adaptive quadrature of one piece, left to right; it is at the interval (start, start + width)/END. `above` has the largest A of what
+    the interval came from, a row a depth, if there is a guard; `largest` are those of the values of which it is wanted."""
 
     start: Any
     width: Any
@@ -237,6 +256,21 @@ class _Progress(NamedTuple):
     spent: Any
     sums: Any
     note: Any
+    above: Any
+    largest: Any
+
+
+class _Measured(NamedTuple):
+    """K of every value, A and E of those tested, whether a watched condition changes, a note; sharp values at nodes, the largest values."""
+
+    total: Any
+    size: Any
+    error: Any
+    changed: Any
+    note: Any
+    at: Any
+    seen: Any
+    largest: Any
 
 
 def _adaptive(
@@ -244,31 +278,37 @@ def _adaptive(
     tol: float,
     orders: tuple[int, int],
     watched: int,
+    guard: Guard | None,
     places: Substitution,
     _: Sequence[Any],
     active: Scalar,
     values: Callable[[Scalar], Any],
 ) -> tuple[Any, Note]:
-    """The integrals over one piece and their estimates, (results,), and the note.
+    """The integrals over one piece, their estimates and the largest values, (results,), and the note.
 
     The intervals are visited from left to right. No stack is needed: behind an accepted interval that ends at
     u, the next one waiting is the largest dyadic one that begins at u: its width is the lowest bit of u.
     """
     possible = pieces.ways
+    behind = pieces.values + watched
+    sharp = guard.sharp if guard is not None else 0
 
-    def measured(nodes: int, left: Scalar, width: Scalar) -> tuple[Any, Any, Any, Any, Any]:
+    def measured(nodes: int, left: Scalar, width: Scalar) -> _Measured:
         at = jnp.array(gauss_legendre(nodes)[0], jnp.float64)
+        inner = left + 0.5 * width * (1.0 + at)
         if watched:
             at = jnp.concatenate([at, jnp.array([-1.0, 1.0])])
         x, rate = place(places, possible, left + 0.5 * width * (1.0 + at))
         found, notes = jax.vmap(values)(x)
         changed = jnp.bool_(False)
         if watched:  # at the ends, the last two rows, only the conditions count
-            conditions = found[:, pieces.values :] > 0.0
+            conditions = found[:, pieces.values : behind] > 0.0
             changed = jnp.any(jnp.any(conditions, axis=0) & ~jnp.all(conditions, axis=0))
-            found, notes, rate = found[:-2, : pieces.values], notes[:-2], rate[:-2]
-        total, size, error = _measure(nodes, pieces.tested, found * (0.5 * width * rate)[:, None], places.kind != POWER)
-        return total, size, error, changed, union(notes)
+            found, notes, rate = found[:-2], notes[:-2], rate[:-2]
+        weighted = found[:, : pieces.values] * (0.5 * width * rate)[:, None]
+        total, size, error = _measure(nodes, pieces.tested, weighted, places.kind != POWER)
+        seen, tops = found[:, behind : behind + sharp], found[:, behind + sharp :]
+        return _Measured(total, size, error, changed, union(notes), inner, seen, _largest(tops))
 
     def listed(total: Any, size: Any, error: Any) -> Any:
         return jnp.concatenate([total, error + rounding(places) * size]) if pieces.estimated else total
@@ -276,15 +316,34 @@ def _adaptive(
     def fine(size: Any, error: Any, enough: Any) -> Scalar:
         return jnp.all((error <= jnp.maximum(enough, ROUNDING * size)) | ~jnp.isfinite(error))
 
+    def hidden(found: _Measured, left: Scalar, width: Scalar, above: Any, depth: Scalar) -> Scalar:
+        assert guard is not None
+        enough = jnp.maximum(tol * (above + ABSOLUTE_FLOOR), ROUNDING * found.size)
+        asked = ~found.changed & jnp.all(jnp.isfinite(found.error))
+        return asked & guard.hides(places, possible, (left, left + width), found.at, found.seen, enough, depth)
+
     def step(at: _Progress) -> _Progress:
         width = at.width / END
-        total, size, error, changed, note = measured(orders[1], at.start / END, width)
+        found = measured(orders[1], at.start / END, width)
+        total, size, error, changed = found.total, found.size, found.error, found.changed
         whole = jnp.where(at.used == 0, size, at.whole)
         enough = jnp.where(at.used == 0, tol * (size + ABSOLUTE_FLOOR), at.enough)
-        good = jnp.where(changed, width <= WATCH_WIDTH, fine(size, error, enough))
+        reference, above = whole, at.above
+        if guard is not None:
+            depth = MAX_DEPTH - lax.population_count(at.width - 1)
+            row = jnp.maximum(depth - 1, 0)
+            reference = jnp.fmax(above[row], size)
+            above = above.at[depth].set(reference)
+            whole = jnp.fmax(whole, size)
+            enough = tol * (reference + ABSOLUTE_FLOOR)
+        good = fine(size, error, enough)
+        if guard is not None:
+            good &= ~hidden(found, at.start / END, width, reference, depth)
+            enough = tol * (whole + ABSOLUTE_FLOOR)
+        good = jnp.where(changed, width <= WATCH_WIDTH, good)
         deepest = at.width == 1
         done = good | deepest | (at.used + 1 >= MAX_INTERVALS)
-        endless = done & (at.width <= END >> DEEP) & ~good & ~changed & jnp.isfinite(error) & (size > DIVERGENT * whole)
+        endless = done & (at.width <= END >> DEEP) & ~good & ~changed & jnp.isfinite(error) & (size > DIVERGENT * reference)
         tested = jnp.where(endless, jnp.copysign(jnp.inf, total[: pieces.tested]), total[: pieces.tested])
         total = jnp.concatenate([tested, total[pieces.tested :]])
         start = jnp.where(done, at.start + at.width, at.start)
@@ -296,7 +355,9 @@ def _adaptive(
             whole=whole,
             spent=jnp.where(done & ~changed, at.spent + error, at.spent),
             sums=jnp.where(done, at.sums + listed(total, size, error), at.sums),
-            note=at.note | note | where(done & (~good | jnp.any(jnp.isinf(tested))), MISSED),
+            note=at.note | found.note | where(done & (~good | jnp.any(jnp.isinf(tested))), MISSED),
+            above=above,
+            largest=jnp.maximum(at.largest, found.largest),
         )
 
     zeros = jnp.zeros(pieces.tested)
@@ -307,13 +368,18 @@ def _adaptive(
         enough=zeros,
         whole=zeros,
         spent=zeros,
-        sums=jnp.zeros(pieces.values + (pieces.tested if pieces.estimated else 0)),
+        sums=jnp.zeros(pieces.sums),
         note=jnp.int32(0),
+        above=jnp.zeros((MAX_DEPTH + 1 if guard is not None else 0, pieces.tested)),
+        largest=jnp.zeros(pieces.peaks),
     )
     if not watched:
-        total, size, error, _, note = measured(orders[0], 0.0, 1.0)
+        found = measured(orders[0], 0.0, 1.0)
+        total, size, error = found.total, found.size, found.error
         enough = tol * (size + ABSOLUTE_FLOOR)
         done = active & fine(size, error, enough)
+        if guard is not None:
+            done &= ~hidden(found, jnp.float64(0.0), 1.0, size, 0)
         beginning = beginning._replace(
             start=jnp.where(done, END, beginning.start),
             used=jnp.int64(1),
@@ -321,8 +387,11 @@ def _adaptive(
             whole=size,
             spent=jnp.where(done, error, 0.0),
             sums=jnp.where(done, listed(total, size, error), 0.0),
-            note=where(active, note) | where(done & jnp.any(jnp.isinf(total[: pieces.tested])), MISSED),
+            note=where(active, found.note) | where(done & jnp.any(jnp.isinf(total[: pieces.tested])), MISSED),
+            above=beginning.above.at[0].set(size) if guard is not None else beginning.above,
+            largest=jnp.where(active, found.largest, 0.0),
         )
     end = lax.while_loop(lambda at: at.start < END, step, beginning)
     overspent = jnp.any(end.spent > SPENT * jnp.maximum(end.enough, ROUNDING * end.whole))
-    return end.sums, end.note | where(active & overspent, MISSED)
+    results = jnp.concatenate([end.sums, end.largest]) if pieces.peaks else end.sums
+    return results, end.note | where(active & overspent, MISSED)

@@ -31,6 +31,7 @@ from typing import Any, assert_never, cast
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends import numpy_guard as guards
 from teg.backends import numpy_hyperbola as hyperbolas
 from teg.backends import numpy_poles as poles
 from teg.backends import numpy_polygon as polygons
@@ -43,6 +44,7 @@ from teg.program import (
     Arg,
     Assign,
     Gauss,
+    Guard,
     Hyperbola,
     Integrate,
     Isolate,
@@ -89,7 +91,7 @@ class NumpyKernel:
         self._width = width
         self._room = max(1, memory // 8 // (1 + 2 * depth(without_branches(program).body)))
         scope: dict[str, Any] = {"np": np, "rt": rt, "roots": roots, "sampling": sampling, "polygons": polygons}
-        scope |= {"poles": poles, "hyperbolas": hyperbolas}
+        scope |= {"poles": poles, "hyperbolas": hyperbolas, "guards": guards}
         for k, body in enumerate(functions):
             scope[f"function_{k}"] = _made(body, dict(scope))
         self._function = _made(text, scope)
@@ -223,12 +225,19 @@ def captured(stmt: Integrate) -> tuple[list[str], list[str], list[str]]:
     """What an integral's blocks use: `flags` from outside, `body` from outside, `body` from `flags`."""
     flagged = {name for s in stmt.flags for name in assigned(s)}
     in_flags = free(stmt.flags, (*_maybe(stmt.need), *(b.when for b in stmt.bends)))
-    in_body = free(stmt.body, (*stmt.values, *stmt.watch))
+    in_body = free(stmt.body, stmt.at_nodes)
+    if stmt.guard is not None:
+        in_body |= dict.fromkeys(name for name in guarded(stmt.guard) if name not in (stmt.guard.left, stmt.guard.right))
     return (
         [name for name in in_flags if name != stmt.var],
         [name for name in in_body if name != stmt.var and name not in flagged],
         [name for name in in_body if name in flagged],
     )
+
+
+def guarded(guard: Guard) -> dict[str, None]:
+    """The names that the block of a guard uses: its own variables, and from outside."""
+    return free(guard.block, (*guard.sizes, *guard.upper, *guard.lower))
 
 
 def of_bends(stmt: Integrate) -> list[Arg]:
@@ -321,7 +330,7 @@ class _Printer:
             found = [True if stmt.need is None else stmt.need, *(b.when for b in stmt.bends), *flagged]
             piece_width += self.function(flags, [stmt.var, *for_flags], stmt.flags, found)
         body = f"body_{number}"
-        results: tuple[Arg, ...] = stmt.values
+        names = [*for_body, *flagged]
         match stmt.rule:
             case Gauss(nodes):
                 kind, rule = "rt.GaussIntegral", f"nodes={nodes}"
@@ -331,14 +340,18 @@ class _Printer:
                 kind, rule = "rt.MidpointIntegral", f"nodes={nodes}"
             case Adaptive(tol, first, order, cubic):
                 kind, rule = "rt.AdaptiveIntegral", f"tol={_text(tol)}, first={first}, order={order}, cubic={cubic!r}"
-                if stmt.watch:
-                    results += stmt.watch
-                    rule += f", watched={len(stmt.watch)}"
+                rule += f", watched={len(stmt.watch)}" if stmt.watch else ""
+                if stmt.guard is not None:
+                    rule += f", guard=guards.Guard(guard_{number}, {len(stmt.guard.upper)})"
             case _:
                 assert_never(stmt.rule)
-        node_width = self.function(body, [stmt.var, *for_body, *flagged], stmt.body, results)
+        node_width = self.function(body, [stmt.var, *names], stmt.body, stmt.at_nodes)
+        if stmt.guard is not None:
+            guard, bounds = stmt.guard, (*stmt.guard.sizes, *stmt.guard.upper, *stmt.guard.lower)
+            node_width += len(guard.seen) + self.function(f"guard_{number}", [guard.left, guard.right, *names], guard.block, bounds)
         leaf = not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in compound(stmt.body))
         counts = f"values={len(stmt.values)}, tested={stmt.tested}, estimated={bool(stmt.estimates)!r}, leaf={leaf!r}"
+        counts += f", peaks={len(stmt.peaks)}" if stmt.peaks else ""
         fields = f"flags={flags}, body={body}, {counts}, piece_width={piece_width}, node_width={node_width}, infinite={stmt.infinite!r}"
         bends = f"bends=({inside(repr(b.kind) for b in stmt.bends)})"
         self.lines += ["", "", f"integral_{number} = {kind}(", f"    {fields},", f"    {bends}, {rule}", ")"]

@@ -371,8 +371,8 @@ class _Locating:
             lane, corner = np.concatenate([lane, lane]), np.concatenate([corner, corner + _half(width, level)], axis=1)
         many = zeros > LOCATE_ZEROS
         lane, left, right = (np.concatenate(column) for column in zip(*found, strict=True))
-        kept = ~many[lane]
-        return _Places(lane[kept], left[kept], right[kept]), np.where(many, 1.0, lost)
+        few = ~many[lane]
+        return _Places(lane[few], left[few], right[few]), np.where(many, 1.0, lost)
 
     def _newton(self, lane: Array, at: Array, values: Array) -> Array:
         """The v of the zeros near points (v, u), by Newton's method; `values` are f, g and their slopes there."""

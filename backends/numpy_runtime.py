@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy_bends import Substitution, inside, substitution
+from teg.backends.numpy_guard import Guard
 from teg.backends.substitutions import POWER
 from teg.program import (
     ABSOLUTE_FLOOR,
@@ -144,13 +145,20 @@ def on_lanes(
     return tuple(found.reshape((results, *shape)))
 
 
+def keep_largest(rows: Array, lane: Array, values: Array) -> None:
+    """Raise each row, (lanes,), to the largest of its values in each lane; NaN is left out."""
+    for i in range(len(rows)):
+        np.fmax.at(rows[i], lane, values[i])
+
+
 @dataclass(frozen=True, slots=True)
 class Integral:
     """An integral without its rule: lanes into pieces, and the sums of the pieces back into lanes.
 
     `flags` and `body` are printed blocks, `values` the number of values, `piece_width` and `node_width` the doubles that a piece and a
     node take. The first `tested` values count for the error, and have estimates if these are `estimated`. `bends` are the kinds of the
-    bends; `flags` returns the need, when each bend counts, and what `body` takes. `leaf`: there is no integral inside.
+    bends; `flags` returns the need, when each bend counts, and what `body` takes. `leaf`: there is no integral inside. The last `peaks`
+    results of `body` are those whose largest is wanted.
     """
 
     flags: Block | None
@@ -163,11 +171,17 @@ class Integral:
     leaf: bool
     infinite: bool = False
     bends: tuple[str, ...] = ()
+    peaks: int = 0
+
+    @property
+    def sums(self) -> int:
+        """The number of results that are sums over pieces: one a value, and the estimates."""
+        return self.values + (self.tested if self.estimated else 0)
 
     @property
     def results(self) -> int:
-        """The number of results: one a value, and the estimates."""
-        return self.values + (self.tested if self.estimated else 0)
+        """The number of results: the sums, and the largest values."""
+        return self.sums + self.peaks
 
     def __call__(
         self,
@@ -235,7 +249,13 @@ class Integral:
         active, flagged = flagged[: len(self.bends)], flagged[len(self.bends) :]
         values = [*(gather(v, lane) for v in for_body), *flagged]
         bends = [(kind, *coefficients[3 * i : 3 * i + 3], active[i]) for i, kind in enumerate(self.bends)]
-        return scatter(self._rule(run, self._places(p, q, base, bends, scale), values), lane, lanes)
+        found = self._rule(run, self._places(p, q, base, bends, scale), values)
+        sums = scatter(found[: self.sums], lane, lanes)
+        if not self.peaks:
+            return sums
+        largest = np.zeros((self.peaks, lanes))
+        keep_largest(largest, lane, found[self.sums :])
+        return np.concatenate([sums, largest])
 
     def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Any], scale: Value) -> Substitution:
         return substitution(p, q, base, bends, False, scale)
@@ -267,9 +287,11 @@ class GaussIntegral(Integral):
             for total, value in zip(sums, found, strict=False):
                 total[part] = weights @ value if np.ndim(value) == 2 else 2.0 * value
             if self.estimated:
-                for total, value in zip(sums[self.values :], found, strict=False):
+                for total, value in zip(sums[self.values : self.sums], found, strict=False):
                     total[part] = rounding(p[part], q[part]) * (weights @ np.abs(np.broadcast_to(value, x.shape)))
-        sums *= half
+            for largest, value in zip(sums[self.sums :], found[len(found) - self.peaks :], strict=True):
+                largest[part] = np.fmax.reduce(np.broadcast_to(value, x.shape), axis=0)
+        sums[: self.sums] *= half
         return sums
 
 
@@ -327,11 +349,25 @@ class MidpointIntegral(Integral):
         return sums
 
 
+@dataclass(slots=True)
+class Measured:
+    """K of every value, (values, intervals), A and E of those tested, (tested, intervals); where a watched condition changes,
+    (intervals,); sharp values at the nodes, (sharp, nodes, intervals); the largest values, (peaks, intervals)."""
+
+    total: Array
+    size: Array
+    error: Array
+    changed: Array
+    seen: Array
+    largest: Array
+
+
 @dataclass(frozen=True, slots=True)
 class AdaptiveIntegral(Integral):
     """Gauss-Legendre with bisection: at a time, all intervals of one depth, over all pieces.
 
-    The last `watched` results of `body` are conditions: an interval on which one changes is halved.
+    Behind the values, `body` returns `watched` conditions (an interval on which one changes is halved), and the sharp values of the
+    `guard`.
     """
 
     tol: float = 0.0
@@ -339,6 +375,7 @@ class AdaptiveIntegral(Integral):
     order: int = 18
     cubic: bool = False
     watched: int = 0
+    guard: Guard | None = None
 
     def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Any], scale: Value) -> Substitution:
         return substitution(p, q, base, bends, self.cubic, scale)
@@ -348,43 +385,76 @@ class AdaptiveIntegral(Integral):
         sums = np.zeros((self.results, pieces))
         piece, left, width = np.arange(pieces), np.zeros(pieces), 1.0
         used = np.zeros(pieces, dtype=np.int64)
-        enough = np.empty(0)
         whole = np.empty(0)
         spent = np.zeros((self.tested, pieces))
+        above = np.zeros((self.tested, pieces))  # the largest A of what an interval came from
         depth, first = 0, not self.watched
         while True:
             nodes = self.first if first else self.order
-            total, size, error, changed = self._measure(run, places, values, piece, left, width, nodes)
+            found = self._measure(run, places, values, piece, left, width, nodes)
+            total, size, error, changed = found.total, found.size, found.error, found.changed
             if not whole.size:
-                whole = size
-                enough = self.tol * (size + ABSOLUTE_FLOOR)
+                whole = size if self.guard is None else size.copy()
+            if self.guard is not None:
+                above = np.fmax(above, size)
+                keep_largest(whole, piece, size)
+            largest = whole[:, piece] if self.guard is None else above
             used += np.bincount(piece, minlength=pieces)
-            fine = (error <= np.maximum(enough[:, piece], ROUNDING * size)) | ~np.isfinite(error)
+            enough = np.maximum(self.tol * (largest + ABSOLUTE_FLOOR), ROUNDING * size)
+            fine = (error <= enough) | ~np.isfinite(error)
             accepted = np.where(changed, width <= WATCH_WIDTH, fine.all(axis=0))
+            if self.guard is not None:
+                self._search(run, places, values, piece, (left, left + width), found, accepted, enough, depth)
             again = ~accepted & ((used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH))
             missed = ~accepted & ~again
             if missed.any():
                 run.missed = True
                 if depth >= DEEP:
-                    endless = missed & ~changed & np.isfinite(error) & (size > DIVERGENT * whole[:, piece])
+                    endless = missed & ~changed & np.isfinite(error) & (size > DIVERGENT * largest)
                     total[: self.tested][endless] = np.copysign(np.inf, total[: self.tested][endless])
             done = np.flatnonzero(~again)
             run.missed |= bool(np.isinf(total[: self.tested, done]).any())
             spent += scatter(np.where(changed, 0.0, error)[:, done], piece[done], pieces)
             sums[: self.values] += scatter(total[:, done], piece[done], pieces)
+            keep_largest(sums[self.sums :], piece, found.largest)
             if self.estimated:
                 estimate = error[:, done] + rounding(places.p, places.q)[piece[done]] * size[:, done]
-                sums[self.values :] += scatter(estimate, piece[done], pieces)
+                sums[self.values : self.sums] += scatter(estimate, piece[done], pieces)
             if not again.any():
-                run.missed |= bool((spent > SPENT * np.maximum(enough, ROUNDING * whole)).any())
+                most = np.maximum(self.tol * (whole + ABSOLUTE_FLOOR), ROUNDING * whole)
+                run.missed |= bool((spent > SPENT * most).any())
                 return sums
             if first:
-                piece, left, first = piece[again], left[again], False
+                piece, left, above, first = piece[again], left[again], above[:, again], False
                 continue
             depth += 1
             width *= 0.5
-            piece, left = np.repeat(piece[again], 2), np.repeat(left[again], 2)
+            piece, left, above = np.repeat(piece[again], 2), np.repeat(left[again], 2), np.repeat(above[:, again], 2, axis=1)
             left[1::2] += width
+
+    def _search(
+        self,
+        run: Run,
+        places: Substitution,
+        values: Sequence[Value],
+        piece: Array,
+        ends: tuple[Array, Array],
+        found: Measured,
+        accepted: Array,
+        enough: Array,
+        depth: int,
+    ) -> None:
+        """Take back that intervals are `accepted` in which something is hidden between the nodes."""
+        assert self.guard is not None
+        at = np.array(gauss_legendre(found.seen.shape[1])[0])
+        sure = np.flatnonzero(accepted & ~found.changed & np.isfinite(found.error).all(axis=0))
+        for some in parts(sure.size, run.chunk(self.node_width, at.size)):
+            chosen = sure[some]
+            left, right = (e[chosen] for e in ends)
+            nodes = left + (0.5 * (right - left)) * (1.0 + at[:, None])
+            given = [gather(v, piece[chosen]) for v in values]
+            part = places.part(piece[chosen])
+            accepted[chosen] = ~self.guard.hides(run, part, given, (left, right), nodes, found.seen[:, :, chosen], enough[:, chosen], depth)
 
     def _measure(
         self,
@@ -395,11 +465,15 @@ class AdaptiveIntegral(Integral):
         left: Array,
         width: float,
         nodes: int,
-    ) -> tuple[Array, Array, Array, Array]:
-        """K of every value, (values, intervals), A and E of those tested, (tested, intervals), on the intervals (left, left + width) of
-        each `piece`; and where a watched condition changes, (intervals,)."""
-        total, size, error = np.empty((self.values, piece.size)), np.empty((self.tested, piece.size)), np.empty((self.tested, piece.size))
-        changed = np.zeros(piece.size, dtype=np.bool_)
+    ) -> Measured:
+        """What is known of the intervals (left, left + width) of each `piece`."""
+        n, tested = piece.size, self.tested
+        changed = np.zeros(n, dtype=np.bool_)
+        sharp = self.guard.sharp if self.guard is not None else 0
+        result = Measured(
+            np.empty((self.values, n)), np.empty((tested, n)), np.empty((tested, n)), changed, np.empty((sharp, nodes, n)),
+            np.empty((self.peaks, n)),
+        )  # fmt: skip
         at, weights = (np.array(column) for column in gauss_legendre(nodes))
         self._count(run, piece.size * (nodes + 2 * (self.watched > 0)))
         for part in parts(piece.size, run.chunk(self.node_width, nodes)):
@@ -412,15 +486,21 @@ class AdaptiveIntegral(Integral):
             for i, value in enumerate(found[: self.values]):
                 weighted = np.broadcast_to(value * rate, x.shape)
                 if i < self.tested:
-                    total[i, part], size[i, part], error[i, part] = measure(weighted, nodes, here.kind != POWER)
+                    result.total[i, part], result.size[i, part], result.error[i, part] = measure(weighted, nodes, here.kind != POWER)
                 else:
-                    total[i, part] = weights @ weighted
+                    result.total[i, part] = weights @ weighted
+            behind = self.values + self.watched
+            for row, value in zip(result.seen, found[behind : behind + sharp], strict=True):
+                row[:, part] = value
+            for row, value in zip(result.largest, found[behind + sharp :], strict=True):
+                row[part] = np.fmax.reduce(np.broadcast_to(value, x.shape), axis=0)
             if self.watched:
                 aside = Run(run.order, run.room)  # ties at the ends do not count
                 ends = here(np.array([left[part], left[part] + width]))[0]
                 at_ends = self.body(aside, ends, *given)
                 run.evaluations += aside.evaluations
-                for inner, outer in zip(found[self.values :], at_ends[self.values :], strict=True):
+                watched = slice(self.values, behind)
+                for inner, outer in zip(found[watched], at_ends[watched], strict=True):
                     both = np.concatenate([np.broadcast_to(inner, x.shape), np.broadcast_to(outer, ends.shape)])
                     changed[part] |= both.any(axis=0) & ~both.all(axis=0)
-        return total, size, error, changed
+        return result

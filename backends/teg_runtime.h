@@ -598,6 +598,50 @@ static inline int teg_overspent(int n, const double *spent, const double *whole,
     return 0;
 }
 
+/* The largest sums of sizes that were measured: of the whole piece, and of an interval and those it came from, a row a depth. */
+static inline void teg_largest(int n, const double *sums, double *whole, double *above, int depth, int used)
+{
+    double *const row = above + depth * n;
+    for (int j = 0; j < n; j++) {
+        const double size = sums[8 * j + 7], before = depth ? row[j - n] : used > 1 ? row[j] : 0.0;
+        whole[j] = used > 1 ? fmax(whole[j], size) : size;
+        row[j] = fmax(before, size);
+    }
+}
+
+/* Whether all errors are finite. */
+static inline int teg_settled(int n, const double *sums)
+{
+    for (int j = 0; j < n; j++) if (!isfinite(sums[8 * j + 1])) return 0;
+    return 1;
+}
+
+/* Whether a box of this length may hold more of a value than its error may be. */
+static inline int teg_matters(int n, const double *sizes, double length, const double *sums, const double *above, double tol)
+{
+    if (!isfinite(length)) return 1;
+    for (int j = 0; j < n; j++) {
+        const double rounding = TEG_ROUNDING * sums[8 * j + 7], wanted = tol * (above[j] + TEG_ABSOLUTE_FLOOR);
+        if (!(sizes[j] * length <= (wanted > rounding ? wanted : rounding))) return 1;
+    }
+    return 0;
+}
+
+/* Whether one of n sharp values can be large in a gap, or in all of an interval (gap -1), and was not seen to be at the nodes, (nodes, n).
+   Bounds are the n upper ones, then the lower ones; an infinite one counts in gaps that are inside only. */
+static inline int teg_unseen(int n, const double *bounds, const double *seen, int nodes, int gap, int inside)
+{
+    for (int i = 0; i < n; i++) {
+        const double upper = bounds[i], lower = bounds[n + i];
+        double s = NAN;
+        if (gap < 0) for (int k = 0; k < nodes; k++) s = fmin(s, seen[n * k + i]);
+        else s = fmax(gap > 0 ? seen[n * (gap - 1) + i] : NAN, gap < nodes ? seen[n * gap + i] : NAN);
+        if (gap >= 0 && !inside && isinf(upper)) continue;
+        if (upper > TEG_UNSEEN * fmax(s, TEG_FAINT) || upper > TEG_HIDDEN * fmax(lower, TEG_FAINT)) return 1;
+    }
+    return 0;
+}
+
 /* What rounding does to an integral over (p, q), relative to that of |values|: theirs, and that of the ends. */
 static inline double teg_rounding(double p, double q)
 {

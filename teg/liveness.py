@@ -8,6 +8,7 @@ from dataclasses import replace
 from teg.program import (
     Arg,
     Assign,
+    Guard,
     Hyperbola,
     Integrate,
     Isolate,
@@ -141,7 +142,9 @@ def _live_integral(stmt: Integrate, live: set[Arg]) -> Integrate:
     """An integral with those of its values that matter; what has an estimate that does matters too."""
     wanted, estimates = _live_results(stmt, live)
     values = tuple(stmt.values[i] for i in wanted)
-    live.update((*values, *stmt.watch))
+    peaks = [(p, name) for p, name in zip(stmt.peaks, stmt.largest, strict=True) if name in live]
+    guard = None if stmt.guard is None else _live_guard(stmt.guard, wanted, live)
+    live.update((*values, *stmt.watch, *(p for p, _ in peaks)))
     body = _live_part(stmt.body, live)
     live.update(b.when for b in stmt.bends)
     if stmt.need is not None:
@@ -151,4 +154,15 @@ def _live_integral(stmt: Integrate, live: set[Arg]) -> Integrate:
     if stmt.when is not None:
         live.add(stmt.when)
     results = tuple(stmt.results[i] for i in wanted)
-    return replace(stmt, flags=flags, body=body, values=values, results=results, estimates=estimates)
+    largest = tuple(name for _, name in peaks)
+    stmt = replace(stmt, flags=flags, body=body, values=values, results=results, estimates=estimates)
+    return replace(stmt, guard=guard, peaks=tuple(p for p, _ in peaks), largest=largest)
+
+
+def _live_guard(guard: Guard, wanted: Sequence[int], live: set[Arg]) -> Guard:
+    """A guard with the sizes of those values that matter."""
+    sizes = tuple(guard.sizes[i] for i in wanted if i < len(guard.sizes))
+    live.update((*sizes, *guard.upper, *guard.lower))
+    block = _live_part(guard.block, live)
+    live.update(guard.seen)
+    return replace(guard, block=block, sizes=sizes)

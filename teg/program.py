@@ -91,6 +91,23 @@ NaN or not, and no tie. If at these points a watched boolean is not always the s
 unless it is at most WATCH_WIDTH wide in u, or MAX_DEPTH or MAX_INTERVALS was reached; then it is accepted, its K counts as any other.
 An interval that will be halved anyway need not be evaluated further, but the first one is, for A₀.
 
+A `guard` (rule Adaptive only) finds what lies between all nodes. Its block computes for left <= v <= right a bound `sizes` of each tested
+|value|, and bounds lower <= s <= upper of its *sharp* values, which the body computes at the nodes as `seen`. A₀ of an interval is then
+the largest A among those of the interval itself and of the intervals it came from. An interval that would be accepted because its
+errors are small, all being finite, and in which no watched boolean changes, is accepted only if nothing there is hidden. With
+    a box (left, right) *matters* if right - left is not finite, or one of the tested values does not have
+        size·(right - left) <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A)
+    s is *unseen* in it, S being a value of s at nodes, if  upper > UNSEEN·max(S, FAINT)  or  upper > HIDDEN·max(lower, FAINT)
+nothing is hidden in the interval if
+    the whole interval does not matter, or no s is unseen in it, S being the least at its nodes (one of all that are numbers);
+    or in none of the gaps between neighbouring nodes, and between ends and nodes, that are finite and matter, an s is unseen, S being the
+        larger of its two nodes' (at an end the one's); an infinite upper bound counts as seen in a gap at an end of the piece, and in
+        every gap if the interval came from GUARD_DEPTH or more bisections: where the integrand is singular the nodes decide.
+At the ends of a piece left and right are p and q themselves.
+
+`peaks` are values of `body` too, none of them negative: `largest` has the largest of each at all nodes at which `body` was run for its
+values, or 0 if there were none (NaN is left out); rules Gauss and Adaptive only.
+
 Semantics of `Isolate`: g is a smooth function of `var`. The block `point` computes `value` = g, `slope` = g′ and `curvature` = g″ at `var`
 (NaN where g″ is not known). The block `enclosure` computes `bounds` = (g₋, g₊, d₋, d₊) and `curving` = (c₋, c₊) with g₋ <= g <= g₊,
 d₋ <= g′ <= d₊ and c₋ <= g″ <= c₊ for all v with left <= v <= right, and `noise`, how far rounding may move g at ½(left + right).
@@ -264,6 +281,13 @@ EDGE = 4 * 2.0**-52
 """How far an end of a piece may be off, relative to its distance from 0: of a thin piece that is much."""
 SPENT = 10.0
 DIVERGENT = 2.0**-10
+UNSEEN = 1e3
+"""A sharp value that may be so many times larger in a gap than at the nodes beside it was not seen by them."""
+HIDDEN = 1e13
+"""Where a sharp value falls by such a factor in one gap, a product with one that rises there may have a peak between the nodes."""
+FAINT = 1e-87
+"""A sharp value below which no peak is looked for: that of exp(-200)."""
+GUARD_DEPTH = 12
 DEEP = 40
 POLE = 16 * 2.0**-52
 """A pole that near to a piece, relative to its distance from 0, may be on it."""
@@ -361,6 +385,19 @@ class Bend:
 
 
 @dataclass(frozen=True, slots=True)
+class Guard:
+    """Bounds over left <= v <= right: of the sizes of tested values, and of sharp values, which are `seen` at nodes."""
+
+    left: str
+    right: str
+    block: tuple[Stmt, ...]
+    sizes: tuple[Arg, ...]
+    upper: tuple[Arg, ...]
+    lower: tuple[Arg, ...]
+    seen: tuple[Arg, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Integrate:
     """results = ∫ values over `var` from lo to hi, piece by piece between the breaks.
 
@@ -384,11 +421,20 @@ class Integrate:
     infinite: bool = False
     scale: Arg = 1.0
     estimates: tuple[str, ...] = ()
+    guard: Guard | None = None
+    peaks: tuple[Arg, ...] = ()
+    largest: tuple[str, ...] = ()
 
     @property
     def tested(self) -> int:
         """How many of the values count for the error: all, or those that have estimates."""
         return len(self.estimates) or len(self.values)
+
+    @property
+    def at_nodes(self) -> tuple[Arg, ...]:
+        """The arguments that `body` computes at a node: values, watched booleans, sharp values, peaks."""
+        watch = self.watch if isinstance(self.rule, Adaptive) else ()
+        return (*self.values, *watch, *(self.guard.seen if self.guard is not None else ()), *self.peaks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -565,7 +611,7 @@ def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
         case Assign():  # most of them
             return ()
         case Integrate():
-            return (stmt.flags, stmt.body)
+            return (stmt.flags, stmt.body) if stmt.guard is None else (stmt.flags, stmt.body, stmt.guard.block)
         case Isolate():
             return (stmt.enclosure, stmt.point)
         case Locate():
@@ -632,7 +678,9 @@ def assigned(stmt: Stmt) -> tuple[str, ...]:
     match stmt:
         case Assign():
             return (stmt.name,)
-        case Integrate() | Sample():
+        case Integrate():
+            return (*stmt.results, *stmt.estimates, *stmt.largest)
+        case Sample():
             return (*stmt.results, *stmt.estimates)
         case Isolate():
             return (*stmt.results, *stmt.errors)

@@ -44,14 +44,15 @@ from teg.integration import Integration
 from teg.liveness import without_dead_code
 from teg.node import Node, postorder
 from teg.passes.breaks import MAX_BENDS, BreakAnalysis, Breaks, Turn
-from teg.passes.curved import CurvedEmitter
 from teg.passes.demand import GUARD_TERMS, guards, support
 from teg.passes.emit import NAN, Level
 from teg.passes.emptiness import certainly_empty
+from teg.passes.guarded import GuardedEmitter, widest_gap
 from teg.passes.sampled import deciding_integrals
 from teg.polynomial import Shadow
-from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Integrate, Midpoint, Program, Rational, Rule, Tie
+from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Guard, Integrate, Midpoint, Program, Rational, Rule, Tie
 from teg.roots import local_origin
+from teg.sharp import Sharp, numeric_range, sharp_values
 from teg.surfaces import atoms_of
 from teg.tails import infinite_ends, is_unbounded
 from teg.traverse import substitute
@@ -126,7 +127,7 @@ def _slope_of(g: Expr, x: Var) -> Expr | None:
     return rate if x in rate.free else None
 
 
-class _Scheduler(CurvedEmitter):
+class _Scheduler(GuardedEmitter):
     def __init__(self, parameters: Sequence[str], how: Integration) -> None:
         super().__init__(parameters, how)
         self.parameters = tuple(parameters)
@@ -253,6 +254,7 @@ class _Scheduler(CurvedEmitter):
         rules = [self._rule(i, home) for i in group]
         rule = _common(rules)
         var = self.fresh("x")
+        around, self.ranges = self.ranges, numeric_range(node, self.ranges)
         level = home.inside(node.var, var)
         level.breaks, level.middle = self.analysis.of(node), home.inside(node.var, var)
         bodies = [i.body for i in group]
@@ -261,13 +263,43 @@ class _Scheduler(CurvedEmitter):
         values = tuple(self.number(b, level) for b in bodies)
         watch = self._watched(bodies, level) if isinstance(rule, Adaptive) and rule.tol < math.inf else ()
         base, bends = self._bends(group, level, home, rule) if isinstance(rule, Adaptive | Rational) else (0.0, ())
+        search = self._guard(group, level, home, rule, bends)
+        peaks, largest = self.largest(group, level, rule)
         results = tuple(self.fresh("v") for _ in group)
         flags, inside = tuple(level.middle.block), tuple(level.block)
         infinite = is_unbounded(node)
         scale = self._scale(group, home) if infinite else 1.0
         rest = (rule, when, watch, bends, base, infinite, scale)
-        home.block.append(Integrate(var, lo, hi, breaks, flags, need, inside, values, results, *rest))
+        home.block.append(
+            Integrate(var, lo, hi, breaks, flags, need, inside, values, results, *rest, guard=search, peaks=peaks, largest=largest)
+        )
         home.names.update(zip(group, results, strict=True))
+        self.ranges = around
+
+    def _guard(self, group: Sequence[Integral], level: Level, home: Level, rule: Rule, bends: Sequence[Bend]) -> Guard | None:
+        """What finds features of the integrands between all nodes; None where there can be none."""
+        if not isinstance(rule, Adaptive) or rule.tol == math.inf:
+            return None
+        x, bodies = group[0].var, [i.body for i in group]
+        poles = sum(b.kind == "pole" for b in bends)
+        gap = None if bends or is_unbounded(group[0]) else widest_gap(rule)
+        known = self._without_peaks(group, sharp_values(bodies, x, self.binders(bodies), self.degrees, poles))
+        return self.guard(group, self.not_tame(known, x, gap), level, home, gap)
+
+    def _without_peaks(self, group: Sequence[Integral], known: Sequence[Sharp]) -> list[Sharp]:
+        """The sharp values without narrow Gaussians, which are breaks: an exponential of a quadratic that opens downwards."""
+        x, inner = group[0].var, self.binders([i.body for i in group])
+        quadratic = self._exponentials(group)[1]
+        rest = []
+        for s in known:
+            value = s.value
+            if isinstance(value, Call) and value.name == "exp" and self.degrees.of(value.children[0], x) == 2:
+                pair = self._quadratic(value, x, inner)
+                if pair is not None and pair in quadratic:
+                    value = where(positive(mul(MINUS_ONE, pair[1])), ONE, value)
+            if x in value.free or s.wave:
+                rest.append(replace(s, value=value))
+        return rest
 
     def _unless_empty(self, group: Sequence[Integral], needed: Arg, home: Level) -> Arg:
         """Whether an outermost integral is needed, which it is not where intervals show that its integrand is 0 on the whole domain."""
@@ -314,19 +346,26 @@ class _Scheduler(CurvedEmitter):
         for node in postorder(bodies):
             if not isinstance(node, Call) or node.name != "exp" or x not in node.free:
                 continue
-            exponent = self._at_ridge(node.children[0], inner)
-            degree = Shadow((x,)).degree(exponent)
-            if degree not in (1, 2):
+            pair = self._quadratic(node, x, inner)
+            if pair is None:
                 continue
-            rate = slope(exponent, x)
-            at_0, curvature = (cast(Expr, substitute(e, {x: ZERO})) for e in (rate, slope(rate, x)))
-            if (at_0.free | curvature.free) & inner:
-                continue
-            if degree == 1:
-                linear[at_0] = None
+            if pair[1] is ZERO:
+                linear[pair[0]] = None
             else:
-                quadratic[at_0, curvature] = None
+                quadratic[pair] = None
         return list(linear)[:MAX_SCALES], list(quadratic)[:MAX_SCALES]
+
+    def _quadratic(self, node: Call, x: Var, inner: frozenset[Var]) -> tuple[Expr, Expr] | None:
+        """Of an exponential of a linear or quadratic polynomial: its exponent's slope at 0 and curvature, ZERO for a linear one."""
+        exponent = self._at_ridge(node.children[0], inner)
+        degree = Shadow((x,)).degree(exponent)
+        if degree not in (1, 2):
+            return None
+        rate = slope(exponent, x)
+        at_0, curvature = (cast(Expr, substitute(e, {x: ZERO})) for e in (rate, slope(rate, x)))
+        if (at_0.free | curvature.free) & inner:
+            return None
+        return at_0, ZERO if degree == 1 else curvature
 
     def _at_ridge(self, exponent: Expr, inner: frozenset[Var]) -> Expr:
         """An exponent that is quadratic in variables of the integrals inside, at its stationary point in these."""

@@ -27,7 +27,7 @@ FLOORS: tuple[frozenset[str], ...] = tuple(
         "teg.build teg.roots teg.surfaces teg.nest teg.places teg.intervals teg.kinks teg.sympy_nodes teg.tails teg.cells",
         "teg.antiderivative teg.singularities",
         "teg.bodies teg.isolation teg.staircase teg.critical teg.identities teg.numerics teg.sympy_writer teg.sympy_reader",
-        "teg.symbolic teg.verification teg.integration",
+        "teg.symbolic teg.verification teg.integration teg.sharp",
         "teg.diffeomorphism",
         "teg.images teg.coverage teg.maps",
         "teg.passes",
@@ -64,9 +64,10 @@ PASSES_THAT_USE_ANOTHER = {
     "reparameterize": {"affine", "bilinear", "hyperbola", "sift", "univariate", "charts", "implicit", "steep", "user"},  # the list of families
     "sampled": {"at_roots", "emit"},
     "emptiness": {"demand"},
+    "guarded": {"curved", "emit"},
     "clipped": {"barycentric", "demand", "emit", "polygon", "sampled", "vertices"},
     "curved": {"clipped", "emit", "hyperbola"},
-    "schedule": {"at_roots", "breaks", "curved", "demand", "emit", "emptiness", "sampled"},
+    "schedule": {"at_roots", "breaks", "demand", "emit", "emptiness", "guarded", "sampled"},
     "steep": {"affine", "implicit"},
     "steps": {"jumps"},
 }

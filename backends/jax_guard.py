@@ -1,0 +1,57 @@
+"""The guard of an adaptive integral, for JAX: whether a sharp value is large where no node saw it (`Integrate` of `teg.program`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from teg.backends.jax_bends import Substitution, place
+from teg.program import FAINT, GUARD_DEPTH, HIDDEN, UNSEEN
+
+Scalar = Any
+
+
+class Guard(NamedTuple):
+    """The printed `block`: from (left, right) to bounds of sizes, then the upper and the lower bounds of `sharp` values; and a note."""
+
+    block: Callable[[Scalar, Scalar], tuple[tuple[Scalar, ...], Any]]
+    sharp: int
+
+    def hides(
+        self,
+        places: Substitution,
+        possible: tuple[int, ...],
+        ends: tuple[Scalar, Scalar],
+        at: Any,
+        seen: Any,
+        enough: Any,
+        depth: Scalar,
+    ) -> Scalar:
+        """Whether something is hidden in the interval (u0, u1) = `ends`: `at` are the nodes in u, `seen` the sharp values there, (nodes,
+        sharp), `enough` what does not matter, (tested,)."""
+        u = jnp.concatenate([jnp.stack([ends[0]]), at, jnp.stack([ends[1]])])
+        x = place(places, possible, u)[0]
+        x = jnp.where(u <= 0.0, places.p, jnp.where(u >= 1.0, places.q, x))
+        left, right = jnp.concatenate([x[:1], x[:-1]]), jnp.concatenate([x[-1:], x[1:]])  # the whole interval, then the gaps
+        found = jax.vmap(lambda a, b: jnp.stack([jnp.asarray(v, jnp.float64) for v in self.block(a, b)[0]]))(left, right)
+        tested, length = enough.shape[0], right - left
+        small, finite = jnp.all(found[:, :tested] * length[:, None] <= enough, axis=1), jnp.isfinite(length)
+        gap = jnp.arange(length.shape[0]) - 1
+        whole = gap < 0
+        matters = ~small & finite | (whole & ~finite)
+        beside = jnp.fmax(jnp.concatenate([seen[:1], seen]), jnp.concatenate([seen, seen[-1:]]))
+        known = jnp.concatenate([_least(seen)[None], beside])
+        upper, lower = found[:, tested : tested + self.sharp], found[:, tested + self.sharp :]
+        large = (upper > UNSEEN * jnp.fmax(known, FAINT)) | (upper > HIDDEN * jnp.fmax(lower, FAINT))
+        inside = (u[jnp.maximum(gap, 0)] > 0.0) & (u[gap + 1] < 1.0) & (depth < GUARD_DEPTH)
+        counts = ~jnp.isposinf(upper) | (inside | whole)[:, None]
+        unseen = jnp.any(large & counts, axis=1) & matters
+        return unseen[0] & jnp.any(unseen[1:])
+
+
+def _least(seen: Any) -> Any:
+    """The least of all that are numbers, (sharp,)."""
+    return jnp.where(jnp.all(jnp.isnan(seen), axis=0), jnp.nan, jnp.min(jnp.where(jnp.isnan(seen), jnp.inf, seen), axis=0))

@@ -1,0 +1,90 @@
+"""The guard of an adaptive integral, for NumPy: whether a sharp value is large where no node saw it (`Integrate` of `teg.program`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from teg.backends.numpy_bends import Substitution
+from teg.program import FAINT, GUARD_DEPTH, HIDDEN, UNSEEN
+
+Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """The printed `block`: from (run, left, right, *values from outside) to bounds of sizes, then to the upper and the lower bounds of
+    `sharp` values."""
+
+    block: Callable[..., tuple[Any, ...]]
+    sharp: int
+
+    def hides(
+        self,
+        run: Any,
+        places: Substitution,
+        values: Sequence[Any],
+        ends: tuple[Array, Array],
+        at: Array,
+        seen: Array,
+        enough: Array,
+        depth: int,
+    ) -> Array:
+        """Whether something is hidden in each interval (u₀, u₁) = `ends` of a piece of its own: `at` are the nodes in u, (nodes,
+        intervals), `seen` the sharp values there, (sharp, nodes, intervals), `enough` what does not matter, (tested, intervals)."""
+        left, right = (self._place(places, u) for u in ends)
+        unseen = self._unseen(run, values, left, right, np.fmin.reduce(seen, axis=1), enough)[0]
+        asked = np.flatnonzero(unseen)
+        hidden = np.zeros(left.size, dtype=np.bool_)
+        if not asked.size:
+            return hidden
+        places, seen, enough = places.part(asked), seen[:, :, asked], enough[:, asked]
+        values = [v[asked] if np.ndim(v) else v for v in values]
+        inside = places(at[:, asked])[0]
+        points = np.concatenate([left[asked][None], inside, right[asked][None]])
+        padded = np.concatenate([seen[:, :1], seen, seen[:, -1:]], axis=1)
+        largest = np.fmax(padded[:, :-1], padded[:, 1:])
+        gaps = points.shape[0] - 1
+        lower, upper = points[:-1].reshape(-1), points[1:].reshape(-1)
+        flat = [np.tile(v, gaps) if np.ndim(v) else v for v in values]
+        wanted = np.tile(enough, (1, gaps))
+        found, endless = self._unseen(run, flat, lower, upper, largest.reshape(self.sharp, -1), wanted, gaps=True)
+        found, endless = found.reshape(gaps, -1), endless.reshape(gaps, -1)
+        if depth >= GUARD_DEPTH:
+            endless[:] = False
+        endless[0] &= ends[0][asked] > 0.0
+        endless[-1] &= ends[1][asked] < 1.0
+        hidden[asked] = (found | endless).any(axis=0)
+        return hidden
+
+    def _place(self, places: Substitution, u: Array) -> Array:
+        """The place of u; the ends of a piece are its own."""
+        inside = places(u[None])[0][0]
+        return np.where(u <= 0.0, places.p, np.where(u >= 1.0, places.q, inside))
+
+    def _unseen(
+        self, run: Any, values: Sequence[Any], left: Array, right: Array, seen: Array, enough: Array, gaps: bool = False
+    ) -> tuple[Array, Array]:
+        """Whether each box matters and a sharp value is unseen there, (boxes,): of `gaps` those with finite upper bounds, then those with
+        infinite ones, of other boxes all."""
+        found = self.block(run, left, right, *values)
+        length = right - left
+        small = np.ones(left.size, dtype=np.bool_)
+        for size, wanted in zip(found, enough, strict=False):
+            small &= size * length <= wanted
+        matters = ~(small & np.isfinite(length))
+        if gaps:
+            matters &= np.isfinite(length)
+        unseen, endless = (np.zeros(left.size, dtype=np.bool_) for _ in range(2))
+        first = len(enough)
+        for i in range(self.sharp):
+            upper, lower = found[first + i], found[first + self.sharp + i]
+            large = (upper > UNSEEN * np.fmax(seen[i], FAINT)) | (upper > HIDDEN * np.fmax(lower, FAINT))
+            infinite = np.isposinf(upper) if gaps else np.False_
+            unseen |= large & ~infinite
+            endless |= large & infinite
+        return unseen & matters, endless & matters

@@ -1,0 +1,194 @@
+"""The guard of an adaptive integral: bounds of its integrands and of their sharp values over a box, for `teg.program` (Integrate).
+
+A feature that lies between all nodes changes no value that the rule has; but the node it comes from (`teg.sharp`) has an enclosure over
+the gap, to be compared with its values at the nodes beside it. Of integrals inside, the largest value at their nodes is taken (`peaks`),
+and what the sharp value is at the ends of their range: a ridge that leaves the domain has a layer there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import cast
+
+from teg.expr import ZERO, Const, Expr, Var, const, positive, sub, where
+from teg.integral import Integral
+from teg.integration import Integration
+from teg.intervals import Enclosure, Interval
+from teg.node import Node
+from teg.passes.curved import CurvedEmitter
+from teg.passes.emit import Level
+from teg.polynomial import Degrees
+from teg.program import Adaptive, Arg, Gauss, Guard, Rule
+from teg.quadrature import gauss_legendre
+from teg.sharp import Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
+from teg.traverse import fresh, substitute
+
+CUBIC_RATE = 1.5
+"""How much faster than on a straight line a cubic's place goes."""
+WIDE_GAP = 0.4
+"""The largest part of a piece in one gap, for rules that are not known yet."""
+_LARGEST = 1e300
+
+
+def widest_gap(rule: Adaptive) -> float:
+    """The largest part of a piece that lies between neighbouring nodes, or beside an end, on a straight line or a cubic."""
+    widest = 0.0
+    for nodes in {rule.first, rule.order}:
+        places = [-1.0, *gauss_legendre(nodes)[0], 1.0]
+        widest = max(widest, *(0.5 * (b - a) for a, b in pairwise(places)))
+    return widest * (CUBIC_RATE if rule.cubic else 1.0)
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A node of an integrand inside, the integrals around it from the outermost one, and the name of its largest sharp value there."""
+
+    node: Expr
+    path: tuple[Integral, ...]
+    name: str
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """A sharp value: what a node sees of it, and its bounds over the box of the guard."""
+
+    seen: Arg
+    upper: Expr
+    lower: Expr
+
+
+class GuardedEmitter(CurvedEmitter):
+    """An emitter that also guards adaptive integrals."""
+
+    def __init__(self, parameters: Sequence[str], how: Integration) -> None:
+        super().__init__(parameters, how)
+        self.degrees = Degrees()
+        self.ranges: Mapping[Var, Interval] = {}  # of the variables of the integrals around, where they are known in numbers
+        self.peaks: dict[Integral, tuple[Peak, ...]] = {}
+
+    def guard(self, group: Sequence[Integral], known: Sequence[Sharp], level: Level, home: Level, gap: float | None) -> Guard | None:
+        """The guard of integrals that share a loop, with these sharp values of their own and those of the integrals inside."""
+        x, bodies = group[0].var, [i.body for i in group]
+        taken = frozenset[Var]().union(*(b.free for b in bodies), *(s.value.free for s in known))
+        left, right = fresh(x.name + "₋", taken), fresh(x.name + "₊", taken)
+        boxed = Enclosure({x: (left, right)})
+        inside = self._inside(bodies, x, gap)
+        known = [*known, *self.not_tame([s for peak in inside for s in self._faces(peak, x)], x, gap)]
+        found = []
+        for sharp in known:
+            if (b := bounds(sharp, boxed)) is not None:
+                found.append(Bounded(self.number(sharp.value, level), *b))
+        for peak in inside:
+            sharp = cast(Sharp, sharp_value(peak.node, x, self.degrees, 2))
+            if (box := _around(peak, boxed.box)) is not None and (b := bounds(sharp, Enclosure(box))) is not None:
+                upper = where(positive(sub(const(_LARGEST), b[0])), b[0], ZERO)  # a singularity inside is nothing to be looked for
+                found.append(Bounded(peak.name, upper, upper))
+        if not found:
+            return None
+        names = self.fresh("x"), self.fresh("x")
+        at_left = home.inside(left, names[0])
+        at_both = at_left.inside(right, names[1])
+        extents = tuple(self.number(e, at_both) for e in sizes(bodies, boxed))
+        upper_names = tuple(self.number(b.upper, at_both) for b in found)
+        lower_names = tuple(self.number(b.lower, at_both) for b in found)
+        block = (*at_left.block, *at_both.block)
+        return Guard(*names, block, extents, upper_names, lower_names, tuple(b.seen for b in found))
+
+    def not_tame(self, known: Sequence[Sharp], x: Var, gap: float | None) -> list[Sharp]:
+        """The sharp values that may change much between neighbouring nodes in x."""
+        return [s for s, tame in zip(known, tame_ones(known, self.ranges, x, gap), strict=True) if not tame]
+
+    def largest(self, group: Sequence[Integral], level: Level, rule: Rule) -> tuple[tuple[Arg, ...], tuple[str, ...]]:
+        """The values whose largest the integrals around may want, and the names that these get."""
+        outside = list(_variables(level.outer))
+        if not outside or not isinstance(rule, Gauss | Adaptive):
+            return (), ()
+        x, bodies = group[0].var, [i.body for i in group]
+        wanted: dict[Arg, list[tuple[Expr, tuple[Integral, ...]]]] = {}
+        own = [s for s in sharp_values(bodies, x, self.binders(bodies), self.degrees, 2) if not s.wave]
+        inside = self._peaks_in(bodies, x)
+        sharp = self._sharp_outside([*(s.node for s in own), *(p.node for p in inside)], outside)
+        for s in own:
+            if s.node in sharp:
+                wanted.setdefault(self.number(s.value, level), []).append((s.node, ()))
+        for peak in inside:
+            if peak.node in sharp:
+                wanted.setdefault(peak.name, []).append((peak.node, peak.path))
+        names = {arg: self.fresh("v") for arg in wanted if isinstance(arg, str)}
+        for node in group:
+            self.peaks[node] = tuple(Peak(n, (node, *path), name) for arg, name in names.items() for n, path in wanted[arg])
+        return tuple(names), tuple(names.values())
+
+    def _sharp_outside(self, nodes: Sequence[Expr], outside: Sequence[Var]) -> set[Expr]:
+        """Those nodes that are sharp as seen from one of the integrals around."""
+        found: set[Expr] = set()
+        for v in outside:
+            seen = [sharp_value(n, v, self.degrees, 2) for n in nodes if v in n.free and n not in found]
+            found.update(s.node for s in self.not_tame([s for s in seen if s is not None], v, WIDE_GAP))
+        return found
+
+    def _peaks_in(self, bodies: Sequence[Expr], x: Var) -> list[Peak]:
+        """What is known of the integrals that stand in these integrands, and depend on x, but not of those inside of them."""
+        found: list[Peak] = []
+        seen: set[Node] = set()
+        stack: list[Node] = list(reversed(bodies))
+        while stack:
+            node = stack.pop()
+            if node in seen or x not in node.free:
+                continue
+            seen.add(node)
+            if isinstance(node, Integral):
+                found += self.peaks.get(node, ())
+            else:
+                stack.extend(reversed(node.children))
+        return list({p.name: p for p in found}.values())
+
+    def _inside(self, bodies: Sequence[Expr], x: Var, gap: float | None) -> list[Peak]:
+        """The sharp values of the integrals inside that are not tame as seen from x."""
+        paths: dict[tuple[Integral, ...], list[tuple[Peak, Sharp]]] = {}
+        for peak in self._peaks_in(bodies, x):
+            sharp = sharp_value(peak.node, x, self.degrees, 2) if x in peak.node.free else None
+            if sharp is not None:
+                paths.setdefault(peak.path, []).append((peak, sharp))
+        found: list[Peak] = []
+        for path, entries in paths.items():
+            ranges = dict(self.ranges)
+            for node in path:
+                ranges = numeric_range(node, ranges)
+            tame = tame_ones([s for _, s in entries], ranges, x, gap)
+            found += [peak for (peak, _), known in zip(entries, tame, strict=True) if not known]
+        return found
+
+    def _faces(self, peak: Peak, x: Var) -> Iterator[Sharp]:
+        """A sharp value at both ends of the range of the only integral around it."""
+        if len(peak.path) != 1:
+            return
+        (inner,) = peak.path
+        for end in (inner.lo, inner.hi):
+            if not (isinstance(end, Const) and math.isinf(end.data)):
+                node = cast(Expr, substitute(peak.node, {inner.var: end}))
+                sharp = sharp_value(node, x, self.degrees, 2) if x in node.free else None
+                if sharp is not None and not sharp.wave:
+                    yield sharp
+
+
+def _variables(level: Level | None) -> Iterator[Var]:
+    """The variables of the integrals around."""
+    while level is not None:
+        if level.var is not None:
+            yield level.var
+        level = level.outer
+
+
+def _around(peak: Peak, box: Mapping[Var, Interval]) -> dict[Var, Interval] | None:
+    """The box with the ranges of the variables of the integrals around a node; None where they are not known."""
+    larger = dict(box)
+    for node in peak.path:
+        low, high = range_of(node, larger)
+        if low is None or high is None:
+            return None
+        larger[node.var] = low, high
+    return larger

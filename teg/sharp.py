@@ -1,0 +1,263 @@
+"""Sharp values: subexpressions that can be large between all nodes of a rule, and small at each of them; bounds of them over a box.
+
+A narrow smooth feature of an integrand comes from few kinds of nodes, whose own size, or slope, tells where it is:
+
+    exp u                   itself                       uᵏ, pow(u, k), k < 0 or large      itself
+    cosh u, sinh u          cosh u                       sin u, cos u, u no polynomial      how far u goes in a gap
+    tanh u                  1 - tanh²u                   atan u                             1/(1 + u²)
+
+The last ones are the slopes: the steps themselves are seen. A sharp value is *tame* if it cannot change much between neighbouring nodes:
+if its bounds over the whole domain are near each other, or those of its logarithm's slope are small. This is decided when the program is
+made, where the domain is known in numbers. Bounds over a box are those of `teg.intervals`; an integral inside is bounded by the largest
+size of its integrand times the largest extent of its range. Linear in the size of the integrands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from teg.calculus import slope
+from teg.errors import NotDifferentiableError
+from teg.expr import MINUS_ONE, ONE, Call, Compare, Const, Expr, Param, Pow, Var, add, call, const, integer_power, mul, sub
+from teg.function import Apply
+from teg.integral import Integral, PointMasses
+from teg.intervals import Enclosure, Interval
+from teg.node import Node, postorder
+from teg.numerics import folded, values_of
+from teg.polynomial import Degrees
+from teg.program import UNSEEN
+from teg.traverse import fresh, rebuild
+
+LARGE_POWER = 16
+"""A positive power up to that is narrow only where its base is; a negative one of a linear or quadratic function has places of its own."""
+SATURATED = 1e-13
+"""Added to the slope of tanh: where that is lost in the rounding of 1, nothing is narrow."""
+FAR_ARGUMENT = 3.0
+"""How far the argument of a wave may go between two nodes."""
+MAX_NODES = 4000
+"""Nodes of a guard's bounds: beyond that every box matters."""
+_INFINITY = const(math.inf)
+_NO_NUMBER = const(math.nan)
+
+
+@dataclass(frozen=True)
+class Sharp:
+    """A sharp value, the node it comes from, and that node's argument u. The slope of the value's logarithm is at most `factor` times that
+    of u (None: not known); of `power`s, that of u's logarithm. Of a `wave` it is u that counts."""
+
+    node: Expr
+    value: Expr
+    argument: Expr
+    factor: Expr | None
+    power: bool = False
+    wave: bool = False
+
+
+def sharp_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var], degrees: Degrees, poles: int) -> list[Sharp]:
+    """The sharp values of integrands over x that do not depend on variables of the integrals inside; `poles` is how many poles near to
+    pieces are known: a single one has places of its own."""
+    found: dict[Expr, Sharp] = {}
+    for node in _in_values(bodies, x, inner):
+        sharp = sharp_value(node, x, degrees, poles) if not node.free & inner else None
+        if sharp is not None:
+            found.setdefault(sharp.argument if sharp.wave else sharp.value, sharp)
+    return list(found.values())
+
+
+def _in_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var]) -> list[Expr]:
+    """The numbers in integrands that depend on x, conditions of the integrand's own left out: these have breaks."""
+    seen: set[Node] = set()
+    order: list[Expr] = []
+    stack: list[Node] = list(reversed(bodies))
+    while stack:
+        node = stack.pop()
+        if node in seen or x not in node.free:
+            continue
+        seen.add(node)
+        if isinstance(node, Compare):
+            if node.g.free & inner:
+                stack.append(node.g)
+            continue
+        if isinstance(node, Expr):
+            order.append(node)
+        stack.extend(reversed(node.children))
+    return order
+
+
+def sharp_value(node: Expr, x: Var, degrees: Degrees, poles: int) -> Sharp | None:
+    """The sharp value that a node contributes, as seen from x; None for most."""
+    match node:
+        case Pow():
+            u, k = node.base, node.exponent
+            if k == -1 and isinstance(u, Call) and u.name in ("sqrt", "root"):  # as singular as nodes can see, and has places of its own
+                return None
+            if 0 < k <= LARGE_POWER or (-LARGE_POWER <= k < 0 and poles <= 1 and degrees.of(u, x) in (1, 2)):
+                return None
+            return Sharp(node, node if k % 2 == 0 else call("magnitude", node), u, const(k), power=True)
+        case Apply():
+            return None
+        case Call():
+            return _sharp_call(node, x, degrees)
+        case _:
+            return None
+
+
+def _sharp_call(node: Call, x: Var, degrees: Degrees) -> Sharp | None:
+    u = node.children[0]
+    match node.name:
+        case "exp":
+            return Sharp(node, node, u, ONE)
+        case "cosh" | "sinh":
+            return Sharp(node, call("cosh", u), u, ONE)
+        case "tanh":
+            return Sharp(node, add(sub(ONE, integer_power(node, 2)), const(SATURATED)), u, const(2.0))
+        case "atan":
+            return Sharp(node, integer_power(add(ONE, integer_power(u, 2)), -1), u, ONE)
+        case "pow":
+            k = node.children[1]
+            if isinstance(k, Const) and -1.0 < k.data <= 2.0:
+                return None
+            return Sharp(node, node, u, None if x in k.free else k, power=True)
+        case "sin" | "cos":
+            return None if degrees.of(u, x) is not None else Sharp(node, ONE, u, None, wave=True)
+        case _:
+            return None
+
+
+# -- bounds --------------------------------------------------------------------------------------------------------------
+
+
+def bounds(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr] | None:
+    """The upper and the lower bound of a sharp value over a box; None where none are known."""
+    try:
+        if not sharp.wave:
+            lo, hi = boxed.of(sharp.value)
+            return hi, lo
+        first, last = boxed.of(sharp.argument)
+    except (NotDifferentiableError, AssertionError):
+        return None
+    return call("max", ONE, mul(const(UNSEEN / FAR_ARGUMENT), sub(last, first))), ONE
+
+
+def sizes(bodies: Sequence[Expr], boxed: Enclosure) -> list[Expr]:
+    """Bounds of the |integrands| over a box, infinite where none are known."""
+    found = [size_of(body, boxed) for body in bodies]
+    return found if len(postorder(found)) <= MAX_NODES else [_INFINITY] * len(found)
+
+
+def size_of(body: Expr, boxed: Enclosure) -> Expr:
+    """A bound of |body| over a box."""
+    plain, box = _without_integrals(body, boxed.box)
+    try:
+        lo, hi = (boxed if plain is body else Enclosure(box)).of(plain)
+    except NotDifferentiableError:
+        return _INFINITY
+    return call("magnitude", lo) if lo is hi else call("max", hi, mul(MINUS_ONE, lo))
+
+
+def _without_integrals(body: Expr, box: Mapping[Var, Interval]) -> tuple[Expr, dict[Var, Interval]]:
+    """The expression with variables in the place of integrals and functions that depend on the box, and the box with their bounds. The
+    recursion is as deep as integrals are nested."""
+    new: dict[Node, Node] = {}
+    larger = dict(box)
+    variables = set(box)
+    stack: list[Node] = [body]
+    while stack:
+        node = stack[-1]
+        if node in new or node.free.isdisjoint(variables):
+            new.setdefault(node, node)
+            stack.pop()
+        elif isinstance(node, Integral | Apply | PointMasses):
+            name = fresh("∫", larger)
+            size = extent_of(node, box) if isinstance(node, Integral) else _INFINITY
+            larger[name] = mul(MINUS_ONE, size), size
+            new[node] = name
+            stack.pop()
+        elif missing := [c for c in node.children if c not in new]:
+            stack.extend(missing)
+        else:
+            new[node] = rebuild(node, tuple(new[c] for c in node.children))
+            stack.pop()
+    return cast(Expr, new[body]), larger
+
+
+def extent_of(node: Integral, box: Mapping[Var, Interval]) -> Expr:
+    """A bound of |∫| over a box: the largest size of the integrand, times the extent of the range."""
+    low, high = range_of(node, box)
+    if low is None or high is None:
+        return _INFINITY
+    return mul(sub(high, low), size_of(node.body, Enclosure({**box, node.var: (low, high)})))
+
+
+def range_of(node: Integral, box: Mapping[Var, Interval]) -> tuple[Expr, Expr] | tuple[None, None]:
+    """Bounds of an integral's variable over a box; None where they are infinite or not known."""
+    if any(isinstance(b, Const) and math.isinf(b.data) for b in (node.lo, node.hi)):
+        return None, None
+    try:
+        ends = Enclosure(box)
+        (a, b), (c, d) = ends.of(node.lo), ends.of(node.hi)
+    except NotDifferentiableError:
+        return None, None
+    low = a if _ordered(a, c) else call("min", a, c)
+    return low, d if _ordered(b, d) else call("max", b, d)
+
+
+def _ordered(a: Expr, b: Expr) -> bool:
+    return isinstance(a, Const) and isinstance(b, Const) and a.data <= b.data
+
+
+# -- tame ones -----------------------------------------------------------------------------------------------------------
+
+
+def tame_ones(known: Sequence[Sharp], ranges: Mapping[Var, Interval], x: Var, gap: float | None) -> list[bool]:
+    """Which sharp values certainly change by less than UNSEEN between neighbouring nodes, over a box known in numbers; `gap` is the
+    largest part of a piece between two nodes (None: not known)."""
+    if x not in ranges:
+        return [False] * len(known)
+    boxed = Enclosure(ranges)
+    nothing = (_NO_NUMBER, _NO_NUMBER)
+    ends = _numbers([b for s in known for b in bounds(s, boxed) or nothing])
+    tame = [lower > 0.0 and upper <= UNSEEN * lower < math.inf for upper, lower in zip(ends[::2], ends[1::2], strict=True)]
+    rest = [i for i, settled in enumerate(tame) if not settled and known[i].factor is not None]
+    if gap is None or not rest:
+        return tame
+    rates = _numbers([b for i in rest for b in _rate(known[i], x, boxed) or nothing])
+    lo, hi = _numbers(ranges[x])
+    for i, slowest, fastest in zip(rest, rates[::2], rates[1::2], strict=True):
+        change = max(abs(slowest), abs(fastest)) * (hi - lo) * gap
+        tame[i] = not math.isnan(slowest + fastest) and change <= math.log(UNSEEN)
+    return tame
+
+
+def _rate(sharp: Sharp, x: Var, boxed: Enclosure) -> Interval | None:
+    """Bounds of the slope of the logarithm of a sharp value."""
+    try:
+        rate = mul(cast(Expr, sharp.factor), slope(sharp.argument, x))
+        return boxed.of(mul(rate, integer_power(sharp.argument, -1)) if sharp.power else rate)
+    except NotDifferentiableError:
+        return None
+
+
+def _numbers(expressions: Sequence[Expr]) -> list[float]:
+    """The values of those expressions that are made of numbers alone, NaN for the others."""
+    symbolic: set[Node] = set()
+    for node in postorder(expressions):
+        if isinstance(node, Param | Var | Apply | Integral) or any(c in symbolic for c in node.children):
+            symbolic.add(node)
+    values = iter(values_of([e for e in expressions if e not in symbolic], {}))
+    return [math.nan if e in symbolic else float(next(values)) for e in expressions]
+
+
+def numeric_range(node: Integral, ranges: Mapping[Var, Interval]) -> dict[Var, Interval]:
+    """The ranges with that of an integral's variable, where it is finite and known in numbers; without any range of that variable else."""
+    rest = {v: ends for v, ends in ranges.items() if v is not node.var}
+    low, high = range_of(node, rest)
+    if low is None or high is None:
+        return rest
+    low, high = folded(low), folded(high)
+    if not (isinstance(low, Const) and isinstance(high, Const) and math.isfinite(low.data) and math.isfinite(high.data)):
+        return rest
+    return {**rest, node.var: (low, high)}

@@ -1,0 +1,250 @@
+"""Narrow smooth features, which lie between all nodes of a first look: found by the guard, in values and gradients, in every backend."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import teg
+from teg import Expr, abs, bracket, cos, cosh, exp, integral, log, sin, tanh
+from teg.backends.c_backend import compile_c
+from teg.backends.numpy_backend import compile_numpy
+from teg.program import Adaptive, Guard, Integrate, Program, statements
+
+x, y = teg.vars("x y")
+k, p, a, b = teg.params("k p a b")
+BACKENDS = ("numpy", "c")
+WIDTHS = (300, 1000, 3000, 10_000, 40_000)
+ROOT_PI = math.sqrt(math.pi)
+
+
+def bump(u: Expr) -> Expr:
+    """sech²u, of integral 2."""
+    return 1 / cosh(u) ** 2
+
+
+def logistic_slope(u: Expr) -> Expr:
+    return 1 / (exp(u / 2) + exp(-u / 2)) ** 2
+
+
+def beta(n: int) -> float:
+    """∫₀¹ (4x(1 - x))ⁿ dx."""
+    return math.exp(n * math.log(4) + 2 * math.lgamma(n + 1) - math.lgamma(2 * n + 2))
+
+
+NARROW: dict[str, tuple[Callable[[int], Expr], Callable[[int], float]]] = {
+    "exp(-kx)": (lambda n: exp(-n * x), lambda n: 1 / n),
+    "k exp(-k(1-x))": (lambda n: n * exp(-n * (1 - x)), lambda n: 1.0),
+    "(k+1)x^k": (lambda n: (n + 1) * x**n, lambda n: 1.0),
+    "(1+x)^-k": (lambda n: (1 + x) ** -n, lambda n: 1 / (n - 1)),
+    "sech²": (lambda n: bump(n * (x - 0.3)), lambda n: 2 / n),
+    "1 - tanh²": (lambda n: 1 - tanh(n * (x - 0.3)) ** 2, lambda n: 2 / n),
+    "exp(-k|x-p|)": (lambda n: exp(-n * abs(x - 0.3)), lambda n: 2 / n),
+    "1 + exp(-k|x-p|)": (lambda n: 1 + exp(-n * abs(x - 0.3)), lambda n: 1 + 2 / n),
+    "Gaussian of x²": (lambda n: 2 * n * x * exp(-((n * (x * x - 0.41)) ** 2)), lambda n: ROOT_PI),
+    "Lorentz": (lambda n: 1 / (1 + (n * (x - 0.3)) ** 2), lambda n: (math.atan(0.7 * n) + math.atan(0.3 * n)) / n),
+    "cos + Lorentz": (
+        lambda n: cos(x) + 1 / (1 + (n * (x - 0.3)) ** 2),
+        lambda n: math.sin(1) + (math.atan(0.7 * n) + math.atan(0.3 * n)) / n,
+    ),
+    "exp(-u⁴)": (lambda n: exp(-((n * (x - 0.3)) ** 4)), lambda n: 2 * math.gamma(1.25) / n),
+    "exp(-k(x+x³))": (lambda n: exp(-n * (x + x**3)) * (1 + 3 * x * x), lambda n: 1 / n),
+    "2 - tanh²": (lambda n: 2 - tanh(n * (x - 0.3)) ** 2, lambda n: 1 + 2 / n),
+    "logistic slope": (lambda n: logistic_slope(n * (x - 0.3)), lambda n: 1 / n),
+    "(4x(1-x))^k": (lambda n: (4 * x * (1 - x)) ** n, beta),
+}
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("name", NARROW)
+def test_narrow_features_of_one_variable(name: str, width: int) -> None:
+    make, exact = NARROW[name]
+    f = teg.compile(integral(make(width), (x, 0, 1)))
+    value, error = f.value_and_error()
+    assert value == pytest.approx(exact(width), rel=1e-8)
+    assert np.abs(value - exact(width)) <= max(10 * error, 1e-10 * exact(width))
+    assert f.evaluations() <= 2600
+
+
+@pytest.mark.parametrize("name", NARROW)
+def test_the_same_in_c(name: str) -> None:
+    make, exact = NARROW[name]
+    f, g = (teg.compile(integral(make(3000), (x, 0, 1)), backend=backend) for backend in BACKENDS)
+    assert g() == pytest.approx(exact(3000), rel=1e-10)
+    assert g.evaluations() == f.evaluations()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["sech²", "(4x(1-x))^k", "1 + exp(-k|x-p|)"])
+def test_the_same_in_jax(name: str) -> None:
+    make, exact = NARROW[name]
+    assert teg.compile(integral(make(3000), (x, 0, 1)), backend="jax")() == pytest.approx(exact(3000), rel=1e-10)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("n", [300.0, 600.0, 3000.0])
+def test_gradients_by_width_and_bounds(n: float, backend: str) -> None:
+    f = teg.compile(integral(bracket(x < p) * exp(-k * (x - a)), (x, a, b)), backend=backend)
+    value, gradient = f.value_and_grad(k=n, p=0.5, a=-0.4, b=1.0)
+    assert value == pytest.approx(1 / n, rel=1e-10)
+    assert gradient["k"] == pytest.approx(-1 / n**2, rel=1e-9)
+    assert [gradient[name] for name in "pab"] == pytest.approx([0, 0, 0], abs=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_gradients_by_the_place_of_a_peak(backend: str) -> None:
+    f = teg.compile(integral(x * bump(k * (x - p)), (x, 0, 1)), backend=backend)
+    value, gradient = f.value_and_grad(k=400.0, p=0.3)
+    assert value == pytest.approx(0.3 * 2 / 400, rel=1e-10)
+    assert gradient["p"] == pytest.approx(2 / 400, rel=1e-9)
+    assert gradient["k"] == pytest.approx(-0.3 * 2 / 400**2, rel=1e-9)
+
+
+RELATIVES: dict[str, tuple[Expr, float]] = {
+    "line": (integral(bump(3000 * (x - 3)), (x, -math.inf, math.inf)), 2 / 3000),
+    "half-line": (integral(bump(3000 * (x - 30)), (x, 0, math.inf)), 2 / 3000),
+    "turned round": (integral(exp(-5000 * x), (x, 1, 0)), -1 / 5000),
+    "many bumps": (integral(sum((bump(2000 * (x - 0.02 - 0.0487 * i)) for i in range(20)), teg.expr.ZERO), (x, 0, 1)), 40 / 2000),
+    "many Gaussians": (
+        integral(sum((exp(-((2000 * (x - 0.05 - 0.0913 * i)) ** 2)) for i in range(10)), teg.expr.ZERO), (x, 0, 1)),
+        10 * ROOT_PI / 2000,
+    ),
+    "many Lorentz": (
+        integral(sum((1 / (1 + (3000 * (x - 0.05 - 0.08 * i)) ** 2) for i in range(12)), teg.expr.ZERO), (x, 0, 1)),
+        math.fsum((math.atan(3000 * (0.95 - 0.08 * i)) + math.atan(3000 * (0.05 + 0.08 * i))) / 3000 for i in range(12)),
+    ),
+    "large domain": (integral(bump(3000 * (x / 1e6 - 0.3)), (x, 0, 1e6)), 2e6 / 3000),
+    "small domain": (integral(1e6 * bump(3000 * (x * 1e6 - 0.3)), (x, 0, 1e-6)), 2 / 3000),
+    "risers against fallers": (integral((1 + tanh(3000 * (x - 0.3))) * (1 - tanh(3000 * (x - 0.3))), (x, 0, 1)), 2 / 3000),
+    "two logistic curves": (integral(1 / (1 + exp(3000 * (x - 0.3))) / (1 + exp(-3000 * (x - 0.3))), (x, 0, 1)), 1 / 3000),
+    "a power of a wave": (
+        integral(sin(math.pi * x) ** 4000, (x, 0, 1)),
+        math.exp(math.lgamma(2000.5) - math.lgamma(2001)) / ROOT_PI,
+    ),
+    "of a logarithm": (integral(exp(-((3000 * (log(x) + 1)) ** 2)) / x, (x, 0.01, 1)), ROOT_PI / 3000),
+}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", RELATIVES)
+def test_relatives(name: str, backend: str) -> None:
+    program, exact = RELATIVES[name]
+    assert teg.compile(program, backend=backend)() == pytest.approx(exact, rel=1e-8)
+
+
+def over_square(f: Expr) -> Expr:
+    return integral(f, (y, 0, 1), (x, 0, 1))
+
+
+NESTS: dict[str, tuple[Expr, float]] = {
+    "bump": (over_square(9e4 * exp(-((300 * (x - 0.3)) ** 4) - (300 * (y - 0.4)) ** 4)), 4 * math.gamma(1.25) ** 2),
+    "outer": (over_square(bump(3000 * (x - 0.3)) * exp(x * y)), 0.0),
+    "inner": (over_square(bump(3000 * (y - 0.3)) * exp(x)), 2 / 3000 * (math.e - 1)),
+    "ridge into corners": (over_square(bump(300 * (x - y))), 2 * (300 - math.log(2)) / 300**2),
+    "under a curve": (over_square(bracket(y < exp(-2000 * x))), 1 / 2000),
+    "under a bump": (over_square(bracket(y < bump(300 * (x - 0.3))) * (1 + y)), 2 / 300 + 2 / 3 / 300),
+}
+
+
+def outer_bump() -> float:
+    """∫∫ sech²(3000(x - 0.3))·exp(xy): the inner integral is smooth, (exp x - 1)/x, of curvature c; the bump's variance is π²/12/3000²."""
+    h = 1e-3
+    values = [math.expm1(u) / u for u in (0.3 - h, 0.3, 0.3 + h)]
+    curvature = (values[0] - 2 * values[1] + values[2]) / h**2
+    return 2 / 3000 * (values[1] + 0.5 * curvature * math.pi**2 / 12 / 3000**2)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", NESTS)
+def test_narrow_features_of_two_variables(name: str, backend: str) -> None:
+    program, exact = NESTS[name]
+    assert teg.compile(program, backend=backend)() == pytest.approx(exact or outer_bump(), rel=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["inner", "under a bump"])
+def test_the_same_nests_in_jax(name: str) -> None:
+    program, exact = NESTS[name]
+    assert teg.compile(program, backend="jax")() == pytest.approx(exact, rel=1e-8)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_gradients_of_what_is_under_a_curve(backend: str) -> None:
+    f = teg.compile(over_square(bracket(y < exp(-k * x))), backend=backend)
+    assert f.grad(k=500.0)["k"] == pytest.approx(-1 / 500**2, rel=1e-8)
+    g = teg.compile(over_square(exp(-k * x * y)), backend=backend)
+    exact = (math.log(3000) + 0.5772156649015329) / 3000
+    value, gradient = g.value_and_grad(k=3000.0)
+    assert value == pytest.approx(exact, rel=1e-9)
+    assert gradient["k"] == pytest.approx((1 / 3000 - exact) / 3000, rel=1e-8)
+
+
+# -- what is not narrow ------------------------------------------------------------------------------------------------
+
+TAME = {
+    "a polynomial": integral(x**4 * bracket(x < k), (x, 0, 1)),
+    "exp x": integral(exp(x), (x, 0, 1)),
+    "exp(k - x)": integral(exp(k - x), (x, 0, 1)),
+    "exp -30x": integral(exp(-30 * x), (x, 0, 1)),
+    "tanh 3x": integral(tanh(3 * x), (x, -1, 1)),
+    "1/(1 + x)³": integral((1 + x) ** -3, (x, 0, 1)),
+    "sin kx": integral(sin(k * x), (x, 0, 1)),
+    "exp cos 8x": integral(exp(cos(8 * x)), (x, 0, 1)),
+    "1/√(x + k)": integral(1 / teg.sqrt(x + k), (x, 0, 1)),
+    "a Gaussian": integral(exp(-((60 * (x - k)) ** 2)), (x, 0, 1)),
+    "exp x cos y": over_square(exp(x) * cos(y)),
+    "exp -xy": over_square(exp(-x * y)),
+    "tanh 4(x - y)": over_square(1 + tanh(4 * (x - y)) * exp(x)),
+    "a half-plane": over_square(bracket(x + 2 * y < p) * exp(x - y)),
+}
+
+
+def guards(f: teg.Evaluator, derivatives: int = 1) -> list[Guard]:
+    return [s.guard for s in statements(f.program(derivatives).body) if isinstance(s, Integrate) and s.guard is not None]
+
+
+@pytest.mark.parametrize("name", TAME)
+def test_what_is_known_to_be_tame_has_no_guard(name: str) -> None:
+    f = teg.compile(TAME[name])
+    assert not guards(f)
+    assert not any(s.largest for s in statements(f.program(1).body) if isinstance(s, Integrate))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    ("program", "at", "evaluations"),
+    [
+        (integral(exp(k * x), (x, 0, 1)), 1.5, 8 + 16),
+        (integral(exp(k * x), (x, 0, 1)), 0.1, 8),
+        (integral(1 / (2 + exp(k * x)), (x, 0, 1)), 0.1, 8),
+        (over_square(exp(k * x * y)), 0.1, 10 * 8),
+    ],
+)
+def test_ordinary_integrands_are_evaluated_as_before(program: Expr, at: float, evaluations: int, backend: str) -> None:
+    f = teg.compile(program, backend=backend)
+    assert guards(f, 0)
+    assert f.evaluations(k=at) == evaluations
+
+
+# -- where nothing can be decided --------------------------------------------------------------------------------------
+
+
+def undecided() -> Program:
+    """∫₀¹ x² dx with a sharp value that may be 1 in every gap, however short, and is 0 at all nodes."""
+    f = teg.compile(integral(x * x, (x, 0, 1)), rule="adaptive")
+    program = f.program(0)
+    (loop,) = (s for s in program.body if isinstance(s, Integrate))
+    guard = Guard("x91", "x92", (), (1.0,), (1.0,), (1.0,), (0.0,))
+    assert isinstance(loop.rule, Adaptive)
+    return replace(program, body=tuple(replace(loop, guard=guard) if s is loop else s for s in program.body))
+
+
+@pytest.mark.parametrize("compiled", [compile_numpy, compile_c])
+def test_a_feature_that_is_never_seen_is_a_missed_tolerance(compiled: Callable[[Program], object]) -> None:
+    outcome = compiled(undecided()).outcome([], 1)  # type: ignore[attr-defined]
+    assert outcome.missed
+    assert outcome.values[0, 0] == pytest.approx(1 / 3, rel=1e-10)
