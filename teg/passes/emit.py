@@ -47,6 +47,7 @@ class Level:
     errors: dict[Expr, Arg] = field(default_factory=dict)
     groups: dict[Integral, list[Integral]] = field(default_factory=dict)
     guards: dict[Integral, Cond] = field(default_factory=dict)
+    weights: dict[Integral, Expr] = field(default_factory=dict)  # what integrals are multiplied by while they are computed
     isolated: dict[object, tuple[Arg, ...]] = field(default_factory=dict)
     coincident: dict[Compare, Arg] = field(default_factory=dict)  # of a sum over roots: the conditions that may tie with its surface
     constant: dict[Node, bool] = field(default_factory=dict)  # on a piece

@@ -69,9 +69,8 @@ class GuardedEmitter(CurvedEmitter):
         self.ranges: Mapping[Var, Interval] = {}  # of the variables of the integrals around, where they are known in numbers
         self.peaks: dict[Integral, tuple[Peak, ...]] = {}
 
-    def guard(self, group: Sequence[Integral], known: Sequence[Sharp], level: Level, home: Level, gap: float | None) -> Guard | None:
-        """The guard of integrals that share a loop, with these sharp values of their own and those of the integrals inside."""
-        x, bodies = group[0].var, [i.body for i in group]
+    def guard(self, bodies: Sequence[Expr], x: Var, known: Sequence[Sharp], level: Level, home: Level, gap: float | None) -> Guard | None:
+        """The guard of integrands in x that share a loop, with these sharp values of their own and those of the integrals inside."""
         taken = frozenset[Var]().union(*(b.free for b in bodies), *(s.value.free for s in known))
         left, right = fresh(x.name + "₋", taken), fresh(x.name + "₊", taken)
         boxed = Enclosure({x: (left, right)})

@@ -49,6 +49,7 @@ from teg.passes.emit import NAN, Level
 from teg.passes.emptiness import certainly_empty
 from teg.passes.guarded import GuardedEmitter, widest_gap
 from teg.passes.sampled import deciding_integrals
+from teg.passes.weights import largest, weights
 from teg.polynomial import Shadow
 from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Guard, Integrate, Midpoint, Program, Rational, Rule, Tie
 from teg.roots import local_origin
@@ -159,6 +160,7 @@ class _Scheduler(GuardedEmitter):
         if not mine:
             return
         level.guards = guards(roots, order, inner, height, set(mine))
+        level.weights = weights(roots, order)
         shared: dict[object, list[Integral]] = {}
         for node in mine:
             masses = masses_of(node.body, node.var)
@@ -257,26 +259,30 @@ class _Scheduler(GuardedEmitter):
         around, self.ranges = self.ranges, numeric_range(node, self.ranges)
         level = home.inside(node.var, var)
         level.breaks, level.middle = self.analysis.of(node), home.inside(node.var, var)
-        bodies = [i.body for i in group]
+        weight = largest([home.weights.get(i, ONE) for i in group]) if isinstance(rule, Adaptive) else ONE
+        bodies = [mul(weight, i.body) for i in group]
         self.plan_integrals(level, bodies)
         need = self._need(bodies, level)
         values = tuple(self.number(b, level) for b in bodies)
         watch = self._watched(bodies, level) if isinstance(rule, Adaptive) and rule.tol < math.inf else ()
         base, bends = self._bends(group, level, home, rule) if isinstance(rule, Adaptive | Rational) else (0.0, ())
-        search = self._guard(group, level, home, rule, bends)
-        peaks, largest = self.largest(group, level, rule)
+        search = self._guard(group, weight, level, home, rule, bends)
+        peaks, peak_names = self.largest(group, level, rule)
         results = tuple(self.fresh("v") for _ in group)
         flags, inside = tuple(level.middle.block), tuple(level.block)
         infinite = is_unbounded(node)
         scale = self._scale(group, home) if infinite else 1.0
         rest = (rule, when, watch, bends, base, infinite, scale)
         home.block.append(
-            Integrate(var, lo, hi, breaks, flags, need, inside, values, results, *rest, guard=search, peaks=peaks, largest=largest)
+            Integrate(var, lo, hi, breaks, flags, need, inside, values, results, *rest, guard=search, peaks=peaks, largest=peak_names)
         )
+        if weight is not ONE:
+            by = self.number(weight, home)
+            results = tuple(self.assign(home, "v", "div", r, by) for r in results)
         home.names.update(zip(group, results, strict=True))
         self.ranges = around
 
-    def _guard(self, group: Sequence[Integral], level: Level, home: Level, rule: Rule, bends: Sequence[Bend]) -> Guard | None:
+    def _guard(self, group: Sequence[Integral], weight: Expr, level: Level, home: Level, rule: Rule, bends: Sequence[Bend]) -> Guard | None:
         """What finds features of the integrands between all nodes; None where there can be none."""
         if not isinstance(rule, Adaptive) or rule.tol == math.inf:
             return None
@@ -284,7 +290,7 @@ class _Scheduler(GuardedEmitter):
         poles = sum(b.kind == "pole" for b in bends)
         gap = None if bends or is_unbounded(group[0]) else widest_gap(rule)
         known = self._without_peaks(group, sharp_values(bodies, x, self.binders(bodies), self.degrees, poles))
-        return self.guard(group, self.not_tame(known, x, gap), level, home, gap)
+        return self.guard([mul(weight, b) for b in bodies], x, self.not_tame(known, x, gap), level, home, gap)
 
     def _without_peaks(self, group: Sequence[Integral], known: Sequence[Sharp]) -> list[Sharp]:
         """The sharp values without narrow Gaussians, which are breaks: an exponential of a quadratic that opens downwards."""

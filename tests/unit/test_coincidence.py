@@ -203,9 +203,15 @@ class TestSurfacesWithoutASlope:
 class TestScales:
     """|x|ⁿ + |y|ⁿ < tⁿ has the area 4·Γ(1 + 1/n)²/Γ(1 + 2/n)·t²."""
 
-    @pytest.mark.parametrize("n", [4, 6, 8, 12])
-    @pytest.mark.parametrize("scale", [1e-5, 1.0, 20.0])
+    @pytest.mark.parametrize("n", [4, 6, 8, 12, 20])
+    @pytest.mark.parametrize("scale", [1e-5, 1.0, 20.0, 2e5])
     def test_superellipses(self, n: int, scale: float) -> None:
         area = 4 * math.gamma(1 + 1 / n) ** 2 / math.gamma(1 + 2 / n)
         e = teg.integral(teg.bracket(x**n + y**n < t**n), (x, -scale, scale), (y, -scale, scale))
         assert gradient(e, t=0.7 * scale) == pytest.approx(2 * area * 0.7 * scale, rel=1e-9)
+
+    def test_a_small_integral_behind_a_large_factor(self) -> None:
+        wave = teg.integral(1e-25 * teg.sin(60 * x) ** 2 / (1 + x), (x, 0, 1))
+        plain = teg.integral(teg.sin(60 * x) ** 2 / (1 + x), (x, 0, 1))
+        assert teg.compile(1e25 * wave)() == pytest.approx(teg.compile(plain)(), rel=1e-10)
+        assert teg.compile(s * wave)(s=1e25) == pytest.approx(teg.compile(plain)(), rel=1e-10)

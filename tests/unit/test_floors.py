@@ -61,13 +61,23 @@ PASSES_THAT_USE_ANOTHER = {
     "differentiate": {"jumps", "sift"},
     "emit": {"breaks"},
     "estimators.ignore": {"sift"},
-    "reparameterize": {"affine", "bilinear", "hyperbola", "sift", "univariate", "charts", "implicit", "steep", "user"},  # the list of families
+    "reparameterize": {
+        "affine",
+        "bilinear",
+        "hyperbola",
+        "sift",
+        "univariate",
+        "charts",
+        "implicit",
+        "steep",
+        "user",
+    },  # the list of families
     "sampled": {"at_roots", "emit"},
     "emptiness": {"demand"},
     "guarded": {"curved", "emit"},
     "clipped": {"barycentric", "demand", "emit", "polygon", "sampled", "vertices"},
     "curved": {"clipped", "emit", "hyperbola"},
-    "schedule": {"at_roots", "breaks", "demand", "emit", "emptiness", "guarded", "sampled"},
+    "schedule": {"at_roots", "breaks", "demand", "emit", "emptiness", "guarded", "sampled", "weights"},
     "steep": {"affine", "implicit"},
     "steps": {"jumps"},
 }
