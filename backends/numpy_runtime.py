@@ -57,6 +57,7 @@ class Run:
     missed: bool = False
     evaluations: int = 0
     crowded: bool = False
+    most: float = np.inf  # evaluations, beyond which every interval is accepted
 
     def add(self, other: Run) -> None:
         """Note what another run of the program noted, but for its ties."""
@@ -361,7 +362,7 @@ class AdaptiveIntegral(Integral):
             used += np.bincount(piece, minlength=pieces)
             fine = (error <= np.maximum(enough[:, piece], ROUNDING * size)) | ~np.isfinite(error)
             accepted = np.where(changed, width <= WATCH_WIDTH, fine.all(axis=0))
-            again = ~accepted & ((used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH))
+            again = ~accepted & ((used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH) & (run.evaluations <= run.most))
             missed = ~accepted & ~again
             if missed.any():
                 run.missed = True
