@@ -91,6 +91,10 @@ NaN or not, and no tie. If at these points a watched boolean is not always the s
 unless it is at most WATCH_WIDTH wide in u, or MAX_DEPTH or MAX_INTERVALS was reached; then it is accepted, its K counts as any other.
 An interval that will be halved anyway need not be evaluated further, but the first one is, for A₀.
 
+Once the intervals of a run have been measured with more than MAX_EVALUATIONS nodes a point of the batch, or an iteration of a loop, each
+that is still to be measured is accepted as one that was halved MAX_DEPTH times is: the tolerance was missed. Which these are, and which
+nodes count, is for a backend to say. (JAX has no such limit.)
+
 A `guard` (rule Adaptive only) finds what lies between all nodes. Its block computes for left <= v <= right a bound `sizes` of each tested
 |value|, and bounds lower <= s <= upper of its *sharp* values, which the body computes at the nodes as `seen`. A₀ of an interval is then
 the largest A among those of the interval itself and of the intervals it came from. An interval that would be accepted because its
@@ -123,10 +127,10 @@ d₋ <= g′ <= d₊ and c₋ <= g″ <= c₊ for all v with left <= v <= right,
             or g₋, g₊ and g(m) are all NaN                                                                     (g is not defined there)
         else if  d₋ > 0  or  d₊ < 0,  and g(p) and g(q) are numbers  (monotone): one root if it changes sign, else none
         else if  c₋ > 0  or  c₊ < 0,  and g and g′ are numbers at p and q  (convex or concave): one root if it changes sign; else none,
-            unless it turns between p and q: one of g′(p), g′(q) is > 0 and the other is not, and g(p) > 0 if and only if c₋ > 0. Then, t
-            being where g′ = 0, with the noise of `enclosure` at left := right := t: if |g(t)| <= noise the root t twice (a tangency), else
-            if one of g(t), g(p) is > 0 and the other is not two roots, in (p, t) and in (t, q), else none
-        else if this is level ISOLATE_DEPTH, or |g(m)| + h·|g′(m)| + ½h²·max(|c₋|, |c₊|) <= noise (lost in rounding): it is *undecided*
+            unless it turns between p and q: one of g′(p), g′(q) is > 0 and the other is not, and g(p) > 0 if and only if c₋ > 0. Then,
+            t being where g′ = 0, with the noise of `enclosure` at left := right := t: if |g(t)| <= noise < ∞ the root t twice (a
+            tangency), else if one of g(t), g(p) is > 0 and the other is not two roots, in (p, t) and in (t, q), else none
+        else if this is level ISOLATE_DEPTH, or |g(m)| + h·|g′(m)| + ½h²·max(|c₋|, |c₊|) <= noise < ∞ (lost in rounding): it is *undecided*
         else it is halved, (p, m) and (m, q) go to the next level, or (p, q) itself if m is not strictly between p and q
     more than `width` boxes on a level make every result NaN
     undecided boxes that share an end are joined; a joined box (p, q) gives one root ½(p + q) if it changes sign; else none if g(p) or g(q)
@@ -275,6 +279,8 @@ ABSOLUTE_FLOOR = 1e-6
 ROUNDING = 64 * 2.0**-52
 MAX_DEPTH = 48
 MAX_INTERVALS = 2**17
+MAX_EVALUATIONS = 2**27
+"""Of integrands, that one point may take: some seconds of a compiled kernel."""
 WATCH_WIDTH = 2.0**-44
 NOISE = 10 * 2.0**-52
 EDGE = 4 * 2.0**-52
