@@ -319,9 +319,10 @@ class Printer:
         decided = (*(() if stmt.need is None else (stmt.need,)), *(b.when for b in stmt.bends))
         of_bends = (stmt.base, *(c for b in stmt.bends for c in b.coefficients)) if stmt.bends else ()
         own = (stmt.lo, stmt.hi, *stmt.breaks, *decided, *of_bends, *((stmt.scale,) if stmt.infinite else ()))
-        captured = captured_by(own, [*flags, *body], (stmt.var,))
+        captured = captured_by(own, [*flags, *body], (stmt.var, *stmt.ends))
         values, count, pieces = len(stmt.values), len(assigned(stmt)), len(stmt.breaks) + 1
-        frame = Frame(captured, [flags, body], own, needs_context((stmt,), self.counted), {stmt.var: "x"})
+        variables = {stmt.var: "x", **dict(zip(stmt.ends, "pq", strict=False))}
+        frame = Frame(captured, [flags, body], own, needs_context((stmt,), self.counted), variables)
         arrays = frame.array("f", values + len(watch))
         if isinstance(stmt.rule, Midpoint) and stmt.estimates:
             arrays += frame.array("last", stmt.tested)
@@ -555,7 +556,7 @@ def _with_resolutions_passed(stmt: Segment) -> tuple[Segment, dict[Arg, Arg]]:
 def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
     """What a short integral is but for its names, and these in the order in which they are met; None for any other."""
     lines = (*stmt.flags, *stmt.body)
-    plain = isinstance(stmt.rule, Gauss) and not (stmt.bends or stmt.watch or stmt.infinite or stmt.estimates)
+    plain = isinstance(stmt.rule, Gauss) and not (stmt.bends or stmt.watch or stmt.infinite or stmt.estimates or stmt.ends)
     if not plain or len(lines) > SHORT or not all(isinstance(s, Assign) and s.op != "call" for s in lines):
         return None
     number: dict[str, int] = {stmt.var: 0}
