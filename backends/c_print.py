@@ -335,6 +335,7 @@ class Printer:
         decided = (*(() if stmt.need is None else (stmt.need,)), *(b.when for b in stmt.bends))
         of_bends = (stmt.base, *(c for b in stmt.bends for c in b.coefficients)) if stmt.bends else ()
         own = (stmt.lo, stmt.hi, *stmt.breaks, *decided, *of_bends, *((stmt.scale,) if stmt.infinite else ()))
+        variables |= dict(zip(stmt.ends, "pq", strict=False))
         captured = captured_by(own, [step for block in blocks for step in block], variables)
         values, count, pieces = len(stmt.values), len(assigned(stmt)), len(stmt.breaks) + 1
         frame = Frame(captured, blocks, own, needs_context((stmt,), self.counted), variables)
@@ -577,7 +578,7 @@ def _with_resolutions_passed(stmt: Segment) -> tuple[Segment, dict[Arg, Arg]]:
 def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
     """What a short integral is but for its names, and these in the order in which they are met; None for any other."""
     lines = (*stmt.flags, *stmt.body)
-    plain = isinstance(stmt.rule, Gauss) and not (stmt.bends or stmt.watch or stmt.infinite or stmt.estimates or stmt.peaks)
+    plain = isinstance(stmt.rule, Gauss) and not (stmt.bends or stmt.watch or stmt.infinite or stmt.estimates or stmt.peaks or stmt.ends)
     if not plain or len(lines) > SHORT or not all(isinstance(s, Assign) and s.op != "call" for s in lines):
         return None
     number: dict[str, int] = {stmt.var: 0}

@@ -291,7 +291,7 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
     arguments += [f"({inside(map(_text, of_bends))})", flags, body] + ([f"when={stmt.when}"] if stmt.when else [])
     lines: list[str] = []
     if has_flags:
-        lines += [f"def {flags}({stmt.var}):"]
+        lines += [f"def {flags}({inside((stmt.var, *(stmt.ends or ('_p', '_q'))))}):"]
         lines += _block(stmt.flags, f"{stmt.need or True}, ({inside(_text(b.when) for b in stmt.bends)}), {flagged}")
     lines += [f"def {body}({stmt.var}, flagged):"]
     lines += [f"    {flagged} = flagged"] if _names(stmt.flags) else []

@@ -38,7 +38,9 @@ from teg.quadrature import decay_power, gauss_legendre, null_rules
 Scalar = Any  # a traced scalar, float64 or boolean, or a Python literal
 Note = Any  # an int32: TIED where a tie was met, MISSED where a tolerance was, CROWDED where a search has too little room
 Body = Callable[[Scalar, tuple[Scalar, ...]], tuple[tuple[Scalar, ...], Note]]  # x, flags -> values, note
-Flags = Callable[[Scalar], tuple[Scalar, tuple[Scalar, ...], tuple[Scalar, ...], Note]]  # middle -> need, bends, flags, note
+Flags = Callable[
+    [Scalar, Scalar, Scalar], tuple[Scalar, tuple[Scalar, ...], tuple[Scalar, ...], Note]
+]  # middle, ends -> need, bends, flags, note
 Rule = Callable[[Substitution, Sequence[Any], Scalar, Callable[[Scalar], Any]], tuple[Any, Note]]
 TIED, MISSED, CROWDED = 1, 2, 4
 
@@ -148,7 +150,7 @@ def integrate(
         active = when & ~broken & (wide | jnp.isposinf(q - p))
         need, counts, flagged, note = True, (), (), jnp.int32(0)
         if flags is not None:
-            need, counts, flagged, note = flags(inside(p, q, INSIDE, pieces.infinite, scale))
+            need, counts, flagged, note = flags(inside(p, q, INSIDE, pieces.infinite, scale), p, q)
         bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
         places = substitution(p, q, base, bent, pieces.cubic, pieces.infinite, scale)
         sums, note_body = rule(places, (base, bent), active & need, lambda x: vector(body(x, flagged)))

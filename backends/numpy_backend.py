@@ -231,7 +231,7 @@ def captured(stmt: Integrate) -> tuple[list[str], list[str], list[str]]:
     if stmt.guard is not None:
         in_body |= dict.fromkeys(name for name in guarded(stmt.guard) if name not in (stmt.guard.left, stmt.guard.right))
     return (
-        [name for name in in_flags if name != stmt.var],
+        [name for name in in_flags if name not in (stmt.var, *stmt.ends)],
         [name for name in in_body if name != stmt.var and name not in flagged],
         [name for name in in_body if name in flagged],
     )
@@ -330,7 +330,7 @@ class _Printer:
         if stmt.flags or stmt.need is not None or stmt.bends:
             flags = f"flags_{number}"
             found = [True if stmt.need is None else stmt.need, *(b.when for b in stmt.bends), *flagged]
-            piece_width += self.function(flags, [stmt.var, *for_flags], stmt.flags, found)
+            piece_width += self.function(flags, [stmt.var, *stmt.ends, *for_flags], stmt.flags, found)
         body = f"body_{number}"
         names = [*for_body, *flagged]
         match stmt.rule:
@@ -355,6 +355,7 @@ class _Printer:
         counts = f"values={len(stmt.values)}, tested={stmt.tested}, estimated={bool(stmt.estimates)!r}, leaf={leaf!r}"
         counts += f", peaks={len(stmt.peaks)}" if stmt.peaks else ""
         fields = f"flags={flags}, body={body}, {counts}, piece_width={piece_width}, node_width={node_width}, infinite={stmt.infinite!r}"
+        fields += ", ends=True" if stmt.ends else ""
         bends = f"bends=({inside(repr(b.kind) for b in stmt.bends)})"
         self.lines += ["", "", f"integral_{number} = {kind}(", f"    {fields},", f"    {bends}, {rule}", ")"]
 

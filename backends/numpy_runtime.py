@@ -158,8 +158,8 @@ class Integral:
 
     `flags` and `body` are printed blocks, `values` the number of values, `piece_width` and `node_width` the doubles that a piece and a
     node take. The first `tested` values count for the error, and have estimates if these are `estimated`. `bends` are the kinds of the
-    bends; `flags` returns the need, when each bend counts, and what `body` takes. `leaf`: there is no integral inside. The last `peaks`
-    results of `body` are those whose largest is wanted.
+    bends; `flags` returns the need, when each bend counts, and what `body` takes; it asks for the `ends` of a piece too, or does not.
+    `leaf`: there is no integral inside. The last `peaks` results of `body` are those whose largest is wanted.
     """
 
     flags: Block | None
@@ -172,6 +172,7 @@ class Integral:
     leaf: bool
     infinite: bool = False
     bends: tuple[str, ...] = ()
+    ends: bool = False
     peaks: int = 0
 
     @property
@@ -240,7 +241,8 @@ class Integral:
         flagged: list[Value] = []
         base, scale, *coefficients = (gather(v, lane) for v in of_bends) if of_bends else (0.0, 1.0)
         if self.flags is not None and p.size:
-            need, *flagged = self.flags(run, inside(p, q, INSIDE, scale), *(gather(v, lane) for v in for_flags))
+            ends = (p, q) if self.ends else ()
+            need, *flagged = self.flags(run, inside(p, q, INSIDE, scale), *ends, *(gather(v, lane) for v in for_flags))
             if not np.all(need):
                 kept = np.flatnonzero(np.broadcast_to(need, p.shape))
                 p, q, lane, base, scale, *coefficients = (gather(v, kept) for v in (p, q, lane, base, scale, *coefficients))

@@ -1296,9 +1296,9 @@ static void teg_roots(teg_isolation *s, teg_context *ctx)
     if (s->errors) teg_fill(s->errors + s->found, s->room - s->found, 0.0);
 }
 
-/* The location of common zeros of f and g, a dialogue: it asks for their bounds over `here`, a TEG_RECTANGLE of this level or a point.
-   The rectangles that are left of a level, by their corners in parts of the whole, and those of the next one take turns in `across`
-   and `up`; `zeros` are those known to be alone in a rectangle. */
+/* The location of common zeros of f and g, a dialogue: it asks for their bounds over `here`, a TEG_RECTANGLE of this level or a
+   point. The rectangles that are left of a level, by their corners in parts of the whole, and those of the next one take turns in
+   `across` and `up`; `zeros` are those known to be alone in a rectangle. */
 typedef struct {
     enum { TEG_RECTANGLE, TEG_MIDDLE, TEG_NEWTON } asks;
     int slopes, level, number, taken, left, examined, found, steps, over;
@@ -1380,8 +1380,8 @@ static inline int teg_excluded(const double *f)
     return f[0] > 0.0 || f[1] < 0.0 || f[2] > 0.0 || f[3] < 0.0 || (isnan(f[0]) && isnan(f[1])) || (isnan(f[2]) && isnan(f[3]));
 }
 
-/* What bounds of slopes over a rectangle with half the sides h and k, and the values f and g in its middle, say of common zeros: -1, there
-   is none; 1, there is one, and Newton's method finds it; 0, nothing. */
+/* What bounds of slopes over a rectangle with half the sides h and k, and the values f and g in its middle, say of common zeros: -1,
+   there is none; 1, there is one, and Newton's method finds it; 0, nothing. */
 static int teg_krawczyk(const double *bounds, double f, double g, double h, double k)
 {
     double size[4], middle[4], radius[4];
@@ -1460,8 +1460,8 @@ static inline int teg_put_place(double *places, int room, int found, double plac
     return found + 1;
 }
 
-/* The places of the zeros and of the rectangles left over, in order, then +inf: of intervals that overlap or touch the middle, or
-   both ends if that is wide. Returns the part of the whole in which there may be others. */
+/* The places of the zeros and of the rectangles left over, in order, then +inf: of intervals that overlap or touch the middle,
+   or both ends if that is wide. Returns the part of the whole in which there may be others. */
 static double teg_places(teg_location *s, double *places, int room)
 {
     const int left = s->left;

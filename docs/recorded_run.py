@@ -48,7 +48,7 @@ KNOWN: dict[type, frozenset[str]] = {
     kind: frozenset(names.split())
     for kind, names in (
         (Assign, "name op args"),
-        (Integrate, "var lo hi breaks flags need body values results rule when watch bends base"),
+        (Integrate, "var lo hi breaks flags need body values results rule when watch bends base ends"),
         (Isolate, "var lo hi left right enclosure bounds point value slope results when"),
         (Locate, "lo hi low high left right bottom top enclosure bounds results when lost"),
         (SumOver, "var points body values results when"),
@@ -175,7 +175,7 @@ class RecordedRun:
         return total if lo <= hi else -total
 
     def _piece(self, stmt: Integrate, names: Values, p: float, q: float) -> np.ndarray:
-        middle = {**names, stmt.var: np.float64(p + INSIDE * (q - p))}
+        middle = {**names, stmt.var: np.float64(p + INSIDE * (q - p)), **dict(zip(stmt.ends, (p, q), strict=False))}
         self._run(stmt.flags, middle)
         piece = Piece(tuple(self._around), p, q)
         self.pieces.append(piece)

@@ -175,7 +175,11 @@ class Location:
 
 
 def locate(f: Expr, g: Expr, inner: Var, low: Expr, high: Expr, outer: Var) -> Location | None:
-    """What it takes to find where two surfaces meet, as seen from the outer variable; None where that is not possible."""
+    """What it takes to find where two surfaces meet, as seen from the outer variable; None where that is not possible.
+
+    Where f and g are 0, so are f ± g: the two shortest of the four are looked at, which tells surfaces apart that only approach each other."""
+    sums = [e for e in (_combined(f, g, 1.0), _combined(f, g, -1.0)) if e is not None]
+    f, g = sorted((f, g, *sums), key=lambda e: len(postorder([e])))[:2] if sums else (f, g)
     if any(isinstance(n, Call) and n.name in ("floor", "mod") and n.free for n in postorder([f, g])):
         return None
     corners = tuple(fresh(v.name + mark, f.free | g.free) for v in (outer, inner) for mark in "₋₊")
@@ -190,6 +194,24 @@ def locate(f: Expr, g: Expr, inner: Var, low: Expr, high: Expr, outer: Var) -> L
     if len(postorder((*bounds, *slopes))) > _LARGEST:
         slopes = _ANY_SLOPE * 4
     return Location(f, g, inner, low, high, outer, cast("tuple[Var, Var, Var, Var]", corners), (*bounds, *slopes))
+
+
+def _combined(f: Expr, g: Expr, sign: float) -> Expr | None:
+    """f ± g with like terms collected; None if there are none, or if nothing is left."""
+    terms: dict[Expr, float] = {}
+    stack: list[tuple[Expr, float]] = [(g, sign), (f, 1.0)]
+    count = 0
+    while stack:
+        e, factor = stack.pop()
+        if isinstance(e, Add):
+            stack.extend((c, factor) for c in reversed(e.children))
+        elif isinstance(e, Mul) and len(e.children) == 2 and isinstance(e.children[0], Const):
+            stack.append((e.children[1], factor * e.children[0].data))
+        else:
+            count += 1
+            terms[e] = terms.get(e, 0.0) + factor
+    kept = [mul(const(c), e) for e, c in terms.items() if c != 0.0]
+    return add(*kept) if kept and len(kept) < count else None
 
 
 def _bounds_of_slope(e: Expr, x: Var, boxed: Enclosure) -> tuple[Expr, Expr]:

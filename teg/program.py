@@ -25,7 +25,8 @@ Semantics of `Integrate` (the three printers share it to the letter):
     s, a, b = +1, lo, hi  if lo <= hi  else  -1, hi, lo
     each break is clamped to [a, b] (a break that is NaN is absent: it is clamped to a); the breaks are sorted
     for neighbouring points p < q of a, breaks…, b with q - p > PIECE_EPS·max(|p|, |q|), or q - p infinite     (thinner pieces are skipped)
-        v := p + INSIDE·(q - p), or the tail's place of INSIDE if q - p is infinite; run `flags`  (everything constant on the open piece)
+        v := p + INSIDE·(q - p), or the tail's place of INSIDE if q - p is infinite; run `flags`  (everything constant on the open piece),
+            where the names `ends`, if there are any, are p and q
         skip the piece if `need` names a boolean that is false
         add to each value's sum its integral over (p, q) by `rule`, `body` being run at every node v
     results = s · sums; estimates = the sums of the error estimates of the first `len(estimates)` values
@@ -430,6 +431,7 @@ class Integrate:
     guard: Guard | None = None
     peaks: tuple[Arg, ...] = ()
     largest: tuple[str, ...] = ()
+    ends: tuple[str, ...] = ()
 
     @property
     def tested(self) -> int:

@@ -10,8 +10,9 @@ A root is not exact: what is evaluated there carries its error, so that conditio
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache, partial
 from typing import cast
 
 from teg.expr import ONE, Compare, Expr, Var
@@ -170,6 +171,8 @@ class RootEmitter(Emitter):
             level = self._level_at_formula(x, root, home)
             if home.middle is not None and home.breaks is not None and home.breaks.complete:
                 middle = self._level_at_formula(x, root, home.middle)
+                if home.middle.elsewhere is not None:
+                    middle.elsewhere = cache(partial(self._roots_elsewhere, x, root, home.middle.elsewhere))
                 for atom in atoms:
                     level.names[atom] = self.truths(atom, middle)
             at = cast(Arg, level.names[x])
@@ -179,6 +182,10 @@ class RootEmitter(Emitter):
             for body, found in zip(bodies, terms, strict=True):
                 found.append(self.assign(home, "v", "select", finite, self.number(body, level), absent))
         return tuple(found[0] if len(found) == 1 else self.assign(home, "v", "add", *found) if found else 0.0 for found in terms)
+
+    def _roots_elsewhere(self, x: Var, root: Root, places: Callable[[], Sequence[Level]]) -> Sequence[Level]:
+        """A root of a formula at other places of a piece of the integral outside."""
+        return [self._level_at_formula(x, root, place) for place in places()]
 
     def _coincident(self, node: Integral, isolation: Isolation, bodies: Sequence[Expr], middle: Level) -> dict[Compare, Arg]:
         """Which conditions tie with the surface g in the middle of a piece of the integral outside: only they can do so all along it. That

@@ -10,7 +10,7 @@ terms (Wilkinson, Rounding Errors in Algebraic Processes, 1963).
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -19,11 +19,15 @@ from teg.function import Apply, Callee
 from teg.integral import Delta, Integral
 from teg.node import Node
 from teg.passes.breaks import Breaks
-from teg.program import Arg, Assign, Stmt
+from teg.polynomial import Shadow
+from teg.program import TIE_EPS, Arg, Assign, Stmt
 from teg.surfaces import binders_inside
 
 Truths = tuple[Arg, Arg]  # holds, fails
 NAN = float("nan")
+SHORT = 4
+CLEAR = 2.0**10 * TIE_EPS
+"""In parts of its scale: a function that is larger is certainly not 0."""
 _EPSILON = 2.0**-52
 _SLACK = 8.0
 """So many roundings of a product are within the factor 4 of `TIE_EPS`."""
@@ -51,6 +55,7 @@ class Level:
     isolated: dict[object, tuple[Arg, ...]] = field(default_factory=dict)
     coincident: dict[Compare, Arg] = field(default_factory=dict)  # of a sum over roots: the conditions that may tie with its surface
     constant: dict[Node, bool] = field(default_factory=dict)  # on a piece
+    elsewhere: Callable[[], Sequence[Level]] | None = None  # of a middle: other places of the piece, where its ties are looked at again
     coordinates: dict[Integral, str] | None = None  # of the nest of integrals that is sampled here: theirs, but for the outermost one's
 
     def inside(self, var: Var, name: Arg) -> Level:
@@ -258,6 +263,8 @@ class Emitter(ABC):
         """A condition on a surface: decided by its sign, or by its resolution where it ties."""
         holds_first = self._truths_of(cast(Cond, c.resolution), home)[0]
         scale = self.tie_scale(c.g, home)
+        if home.elsewhere is not None and not c.g.has_integral and not self._is_short(c.g, home):
+            g, scale = self._clearest(c.g, g, scale, home)
         if c in home.coincident:
             scale = self.assign(home, "v", "select", home.coincident[c], scale, 0.0)
         k = self.ties.setdefault(cast("tuple[str, str]", c.rivals), len(self.ties))
@@ -265,6 +272,26 @@ class Emitter(ABC):
         fails = self.assign(home, "b", "not", holds)
         ok = self.assign(home, "b", "ok", g)
         return (holds, self.assign(home, "b", "and", fails, ok))
+
+    def _is_short(self, g: Expr, home: Level) -> bool:
+        """Whether a function is a polynomial of so low a degree that it is not as good as 0 in the middle of a piece without roots."""
+        degree = Shadow((cast(Var, home.var),)).degree(g) if home.var in g.free else None
+        return degree is not None and degree <= SHORT
+
+    def _clearest(self, e: Expr, g: Arg, scale: Arg, home: Level) -> tuple[Arg, Arg]:
+        """A function that has no roots on a piece and its scale, where it is not as good as 0. It has one sign there, so surfaces that only
+        approach each other are told apart where they are apart; those that coincide are a tie at every place."""
+        reach = self.assign(home, "v", "mul", TIE_EPS, scale)
+        unclear = self.assign(home, "b", "ge0", self.assign(home, "v", "sub", reach, self._size_of(g, home)))
+        for other in cast("Callable[[], Sequence[Level]]", home.elsewhere)():
+            there, room = self.number(e, other), self.tie_scale(e, other)
+            away = self.assign(home, "v", "sub", self._size_of(there, home), self.assign(home, "v", "mul", CLEAR, room))
+            better = self.assign(home, "b", "and", unclear, self.assign(home, "b", "gt0", away))
+            g, scale = (self.assign(home, "v", "select", better, new, old) for new, old in ((there, g), (room, scale)))
+        return g, scale
+
+    def _size_of(self, value: Arg, home: Level) -> Arg:
+        return abs(value) if isinstance(value, float | int) else self.assign(home, "v", "abs", value)
 
     def tie_scale(self, g: Expr, home: Level) -> Arg:
         """What, times a few ε, an atom may be off by where it is 0: Σ|terms|, and the rounding errors its terms come with."""
@@ -284,8 +311,7 @@ class Emitter(ABC):
 
     def size(self, e: Expr, home: Level) -> Arg:
         """|e|."""
-        value = self.number(e, home)
-        return abs(value) if isinstance(value, float | int) else self.assign(home, "v", "abs", value)
+        return self._size_of(self.number(e, home), home)
 
     def error(self, root: Expr, level: Level) -> Arg:
         """A running error bound in units of ε: parameters and variables are exact (but those in `errors`), each operation rounds once."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache, partial
 from typing import assert_never, cast
 
 from teg.calculus import slope
@@ -66,6 +67,8 @@ MAX_NUMERATOR, MAX_POWER = 4, 3
 """Of rational integrands: degree of the numerator, power in the denominator."""
 OUTER = 2
 MAX_SCALES = 4
+PLACES = (2.0**-12, 0.2361, 0.7639, 1 - 2.0**-12)
+"""Where on a piece a tie of its middle is looked at again, in parts of its length: surfaces approach each other towards an end, or both."""
 MAX_NEST = 6
 """Adaptive integrals inside each other; deeper nests are sampled."""
 PEAK = 8.5
@@ -260,6 +263,9 @@ class _Scheduler(GuardedEmitter):
         level = home.inside(node.var, var)
         level.breaks, level.middle = self.analysis.of(node), home.inside(node.var, var)
         weight = largest([home.weights.get(i, ONE) for i in group]) if isinstance(rule, Adaptive) else ONE
+        ends = () if is_unbounded(node) else (self.fresh("x"), self.fresh("x"))
+        if ends:
+            level.middle.elsewhere = cache(partial(self._elsewhere, level.middle, ends))
         bodies = [mul(weight, i.body) for i in group]
         self.plan_integrals(level, bodies)
         need = self._need(bodies, level)
@@ -272,10 +278,11 @@ class _Scheduler(GuardedEmitter):
         flags, inside = tuple(level.middle.block), tuple(level.block)
         infinite = is_unbounded(node)
         scale = self._scale(group, home) if infinite else 1.0
+        used = {a for s in level.middle.block if isinstance(s, Assign) for a in s.args} if ends else set()
         rest = (rule, when, watch, bends, base, infinite, scale)
-        home.block.append(
-            Integrate(var, lo, hi, breaks, flags, need, inside, values, results, *rest, guard=search, peaks=peaks, largest=peak_names)
-        )
+        mine = ends if used & {*ends} else ()
+        integral = Integrate(var, lo, hi, breaks, flags, need, inside, values, results, *rest)
+        home.block.append(replace(integral, guard=search, peaks=peaks, largest=peak_names, ends=mine))
         if weight is not ONE:
             by = self.number(weight, home)
             results = tuple(self.assign(home, "v", "div", r, by) for r in results)
@@ -306,6 +313,18 @@ class _Scheduler(GuardedEmitter):
             if x in value.free or s.wave:
                 rest.append(replace(s, value=value))
         return rest
+
+    def _elsewhere(self, middle: Level, ends: tuple[str, str]) -> Sequence[Level]:
+        """Other places of a piece than its middle, whose statements are the middle's."""
+        x, (p, q) = cast(Var, middle.var), ends
+        length = self.assign(middle, "v", "sub", q, p)
+        levels = []
+        for part in PLACES:
+            place = self.assign(middle, "v", "add", p, self.assign(middle, "v", "mul", part, length))
+            level = cast(Level, middle.outer).inside(x, place)
+            level.block = middle.block
+            levels.append(level)
+        return levels
 
     def _unless_empty(self, group: Sequence[Integral], needed: Arg, home: Level) -> Arg:
         """Whether an outermost integral is needed, which it is not where intervals show that its integrand is 0 on the whole domain."""

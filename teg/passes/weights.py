@@ -7,7 +7,6 @@ is below every floor, so such an integral is computed times that factor, and div
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast
 
 from teg.expr import ONE, Add, Const, Expr, Mul, Tuple, Where, call, const, mul
 from teg.integral import Border, Integral, PointMasses
@@ -43,7 +42,7 @@ def weights(roots: Sequence[Expr], order: Sequence[Node]) -> dict[Integral, Expr
                 _put(fronts, (node.then, node.otherwise), front)
             case Mul():
                 factors = [c for c in node.children if not (c.has_integral or isinstance(c, PointMasses | Border))]
-                _put(fronts, [c for c in node.children if c.has_integral], mul(front, *cast("list[Expr]", factors)))
+                _put(fronts, [c for c in node.children if c.has_integral], mul(front, *factors))
             case _:
                 _put(fronts, node.children, ONE)
     return found

@@ -100,13 +100,14 @@ def names_of(p: Program) -> None:
             elif isinstance(s, Integrate):
                 for arg in (s.lo, s.hi, s.when, *s.breaks):
                     check(arg, known)
-                flags = walk(s.flags, known | {s.var})
+                flags = walk(s.flags, known | {s.var, *s.ends})
                 check(s.need, flags)
+                flags -= {*s.ends}
                 inside = walk(s.body, flags)
                 for arg in s.values:
                     check(arg, inside)
                 seen.extend(s.results)
-                seen.append(s.var)
+                seen.extend((s.var, *s.ends))
                 known |= set(s.results)
             elif isinstance(s, When):
                 check(s.when, known)
@@ -130,8 +131,9 @@ def names_of(p: Program) -> None:
                 enclosure = walk(s.enclosure, known | {s.left, s.right, s.bottom, s.top})
                 for arg in s.bounds:
                     check(arg, enclosure)
-                seen.extend((s.left, s.right, s.bottom, s.top, *s.results))
-                known |= set(s.results)
+                given = (*s.results, *(() if s.lost is None else (s.lost,)))
+                seen.extend((s.left, s.right, s.bottom, s.top, *given))
+                known |= set(given)
             elif isinstance(s, SumOver):
                 for arg in (*s.points, s.when):
                     check(arg, known)
