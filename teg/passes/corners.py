@@ -82,7 +82,7 @@ def _origin(node: Integral) -> Expr | None:
 
 
 def _is_worth_it(order: Sequence[Node], v: Var) -> bool:
-    """Are there surfaces through which the variable runs that are not straight, or few surfaces, and one that other variables run through?"""
+    """Are there surfaces in the variable that are not straight, or few surfaces, and one that other variables run through?"""
     surfaces = [n.g for n in order if isinstance(n, Compare) and n.g.free]
     mine = [g for g in surfaces if v in g.free]
     few = len(surfaces) < MANY and any(len(g.free) > 1 for g in mine)
