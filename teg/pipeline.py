@@ -26,6 +26,7 @@ from teg.integration import Integration
 from teg.linking import with_bodies
 from teg.passes.adjoint import gradient_of
 from teg.passes.atoms import Canonical
+from teg.passes.corners import with_local_boxes
 from teg.passes.differentiate import tangent_of
 from teg.passes.error_bounds import with_error_estimates
 from teg.passes.estimators.ignore import ignore_discontinuities
@@ -69,6 +70,7 @@ def normal_form(e: Expr, keep_moving: bool = False, maps: Maps = (), canonical: 
     canonical = canonical or Canonical()
     e = run_pass("inline", write_out, e)  # first: what jumps inside of a function has to be seen
     e = run_pass("differences", with_differences, e)  # before products of far coordinates are differentiated
+    e = e if maps else run_pass("corners", with_local_boxes, e)  # maps are between coordinates as users write them
     e = run_pass("steps", enumerate_steps, with_deltas(e) if keep_moving else e)  # first: the steps of floor are brackets, hence atoms
     e = run_pass("canonicalise", canonical, e)  # a surface must be one expression before its jump can be taken
     if e.has_delta:

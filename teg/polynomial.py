@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import cast
@@ -331,10 +331,32 @@ Form = dict[Powers, Fraction]
 """A polynomial with exact coefficients."""
 
 
-def expanded(e: Expr, limit: int = 48) -> Expr | None:
-    """The sum of monomials in everything that is not a sum, product or integer power, with exact cancellation; None if it is longer
-    than `limit` terms or a number in it is not exact as float64."""
-    form, generators = _normal_form(e, limit)
+def shortest(e: Expr) -> Expr | None:
+    """The shorter one of two normal forms: in parameters, or in differences of two parameters too, which do not cancel when far coordinates
+    are squared; `expanded` where they are as long."""
+    plain = expanded(e)
+    differences = [n for n in postorder([e]) if isinstance(n, Expr) and _is_difference(n)]
+    local = expanded(e, whole=differences) if differences else None
+    return plain if local is None or (plain is not None and _length(plain) <= _length(local)) else local
+
+
+def _length(e: Expr) -> int:
+    return len(e.children) if isinstance(e, Add) else 1
+
+
+def _is_difference(e: Expr) -> bool:
+    """p - q of two parameters."""
+    if not isinstance(e, Add) or len(e.children) != 2:
+        return False
+    p, q = e.children
+    minus = isinstance(q, Mul) and len(q.children) == 2 and isinstance(q.children[0], Const) and q.children[0].data == -1.0
+    return isinstance(p, Param) and minus and isinstance(q.children[1], Param)
+
+
+def expanded(e: Expr, limit: int = 48, whole: Collection[Expr] = ()) -> Expr | None:
+    """The sum of monomials in everything that is not a sum, product or integer power, or one of the `whole` expressions, with exact
+    cancellation; None if it is longer than `limit` terms or a number in it is not exact as float64."""
+    form, generators = _normal_form(e, limit, frozenset(whole))
     return None if form is None else _from_form(form, generators)
 
 
@@ -409,15 +431,16 @@ def _from_form(form: Form, generators: Sequence[Expr]) -> Expr | None:
     return add(*terms)
 
 
-def _normal_form(e: Expr, limit: int) -> tuple[Form | None, list[Expr]]:
-    """An expression as a polynomial of generators, its nodes that are no sum, product or integer power; None if it is too long."""
+def _normal_form(e: Expr, limit: int, kept: frozenset[Expr] = frozenset()) -> tuple[Form | None, list[Expr]]:
+    """An expression as a polynomial of generators, its nodes that are no sum, product or integer power, and those
+    that are `kept` whole; None if it is too long."""
     forms: dict[Expr, Form | None] = {}
     atoms: list[Expr] = []
     number: dict[Expr, int] = {}
     stack: list[Expr] = [e]
     while stack:
         node = stack[-1]
-        inside = cast("tuple[Expr, ...]", node.children) if isinstance(node, Add | Mul | Pow) else ()
+        inside = cast("tuple[Expr, ...]", node.children) if isinstance(node, Add | Mul | Pow) and node not in kept else ()
         missing = [c for c in inside if c not in forms]
         if missing:
             stack.extend(missing)
@@ -428,7 +451,7 @@ def _normal_form(e: Expr, limit: int) -> tuple[Form | None, list[Expr]]:
         form: Form | None
         if isinstance(node, Const):
             form = {(): Fraction(node.data)} if math.isfinite(node.data) and node.data else ({} if node.data == 0 else None)
-        elif isinstance(node, Add):
+        elif isinstance(node, Add) and node not in kept:
             form = {}
             for c in node.children:
                 part = forms[c]

@@ -16,7 +16,7 @@ result is taken: a vertex, through which the surface goes, makes terms vanish. C
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import cast
@@ -41,14 +41,12 @@ class Facts:
 
     symbols: frozenset[Expr]
     nodes: int
-    products: bool
 
 
 def with_differences(root: Expr) -> Expr:
     """The same, with polynomials that do not change when coordinates move together written by differences."""
     order = postorder([root])
-    candidates = _candidates(order)
-    groups = {e: _groups(e) for e in candidates}
+    groups = {e: groups_of(e) for e in outermost_polynomials(order) if _may_cancel(e)}
     axes = _axes([g for found in groups.values() for g in found])
     new: dict[Node, Node] = {}
     for node in order:
@@ -60,8 +58,8 @@ def with_differences(root: Expr) -> Expr:
     return cast(Expr, new[root])
 
 
-def _candidates(order: Sequence[Node]) -> dict[Expr, None]:
-    """The polynomial sums that are no terms of another one, small enough, with products, and a symbol that occurs twice."""
+def outermost_polynomials(order: Sequence[Node]) -> list[Expr]:
+    """The polynomial sums that are no terms of another one and small enough to be looked at, of nodes in postorder."""
     facts: dict[Node, Facts] = {}
     outermost: dict[Expr, None] = {}
     for node in order:
@@ -69,7 +67,7 @@ def _candidates(order: Sequence[Node]) -> dict[Expr, None]:
         if isinstance(node, Add | Mul | Pow) and all(known) and not (isinstance(node, Pow) and node.exponent < 0):
             facts[node] = _combined(node, cast("list[Facts]", known))
         elif isinstance(node, Param | Var | Const):
-            facts[node] = Facts(frozenset(() if isinstance(node, Const) else (node,)), 1, False)
+            facts[node] = Facts(frozenset(() if isinstance(node, Const) else (node,)), 1)
         is_sum = isinstance(node, Add) or (isinstance(node, Mul) and _scaled(node) is not None)
         for c in node.children:
             inner = _scaled(c) if isinstance(c, Mul) else c
@@ -78,17 +76,15 @@ def _candidates(order: Sequence[Node]) -> dict[Expr, None]:
     last = order[-1]
     if isinstance(last, Add) and last in facts:
         outermost[last] = None
-    return {e: None for e in outermost if facts[e].products and 2 <= len(facts[e].symbols) <= MAX_SYMBOLS and _repeats(e)}
+    return [e for e in outermost if 2 <= len(facts[e].symbols) <= MAX_SYMBOLS]
 
 
 def _combined(node: Node, parts: Sequence[Facts]) -> Facts:
     """The facts of a sum, product or power; without symbols where it is too large to be looked at."""
     nodes = 1 + sum(p.nodes for p in parts)
     if nodes > MAX_NODES or (isinstance(node, Pow) and node.exponent > MAX_SYMBOLS):
-        return Facts(frozenset(), MAX_NODES, True)
-    symbols = frozenset().union(*(p.symbols for p in parts))
-    product = isinstance(node, Pow) or (isinstance(node, Mul) and sum(bool(p.symbols) for p in parts) > 1)
-    return Facts(symbols, nodes, product or any(p.products for p in parts))
+        return Facts(frozenset(), MAX_NODES)
+    return Facts(frozenset().union(*(p.symbols for p in parts)), nodes)
 
 
 def _scaled(e: Node) -> Expr | None:
@@ -98,21 +94,28 @@ def _scaled(e: Node) -> Expr | None:
     return None
 
 
-def _repeats(e: Expr) -> bool:
-    """Does a symbol occur twice? If none does, nothing can cancel."""
+def _may_cancel(e: Expr) -> bool:
+    """Is there a product, and does a symbol occur twice? If none does, nothing can cancel."""
     seen: set[Node] = set()
     stack: list[Node] = [e]
+    repeated = product = False
     while stack:
         node = stack.pop()
         if isinstance(node, Param | Var):
-            if node in seen:
-                return True
+            repeated |= node in seen
             seen.add(node)
-        else:
-            stack.extend(node.children)
-            if isinstance(node, Pow):
-                return True
-    return False
+            continue
+        stack.extend(node.children)
+        repeated |= isinstance(node, Pow)
+        product |= isinstance(node, Pow) or (isinstance(node, Mul) and sum(not isinstance(c, Const) for c in node.children) > 1)
+    return repeated and product
+
+
+def is_fixed(e: Expr, symbols: Collection[Expr]) -> bool:
+    """Does a polynomial stay the same when these symbols, those of them that it has, move together?"""
+    order = postorder([e])
+    fixed = _invariant(order, [tuple(s for s in symbols if s in order)])
+    return fixed is not None and e in fixed[0]
 
 
 def _axes(groups: Sequence[Group]) -> list[set[Expr]]:
@@ -141,7 +144,7 @@ def _of_coordinates(e: Expr, groups: Sequence[Group], axes: Sequence[set[Expr]])
 # -- groups ----------------------------------------------------------------------------------------------------------
 
 
-def _groups(e: Expr) -> list[Group]:
+def groups_of(e: Expr) -> list[Group]:
     """The sets of symbols of a polynomial that it does not change with when they move together, if they are disjoint."""
     order = postorder([e])
     symbols = [n for n in order if isinstance(n, Param | Var)]

@@ -20,7 +20,7 @@ TINY = (1e-18, -1e-15, 1e-12, 1e-9)
 
 
 def volume(condition: object, *domain: tuple[object, object, object]) -> teg.Expr:
-    return teg.integral(teg.bracket(condition), *(domain or ((x, 0, 1), (y, 0, 1))))  # type: ignore[arg-type]
+    return teg.integral(teg.bracket(condition), *(domain or ((x, 0, 1), (y, 0, 1))))
 
 
 def _steepness(g: teg.Expr) -> object:

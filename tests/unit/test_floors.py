@@ -76,6 +76,7 @@ PASSES_THAT_USE_ANOTHER = {
     "emptiness": {"demand"},
     "guarded": {"curved", "emit"},
     "clipped": {"barycentric", "demand", "emit", "polygon", "sampled", "vertices"},
+    "corners": {"origins"},
     "curved": {"clipped", "emit", "hyperbola"},
     "schedule": {"at_roots", "breaks", "demand", "emit", "emptiness", "guarded", "sampled", "weights"},
     "steep": {"affine", "implicit"},

@@ -1,0 +1,133 @@
+"""Boxes far from the origin: a common shift of all coordinates changes nothing but their rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import teg
+from teg.passes.corners import with_local_boxes
+
+x, y = teg.vars("x y")
+cx, cy, px, py, r, t, left, low = teg.params("cx cy px py r t left low")
+PIXEL = ((x, left, left + 1), (y, low, low + 1))
+ACROSS, UP = ("cx", "px", "left"), ("cy", "py", "low")
+
+
+def inside(condition: object, integrand: object = 1.0) -> teg.Expr:
+    return teg.integral(teg.bracket(condition) * integrand, *PIXEL)
+
+
+SCENES = {
+    "a disk": inside((x - cx) ** 2 + (y - cy) ** 2 < r),
+    "a disk, written out": inside(x * x - 2 * x * cx + cx * cx + y * y - 2 * y * cy + cy * cy < r),
+    "a shaded disk": inside((x - cx) ** 2 + (y - cy) ** 2 < r, 1 + r * (x - px)),
+    "an ellipse": inside(2 * (x - cx) ** 2 + (x - cx) * (y - cy) + (y - cy) ** 2 < r),
+    "a hyperbola": inside((x - cx) * (y - cy) < t),
+    "a hyperbola, written out": inside(x * y - x * cy - y * cx + cx * cy < t),
+    "a parabola": inside(y - cy < x * x - 2 * x * cx + cx * cx),
+    "a quartic": inside((x - cx) ** 4 + (y - cy) ** 4 < r * r),
+    "a half-plane": inside((px - cx) * (y - cy) - (py - cy) * (x - cx) > 0),
+    "a half-plane, written out": inside(cx * py - px * cy + x * (cy - py) + y * (px - cx) > 0),
+}
+AT = {"cx": 0.375, "cy": 0.5, "px": 0.9375, "py": 0.8125, "r": 0.125, "t": 0.0625, "left": 0.0, "low": 0.0}
+
+
+def moved(f: object, across: float, up: float) -> dict[str, float]:
+    """The parameters of a scene, moved."""
+    return {k: v + across * (k in ACROSS) + up * (k in UP) for k, v in AT.items() if k in f.parameters}  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_shift_changes_nothing(name: str, backend: str) -> None:
+    f = teg.compile(SCENES[name], backend=backend)
+    value, gradient = f.value_and_grad(moved(f, 0, 0))
+    for across, up in ((4096, 4096), (65536, -32768.5)):
+        there, slopes = f.value_and_grad(moved(f, across, up))
+        assert abs(there - value) <= 1e-12
+        assert max(abs(slopes[k] - gradient[k]) for k in gradient) <= 1e-12
+
+
+@pytest.mark.parametrize("name", ["a disk", "a hyperbola", "a half-plane"])
+def test_second_derivatives(name: str) -> None:
+    wrt = [p for p in (cx, cy, r, t) if p.name in str(SCENES[name])]
+    f = teg.compile(SCENES[name], wrt)
+    here, there = (f.hessian(moved(f, *shift)) for shift in ((0, 0), (65536, 4096)))
+    assert max(abs(there[k] - here[k]) for k in here) <= 1e-12 * max(abs(v) for v in here.values())
+
+
+def test_a_disk_by_its_formula() -> None:
+    # wholly inside: the area πr, by r π, by the centre 0
+    f = teg.compile(inside((x - cx) ** 2 + (y - cy) ** 2 < r))
+    value, gradient = f.value_and_grad(cx=65536.5, cy=-4095.5, r=0.0625, left=65536.0, low=-4096.0)
+    assert value == pytest.approx(np.pi * 0.0625, abs=1e-13)
+    assert gradient["r"] == pytest.approx(np.pi, abs=1e-11)
+    assert abs(gradient["cx"]) + abs(gradient["cy"]) <= 1e-12
+
+
+def test_a_box_that_is_moved_alone() -> None:
+    f = teg.compile(inside((x - cx) ** 2 + (y - cy) ** 2 < r, 1 + x))
+    gradient = f.grad(moved(f, 4096, 4096))
+    h = 2.0**-12
+    for p in ("left", "low"):
+        at = moved(f, 4096, 4096)
+        sides = [f({**at, p: at[p] + s * h}) for s in (-2, -1, 1, 2)]
+        assert gradient[p] == pytest.approx((sides[0] - 8 * sides[1] + 8 * sides[2] - sides[3]) / (12 * h), abs=1e-3)
+
+
+def test_bounds_that_are_far_numbers() -> None:
+    disk = (x - cx) ** 2 + (y - cy) ** 2 < r
+    near = teg.compile(teg.integral(teg.bracket(disk), (x, 0, 1), (y, 0, 1)))
+    far = teg.compile(teg.integral(teg.bracket(disk), (x, 65536, 65537), (y, -4096, -4095)))
+    here = near.value_and_grad(cx=0.375, cy=0.5, r=0.25)
+    there = far.value_and_grad(cx=65536.375, cy=-4095.5, r=0.25)
+    assert abs(here[0] - there[0]) <= 1e-12
+    assert max(abs(here[1][k] - there[1][k]) for k in here[1]) <= 1e-12
+
+
+def test_sums_over_pixels() -> None:
+    centres, k, i, j = teg.array("C", 2), *(teg.index(n) for n in "kij")
+    first, last = teg.indices("first", 1), teg.indices("last", 1)
+    disk = (x - centres[k, 0]) ** 2 + (y - centres[k, 1]) ** 2 < 0.25
+    pixel = teg.integral(teg.bracket(disk), (x, i, i + 1), (y, j, j + 1))
+    e = teg.sum(pixel, (i, first[0], last[0]), (j, first[1], last[1]), (k, 0, teg.length(centres, 0)))
+    points = np.array([[0.75, 1.125], [1.5, 1.0]])
+    for backend in ("numpy", "c"):
+        f = teg.compile(e, [centres], backend=backend)
+        here, there = (
+            f.value_and_grad(C=points + shift, first=np.array([shift, shift]), last=np.array([shift + 3, shift + 3]))
+            for shift in (0, 65536)
+        )
+        assert here[0] == pytest.approx(np.pi / 2, abs=1e-12)
+        assert abs(here[0] - there[0]) <= 1e-12
+        assert np.abs(here[1]["C"] - there[1]["C"]).max() <= 1e-12
+
+
+def test_a_disk_far_away_in_jax() -> None:
+    pytest.importorskip("jax")
+    import jax
+
+    jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call]
+    f = teg.compile(SCENES["a disk, written out"], [cx, cy, r], backend="jax")
+    here, there = (f.value_and_grad(moved(f, *shift)) for shift in ((0, 0), (65536, 4096)))
+    assert abs(here[0] - there[0]) <= 1e-12
+    assert max(abs(here[1][p] - there[1][p]) for p in here[1]) <= 1e-12
+
+
+def test_what_stays_as_it_is() -> None:
+    near = ((x, 0, 1), (y, 0, 1))
+    for e in (
+        teg.integral(teg.bracket((x - cx) ** 2 + y**2 < r), *near),
+        teg.integral(teg.bracket(x < t) * teg.sqrt(x - cx), (x, left, left + 1)),
+        inside((x - cx) ** 2 + (y - cy) ** 2 < r, teg.exp(x + y)),
+        inside((y > cy) & (x > cx) & (x + y < t)),
+        inside(x * y < t),
+    ):
+        assert with_local_boxes(e) is e
+
+
+def test_surfaces_are_shown_in_the_users_coordinates() -> None:
+    assert str(with_local_boxes(SCENES["a disk"])) == (
+        "∫[(y - low): 0..1] (∫[(x - left): 0..1] [r - (((x - left) - (cx - left))² + ((y - low) - (cy - low))²) > 0])"
+    )
