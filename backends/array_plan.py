@@ -8,18 +8,20 @@ out of its range is named in the error. Integers have 64 bits when a program run
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import operator
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from teg.array_program import Arg, ArrayProgram, Integers, Load, Loop, Scatter, Step, steps
 from teg.errors import ArrayIndexError
-from teg.index import OPERATIONS
 
 Interval = tuple[int, int]
 Whole = npt.NDArray[np.int64]
-SIGNS = {"add": "+", "sub": "-", "mul": "·", "floordiv": "//"}
+EXACT: dict[str, tuple[str, Callable[[int, int], int]]] = {
+    "add": ("+", operator.add), "sub": ("-", operator.sub), "mul": ("·", operator.mul), "floordiv": ("//", operator.floordiv),
+}  # fmt: skip
 LEAST, MOST = -(2**63), 2**63 - 1
 BLOCK = 2**18
 """Iterations that are checked at a time."""
@@ -211,12 +213,12 @@ def exactly(op: str, a: Whole, b: Whole) -> Whole:
     if span is None:  # divided by numbers of either sign
         span = (LEAST, MOST) if ends[0][0] > LEAST else (LEAST, MOST + 1)
     if not _has_room(span):
-        of = OPERATIONS[op]
+        sign, of = EXACT[op]
         lanes = np.broadcast(a, b)
         wrong = next(((int(x), int(y)) for x, y in lanes if not LEAST <= of(int(x), int(y)) <= MOST), None)
         if wrong is not None:
             raise ArrayIndexError(
-                f"an index is too large: {wrong[0]} {SIGNS[op]} {wrong[1]} is {of(*wrong)}, which 64 bits do not hold",
+                f"an index is too large: {wrong[0]} {sign} {wrong[1]} is {of(*wrong)}, which 64 bits do not hold",
                 None,
                 "indices, and the integers that they are computed from, lie between -2⁶³ and 2⁶³",
             )

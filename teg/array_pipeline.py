@@ -1,6 +1,6 @@
 """Passes for programs with arrays and sums: those of `pipeline`, on every cell.
 
-    value        sums out of integrals → indices renamed → each cell's normal form
+    value        comparisons of a thing with itself → sums out of integrals → indices renamed → each cell's normal form
     derivative   … → each cell by its symbols (`pipeline.compiled_outputs`), then the chain rule through the sums
 
     d/dV of  f(Σ_k g(V[F[k]]))   =   f′(s) · Σ_k g′(V[F[k]]) · 1[V; F[k]],    s = Σ_k g(V[F[k]])
@@ -23,6 +23,7 @@ from teg.errors import ParameterError
 from teg.expr import ZERO, Expr, Param, add, mul
 from teg.index import ArrayName, IndexVar
 from teg.node import Node, postorder
+from teg.passes.self_comparison import without_self_comparisons
 from teg.passes.sums import sums_outside
 
 Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
@@ -36,7 +37,7 @@ def outlined(e: Expr) -> Expr:
     """The program with its sums outside of integrals, and canonical indices. Raises NeedsLengths."""
     if not has_arrays(e):
         return e
-    return rename_indices(sums_outside(e))
+    return rename_indices(sums_outside(without_self_comparisons(e)))
 
 
 def on_cells(e: Expr, step: Callable[[Expr], Expr]) -> Expr:

@@ -1,0 +1,134 @@
+"""Comparisons in sums that compare a thing with itself: they have no surface.
+
+    [z_j < z_k]   →   [z_j < z_k] ∧ j ≠ k            where both sides are the same expression of j and of k
+
+For j = k the difference is the constant 0, whatever the arrays hold: the comparison is false as written and stays so when anything moves,
+but its value 0 on another surface looks like a tie. So the difference g of an atom is asked whether it vanishes identically when one index
+is replaced by another integer expression: by an index, by a number (`z_k < z_0`), and an entry by an index (`z_N[k] < z_k`). Where it does,
+the atom is true only if these integers differ. If all that the indices choose are entries of arrays, it is the places of these that
+have to differ (`F[j]`, `F[k]`): a face that is listed twice does not hide itself either. An atom g >= 0 is true where they do not differ.
+
+Atoms without variables have no ties and are left alone, and so are integers whose ranges exclude that they are equal. Cost: for each atom
+with two integers at the same place of an array one pass over it for each such pair, of which MOST are looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from typing import cast
+
+from teg.arrays import Gather, Sum
+from teg.cells import Symbols, cell_leaves, indices_apart, replace_integers
+from teg.expr import Compare, Cond, Expr, conjunction, disjunction, less, negation
+from teg.index import Index, IndexCall, IndexConst, IndexGather, IndexVar, free_indices
+from teg.node import Node, postorder
+from teg.polynomial import Point
+from teg.traverse import rebuild
+
+MOST = 32
+PLACES = 4
+"""Of more places that have to differ the indices are compared instead."""
+Ranges = Mapping[Index, tuple[Index, Index]]
+
+
+def without_self_comparisons(root: Expr) -> Expr:
+    """The program in which an atom that compares a thing with itself is what it is as written, and meets no tie."""
+    if not any(isinstance(n, Compare) and n.free and _candidates(n.g, {}) for n in postorder([root])):
+        return root
+    root = indices_apart(root)
+    order = postorder([root])
+    ranges: dict[Index, tuple[Index, Index]] = {n.index: (n.lo, n.hi) for n in order if isinstance(n, Sum)}
+    new: dict[Node, Node] = {}
+    for node in order:
+        result = rebuild(node, tuple([new[c] for c in node.children]))
+        new[node] = _apart(result, ranges) if isinstance(result, Compare) and result.free else result
+    return cast(Expr, new[root])
+
+
+def _apart(atom: Compare, ranges: Ranges) -> Cond:
+    """The atom where it compares two things, and as written where it compares one with itself."""
+    different: list[Cond] = []
+    for a, b in _candidates(atom.g, ranges):
+        there = replace_integers(atom.g, {a: b})
+        (cell,) = Symbols().into([there])
+        if Point().value(cell) == 0:
+            different.append(_different(atom.g, a, b))
+    together = conjunction(*different)
+    return conjunction(atom, together) if atom.strict else disjunction(atom, negation(together))
+
+
+def _candidates(g: Expr, ranges: Ranges) -> list[tuple[Index, Index]]:
+    """Pairs (a, b) of integers that index the same array at the same place, and may be equal; a is to be replaced by b."""
+    at: dict[object, dict[Index, None]] = {}
+    for leaf in cell_leaves([g]):
+        if isinstance(leaf, Gather):
+            for axis, i in enumerate(leaf.subscripts):
+                _note(at, (leaf.array, axis), i)
+    found: dict[tuple[Index, Index], None] = {}
+    for places in at.values():
+        for a, b in combinations(places, 2):
+            for pair in _meeting(a, b):
+                if not _are_apart(*pair, ranges):
+                    found[pair] = None
+            if len(found) >= MOST:
+                return list(found)
+    return list(found)
+
+
+def _note(at: dict[object, dict[Index, None]], place: object, i: Index) -> None:
+    """What stands at a place of an array, and at the places of index arrays through which it is chosen."""
+    waiting = [(place, i)]
+    while waiting:
+        place, i = waiting.pop()
+        at.setdefault(place, {})[i] = None
+        if isinstance(i, IndexGather):
+            waiting += [((i.array, axis), child) for axis, child in enumerate(i.children)]
+
+
+def _meeting(a: Index, b: Index) -> Iterator[tuple[Index, Index]]:
+    """How two integers become equal by replacing an index, or an entry of an index array by the index that chooses it."""
+    for first, second in ((a, b), (b, a)):
+        if isinstance(first, IndexVar) and first not in free_indices(second):
+            yield first, second
+            return
+    for first, second in ((a, b), (b, a)):
+        if isinstance(first, IndexGather) and isinstance(second, IndexVar):
+            yield first, second
+            return
+
+
+def _are_apart(a: Index, b: Index, ranges: Ranges) -> bool:
+    """Whether the ranges of the sums exclude that both are equal."""
+    for first, second in ((a, b), (b, a)):
+        lo, hi = ranges.get(first, (None, None))
+        if lo is not None and (_is_beyond(lo, second) or hi is second or (hi is not None and _is_beyond(second, hi))):
+            return True
+        if isinstance(hi, IndexConst) and isinstance(second, IndexConst) and second.data >= hi.data:
+            return True
+    return False
+
+
+def _is_beyond(lo: Index, other: Index) -> bool:
+    """Is an integer larger than another one, by what is written?"""
+    if isinstance(lo, IndexConst) and isinstance(other, IndexConst):
+        return bool(lo.data > other.data)
+    more = lo.children if isinstance(lo, IndexCall) and lo.data == "add" else ()
+    return other in more and any(isinstance(c, IndexConst) and c.data > 0 for c in more)
+
+
+def _different(g: Expr, a: Index, b: Index) -> Cond:
+    """The condition that what is compared is not the same."""
+    places: dict[tuple[Index, Index], None] = {}
+    for leaf in cell_leaves([g]):
+        there = replace_integers(leaf, {a: b})
+        if leaf is there:
+            continue
+        if not isinstance(leaf, Gather) or not isinstance(there, Gather):
+            return _unequal(a, b)
+        places.update(((i, j), None) for i, j in zip(leaf.subscripts, there.subscripts, strict=True) if i is not j)
+    return disjunction(*(_unequal(i, j) for i, j in places)) if len(places) <= PLACES else _unequal(a, b)
+
+
+def _unequal(a: Index, b: Index) -> Cond:
+    return disjunction(less(a, b, strict=True), less(b, a, strict=True))
