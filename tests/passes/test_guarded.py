@@ -183,6 +183,29 @@ def test_gradients_of_what_is_under_a_curve(backend: str) -> None:
     assert gradient["k"] == pytest.approx((1 / 3000 - exact) / 3000, rel=1e-8)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_features_of_functions(backend: str) -> None:
+    """A body that is narrow on its range is written out; of one with parameters the values at ends and in the middle of gaps are taken."""
+    u = teg.param("u")
+    cases: list[tuple[Expr, float]] = [
+        (exp(-2000 * u), 1 / 2000),
+        (1 + bump(3000 * (u - 0.3)), 1 + 2 / 3000),
+        (exp(-k * u), 1 / 2000),
+        (1 - tanh(k * u), math.log(2) / 2000),
+    ]
+    for body, exact in cases:
+        f = teg.function("f", [u], body)
+        assert teg.compile(integral(f(x), (x, 0, 1)), [k], backend=backend)(k=2000.0) == pytest.approx(exact, rel=1e-9)
+
+
+def test_tame_functions_stay_functions() -> None:
+    u = teg.param("u")
+    f = teg.function("f", [u], exp(-3 * u) * (1 + tanh(2 * u)))
+    assert teg.compile(integral(f(x), (x, 0, 1))).program(0).functions
+    g = teg.compile(integral(f(x), (x, 0, 1)))
+    assert g.evaluations() == teg.compile(integral(exp(-3 * x) * (1 + tanh(2 * x)), (x, 0, 1))).evaluations()
+
+
 # -- what is not narrow ------------------------------------------------------------------------------------------------
 
 TAME = {
