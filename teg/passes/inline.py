@@ -86,8 +86,8 @@ def _own_reasons(order: list[Node]) -> dict[Apply, str]:
 
 
 def _narrow_ones(smooth: list[Apply], order: list[Node]) -> Iterator[Apply]:
-    """The applications whose bodies have features that may be narrow, where ranges and bodies are known in numbers: nodes may pass these by,
-    and their bounds over an interval have to be known."""
+    """The applications whose bodies have features that may be narrow, where ranges and bodies are known in numbers: nodes may pass these
+    by, and their bounds over an interval have to be known."""
     ranges: dict[Var, Interval] = {}
     for node in reversed(order if smooth else ()):
         if isinstance(node, Integral):
