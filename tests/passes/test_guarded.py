@@ -80,7 +80,7 @@ def test_the_same_in_c(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sech²", "(4x(1-x))^k", "1 + exp(-k|x-p|)"])
-def test_the_same_in_jax(name: str) -> None:
+def test_the_same_in_jax(name: str, x64: None) -> None:
     make, exact = NARROW[name]
     assert teg.compile(integral(make(3000), (x, 0, 1)), backend="jax")() == pytest.approx(exact(3000), rel=1e-10)
 
@@ -167,7 +167,7 @@ def test_narrow_features_of_two_variables(name: str, backend: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["inner", "under a bump"])
-def test_the_same_nests_in_jax(name: str) -> None:
+def test_the_same_nests_in_jax(name: str, x64: None) -> None:
     program, exact = NESTS[name]
     assert teg.compile(program, backend="jax")() == pytest.approx(exact, rel=1e-8)
 
