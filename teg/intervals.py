@@ -47,6 +47,7 @@ from teg.expr import (
     sub,
     where,
 )
+from teg.function import Apply
 from teg.node import Node, postorder_through
 
 Interval = tuple[Expr, Expr]
@@ -106,6 +107,8 @@ class Enclosure:
                 return result
             case Pow():
                 return _power(parts[0], e.exponent)
+            case Apply():
+                raise NotDifferentiableError("the values of a function over an interval are not known", e)
             case Call():
                 return _function(e.name, parts)
             case Where():

@@ -5,11 +5,12 @@ A narrow smooth feature of an integrand comes from few kinds of nodes, whose own
     exp u                   itself                       uᵏ, pow(u, k), k < 0 or large      itself
     cosh u, sinh u          cosh u                       sin u, cos u, u no polynomial      how far u goes in a gap
     tanh u                  1 - tanh²u                   atan u                             1/(1 + u²)
+    f(u, …) of the user's   |f|
 
-The last ones are the slopes: the steps themselves are seen. A sharp value is *tame* if it cannot change much between neighbouring nodes:
-if its bounds over the whole domain are near each other, or those of its logarithm's slope are small. This is decided when the program is
-made, where the domain is known in numbers. Bounds over a box are those of `teg.intervals`; an integral inside is bounded by the largest
-size of its integrand times the largest extent of its range. Linear in the size of the integrands.
+Of tanh and atan it is the slope: the steps themselves are seen. A sharp value is *tame* if it cannot change much between neighbouring
+nodes: if its bounds over the whole domain are near each other, or those of its logarithm's slope are small. This is decided when the
+program is made, where the domain is known in numbers. Bounds over a box are those of `teg.intervals`; an integral inside is bounded by the
+largest size of its integrand times the largest extent of its range. Linear in the size of the integrands.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from teg.node import Node, postorder
 from teg.numerics import folded, values_of
 from teg.polynomial import Degrees
 from teg.program import UNSEEN
-from teg.traverse import fresh, rebuild
+from teg.traverse import fresh, rebuild, substitute
 
 LARGE_POWER = 16
 """A positive power up to that is narrow only where its base is; a negative one of a linear or quadratic function has places of its own."""
@@ -98,7 +99,7 @@ def sharp_value(node: Expr, x: Var, degrees: Degrees, poles: int) -> Sharp | Non
                 return None
             return Sharp(node, node if k % 2 == 0 else call("magnitude", node), u, const(k), power=True)
         case Apply():
-            return None
+            return None if node.degree is not None else Sharp(node, call("magnitude", node), node, None)
         case Call():
             return _sharp_call(node, x, degrees)
         case _:
@@ -131,15 +132,30 @@ def _sharp_call(node: Call, x: Var, degrees: Degrees) -> Sharp | None:
 
 
 def bounds(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr] | None:
-    """The upper and the lower bound of a sharp value over a box; None where none are known."""
+    """The upper and the lower bound of a sharp value over a box; None where none are known. Of a function whose body is not to be seen the
+    values at both ends and in the middle have to do."""
     try:
         if not sharp.wave:
             lo, hi = boxed.of(sharp.value)
             return hi, lo
         first, last = boxed.of(sharp.argument)
-    except (NotDifferentiableError, AssertionError):
-        return None
+    except NotDifferentiableError:
+        return None if sharp.wave else _at_points(sharp.value, boxed.box)
     return call("max", ONE, mul(const(UNSEEN / FAR_ARGUMENT), sub(last, first))), ONE
+
+
+def _at_points(value: Expr, box: Mapping[Var, Interval]) -> tuple[Expr, Expr] | None:
+    """The largest of a value at both ends and in the middle of an interval, twice: how far it may fall is not known. None in several
+    variables, and with an integral."""
+    inside = [v for v in box if v in value.free]
+    if len(inside) != 1 or value.has_integral:
+        return None
+    (x,) = inside
+    lo, hi = box[x]
+    largest, *others = (cast(Expr, substitute(value, {x: place})) for place in (lo, mul(const(0.5), add(lo, hi)), hi))
+    for v in others:
+        largest = call("max", largest, v)
+    return largest, largest
 
 
 def sizes(bodies: Sequence[Expr], boxed: Enclosure) -> list[Expr]:

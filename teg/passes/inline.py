@@ -4,9 +4,9 @@
 
 where the body is not opaque (`teg.function`), and wherever an application stands in a condition, a bound, a δ, an argument of floor and
 the like, a divisor, or under a root or logarithm: what jumps or may be singular there has to be found. An application is also written
-out in an integral with an infinite bound, whose tails have to be measured, and where an exponential in the body becomes one of a
-polynomial of degree 2 or more in the variables: narrow peaks have to be known. If the arguments are linear, and the exponent quadratic, it
-is enough that the exponential is seen,
+out in an integral with an infinite bound, whose tails have to be measured; where features of the body may be narrow (`teg.sharp`), as far
+as that is known in numbers; and where an exponential in the body becomes one of a polynomial of degree 2 or more in the variables: narrow
+peaks have to be known. If the arguments are linear, and the exponent quadratic, it is enough that the exponential is seen,
 
     f(e)   →   rest(e, exp(q(e)))
 
@@ -24,16 +24,22 @@ from teg.bodies import everywhere_written_out, with_peaks_outside, written_out
 from teg.expr import Call, Compare, Expr, Pow, Var
 from teg.function import Apply, Function, Slot, degrees_in, functions_of
 from teg.integral import Delta, Integral, PointMasses
+from teg.intervals import Interval
 from teg.node import Node, postorder
+from teg.polynomial import Degrees
+from teg.sharp import numeric_range, sharp_values, tame_ones
 from teg.tails import is_unbounded
-from teg.traverse import rebuild
+from teg.traverse import parameters, rebuild
 
 _SINGULAR = frozenset(
     ("sqrt", "root", "log", "pow", "tan", "asin", "acos", "atan2", "floor", "ceil", "round", "mod", "magnitude", "min", "max")
 )
 
 
+WIDEST = 0.25
+"""The largest part of a piece between two nodes, of most rules."""
 STEEP = "its exponential may be a narrow peak"
+NARROW = "a feature of it may be narrow"
 PEAKED = "its exponential may be a narrow peak, which alone is written out"
 
 
@@ -74,7 +80,26 @@ def _own_reasons(order: list[Node]) -> dict[Apply, str]:
         for node, exponent in steep.items():
             if exponent * max((degrees[c] or 0 for c in node.children), default=0) > 1:
                 found[node] = PEAKED if exponent == 2 and all(degrees[c] in (0, 1) for c in node.children) else STEEP
+    smooth = [n for n in found if not found[n] and n.free and isinstance(f := n.callee, Function) and f.inline is None and f.degree is None]
+    found.update(dict.fromkeys(_narrow_ones(smooth, order), NARROW))
     return found
+
+
+def _narrow_ones(smooth: list[Apply], order: list[Node]) -> Iterator[Apply]:
+    """The applications whose bodies have features that may be narrow, where ranges and bodies are known in numbers: nodes may pass these
+    by, and their bounds over an interval have to be known."""
+    ranges: dict[Var, Interval] = {}
+    for node in reversed(order if smooth else ()):
+        if isinstance(node, Integral):
+            ranges = numeric_range(node, ranges)
+    degrees = Degrees()
+    for node in smooth:
+        body = written_out(node, node.children)
+        for x in (v for v in node.free if v in ranges):
+            known = [s for s in sharp_values([body], x, frozenset(), degrees, 2) if not parameters(s.node)]
+            if not all(tame_ones(known, ranges, x, WIDEST)):
+                yield node
+                break
 
 
 def _looked_into(order: list[Node]) -> Iterator[tuple[str, Node]]:

@@ -80,7 +80,7 @@ def test_the_same_in_c(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sech²", "(4x(1-x))^k", "1 + exp(-k|x-p|)"])
-def test_the_same_in_jax(name: str) -> None:
+def test_the_same_in_jax(name: str, x64: None) -> None:
     make, exact = NARROW[name]
     assert teg.compile(integral(make(3000), (x, 0, 1)), backend="jax")() == pytest.approx(exact(3000), rel=1e-10)
 
@@ -167,7 +167,7 @@ def test_narrow_features_of_two_variables(name: str, backend: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["inner", "under a bump"])
-def test_the_same_nests_in_jax(name: str) -> None:
+def test_the_same_nests_in_jax(name: str, x64: None) -> None:
     program, exact = NESTS[name]
     assert teg.compile(program, backend="jax")() == pytest.approx(exact, rel=1e-8)
 
@@ -181,6 +181,29 @@ def test_gradients_of_what_is_under_a_curve(backend: str) -> None:
     value, gradient = g.value_and_grad(k=3000.0)
     assert value == pytest.approx(exact, rel=1e-9)
     assert gradient["k"] == pytest.approx((1 / 3000 - exact) / 3000, rel=1e-8)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_features_of_functions(backend: str) -> None:
+    """A body that is narrow on its range is written out; of one with parameters the values at ends and in the middle of gaps are taken."""
+    u = teg.param("u")
+    cases: list[tuple[Expr, float]] = [
+        (exp(-2000 * u), 1 / 2000),
+        (1 + bump(3000 * (u - 0.3)), 1 + 2 / 3000),
+        (exp(-k * u), 1 / 2000),
+        (1 - tanh(k * u), math.log(2) / 2000),
+    ]
+    for body, exact in cases:
+        f = teg.function("f", [u], body)
+        assert teg.compile(integral(f(x), (x, 0, 1)), [k], backend=backend)(k=2000.0) == pytest.approx(exact, rel=1e-9)
+
+
+def test_tame_functions_stay_functions() -> None:
+    u = teg.param("u")
+    f = teg.function("f", [u], exp(-3 * u) * (1 + tanh(2 * u)))
+    assert teg.compile(integral(f(x), (x, 0, 1))).program(0).functions
+    g = teg.compile(integral(f(x), (x, 0, 1)))
+    assert g.evaluations() == teg.compile(integral(exp(-3 * x) * (1 + tanh(2 * x)), (x, 0, 1))).evaluations()
 
 
 # -- what is not narrow ------------------------------------------------------------------------------------------------
