@@ -213,7 +213,7 @@ def closed_curve(random: Random) -> Program:
     scales = {"t": size * s, "p": s, "a": 1.0, "b": 0.1}
     w = (1 / s) * x
     weight = random.choice((term(1), term(1), 1 + w, call("exp", w), where(x > 0.05 * s, 1.0, 2.0)))
-    kind = random.randrange(8)
+    kind = random.randrange(9)
     if kind == 0:
         c1 = u**n + v**n < t**n
     elif kind == 1:
@@ -231,6 +231,8 @@ def closed_curve(random: Random) -> Program:
         c1 = u * u + v * v + a * u * v < t * t
     elif kind == 6:
         c1 = maximum(absolute(u), absolute(v)) + 0.3 * absolute(u) < t
+    elif kind == 7:
+        c1 = (call("sqrt", x * x + y * y) - t) ** 2 < (0.3 * t) ** 2 * b
     else:
         e = 0.81 * s**2
         c1 = (x * x + y * y) ** 2 < 2 * e * a * 0.1 * (x * x - y * y) + (t * t * t * t) * 0.5
@@ -338,7 +340,7 @@ def rewritten_values(random: Random) -> Program:
     if not nodes:
         return base
     name = random.choice(nodes)
-    form = random.choice(AGAIN)
+    form = random.choice(AGAIN if not base.far else ("plus nothing", "twice a half", "neg of neg"))
     tree = _replaced(base.tree, lambda n: Term("again", (n,), form) if n.op == "parameter" and n.data == name and random.random() < 0.6 else None)
     return replace(base, kind="values in other words", tree=tree)
 
@@ -467,27 +469,24 @@ def singular(random: Random) -> Program:
 
 
 def far(random: Random) -> Program:
-    """A pixel and a triangle, far from the origin, with edges written as determinants."""
-    s = random.choice((0, 16, 256, 4096, 65536))
-    corners = [(s + uniform(random, 0, 0.4), s + uniform(random, 0, 0.4)), (s + uniform(random, 0.6, 1), s + uniform(random, 0, 0.5))]
-    corners.append((s + uniform(random, 0.2, 0.8), s + uniform(random, 0.6, 1)))
+    """A pixel and a triangle, written far from the origin, with edges as determinants; the reference has them at the origin."""
     names = [(t, a), (b, p), (q, r)]
-    c = None
+    ranges = (((0.0, 0.4), (0.0, 0.4)), ((0.6, 1.0), (0.0, 0.5)), ((0.2, 0.8), (0.6, 1.0)))
+    values: Values = {}
+    for pair, bounds in zip(names, ranges, strict=True):
+        for name, (lo, hi) in zip(pair, bounds, strict=True):
+            values[name.data] = round(random.uniform(lo, hi) * 2**16) / 2**16  # a shift keeps all digits
+    edges = []
     expanded = random.random() < 0.5
     for k in range(3):
         (x0, y0), (x1, y1) = names[k], names[(k + 1) % 3]
         if expanded:
-            g = x0 * y1 - x1 * y0 + (y0 - y1) * x + (x1 - x0) * y
+            edges.append(x0 * y1 - x1 * y0 + (y0 - y1) * x + (x1 - x0) * y > 0)
         else:
-            g = (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)
-        c = g > 0 if c is None else c & (g > 0)
-    assert c is not None
-    values: Values = {}
-    for (u, v), (cx, cy) in zip(names, corners, strict=True):
-        values |= {u.data: cx, v.data: cy}
-    weight = random.choice((term(1), x - s + 1))
-    tree = integral(bracket(c) * weight, ("x", s + 0.0, s + 1.0), ("y", s + 0.0, s + 1.0))
-    return made("far coordinates", tree, values, dict.fromkeys("tabpqr", 1.0))
+            edges.append((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0)
+    weight = random.choice((term(1), x - t + 1, (y - a) * (x - b)))
+    tree = integral(bracket(edges[0] & edges[1] & edges[2]) * weight, ("x", 0.0, 1.0), ("y", 0.0, 1.0))
+    return replace(made("far coordinates", tree, values, dict.fromkeys("tabpqr", 1.0)), far=float(random.choice((0, 16, 256, 4096, 65536))))
 
 
 def sums(random: Random) -> Program:
@@ -573,8 +572,8 @@ KINDS: dict[str, tuple[Kind, int]] = {
     "grammar_in_two": (grammar_in_two, 8),
     "outside": (outside, 6),
     "nested": (nested, 6),
-    "closed_curve": (closed_curve, 10),
-    "boolean": (boolean, 6),
+    "closed_curve": (closed_curve, 9),
+    "boolean": (boolean, 4),
     "three": (three, 2),
     "other_words": (other_words, 12),
     "rewritten_values": (rewritten_values, 5),
@@ -582,7 +581,7 @@ KINDS: dict[str, tuple[Kind, int]] = {
     "approaching": (approaching, 3),
     "literals": (literals, 6),
     "singular": (singular, 7),
-    "far": (far, 4),
+    "far": (far, 3),
     "sums": (sums, 5),
     "many_roots": (many_roots, 6),
     "steps": (steps, 5),
@@ -598,7 +597,7 @@ def program(seed: int) -> Program:
         (kind,) = random.choices([k for k, _ in kinds], [w for _, w in kinds])
         made_one = kind(random)
         if any(n.op == "integral" for n in _walk(made_one.tree)) and all(math.isfinite(v) for v in _numbers(made_one)):
-            by_law = kind is three or random.random() < 0.25
+            by_law = not made_one.far and (kind is three or random.random() < 0.25)
             return replace(made_one, seed=seed, law=random.choice(sorted(LAWS)) if by_law else "")
     raise AssertionError(seed)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 import signal
 import time
@@ -9,13 +11,14 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import teg
 from teg.errors import CompilerError, TegError
-from tests.fuzz.laws import by_law
+from tests.fuzz.laws import by_law, moved
 from tests.fuzz.reference import Answer, NoReferenceError, answer, direction_of, parameters_of
 from tests.fuzz.syntax import Program, Term, build, worded
 
@@ -73,13 +76,21 @@ class Outcome:
 
 def written(program: Program) -> Term:
     """The tree that the compiler is given."""
-    return by_law(worded(program.tree), program.law, program.seed)
+    tree = by_law(worded(program.tree), program.law, program.seed)
+    return moved(tree, program.far) if program.far else tree
+
+
+def given_values(program: Program) -> dict[str, float | tuple[float, ...]]:
+    """The values of parameters that the compiler is given."""
+    if not program.far:
+        return program.values
+    return {k: tuple(e + program.far for e in v) if isinstance(v, tuple) else v + program.far for k, v in program.values.items()}
 
 
 def run(program: Program, backend: str, limit: float = 20.0) -> Outcome:
     """Compiles a program, and asks for its value and gradient. Raises OutOfTimeError."""
     outcome = Outcome()
-    outcome.arguments = {k: np.array(v) if isinstance(v, tuple) else v for k, v in program.values.items()}
+    outcome.arguments = {k: np.array(v) if isinstance(v, tuple) else v for k, v in given_values(program).items()}
     started = time.perf_counter()
     with warnings.catch_warnings(record=True) as given:
         warnings.simplefilter("always")
@@ -195,6 +206,26 @@ def known_of(program: Program, limit: float) -> Answer | str:
         return "the reference takes too long"
     except NoReferenceError as problem:
         return str(problem)
+
+
+def digest(program: Program) -> str:
+    """Names what the reference has to know of a program."""
+    return hashlib.sha256(repr((program.tree, program.values, program.scales)).encode()).hexdigest()[:16]
+
+
+def stored_references(path: Path) -> dict[str, Answer | str]:
+    """References that were kept in a file, by digest."""
+    if not path.exists():
+        return {}
+    found: dict[str, Answer | str] = {}
+    for line in path.read_text().splitlines():
+        try:
+            record = json.loads(line)
+        except json.JSONDecodeError:  # the end of a run that was interrupted
+            continue
+        known = record["known"]
+        found[record["digest"]] = known if isinstance(known, str) else Answer(**known)
+    return found
 
 
 def agreement(program: Program, backend: str, limit: float) -> Judgement:

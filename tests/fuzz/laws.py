@@ -26,6 +26,17 @@ def over_boxes(tree: Term, change: Callable[[Term], Term]) -> Term:
     return tree
 
 
+def moved(tree: Term, distance: float) -> Term:
+    """With all bounds farther to the right."""
+
+    def change(node: Term) -> Term:
+        body, *bounds = node.parts
+        far = [term(b.data + distance) if b.op == "number" else b for b in bounds]
+        return replace(node, parts=(body, *far))
+
+    return over_boxes(tree, change)
+
+
 def shift(tree: Term, random: Random) -> Term:
     c = random.choice((1.0, -3.0, 0.375, 64.0))
 

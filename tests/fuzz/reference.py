@@ -26,7 +26,7 @@ CHUNK = 2**19
 HALVINGS = 90
 SECTIONS = 12
 """Parts of a bracket that are looked at together: the arrays are short, a call costs more than its numbers."""
-DIPS, SIGNATURES = 12, 13
+DIPS, SIGNATURES = 12, 11
 
 
 class NoReferenceError(Exception):
@@ -35,17 +35,19 @@ class NoReferenceError(Exception):
 
 @dataclass(frozen=True)
 class Resolution:
-    """Samples of a variable in which changes of sign are looked for, and steps of the double-exponential rule."""
+    """Samples of a variable in which changes of sign are looked for, and steps of the double-exponential rule, of the
+    outermost and of the innermost integral."""
 
     samples: int
     step: float
+    inner_step: float
     points: int = 2 * 10**7
     """Evaluations of an innermost integrand after which it gives up."""
 
 
 PAIRS: dict[int, tuple[tuple[Resolution, Resolution], ...]] = {
-    1: ((Resolution(61, 1 / 24), Resolution(97, 1 / 36)), (Resolution(197, 1 / 60), Resolution(397, 1 / 90))),
-    2: ((Resolution(61, 1 / 9), Resolution(97, 1 / 13)), (Resolution(97, 1 / 22), Resolution(149, 1 / 31))),
+    1: ((Resolution(61, 1 / 24, 1 / 24), Resolution(97, 1 / 36, 1 / 36)), (Resolution(197, 1 / 60, 1 / 60), Resolution(397, 1 / 90, 1 / 90))),
+    2: ((Resolution(61, 1 / 9, 1 / 9), Resolution(97, 1 / 13, 1 / 13)), (Resolution(97, 1 / 22, 1 / 50), Resolution(149, 1 / 31, 1 / 75))),
 }
 """For integrals in one and in two variables: two resolutions that must agree; finer ones where they do not."""
 
@@ -70,14 +72,14 @@ class Points:
         return Points(self.n, {**self.values, name: value}, anchors)
 
 
-def rule(step: float) -> tuple[Array, Array, Array]:
+def rule(step: float, least: float) -> tuple[Array, Array, Array]:
     """The double-exponential rule on (0, 1): distances from the nearer end, whether that is the left one, weights."""
     k = np.arange(-int(4.3 / step), int(4.3 / step) + 1)
-    t = k.astype(Real) * Real(step)
+    t = (k.astype(Real) + Real(0.31)) * Real(step)  # no node in the middle, where the tip of a thin region may be
     s = Real(np.pi) / 2 * np.sinh(np.abs(t))
     near = np.exp(-s) / (2 * np.cosh(s))
     weight = Real(step) * Real(np.pi) / 4 * np.cosh(t) / np.cosh(s) ** 2
-    keep = (weight > 1e-24) & (near > 1e-4900)
+    keep = weight > least
     return near[keep], (t <= 0)[keep], (weight / weight.sum())[keep]
 
 
@@ -94,16 +96,22 @@ class Reference:
             else:
                 self.names[name] = None
         self.spent = 0
-        self.rule = rule(resolution.step)
-        self.switches: dict[Term, list[Term]] = {}
+        self.switches: dict[Term, list[tuple[str, Term]]] = {}
         self.literals = sorted({abs(n.data) for n in walk(self.tree) if n.op == "number"})
         self.depth = _depth(self.tree)
+        least = 1e-24 if self.depth > 1 else 0.0
+        self.rules = rule(resolution.step, least), rule(resolution.inner_step, least)
+        self.size = max((n.data for n in walk(self.tree) if n.op == "number" and n.data < 1e7), default=1.0)
 
     def value(self, values: Mapping[str, Any]) -> Any:
         """The value at parameters: numbers by name, `V[0]` for entries."""
-        at = Points(1, {k: np.array([v], Real) for k, v in values.items()})
+        return self.batch({k: np.array([v], Real) for k, v in values.items()})[0]
+
+    def batch(self, values: Mapping[str, Array]) -> Array:
+        """Values at several points."""
+        n = max((len(v) for v in values.values()), default=1)
         with np.errstate(all="ignore"):
-            return self._at(self.tree, at, 0)[0]
+            return self._at(self.tree, Points(n, dict(values)), 0)
 
     # -- evaluation -----------------------------------------------------------------------------------------------------
 
@@ -137,7 +145,7 @@ class Reference:
         sign = np.where(hi < lo, Real(-1), Real(1))
         lo, hi = np.minimum(lo, hi), np.maximum(lo, hi)
         rows, left, right = self._pieces(node, at, lo, hi, depth)
-        near, from_left, weights = self.rule
+        near, from_left, weights = self.rules[depth == self.depth - 1]
         result = np.zeros(at.n, Real)
         if not len(rows):
             return result
@@ -159,7 +167,7 @@ class Reference:
 
     def _pieces(self, node: Term, at: Points, lo: Array, hi: Array, depth: int) -> tuple[Array, Array, Array]:
         """Rows, left and right ends of the pieces of an integral at every point."""
-        row, place, _ = self._cuts(node, at, lo, hi, depth)
+        row, place, *_ = self._cuts(node, at, lo, hi, depth)
         rows = np.concatenate([np.arange(at.n), np.arange(at.n), row])
         places = np.concatenate([lo, hi, place])
         order = np.lexsort((places, rows))
@@ -167,24 +175,27 @@ class Reference:
         piece = (rows[1:] == rows[:-1]) & (places[1:] > places[:-1])
         return rows[:-1][piece], places[:-1][piece], places[1:][piece]
 
-    def _cuts(self, node: Term, at: Points, lo: Array, hi: Array, depth: int) -> tuple[Array, Array, Array]:
-        """Cuts of an integral: rows, places, and which switch each is of."""
+    def _cuts(self, node: Term, at: Points, lo: Array, hi: Array, depth: int) -> tuple[Array, Array, Array, Array]:
+        """Cuts of an integral: rows, places, and which switch each is of; and for every point the state at its lower bound."""
         body, var = node.parts[0], node.data
         if node not in self.switches:
             self.switches[node] = _switches(body, var)
         found: list[tuple[Array, Array, Array]] = []
+        starts = np.zeros(at.n, np.uint64)
         samples = self._samples(at, lo, hi, depth)
-        for number, switch in enumerate(self.switches[node]):
-            if switch.op == "integral":
-                row, place = self._changes(switch, var, at, samples, depth)
+        for number, (kind, switch) in enumerate(self.switches[node]):
+            if kind == "cuts":
+                row, place, start = self._changes(switch, var, at, samples, depth)
             else:
-                row, place = self._roots(switch, var, at, samples, depth)
+                row, place, start = self._roots(switch, var, at, samples, depth)
             found.append((row, place, np.full(len(row), number + 1)))
+            with np.errstate(over="ignore"):
+                starts = starts * np.uint64(0x100000001B3) + start
         if not found:
-            return np.zeros(0, int), np.zeros(0, Real), np.zeros(0, int)
+            return np.zeros(0, int), np.zeros(0, Real), np.zeros(0, int), starts
         rows, places, numbers = (np.concatenate(c) for c in zip(*found, strict=True))
         order = np.lexsort((numbers, places, rows))
-        return rows[order], places[order], numbers[order]
+        return rows[order], places[order], numbers[order], starts
 
     def _samples(self, at: Points, lo: Array, hi: Array, depth: int) -> Array:
         """Places where switches are looked at, for every point: (n, m), rising."""
@@ -203,12 +214,14 @@ class Reference:
         numbers = [*self.literals, *(abs(float(v[0])) for k, v in at.values.items() if k in self.names)]
         numbers = sorted(set(numbers))[:16]
         numbers += [-v for v in numbers]
-        extra = [Real(v) * (1 + Real(e)) for v in numbers for e in (-1e-3, 1e-3)]
+        near = [Real(10) ** -k * s for k in range(1, 8) for s in (-1, 1)]
+        extra = [np.zeros(1, Real)[0], *(e * Real(self.size) for e in near)]
+        extra += [Real(v) * (1 + Real(e)) for v in numbers for e in (-1e-3, 1e-3)]
         extra += [Real(a) + Real(b) * Real(0.999) for a in numbers for b in numbers if abs(b) <= abs(a)][:60]
         columns = np.broadcast_to(np.array(extra, Real)[None, :], (at.n, len(extra)))
         return np.clip(columns, lo[:, None], hi[:, None])
 
-    def _roots(self, switch: Term, var: str, at: Points, samples: Array, depth: int) -> tuple[Array, Array]:
+    def _roots(self, switch: Term, var: str, at: Points, samples: Array, depth: int) -> tuple[Array, Array, Array]:
         """Roots of a function of one variable at every point."""
         n, m = samples.shape
 
@@ -223,9 +236,11 @@ class Reference:
         i = np.concatenate([r, i])
         left, right = np.concatenate([samples[r, c], left]), np.concatenate([samples[r, c + 1], right])
         low, high = np.concatenate([values[r, c], low]), np.concatenate([values[r, c + 1], high])
-        return i, _bisected(g, i, left, right, low, high)
+        largest = np.nanmax(np.abs(values), axis=1, initial=0.0)
+        start = np.where(np.abs(values[:, 0]) > 1e-16 * largest, np.sign(values[:, 0]), Real(0)) + 2
+        return i, _bisected(g, i, left, right, low, high), np.nan_to_num(start, nan=7.0).astype(np.uint64)
 
-    def _changes(self, inner: Term, var: str, at: Points, samples: Array, depth: int) -> tuple[Array, Array]:
+    def _changes(self, inner: Term, var: str, at: Points, samples: Array, depth: int) -> tuple[Array, Array, Array]:
         """Where the cuts of an integral inside change their number or order."""
         n, m = samples.shape
 
@@ -256,7 +271,7 @@ class Reference:
             now = signature(r, b)
             more = (now != last) & (b < right)
             r, left, right, first, last = r[more], b[more], right[more], now[more], last[more]
-        return np.concatenate(rows), np.concatenate(places)
+        return np.concatenate(rows), np.concatenate(places), values[:, 0]
 
     def _signature(self, inner: Term, at: Points, depth: int) -> Array:
         """A number that says which cuts an integral has, in which order."""
@@ -274,11 +289,11 @@ class Reference:
     def _order(self, inner: Term, at: Points, lo: Array, hi: Array, depth: int) -> Array:
         swapped = hi < lo
         lo, hi = np.minimum(lo, hi), np.maximum(lo, hi)
-        rows, places, numbers = self._cuts(inner, at, lo, hi, depth)
+        rows, places, numbers, starts = self._cuts(inner, at, lo, hi, depth)
         size = np.maximum(np.abs(lo), np.abs(hi)) + (hi - lo)
         inside = (places > lo[rows]) & (places < hi[rows])
         rows, places, numbers = rows[inside], places[inside], numbers[inside]
-        result = np.where(swapped, np.uint64(17), np.uint64(3))
+        result = np.where(swapped, np.uint64(17), np.uint64(3)) + starts * np.uint64(0xD6E8FEB86659FD93)
         if len(rows):
             near = np.zeros(len(rows), bool)
             near[1:] = (rows[1:] == rows[:-1]) & (places[1:] - places[:-1] <= 1e-14 * size[rows[1:]])
@@ -339,7 +354,7 @@ def _bisected(g: Any, rows: Array, left: Array, right: Array, low: Array, high: 
     b, a, fb, fa = left, right, low, high
     c, fc = a, fa
     t = np.full(len(rows), Real(0.5))
-    for _ in range(HALVINGS):
+    for _ in range(HALVINGS):  # quotients may be 0/0 where a lane is done
         x = a + t * (b - a)
         fx = g(rows, x)
         fx = np.where(np.isnan(fx), fa, fx)
@@ -364,14 +379,12 @@ def _exact_gap(node: Term, at: Points, value: Any) -> Array | None:
     """u - v where one of the two is a variable that is known as anchor + offset: nothing cancels near the anchor."""
     first, second = node.parts
     for k, (one, other) in enumerate(((first, second), (second, first))):
-        if one.op == "variable" and one.data in at.anchors and other.op != "variable":
+        if one.op == "variable" and one.data in at.anchors and not _has(other, one.data):
             anchor, offset = at.anchors[one.data]
             c = value(other)
             gap = anchor - c
             gap = np.where(np.abs(gap) <= 8 * EPS * (np.abs(anchor) + np.abs(c)), Real(0), gap) + offset
             return gap if k == 0 else -gap
-    if second.op == first.op == "variable":
-        return None
     return None
 
 
@@ -448,29 +461,30 @@ def _has(tree: Term, var: str) -> bool:
     return any(n.op == "variable" and n.data == var for n in walk(tree))
 
 
-def _switches(body: Term, var: str) -> list[Term]:
-    """Functions at whose roots an integrand may be anything but smooth, or turn quickly; and the integrals inside it that depend on the
-    variable."""
-    found: dict[Term, None] = {}
+def _switches(body: Term, var: str) -> list[tuple[str, Term]]:
+    """Functions at whose roots an integrand may be anything but smooth, or turn quickly ("roots"); and the integrals inside it that depend
+    on the variable ("cuts")."""
+    found: dict[tuple[str, Term], None] = {}
+
+    def note(node: Term) -> None:
+        for switch in _switches_of(node):
+            if _has(switch, var):
+                found["roots", switch] = None
 
     def visit(node: Term) -> None:
         if node.op == "integral":
             if _has(node, var):
                 for bound in node.parts[1:]:
                     visit(bound)
-                found[node] = None
-                inner = node.data
-                for n in walk(node.parts[0]):  # conditions inside that do not depend on the inner variable
-                    if n.op in COMPARISONS and not _has(n, inner) and _has(n, var) and not _bound_inside(node.parts[0], n):
-                        found[n.parts[0] - n.parts[1]] = None
+                found["cuts", node] = None
+                for n in walk(node.parts[0]):  # what does not depend on the inner variable
+                    if n.op != "integral" and not _has(n, node.data) and _has(n, var) and not _bound_inside(node.parts[0], n):
+                        note(n)
             return
         for p in node.parts:
             visit(p)
-        if not _has(node, var):
-            return
-        for switch in _switches_of(node):
-            if _has(switch, var):
-                found[switch] = None
+        if _has(node, var):
+            note(node)
 
     visit(body)
     return list(found)
@@ -490,6 +504,8 @@ def _switches_of(node: Term) -> list[Term]:
     if node.op == "pow" and p[1].op == "number" and p[1].data in (0.0, 1.0, 2.0, 3.0):
         return [p[0]] if p[0].op != "variable" else []
     if node.op == "pow":
+        return [p[0]]
+    if node.op == "*" and p[0] == p[1] and p[0].op != "variable":
         return [p[0]]
     if node.op == "/":
         return [p[1]]
@@ -526,8 +542,8 @@ class Answer:
     direction: dict[str, float] = field(default_factory=dict)
 
 
-ORDER = 4
-STEPS = (2e-2, 1.5e-3, 1e-4)
+ORDER = 3
+STEPS = (8e-3, 8e-4, 6e-5)
 
 
 def parameters_of(program: Program) -> dict[str, float]:
@@ -582,14 +598,13 @@ def _agreeing(program: Program, flat: Mapping[str, float], tolerance: float) -> 
 def _slope(reference: Reference, flat: Mapping[str, float], direction: Mapping[str, float], tolerance: float) -> tuple[float | None, float]:
     best: tuple[float | None, float] = (None, np.inf)
     for step in STEPS:
+        reference.spent = 0
+        steps = [Real(step) / 2**k for k in range(ORDER)]
+        moves = np.array([sign * h for h in steps for sign in (1, -1)], Real)
+        values = reference.batch({name: Real(v) + moves * Real(direction.get(name, 0.0)) for name, v in flat.items()})
         table: list[list[Any]] = []
-        for k in range(ORDER):
-            reference.spent = 0
-            h = Real(step) / 2**k
-            ends = [
-                reference.value({name: Real(v) + s * h * Real(direction.get(name, 0.0)) for name, v in flat.items()}) for s in (1, -1)
-            ]
-            row = [(ends[0] - ends[1]) / (2 * h)]
+        for k, h in enumerate(steps):
+            row = [(values[2 * k] - values[2 * k + 1]) / (2 * h)]
             for j, before in enumerate(table[-1] if table else []):
                 row.append(row[-1] + (row[-1] - before) / (4 ** (j + 1) - 1))
             table.append(row)

@@ -13,7 +13,8 @@ import os
 import sys
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
@@ -23,18 +24,21 @@ VERDICTS = ("right", "said", "wrong", "crash", "slow")
 HARD = 3.0
 """How many times its limit a program may take before its process is ended."""
 
+REFERENCES = "references.jsonl"
 Record = dict[str, Any]
 
 
-def examine(seed: int, backends: Sequence[str], limit: float, jax_every: int) -> Record:
-    """One program in all backends."""
+def examine(seed: int, backends: Sequence[str], limit: float, jax_every: int, stored: Mapping[str, Any]) -> Record:
+    """One program in all backends; without backends its reference. `stored` has references that are there already."""
     from tests.fuzz.generate import program as of_seed
-    from tests.fuzz.judge import agreement, judge, known_of, worst
+    from tests.fuzz.judge import agreement, digest, judge, known_of, worst
 
     started = time.perf_counter()
     program = of_seed(seed)
     record: Record = {"seed": seed, "kind": program.kind, "law": program.law}
-    known = known_of(program, 3 * limit)
+    known = stored.get(digest(program)) or known_of(program, limit)
+    if not backends:
+        return {"digest": digest(program), "known": known if isinstance(known, str) else asdict(known), "seconds": time.perf_counter() - started}
     record["reference"] = "" if not isinstance(known, str) else known[:80]
     record["slope"] = not isinstance(known, str) and known.slope is not None
     if isinstance(known, str) and not program.law:
@@ -75,16 +79,19 @@ def reduced(seed: int, backend: str, verdict: str, limit: float, seconds: float)
     return as_python(small.with_tree(written(small)) if small.law else small, backend, lines)
 
 
-def _work(connection: Connection, backends: Sequence[str], limit: float, jax_every: int) -> None:
+def _work(connection: Connection, backends: Sequence[str], limit: float, jax_every: int, references: Path) -> None:
     """A process that examines seeds, and reduces failures."""
+    from tests.fuzz.judge import stored_references
+
     sys.setrecursionlimit(10_000)
+    stored = stored_references(references)
     if "jax" in backends:
         import jax
 
         jax.config.update("jax_enable_x64", True)
     while (task := connection.recv()) is not None:
         if task[0] == "examine":
-            connection.send(examine(task[1], backends, limit, jax_every))
+            connection.send(examine(task[1], backends, limit, jax_every, stored))
         else:
             connection.send({"text": reduced(*task[1:])})
 
@@ -189,6 +196,7 @@ def arguments(argv: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--minimise", type=int, default=20, help="how many failures are minimised and printed")
     parser.add_argument("--minimise-seconds", type=float, default=60.0)
     parser.add_argument("-o", "--out", type=Path, default=Path("out/fuzz"))
+    parser.add_argument("--references", action="store_true", help="only compute references, and keep them in the folder")
     parser.add_argument("--fresh", action="store_true")
     return parser.parse_args(argv)
 
@@ -196,15 +204,17 @@ def arguments(argv: Sequence[str] | None = None) -> argparse.Namespace:
 def main(argv: Sequence[str] | None = None) -> int:
     given = arguments(argv)
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    backends = tuple(given.backends.split(","))
     given.out.mkdir(parents=True, exist_ok=True)
+    if given.references:
+        return _keep_references(given)
+    backends = tuple(given.backends.split(","))
     path = given.out / f"verdicts-{given.start}.jsonl"
     if given.fresh:
         path.unlink(missing_ok=True)
     records = _earlier(path, given.start, given.n)
     done = {r["seed"] for r in records}
     seeds = [s for s in range(given.start, given.start + given.n) if s not in done]
-    settings = (backends, given.limit, given.jax_every)
+    settings = (backends, given.limit, given.jax_every, given.out / REFERENCES)
     last = time.monotonic()
     with path.open("a") as file:
         tasks = [("examine", s) for s in seeds]
@@ -221,6 +231,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     failures = [r for r in sorted(records, key=lambda r: r["seed"]) if r["verdict"] in ("wrong", "crash")]
     _print_failures(failures[: given.minimise], given, settings)
     return 1 if failures else 0
+
+
+def _keep_references(given: argparse.Namespace) -> int:
+    """Computes references, which do not depend on the compiler, ahead of a run."""
+    from tests.fuzz.generate import program as of_seed
+    from tests.fuzz.judge import digest, stored_references
+
+    path = given.out / REFERENCES
+    stored = stored_references(path)
+    seeds = [s for s in range(given.start, given.start + given.n) if digest(of_seed(s)) not in stored]
+    with path.open("a") as file:
+        for _, result in spread([("examine", s) for s in seeds], given.workers, ((), given.limit, 1, path), HARD * given.limit):
+            if "lost" not in result:
+                file.write(json.dumps(result) + "\n")
+                file.flush()
+    return 0
 
 
 def _print_failures(failures: Sequence[Record], given: argparse.Namespace, settings: tuple[Any, ...]) -> None:

@@ -142,7 +142,8 @@ CONDITIONS = frozenset((*COMPARISONS, "and", "or", "not", "disguised"))
 @dataclass(frozen=True)
 class Program:
     """A closed tree with the values of its parameters. `scales` says how large a change of a parameter is an ordinary one;
-    `law` names one of `laws.py`, by which the compiler's program is written differently."""
+    `law` names one of `laws.py`, by which the compiler's program is written differently. `far` is added to all bounds and
+    parameters when the compiler gets the program, which is one of differences of coordinates."""
 
     kind: str
     tree: Term
@@ -150,6 +151,7 @@ class Program:
     scales: dict[str, float] = field(default_factory=dict)
     seed: int = 0
     law: str = ""
+    far: float = 0.0
 
     def scale(self, name: str) -> float:
         """Of a parameter, or of the entries of an array."""
