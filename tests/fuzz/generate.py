@@ -236,7 +236,9 @@ def closed_curve(random: Random) -> Program:
     else:
         e = 0.81 * s**2
         c1 = (x * x + y * y) ** 2 < 2 * e * a * 0.1 * (x * x - y * y) + (t * t * t * t) * 0.5
-    return made("closed curves at scales", integral(bracket(c1) * weight, ("x", -1.1 * s, 1.2 * s), ("y", -1.3 * s, 1.15 * s)), values, scales)
+    return made(
+        "closed curves at scales", integral(bracket(c1) * weight, ("x", -1.1 * s, 1.2 * s), ("y", -1.3 * s, 1.15 * s)), values, scales
+    )
 
 
 def boolean(random: Random) -> Program:
@@ -341,7 +343,9 @@ def rewritten_values(random: Random) -> Program:
         return base
     name = random.choice(nodes)
     form = random.choice(AGAIN if not base.far else ("plus nothing", "twice a half", "neg of neg"))
-    tree = _replaced(base.tree, lambda n: Term("again", (n,), form) if n.op == "parameter" and n.data == name and random.random() < 0.6 else None)
+    tree = _replaced(
+        base.tree, lambda n: Term("again", (n,), form) if n.op == "parameter" and n.data == name and random.random() < 0.6 else None
+    )
     return replace(base, kind="values in other words", tree=tree)
 
 

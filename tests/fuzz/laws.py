@@ -104,9 +104,11 @@ def both_sides(tree: Term, random: Random) -> Term:
     name = random.choice(EVERYWHERE)
     return rebuilt_upwards(
         tree,
-        lambda n: replace(n, parts=(monotone(name, n.parts[0]), monotone(name, n.parts[1])))
-        if n.op in COMPARISONS and random.random() < 0.7
-        else n,
+        lambda n: (
+            replace(n, parts=(monotone(name, n.parts[0]), monotone(name, n.parts[1])))
+            if n.op in COMPARISONS and random.random() < 0.7
+            else n
+        ),
     )
 
 

@@ -46,7 +46,10 @@ class Resolution:
 
 
 PAIRS: dict[int, tuple[tuple[Resolution, Resolution], ...]] = {
-    1: ((Resolution(61, 1 / 24, 1 / 24), Resolution(97, 1 / 36, 1 / 36)), (Resolution(197, 1 / 60, 1 / 60), Resolution(397, 1 / 90, 1 / 90))),
+    1: (
+        (Resolution(61, 1 / 24, 1 / 24), Resolution(97, 1 / 36, 1 / 36)),
+        (Resolution(197, 1 / 60, 1 / 60), Resolution(397, 1 / 90, 1 / 90)),
+    ),
     2: ((Resolution(61, 1 / 9, 1 / 9), Resolution(97, 1 / 13, 1 / 13)), (Resolution(97, 1 / 22, 1 / 50), Resolution(149, 1 / 31, 1 / 75))),
 }
 """For integrals in one and in two variables: two resolutions that must agree; finer ones where they do not."""
@@ -126,6 +129,9 @@ class Reference:
             case "where":
                 c = self._at(node.parts[0], at, depth)
                 return np.where(c, self._at(node.parts[1], at, depth), self._at(node.parts[2], at, depth))
+            case "<" | "<=" | ">" | ">=":  # beside a singularity the sides may be equal to rounding, their difference is known
+                gap = self._at(node.parts[0] - node.parts[1], at, depth)
+                return _operation(node, (gap, np.zeros_like(gap)))
             case "-":
                 gap = _exact_gap(node, at, lambda p: self._at(p, at, depth))
                 if gap is not None:

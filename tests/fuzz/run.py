@@ -38,7 +38,11 @@ def examine(seed: int, backends: Sequence[str], limit: float, jax_every: int, st
     record: Record = {"seed": seed, "kind": program.kind, "law": program.law}
     known = stored.get(digest(program)) or known_of(program, limit)
     if not backends:
-        return {"digest": digest(program), "known": known if isinstance(known, str) else asdict(known), "seconds": time.perf_counter() - started}
+        return {
+            "digest": digest(program),
+            "known": known if isinstance(known, str) else asdict(known),
+            "seconds": time.perf_counter() - started,
+        }
     record["reference"] = "" if not isinstance(known, str) else known[:80]
     record["slope"] = not isinstance(known, str) and known.slope is not None
     if isinstance(known, str) and not program.law:
@@ -48,7 +52,9 @@ def examine(seed: int, backends: Sequence[str], limit: float, jax_every: int, st
         if backend == "jax" and seed % jax_every:
             continue
         judgements[backend] = (
-            agreement(program, backend, limit) if isinstance(known, str) else judge(program, known, backend, limit * (3 if backend == "jax" else 1))
+            agreement(program, backend, limit)
+            if isinstance(known, str)
+            else judge(program, known, backend, limit * (3 if backend == "jax" else 1))
         )
     record["verdict"] = worst(list(judgements.values()))
     record["backends"] = {b: {"verdict": j.verdict, "what": j.what, "seconds": round(j.seconds, 3)} for b, j in judgements.items()}
@@ -75,7 +81,10 @@ def reduced(seed: int, backend: str, verdict: str, limit: float, seconds: float)
 
     small = minimised(of_seed(seed), fails, seconds)
     judgement = judged(small)
-    lines = (f"seed {seed}, {small.kind}{', law ' + small.law if small.law else ''}, {backend}: {verdict}", judgement.what if judgement else "")
+    lines = (
+        f"seed {seed}, {small.kind}{', law ' + small.law if small.law else ''}, {backend}: {verdict}",
+        judgement.what if judgement else "",
+    )
     return as_python(small.with_tree(written(small)) if small.law else small, backend, lines)
 
 
@@ -122,7 +131,9 @@ class Worker:
         self.connection.close()
 
 
-def spread(tasks: Iterable[tuple[Any, ...]], workers: int, settings: tuple[Any, ...], seconds: float) -> Iterable[tuple[tuple[Any, ...], Record]]:
+def spread(
+    tasks: Iterable[tuple[Any, ...]], workers: int, settings: tuple[Any, ...], seconds: float
+) -> Iterable[tuple[tuple[Any, ...], Record]]:
     """Results of tasks as they come; a task whose process had to be ended, or died, gives {"lost": why}."""
     pool = [Worker(settings) for _ in range(workers)]
     waiting = iter(tasks)
@@ -226,7 +237,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             file.flush()
             if time.monotonic() - last > 60:
                 last = time.monotonic()
-                print(f"{len(records)} of {given.n}: " + ", ".join(f"{k} {v}" for k, v in Counter(r["verdict"] for r in records).items()), flush=True)
+                print(
+                    f"{len(records)} of {given.n}: " + ", ".join(f"{k} {v}" for k, v in Counter(r["verdict"] for r in records).items()),
+                    flush=True,
+                )
     print(table(records), "", by_backend(records), sep="\n")
     failures = [r for r in sorted(records, key=lambda r: r["seed"]) if r["verdict"] in ("wrong", "crash")]
     _print_failures(failures[: given.minimise], given, settings)

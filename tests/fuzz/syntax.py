@@ -270,7 +270,7 @@ def again(name: str, u: Term) -> Term:
         case "difference of squares":
             return (u * u - 1) / (u - 1) - 1 if u.op == "number" else ((u + 2) * (u + 2) - u * u - 4) / 4
         case "neg of neg":
-            return -(-u)
+            return Term("neg", (Term("neg", (u,)),))
     raise ValueError(name)
 
 
