@@ -1,6 +1,7 @@
 # make demo    a photo in triangles, in out/triangulation
 # make test    every test        make fast    without the slow ones
 # make bench   measurements      make lint    format, ruff, mypy
+# make fuzz    random programs against references of their own (N=5000; goes on where it was interrupted)
 # make chart   the chart and the tables of docs/integration.md, minutes; what is there already is kept (make chart FRESH=--fresh)
 #
 # The first of them creates .venv with the project (editable) and all extras. Another Python: make test PYTHON=python3.12
@@ -10,9 +11,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT := out/triangulation
+N ?= 300
 PARALLEL := -n auto --dist worksteal
 
-.PHONY: demo test fast bench chart lint
+.PHONY: demo test fast fuzz bench chart lint
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -24,6 +26,9 @@ test: $(READY)
 
 fast: $(READY)
 	$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
+
+fuzz: $(READY)
+	$(BIN)/python -m tests.fuzz.run -n $(N) -o out/fuzz
 
 bench: $(READY)
 	$(BIN)/python tests/bench/run.py

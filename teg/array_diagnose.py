@@ -12,7 +12,7 @@ from teg.array_program import ArrayProgram, Integers, Run, steps
 from teg.arrays import Gather, Sum, sum_over
 from teg.backends.array_ties import MetTie, TieWatch
 from teg.cells import Symbols
-from teg.diagnose import BORDER, CHANGE, NOTHING, STEP, STEP_OVER_TIES, Diagnosis
+from teg.diagnose import BORDER, CHANGE, NOTHING, STEP, STEP_OVER_TIES, Diagnosis, only_in_steps
 from teg.dump import show
 from teg.expr import TRUE, ZERO, Expr, Param, add, bracket, positive
 from teg.index import ArrayName
@@ -73,7 +73,7 @@ def probes_of(e: Expr) -> Expr:
 def _probes(cell: Expr, sums: dict[Node, Expr]) -> Expr:
     symbols = Symbols()
     (plain,) = symbols.into([cell])
-    own = [a for a in atoms_of(plain) if not a.g.free and a.resolution is None and _varies(a.g, symbols)]
+    own = [a for a in atoms_of(plain) if not a.g.free and a.resolution is None and _varies(a.g, symbols) and not only_in_steps(a.g)]
     found = [bracket(positive(a.g, a.strict, TRUE, (f"{show(a.g, 300)} = 0", BORDER))) for a in own]
     inside = [sums[leaf] for leaf in symbols.of if isinstance(leaf, Sum)]
     return add(*symbols.out_of(found), *inside) if found or inside else ZERO
@@ -107,7 +107,7 @@ def _tie(surfaces: tuple[str, str]) -> tuple[str, tuple[str, ...], str]:
 
 
 def _border(surfaces: tuple[str, str]) -> tuple[str, tuple[str, ...], str]:
-    return "parameter surface", surfaces[:1], f"the parameters lie on {surfaces[0]}"
+    return "parameter surface", surfaces[:1], f"the parameters lie on {surfaces[0]}; the derivative is that of one side"
 
 
 def _slopes(wrt: Sequence[Param | ArrayName], results: Sequence[Numbers]) -> Iterator[tuple[str, Numbers]]:

@@ -145,6 +145,7 @@ class Evaluator:
         self._special: dict[tuple[str, int], Kernel] = {}
         self._room: dict[tuple[str, int], Integration] = {}  # of what met more roots than there was room for
         self._titles: tuple[str, ...] = ("the value", "the gradient", "the Hessian")
+        self._watched: dict[tuple[int, Any], Any] = {}  # programs of diagnoses
         self._sampled: dict[int, bool] = {}
         self._products: dict[tuple[Param, ...], Evaluator] = {}
         self._checks = MapChecks(write_all_out(e) if options.maps else e, options.maps if options.check_maps else ())
