@@ -30,7 +30,7 @@ _INCREASING = frozenset(("exp", "sinh", "tanh", "atan"))
 _INCREASING_WHERE_DEFINED = _INCREASING | {"log", "sqrt", "root", "asin"}
 
 
-def shortest(g: Expr) -> Expr:
+def short_form(g: Expr) -> Expr:
     """Returns a surface with the sign of g almost everywhere: without an increasing function in front, and no power written out."""
     g = peeled(g)
     power = perfect_power(g) if isinstance(g, Add) and any(_is_multiple(g, v) for v in sorted(g.free, key=lambda v: v.name)) else None

@@ -177,7 +177,9 @@ class Location:
 def locate(f: Expr, g: Expr, inner: Var, low: Expr, high: Expr, outer: Var) -> Location | None:
     """What it takes to find where two surfaces meet, as seen from the outer variable; None where that is not possible.
 
-    Where f and g are 0, so are f ± g: the two shortest of the four are looked at, which tells surfaces apart that only approach each other."""
+    Where f and g are 0, so are f ± g: the two shortest of the four are looked at, which tells surfaces apart that only
+    approach each other.
+    """
     sums = [e for e in (_combined(f, g, 1.0), _combined(f, g, -1.0)) if e is not None]
     f, g = sorted((f, g, *sums), key=lambda e: len(postorder([e])))[:2] if sums else (f, g)
     if any(isinstance(n, Call) and n.name in ("floor", "mod") and n.free for n in postorder([f, g])):

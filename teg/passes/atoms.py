@@ -20,7 +20,7 @@ from typing import cast
 
 from teg import expr as ex
 from teg.antiderivative import integrated
-from teg.coincidence import shortest
+from teg.coincidence import short_form
 from teg.expr import (
     FALSE,
     MINUS_ONE,
@@ -329,7 +329,7 @@ def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
             stack.append(e.base)
         elif isinstance(e, Add):
             common, rest = _common_factors(e)
-            short = e if common else shortest(e)
+            short = e if common else short_form(e)
             if common:
                 stack.extend(common)
                 stack.append(rest)

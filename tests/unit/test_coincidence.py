@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 
 import teg
-from teg.coincidence import ZeroSet, coincide, peeled, shortest
+from teg.coincidence import ZeroSet, coincide, peeled, short_form
 from teg.expr import Expr
 from teg.field_polynomials import common_factor, derivative, one_root, product, quotient_and_remainder
 from teg.polynomial import P, Point, divided, perfect_power, sign_of_residue
@@ -96,7 +96,7 @@ class TestShortForms:
 
     def test_applying_it_twice_changes_nothing(self) -> None:
         for g in (teg.exp(x) - teg.exp(r), x**6 - r**6, x * x - 2 * x * r + r * r, rho - s):
-            assert shortest(shortest(g)) is shortest(g)
+            assert short_form(short_form(g)) is short_form(g)
 
 
 class TestZeroSets:
