@@ -10,6 +10,7 @@ from collections.abc import Callable
 import pytest
 
 import teg
+from teg.accuracy import AccuracyWarning
 from teg.coincidence import ZeroSet, coincide, peeled, short_form
 from teg.expr import Expr
 from teg.field_polynomials import common_factor, derivative, one_root, product, quotient_and_remainder
@@ -192,12 +193,14 @@ class TestSurfacesWithoutASlope:
         assert gradient(e, r=0.3) == pytest.approx(-1, abs=1e-9)
 
     def test_a_condition_that_is_no_number_on_a_part_of_the_domain(self) -> None:
-        value = teg.compile(teg.integral(teg.bracket(teg.sqrt(x - r) > -1), (x, 0, 1)))(r=0.3)
-        assert math.isnan(value)
+        f = teg.compile(teg.integral(teg.bracket(teg.sqrt(x - r) > -1), (x, 0, 1)))
+        with pytest.warns(AccuracyWarning, match="not a number"):
+            assert math.isnan(f(r=0.3))
 
     def test_a_slope_that_rounding_made_gives_no_number(self) -> None:
         e = teg.integral(teg.bracket(teg.log(1 + (x - r) ** 3) > 0), (x, 0, 1))
-        assert not abs(gradient(e, r=0.3) + 1) > 1e-9
+        with pytest.warns(AccuracyWarning, match="not a number"):
+            assert math.isnan(gradient(e, r=0.3))
 
 
 class TestScales:
