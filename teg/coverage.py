@@ -2,58 +2,103 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from teg.diffeomorphism import Diffeomorphism
-from teg.expr import Expr, Param, Var
+from teg.expr import Const, Expr, Param, Var
 from teg.integral import Integral
 from teg.nest import Binder, Chain
 from teg.node import Node
 from teg.numerics import values_of
 from teg.traverse import parameters
-from teg.verification import BATCH_SAMPLES, SAMPLES, SAMPLES_A_CALL, TOLERANCE, TRIALS, hold, shares
+from teg.verification import BATCH_SAMPLES, SAMPLES, SAMPLES_A_CALL, TOLERANCE, TRIALS, halton, hold
 
+if TYPE_CHECKING:
+    import numpy as np
+
+SAMPLES_ONCE, ROUNDS = 2048, 3
+"""Points of a nest at which a map is looked at the first time, and how often it is looked at more closely where they are near the end."""
+NEAREST, AROUND = 8, 32
+SAMPLES_LATER = 64
+MOST_CORNERS = 64
+NEAR_END = 1e-7
 _LEAVE_OUT = "integrate inside the domain of the map, widen its `domain` or `bounds`, or leave the map out"
 
 
-def verify_covered(chain: Chain, m: Diffeomorphism, values: Mapping[Param, Any], samples: int, body: Expr) -> bool:
+def verify_covered(chain: Chain, m: Diffeomorphism, values: Mapping[Param, Any], samples: int, body: Expr, rounds: int = 0) -> bool:
     """Raise DiffeomorphismError if the map does not reach a sample point of a nest, outermost first, at parameter values (numbers, or
     arrays of one length), and the integrand, `body`, does not vanish there. Was it reached without asking the integrand?
 
-    A nest with integrals in its bounds is passed over."""
+    Points are a low-discrepancy sequence and the corners. In each of `rounds` more points are taken around those that are nearest to the
+    end of the domain. A nest with integrals in its bounds is passed over."""
+    import numpy as np
+
+    if not _is_closed(chain):
+        return True
+    places, reached = _places(samples, len(chain)), True
+    radius = 0.1
+    for _ in range(rounds + 1):
+        with np.errstate(all="ignore"):
+            here, room = _verify_points(chain, m, values, places, body)
+        reached &= here
+        nearest = np.argsort(room, kind="stable")[:NEAREST]
+        around = np.clip(places[nearest][:, None, :] + radius * (2.0 * _places(AROUND, len(chain)) - 1.0), NEAR_END, 1.0 - NEAR_END)
+        places, radius = around.reshape(-1, len(chain)), radius / 4.0
+    return reached
+
+
+def _verify_points(chain: Chain, m: Diffeomorphism, values: Mapping[Param, Any], places: np.ndarray, body: Expr) -> tuple[bool, np.ndarray]:
+    """Whether the map reaches all of these points of a nest, and how far each is from the end of the domain; raises as above."""
     import numpy as np
 
     reached = True
-    if not _is_closed(chain):
-        return reached
-    with np.errstate(all="ignore"):
-        at = _points_of(chain, values, samples)
-        old = [at[x] for x in m.old]
-        new = values_of(list(m.inverse.values()), at)
-        there: dict[Any, Any] = {**values, **dict(zip(m.new, new, strict=True))}
-        shape = np.broadcast_shapes(*(np.shape(v) for v in at.values()))
-        counts = np.all([np.broadcast_to(np.isfinite(v), shape) for v in old], axis=0)
+    at = _points_of(chain, values, places)
+    old = [at[x] for x in m.old]
+    new = values_of(list(m.inverse.values()), at)
+    there: dict[Any, Any] = {**values, **dict(zip(m.new, new, strict=True))}
+    shape = np.broadcast_shapes(*(np.shape(v) for v in at.values()))
+    counts = np.all([np.broadcast_to(np.isfinite(v), shape) for v in old], axis=0)
+    least = np.full(len(places), np.inf)
 
-        def covered(holds: Any, expected: Any, found: Any, text: str) -> None:
-            nonlocal reached
-            if np.any(counts & ~holds) and not (body.has_integral or body.has_delta):
-                reached, holds = False, holds | (values_of([body], at)[0] == 0.0)
-            hold(m, holds, counts, at, expected, found, f"which is integrated over, {text}", _LEAVE_OUT)
+    def covered(holds: Any, expected: Any, found: Any, text: str) -> None:
+        nonlocal reached
+        if np.any(counts & ~holds) and not (body.has_integral or body.has_delta):
+            reached, holds = False, holds | (values_of([body], at)[0] == 0.0)
+        hold(m, holds, counts, at, expected, found, f"which is integrated over, {text}", _LEAVE_OUT)
 
-        for b in chain:
-            for bound in values_of([b.lo, b.hi], at):
-                hold(m, ~np.isinf(bound), True, at, bound, bound, f"the bound of {b.var.name} is {{1}}", _LEAVE_OUT)
-        for x, given, found in zip(m.old, old, values_of(list(m.forward.values()), there), strict=True):
-            same = np.abs(found - given) <= TOLERANCE * np.maximum(1.0, np.abs(given))
-            covered(same, given, found, f"forward(inverse) gives {x.name} = {{1}} instead of {{0}}")
-        for u, found in zip(m.new, new, strict=True):
-            for kind, interval in (("domain", m.domain[u]), ("bounds", m.bounds.get(u, m.domain[u]))):
-                lo, hi = values_of(interval, there)
-                for end, room in ((lo, found - lo), (hi, hi - found)):
-                    enough = room >= -TOLERANCE * np.maximum(1.0, np.abs(end))
-                    covered(enough, end, found, f"{u.name} = {{1}} is beyond its {kind}, which end at {{0}}")
-    return reached
+    for b in chain:
+        for bound in values_of([b.lo, b.hi], at):
+            hold(m, ~np.isinf(bound), True, at, bound, bound, f"the bound of {b.var.name} is {{1}}", _LEAVE_OUT)
+    for x, given, found in zip(m.old, old, values_of(list(m.forward.values()), there), strict=True):
+        same = np.abs(found - given) <= TOLERANCE * np.maximum(1.0, np.abs(given))
+        covered(same, given, found, f"forward(inverse) gives {x.name} = {{1}} instead of {{0}}")
+    for u, found in zip(m.new, new, strict=True):
+        for kind, interval in (("domain", m.domain[u]), ("bounds", m.bounds.get(u, m.domain[u]))):
+            lo, hi = values_of(interval, there)
+            for end, room in ((lo, found - lo), (hi, hi - found)):
+                enough = room >= -TOLERANCE * np.maximum(1.0, np.abs(end))
+                covered(enough, end, found, f"{u.name} = {{1}} is beyond its {kind}, which end at {{0}}")
+                share = np.broadcast_to(np.where(np.isfinite(room), room / np.maximum(1.0, np.abs(end)), np.inf), shape)
+                least = np.minimum(least, share.reshape(len(places), -1).min(axis=1))
+    return reached, least
+
+
+def verify_reached(chain: Chain, m: Diffeomorphism, body: Expr) -> None:
+    """Raise DiffeomorphismError if a map does not reach all of a nest, as far as that is decided before parameters have values: where the
+    map and the bounds have no others than those that `check_at` gives values to. Infinite bounds are passed over."""
+    import numpy as np
+
+    ends = [e for b in chain for e in (b.lo, b.hi)]
+    known = parameters(*ends, *m.forward.values(), *m.inverse.values(), *(e for pair in m.domain.values() for e in pair))
+    if any(isinstance(e, Const) and math.isinf(e.data) for e in ends) or not set(known) <= set(m.check_at):
+        return
+    every = list(dict.fromkeys([*known, *parameters(body)]))
+    values = {p: np.asarray(v) for p, v in m.sample_values(every, 0).items()}
+    verify_covered(chain, m, values, SAMPLES_ONCE, body, ROUNDS)
 
 
 def verify_exact(chain: Chain, image: Chain, m: Diffeomorphism, body: Expr) -> None:
@@ -67,8 +112,8 @@ def verify_exact(chain: Chain, image: Chain, m: Diffeomorphism, body: Expr) -> N
     known = parameters(*ends, *m.forward.values(), *m.inverse.values(), body)
     for trial in range(TRIALS):
         values = {p: np.asarray(v) for p, v in m.sample_values(known, trial).items()}
-        verify_covered(chain, m, values, SAMPLES, body)
-        at = _points_of(image, values, SAMPLES)
+        verify_covered(chain, m, values, SAMPLES_ONCE, body, ROUNDS)
+        at = _points_of(image, values, _places(SAMPLES, len(image)))
         there = {**at, **dict(zip(m.old, values_of(list(m.forward.values()), at), strict=True))}
         for b in chain:
             point, lo, hi = values_of([b.var, b.lo, b.hi], there)
@@ -96,13 +141,26 @@ def _is_closed(chain: Chain) -> bool:
     return True
 
 
-def _points_of(chain: Chain, values: Mapping[Param, Any], samples: int) -> dict[Any, Any]:
-    """Sample points of a nest, with their parameters; the points have an axis in front of that of the parameters."""
+def _points_of(chain: Chain, values: Mapping[Param, Any], places: np.ndarray) -> dict[Any, Any]:
+    """Points of a nest, with their parameters; the points, rows of the unit cube, have an axis in front of that of the parameters."""
     at: dict[Any, Any] = dict(values)
+    behind = (1,) * max((len(v.shape) for v in values.values()), default=0)
     for i, b in enumerate(chain):
         lo, hi = values_of([b.lo, b.hi], at)
-        at[b.var] = lo + shares(samples, i, at) * (hi - lo)
+        at[b.var] = lo + places[:, i].reshape(-1, *behind) * (hi - lo)
     return at
+
+
+@functools.lru_cache(maxsize=32)
+def _places(count: int, dimensions: int) -> np.ndarray:
+    """Points of the unit cube, rows: Halton's, and, of up to MOST_CORNERS, those just inside of its corners."""
+    import numpy as np
+
+    inside = np.stack([halton(count, axis) for axis in range(dimensions)], axis=1)
+    if 2**dimensions > min(MOST_CORNERS, count):
+        return inside
+    corners = np.array(list(itertools.product((NEAR_END, 1.0 - NEAR_END), repeat=dimensions)))
+    return np.concatenate([inside, corners])
 
 
 def nests_over(e: Expr, variables: Sequence[Var]) -> list[tuple[Chain, Expr]]:
@@ -150,6 +208,7 @@ class MapChecks:
             every = list(dict.fromkeys([*deciding, *parameters(*(body for _, _, body in nests))]))
             self.cases.append(_Case(m, nests, deciding, every))
         self.verified: dict[int, object] = {}
+        self.looked_at: set[int] = set()  # closely, once
 
     def run(self, values: Mapping[str, Any]) -> None:
         """Raise DiffeomorphismError if a map is none, or does not reach a nest, at parameter values: arrays of shape () or (n,)."""
@@ -169,6 +228,8 @@ class MapChecks:
                 continue
             at = {p: column[numbers] for p, column in columns.items()}
             case.map.verify({p: at[p] for p in case.map.parameters}, SAMPLES_A_CALL)
-            reached = [verify_covered(chain, way, at, SAMPLES_A_CALL, body) for way, chain, body in case.nests]
+            samples, rounds = (SAMPLES_LATER, 0) if i in self.looked_at else (SAMPLES_ONCE, ROUNDS)
+            reached = [verify_covered(chain, way, at, samples, body, rounds) for way, chain, body in case.nests]
+            self.looked_at.add(i)
             if all(reached) and numbers.all():
                 self.verified[i] = key

@@ -25,7 +25,7 @@ from teg.passes.breaks import BreakAnalysis
 from teg.passes.hyperbola import match_hyperbola
 from teg.passes.inline import reasons, write_out
 from teg.passes.polygon import Clipped, match_clipped
-from teg.passes.reparameterize import families_with
+from teg.passes.reparameterize import closing, families_with
 from teg.passes.sampled import MIDPOINTS, SAMPLES
 from teg.passes.schedule import rule_for
 from teg.passes.steps import enumerate_steps
@@ -110,7 +110,7 @@ def _explain(e: Expr, wrt: Any, how: Integration, discontinuities: str, derivati
     functions, shown, number, e = _functions(e), text_of(e), nodes(e), write_out(e)
     before = canonicalise(enumerate_steps(e))
     normal, value_error = _attempted(lambda: normal_form(e, maps=maps))
-    ignoring, families = discontinuities == "ignore", families_with(maps)
+    ignoring, families = discontinuities == "ignore", closing(families_with(maps))
     final = before if normal is None else normal
     inventory = Inventory(e, before, final, chosen, ignoring=ignoring, families=families, max_roots=how.max_roots)
     names = list(dict.fromkeys(p.name for p in (*chosen, *parameters(e), *(p for m in maps for p in m.parameters))))

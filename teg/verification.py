@@ -142,11 +142,12 @@ def _points(domain: Mapping[Var, Interval], at: Mapping[Any, Any], samples: int)
 def shares(count: int, axis: int, at: Mapping[Any, Any]) -> np.ndarray:
     """Points between 0.01 and 0.99 on one axis, an array that stands in front of the axes of the values in `at`."""
     behind = (1,) * max((len(v.shape) for k, v in at.items() if isinstance(k, Param)), default=0)
-    return 0.01 + 0.98 * _halton(count, axis).reshape(-1, *behind)
+    return 0.01 + 0.98 * halton(count, axis).reshape(-1, *behind)
 
 
 @functools.lru_cache(maxsize=64)
-def _halton(count: int, axis: int) -> np.ndarray:
+def halton(count: int, axis: int) -> np.ndarray:
+    """Points between 0 and 1 on one axis of Halton's sequence."""
     import numpy as np
 
     base = _PRIMES[axis % len(_PRIMES)]

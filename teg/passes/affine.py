@@ -30,15 +30,18 @@ from teg.expr import (
     TRUE,
     ZERO,
     And,
+    Call,
     Compare,
     Cond,
     Const,
     Expr,
     Not,
+    Param,
     Var,
     add,
     call,
     conjunction,
+    const,
     disjunction,
     div,
     mul,
@@ -48,12 +51,13 @@ from teg.expr import (
     where,
 )
 from teg.nest import Binder, Chain, nest, ranges_of
+from teg.node import Node
 from teg.passes.barycentric import Along
 from teg.passes.demand import middle_and_reach, support
 from teg.passes.vertices import Side, match_side
-from teg.polynomial import Shadow
+from teg.polynomial import Point, Shadow, residue
 from teg.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
-from teg.traverse import fresh, substitute
+from teg.traverse import fresh, rewrite, substitute
 
 
 @dataclass(frozen=True)
@@ -91,6 +95,35 @@ def match_partly_affine(g: Expr, variables: Sequence[Var]) -> Affine | None:
             best = chosen
     order = {v: i for i, v in enumerate(variables)}
     return Affine(tuple(sorted(best, key=lambda v: -order[v]))) if best else None
+
+
+def match_turning(g: Expr, variables: Sequence[Var]) -> Affine | None:
+    """As `match_partly_affine`, where g turns as further variables change but the length of its gradient does not: a rotating line. It
+    cannot degenerate there, and one of its variables is eliminated in closed form at each position; the pivot changes with the position.
+    The variables are the innermost ones, two at least."""
+    data = match_partly_affine(g, variables)
+    mine = [v for v in variables if v in g.free]
+    if data is None or len(data.variables) < 2 or set(mine[: len(data.variables)]) != set(data.variables):
+        return None
+    return data if _is_the_same_everywhere(add(*(ex.integer_power(slope(g, v), 2) for v in data.variables))) else None
+
+
+def _is_the_same_everywhere(e: Expr) -> bool:
+    """Whether e does not depend on its variables: judged in the field, sine and cosine of one angle as rational functions of the tangent of
+    half of it, so that sin² + cos² is 1."""
+    halves: dict[Expr, Param] = {}
+
+    def visit(old: Node, new: Node) -> Node:
+        if not isinstance(new, Call) or new.name not in ("sin", "cos") or not old.free:
+            return new
+        h = halves.setdefault(new.children[0], Param.make(f"half of angle {len(halves)}", ()))
+        square = ex.integer_power(h, 2)
+        return div(mul(const(2.0), h) if new.name == "sin" else sub(ONE, square), add(ONE, square))
+
+    rational = cast(Expr, rewrite([e], visit)[e])
+    moving: list[Expr] = [*halves.values(), *(v for v in rational.free if isinstance(v, Var))]
+    values = [Point(leaves={m: residue(trial, str(m)) for m in moving}).value(rational) for trial in range(2)]
+    return values[0] is not None and values[0] == values[1]
 
 
 def _is_affine(g: Expr, variables: Sequence[Var]) -> bool:

@@ -20,7 +20,7 @@ from teg.expr import ZERO, Cond, Const, Expr, Mul, Var, Where, add, conjunction,
 from teg.integral import Delta, Integral, delta, integral_over
 from teg.nest import Binder, Chain, nest
 from teg.node import Node, postorder
-from teg.passes.affine import Affine, match_affine, match_partly_affine, rewrite_affine
+from teg.passes.affine import Affine, match_affine, match_partly_affine, match_turning, rewrite_affine
 from teg.passes.bilinear import match_bilinear, rewrite_bilinear
 from teg.passes.charts import match_curve, rewrite_curve
 from teg.passes.hyperbola import border_of
@@ -56,8 +56,13 @@ def rewrite_closed(g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr 
 
 
 def closing(families: Families) -> Families:
-    """The families for boundary terms that are not differentiated again."""
-    return tuple((match, rewrite_closed if rewrite is rewrite_bilinear else rewrite) for match, rewrite in families)
+    """The families for boundary terms that are not differentiated again: some of their charts would be hard to differentiate."""
+    last: list[tuple[Match, Rewrite]] = []
+    for match, rewrite in families:
+        if match is match_implicit:
+            last.append((match_turning, rewrite_affine))
+        last.append((match, rewrite_closed if rewrite is rewrite_bilinear else rewrite))
+    return tuple(last)
 
 
 def families_with(maps: Sequence[Diffeomorphism]) -> Families:

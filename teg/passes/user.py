@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any, cast
 
 from teg.calculus import slope
-from teg.coverage import verify_exact
+from teg.coverage import verify_exact, verify_reached
 from teg.diffeomorphism import INFINITY, MINUS_INFINITY, Diffeomorphism
 from teg.errors import BoundError, OperandError, ScopeError
 from teg.expr import (
@@ -232,6 +232,8 @@ def _in_new_variables(integrand: Expr, chain: Chain, m: Diffeomorphism, exact: b
     value, image = _carried(integrand, chain, m, exact)
     if exact:
         verify_exact(chain, image.chain, m, integrand)
+    else:
+        verify_reached(chain, m, integrand)
     return nest(value, image.chain)
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 
+import mpmath
 import pytest
 
 import teg
 from teg import errors
-from teg.passes.affine import Affine, match_affine, match_partly_affine
+from teg.passes.affine import Affine, match_affine, match_partly_affine, match_turning
 from teg.passes.reparameterize import eliminate_deltas, find_family
+from teg.program import SumOver, statements
 
 x, y, z = teg.vars("x y z")
 t, a, b, c = teg.params("t a b c")
@@ -136,3 +138,46 @@ def test_products_of_numbers_far_apart() -> None:
         small, large = min(coefficients), max(coefficients)
         assert f(at) == pytest.approx(0.4 - small / (2 * large), rel=1e-14)
         assert f.grad(at)["t"] == pytest.approx(1 / large, rel=1e-13)
+
+
+def _square_below_a_line(distance: mpmath.mpf, angle: mpmath.mpf) -> mpmath.mpf:
+    """The area of the part of (-½, ½)² in which x·cos + y·sin < distance, by inclusion and exclusion of its corners."""
+    a, b = abs(mpmath.cos(angle)), abs(mpmath.sin(angle))
+    signed = ((0, 0, 1), (1, 0, -1), (0, 1, -1), (1, 1, 1))
+    return sum(s * max(distance + (a + b) / 2 - i * a - j * b, 0) ** 2 for i, j, s in signed) / (2 * a * b)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_line_that_turns_with_time(backend: str) -> None:
+    """Its gradient has the same length at any time: it is eliminated in closed form at each, and time is integrated outside."""
+    tm = teg.var("tm")
+    t, w = teg.params("t w")
+    e = teg.integral(teg.bracket((x - 0.5) * teg.cos(w * tm) + (y - 0.5) * teg.sin(w * tm) < t), (x, 0, 1), (y, 0, 1), (tm, 0, 1))
+    f = teg.compile(e, [t, w], backend=backend)
+    value, slopes = f.value_and_grad(t=0.1, w=1.0)
+    # the closed form, and its derivatives, integrated over time with mpmath in 20 digits
+    assert value == pytest.approx(0.61486889079326526492, rel=1e-12)
+    assert slopes["t"] == pytest.approx(1.12964060879610, rel=1e-11)
+    with mpmath.workdps(25):
+        ends = [mpmath.mpf(10) ** -16, 1]  # at 0 the closed form is 0/0
+        passed = [mpmath.findroot(lambda u, s=s: s * (mpmath.cos(u) - mpmath.sin(u)) / 2 - 0.1, 0.8 - s * 0.2) for s in (1, -1)]
+        total = mpmath.quad(lambda u: _square_below_a_line(mpmath.mpf(0.1), u), [ends[0], *passed, ends[1]])
+        # w ∂/∂w ∫₀¹ A(w·u) du at w = 1 is A(1) - ∫₀¹ A
+        by_w = _square_below_a_line(mpmath.mpf(0.1), mpmath.mpf(1)) - total
+    assert value == pytest.approx(float(total), rel=1e-12)
+    assert slopes["w"] == pytest.approx(float(by_w), rel=1e-9)
+    assert f.evaluations(t=0.1, w=1.0, derivatives=1) < 4000
+    assert not any(isinstance(s, SumOver) for s in statements(f.program(1).body))
+
+
+def test_only_lines_whose_gradient_keeps_its_length_are_eliminated_at_each_time() -> None:
+    tm = teg.var("tm")
+    t, w = teg.params("t w")
+    order = [x, y, tm]
+    turning = x * teg.cos(w * tm) + (y - t) * teg.sin(w * tm) - t
+    assert match_turning(turning, order) == Affine((y, x))
+    edge = (x - tm) * (t * teg.sin(tm) + w * teg.cos(tm)) + y * (t * teg.cos(tm) - w * teg.sin(tm))
+    assert match_turning(edge, order) == Affine((y, x))
+    for g in (x * tm + y * tm * tm - t, x * teg.cos(tm) + 2 * y * teg.sin(tm) - t, x * x + y * teg.sin(tm), x * teg.sin(tm) + tm):
+        assert match_turning(g, order) is None
+    assert match_turning(turning, [x, tm, y]) is None
