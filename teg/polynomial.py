@@ -331,7 +331,7 @@ Form = dict[Powers, Fraction]
 """A polynomial with exact coefficients."""
 
 
-def shortest(e: Expr) -> Expr | None:
+def shorter_form(e: Expr) -> Expr | None:
     """The shorter one of two normal forms: in parameters, or in differences of two parameters too, which do not cancel when far coordinates
     are squared; `expanded` where they are as long."""
     plain = expanded(e)

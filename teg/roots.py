@@ -44,7 +44,7 @@ from teg.expr import (
     where,
 )
 from teg.node import Node, postorder
-from teg.polynomial import Degrees, Shadow, shortest
+from teg.polynomial import Degrees, Shadow, shorter_form
 from teg.traverse import fresh, parameters, replace_node, size, substitute
 
 MAX_PERIODIC = 16
@@ -102,7 +102,7 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH, degrees: 
             return Roots(quadratic_roots(g, x, far_origin(lo, hi) if depth == MAX_DEPTH else ZERO))
         if not depth:
             return None
-        normal = shortest(g)
+        normal = shorter_form(g)
         if normal is not None and size(normal) < size(g):
             return solve(normal, x, lo, hi, depth - 1)
         return _inverted(g, x, lo, hi, depth) or _rationalised(g, x, lo, hi, depth)
@@ -130,14 +130,14 @@ def quadratic_coefficients(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Expr, 
 
 def tidy(e: Expr) -> Expr:
     """The shorter of an expression and its exact normal form."""
-    normal = shortest(e)
+    normal = shorter_form(e)
     return normal if normal is not None and size(normal) <= size(e) and not _is_coarse(normal) else e
 
 
 def discriminant(a: Expr, b: Expr, c: Expr) -> Expr:
     """B² - 4AC, from the exact normal form where that is short: for (x - c)² < t it is 4t and not a difference of squares."""
     raw = sub(integer_power(b, 2), mul(const(4), a, c))
-    normal = shortest(raw)
+    normal = shorter_form(raw)
     return normal if normal is not None and not _is_coarse(normal) else raw
 
 

@@ -47,7 +47,7 @@ from teg.integral import Delta, Integral, delta, scaled_integral
 from teg.kinks import kinks_of, with_sizes
 from teg.node import Node, postorder, union
 from teg.passes.jumps import assign
-from teg.polynomial import Point, Shadow, divided, shortest, sign_of_residue
+from teg.polynomial import Point, Shadow, divided, shorter_form, sign_of_residue
 from teg.surfaces import atoms_of, binders_inside
 from teg.traverse import rebuild, remake, rename_apart, replace_node, substitute
 
@@ -131,7 +131,7 @@ class Canonical:
             then, otherwise = (self._tied(b, hoists - 1) if isinstance(b, Compare) else b for b in branches)
             return disjunction(conjunction(inner, then), conjunction(negation(inner), otherwise))
         if any(Shadow((v,)).degree(g) == 0 for v in g.free):
-            normal = shortest(g)
+            normal = shorter_form(g)
             if normal is not None:
                 return positive(normal, strict, resolution, atom.rivals)
         if not has_variable_denominator(g):

@@ -281,3 +281,20 @@ def test_a_root_of_nothing(backend: str) -> None:
     value, error = f.value_and_error(t=0.5)
     exact = math.sqrt(2) * 0.5**0.75 * math.gamma(0.5) * math.gamma(1.25) / math.gamma(1.75)
     assert abs(value - exact) <= error < 1e-8
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_singularity_that_is_not_at_zero_is_known_to_the_rounding_of_its_place(backend: str) -> None:
+    # ∫|x - c|^-s = (c^(1-s) + (1-c)^(1-s))/(1-s)
+    x, c = teg.var("x"), teg.param("c")
+    for power in (0.6, 0.7, 0.8, 0.9):
+        f = teg.compile(teg.integral(teg.abs(x - c) ** -power, (x, 0, 1)), backend=backend)
+        for at in (0.5, 0.3, 0.123):
+            value, estimate = f.value_and_error(c=at)
+            error = abs(value - (at ** (1 - power) + (1 - at) ** (1 - power)) / (1 - power))
+            assert error <= 2 * estimate
+            assert estimate <= 30 * error
+        value, estimate = teg.compile(teg.integral((1 - x) ** -power, (x, 0, 1)), backend=backend).value_and_error()
+        assert abs(value - 1 / (1 - power)) <= 2 * estimate
+        value, estimate = teg.compile(teg.integral(x**-power, (x, 0, 1)), backend=backend).value_and_error()
+        assert abs(value - 1 / (1 - power)) <= estimate <= 1e-8
