@@ -27,6 +27,7 @@ from teg.linking import with_bodies
 from teg.passes.adjoint import gradient_of
 from teg.passes.atoms import Canonical
 from teg.passes.corners import with_local_boxes
+from teg.passes.centre import centred
 from teg.passes.differentiate import tangent_of
 from teg.passes.error_bounds import with_error_estimates
 from teg.passes.estimators.ignore import ignore_discontinuities
@@ -140,6 +141,7 @@ def compiled_outputs(
         outputs.append(run_pass(discontinuities, estimate, raw))
         if not last:
             source = run_pass("canonicalise", canonical, raw if discontinuities == "sift" else outputs[-1])
+    outputs = [run_pass("centre", centred, output) for output in outputs]
     together = canonical(ex.tuple_of(*outputs))  # one surface is one expression across the outputs, so that they share loops
     return list(cast(Tuple, together).children)
 

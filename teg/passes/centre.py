@@ -1,0 +1,228 @@
+"""Integrals of what is singular inside their bounds, in the distance from the singularity.
+
+    ∫ₗʰ F(x, g) dx  =  Σᵢ ∫ F(cᵢ + w, A·Π_k (w + (cᵢ - r_k))) dw         w from aᵢ - cᵢ to aᵢ₊₁ - cᵢ
+
+over the roots cᵢ of the singular arguments g, several of degree 1 or one of degree 2, in ascending order, with r_k the roots of g, A its
+leading coefficient, and aᵢ half-way between neighbouring roots. Computed from x, a distance x - c is known to the rounding of x;
+(x - c)^-0.9 then has no digit where a tenth of the integral comes from, and a g that is rounded to 0, or below, makes an infinity or NaN.
+Near cᵢ the distance w is the variable itself: cᵢ - r_k is exactly 0 there. A root outside of the bounds is moved to the nearest one. One
+copy of the integrand a root.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import cast
+
+from teg.calculus import slope
+from teg.expr import (
+    MINUS_ONE,
+    ONE,
+    TRUE,
+    ZERO,
+    Add,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Mul,
+    Pow,
+    Var,
+    Where,
+    add,
+    call,
+    conjunction,
+    const,
+    mul,
+    positive,
+    sub,
+    where,
+)
+from teg.extents import extent
+from teg.integral import Integral, integral_over
+from teg.node import Node, postorder
+from teg.polynomial import Shadow
+from teg.roots import solve
+from teg.singularities import SMOOTH, Keys, order_at, sharp_nodes, singular_arguments
+from teg.traverse import fresh, rewrite, substitute
+
+MAX_CENTRES = 3
+"""An integrand with more singular points is left as it is."""
+
+
+def centred(root: Expr) -> Expr:
+    """The program with integrals over the distance from their singularities; itself where there are none."""
+    sharp = sharp_nodes([root])
+    if not sharp:
+        return root
+    keys = Keys()
+
+    def visit(old: Node, new: Node) -> Node:
+        return _centred(new, keys) if old in sharp and isinstance(new, Integral) else new
+
+    return cast(Expr, rewrite([root], visit)[root])
+
+
+@dataclass(frozen=True)
+class _Argument:
+    """A singular argument g: its roots in ascending order, and where these exist."""
+
+    g: Expr
+    roots: tuple[Expr, ...]
+    exists: Cond
+
+
+def _centred(node: Integral, keys: Keys) -> Expr:
+    x = node.var
+    arguments = _arguments(node, keys)
+    alone = bool(node.free) or any(len(a.roots) == 2 for a in arguments)  # roots that cross each other would make kinks outside
+    if not arguments or len(arguments) > (1 if alone else MAX_CENTRES):
+        return node
+    low, high, sign = _ascending(node.lo, node.hi)
+    centres = _sorted([_between(r, low, high) for a in arguments for r in a.roots], len(arguments) == 1)
+    splits = [mul(const(0.5), add(c, d)) for c, d in pairwise(centres)]
+    by_key = {keys.of(a.g): a for a in arguments}
+    body = _with_powers(node.body, by_key, keys)
+    names: dict[Node, Var] = {}
+
+    def named(old: Node, new: Node) -> Node:
+        """A name for every node that is proportional to an argument."""
+        if isinstance(new, Expr) and x in new.free and _is_surface(new) and keys.of(new) in by_key:
+            return names.setdefault(new, fresh("g", {x, *body.free, *names.values()}))
+        return new
+
+    skeleton = cast(Expr, rewrite([body], named)[body])
+    pieces = []
+    for i, c in enumerate(centres):
+        at: dict[Var, Expr] = {x: add(c, x)}
+        near = skeleton
+        for g, name in names.items():
+            argument = by_key[keys.of(cast(Expr, g))]
+            distances = [add(x, sub(c, r)) for r in argument.roots]
+            if len(distances) == 2:
+                near, other, at[name] = _factored(near, name, i, slope(slope(cast(Expr, g), x), x), distances)
+                at.update(other)
+            else:
+                at[name] = mul(slope(cast(Expr, g), x), distances[0])
+        a, b = [low, *splits][i], [*splits, high][i]
+        pieces.append(integral_over(cast(Expr, substitute(near, at)), x, _minus(a, c), _minus(b, c)))
+    return where(conjunction(*(a.exists for a in arguments)), mul(sign, add(*pieces)), node)
+
+
+def _factored(e: Expr, name: Var, i: int, curvature: Expr, distances: list[Expr]) -> tuple[Expr, dict[Var, Expr], Expr]:
+    """An integrand near root number i of a quadratic g = P·L, P > 0 and L linear with that root: powers and logarithms of g are those of P
+    and L, its sign is L's. Returns the integrand, its new names, and g."""
+    sign = MINUS_ONE if i == 0 else ONE
+    apart, linear = mul(sign, distances[1 - i]), mul(sign, const(0.5), curvature, distances[i])
+    of_p = fresh("P", {*e.free, name})
+    of_l = fresh("L", {*e.free, name, of_p})
+
+    def visit(old: Node, new: Node) -> Node:
+        if isinstance(new, Compare) and new.g is name:
+            return positive(of_l, new.strict, new.resolution, new.rivals)
+        if isinstance(new, Call) and new.name in ("pow", "log") and new.children[0] is name:
+            parts = [call(new.name, part, *new.children[1:]) for part in (of_p, of_l)]
+            return mul(*parts) if new.name == "pow" else add(*parts)
+        return new
+
+    return cast(Expr, rewrite([e], visit)[e]), {of_p: apart, of_l: linear}, mul(apart, linear)
+
+
+def _arguments(node: Integral, keys: Keys) -> list[_Argument]:
+    """The arguments to whose roots distances must be exact: those of powers, and those of roots and logarithms that become infinite."""
+    x, body = node.var, node.body
+    box = {x: (min(extent(node.lo, {})[0], extent(node.hi, {})[0]), max(extent(node.lo, {})[1], extent(node.hi, {})[1]))}
+    powers = [n for n in postorder([body]) if isinstance(n, Call) and n.name == "pow"]
+    in_powers = {keys.of(g) for n in powers for g in singular_arguments(n)}
+    found: dict[object, _Argument] = {}
+    for g in singular_arguments(body):
+        key = keys.of(g)
+        if x not in g.free or key in found or g.has_integral or any(isinstance(n, Where) for n in postorder([g])):
+            continue
+        degree = Shadow((x,)).degree(g)
+        least, most = extent(g, box)
+        if degree not in (1, 2) or least > 0.0 or most < 0.0:
+            continue
+        roughness = order_at(body, lambda e, key=key: _is(e, key, keys))[1]  # type: ignore[misc]
+        if roughness == SMOOTH or roughness <= -1.0 or (roughness > 0.0 and key not in in_powers):
+            continue
+        roots = solve(g, x, node.lo, node.hi)
+        if roots is None or not roots.certain or any(r.exists is not roots.found[0].exists for r in roots.found):
+            continue
+        points = [r.point for r in roots.found]
+        ends = [b for b in (node.lo, node.hi) if not _is_infinite(b) and keys.vanishes(cast(Expr, substitute(g, {x: b})))]
+        if len(points) != degree or points == [ZERO]:
+            continue
+        if len(ends) == degree:
+            low, high, _ = _ascending(node.lo, node.hi)
+            found[key] = _Argument(g, (low, high) if degree == 2 else tuple(ends), TRUE)
+        else:
+            ascending = points if degree == 1 else [call("min", *points), call("max", *points)]
+            found[key] = _Argument(g, tuple(ascending), roots.found[0].exists)
+    return list(found.values())
+
+
+def _is_surface(e: Expr) -> bool:
+    return bool(e.free) and isinstance(e, Add | Var | Mul | Call) and not e.has_delta
+
+
+def _is(e: Expr, key: object, keys: Keys) -> bool:
+    return _is_surface(e) and keys.of(e) == key
+
+
+def _with_powers(body: Expr, chosen: Container[object], keys: Keys) -> Expr:
+    """√g and its powers as real powers of g: a power's nodes close in on its zero by exact distances."""
+
+    def visit(old: Node, new: Node) -> Node:
+        base, k = (new.base, new.exponent) if isinstance(new, Pow) else (new, 1)
+        if isinstance(base, Call) and base.name == "sqrt" and keys.of(base.children[0]) in chosen:
+            return call("pow", base.children[0], const(0.5 * k))
+        if isinstance(new, Pow) and isinstance(base, Call) and base.name == "pow" and base.children[1] is const(0.5):
+            return call("pow", base.children[0], const(0.5 * k))
+        return new
+
+    return cast(Expr, rewrite([body], visit)[body])
+
+
+def _ascending(lo: Expr, hi: Expr) -> tuple[Expr, Expr, Expr]:
+    """The bounds in ascending order, and the sign of the integral."""
+    if isinstance(lo, Const) and isinstance(hi, Const):
+        return (lo, hi, ONE) if lo.data <= hi.data else (hi, lo, MINUS_ONE)
+    if _is_infinite(lo) or _is_infinite(hi):
+        falls = any(isinstance(b, Const) and b.data == end for b, end in ((lo, math.inf), (hi, -math.inf)))
+        return (hi, lo, MINUS_ONE) if falls else (lo, hi, ONE)
+    rises = positive(sub(hi, lo), strict=False)
+    return where(rises, lo, hi), where(rises, hi, lo), where(rises, ONE, MINUS_ONE)
+
+
+def _between(point: Expr, low: Expr, high: Expr) -> Expr:
+    """A point, or the end of the domain that is nearer to it."""
+    if point is low or point is high:
+        return point
+    if not _is_infinite(high):
+        point = call("min", high, point)
+    return point if _is_infinite(low) else call("max", low, point)
+
+
+def _sorted(points: list[Expr], ascending: bool) -> list[Expr]:
+    """The points in ascending order."""
+    if ascending:
+        return points
+    points = list(points)
+    for last in range(len(points) - 1, 0, -1):
+        for i in range(last):
+            a, b = points[i], points[i + 1]
+            points[i], points[i + 1] = call("min", a, b), call("max", a, b)
+    return points
+
+
+def _minus(bound: Expr, centre: Expr) -> Expr:
+    return bound if _is_infinite(bound) else sub(bound, centre)
+
+
+def _is_infinite(e: Expr) -> bool:
+    return isinstance(e, Const) and math.isinf(e.data)

@@ -1,0 +1,84 @@
+"""Integrals in the distance from their singularities: digits that the variable itself does not have."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import teg
+from teg.passes.centre import centred
+
+x, y, v = teg.vars("x y v")
+p, q, r = teg.params("p q r")
+g = r * r - x * x - y * y
+in_disk = ((x, -2, 2), (y, -2, 2))
+inside = x * x + y * y < r * r
+
+CASES: dict[str, tuple[teg.Expr, dict[str, float], float, dict[str, float]]] = {
+    **{
+        f"|x-p|^-{k}": (
+            teg.integral(abs(x - p) ** -k, (x, 0, 1)), {"p": 0.3}, (0.3 ** (1 - k) + 0.7 ** (1 - k)) / (1 - k), {"p": 0.3**-k - 0.7**-k},
+        )
+        for k in (0.7, 0.9)
+    },
+    "at a bound that is not 0": (teg.integral((1 - x) ** -0.7 * p, (x, 0, 1)), {"p": 2.0}, 2 / 0.3, {"p": 1 / 0.3}),
+    "reversed bounds": (teg.integral((x - p) ** -0.9, (x, 1, p)), {"p": 0.3}, -(0.7**0.1) / 0.1, {"p": 0.7**-0.9}),
+    "arcsine law": (teg.integral(1 / teg.sqrt((x - p) * (1 - x)), (x, p, 1)), {"p": 0.3}, math.pi, {"p": 0.0}),
+    "1/√ in a disk": (teg.integral(teg.where(inside, 1 / teg.sqrt(g), 0), *in_disk), {"r": 1.1}, 2.2 * math.pi, {"r": 2 * math.pi}),
+    "a power in a disk": (
+        teg.integral(teg.where(inside, g**-0.3, 0), *in_disk), {"r": 1.1}, math.pi / 0.7 * 1.1**1.4, {"r": 2 * math.pi * 1.1**0.4},
+    ),
+    "a line": (
+        teg.integral(abs(y - p) ** -0.5 * teg.exp(x), (x, 0, 1), (y, 0, 1)),
+        {"p": 0.4},
+        2 * (0.4**0.5 + 0.6**0.5) * (math.e - 1),
+        {"p": (0.4**-0.5 - 0.6**-0.5) * (math.e - 1)},
+    ),
+    "a logarithm on a slope": (
+        teg.integral(teg.log(abs(y - p * x)), (y, 0, 1), (x, 0, 1)),
+        {"p": 1.0},
+        -1.5,
+        {"p": 0.5},  # ∫ x·log(x/(1 - x)) dx
+    ),
+    "two points": (
+        teg.integral(abs(x - p) ** -0.9 + abs(x - q) ** -0.8, (x, 0, 1)),
+        {"p": 0.3, "q": 0.4},
+        (0.3**0.1 + 0.7**0.1) / 0.1 + (0.4**0.2 + 0.6**0.2) / 0.2,
+        {"p": 0.3**-0.9 - 0.7**-0.9, "q": 0.4**-0.8 - 0.6**-0.8},
+    ),
+}  # fmt: skip
+
+
+def check(name: str, backend: str) -> None:
+    e, at, value, gradient = CASES[name]
+    f = teg.compile(e, backend=backend)
+    found, error = f.value_and_error(**at)
+    assert found == pytest.approx(value, rel=1e-10)
+    assert abs(found - value) <= 10 * error + 1e-14 * abs(value)
+    for parameter, truth in gradient.items():
+        assert f.grad(**at)[parameter] == pytest.approx(truth, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_value_and_gradient(name: str, backend: str) -> None:
+    check(name, backend)
+
+
+@pytest.mark.parametrize("name", ["|x-p|^-0.9", "arcsine law", "1/√ in a disk"])
+def test_value_and_gradient_in_jax(name: str) -> None:
+    pytest.importorskip("jax")
+    check(name, "jax")
+
+
+@pytest.mark.parametrize("e", [teg.sqrt(x), x**-0.5, teg.sqrt(p - x), (1 + x) ** 1.5, teg.log(2 + x), 1 / (x - p)], ids=str)
+def test_other_integrals_stay_as_they_are(e: teg.Expr) -> None:
+    whole = teg.integral(e, (x, 0, 1))
+    assert centred(whole) is whole
+
+
+def test_a_root_outside_of_the_bounds_is_moved_to_the_nearest_one() -> None:
+    f = teg.compile(teg.integral(abs(x - p) ** -0.5, (x, 0, 1)))
+    for c in (-1e9, -1.0, 0.0, 1.0, 1e9):
+        assert f(p=c) == pytest.approx(2 * abs(math.sqrt(abs(1 - c)) - math.sqrt(abs(c))), rel=1e-6 if abs(c) > 1e8 else 1e-10)
