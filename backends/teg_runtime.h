@@ -1340,8 +1340,8 @@ static inline void teg_corner(teg_location *s, int i)
     else s->u += s->tall;
 }
 
-/* In which direction the rectangles that are left are halved, 0 for v and 1 for u: by turns, but in one again that is of use while
-   the other is not. */
+/* In which direction the rectangles that are left are halved, 0 for v and 1 for u: by turns, but in one again that is of use
+   while the other is not. */
 static inline int teg_direction(teg_location *s)
 {
     if (s->last >= 0) {
@@ -1397,8 +1397,8 @@ static inline int teg_excluded(const double *f)
     return f[0] > 0.0 || f[1] < 0.0 || f[2] > 0.0 || f[3] < 0.0 || (isnan(f[0]) && isnan(f[1])) || (isnan(f[2]) && isnan(f[3]));
 }
 
-/* What bounds of slopes over a rectangle with half the sides h and k, and the values f and g in its middle, say of common zeros: -1,
-   there is none; 1, there is one, and Newton's method finds it; 0, nothing. */
+/* What bounds of slopes over a rectangle with half the sides h and k, and the values f and g in its middle, say of common zeros:
+   -1, there is none; 1, there is one, and Newton's method finds it; 0, nothing. */
 static int teg_krawczyk(const double *bounds, double f, double g, double h, double k)
 {
     double size[4], middle[4], radius[4];

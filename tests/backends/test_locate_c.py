@@ -128,7 +128,7 @@ def rectangles(pair: Pair, p: float) -> int:
         (ends(0.0, 0.0, "p0"), -1.0, 8),
         (ZERO, 1.0, 2 * LOCATE_WIDTH),  # given up as soon as a level is full
         (SAME, 1.0, 6 * LOCATE_WIDTH),
-        (sloped_ends(0.0, 0.0, "p0"), 1.0, 100),  # bounds, middles and Newton's steps
+        (sloped_ends(0.0, 0.0, "p0"), 1.0, 400),  # bounds, middles and Newton's steps
     ],
 )
 def test_cost(pair: Pair, p: float, most: int) -> None:
