@@ -17,7 +17,7 @@ from teg.backends.jax_runtime import CROWDED, MISSED, Note, Scalar, union, vecto
 from teg.program import (
     ISOLATE_DEPTH,
     ISOLATE_STEPS,
-    LOCATE_DEPTH,
+    LOCATE_HALVINGS,
     LOCATE_LOST,
     LOCATE_MOST,
     LOCATE_NARROW,
@@ -286,10 +286,15 @@ class _Level(NamedTuple):
     """A search that is at the rectangle number `taken` of `number` on a level: halves of those that were left of the level before.
 
     What is left of a level and of the next one are two rows of `corners`, in parts of the whole, (2, LOCATE_WIDTH + ROW, 2), by turns.
-    `zeros` are the middles of rectangles that hold one zero, `found` of them.
+    `zeros` are the middles of rectangles that hold one zero, `found` of them. The rectangles were halved so many `times` in v and in u, the
+    `last` time in v (0), u (1) or not at all (-1); which direction was useless and useful when it was last halved is known.
     """
 
     level: Any
+    times: Any
+    last: Any
+    useless: Any
+    useful: Any
     number: Any
     taken: Any
     left: Any
@@ -311,26 +316,37 @@ def locate(
     bounds = jax.vmap(lambda near, far: vector(enclosure(near[0], far[0], near[1], far[1])))
     end = _levels(active, origin, extent, bounds)
     zeros, note = _settled(end.zeros, end.found, bounds)
-    width = _widths(end.level)
+    width = _widths(end.times)
     waiting = jnp.arange(LOCATE_WIDTH) < end.left
     across = jnp.where(waiting, end.corners[(end.level % 2).astype(jnp.int32), :LOCATE_WIDTH, 0], jnp.inf)
     same = LOCATE_SAME * extent[0]
     lefts = jnp.concatenate([zeros - same, origin[0] + extent[0] * across])
     rights = jnp.concatenate([zeros + same, origin[0] + extent[0] * (across + width[0])])
     many = end.found > LOCATE_ZEROS
-    listed = _joined(jnp.where(many, jnp.inf, lefts), jnp.where(many, jnp.inf, rights), extent[0], results)
+    rectangles = jnp.concatenate([jnp.zeros(zeros.size), jnp.ones(across.size)])
+    listed, inside = _joined(jnp.where(many, jnp.inf, lefts), jnp.where(many, jnp.inf, rights), rectangles, extent[0], results)
     behind = jnp.where(jnp.isfinite(listed[results]), jnp.maximum(0.0, (origin[0] + extent[0] - listed[results - 1]) / extent[0]), 0.0)
-    lost = jnp.where(many, 1.0, jnp.minimum(1.0, end.left * width[0] * width[1] + behind))
+    lost = jnp.where(many, 1.0, jnp.minimum(1.0, inside * (width[0] * width[1]) + behind))
     lost = jnp.where(active, lost, 0.0)
     places = jnp.where(active, listed[:results], jnp.inf)
     note = where(active, end.note | note) | where(lost > LOCATE_LOST, MISSED)
     return (*(places[i] for i in range(results)), lost), note
 
 
-def _widths(level: Scalar) -> Any:
-    """The sides of the rectangles of a level, in parts of the whole."""
-    halves = jnp.asarray([0.5**i for i in range(LOCATE_DEPTH // 2 + 1)])  # `exp2` is not exact
-    return halves[jnp.stack([(level + 1) // 2, level // 2])]
+def _widths(times: Any) -> Any:
+    """The sides of rectangles that were halved so often, in parts of the whole."""
+    return jnp.asarray([0.5**i for i in range(LOCATE_HALVINGS + 1)])[times]  # `exp2` is not exact
+
+
+def _direction(at: _Level, left: Scalar) -> tuple[Scalar, Any, Any]:
+    """In which direction the rectangles that are left are halved: by turns, but in one again that is of use while the other is not; and
+    which directions are useless and useful."""
+    judged = jnp.arange(2) == at.last
+    useless = jnp.where(judged, 50 * left >= 49 * at.number, at.useless)
+    useful = jnp.where(judged, 20 * left <= 11 * at.number, at.useful)
+    along = jnp.where(useless[1] & useful[0], False, jnp.where(useless[0] & useful[1], True, at.times[0] > at.times[1]))
+    chosen = along.astype(jnp.int32)
+    return jnp.where(at.times[chosen] < LOCATE_HALVINGS, chosen, 1 - chosen), useless, useful
 
 
 def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any], tuple[Any, Note]]) -> _Level:
@@ -338,9 +354,9 @@ def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any
     lanes, nothing = jnp.arange(ROW, dtype=jnp.int32), jnp.int32(0)
 
     def step(at: _Level) -> _Level:
-        width, now = _widths(at.level), (at.level % 2).astype(jnp.int32)
+        width, now = _widths(at.times), at.level % 2
         parents = lax.dynamic_slice(at.corners, (1 - now, at.taken // 2, nothing), (1, ROW // 2, 2))[0]
-        half = jnp.where(at.level % 2 == 1, width * jnp.array([1.0, 0.0]), width * jnp.array([0.0, 1.0]))
+        half = jnp.where(jnp.arange(2) == at.last, width, 0.0)
         corner = jnp.repeat(parents, 2, axis=0) + jnp.where(lanes[:, None] % 2 == 1, half, 0.0)
         there = at.taken + lanes < at.number
         near, far = origin + extent * corner, origin + extent * (corner + width)
@@ -358,9 +374,14 @@ def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any
         last = at.taken + ROW >= at.number
         twice = 2 * left
         full = (twice > LOCATE_WIDTH) | (at.examined + twice > LOCATE_MOST) | (found > LOCATE_ZEROS)
-        goes_on = last & (twice > 0) & ~full & (at.level < LOCATE_DEPTH)
+        goes_on = last & (twice > 0) & ~full & jnp.any(at.times < LOCATE_HALVINGS)
+        direction, useless, useful = _direction(at, left)
         return _Level(
             level=jnp.where(goes_on, at.level + 1, at.level),
+            times=jnp.where(goes_on, at.times + (jnp.arange(2) == direction), at.times),
+            last=jnp.where(goes_on, direction, at.last),
+            useless=jnp.where(goes_on, useless, at.useless),
+            useful=jnp.where(goes_on, useful, at.useful),
             number=jnp.where(goes_on, twice, jnp.where(last, 0, at.number)),
             taken=jnp.where(last, 0, at.taken + ROW),
             left=jnp.where(goes_on, 0, left),
@@ -373,6 +394,10 @@ def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any
 
     beginning = _Level(
         level=nothing,
+        times=jnp.zeros(2, jnp.int32),
+        last=jnp.int32(-1),
+        useless=jnp.zeros(2, jnp.bool_),
+        useful=jnp.zeros(2, jnp.bool_),
         number=jnp.where(active, jnp.int32(1), nothing),
         taken=nothing,
         left=nothing,
@@ -432,15 +457,18 @@ def _settled(zeros: Any, found: Scalar, bounds: Callable[[Any, Any], tuple[Any, 
     return placed, note
 
 
-def _joined(left: Any, right: Any, extent: Scalar, results: int) -> Any:
+def _joined(left: Any, right: Any, rectangles: Any, extent: Scalar, results: int) -> tuple[Any, Scalar]:
     """The first results + 1 places, ascending, of intervals of which those are joined that overlap or touch: the middle of a narrow one,
-    both ends of another. Both ends are sorted by themselves: an interval begins a new place where as many intervals ended before it as
-    began; the entries behind the last one, +inf, are one interval."""
-    left, right = jnp.sort(left), jnp.sort(right)
+    both ends of another; and how many rectangles are in these. Both ends are sorted by themselves: an interval begins a new place where as
+    many intervals ended before it as began; the entries behind the last one, +inf, are one interval."""
+    left, rectangles = lax.sort((left, rectangles), num_keys=1)
+    right = jnp.sort(right)
     begins = jnp.concatenate([jnp.array([True]), left[1:] > right[:-1]])
     begin = jnp.searchsorted(jnp.cumsum(begins), jnp.arange(1, results + 3))
+    before = jnp.concatenate([jnp.zeros(1), jnp.cumsum(rectangles)])
     from_, to = left[jnp.minimum(begin[:-1], left.size - 1)], right[begin[1:] - 1]
     absent = (begin[:-1] >= left.size) | jnp.isinf(from_)
     wide = ~absent & (to - from_ > LOCATE_NARROW * extent)
     first = jnp.where(absent, jnp.inf, jnp.where(wide, from_, 0.5 * (from_ + to)))
-    return jnp.sort(jnp.concatenate([first, jnp.where(wide, to, jnp.inf)]))
+    inside = jnp.sum(jnp.where(wide, before[begin[1:]] - before[begin[:-1]], 0.0))
+    return jnp.sort(jnp.concatenate([first, jnp.where(wide, to, jnp.inf)])), inside

@@ -16,7 +16,7 @@ from teg.backends.numpy_runtime import Array, Block, Run, Value, gather, on_lane
 from teg.program import (
     ISOLATE_DEPTH,
     ISOLATE_STEPS,
-    LOCATE_DEPTH,
+    LOCATE_HALVINGS,
     LOCATE_LOST,
     LOCATE_MOST,
     LOCATE_NARROW,
@@ -315,11 +315,12 @@ class Location:
 
 @dataclass(frozen=True, slots=True)
 class _Places:
-    """Intervals (left, right) of lanes that hold places."""
+    """Intervals (left, right) of lanes that hold places, of how many rectangles: 1, or 0 for a zero."""
 
     lane: Array
     left: Array
     right: Array
+    rectangles: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,20 +336,20 @@ class _Locating:
         lo, hi, low, high = (np.broadcast_to(v, (lanes,)) for v in limits)
         lane = np.flatnonzero(np.isfinite([lo, hi, low, high]).all(axis=0) & (lo != hi) & (low != high))
         origin, extent = np.array([np.minimum(lo, hi), np.minimum(low, high)]), np.array([np.abs(hi - lo), np.abs(high - low)])
-        found, lost = self._rectangles(lane, origin, extent, lanes)
-        lane, place = _joined(found, extent[0])
+        found, halved, many = self._rectangles(lane, origin, extent, lanes)
+        lane, place, lost = _joined(found, extent[0], 0.5 ** halved[0] * 0.5 ** halved[1])
+        lost[many] = 1.0
         return _cut_off(lane, place, self.location.results, lost, origin[0] + extent[0], extent[0])
 
-    def _rectangles(self, lane: Array, origin: Array, extent: Array, lanes: int) -> tuple[_Places, Array]:
-        """Intervals that hold a place, and of each lane the part that was given up."""
-        found: list[tuple[Array, Array, Array]] = [(lane[:0], origin[0, :0], origin[0, :0])]
-        corner = np.zeros((2, lane.size))
-        examined, zeros, lost = np.bincount(lane, minlength=lanes), np.zeros(lanes, dtype=np.int64), np.zeros(lanes)
-        for level in range(LOCATE_DEPTH + 1):
-            width = np.array([[0.5 ** ((level + 1) // 2)], [0.5 ** (level // 2)]])
-            near, far = (origin[:, lane] + extent[:, lane] * at for at in (corner, corner + width))
-            if not lane.size:
-                break
+    def _rectangles(self, lane: Array, origin: Array, extent: Array, lanes: int) -> tuple[_Places, Array, Array]:
+        """Intervals that hold a place; of each lane how often its rectangles were halved in v and in u, and if it has too many zeros."""
+        found: list[tuple[Array, Array, Array, Array]] = [(lane[:0], origin[0, :0], origin[0, :0], origin[0, :0])]
+        corner, halving = np.zeros((2, lane.size)), _Halving(lanes)
+        here = examined = np.bincount(lane, minlength=lanes)
+        zeros = np.zeros(lanes, dtype=np.int64)
+        while lane.size:
+            width = 0.5**halving.times
+            near, far = (origin[:, lane] + extent[:, lane] * at for at in (corner, corner + width[:, lane]))
             bounds = self._bounds(lane, near, far)
             kept = np.flatnonzero(~_excluded(bounds[:4]))
             lane, corner, near, far = lane[kept], corner[:, kept], near[:, kept], far[:, kept]
@@ -358,22 +359,22 @@ class _Locating:
                 away, single = _refuted(bounds[:, kept], at, 0.5 * (far - near))
                 if single.any():
                     v, same = self._newton(lane[single], middle[:, single], at[:, single]), LOCATE_SAME * extent[0, lane[single]]
-                    found.append((lane[single], v - same, v + same))
+                    found.append((lane[single], v - same, v + same, np.zeros(v.size)))
                     zeros += np.bincount(lane[single], minlength=lanes)
                 still = ~away & ~single & (zeros[lane] <= LOCATE_ZEROS)
                 lane, corner, near, far = lane[still], corner[:, still], near[:, still], far[:, still]
-            here = np.bincount(lane, minlength=lanes)
-            examined += 2 * here
-            ends = (2 * here > LOCATE_WIDTH) | (examined > LOCATE_MOST) | (level == LOCATE_DEPTH)
-            lost += np.where(ends, here * 0.5**level, 0.0)
+            left = np.bincount(lane, minlength=lanes)
+            examined = examined + 2 * left
+            ends = (2 * left > LOCATE_WIDTH) | (examined > LOCATE_MOST) | (halving.times == LOCATE_HALVINGS).all(axis=0)
             over = ends[lane]
-            found.append((lane[over], near[0, over], far[0, over]))
+            found.append((lane[over], near[0, over], far[0, over], np.ones(np.count_nonzero(over))))
             lane, corner = lane[~over], corner[:, ~over]
-            lane, corner = np.concatenate([lane, lane]), np.concatenate([corner, corner + _half(width, level)], axis=1)
+            offset = halving.next(here, left, (left > 0) & ~ends)
+            lane, corner, here = np.concatenate([lane, lane]), np.concatenate([corner, corner + offset[:, lane]], axis=1), 2 * left
+        columns = [np.concatenate(column) for column in zip(*found, strict=True)]
         many = zeros > LOCATE_ZEROS
-        lane, left, right = (np.concatenate(column) for column in zip(*found, strict=True))
-        few = ~many[lane]
-        return _Places(lane[few], left[few], right[few]), np.where(many, 1.0, lost)
+        few = ~many[columns[0]]
+        return _Places(*(column[few] for column in columns)), halving.times, many
 
     def _newton(self, lane: Array, at: Array, values: Array) -> Array:
         """The v of the zeros near points (v, u), by Newton's method; `values` are f, g and their slopes there."""
@@ -419,24 +420,45 @@ def _refuted(bounds: Array, at: Array, reach: Array) -> tuple[Array, Array]:
     return away, single
 
 
-def _half(width: Array, level: int) -> Array:
-    """From the corner of a rectangle of a level to that of its second half."""
-    return 0.5 * width * ([[1.0], [0.0]] if level % 2 == 0 else [[0.0], [1.0]])
+class _Halving:
+    """In which direction the rectangles of each lane are halved: v and u by turns, but one again that is of use while the other is not."""
+
+    def __init__(self, lanes: int) -> None:
+        self.times = np.zeros((2, lanes), dtype=np.int64)
+        self.last = np.full(lanes, -1)
+        self.useless, self.useful = np.zeros((2, 2, lanes), dtype=np.bool_)
+
+    def next(self, before: Array, left: Array, goes_on: Array) -> Array:
+        """From the corner of a rectangle to that of its second half; `left` rectangles were left of so many `before`, by lane."""
+        for direction in (0, 1):
+            judged = self.last == direction
+            self.useless[direction] = np.where(judged, 50 * left >= 49 * before, self.useless[direction])
+            self.useful[direction] = np.where(judged, 20 * left <= 11 * before, self.useful[direction])
+        across = self.times[0] <= self.times[1]
+        across = np.where(self.useless[1] & self.useful[0], True, np.where(self.useless[0] & self.useful[1], False, across))
+        across = (across & (self.times[0] < LOCATE_HALVINGS)) | (self.times[1] == LOCATE_HALVINGS)
+        self.last = np.where(across, 0, 1)
+        chosen = np.array([across, ~across]) & goes_on
+        self.times = self.times + chosen
+        return np.where(chosen, 0.5**self.times, 0.0)
 
 
-def _joined(found: _Places, extent: Array) -> tuple[Array, Array]:
+def _joined(found: _Places, extent: Array, area: Array) -> tuple[Array, Array, Array]:
     """The places, as (lane, place), of intervals of which those are joined that overlap or touch: the middle of a narrow one, both ends of
-    another. Both ends are sorted by themselves: an interval begins a new place where as many intervals ended before it as began."""
+    another, in which so many rectangles of that `area` are lost. Both ends are sorted by themselves: an interval begins a new place where
+    as many intervals ended before it as began."""
     if not found.lane.size:
-        return found.lane, found.left
+        return found.lane, found.left, np.zeros(extent.size)
     order = np.lexsort((found.left, found.lane))
-    lane, left = found.lane[order], found.left[order]
+    lane, left, rectangles = found.lane[order], found.left[order], found.rectangles[order]
     right = found.right[np.lexsort((found.right, found.lane))]
     starts = np.flatnonzero(np.r_[True, (lane[1:] != lane[:-1]) | (left[1:] > right[:-1])])
+    rectangles = np.add.reduceat(rectangles, starts)
     lane, left, right = lane[starts], left[starts], right[np.r_[starts[1:], lane.size] - 1]
     wide = right - left > LOCATE_NARROW * extent[lane]
+    lost = np.bincount(lane[wide], weights=rectangles[wide], minlength=extent.size) * area
     places = np.where(wide, left, 0.5 * (left + right))
-    return np.concatenate([lane, lane[wide]]), np.concatenate([places, right[wide]])
+    return np.concatenate([lane, lane[wide]]), np.concatenate([places, right[wide]]), lost
 
 
 def _cut_off(lane: Array, place: Array, results: int, lost: Array, end: Array, extent: Array) -> Array:

@@ -1301,7 +1301,7 @@ static void teg_roots(teg_isolation *s, teg_context *ctx)
    `across` and `up`; `zeros` are those known to be alone in a rectangle. */
 typedef struct {
     enum { TEG_RECTANGLE, TEG_MIDDLE, TEG_NEWTON } asks;
-    int slopes, level, number, taken, left, examined, found, steps, over;
+    int slopes, level, number, taken, left, examined, found, steps, times[2], last, useless[2], useful[2];
     double lo, low, extent, height, wide, tall, v, u, half, rise, bounds[8];
     struct {
         double left, right, bottom, top;
@@ -1321,7 +1321,9 @@ static void teg_locate(teg_location *s, int slopes, double lo, double hi, double
     s->height = fabs(high - low);
     s->wide = s->tall = 1.0;
     s->half = s->rise = 0.0;
-    s->level = s->taken = s->left = s->found = s->steps = s->over = 0;
+    s->level = s->taken = s->left = s->found = s->steps = 0;
+    s->times[0] = s->times[1] = s->useless[0] = s->useless[1] = s->useful[0] = s->useful[1] = 0;
+    s->last = -1;
     s->examined = s->number = finite && lo != hi && low != high;
 }
 
@@ -1334,22 +1336,37 @@ static inline void teg_corner(teg_location *s, int i)
     s->v = s->across[before][i / 2];
     s->u = s->up[before][i / 2];
     if (i % 2 == 0) return;
-    if (s->level % 2) s->v += s->wide;
+    if (s->last == 0) s->v += s->wide;
     else s->u += s->tall;
+}
+
+/* In which direction the rectangles that are left are halved, 0 for v and 1 for u: by turns, but in one again that is of use
+   while the other is not. */
+static inline int teg_direction(teg_location *s)
+{
+    if (s->last >= 0) {
+        s->useless[s->last] = 50 * s->left >= 49 * s->number;
+        s->useful[s->last] = 20 * s->left <= 11 * s->number;
+    }
+    int along = s->times[0] > s->times[1];
+    if (s->useless[1] && s->useful[0]) along = 0;
+    else if (s->useless[0] && s->useful[1]) along = 1;
+    return s->times[along] < TEG_LOCATE_HALVINGS ? along : 1 - along;
 }
 
 /* A level was examined: is there to be another one? */
 static inline int teg_next_level(teg_location *s)
 {
-    const int twice = 2 * s->left;
-    s->over = twice == 0 || twice > TEG_LOCATE_WIDTH || s->examined + twice > TEG_LOCATE_MOST || s->level == TEG_LOCATE_DEPTH ||
-        s->found > TEG_LOCATE_ZEROS;
-    if (s->over) return 0;
+    const int twice = 2 * s->left, finest = s->times[0] == TEG_LOCATE_HALVINGS && s->times[1] == TEG_LOCATE_HALVINGS;
+    if (twice == 0 || twice > TEG_LOCATE_WIDTH || s->examined + twice > TEG_LOCATE_MOST || finest) return 0;
+    if (s->found > TEG_LOCATE_ZEROS) return 0;
+    s->last = teg_direction(s);
+    s->times[s->last]++;
     s->level++;
     s->number = twice;
     s->examined += twice;
     s->taken = s->left = 0;
-    if (s->level % 2) s->wide *= 0.5;
+    if (s->last == 0) s->wide *= 0.5;
     else s->tall *= 0.5;
     return 1;
 }
@@ -1380,8 +1397,8 @@ static inline int teg_excluded(const double *f)
     return f[0] > 0.0 || f[1] < 0.0 || f[2] > 0.0 || f[3] < 0.0 || (isnan(f[0]) && isnan(f[1])) || (isnan(f[2]) && isnan(f[3]));
 }
 
-/* What bounds of slopes over a rectangle with half the sides h and k, and the values f and g in its middle, say of common zeros: -1,
-   there is none; 1, there is one, and Newton's method finds it; 0, nothing. */
+/* What bounds of slopes over a rectangle with half the sides h and k, and the values f and g in its middle, say of common zeros:
+   -1, there is none; 1, there is one, and Newton's method finds it; 0, nothing. */
 static int teg_krawczyk(const double *bounds, double f, double g, double h, double k)
 {
     double size[4], middle[4], radius[4];
@@ -1466,8 +1483,8 @@ static double teg_places(teg_location *s, double *places, int room)
 {
     const int left = s->left;
     const double same = TEG_LOCATE_SAME * s->extent;
-    double *const across = s->across[s->level & 1], lost = left * s->wide * s->tall, from = 0.0, to = 0.0;
-    int found = 0, open = 0;
+    double *const across = s->across[s->level & 1], lost = 0.0, from = 0.0, to = 0.0;
+    int found = 0, open = 0, inside = 0;
     if (s->found > TEG_LOCATE_ZEROS) {
         teg_fill(places, room, INFINITY);
         return 1.0;
@@ -1475,25 +1492,31 @@ static double teg_places(teg_location *s, double *places, int room)
     teg_sort(s->zeros, s->found);
     teg_sort(across, left);
     for (int i = 0, k = 0; i < s->found || k < left || open;) {
-        double begin = INFINITY, end = INFINITY;
-        if (i < s->found) begin = s->zeros[i] - same;
+        const double zero = i < s->found ? s->zeros[i] - same : INFINITY;
         const double other = k < left ? s->lo + s->extent * across[k] : INFINITY;
-        if (other < begin) end = s->lo + s->extent * (across[k++] + s->wide), begin = other;
-        else if (i < s->found) end = s->zeros[i++] + same;
+        const int next = other < zero, any = next || i < s->found;
+        const double begin = next ? other : zero;
+        const double end = next ? s->lo + s->extent * (across[k] + s->wide) : any ? s->zeros[i] + same : INFINITY;
+        if (next) k++;
+        else i++;
         if (open && begin <= to) {
             if (end > to) to = end;
+            inside += next;
             continue;
         }
         if (open && to - from > TEG_LOCATE_NARROW * s->extent) {
             found = teg_put_place(places, room, found, from);
             found = teg_put_place(places, room, found, to);
+            lost += inside;
         } else if (open) {
             found = teg_put_place(places, room, found, 0.5 * (from + to));
         }
-        open = begin < INFINITY;
+        open = any;
+        inside = next;
         from = begin;
         to = end;
     }
+    lost *= s->wide * s->tall;
     if (found > room) {
         const double behind = (s->lo + s->extent - places[room - 1]) / s->extent;
         return behind > 0.0 ? fmin(1.0, lost + behind) : lost;

@@ -173,6 +173,11 @@ class Location:
     corners: tuple[Var, Var, Var, Var]
     bounds: tuple[Expr, ...]
 
+    @property
+    def smooth(self) -> bool:
+        """Whether bounds of all slopes are known, so that the search closes in on points."""
+        return not any(isinstance(b, Const) and math.isinf(b.data) for b in self.bounds[4:])
+
 
 def locate(f: Expr, g: Expr, inner: Var, low: Expr, high: Expr, outer: Var) -> Location | None:
     """What it takes to find where two surfaces meet, as seen from the outer variable; None where that is not possible.

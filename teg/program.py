@@ -153,8 +153,9 @@ Semantics of `Locate`: f and g are functions of v, between `lo` and `hi`, and of
 
     if `when` names a boolean that is false, or lo, hi, low or high is not finite, or lo = hi, or low = high, every result is +inf, lost = 0
     lo > hi are exchanged, and low > high; V = hi - lo, U = high - low
-    a rectangle of level L is 2^-⌈L/2⌉ of V wide and 2^-⌊L/2⌋ of U high; from its corner, in parts of the whole, (i, k) it reaches from
-        lo + V·i to lo + V·(i + 2^-⌈L/2⌉), and from low + U·k to low + U·(k + 2^-⌊L/2⌋). Level 0 is the whole rectangle
+    a rectangle that was halved i times in v and k times in u has the width 2^-i and the height 2^-k in parts of V and U; from its corner
+        (r, s), in such parts too, it reaches from lo + V·r to lo + V·(r + 2^-i), and from low + U·s to low + U·(s + 2^-k). Level 0 is the
+        whole one
     for each level 0, 1, …, for each rectangle of it run `enclosure`;
         it is dropped if  f₋ > 0  or  f₊ < 0  or  g₋ > 0  or  g₊ < 0,  or f₋ and f₊ are both NaN,  or g₋ and g₊ are
         else, if there are bounds of slopes, with f and g in its middle m, half its sides h and k, the largest sizes of the slopes s,
@@ -165,15 +166,16 @@ Semantics of `Locate`: f and g are functions of v, between `lo` and `hi`, and of
             else there is one zero, which Newton's method finds, if
                 V* <= h/4  and  U* <= k/4  and  |df - bg|/D + V* < h  and  |ag - cf|/D + U* < k
         else it is *left*
-    with n rectangles left on level L: if n = 0 the search is over; else, if L = LOCATE_DEPTH, or 2n > LOCATE_WIDTH, or the next level would
-        make more than LOCATE_MOST rectangles in all, it is over and they are given up: lost = n·2^-L; else each is halved, in v if L is
-        even and in u if L is odd, and the halves are level L + 1. lost = 0 if none was given up
+    with n rectangles left of the m of a level: if n = 0 the search is over; else, if i = k = LOCATE_HALVINGS, or 2n > LOCATE_WIDTH, or the
+        next level would make more than LOCATE_MOST rectangles in all, it is over and they are given up; else each is halved: if the last
+        halving in u was of no use, 50n >= 49m, and that in v was, 20n <= 11m, in v; if it is the other way round, in u; else in v if
+        i <= k, in u if not. A direction that was halved LOCATE_HALVINGS times is not halved any more. The halves are the next level
     a zero is where LOCATE_STEPS steps of Newton's method lead from m; its interval is v ± LOCATE_SAME·V; more than LOCATE_ZEROS zeros,
         counted at the end of a level, end the search: then every result is +inf, and lost = 1
     the intervals of v of the zeros and of the rectangles given up are joined where they overlap or touch; an interval gives one place, its
-        middle, if it is at most LOCATE_NARROW·V wide, else two, its ends
-    results = the places in ascending order, then +inf; if there are more of them than results, (hi - the last result)/V, if that is > 0, is
-        added to lost, which is at most 1
+        middle, if it is at most LOCATE_NARROW·V wide, else two, its ends, and the area of its rectangles is lost
+    results = the places in ascending order, then +inf; lost = what is lost, in parts of VU, and if there are more places than results
+        (hi - the last result)/V more, if that is > 0; it is at most 1
     if lost > LOCATE_LOST the tolerance was missed
 
 Semantics of `SumOver`: if `when` names a boolean that is false, every result is 0; else if a point is NaN every result is NaN; else `body`
@@ -307,7 +309,7 @@ NEAR = 6.0 + 1.0 / 6.0
 ISOLATE_DEPTH = 40
 ISOLATE_WIDTH = 128
 ISOLATE_STEPS = 100
-LOCATE_DEPTH = 72
+LOCATE_HALVINGS = 36
 LOCATE_WIDTH = 4096
 LOCATE_MOST = 2**15
 LOCATE_ZEROS = 512
@@ -316,7 +318,7 @@ LOCATE_STEPS = 6
 LOCATE_NARROW = 2.0**-30
 LOCATE_SAME = 2.0**-40
 LOCATE_LOST = 2.0**-40
-"""A smaller part of the rectangle may be given up: the end of a search that closes in on a point where curves touch."""
+"""A smaller part of the rectangle may be given up."""
 MAX_HALF_PLANES = 64
 """Of more a `Polygon` would be long: they share the pieces of two integrals instead."""
 THIN = 2.0**-5

@@ -102,7 +102,7 @@ class RootEmitter(Emitter):
             bounds = tuple(self.number(b, level) for b in location.bounds)
             enclosure = tuple(s for block in blocks for s in block)
             results = tuple(self.fresh("v") for _ in range(max(MAX_ROOTS, self.max_roots)))
-            lost = self.fresh("v")
+            lost = self.fresh("v") if location.smooth else None  # of surfaces with kinks much is given up that holds nothing
             home.block.append(Locate(first, last, low, high, left, right, bottom, top, enclosure, bounds, results, when, lost))
             home.isolated[key] = results
         return home.isolated[key]

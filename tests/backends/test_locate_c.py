@@ -11,7 +11,7 @@ import pytest
 from teg.backends.c_backend import compile_c, print_kernel
 from teg.backends.c_standalone import standalone_c
 from teg.errors import OptionError
-from teg.program import LOCATE_DEPTH, LOCATE_WIDTH, Arg, Locate, Stmt
+from teg.program import LOCATE_HALVINGS, LOCATE_WIDTH, Arg, Locate, Stmt
 from tests.backends.c_checks import (
     LIMITS,
     any_number_of_threads_gives_the_same,
@@ -123,12 +123,12 @@ def rectangles(pair: Pair, p: float) -> int:
     ("pair", "p", "most"),
     [
         (Pair((), ("p0", 2.0, -1.0, 1.0)), 1.0, 1),  # bounds without 0
-        (point("p0", 0.3), 0.7, 2 * LOCATE_DEPTH + 1),  # one rectangle of a level is kept
-        (ends(0.0, 0.0, "p0"), 1.0, 8 * LOCATE_DEPTH),  # two ends, few rectangles about each
+        (point("p0", 0.3), 0.7, 4 * LOCATE_HALVINGS + 1),  # one rectangle of a level is kept
+        (ends(0.0, 0.0, "p0"), 1.0, 16 * LOCATE_HALVINGS),  # two ends, few rectangles about each
         (ends(0.0, 0.0, "p0"), -1.0, 8),
         (ZERO, 1.0, 2 * LOCATE_WIDTH),  # given up as soon as a level is full
         (SAME, 1.0, 6 * LOCATE_WIDTH),
-        (sloped_ends(0.0, 0.0, "p0"), 1.0, 100),  # bounds, middles and Newton's steps
+        (sloped_ends(0.0, 0.0, "p0"), 1.0, 400),  # bounds, middles and Newton's steps
     ],
 )
 def test_cost(pair: Pair, p: float, most: int) -> None:
@@ -192,7 +192,7 @@ def test_similar_locations_share_a_function() -> None:
 
 def test_only_what_is_needed_of_the_runtime_is_printed() -> None:
     text = print_kernel(PLACES[0].program)
-    assert f"#define TEG_LOCATE_DEPTH {LOCATE_DEPTH}" in text
+    assert f"#define TEG_LOCATE_HALVINGS {LOCATE_HALVINGS}" in text
     assert f"#define TEG_LOCATE_WIDTH {LOCATE_WIDTH}" in text
     assert "ISOLATE" not in text
     assert "teg_pair" not in text

@@ -13,7 +13,7 @@ import teg
 from teg.backends import numpy_roots
 from teg.backends.numpy_backend import compile_numpy
 from teg.liveness import without_dead_code
-from teg.program import LOCATE_DEPTH, LOCATE_WIDTH, Assign, Locate, Program
+from teg.program import LOCATE_HALVINGS, LOCATE_WIDTH, Assign, Locate, Program
 from tests.backends.isolate_programs import numbered
 from tests.backends.locate_programs import LOCATE_CASES, PLACES, Pair, ends, literally, locate, point, two_circles, wave
 from tests.backends.programs import INF, Case, columns, expected, let, program
@@ -124,7 +124,7 @@ def test_only_the_crowded_element_is_given_up() -> None:
     found = outcome.values
     np.testing.assert_allclose(found[:, 0], [np.pi, INF, INF, INF, 0.0], rtol=1e-7, atol=1e-18)
     np.testing.assert_allclose(found[:, 1], [0.5, 3.5, INF, INF, found[4, 1]])
-    assert found[4, 1] > 1e-6
+    assert found[4, 1] > 1e-12
     np.testing.assert_allclose(found[:, 2], [np.pi / 2, np.pi, INF, INF, 0.0], rtol=1e-7, atol=1e-18)
     assert outcome.missed
 
@@ -147,7 +147,7 @@ def test_a_level_costs_the_rectangles_that_are_left(monkeypatch: pytest.MonkeyPa
     radii = np.linspace(0.3, 1.2, 50)
     found = compile_numpy(program(1, (locate("va vb", ends(0.0, 0.1, "p0"), -2.0, 3.0, -1.5, 1.75),), "va", "vb"))([radii], 50)
     np.testing.assert_allclose(found, [-np.sqrt(radii), np.sqrt(radii)], atol=2e-7)
-    assert len(sizes) == LOCATE_DEPTH + 1
+    assert len(sizes) == 2 * LOCATE_HALVINGS + 1
     assert sum(sizes) <= 50 * len(sizes) * 20
 
 
