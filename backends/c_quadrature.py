@@ -171,6 +171,7 @@ def adaptive_piece(
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
         "waiting[0] = (teg_interval){0.0, 1.0, 0};",
         f"teg_fill(spent, {tested}, 0.0);",
+        *([] if guard is None else [f"teg_fill(whole, {tested}, 0.0);"]),
         "for (int n = 1, used = 1; n > 0; used++) {",
         *indent(
             "const teg_interval here = waiting[--n];",

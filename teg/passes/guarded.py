@@ -82,9 +82,12 @@ class GuardedEmitter(CurvedEmitter):
                 found.append(Bounded(self.number(sharp.value, level), *b))
         for peak in inside:
             sharp = cast(Sharp, sharp_value(peak.node, x, self.degrees, 2))
-            if (box := _around(peak, boxed.box)) is not None and (b := bounds(sharp, Enclosure(box))) is not None:
-                upper = where(positive(sub(const(_LARGEST), b[0])), b[0], ZERO)  # a singularity inside is nothing to be looked for
-                found.append(Bounded(peak.name, upper, upper))
+            slices = [_around(peak, {x: ends}) for ends in ((left, right), (x, x))]
+            known_bounds = [bounds(sharp, Enclosure(box)) for box in slices if box is not None]
+            if len(known_bounds) == 2 and all(known_bounds):
+                # a singularity inside is nothing to be looked for
+                upper, seen = (where(positive(sub(const(_LARGEST), b[0])), b[0], ZERO) for b in known_bounds if b is not None)
+                found.append(Bounded(self.number(seen, level), upper, upper))
         if not found:
             return None
         names = self.fresh("x"), self.fresh("x")
