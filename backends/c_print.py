@@ -392,7 +392,7 @@ class Printer:
                 return midpoint_piece(block, points, count, tested if estimated else 0, counted)
             case Gauss(nodes):
                 self.orders.add(nodes)
-                return gauss_piece(block, nodes, count, len(stmt.estimates), counted, len(stmt.peaks))
+                return gauss_piece(block, nodes, count, len(stmt.estimates), counted)
             case Rational() as rule:
                 self.poles.add((rule.nodes, rule.power))
                 (bend,) = stmt.bends
@@ -422,7 +422,6 @@ class Printer:
                         estimated=estimated,
                         counted=self._is_counted(stmt),
                         guard=None if stmt.guard is None else GuardText(frame.block(2), len(stmt.guard.seen)),
-                        peaks=len(stmt.peaks),
                     ),
                 ]
 
@@ -578,7 +577,7 @@ def _with_resolutions_passed(stmt: Segment) -> tuple[Segment, dict[Arg, Arg]]:
 def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
     """What a short integral is but for its names, and these in the order in which they are met; None for any other."""
     lines = (*stmt.flags, *stmt.body)
-    plain = isinstance(stmt.rule, Gauss) and not (stmt.bends or stmt.watch or stmt.infinite or stmt.estimates or stmt.peaks or stmt.ends)
+    plain = isinstance(stmt.rule, Gauss) and not (stmt.bends or stmt.watch or stmt.infinite or stmt.estimates or stmt.ends)
     if not plain or len(lines) > SHORT or not all(isinstance(s, Assign) and s.op != "call" for s in lines):
         return None
     number: dict[str, int] = {stmt.var: 0}

@@ -11,7 +11,7 @@ from teg.program import INSIDE, Adaptive, Bend, Isolate, assigned
 from teg.quadrature import decay_power, gauss_legendre, null_rules
 
 
-def gauss_piece(block: Sequence[str], nodes: int, count: int, estimated: int, counted: bool, peaks: int = 0) -> list[str]:
+def gauss_piece(block: Sequence[str], nodes: int, count: int, estimated: int, counted: bool) -> list[str]:
     """Add a Gauss-Legendre rule over (p, q) to `sum`, and behind it the estimates of the first values; `block` writes the values at x to
     `f`."""
     return [
@@ -25,7 +25,6 @@ def gauss_piece(block: Sequence[str], nodes: int, count: int, estimated: int, co
             *block,
             each(count, "sum[j] += weight * f[j];") if not estimated else _each(count, "sum[j] += weight * f[j];"),
             *([_each(estimated, f"sum[{count} + j] += rounding * weight * fabs(f[j]);")] if estimated else []),
-            *(largest(peaks, count + estimated, count) if peaks else []),
         ),
         "}",
     ]
@@ -116,7 +115,6 @@ def adaptive_piece(
     estimated: bool,
     counted: bool,
     guard: GuardText | None = None,
-    peaks: int = 0,
 ) -> list[str]:
     """Add the adaptive rule over (p, q) to `sum`, from the left; `waiting` is a stack of intervals.
 
@@ -130,7 +128,6 @@ def adaptive_piece(
         place = ["double slope;", "x = teg_place(&way, u, &slope);", "slope *= half;"]
     elif rule.cubic:
         place = ["const double slope = half * (q - p) * (6.0 * u * (1.0 - u));", "x = p + (q - p) * (u * u * (3.0 - 2.0 * u));"]
-    behind = count + watched + (0 if guard is None else guard.sharp)
     powers = [str(decay_power(n)) for n in (rule.first, rule.order)]
     if ends:
         powers = [f"(way.kind == TEG_POWER ? 0 : {power})" for power in powers]
@@ -171,6 +168,7 @@ def adaptive_piece(
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
         "waiting[0] = (teg_interval){0.0, 1.0, 0};",
         f"teg_fill(spent, {tested}, 0.0);",
+        *([] if guard is None else [f"teg_fill(whole, {tested}, 0.0);"]),
         "for (int n = 1, used = 1; n > 0; used++) {",
         *indent(
             "const teg_interval here = waiting[--n];",
@@ -190,7 +188,6 @@ def adaptive_piece(
                 *block,
                 *after,
                 *([] if guard is None else [_each(guard.sharp, f"seen_at[{guard.sharp} * k + j] = f[{count + watched} + j];")]),
-                *(largest(peaks, count + (tested if estimated else 0), behind) if peaks else []),
                 "const double *const rule = table[k].rule;",
                 *_added(count, tested),
             ),
@@ -258,11 +255,6 @@ def _searched(guard: GuardText, place: Sequence[str], tested: int, above: str, t
         ),
         "}",
     ]
-
-
-def largest(peaks: int, place: int, behind: int) -> list[str]:
-    """Keep the largest of the last values of a block in `sum`."""
-    return [_each(peaks, f"sum[{place} + j] = fmax(sum[{place} + j], f[{behind} + j]);")]
 
 
 def isolation(enclosure: Sequence[str], point: Sequence[str], bounds: tuple[str, str], stmt: Isolate) -> list[str]:

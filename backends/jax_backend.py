@@ -284,8 +284,7 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
         case _:
             assert_never(stmt.rule)
     kinds = f"({inside(repr(b.kind) for b in stmt.bends)})"
-    peaks = f", {len(stmt.peaks)}" if stmt.peaks else ""
-    pieces = f"rt.Pieces({len(stmt.values)}, {stmt.tested}, {bool(stmt.estimates)}, {kinds}, {cubic}, {stmt.infinite}{peaks})"
+    pieces = f"rt.Pieces({len(stmt.values)}, {stmt.tested}, {bool(stmt.estimates)}, {kinds}, {cubic}, {stmt.infinite})"
     of_bends = [stmt.base, stmt.scale, *(c for b in stmt.bends for c in b.coefficients)] if stmt.bends or stmt.infinite else []
     arguments = [pieces, *options, _text(stmt.lo), _text(stmt.hi), f"({inside(map(_text, stmt.breaks))})"]
     arguments += [f"({inside(map(_text, of_bends))})", flags, body] + ([f"when={stmt.when}"] if stmt.when else [])

@@ -81,8 +81,7 @@ def where(condition: Scalar, note: Note) -> Note:
 
 
 class Pieces(NamedTuple):
-    """What an integral has beside its body: `values` of which `tested` count, estimates if `estimated`, kinds of bends, tails, and how
-    many of the last values of the body it wants the largest of."""
+    """What an integral has beside its body: `values` of which `tested` count, estimates if `estimated`, kinds of bends, tails."""
 
     values: int
     tested: int
@@ -90,12 +89,6 @@ class Pieces(NamedTuple):
     kinds: tuple[str, ...] = ()
     cubic: bool = False
     infinite: bool = False
-    peaks: int = 0
-
-    @property
-    def sums(self) -> int:
-        """How many results are sums over pieces: the values, and the estimates."""
-        return self.values + (self.tested if self.estimated else 0)
 
     @property
     def ways(self) -> tuple[int, ...]:
@@ -160,11 +153,9 @@ def integrate(
     total = jnp.sum(sums, axis=0)
     sign = jnp.where(lo <= hi, 1.0, -1.0)
     total = jnp.concatenate([sign * total[: pieces.values], total[pieces.values :]])
-    if pieces.peaks:
-        total = jnp.concatenate([total[: pieces.sums], jnp.max(sums[:, pieces.sums :], axis=0)])
     total = jnp.where(broken, jnp.nan, total)
     total = jnp.where(when, total, 0.0)
-    return tuple(total[i] for i in range(pieces.sums + pieces.peaks)), union(notes)
+    return tuple(total[i] for i in range(pieces.values + (pieces.tested if pieces.estimated else 0))), union(notes)
 
 
 def vector(block: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
@@ -202,19 +193,11 @@ def _gauss(
     at, weights = map(jnp.float64, gauss_legendre(nodes))
     half = 0.5 * (places.q - places.p)
     found, notes = jax.vmap(values)(0.5 * (places.p + places.q) + half * at)
-    found, tops = found[:, : pieces.values], found[:, pieces.values :]
     sums = half * jnp.sum(weights[:, None] * found, axis=0)
     if pieces.estimated:
         size = half * jnp.sum(weights[:, None] * jnp.abs(found[:, : pieces.tested]), axis=0)
         sums = jnp.concatenate([sums, rounding(places) * size])
-    if pieces.peaks:
-        sums = jnp.concatenate([sums, _largest(tops)])
     return jnp.where(active, sums, 0.0), where(active, union(notes))
-
-
-def _largest(values: Any) -> Any:
-    """The largest of values at nodes, (nodes, values), none of them negative; NaN is left out."""
-    return jnp.max(jnp.where(values > 0.0, values, 0.0), axis=0)
 
 
 def _midpoint(
@@ -248,7 +231,7 @@ def _midpoint(
 
 class _Progress(NamedTuple):
     """Adaptive quadrature of one piece, left to right; it is at the interval (start, start + width)/END. `above` has the largest A of what
-    the interval came from, a row a depth, if there is a guard; `largest` are those of the values of which it is wanted."""
+    the interval came from, a row a depth, if there is a guard."""
 
     start: Any
     width: Any
@@ -259,11 +242,10 @@ class _Progress(NamedTuple):
     sums: Any
     note: Any
     above: Any
-    largest: Any
 
 
 class _Measured(NamedTuple):
-    """K of every value, A and E of those tested, whether a watched condition changes, a note; sharp values at nodes, the largest values."""
+    """K of every value, A and E of those tested, whether a watched condition changes, a note; nodes in u, sharp values there."""
 
     total: Any
     size: Any
@@ -272,7 +254,6 @@ class _Measured(NamedTuple):
     note: Any
     at: Any
     seen: Any
-    largest: Any
 
 
 def _adaptive(
@@ -286,7 +267,7 @@ def _adaptive(
     active: Scalar,
     values: Callable[[Scalar], Any],
 ) -> tuple[Any, Note]:
-    """The integrals over one piece, their estimates and the largest values, (results,), and the note.
+    """The integrals over one piece, and their estimates, (results,), and the note.
 
     The intervals are visited from left to right. No stack is needed: behind an accepted interval that ends at
     u, the next one waiting is the largest dyadic one that begins at u: its width is the lowest bit of u.
@@ -309,8 +290,7 @@ def _adaptive(
             found, notes, rate = found[:-2], notes[:-2], rate[:-2]
         weighted = found[:, : pieces.values] * (0.5 * width * rate)[:, None]
         total, size, error = _measure(nodes, pieces.tested, weighted, places.kind != POWER)
-        seen, tops = found[:, behind : behind + sharp], found[:, behind + sharp :]
-        return _Measured(total, size, error, changed, union(notes), inner, seen, _largest(tops))
+        return _Measured(total, size, error, changed, union(notes), inner, found[:, behind : behind + sharp])
 
     def listed(total: Any, size: Any, error: Any) -> Any:
         return jnp.concatenate([total, error + rounding(places) * size]) if pieces.estimated else total
@@ -359,7 +339,6 @@ def _adaptive(
             sums=jnp.where(done, at.sums + listed(total, size, error), at.sums),
             note=at.note | found.note | where(done & (~good | jnp.any(jnp.isinf(tested))), MISSED),
             above=above,
-            largest=jnp.maximum(at.largest, found.largest),
         )
 
     zeros = jnp.zeros(pieces.tested)
@@ -370,10 +349,9 @@ def _adaptive(
         enough=zeros,
         whole=zeros,
         spent=zeros,
-        sums=jnp.zeros(pieces.sums),
+        sums=jnp.zeros(pieces.values + (pieces.tested if pieces.estimated else 0)),
         note=jnp.int32(0),
         above=jnp.zeros((MAX_DEPTH + 1 if guard is not None else 0, pieces.tested)),
-        largest=jnp.zeros(pieces.peaks),
     )
     if not watched:
         found = measured(orders[0], 0.0, 1.0)
@@ -391,9 +369,7 @@ def _adaptive(
             sums=jnp.where(done, listed(total, size, error), 0.0),
             note=where(active, found.note) | where(done & jnp.any(jnp.isinf(total[: pieces.tested])), MISSED),
             above=beginning.above.at[0].set(size) if guard is not None else beginning.above,
-            largest=jnp.where(active, found.largest, 0.0),
         )
     end = lax.while_loop(lambda at: at.start < END, step, beginning)
     overspent = jnp.any(end.spent > SPENT * jnp.maximum(end.enough, ROUNDING * end.whole))
-    results = jnp.concatenate([end.sums, end.largest]) if pieces.peaks else end.sums
-    return results, end.note | where(active & overspent, MISSED)
+    return end.sums, end.note | where(active & overspent, MISSED)

@@ -353,7 +353,6 @@ class _Printer:
             node_width += len(guard.seen) + self.function(f"guard_{number}", [guard.left, guard.right, *names], guard.block, bounds)
         leaf = not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in compound(stmt.body))
         counts = f"values={len(stmt.values)}, tested={stmt.tested}, estimated={bool(stmt.estimates)!r}, leaf={leaf!r}"
-        counts += f", peaks={len(stmt.peaks)}" if stmt.peaks else ""
         fields = f"flags={flags}, body={body}, {counts}, piece_width={piece_width}, node_width={node_width}, infinite={stmt.infinite!r}"
         fields += ", ends=True" if stmt.ends else ""
         bends = f"bends=({inside(repr(b.kind) for b in stmt.bends)})"

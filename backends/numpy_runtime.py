@@ -159,7 +159,7 @@ class Integral:
     `flags` and `body` are printed blocks, `values` the number of values, `piece_width` and `node_width` the doubles that a piece and a
     node take. The first `tested` values count for the error, and have estimates if these are `estimated`. `bends` are the kinds of the
     bends; `flags` returns the need, when each bend counts, and what `body` takes; it asks for the `ends` of a piece too, or does not.
-    `leaf`: there is no integral inside. The last `peaks` results of `body` are those whose largest is wanted.
+    `leaf`: there is no integral inside.
     """
 
     flags: Block | None
@@ -173,17 +173,11 @@ class Integral:
     infinite: bool = False
     bends: tuple[str, ...] = ()
     ends: bool = False
-    peaks: int = 0
-
-    @property
-    def sums(self) -> int:
-        """The number of results that are sums over pieces: one a value, and the estimates."""
-        return self.values + (self.tested if self.estimated else 0)
 
     @property
     def results(self) -> int:
-        """The number of results: the sums, and the largest values."""
-        return self.sums + self.peaks
+        """The number of results: one a value, and the estimates."""
+        return self.values + (self.tested if self.estimated else 0)
 
     def __call__(
         self,
@@ -252,13 +246,7 @@ class Integral:
         active, flagged = flagged[: len(self.bends)], flagged[len(self.bends) :]
         values = [*(gather(v, lane) for v in for_body), *flagged]
         bends = [(kind, *coefficients[3 * i : 3 * i + 3], active[i]) for i, kind in enumerate(self.bends)]
-        found = self._rule(run, self._places(p, q, base, bends, scale), values)
-        sums = scatter(found[: self.sums], lane, lanes)
-        if not self.peaks:
-            return sums
-        largest = np.zeros((self.peaks, lanes))
-        keep_largest(largest, lane, found[self.sums :])
-        return np.concatenate([sums, largest])
+        return scatter(self._rule(run, self._places(p, q, base, bends, scale), values), lane, lanes)
 
     def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Any], scale: Value) -> Substitution:
         return substitution(p, q, base, bends, False, scale)
@@ -290,11 +278,9 @@ class GaussIntegral(Integral):
             for total, value in zip(sums, found, strict=False):
                 total[part] = weights @ value if np.ndim(value) == 2 else 2.0 * value
             if self.estimated:
-                for total, value in zip(sums[self.values : self.sums], found, strict=False):
+                for total, value in zip(sums[self.values :], found, strict=False):
                     total[part] = rounding(p[part], q[part]) * (weights @ np.abs(np.broadcast_to(value, x.shape)))
-            for largest, value in zip(sums[self.sums :], found[len(found) - self.peaks :], strict=True):
-                largest[part] = np.fmax.reduce(np.broadcast_to(value, x.shape), axis=0)
-        sums[: self.sums] *= half
+        sums *= half
         return sums
 
 
@@ -355,14 +341,13 @@ class MidpointIntegral(Integral):
 @dataclass(slots=True)
 class Measured:
     """K of every value, (values, intervals), A and E of those tested, (tested, intervals); where a watched condition changes,
-    (intervals,); sharp values at the nodes, (sharp, nodes, intervals); the largest values, (peaks, intervals)."""
+    (intervals,); sharp values at the nodes, (sharp, nodes, intervals)."""
 
     total: Array
     size: Array
     error: Array
     changed: Array
     seen: Array
-    largest: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -419,10 +404,9 @@ class AdaptiveIntegral(Integral):
             run.missed |= bool(np.isinf(total[: self.tested, done]).any())
             spent += scatter(np.where(changed, 0.0, error)[:, done], piece[done], pieces)
             sums[: self.values] += scatter(total[:, done], piece[done], pieces)
-            keep_largest(sums[self.sums :], piece, found.largest)
             if self.estimated:
                 estimate = error[:, done] + rounding(places.p, places.q)[piece[done]] * size[:, done]
-                sums[self.values : self.sums] += scatter(estimate, piece[done], pieces)
+                sums[self.values :] += scatter(estimate, piece[done], pieces)
             if not again.any():
                 most = np.maximum(self.tol * (whole + ABSOLUTE_FLOOR), ROUNDING * whole)
                 run.missed |= bool((spent > SPENT * most).any())
@@ -473,10 +457,7 @@ class AdaptiveIntegral(Integral):
         n, tested = piece.size, self.tested
         changed = np.zeros(n, dtype=np.bool_)
         sharp = self.guard.sharp if self.guard is not None else 0
-        result = Measured(
-            np.empty((self.values, n)), np.empty((tested, n)), np.empty((tested, n)), changed, np.empty((sharp, nodes, n)),
-            np.empty((self.peaks, n)),
-        )  # fmt: skip
+        result = Measured(np.empty((self.values, n)), np.empty((tested, n)), np.empty((tested, n)), changed, np.empty((sharp, nodes, n)))
         at, weights = (np.array(column) for column in gauss_legendre(nodes))
         self._count(run, piece.size * (nodes + 2 * (self.watched > 0)))
         for part in parts(piece.size, run.chunk(self.node_width, nodes)):
@@ -495,8 +476,6 @@ class AdaptiveIntegral(Integral):
             behind = self.values + self.watched
             for row, value in zip(result.seen, found[behind : behind + sharp], strict=True):
                 row[:, part] = value
-            for row, value in zip(result.largest, found[behind + sharp :], strict=True):
-                row[part] = np.fmax.reduce(np.broadcast_to(value, x.shape), axis=0)
             if self.watched:
                 aside = Run(run.order, run.room)  # ties at the ends do not count
                 ends = here(np.array([left[part], left[part] + width]))[0]

@@ -604,7 +604,7 @@ static inline void teg_largest(int n, const double *sums, double *whole, double 
     double *const row = above + depth * n;
     for (int j = 0; j < n; j++) {
         const double size = sums[8 * j + 7], before = depth ? row[j - n] : used > 1 ? row[j] : 0.0;
-        whole[j] = used > 1 ? fmax(whole[j], size) : size;
+        whole[j] = fmax(whole[j], size);
         row[j] = fmax(before, size);
     }
 }

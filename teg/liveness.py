@@ -142,9 +142,8 @@ def _live_integral(stmt: Integrate, live: set[Arg]) -> Integrate:
     """An integral with those of its values that matter; what has an estimate that does matters too."""
     wanted, estimates = _live_results(stmt, live)
     values = tuple(stmt.values[i] for i in wanted)
-    peaks = [(p, name) for p, name in zip(stmt.peaks, stmt.largest, strict=True) if name in live]
     guard = None if stmt.guard is None else _live_guard(stmt.guard, wanted, live)
-    live.update((*values, *stmt.watch, *(p for p, _ in peaks)))
+    live.update((*values, *stmt.watch))
     body = _live_part(stmt.body, live)
     live.update(b.when for b in stmt.bends)
     if stmt.need is not None:
@@ -154,9 +153,7 @@ def _live_integral(stmt: Integrate, live: set[Arg]) -> Integrate:
     if stmt.when is not None:
         live.add(stmt.when)
     results = tuple(stmt.results[i] for i in wanted)
-    largest = tuple(name for _, name in peaks)
-    stmt = replace(stmt, flags=flags, body=body, values=values, results=results, estimates=estimates)
-    return replace(stmt, guard=guard, peaks=tuple(p for p, _ in peaks), largest=largest)
+    return replace(stmt, flags=flags, body=body, values=values, results=results, estimates=estimates, guard=guard)
 
 
 def _live_guard(guard: Guard, wanted: Sequence[int], live: set[Arg]) -> Guard:

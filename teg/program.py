@@ -110,9 +110,6 @@ nothing is hidden in the interval if
         every gap if the interval came from GUARD_DEPTH or more bisections: where the integrand is singular the nodes decide.
 At the ends of a piece left and right are p and q themselves.
 
-`peaks` are values of `body` too, none of them negative: `largest` has the largest of each at all nodes at which `body` was run for its
-values, or 0 if there were none (NaN is left out); rules Gauss and Adaptive only.
-
 Semantics of `Isolate`: g is a smooth function of `var`. The block `point` computes `value` = g, `slope` = g′ and `curvature` = g″ at `var`
 (NaN where g″ is not known). The block `enclosure` computes `bounds` = (g₋, g₊, d₋, d₊) and `curving` = (c₋, c₊) with g₋ <= g <= g₊,
 d₋ <= g′ <= d₊ and c₋ <= g″ <= c₊ for all v with left <= v <= right, and `noise`, how far rounding may move g at ½(left + right).
@@ -431,8 +428,6 @@ class Integrate:
     scale: Arg = 1.0
     estimates: tuple[str, ...] = ()
     guard: Guard | None = None
-    peaks: tuple[Arg, ...] = ()
-    largest: tuple[str, ...] = ()
     ends: tuple[str, ...] = ()
 
     @property
@@ -442,9 +437,9 @@ class Integrate:
 
     @property
     def at_nodes(self) -> tuple[Arg, ...]:
-        """The arguments that `body` computes at a node: values, watched booleans, sharp values, peaks."""
+        """The arguments that `body` computes at a node: values, watched booleans, sharp values."""
         watch = self.watch if isinstance(self.rule, Adaptive) else ()
-        return (*self.values, *watch, *(self.guard.seen if self.guard is not None else ()), *self.peaks)
+        return (*self.values, *watch, *(self.guard.seen if self.guard is not None else ()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -688,9 +683,7 @@ def assigned(stmt: Stmt) -> tuple[str, ...]:
     match stmt:
         case Assign():
             return (stmt.name,)
-        case Integrate():
-            return (*stmt.results, *stmt.estimates, *stmt.largest)
-        case Sample():
+        case Integrate() | Sample():
             return (*stmt.results, *stmt.estimates)
         case Isolate():
             return (*stmt.results, *stmt.errors)

@@ -1,8 +1,10 @@
 """The guard of an adaptive integral: bounds of its integrands and of their sharp values over a box, for `teg.program` (Integrate).
 
 A feature that lies between all nodes changes no value that the rule has; but the node it comes from (`teg.sharp`) has an enclosure over
-the gap, to be compared with its values at the nodes beside it. Of integrals inside, the largest value at their nodes is taken (`peaks`),
-and what the sharp value is at the ends of their range: a ridge that leaves the domain has a layer there.
+the gap, to be compared with its values at the nodes beside it. Where it stands in an integral inside, the bound over the gap and the
+inner range is compared with those over the nodes and the inner range: both come from one enclosure, so they agree in a gap that is short
+enough. (The largest value that the inner integral sees is no such measure: brackets may cut the range.) At the ends of the inner range the
+sharp value is one of the outer variable alone: a ridge that leaves the domain has a layer there.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from teg.node import Node
 from teg.passes.curved import CurvedEmitter
 from teg.passes.emit import Level
 from teg.polynomial import Degrees
-from teg.program import Adaptive, Arg, Gauss, Guard, Rule
+from teg.program import Adaptive, Arg, Guard
 from teg.quadrature import gauss_legendre
 from teg.sharp import Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
 from teg.traverse import fresh, substitute
@@ -44,11 +46,10 @@ def widest_gap(rule: Adaptive) -> float:
 
 @dataclass(frozen=True)
 class Peak:
-    """A node of an integrand inside, the integrals around it from the outermost one, and the name of its largest sharp value there."""
+    """A node of an integrand inside, and the integrals around it from the outermost one."""
 
     node: Expr
     path: tuple[Integral, ...]
-    name: str
 
 
 @dataclass(frozen=True)
@@ -82,9 +83,12 @@ class GuardedEmitter(CurvedEmitter):
                 found.append(Bounded(self.number(sharp.value, level), *b))
         for peak in inside:
             sharp = cast(Sharp, sharp_value(peak.node, x, self.degrees, 2))
-            if (box := _around(peak, boxed.box)) is not None and (b := bounds(sharp, Enclosure(box))) is not None:
-                upper = where(positive(sub(const(_LARGEST), b[0])), b[0], ZERO)  # a singularity inside is nothing to be looked for
-                found.append(Bounded(peak.name, upper, upper))
+            slices = [_around(peak, {x: ends}) for ends in ((left, right), (x, x))]
+            known_bounds = [bounds(sharp, Enclosure(box)) for box in slices if box is not None]
+            if len(known_bounds) == 2 and all(known_bounds):
+                # a singularity inside is nothing to be looked for
+                upper, seen = (where(positive(sub(const(_LARGEST), b[0])), b[0], ZERO) for b in known_bounds if b is not None)
+                found.append(Bounded(self.number(seen, level), upper, upper))
         if not found:
             return None
         names = self.fresh("x"), self.fresh("x")
@@ -100,26 +104,18 @@ class GuardedEmitter(CurvedEmitter):
         """The sharp values that may change much between neighbouring nodes in x."""
         return [s for s, tame in zip(known, tame_ones(known, self.ranges, x, gap), strict=True) if not tame]
 
-    def largest(self, group: Sequence[Integral], level: Level, rule: Rule) -> tuple[tuple[Arg, ...], tuple[str, ...]]:
-        """The values whose largest the integrals around may want, and the names that these get."""
+    def note_peaks(self, group: Sequence[Integral], level: Level) -> None:
+        """Keep what may be sharp as seen from the integrals around."""
         outside = list(_variables(level.outer))
-        if not outside or not isinstance(rule, Gauss | Adaptive):
-            return (), ()
+        if not outside:
+            return
         x, bodies = group[0].var, [i.body for i in group]
-        wanted: dict[Arg, list[tuple[Expr, tuple[Integral, ...]]]] = {}
-        own = [s for s in sharp_values(bodies, x, self.binders(bodies), self.degrees, 2) if not s.wave]
+        own = [s.node for s in sharp_values(bodies, x, self.binders(bodies), self.degrees, 2) if not s.wave]
         inside = self._peaks_in(bodies, x)
-        sharp = self._sharp_outside([*(s.node for s in own), *(p.node for p in inside)], outside)
-        for s in own:
-            if s.node in sharp:
-                wanted.setdefault(self.number(s.value, level), []).append((s.node, ()))
-        for peak in inside:
-            if peak.node in sharp:
-                wanted.setdefault(peak.name, []).append((peak.node, peak.path))
-        names = {arg: self.fresh("v") for arg in wanted if isinstance(arg, str)}
+        sharp = self._sharp_outside([*own, *(p.node for p in inside)], outside)
         for node in group:
-            self.peaks[node] = tuple(Peak(n, (node, *path), name) for arg, name in names.items() for n, path in wanted[arg])
-        return tuple(names), tuple(names.values())
+            peaks = [Peak(n, (node,)) for n in own] + [Peak(p.node, (node, *p.path)) for p in inside]
+            self.peaks[node] = tuple(p for p in peaks if p.node in sharp)
 
     def _sharp_outside(self, nodes: Sequence[Expr], outside: Sequence[Var]) -> set[Expr]:
         """Those nodes that are sharp as seen from one of the integrals around."""
@@ -143,7 +139,7 @@ class GuardedEmitter(CurvedEmitter):
                 found += self.peaks.get(node, ())
             else:
                 stack.extend(reversed(node.children))
-        return list({p.name: p for p in found}.values())
+        return list(dict.fromkeys(found))
 
     def _inside(self, bodies: Sequence[Expr], x: Var, gap: float | None) -> list[Peak]:
         """The sharp values of the integrals inside that are not tame as seen from x."""

@@ -273,7 +273,7 @@ class _Scheduler(GuardedEmitter):
         watch = self._watched(bodies, level) if isinstance(rule, Adaptive) and rule.tol < math.inf else ()
         base, bends = self._bends(group, level, home, rule) if isinstance(rule, Adaptive | Rational) else (0.0, ())
         search = self._guard(group, weight, level, home, rule, bends)
-        peaks, peak_names = self.largest(group, level, rule)
+        self.note_peaks(group, level)
         results = tuple(self.fresh("v") for _ in group)
         flags, inside = tuple(level.middle.block), tuple(level.block)
         infinite = is_unbounded(node)
@@ -282,7 +282,7 @@ class _Scheduler(GuardedEmitter):
         rest = (rule, when, watch, bends, base, infinite, scale)
         mine = ends if used & {*ends} else ()
         integral = Integrate(var, lo, hi, breaks, flags, need, inside, values, results, *rest)
-        home.block.append(replace(integral, guard=search, peaks=peaks, largest=peak_names, ends=mine))
+        home.block.append(replace(integral, guard=search, ends=mine))
         if weight is not ONE:
             by = self.number(weight, home)
             results = tuple(self.assign(home, "v", "div", r, by) for r in results)
