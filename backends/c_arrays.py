@@ -30,7 +30,7 @@ from teg.backends.c_runtime import runtime
 from teg.backends.c_text import indent, literal, packed, wrapped
 from teg.backends.numpy_arrays import Results
 from teg.errors import BackendError
-from teg.program import has_ties
+from teg.program import Integrate, compound, has_ties
 
 BY_VALUE = 120
 """Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""
@@ -168,7 +168,7 @@ class _ArrayPrinter:
             lines.append(f"for (int64_t k = 0; k < n{j}; k++) t{j}[k] = 0.0;")
         lines += [f"double w[{self.space}];", "(void)w;"] if 0 < self.space <= ON_STACK else []
         lines += [f"double *const w = malloc({self.space} * sizeof *w);", "if (!w) return -1;"] if self.space > ON_STACK else []
-        lines += ["teg_context ctx = {+1, 0, 0, 0, 0, pace};", "long note = 0;"]
+        lines += ["teg_context ctx = {+1, 0, 0, 0, 0, 0, pace};", "long note = 0;"]
         lines += self._block(program.body, 0)
         for j, o in enumerate(program.outputs):
             if not isinstance(o, Like):
@@ -236,6 +236,7 @@ class _ArrayPrinter:
         told = id(step) not in self.straights and decisive_branch(step.program) is not None
         call = f"{f'{array}_taken = ' if told else ''}{routine.name}({', '.join(passed)});"
         gather = packed(f"w[{i}] = {value};" for i, value in enumerate(inputs)) if routine.indirect else []
+        gather += ["ctx.work = 0;"] if any(isinstance(s, Integrate) for s in compound(step.program.body)) else []
         lines = [f"double {array}[{count}];", *([f"int {array}_taken;"] if told else [])]
         if not ties:
             return [*lines, *gather, call]
@@ -392,7 +393,7 @@ class _ArrayPrinter:
                             *own,
                             *(["if (!w) {", *indent("failed = 1;", "continue;"), "}"] if heap else []),
                             *places,
-                            "teg_context ctx = {+1, 0, 0, 0, 0, pace};",
+                            "teg_context ctx = {+1, 0, 0, 0, 0, 0, pace};",
                             "long note = 0;",
                             *(packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if results else []),
                             *self._in_chunk(step, targets),

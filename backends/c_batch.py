@@ -161,7 +161,7 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
                             *(passed if straight else []),
                             "if ((stopped = teg_stopped(&pace))) break;",
                             *([gather] if element.indirect else []),
-                            *(["teg_context ctx = {+1, 0, 0, 0, 0, &pace};"] if context else []),
+                            *(["teg_context ctx = {+1, 0, 0, 0, 0, 0, &pace};"] if context else []),
                             *(_in_both_orders(call, outputs) if ties else [call]),
                             f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = row[j];",
                             f"if (notes) notes[at + k] = {note if context else '0'};",

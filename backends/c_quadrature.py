@@ -175,8 +175,10 @@ def adaptive_piece(
         *indent(
             "const teg_interval here = waiting[--n];",
             "const double middle = 0.5 * (here.from + here.to), half = 0.5 * (here.to - here.from);",
-            "const int last = here.depth >= TEG_MAX_DEPTH || used >= TEG_MAX_INTERVALS;",
+            "const int deep = here.depth >= TEG_MAX_DEPTH || used >= TEG_MAX_INTERVALS;",
+            "const int last = deep || ctx->work > TEG_MAX_EVALUATIONS;",
             *choose,
+            "ctx->work += nodes;",
             *([f"ctx->evaluations += nodes + {2 * (watched > 0)};"] if counted else []),
             *_cleared(count, tested),
             *before,

@@ -40,6 +40,7 @@ from teg.backends import numpy_runtime as rt
 from teg.backends import numpy_sampling as sampling
 from teg.backends.python_text import Dialect, assignment, inside, strict, value
 from teg.program import (
+    MAX_EVALUATIONS,
     Adaptive,
     Arg,
     Assign,
@@ -134,10 +135,11 @@ class NumpyKernel:
             for start in range(0, n, max(1, step)):
                 part = slice(start, start + step)
                 arguments = [v[part] if v.ndim else v[()] for v in values]
-                run = rt.Run(+1, self._room)
+                most = MAX_EVALUATIONS * float(min(step, n - start))
+                run = rt.Run(+1, self._room, most=most)
                 out[:, part] = self._outputs(run, arguments, min(step, n - start))
                 if run.met:
-                    again = rt.Run(-1, self._room)
+                    again = rt.Run(-1, self._room, most=most)
                     reverse = self._outputs(again, arguments, min(step, n - start))
                     out[:, part] = 0.5 * out[:, part] + 0.5 * reverse
                     met |= run.met | again.met

@@ -58,6 +58,7 @@ class Run:
     missed: bool = False
     evaluations: int = 0
     crowded: bool = False
+    most: float = np.inf  # evaluations, beyond which every interval is accepted
 
     def add(self, other: Run) -> None:
         """Note what another run of the program noted, but for its ties."""
@@ -405,7 +406,7 @@ class AdaptiveIntegral(Integral):
             accepted = np.where(changed, width <= WATCH_WIDTH, fine.all(axis=0))
             if self.guard is not None:
                 self._search(run, places, values, piece, (left, left + width), found, accepted, enough, depth)
-            again = ~accepted & ((used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH))
+            again = ~accepted & ((used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH) & (run.evaluations <= run.most))
             missed = ~accepted & ~again
             if missed.any():
                 run.missed = True

@@ -178,10 +178,10 @@ static inline void teg_wait(teg_pace *pace, int *working)
 }
 
 /* How coinciding surfaces are ordered in this run (+1 or -1), whether any were met, a tolerance was missed, and a search had too
-   little room; the evaluations; what may stop it. */
+   little room; the evaluations, if they are counted, and those of adaptive integrals; what may stop it. */
 typedef struct {
     int order, tied, missed, crowded;
-    long evaluations;
+    long evaluations, work;
     teg_pace *pace;
 } teg_context;
 

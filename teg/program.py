@@ -108,6 +108,10 @@ At the ends of a piece left and right are p and q themselves.
 `peaks` are values of `body` too, none of them negative: `largest` has the largest of each at all nodes at which `body` was run for its
 values, or 0 if there were none (NaN is left out); rules Gauss and Adaptive only.
 
+Once the intervals of a run have been measured with more than MAX_EVALUATIONS nodes a point of the batch, or an iteration of a loop, each
+that is still to be measured is accepted as one that was halved MAX_DEPTH times is: the tolerance was missed. Which these are, and which
+nodes count, is for a backend to say. (JAX has no such limit.)
+
 Semantics of `Isolate`: g is a smooth function of `var`. The block `point` computes `value` = g, `slope` = g′ and `curvature` = g″ at `var`
 (NaN where g″ is not known). The block `enclosure` computes `bounds` = (g₋, g₊, d₋, d₊) and `curving` = (c₋, c₊) with g₋ <= g <= g₊,
 d₋ <= g′ <= d₊ and c₋ <= g″ <= c₊ for all v with left <= v <= right, and `noise`, how far rounding may move g at ½(left + right).
@@ -275,6 +279,8 @@ ABSOLUTE_FLOOR = 1e-6
 ROUNDING = 64 * 2.0**-52
 MAX_DEPTH = 48
 MAX_INTERVALS = 2**17
+MAX_EVALUATIONS = 2**27
+"""Of integrands, that one point may take: some seconds of a compiled kernel."""
 WATCH_WIDTH = 2.0**-44
 NOISE = 10 * 2.0**-52
 EDGE = 4 * 2.0**-52

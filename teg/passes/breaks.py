@@ -323,9 +323,27 @@ class BreakAnalysis:
         affine: list[tuple[Expr, Expr, Expr]] = []
         quadratic: list[tuple[Expr, tuple[Expr, Expr, Expr]]] = []
         others: list[Expr] = []
+        masses = masses_of(node.body, z)
+        surface = frozenset(_branches(masses.g) or ()) if masses is not None else None
+
+        def apart(*fs: Expr) -> bool:
+            """Whether none of them is the surface that point masses lie on: away from it nothing is summed."""
+            return surface is not None and surface.isdisjoint(fs)
+
         for function in breaks.functions:
             for f in _branches(function) or ():
                 degree = self._degrees.of(f, z)
+                if apart(f):
+                    if degree == 1:
+                        at_lo, rate = (cast(Expr, substitute(e, {z: origin})) for e in (f, slope(f, z)))
+                        affine.append((f, rate, at_lo))
+                    elif degree == 2:
+                        quadratic.append((f, quadratic_coefficients(f, z, centre)))
+                    elif degree == 0:
+                        put(f)
+                    else:
+                        others.append(f)
+                    continue
                 for bound in (lo, hi):
                     if not (isinstance(bound, Const) and math.isinf(bound.data)):
                         put(cast(Expr, substitute(f, {z: bound})))
@@ -351,31 +369,37 @@ class BreakAnalysis:
                     others.append(f)
                     for g in _borders_of_existence(self._solve(f, z, lo, hi), z):
                         put(g)
-        for i, (_, rate1, at1) in enumerate(affine):
+        for i, (f, rate1, at1) in enumerate(affine):
             crossing = sub(origin, div(at1, rate1))
-            for _, rate2, at2 in affine[:i]:
-                put(sub(mul(rate2, at1), mul(rate1, at2)), _near(crossing, lo, hi))
-            for q, _ in quadratic:
-                put(cast(Expr, substitute(q, {z: crossing})), _near(crossing, lo, hi))
+            for g, rate2, at2 in affine[:i]:
+                if not apart(f, g):
+                    put(sub(mul(rate2, at1), mul(rate1, at2)), _near(crossing, lo, hi))
+            for g, _ in quadratic:
+                if not apart(f, g):
+                    put(cast(Expr, substitute(g, {z: crossing})), _near(crossing, lo, hi))
+        nearby = {f: self._nearby(f, z, lo, hi) for f, _ in quadratic}
         for i, (f, first) in enumerate(quadratic):
-            here = self._nearby(f, z, lo, hi)
             for g, second in quadratic[:i]:
-                put(_resultant(first, second), conjunction(here, self._nearby(g, z, lo, hi)))
+                if not apart(f, g):
+                    put(_resultant(first, second), conjunction(nearby[f], nearby[g]))
         curved = [*others, *(f for f, *_ in quadratic)]
         for i, f in enumerate(others):
             formula = self._solve(f, z, lo, hi)
             if formula is None or not formula.certain:
-                out.complete = False  # where its roots are born, and where they meet others, is searched for
-                for g in (*_turning(f, z), *(h for h in curved[i + 1 :] if not coincide(f, h))):
+                if not apart(f):
+                    out.complete = False  # where its roots are born, and where they meet others, is searched for
+                turning = () if apart(f) else _turning(f, z)
+                for g in (*turning, *(h for h in curved[i + 1 :] if not (coincide(f, h) or apart(f, h)))):
                     if (f.free | g.free) - {z}:
                         out.meetings[f, g, z, lo, hi] = None
+                        out.complete = False
                 for other, rate1, at1 in affine:
-                    if not coincide(other, f):
+                    if not (coincide(other, f) or apart(other, f)):
                         put(cast(Expr, substitute(f, {z: sub(origin, at1 / rate1)})))
                 continue
             for root in formula.found:
                 for g in (*curved[i + 1 :], *(f for f, *_ in affine)):
-                    if not coincide(f, g):
+                    if not (coincide(f, g) or apart(f, g)):
                         put(cast(Expr, substitute(g, {z: root.point})))
         return out
 

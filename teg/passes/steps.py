@@ -50,10 +50,14 @@ from teg.node import Node, postorder
 from teg.passes.jumps import jump
 from teg.places import holding, linear_places, reached
 from teg.staircase import Box, Range, Steps, between_integers, count_steps, is_step, uncounted, with_floors
-from teg.traverse import fresh, rebuild, rename_apart, replace_node
+from teg.traverse import fresh, rebuild, rename_apart, replace_node, size
 
 MAX_CELLS = 1024
 """Cells of one summand."""
+TOLD = 2
+"""How many times MAX_CELLS there would be if all parts had as many as the first one: then they are not written out to be counted."""
+MAX_WRITTEN = 20_000
+"""Nodes of all cells, where parameters decide how many there are: then most of them are empty."""
 MAX_DEPTH = 32
 """Floors whose cells stand inside each other."""
 
@@ -164,6 +168,7 @@ class _Summands:
         self.guards: dict[Cond, None] = {}
         self._pending: dict[Cond, None] = {}
         self._cells = 0
+        self._alike = 1  # how many parts there are like the one in hand
 
     def of(self, body: Expr) -> Expr:
         """The integrand with its steps written out."""
@@ -179,7 +184,7 @@ class _Summands:
         return body if new == parts else add(*new)
 
     def _summand(self, e: Expr) -> Expr:
-        self._pending, self._cells = {}, 0
+        self._pending, self._cells, self._alike = {}, 0, 1
         if self._next(e, self.box) is None:
             return e
         try:
@@ -264,12 +269,20 @@ class _Summands:
             raise _TooManyError
         order = holding(e, floor)
         levels = [steps.level(i) for i in range(len(steps.over) + 1)]
-        inner = [self._terms(_with_value(order, floor, k), box.cell(_argument(floor), k), True) for k in levels]
-        cells = _cells(inner, steps.over)
-        if any(value.free for _, value in cells):
-            return cells
+        outside, self._alike = self._alike, self._alike * len(levels)
+        inner: list[list[Term]] = []
+        for k in levels:
+            inner.append(self._terms(_with_value(order, floor, k), box.cell(_argument(floor), k), True))
+            cells = len(inner[0]) * self._alike
+            written = self._alike * sum(size(value) for _, value in inner[0]) if steps.guard is not TRUE else 0
+            if cells > TOLD * MAX_CELLS or written > MAX_WRITTEN:
+                raise _TooManyError
+        self._alike = outside
+        every = _cells(inner, steps.over)
+        if any(value.free for _, value in every):
+            return every
         differences = _differences(inner, steps.over, 0 if isinstance(steps.base, Const) else 1)
-        return min(differences, cells, key=lambda terms: sum(len(conditions) for conditions, _ in terms))
+        return min(differences, every, key=lambda terms: sum(len(conditions) for conditions, _ in terms))
 
 
 def _nearest_to_zero(steps: Steps) -> int:
