@@ -139,7 +139,8 @@ def _search(active: Scalar, p: Scalar, q: Scalar, signs: Any, enclosure: Block, 
         bent = inside & ~monotone & ((bent_down > 0.0) | (bent_up < 0.0)) & known & sloped
         turning = bent & ~changes & turns & ((at.signs_p[0] > 0) == (bent_down > 0.0))
         _, touch, two, turn, error, note_turn = _turn(enclosure, point, turning & (at.start < END), at)
-        blurred = jnp.abs(g) + h * jnp.abs(slope) + 0.5 * h * h * jnp.maximum(jnp.abs(bent_down), jnp.abs(bent_up)) <= noise
+        bend = jnp.maximum(jnp.abs(bent_down), jnp.abs(bent_up))
+        blurred = (jnp.abs(g) + h * jnp.abs(slope) + 0.5 * h * h * bend <= noise) & jnp.isfinite(noise)
         whole = (m <= at.p) | (m >= at.q)
         left = inside & ~monotone & ~bent
         undecided = left & (whole | (at.level == ISOLATE_DEPTH) | blurred)
@@ -234,7 +235,7 @@ def _turn(enclosure: Block, point: Block, turning: Scalar, at: _Search) -> _Turn
         turn, note_steps = _crossing(point, 1, turning, at.p, at.q, at.signs_q[1])
         (g, _, curvature), note = vector(point(turn))
         *_, noise = vector(enclosure(turn, turn))[0]
-        touch = jnp.abs(g) <= noise
+        touch = (jnp.abs(g) <= noise) & jnp.isfinite(noise)
         two = ~touch & ((g > 0.0) != (at.signs_p[0] > 0))
         return _Turned(jnp.bool_(False), touch, two, turn, jnp.sqrt(2.0 * noise / jnp.abs(curvature)), note_steps | note)
 

@@ -176,7 +176,8 @@ class _Search:
             bent &= ~(np.isnan(boxes.slope_p) | np.isnan(boxes.slope_q))
             crossing.append(boxes[(monotone | bent) & changes])
             turning.append(boxes[bent & ~changes & boxes.turns & ((boxes.at_p > 0.0) == (bent_down > 0.0))])
-            blurred = np.abs(g) + h * np.abs(slope) + 0.5 * h * h * np.maximum(np.abs(bent_down), np.abs(bent_up)) <= noise
+            bend = np.maximum(np.abs(bent_down), np.abs(bent_up))
+            blurred = (np.abs(g) + h * np.abs(slope) + 0.5 * h * h * bend <= noise) & np.isfinite(noise)
             left = open_ & ~monotone & ~bent
             lost.append(boxes[left if level == ISOLATE_DEPTH else left & blurred])
             left = np.flatnonzero(left & ~blurred)
@@ -193,7 +194,7 @@ class _Search:
         turn = self._newton(boxes.lane, boxes.p, boxes.q, boxes.slope_q > 0.0, 1)
         g, slope, curvature = self._at(boxes.lane, turn)
         noise = self._enclosed(_Boxes(boxes.lane, turn, turn, g, g, slope, slope))[6]
-        touch = np.abs(g) <= noise
+        touch = (np.abs(g) <= noise) & np.isfinite(noise)
         two = ~touch & ((g > 0.0) != (boxes.at_p > 0.0))
         lane, p, q, at_p, at_q, slope_p, slope_q = (v[two] for v in boxes.columns)
         t, at_t, at_slope = turn[two], g[two], slope[two]

@@ -1017,9 +1017,9 @@ static inline int teg_turns(const teg_box *box)
     return box->down + box->up == 1;
 }
 
-/* The isolation of the roots of g, a dialogue: it asks for g, g' and g" at `at`, and for a TEG_BOX or a TEG_TOUCH also for what is known
-   over (from, to). Boxes are taken from left to right, so that few wait; `used` counts those of every level. `lost` are the undecided
-   boxes that were met last, joined. */
+/* The isolation of the roots of g, a dialogue: it asks for g, g' and g" at `at`, and for a TEG_BOX or a TEG_TOUCH also for
+   what is known over (from, to). Boxes are taken from left to right, so that few wait; `used` counts those of every level.
+   `lost` are the undecided boxes that were met last, joined. */
 typedef struct {
     enum { TEG_DONE, TEG_LEFT, TEG_RIGHT, TEG_BOX, TEG_STEP, TEG_TURN, TEG_TOUCH } asks;
     int count, steps, found, room, width, refused, crowded, missed, used[TEG_ISOLATE_DEPTH + 1];
@@ -1163,11 +1163,11 @@ static inline int teg_is_empty(const teg_box *box, double g, const double *bound
 static inline int teg_is_blurred(const teg_box *box, const double *f)
 {
     const double h = 0.5 * (box->to - box->from), down = fabs(f[7]), up = fabs(f[8]);
-    return fabs(f[0]) + h * fabs(f[1]) + 0.5 * h * h * (down > up ? down : up) <= f[9];
+    return fabs(f[0]) + h * fabs(f[1]) + 0.5 * h * h * (down > up ? down : up) <= f[9] && isfinite(f[9]);
 }
 
-/* A step of Newton's method for the zero of a function that is > 0 at the right end where `right` says so, kept in a box that shrinks
-   around the zero. Returns whether another one is needed. */
+/* A step of Newton's method for the zero of a function that is > 0 at the right end where `right` says so, kept in a box that
+   shrinks around the zero. Returns whether another one is needed. */
 static inline int teg_step(teg_isolation *s, double value, double slope, int right)
 {
     const double v = s->at, step = -value / slope, newton = v + step;
@@ -1239,7 +1239,7 @@ static void teg_judge_turn(teg_isolation *s, const double *f)
 {
     s->box = s->second;
     s->second.level = -1;
-    if (fabs(f[0]) <= f[9]) {
+    if (fabs(f[0]) <= f[9] && isfinite(f[9])) {
         for (int k = 0; k < 2; k++) teg_found(s, s->at, sqrt(2.0 * f[9] / fabs(f[2])));
     } else if ((f[0] > 0.0) != s->box.left) {
         s->second = s->box;
@@ -1251,8 +1251,8 @@ static void teg_judge_turn(teg_isolation *s, const double *f)
     teg_next_box(s);
 }
 
-/* Take what was asked for (g, g', g", and of a TEG_BOX or a TEG_TOUCH the bounds g-, g+, d-, d+, c-, c+ and the noise), and ask for what
-   is needed next. */
+/* Take what was asked for (g, g', g", and of a TEG_BOX or a TEG_TOUCH the bounds g-, g+, d-, d+, c-, c+ and the noise), and
+   ask for what is needed next. */
 static void teg_answer(teg_isolation *s, const double *f)
 {
     switch (s->asks) {

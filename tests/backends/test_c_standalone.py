@@ -196,7 +196,7 @@ def test_files_of_a_program(tmp_path: Path) -> None:
 
 
 def test_notes_say_of_each_point_what_happened_there() -> None:
-    """A tie is 1, a tolerance missed 2, an evaluation 4; the caller need not want to know, and the header says so."""
+    """A tie is 1, a tolerance missed 2, too little room for roots 4, an evaluation 8; the caller need not want to know, and the header says so."""
     body = (
         let("b0", "tie", "p0", 1.0, True, 0),
         let("v0", "select", "b0", 1.0, 3.0),
@@ -212,8 +212,8 @@ def test_notes_say_of_each_point_what_happened_there() -> None:
         assert run(ctypes.c_long(4), *given, ctypes.c_int(1)) == 0
         np.testing.assert_array_equal(out[0], [1.0, 2.0, 1.0, 2.0])
     assert (notes & 3).tolist() == [0, 1, 2, 3]
-    assert (notes >> 2)[:2].tolist() == [10, 20]  # a tie takes two runs
-    assert (notes >> 2)[3] == 2 * (notes >> 2)[2] > 1000
+    assert (notes >> 3)[:2].tolist() == [10, 20]  # a tie takes two runs
+    assert (notes >> 3)[3] == 2 * (notes >> 3)[2] > 1000
     header = standalone_c(whole, "told")[1]
     assert "notes    NULL, or room for n" in header
     assert "double *out, long *notes, int threads);" in header
