@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from teg.dump import show
 from teg.expr import TRUE, Expr, Param, bracket, positive
+from teg.integration import Integration
 from teg.pipeline import flatten, normal_form, program_for
 from teg.program import Isolate, statements
 from teg.surfaces import atoms_of
@@ -52,6 +53,7 @@ class _Evaluator(Protocol):
     parameters: tuple[str, ...]
     _options: Any
     _kernels: dict[int, Any]
+    _room: dict[tuple[str, int], Integration]
 
     def outputs(self, orders: int) -> list[Expr]: ...
 

@@ -127,9 +127,9 @@ d₋ <= g′ <= d₊ and c₋ <= g″ <= c₊ for all v with left <= v <= right,
             or g₋, g₊ and g(m) are all NaN                                                                     (g is not defined there)
         else if  d₋ > 0  or  d₊ < 0,  and g(p) and g(q) are numbers  (monotone): one root if it changes sign, else none
         else if  c₋ > 0  or  c₊ < 0,  and g and g′ are numbers at p and q  (convex or concave): one root if it changes sign; else none,
-            unless it turns between p and q: one of g′(p), g′(q) is > 0 and the other is not, and g(p) > 0 if and only if c₋ > 0. Then, t
-            being where g′ = 0, with the noise of `enclosure` at left := right := t: if |g(t)| <= noise < ∞ the root t twice (a tangency), else
-            if one of g(t), g(p) is > 0 and the other is not two roots, in (p, t) and in (t, q), else none
+            unless it turns between p and q: one of g′(p), g′(q) is > 0 and the other is not, and g(p) > 0 if and only if c₋ > 0. Then,
+            t being where g′ = 0, with the noise of `enclosure` at left := right := t: if |g(t)| <= noise < ∞ the root t twice (a
+            tangency), else if one of g(t), g(p) is > 0 and the other is not two roots, in (p, t) and in (t, q), else none
         else if this is level ISOLATE_DEPTH, or |g(m)| + h·|g′(m)| + ½h²·max(|c₋|, |c₊|) <= noise < ∞ (lost in rounding): it is *undecided*
         else it is halved, (p, m) and (m, q) go to the next level, or (p, q) itself if m is not strictly between p and q
     more than `width` boxes on a level make every result NaN

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import cast
 
 from teg.expr import ONE, Compare, Expr, Var
@@ -59,8 +60,8 @@ class RootEmitter(Emitter):
             results = tuple(self.fresh("v") for _ in range(isolation.count))
             enclosure, point = (*at_left.block, *at_both.block), tuple(at_point.block)
             width = max(ISOLATE_WIDTH, BOXES * self.max_roots)
-            rest = (curving, noise, curvature, self.tol, width)
-            home.block.append(Isolate(var, *ends, left, right, enclosure, bounds, point, value, rate, results, when, *rest))
+            found = Isolate(var, *ends, left, right, enclosure, bounds, point, value, rate, results, when)
+            home.block.append(replace(found, curving=curving, noise=noise, curvature=curvature, tol=self.tol, width=width))
             home.isolated[key] = results
         return home.isolated[key]
 

@@ -196,7 +196,8 @@ def test_files_of_a_program(tmp_path: Path) -> None:
 
 
 def test_notes_say_of_each_point_what_happened_there() -> None:
-    """A tie is 1, a tolerance missed 2, too little room for roots 4, an evaluation 8; the caller need not want to know, and the header says so."""
+    """A tie is 1, a tolerance missed 2, too little room for roots 4, an evaluation 8; the caller need not want to know,
+    and the header says so."""
     body = (
         let("b0", "tie", "p0", 1.0, True, 0),
         let("v0", "select", "b0", 1.0, 3.0),

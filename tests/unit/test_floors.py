@@ -61,7 +61,17 @@ PASSES_THAT_USE_ANOTHER = {
     "differentiate": {"jumps", "sift"},
     "emit": {"breaks"},
     "estimators.ignore": {"sift"},
-    "reparameterize": {"affine", "bilinear", "hyperbola", "sift", "univariate", "charts", "implicit", "steep", "user"},  # the list of families
+    "reparameterize": {
+        "affine",
+        "bilinear",
+        "hyperbola",
+        "sift",
+        "univariate",
+        "charts",
+        "implicit",
+        "steep",
+        "user",
+    },  # the list of families
     "sampled": {"at_roots", "emit"},
     "emptiness": {"demand"},
     "guarded": {"curved", "emit"},
