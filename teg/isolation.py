@@ -30,6 +30,9 @@ MARGIN = 1e-9
 BEFORE, BEHIND = 0.0137, 0.0291
 """By how much of its length a range is wider in which places are located."""
 _ANY_SLOPE = (const(-math.inf), const(math.inf))
+OFTEN = 3
+"""A polynomial in which the variable stands so often is enclosed by its Taylor coefficients: interval arithmetic takes them for different
+variables."""
 _LARGEST = 20_000
 """Nodes of a surface and its enclosures together: beyond that a box costs more than adaptive integration."""
 
@@ -63,7 +66,8 @@ def isolate(g: Expr, x: Var, limit: int = MAX_ROOTS) -> Isolation | None:
     left, right = fresh(x.name + "₋", g.free), fresh(x.name + "₊", g.free)
     try:
         rate = slope(g, x)
-        if (taylor := _taylor(g, x, mul(const(0.5), add(left, right)))) is not None:
+        taylor = _taylor(g, x, mul(const(0.5), add(left, right))) if _occurrences(g, x) >= OFTEN else None
+        if taylor is not None:
             bounds, curving = _around(taylor, mul(const(0.5), sub(right, left)))
             if len(postorder(bounds)) <= _LARGEST:
                 return Isolation(g, x, rate, left, right, bounds, max_roots(g, x, limit), slope(rate, x), curving)
@@ -74,6 +78,14 @@ def isolate(g: Expr, x: Var, limit: int = MAX_ROOTS) -> Isolation | None:
     if len(postorder(bounds)) > _LARGEST:
         return None
     return Isolation(g, x, rate, left, right, bounds, max_roots(g, x, limit), *_curvature(g, rate, x, boxed))
+
+
+def _occurrences(g: Expr, x: Var) -> int:
+    """How often a variable stands in an expression that is written out."""
+    times: dict[Node, int] = {}
+    for node in postorder([g]):
+        times[node] = 1 if node is x else min(sum(times[c] for c in node.children), _LARGEST)
+    return times[g]
 
 
 def _taylor(g: Expr, x: Var, middle: Expr) -> list[Expr] | None:
@@ -116,15 +128,17 @@ def _convolved(first: list[Expr], second: list[Expr]) -> list[Expr]:
 
 
 def _around(taylor: list[Expr], half: Expr) -> tuple[tuple[Expr, Expr, Expr, Expr], tuple[Expr, Expr]]:
-    """Bounds of Σ cₖwᵏ, of its slope and of its curvature for |w| <= half."""
-    ends: list[Expr] = []
-    for order in range(3):
-        scaled = [mul(const(float(math.perm(k, order))), c) for k, c in enumerate(taylor)][order:] or [ZERO]
-        reach: Expr = ZERO
-        for c in reversed(scaled[1:]):
-            reach = mul(half, add(call("magnitude", c), reach))
-        ends += [sub(scaled[0], reach), add(scaled[0], reach)]
-    return (ends[0], ends[1], ends[2], ends[3]), (ends[4], ends[5])
+    """Bounds of Σ cₖwᵏ, of its slope and of its curvature for |w| <= half: the curvature's by all coefficients, the others by Taylor's
+    theorem with the curvature's."""
+    value, rate, *rest = [*taylor, ZERO]
+    bends = [mul(const(float((k + 1) * (k + 2))), c) for k, c in enumerate(rest)] or [ZERO]
+    reach: Expr = ZERO
+    for c in reversed(bends[1:]):
+        reach = mul(half, add(call("magnitude", c), reach))
+    change = mul(half, add(call("magnitude", bends[0]), reach))  # of the slope
+    move = mul(half, add(call("magnitude", rate), mul(const(0.5), change)))
+    curving = sub(bends[0], reach), add(bends[0], reach)
+    return (sub(value, move), add(value, move), sub(rate, change), add(rate, change)), curving
 
 
 def _curvature(g: Expr, rate: Expr, x: Var, boxed: Enclosure) -> tuple[Expr, tuple[Expr, Expr]]:
