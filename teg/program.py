@@ -279,7 +279,7 @@ ABSOLUTE_FLOOR = 1e-6
 ROUNDING = 64 * 2.0**-52
 MAX_DEPTH = 48
 MAX_INTERVALS = 2**17
-MAX_EVALUATIONS = 2**27
+MAX_EVALUATIONS = 2**28
 """Of integrands, that one point may take: some seconds of a compiled kernel."""
 WATCH_WIDTH = 2.0**-44
 NOISE = 10 * 2.0**-52

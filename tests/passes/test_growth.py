@@ -12,10 +12,13 @@ import sys
 import time
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 import teg
+from teg.accuracy import AccuracyWarning
 from teg.backends.c_print import print_kernel
+from teg.errors import NotDifferentiableError
 from teg.integration import Integration
 from teg.pipeline import compiled_outputs, flatten, program_for
 from teg.program import size as statements
@@ -267,3 +270,53 @@ def test_an_expression_100_000_deep(backend: str) -> None:
     assert time.perf_counter() - start < 300  # seconds, against a blow-up only; `make bench` measures
     assert 0 < value < 1
     assert 0 <= gradient["t"] < 1e-300
+
+
+# -- what is bounded ---------------------------------------------------------------------------------------------------
+
+
+def disks(n: int) -> teg.Expr:
+    """The area of a union of n disks that do not meet, on a grid."""
+    u, v, r = *teg.vars("u v"), teg.param("r")
+    inside = [(u - 0.25 * (i % 4) - 0.125) ** 2 + (v - 0.25 * (i // 4) - 0.125) ** 2 < r * r for i in range(n)]
+    union = inside[0]
+    for c in inside[1:]:
+        union = union | c
+    return teg.integral(teg.bracket(union), (u, 0, 1), (v, 0, 1))
+
+
+def test_the_boundary_of_a_union_meets_each_disk_once() -> None:
+    """n boundary terms with breaks for n other disks each: quadratic, not a break for every pair in every term."""
+    few, many = (statements(teg.compile(disks(n)).program(1)) for n in (3, 6))
+    assert many < 5 * few
+    assert teg.compile(disks(3)).grad(r=0.1)["r"] == pytest.approx(3 * 2 * math.pi * 0.1, rel=1e-12)
+
+
+def test_too_many_cells_are_given_up_early() -> None:
+    """Two floors with as many steps as parameters say, and one of their product: the value is adaptive, and there is no derivative."""
+    u, p, q = teg.var("u"), *teg.params("p q")
+    e = teg.integral(teg.floor(teg.mod(p * u, 1) * teg.mod(q * u, 1) * 4), (u, 0, 1))
+    f = teg.compile(e)
+    assert statements(f.program(0)) < 1000
+    grid = (np.arange(2_000_000) + 0.5) / 2_000_000
+    assert f(p=5.0, q=3.3) == pytest.approx(np.floor((5 * grid % 1) * (3.3 * grid % 1) * 4).mean(), abs=1e-5)
+    with pytest.raises(NotDifferentiableError):
+        f.grad(p=5.0, q=3.3)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_evaluations_are_bounded(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beyond the limit what has been found is given, with its estimate, and a warning."""
+    from teg.backends import c_runtime, numpy_backend
+
+    monkeypatch.setattr(numpy_backend, "MAX_EVALUATIONS", 20_000)
+    monkeypatch.setitem(c_runtime.LIMITS, "TEG_MAX_EVALUATIONS", 20_000)
+    u, v, p = *teg.vars("u v"), teg.param("p")
+    f = teg.compile(teg.integral(teg.floor(teg.sin(40 * u * v) * 3 + p), (u, 0, 1), (v, 0, 1)), [], backend=backend)
+    with pytest.warns(AccuracyWarning, match="misses the tolerance"):
+        value = f(p=0.3)
+    assert f.evaluations(p=0.3) < 4_000_000
+    _, error = f.value_and_error(p=0.3)
+    grid = (np.arange(1000) + 0.5) / 1000
+    expected = np.floor(np.sin(40 * grid[:, None] * grid) * 3 + 0.3).mean()
+    assert abs(value - expected) <= error + 1e-2
