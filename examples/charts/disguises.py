@@ -49,7 +49,7 @@ WORDS: tuple[Case, ...] = (
 NARROW: tuple[Case, ...] = (
     case("exp(-2000x)", lambda m, x, k: m.exp(-k * x), (UNIT,), {"k": 2000.0}, lambda m, k: (1 - m.exp(-k)) / k),
     case(
-        "a pole's shadow of width 10⁻³",
+        "a Lorentz peak of width 10⁻³",
         lambda m, x, p: 1 / (1 + (1000 * (x - p)) ** 2),
         (UNIT,),
         {"p": 0.3},
