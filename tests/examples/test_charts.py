@@ -36,7 +36,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "integration.md"
 STABILITY = read("stability")
 QUICK: dict[str, Any] = {"quick": True, "backend": "numpy", "progress": False}
-UNSEEN = {"a Gaussian of width 10⁻³, cut", "a feature of size 2 in a domain of 10⁸"}
+UNSEEN = {"a Gaussian of width 10⁻³, cut", "a feature of size 2 in a domain of 10⁸", "a Lorentz peak of width 10⁻³"}
 """Cases whose integrand has a feature that a rule without a break there does not see."""
 DECOMPOSED = (
     "a line through two corners",
