@@ -26,8 +26,8 @@ from teg.integration import Integration
 from teg.linking import with_bodies
 from teg.passes.adjoint import gradient_of
 from teg.passes.atoms import Canonical
-from teg.passes.corners import with_local_boxes
 from teg.passes.centre import centred
+from teg.passes.corners import with_local_boxes
 from teg.passes.differentiate import tangent_of
 from teg.passes.error_bounds import with_error_estimates
 from teg.passes.estimators.ignore import ignore_discontinuities
