@@ -65,7 +65,7 @@ def report_missed(
 def report_not_a_number(
     values: np.ndarray, names: Sequence[str], inaccurate: str, parameters: dict[str, np.ndarray], crowded: bool = False
 ) -> bool:
-    """Warn of the first result, or raise, that is no number though all parameters are finite: `values` are (results, n), `names` say what
+    """Warn of the first result, or raise, that is no number though all parameters are: `values` are (results, n), `names` say what
     each is; `crowded`: a condition has more roots than are looked for. Returns whether there was anything to say."""
     import numpy as np
 
@@ -73,7 +73,7 @@ def report_not_a_number(
     if not missing.any():
         return False
     for v in parameters.values():
-        missing = missing & np.isfinite(v)
+        missing = missing & ~np.isnan(v)
     if not missing.any():
         return False
     i, j = map(int, np.unravel_index(int(np.argmax(missing)), missing.shape))

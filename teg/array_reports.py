@@ -72,12 +72,12 @@ def report_missing(
     shape: tuple[int, ...],
     crowded: bool,
 ) -> bool:
-    """The same of an entry of the results that is no number though all that was given is finite; `found` are the results only."""
+    """The same of an entry of the results that is no number though all that was given is; `found` are the results only."""
     import numpy as np
 
     if not any(np.isnan(v).any() for v in found):
         return False
-    meant, parameters = _meant(given, shape, len(found[0]), np.isfinite)
+    meant, parameters = _meant(given, shape, len(found[0]), lambda v: ~np.isnan(v))
     if not meant.any():
         return False
     titles = _Titles(names, [v.shape[1:] for v in found])
