@@ -6,6 +6,7 @@ program's bends can ask for.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -54,7 +55,7 @@ def place(s: Substitution, possible: Sequence[int], u: Scalar) -> tuple[Scalar, 
 
 def _next(p: Scalar, q: Scalar) -> Scalar:
     """The next number to p towards q; next to 0 a normal one, as arithmetic on CPUs takes subnormal numbers for 0."""
-    after, least = jnp.nextafter(p, q), jnp.finfo(jnp.float64).tiny
+    after, least = jnp.nextafter(p, q), sys.float_info.min
     return jnp.where(jnp.abs(after) < least, jnp.sign(q - p) * least, after)
 
 
