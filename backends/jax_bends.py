@@ -6,6 +6,7 @@ program's bends can ask for.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -48,8 +49,14 @@ def place(s: Substitution, possible: Sequence[int], u: Scalar) -> tuple[Scalar, 
         other, slope = _PLACES[kind](t)
         phi, rate = jnp.where(s.kind == kind, other, phi), jnp.where(s.kind == kind, slope, rate)
     at = s.centre + s.radius * phi
-    at = jnp.where(at > s.p, at, jnp.nextafter(s.p, s.q))
-    return jnp.where(at < s.q, at, jnp.nextafter(s.q, s.p)), s.radius * s.step * rate
+    at = jnp.where(at > s.p, at, _next(s.p, s.q))
+    return jnp.where(at < s.q, at, _next(s.q, s.p)), s.radius * s.step * rate
+
+
+def _next(p: Scalar, q: Scalar) -> Scalar:
+    """The next number to p towards q; next to 0 a normal one, as arithmetic on CPUs takes subnormal numbers for 0."""
+    after, least = jnp.nextafter(p, q), sys.float_info.min
+    return jnp.where(jnp.abs(after) < least, jnp.sign(q - p) * least, after)
 
 
 def inside(p: Scalar, q: Scalar, part: float, infinite: bool, scale: Scalar) -> Scalar:

@@ -60,7 +60,7 @@ The error E of n nodes: with e₁, …, e₆ the sizes of the six null rules of 
 For `Gauss` E is 0: it is chosen where it is exact.
 
 The place of u, v(u), on a piece of length L = q - p is the first of these that applies (nodes are kept within (p, q): one that is not
-becomes the next number inside):
+becomes the next number inside, which is a normal one in JAX):
 
     a tail, q or p infinite      p + scale·u/(1 - u),   q - scale·(1 - u)/u
     a bend                       see below

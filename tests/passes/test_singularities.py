@@ -95,8 +95,8 @@ def test_the_gradient(case: str, backend: str) -> None:
 
 
 @pytest.mark.parametrize("case", ["|x-p|^-0.5", "logarithm", "hemisphere", "both bounds"])
+@pytest.mark.usefixtures("x64")
 def test_the_gradient_in_jax(case: str) -> None:
-    pytest.importorskip("jax")
     check(*CASES[case], "jax")
 
 
@@ -179,10 +179,10 @@ def test_what_is_never_singular_is_differentiated_as_it_stands(e: teg.Expr) -> N
 
 
 @pytest.mark.parametrize("backend", ["numpy", "c", "jax"])
-def test_a_kink_of_an_integral(backend: str) -> None:
+def test_a_kink_of_an_integral(backend: str, request: pytest.FixtureRequest) -> None:
     """∫|x - x²/(2p)| over (0, 1) is 4p²/3 - ½ + 1/(6p), for p < ½."""
     if backend == "jax":
-        pytest.importorskip("jax")
+        request.getfixturevalue("x64")
     e = teg.integral(abs(teg.integral(1 - u / p, (u, 0, x))), (x, 0, 1))
     f = teg.compile(e, backend=backend)
     value, gradient = f.value_and_grad(p=0.3)
