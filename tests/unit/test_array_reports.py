@@ -215,8 +215,10 @@ def test_infinite_and_missing_derivatives_name_the_entry() -> None:
     assert found.kind == "not a number"
 
 
+@pytest.mark.slow
 def test_a_one_sided_derivative() -> None:
-    bump = teg.integral(teg.bracket(x**4 - x * x < W[k]), (x, -2, 2))
+    y = teg.var("y")
+    bump = teg.integral(teg.bracket(x**4 - x * x + y * y < W[k]), (x, -2, 2), (y, -1, 1))
     f = teg.compile(teg.sum(bump, (k, 0, 2)), [W])
     assert f.diagnose(W=[0.25, -0.125]) == []
     (found,) = f.diagnose(W=[[0.25, -0.125], [0.5, -0.25]])  # two regions are born at ±√½

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 import pickle
 from typing import Any
 
@@ -307,9 +308,11 @@ def test_not_a_number_comes_out_where_it_went_in(program: str, backend: str, ena
 def test_infinite_parameters_never_hang(program: str, backend: str, enabled: None) -> None:
     f = teg.compile(PROGRAMS[program], [t, a], backend=backend)
     for at in ({"t": math.inf, "a": 0.5}, {"t": -math.inf, "a": 0.5}, {"t": 0.5, "a": math.inf}, {"t": math.inf, "a": math.inf}):
-        v, g = f.value_and_grad(at)
-        assert isinstance(float(v), float)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            v, g = f.value_and_grad(at)
         assert set(g) == {"t", "a"}
+        assert bool(said) or not any(math.isnan(number) for number in (v, *g.values()))
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
