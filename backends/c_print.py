@@ -291,8 +291,10 @@ class Printer:
                     nothing = f"{{ {nothing} {place}[{count - 1}] = 0.0; }}"
                 run = [f"if ({when}) {{", *indent(*run), f"}} else {nothing}"]
             if stacked:
-                loads = [f"{scope.name(name)} = {place}[{j}]" for j, name in enumerate(names)]
-                return [*run, *packed(loads, "const double ", ", ", ";")]
+                given = [scope.name(name) for name in names]
+                loads = [f"{name} = {place}[{j}]" for j, name in enumerate(given)]
+                unread = [f"(void){given[-1]};"] if isinstance(stmt, Locate) and stmt.lost is not None else []  # but by estimates
+                return [*run, *packed(loads, "const double ", ", ", ";"), *unread]
             scope.names.update((name, f"{array}[{j}]") for j, name in enumerate(names))
             return [f"double {array}[{count}];", *run]
 

@@ -338,7 +338,7 @@ class Evaluator:
     def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:
         """Where and why the expression is not differentiable at these values; an empty list where it is."""
         columns, _shape, n = self._columns(args, named)
-        self._outcome("value", 2 if 2 in self._kernels else 1, as_doubles(columns), n)  # with room for all roots
+        self._outcome("value", 2 if 2 in self._kernels else 1, columns, n)  # with room for all roots
         return diagnose(self, as_doubles(columns), n)
 
     def __repr__(self) -> str:

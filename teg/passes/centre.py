@@ -43,7 +43,7 @@ from teg.expr import (
     where,
 )
 from teg.extents import extent
-from teg.integral import Integral, integral_over
+from teg.integral import Integral, integral_over, masses_of
 from teg.node import Node, postorder
 from teg.polynomial import Shadow
 from teg.roots import solve
@@ -78,6 +78,8 @@ class _Argument:
 
 def _centred(node: Integral, keys: Keys) -> Expr:
     x = node.var
+    if masses_of(node.body, x) is not None:
+        return node  # a sum over roots, wherever these are: there is no interval to be split
     arguments = _arguments(node, keys)
     alone = bool(node.free) or any(len(a.roots) == 2 for a in arguments)  # roots that cross each other would make kinks outside
     if not arguments or len(arguments) > (1 if alone else MAX_CENTRES):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import teg
+from teg.accuracy import AccuracyWarning
 from teg.errors import NotDifferentiableError
 from teg.node import postorder
 from teg.passes.steps import enumerate_steps
@@ -518,13 +519,15 @@ def test_a_number_of_steps_that_parameters_decide(at: float) -> None:
     f = teg.compile(INT(teg.floor(x * t), (x, 0, 1)))
     steps = math.floor(abs(at))
     exact = steps - steps * (steps + 1) / (2 * abs(at))
-    value, gradient = f.value_and_grad(t=at)
-    assert value == pytest.approx(exact if at > 0 else -1 - exact, rel=1e-9)
+    assert f(t=at) == pytest.approx(exact if at > 0 else -1 - exact, rel=1e-9)
     if abs(at) < 17:
+        gradient = f.grad(t=at)
         assert gradient["t"] == pytest.approx(steps * (steps + 1) / (2 * at * at), rel=1e-12)
     else:
-        assert math.isnan(gradient["t"])
-        assert math.isnan(f.hessian(t=at)["t", "t"])
+        with pytest.warns(AccuracyWarning, match="the gradient is not a number"):
+            assert math.isnan(f.grad(t=at)["t"])
+        with pytest.warns(AccuracyWarning, match="not a number"):
+            assert math.isnan(f.hessian(t=at)["t", "t"])
 
 
 @pytest.mark.parametrize(
@@ -559,7 +562,8 @@ def test_a_branch_that_is_not_taken_needs_no_steps() -> None:
     for e in (inside, outside):
         f = teg.compile(e)
         assert f.value_and_grad(t=-30.0) == (7.0, {"t": 0.0})
-        assert math.isnan(f.grad(t=30.0)["t"])
+        with pytest.warns(AccuracyWarning, match="not a number"):
+            assert math.isnan(f.grad(t=30.0)["t"])
 
 
 def test_what_stays_a_floor_is_left_alone() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
+import warnings
 from collections.abc import Callable
 
 import pytest
@@ -152,7 +153,9 @@ class TestOneZeroSetInTwoForms:
         line = teg.integral(teg.bracket(y > r * x) * teg.bracket(f(y) > f(r * x)), (x, 0.1, 0.9), (y, 0.01, 0.9))
         assert gradient(line, r=0.5) == pytest.approx(-0.4, rel=1e-9)
         disk = teg.integral(teg.bracket(rho < s * s) * teg.bracket(f(rho) < f(s * s)), (x, -0.7, 0.7), (y, -0.7, 0.7))
-        assert gradient(disk, s=0.6) == pytest.approx(2 * math.pi * 0.6, rel=1e-9)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)  # of tan: where its poles meet themselves is given up
+            assert gradient(disk, s=0.6) == pytest.approx(2 * math.pi * 0.6, rel=1e-9)
 
     @pytest.mark.parametrize("backend", ["c", "jax"])
     @pytest.mark.parametrize("name", ["logarithm", "inverse", "u·exp u"])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import warnings
 import pickle
+import warnings
 from typing import Any
 
 import numpy as np
