@@ -49,7 +49,7 @@ KNOWN: dict[type, frozenset[str]] = {
     for kind, names in (
         (Assign, "name op args"),
         (Integrate, "var lo hi breaks flags need body values results rule when watch bends base ends"),
-        (Isolate, "var lo hi left right enclosure bounds point value slope results when"),
+        (Isolate, "var lo hi left right enclosure bounds point value slope results when curving noise curvature tol width"),
         (Locate, "lo hi low high left right bottom top enclosure bounds results when lost"),
         (SumOver, "var points body values results when"),
         (Gauss, "nodes"),
@@ -139,14 +139,14 @@ class RecordedRun:
         def enclosure(_: object, p: Any, q: Any) -> tuple[Any, ...]:
             inner = {**names, stmt.left: p, stmt.right: q}
             self._run(stmt.enclosure, inner)
-            return tuple(np.broadcast_to(_get(inner, b), p.shape) for b in stmt.bounds)
+            return tuple(np.broadcast_to(_get(inner, b), p.shape) for b in (*stmt.bounds, *stmt.curving, stmt.noise))
 
         def point(_: object, v: Any) -> tuple[Any, ...]:
             inner = {**names, stmt.var: v}
             self._run(stmt.point, inner)
-            return tuple(np.broadcast_to(_get(inner, b), v.shape) for b in (stmt.value, stmt.slope))
+            return tuple(np.broadcast_to(_get(inner, b), v.shape) for b in (stmt.value, stmt.slope, stmt.curvature))
 
-        search = numpy_roots.Isolation(enclosure, point, len(stmt.results), 1, 1)
+        search = numpy_roots.Isolation(enclosure, point, len(stmt.results), False, stmt.tol, stmt.width, 1, 1)
         return search(numpy_runtime.Run(1, 2**20), _get(names, stmt.lo), _get(names, stmt.hi), (), ())
 
     def _locate(self, stmt: Locate, names: Values) -> list[Any]:

@@ -16,7 +16,7 @@ def test_every_light_is_right_and_the_window_is_derived_once(monkeypatch: pytest
     rows = compare({"angle": 0.4, "width": 0.7, "contrast": 0.5})
     assert [row.name for row in rows] == ["waves", "lamp", "dawn", "sky"]
     assert max(row.error for row in rows) < 1e-13
-    assert len(derived) == 2 * 4 + 2 * 2  # value and gradient: of each written out; of smooth lights, and of the quadratic one
+    assert len(derived) == 2 * 4 + 2 * 3  # value and gradient: of each written out; of smooth lights, the quadratic one, and the steep lamp
 
 
 def test_demo(capsys: pytest.CaptureFixture[str]) -> None:
