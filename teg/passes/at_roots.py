@@ -18,7 +18,8 @@ from typing import cast
 from teg.expr import ONE, Compare, Expr, Var
 from teg.integral import Integral, PointMasses
 from teg.isolation import MAX_ROOTS, Isolation, Location, isolate, off_the_grid, widened
-from teg.passes.emit import NAN, Emitter, Level
+from teg.passes.emit import NAN, SHORT, Emitter, Level, Truths
+from teg.polynomial import Shadow
 from teg.program import ISOLATE_WIDTH, TIE_EPS, Arg, Isolate, Locate, SumOver
 from teg.roots import Root, solve
 from teg.surfaces import atoms_of
@@ -137,7 +138,7 @@ class RootEmitter(Emitter):
         bodies = [cast(Expr, replace_node(i.body, masses, ONE)) for i in group]
         roots = solve(masses.g, node.var, node.lo, node.hi)
         if roots is not None and roots.certain:
-            return self._sum_of_branches(bodies, node.var, roots.found, home)
+            return self._sum_of_branches(masses.g, bodies, node.var, roots.found, home)
         isolation = isolate(masses.g, node.var, self.max_roots)
         if isolation is None:
             raise AssertionError(f"the roots of {masses.g} cannot be isolated")
@@ -161,20 +162,22 @@ class RootEmitter(Emitter):
         unknown = self.assign(level, "b", "and", small, self.assign(level, "b", "gt0", size))
         return tuple(self.assign(level, "v", "select", unknown, NAN, v) for v in values)
 
-    def _sum_of_branches(self, bodies: Sequence[Expr], x: Var, roots: Sequence[Root], home: Level) -> tuple[Arg, ...]:
+    def _sum_of_branches(self, g: Expr, bodies: Sequence[Expr], x: Var, roots: Sequence[Root], home: Level) -> tuple[Arg, ...]:
         """The same where the roots have formulas: one after the other. On a piece between complete breaks the conditions at a root are
         constant, and are decided in its middle, away from where they change."""
         inner = self.binders(bodies)
         atoms = [c for c in dict.fromkeys(c for b in bodies for c in atoms_of(b, x)) if not c.g.free & inner]
         terms: list[list[Arg]] = [[] for _ in bodies]
+        degree = Shadow((x,) if home.var is None else (x, home.var)).degree(g)
         for root in roots:
             level = self._level_at_formula(x, root, home)
             if home.middle is not None and home.breaks is not None and home.breaks.complete:
                 middle = self._level_at_formula(x, root, home.middle)
+                middle.twisted = degree is None or degree > SHORT
                 if home.middle.elsewhere is not None:
                     middle.elsewhere = cache(partial(self._roots_elsewhere, x, root, home.middle.elsewhere))
                 for atom in atoms:
-                    level.names[atom] = self.truths(atom, middle)
+                    level.names[atom] = self._decided(atom, middle, level)
             at = cast(Arg, level.names[x])
             finite = self.assign(home, "b", "ok", self.assign(home, "v", "sub", at, at))
             absent = self.assign(home, "v", "select", self.assign(home, "b", "ok", at), 0.0, NAN)
@@ -182,6 +185,24 @@ class RootEmitter(Emitter):
             for body, found in zip(bodies, terms, strict=True):
                 found.append(self.assign(home, "v", "select", finite, self.number(body, level), absent))
         return tuple(found[0] if len(found) == 1 else self.assign(home, "v", "add", *found) if found else 0.0 for found in terms)
+
+    def _decided(self, atom: Compare, middle: Level, level: Level) -> Truths:
+        """Returns the truths of a condition that is constant on a piece: its sign at the node where that is clear, else what was decided
+        for the piece. Surfaces that approach each other may be as good as one in the middle of a long piece, and apart at its ends."""
+        holds, fails = self.truths(atom, middle)
+        if atom.resolution is None or middle.elsewhere is None or atom.g.has_integral or self._is_short(atom.g, middle):
+            return holds, fails
+        g = self.number(atom.g, level)
+        room = self.assign(level, "v", "mul", TIE_EPS, self.tie_scale(atom.g, level))
+        clear = self.assign(level, "b", "gt0", self.assign(level, "v", "sub", self.size(atom.g, level), room))
+        above = self.assign(level, "b", "gt0", g)
+        unclear, below = self.assign(level, "b", "not", clear), self.assign(level, "b", "not", above)
+
+        def chosen(sign: Arg, verdict: Arg) -> Arg:
+            here, piece = self.assign(level, "b", "and", clear, sign), self.assign(level, "b", "and", unclear, verdict)
+            return self.assign(level, "b", "or", here, piece)
+
+        return chosen(above, holds), chosen(below, fails)
 
     def _roots_elsewhere(self, x: Var, root: Root, places: Callable[[], Sequence[Level]]) -> Sequence[Level]:
         """A root of a formula at other places of a piece of the integral outside."""

@@ -56,6 +56,7 @@ class Level:
     coincident: dict[Compare, Arg] = field(default_factory=dict)  # of a sum over roots: the conditions that may tie with its surface
     constant: dict[Node, bool] = field(default_factory=dict)  # on a piece
     elsewhere: Callable[[], Sequence[Level]] | None = None  # of a middle: other places of the piece, where its ties are looked at again
+    twisted: bool = False  # at a root of a surface that is no polynomial of low degree: nothing there is one
     coordinates: dict[Integral, str] | None = None  # of the nest of integrals that is sampled here: theirs, but for the outermost one's
 
     def inside(self, var: Var, name: Arg) -> Level:
@@ -275,7 +276,7 @@ class Emitter(ABC):
 
     def _is_short(self, g: Expr, home: Level) -> bool:
         """Whether a function is a polynomial of so low a degree that it is not as good as 0 in the middle of a piece without roots."""
-        degree = Shadow((cast(Var, home.var),)).degree(g) if home.var in g.free else None
+        degree = Shadow((cast(Var, home.var),)).degree(g) if home.var in g.free and not home.twisted else None
         return degree is not None and degree <= SHORT
 
     def _clearest(self, e: Expr, g: Arg, scale: Arg, home: Level) -> tuple[Arg, Arg]:

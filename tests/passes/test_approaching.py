@@ -74,3 +74,14 @@ def test_surfaces_that_coincide_all_along_are_a_tie(backend: str) -> None:
     found = teg.compile(e, [t, a], backend=backend).grad(1.0, 1.0)
     assert found["t"] == pytest.approx(0.5 * (math.e - 2), rel=1e-9)
     assert found["a"] == pytest.approx(0.5 * (math.e - 2), rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("k", [4.0, 42.0, 42200.0])
+def test_a_narrow_bump_that_moves_keeps_its_area(k: float, backend: str) -> None:
+    """The boundary of the bump runs along y = 0 nearly everywhere: what is decided there does not hold where it rises."""
+    x, y, p = teg.var("x"), teg.var("y"), teg.param("p")
+    bump = teg.exp(-((k * (x - p)) ** 4))
+    for surface in (y - 0.7 * bump, y + y**3 - bump):
+        e = teg.integral(teg.bracket(surface < 0), (y, 0, 1), (x, -2, 3))
+        assert float(teg.compile(e, tol=1e-7, backend=backend).grad(p=0.3372)["p"]) == pytest.approx(0.0, abs=1e-9)
