@@ -1,0 +1,51 @@
+"""The factors in front of integrals."""
+
+from __future__ import annotations
+
+import pytest
+
+import teg
+from teg.expr import Const, Expr
+from teg.integral import Integral
+from teg.node import postorder
+from teg.passes.weights import LARGEST_FACTOR, largest, weights
+
+x = teg.var("x")
+a, t = teg.params("a t")
+INNER = teg.integral(teg.exp(a * x), (x, 0, 1))
+
+
+def weight_of(e: Expr) -> object:
+    """The weight of the only integral of an expression: a number, an expression, or None."""
+    found = weights([e], postorder([e]))
+    assert len([n for n in postorder([e]) if isinstance(n, Integral)]) == 1
+    weight = next(iter(found.values()), None)
+    return weight.data if isinstance(weight, Const) else weight
+
+
+@pytest.mark.parametrize(
+    ("e", "expected"),
+    [
+        (INNER, None),
+        (50.0 * INNER, None),
+        (1e25 * INNER, 1e25),
+        (-1e25 * INNER + t, 1e25),
+        (1e300 * INNER, LARGEST_FACTOR),
+        (1e25 * teg.sin(INNER), None),
+        (teg.where(t > 0, 1e9 * INNER, 0), 1e9),
+    ],
+)
+def test_numbers_in_front(e: Expr, expected: float | None) -> None:
+    assert weight_of(e) == expected
+
+
+def test_parameters_in_front() -> None:
+    weight = weight_of(t**5 * INNER)
+    assert isinstance(weight, Expr)
+    for value, expected in ((10.0, 1e5), (-10.0, 1e5), (0.1, 1.0)):
+        assert teg.evaluate(weight, {t: value}) == pytest.approx(expected)
+
+
+def test_the_largest_of_several_places_counts() -> None:
+    assert teg.evaluate(weight_of(t * INNER + a * INNER), {t: 300.0, a: -700.0}) == 700.0  # type: ignore[arg-type]
+    assert largest([t, t]) is t
