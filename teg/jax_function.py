@@ -195,10 +195,13 @@ def _as_array(p: Param | ArrayName, value: Any) -> Any:
     import numpy as np
 
     leaf = jnp.asarray(value)
-    if not isinstance(value, np.ndarray | np.generic) or value.dtype.kind not in "iu" or np.array_equal(np.asarray(leaf), value):
+    if not isinstance(value, np.ndarray | np.generic) or value.dtype.kind not in "iu":
+        return leaf
+    cut = value.astype(leaf.dtype)  # not from the leaf: where a function is traced that has no numbers
+    if np.array_equal(cut, value):
         return leaf
     if isinstance(p, IndexArray):
-        wrong = np.ravel(value)[np.ravel(np.asarray(leaf) != value)][0]
+        wrong = np.ravel(value)[np.ravel(cut != value)][0]
         text = f"an entry of {p.name!r} is too large for the {leaf.dtype} of JAX: {wrong}"
         raise ArrayIndexError(text, None, 'jax.config.update("jax_enable_x64", True)')
     return jnp.asarray(value.astype(np.float64))

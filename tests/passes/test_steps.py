@@ -664,14 +664,15 @@ def test_a_product_of_floors_whose_steps_parameters_decide(at: float) -> None:
         middle = 0.5 * t * (ends[1:] + ends[:-1])
         return float(np.sum(np.floor(middle) * np.floor(2 * middle) * np.floor(middle + 0.5) * np.diff(ends)))
 
-    value, gradient = f.value_and_grad(t=at)
-    assert value == pytest.approx(exact(at), rel=1e-9)
+    assert f(t=at) == pytest.approx(exact(at), rel=1e-9)
     if abs(at) < 8:
+        gradient = f.grad(t=at)
         h = 1e-3
         difference = (exact(at - 2 * h) - 8 * exact(at - h) + 8 * exact(at + h) - exact(at + 2 * h)) / (12 * h)
         assert gradient["t"] == pytest.approx(difference, rel=1e-8)
     else:
-        assert math.isnan(gradient["t"])
+        with pytest.warns(AccuracyWarning, match="not a number"):
+            assert math.isnan(f.grad(t=at)["t"])
 
 
 class Random:
