@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from teg.expr import ONE, Add, Const, Expr, Mul, Tuple, Where, call, const, mul
+from teg.expr import ONE, TRUE, Add, Cond, Const, Expr, Mul, Tuple, Where, call, conjunction, const, mul, negation, where
 from teg.integral import Border, Integral, PointMasses
 from teg.node import Node
 
@@ -19,38 +19,48 @@ MAX_PLACES = 4
 """An integral that stands in more places counts as in the first of them."""
 
 
+Front = tuple[Expr, Cond]
+"""The product of the factors in front of a node, and under which condition it is looked at."""
+
+
 def weights(roots: Sequence[Expr], order: Sequence[Node]) -> dict[Integral, Expr]:
     """Returns by how much to multiply the integrals of one level: between 1 and LARGEST_FACTOR, where that is not 1.
 
     `order` has the nodes below the roots, children first. An integral that a result does not depend on linearly counts as it is.
     """
-    fronts: dict[Node, dict[Expr, None]] = {root: {ONE: None} for root in roots}
+    fronts: dict[Node, dict[Front, None]] = {root: {(ONE, TRUE): None} for root in roots}
     found: dict[Integral, Expr] = {}
     for node in reversed(order):
         if node not in fronts or not node.has_integral:
             continue
         places = list(fronts[node])[:MAX_PLACES]
-        front = places[0] if len(places) == 1 else largest([call("magnitude", f) for f in places])
+        front, path = places[0] if len(places) == 1 else (largest([call("magnitude", _guarded(p)) for p in places]), TRUE)
         match node:
             case Integral():
-                weight = _bounded(front)
+                weight = _bounded(_guarded((front, path)))
                 if weight is not ONE:
                     found[node] = weight
             case Add() | Tuple():
-                _put(fronts, node.children, front)
-            case Where():
-                _put(fronts, (node.then, node.otherwise), front)
+                _put(fronts, node.children, (front, path))
+            case Where() if not node.condition.has_integral:
+                _put(fronts, (node.then,), (front, conjunction(path, node.condition)))
+                _put(fronts, (node.otherwise,), (front, conjunction(path, negation(node.condition))))
             case Mul():
                 factors = [c for c in node.children if not (c.has_integral or isinstance(c, PointMasses | Border))]
-                _put(fronts, [c for c in node.children if c.has_integral], mul(front, *factors))
+                _put(fronts, [c for c in node.children if c.has_integral], (mul(front, *factors), path))
             case _:
-                _put(fronts, node.children, ONE)
+                _put(fronts, node.children, (ONE, TRUE))
     return found
 
 
-def _put(fronts: dict[Node, dict[Expr, None]], children: Sequence[Node], front: Expr) -> None:
+def _put(fronts: dict[Node, dict[Front, None]], children: Sequence[Node], front: Front) -> None:
     for child in children:
         fronts.setdefault(child, {})[front] = None
+
+
+def _guarded(front: Front) -> Expr:
+    """What stands in front in a branch that is not taken may be no number."""
+    return where(front[1], front[0], ONE)
 
 
 def largest(sizes: Sequence[Expr]) -> Expr:

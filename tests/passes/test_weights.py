@@ -32,7 +32,6 @@ def weight_of(e: Expr) -> object:
         (-1e25 * INNER + t, 1e25),
         (1e300 * INNER, LARGEST_FACTOR),
         (1e25 * teg.sin(INNER), None),
-        (teg.where(t > 0, 1e9 * INNER, 0), 1e9),
     ],
 )
 def test_numbers_in_front(e: Expr, expected: float | None) -> None:
@@ -44,6 +43,13 @@ def test_parameters_in_front() -> None:
     assert isinstance(weight, Expr)
     for value, expected in ((10.0, 1e5), (-10.0, 1e5), (0.1, 1.0)):
         assert teg.evaluate(weight, {t: value}) == pytest.approx(expected)
+
+
+def test_a_factor_in_a_branch_that_is_not_taken_does_not_count() -> None:
+    weight = weight_of(teg.where(t > 0, teg.sqrt(t) * INNER, a * INNER))
+    assert isinstance(weight, Expr)
+    assert teg.evaluate(weight, {t: -1.0, a: 50.0}) == 50.0
+    assert teg.evaluate(weight, {t: 1e6, a: 50.0}) == 1000.0
 
 
 def test_the_largest_of_several_places_counts() -> None:
