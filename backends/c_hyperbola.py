@@ -8,7 +8,7 @@ from math import comb
 
 from teg.backends.c_frame import Frame, Scope
 from teg.backends.c_text import indent, literal, packed, wrapped
-from teg.branches import highest, moment, series
+from teg.numerics.moments import highest, moment, series
 from teg.program import NO_FLUX, Hyperbola, Moments
 
 Powers = tuple[int, int]

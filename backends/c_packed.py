@@ -25,6 +25,7 @@ from teg.backends.c_polygon import SIDE_BY_SIDE
 from teg.backends.c_text import UNARY, indent, literal, operand
 from teg.backends.c_text import packed as in_few_lines
 from teg.liveness import without_dead_code
+from teg.numerics.quadrature import gauss_legendre
 from teg.program import (
     NEAR_SIDE,
     TIE_EPS,
@@ -40,7 +41,6 @@ from teg.program import (
     assigned,
     statements,
 )
-from teg.quadrature import gauss_legendre
 
 SIDE = 8
 """Points side by side."""

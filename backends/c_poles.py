@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from teg.backends.c_text import indent, wrapped
+from teg.numerics.quadrature import gauss_legendre, null_rules, pole_table
 from teg.program import Bend, Rational
-from teg.quadrature import gauss_legendre, null_rules, pole_table
 
 CHAINS = 4
 """Into how many sums a series is split, which are computed side by side."""

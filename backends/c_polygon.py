@@ -14,8 +14,8 @@ from functools import partial
 
 from teg.backends.c_frame import SUMS, WEIGHT, Frame, Scope, Step
 from teg.backends.c_text import indent, literal, packed
+from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import Arg, Assign, Polygon, Segment, Stmt
-from teg.quadrature import gauss_legendre, triangle_rule
 
 SOME = 8
 """Sums of a step."""

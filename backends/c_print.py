@@ -55,6 +55,7 @@ from teg.backends.c_quadrature import (
 from teg.backends.c_runtime import runtime
 from teg.backends.c_sampling import sample_loop, sobol_table, used_points
 from teg.backends.c_text import each, harmless, indent, packed, wrapped
+from teg.numerics.sobol import REPLICATES
 from teg.program import (
     MAX_DEPTH,
     Adaptive,
@@ -80,7 +81,6 @@ from teg.program import (
     compound,
     has_ties,
 )
-from teg.sampling import REPLICATES
 
 BREAKS_ON_STACK = 256
 SHORT = 40  # statements of an integral that is compared with others

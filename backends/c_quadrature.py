@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from teg.backends.c_text import each, indent, literal
+from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import INSIDE, Adaptive, Bend, Isolate, assigned
-from teg.quadrature import decay_power, gauss_legendre, null_rules
 
 
 def gauss_piece(block: Sequence[str], nodes: int, count: int, estimated: int, counted: bool) -> list[str]:

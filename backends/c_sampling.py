@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 
 from teg.backends.c_text import each, indent, packed
+from teg.numerics.sobol import BITS, replicated, reversed_directions
 from teg.program import Sample
-from teg.sampling import BITS, replicated, reversed_directions
 
 
 def used_points(block: Sequence[str], names: Sequence[str]) -> list[int]:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from math import comb
 from typing import Any
 
-from teg.branches import highest, moment, series
+from teg.numerics.moments import highest, moment, series
 from teg.program import LARGEST_RATIO, NEAR_SIDE, NO_FLUX, SADDLE, SMALLEST, TIE_EPS
 
 Powers = tuple[int, int]

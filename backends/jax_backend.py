@@ -26,6 +26,8 @@ import numpy.typing as npt
 
 from teg.backends.python_text import Dialect, assignment, inside, strict, value
 from teg.errors import BackendError, MissingPackageError
+from teg.numerics.quadrature import triangle_rule
+from teg.numerics.sobol import replicated
 from teg.program import (
     ISOLATE_DEPTH,
     LOCATE_WIDTH,
@@ -51,8 +53,6 @@ from teg.program import (
     statements,
     without_branches,
 )
-from teg.quadrature import triangle_rule
-from teg.sampling import replicated
 
 DIALECT = Dialect("jnp", guard=" + zero", call="function_{k}(order, zero, {arguments})[0][0]")
 SAMPLES = 1024

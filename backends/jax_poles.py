@@ -11,8 +11,8 @@ import jax.numpy as jnp
 from teg.backends.jax_bends import Substitution
 from teg.backends.jax_runtime import MISSED, Note, Pieces, Scalar, integrate, rounding, union, where
 from teg.backends.pole_weights import pole_weights
+from teg.numerics.quadrature import gauss_legendre, null_rules
 from teg.program import EDGE, POLE, RESIDUE
-from teg.quadrature import gauss_legendre, null_rules
 
 
 def rational(pieces: Pieces, nodes: int, power: int, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:

@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 
 from teg.backends.jax_runtime import TIED, Note, Scalar, union, where
+from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import NEARLY, THIN, TIE_EPS
-from teg.quadrature import gauss_legendre, triangle_rule
 
 Body = Callable[..., tuple[tuple[Scalar, ...], Note]]
 Plane = tuple[Scalar, Scalar, Scalar, bool]

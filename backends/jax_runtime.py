@@ -18,6 +18,7 @@ from jax import lax
 from teg.backends.jax_bends import Substitution, inside, place, substitution, ways
 from teg.backends.jax_guard import Guard
 from teg.backends.substitutions import POWER
+from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import (
     ABSOLUTE_FLOOR,
     DEEP,
@@ -33,7 +34,6 @@ from teg.program import (
     TIE_EPS,
     WATCH_WIDTH,
 )
-from teg.quadrature import decay_power, gauss_legendre, null_rules
 
 Scalar = Any  # a traced scalar, float64 or boolean, or a Python literal
 Note = Any  # an int32: TIED where a tie was met, MISSED where a tolerance was, CROWDED where a search has too little room

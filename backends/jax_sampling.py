@@ -1,4 +1,4 @@
-"""Points of `teg.sampling`, as JAX arrays, and the means over them: what the printed JAX programs call as `sampling`.
+"""Points of `teg.numerics.sobol`, as JAX arrays, and the means over them: what the printed JAX programs call as `sampling`.
 
 This module imports JAX: only a compiled kernel imports it.
 """
@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from teg.backends.jax_runtime import Note, Scalar, union, vector, where
-from teg.sampling import BITS, GAMMA, LOW_BITS, MIX, SCRAMBLE, key, replicated, reversed_directions
+from teg.numerics.sobol import BITS, GAMMA, LOW_BITS, MIX, SCRAMBLE, key, replicated, reversed_directions
 
 Array = Any  # a JAX array
 Block = Callable[..., tuple[tuple[Scalar, ...], Note]]  # coordinates -> values, note

@@ -11,8 +11,8 @@ import numpy as np
 from teg.backends.numpy_bends import Substitution, substitution
 from teg.backends.numpy_runtime import Array, Integral, Run, Value, cut, parts, rounding
 from teg.backends.pole_weights import pole_weights
+from teg.numerics.quadrature import gauss_legendre, null_rules
 from teg.program import EDGE, POLE, RESIDUE
-from teg.quadrature import gauss_legendre, null_rules
 
 
 @dataclass(slots=True)

@@ -22,6 +22,7 @@ import numpy.typing as npt
 from teg.backends.numpy_bends import Substitution, inside, substitution
 from teg.backends.numpy_guard import Guard
 from teg.backends.substitutions import POWER
+from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import (
     ABSOLUTE_FLOOR,
     DEEP,
@@ -37,7 +38,6 @@ from teg.program import (
     TIE_EPS,
     WATCH_WIDTH,
 )
-from teg.quadrature import decay_power, gauss_legendre, null_rules
 
 Array = npt.NDArray[Any]
 Value = Any  # an Array of lanes, or a scalar: numpy.float64, numpy.bool_, float, bool

@@ -1,4 +1,4 @@
-"""Points of `teg.sampling`, as arrays, and means over them: what the printed NumPy programs call as `sampling`."""
+"""Points of `teg.numerics.sobol`, as arrays, and means over them: what the printed NumPy programs call as `sampling`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy_runtime import Array, Block, Run, Value, on_lanes, parts
-from teg.sampling import BITS, GAMMA, LOW_BITS, MIX, SCRAMBLE, key, replicated, reversed_directions
+from teg.numerics.sobol import BITS, GAMMA, LOW_BITS, MIX, SCRAMBLE, key, replicated, reversed_directions
 
 Words = npt.NDArray[np.uint64]
 Halves = npt.NDArray[np.uint32]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from teg.quadrature import gauss_legendre, pole_table
+from teg.numerics.quadrature import gauss_legendre, pole_table
 
 
 def pole_weights(xp: Any, nodes: int, power: int, low: Any, high: Any) -> Any:

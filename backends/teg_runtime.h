@@ -1525,7 +1525,7 @@ static double teg_places(teg_location *s, double *places, int room)
     return lost;
 }
 
-/* Points of sampled integrals: see teg/sampling.py. 64 bits well mixed. */
+/* Points of sampled integrals: see teg/numerics/sobol.py. 64 bits well mixed. */
 static inline uint64_t teg_mix(uint64_t z)
 {
     z = (z ^ z >> 30) * UINT64_C(0xBF58476D1CE4E5B9);

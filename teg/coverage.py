@@ -8,12 +8,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from teg.analysis.evaluate import values_of
 from teg.diffeomorphism import Diffeomorphism
 from teg.expr import Const, Expr, Param, Var
 from teg.integral import Integral
 from teg.nest import Binder, Chain
 from teg.node import Node
-from teg.numerics import values_of
 from teg.traverse import parameters
 from teg.verification import BATCH_SAMPLES, SAMPLES, SAMPLES_A_CALL, TOLERANCE, TRIALS, halton, hold
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
+from teg.analysis.evaluate import values_of
 from teg.dump import show
 from teg.expr import TRUE, Call, Expr, Param, bracket, call, const, positive
 from teg.integration import Integration
 from teg.node import Node, postorder
-from teg.numerics import values_of
 from teg.pipeline import flatten, normal_form, program_for
 from teg.program import Isolate, Program, statements
 from teg.surfaces import atoms_of

@@ -20,6 +20,8 @@ from teg.integral import Integral, masses_of
 from teg.integration import Integration
 from teg.inventory import Inventory, nests, text_of
 from teg.isolation import MAX_ROOTS, max_roots
+from teg.numerics.quadrature import triangle_rule
+from teg.numerics.sobol import replicated
 from teg.passes.atoms import canonicalise
 from teg.passes.breaks import BreakAnalysis
 from teg.passes.hyperbola import match_hyperbola
@@ -52,9 +54,7 @@ from teg.program import (
     size,
     statements,
 )
-from teg.quadrature import triangle_rule
 from teg.roots import solve
-from teg.sampling import replicated
 from teg.traverse import parameters
 from teg.traverse import size as nodes
 

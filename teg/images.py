@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
+from teg.analysis.evaluate import folded, values_of
 from teg.calculus import slope
 from teg.diffeomorphism import INFINITY, MINUS_INFINITY, Diffeomorphism
 from teg.errors import BoundError, NotDifferentiableError, ScopeError
@@ -24,7 +25,6 @@ from teg.identities import simplified
 from teg.intervals import Interval, enclose
 from teg.nest import Binder, Chain
 from teg.node import Node, postorder
-from teg.numerics import folded, values_of
 from teg.roots import tidy
 from teg.traverse import parameters, rewrite, substitute
 from teg.verification import TRIALS, Constraint

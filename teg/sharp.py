@@ -20,6 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
+from teg.analysis.evaluate import folded, values_of
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
 from teg.expr import MINUS_ONE, ONE, Call, Compare, Const, Expr, Param, Pow, Var, add, call, const, integer_power, mul, sub
@@ -27,7 +28,6 @@ from teg.function import Apply
 from teg.integral import Integral, PointMasses
 from teg.intervals import Enclosure, Interval
 from teg.node import Node, postorder
-from teg.numerics import folded, values_of
 from teg.polynomial import Degrees
 from teg.program import UNSEEN
 from teg.traverse import fresh, rebuild, substitute

@@ -20,11 +20,11 @@ from teg.integral import Integral
 from teg.integration import Integration
 from teg.intervals import Enclosure, Interval
 from teg.node import Node
+from teg.numerics.quadrature import gauss_legendre
 from teg.passes.curved import CurvedEmitter
 from teg.passes.emit import Level
 from teg.polynomial import Degrees
 from teg.program import Adaptive, Arg, Guard
-from teg.quadrature import gauss_legendre
 from teg.sharp import Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
 from teg.traverse import fresh, substitute
 

@@ -27,10 +27,10 @@ from teg.expr import Add, Compare, Const, Expr, Mul, Where
 from teg.integral import Integral, masses_of
 from teg.integration import Integration
 from teg.node import Node, postorder
+from teg.numerics.sobol import DIMENSIONS
 from teg.passes.at_roots import RootEmitter
 from teg.passes.emit import Level
 from teg.program import Arg, Integrate, Midpoint, Sample
-from teg.sampling import DIMENSIONS
 from teg.surfaces import binders_inside
 
 SAMPLED = ("montecarlo", "qmc")

@@ -19,13 +19,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
+from teg.analysis.evaluate import values_of
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError, OperandError
 from teg.expr import FALSE, TRUE, ZERO, Call, Cond, Const, Expr, Pow, Var, add, call, const, mul, negation, positive, sub, where
 from teg.intervals import Enclosure
 from teg.nest import Binder, Chain, nest, ranges_of
 from teg.node import Node, postorder
-from teg.numerics import values_of
 from teg.passes.affine import Affine, rewrite_affine
 from teg.passes.implicit import Implicit, match_implicit, rewrite_implicit
 from teg.polynomial import residue

@@ -73,7 +73,7 @@ def sample(kind: str, count: int, estimates: int, seed: int = 3, when: str | Non
 def reference(kind: str, count: int, seed: int, p: float) -> tuple[Array, Array]:
     """Means and standard errors of the two values, from the points and the formulas of `teg.program`."""
     from teg.backends.numpy_sampling import points
-    from teg.sampling import replicated
+    from teg.numerics.sobol import replicated
 
     replicates, each = replicated(kind, count)
     u, v, _ = points(kind, seed, 3, count, 0, replicates * each)

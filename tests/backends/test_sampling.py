@@ -15,7 +15,7 @@ from teg.backends import numpy_sampling
 from teg.backends.c_build import load_library
 from teg.backends.c_runtime import runtime
 from teg.backends.c_sampling import sobol_table
-from teg.sampling import (
+from teg.numerics.sobol import (
     BITS,
     DIMENSIONS,
     REPLICATES,

@@ -10,8 +10,8 @@ import pytest
 
 import teg
 from teg import Expr
+from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import Gauss, Integrate, statements
-from teg.quadrature import gauss_legendre, triangle_rule
 
 x, y, z = teg.vars("x y z")
 a, b, r, t = teg.params("a b r t")

@@ -8,11 +8,11 @@ import teg
 from teg import Expr
 from teg.integral import Integral
 from teg.integration import Integration
+from teg.numerics.quadrature import triangle_rule
 from teg.passes.polygon import match_clipped, match_polygon, match_segment
 from teg.passes.sink import sink
 from teg.pipeline import normal_form
 from teg.program import Assign, Integrate, Polygon, Segment, When, blocks, size, statements
-from teg.quadrature import triangle_rule
 from tests.bench.scenes import half_planes, triangle_pixel
 
 x, y = teg.vars("x y")

@@ -7,7 +7,7 @@ import math
 import mpmath
 import pytest
 
-from teg.branches import LEAST_BORDER, highest, moment, series
+from teg.numerics.moments import LEAST_BORDER, highest, moment, series
 
 
 def g(q: int, z: mpmath.mpf) -> mpmath.mpf:

@@ -12,8 +12,8 @@ import numpy.typing as npt
 import pytest
 
 from teg.backends.numpy_runtime import measure
+from teg.numerics.quadrature import NULL_RULES, decay_power, gauss_legendre, null_rules
 from teg.program import NOISE, ROUNDING
-from teg.quadrature import NULL_RULES, decay_power, gauss_legendre, null_rules
 
 ORDERS = [6, 8, 10, 12, 16, 18, 24]
 Array = npt.NDArray[np.float64]
