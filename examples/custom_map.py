@@ -21,7 +21,7 @@ import time
 import numpy as np
 
 import teg
-from teg.expr import Expr
+from teg.ir.expr import Expr
 
 x, y, u, v, r, phi = teg.vars("x y u v r φ")
 t, k = teg.params("t k")

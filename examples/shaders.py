@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 import teg
-from teg.expr import Expr
-from teg.function import Function
+from teg.ir.expr import Expr
+from teg.ir.function import Function
 
 x, y, u, v = teg.vars("x y u v")
 angle, width, contrast = teg.params("angle width contrast")

@@ -11,10 +11,23 @@ value, gradient = f.value_and_grad(t=0.5)          # 0.125, {"t": 0.5}
 from teg import maps
 from teg.accuracy import AccuracyWarning
 from teg.array_evaluator import ArrayEvaluator
-from teg.arrays import array, index, indices, length
-from teg.arrays import sum_ as sum
-from teg.build import abs_ as abs
-from teg.build import (
+from teg.check import GradientReport, check_gradient
+from teg.compile import Evaluator, compile, evaluate
+from teg.derivatives import diff, eliminate, grad, hessian, jvp
+from teg.diagnose import Diagnosis
+from teg.diffeomorphism import Diffeomorphism
+from teg.errors import AccuracyError, ArrayIndexError, DiffeomorphismError, TegError
+from teg.explain import Explanation, explain
+from teg.ir.arrays import array, index, indices, length
+from teg.ir.arrays import sum_ as sum
+from teg.ir.expr import Cond, Expr
+from teg.ir.function import Function, function
+from teg.ir.latex import latex
+from teg.ir.show import dump
+from teg.ir.traverse import size
+from teg.jax_function import jax_function
+from teg.language import abs_ as abs
+from teg.language import (
     acos,
     asin,
     atan,
@@ -43,26 +56,13 @@ from teg.build import (
     vars,
     where,
 )
-from teg.build import round_ as round
-from teg.build import tuple_ as tuple
-from teg.check import GradientReport, check_gradient
-from teg.compile import Evaluator, compile, evaluate
-from teg.derivatives import diff, eliminate, grad, hessian, jvp
-from teg.diagnose import Diagnosis
-from teg.diffeomorphism import Diffeomorphism
-from teg.dump import dump
-from teg.errors import AccuracyError, ArrayIndexError, DiffeomorphismError, TegError
-from teg.explain import Explanation, explain
-from teg.expr import Cond, Expr
-from teg.function import Function, function
-from teg.jax_function import jax_function
-from teg.latex import latex
+from teg.language import round_ as round
+from teg.language import tuple_ as tuple
 from teg.maps import polar
 from teg.passes.user import change_variables
 from teg.scipy_function import scipy_function
 from teg.symbolic import from_sympy, to_sympy
 from teg.torch_function import torch_function
-from teg.traverse import size
 
 __version__ = "0.1.0"
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import teg
 from teg.errors import InputError, TegError
-from teg.expr import Expr
 from teg.integration import DEFAULT_TOL
+from teg.ir.expr import Expr
 from teg.options import BACKENDS, DTYPES
 from teg.pipeline import ESTIMATORS
 

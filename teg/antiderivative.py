@@ -11,11 +11,11 @@ import math
 from typing import cast
 
 from teg.calculus import slope
-from teg.expr import Compare, Const, Expr, Where, add, const, integer_power, mul, sub
-from teg.integral import Integral
-from teg.node import postorder_through
+from teg.ir.expr import Compare, Const, Expr, Where, add, const, integer_power, mul, sub
+from teg.ir.integral import Integral
+from teg.ir.node import postorder_through
+from teg.ir.traverse import substitute
 from teg.polynomial import Shadow
-from teg.traverse import substitute
 
 MAX_DEGREE = 8
 """Of polynomials that are written out; surfaces of a higher degree are isolated all the same."""

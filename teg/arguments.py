@@ -10,7 +10,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from teg.errors import ParameterError
-from teg.expr import Param
+from teg.ir.expr import Param
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,7 +8,7 @@ from teg.arguments import refuse_masked
 from teg.array_compiled import Compiled
 from teg.array_program import ArrayProgram
 from teg.errors import ArrayIndexError, ParameterError
-from teg.index import ArrayName, IndexArray
+from teg.ir.index import ArrayName, IndexArray
 
 if TYPE_CHECKING:
     import numpy as np

@@ -6,16 +6,16 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, cast
 
-from teg import expr as ex
 from teg.array_errors import with_array_error_estimates
 from teg.array_pipeline import Parameter, gradient, on_cells, tangent
 from teg.array_program import ArrayProgram
 from teg.array_reports import has_samples
 from teg.array_schedule import Output, output_of, schedule_arrays
-from teg.arrays import Array
-from teg.expr import Expr, Param, Tuple
-from teg.index import ArrayName
 from teg.integration import Integration, with_more_room
+from teg.ir import expr as ex
+from teg.ir.arrays import Array
+from teg.ir.expr import Expr, Param, Tuple
+from teg.ir.index import ArrayName
 from teg.options import Options
 from teg.passes.atoms import canonicalise
 from teg.passes.schedule import schedule

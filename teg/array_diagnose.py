@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from teg.array_program import ArrayProgram, Integers, Run, steps
-from teg.arrays import Gather, Sum, sum_over
 from teg.backends.array_ties import MetTie, TieWatch
-from teg.cells import Symbols
 from teg.diagnose import BORDER, CHANGE, NOTHING, STEP, STEP_OVER_TIES, Diagnosis, only_in_steps
-from teg.dump import show
-from teg.expr import TRUE, ZERO, Expr, Param, add, bracket, positive
-from teg.index import ArrayName
-from teg.node import Node, postorder
+from teg.ir.arrays import Gather, Sum, sum_over
+from teg.ir.cells import Symbols
+from teg.ir.expr import TRUE, ZERO, Expr, Param, add, bracket, positive
+from teg.ir.index import ArrayName
+from teg.ir.node import Node, postorder
+from teg.ir.show import show
 from teg.program import Isolate, statements
 from teg.surfaces import atoms_of
 

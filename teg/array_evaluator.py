@@ -14,18 +14,18 @@ from teg.array_pipeline import Parameter, on_cells, outlined
 from teg.array_program import ArrayProgram
 from teg.array_reports import paired, places, report_arrays, report_missing
 from teg.array_schedule import schedule_arrays
-from teg.arrays import Array, arrays_of, integer_parameters, integers_of
-from teg.cells import check_indices, replace_integers
 from teg.diagnose import Diagnosis
 from teg.errors import ArrayIndexError, OptionError, ParameterError
 from teg.explain import Explanation, explain
-from teg.expr import Expr, Param, Tuple
-from teg.index import ArrayName, Length, index_const, index_leaves
-from teg.node import postorder
+from teg.ir.arrays import Array, arrays_of, integer_parameters, integers_of
+from teg.ir.cells import check_indices, replace_integers
+from teg.ir.expr import Expr, Param, Tuple
+from teg.ir.index import ArrayName, Length, index_const, index_leaves
+from teg.ir.node import postorder
+from teg.ir.traverse import parameters
 from teg.options import Options
 from teg.passes.sums import NeedsLengths
 from teg.pipeline import flatten, normal_form
-from teg.traverse import parameters
 
 if TYPE_CHECKING:
     pass

@@ -8,21 +8,21 @@ from typing import Any
 from teg.array_pipeline import Parameter, gradient, on_cells, outlined
 from teg.array_program import CHUNKS, LEAST, Arg, ArrayProgram, Integers, Load, Loop, Run, Scatter, Step, array_size, steps, work
 from teg.array_schedule import Output, output_of, schedule_arrays
-from teg.arrays import Array, Gather, Sum, arrays_of, integer_parameters, integers_of
-from teg.cells import Symbols, cells_of, check_indices, replace_integers
 from teg.errors import TegError
 from teg.explanation import ArrayExplanation, Explanation
-from teg.expr import Expr, Param, tuple_of
-from teg.index import Index, IndexArray, Length, index_const, index_leaves
 from teg.integration import Integration
 from teg.inventory import text_of
-from teg.node import Node, postorder
+from teg.ir.arrays import Array, Gather, Sum, arrays_of, integer_parameters, integers_of
+from teg.ir.cells import Symbols, cells_of, check_indices, replace_integers
+from teg.ir.expr import Expr, Param, tuple_of
+from teg.ir.index import Index, IndexArray, Length, index_const, index_leaves
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import parameters
+from teg.ir.traverse import size as nodes
 from teg.passes.atoms import canonicalise
 from teg.passes.sums import NeedsLengths
 from teg.pipeline import Maps, cell_program, compiled_outputs, flatten, normal_form
 from teg.program import Program
-from teg.traverse import parameters
-from teg.traverse import size as nodes
 
 ASSUMED = 2
 """The length of every array, where the program must be known for lengths and none are given."""

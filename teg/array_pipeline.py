@@ -15,14 +15,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from heapq import heapify, heappop, heappush
 from typing import cast
 
-from teg import expr as ex
-from teg.arrays import Array, Gather, Sum, Unit, has_arrays, open_indices, sum_over
-from teg.cells import Symbols, cellwise, rename_indices
-from teg.dump import show
 from teg.errors import ParameterError
-from teg.expr import ZERO, Expr, Param, add, mul
-from teg.index import ArrayName, IndexVar
-from teg.node import Node, postorder
+from teg.ir import expr as ex
+from teg.ir.arrays import Array, Gather, Sum, Unit, has_arrays, open_indices, sum_over
+from teg.ir.cells import Symbols, cellwise, rename_indices
+from teg.ir.expr import ZERO, Expr, Param, add, mul
+from teg.ir.index import ArrayName, IndexVar
+from teg.ir.node import Node, postorder
+from teg.ir.show import show
 from teg.passes.self_comparison import without_self_comparisons
 from teg.passes.sums import sums_outside
 

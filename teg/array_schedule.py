@@ -14,13 +14,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import cast
 
-from teg import expr as ex
 from teg.array_program import Arg, ArrayProgram, ArraySpec, Integers, Like, Load, Loop, Number, Run, Scatter, Step
-from teg.arrays import Array, Gather, Sum, Unit, open_indices
-from teg.cells import cell_leaves, replaced
 from teg.errors import DeltaError
-from teg.expr import ONE, ZERO, Add, Const, Expr, Mul, Param, Where, add, mul, where
-from teg.index import (
+from teg.ir import expr as ex
+from teg.ir.arrays import Array, Gather, Sum, Unit, open_indices
+from teg.ir.cells import cell_leaves, replaced
+from teg.ir.expr import ONE, ZERO, Add, Const, Expr, Mul, Param, Where, add, mul, where
+from teg.ir.index import (
     ArrayName,
     Index,
     IndexArray,
@@ -33,8 +33,8 @@ from teg.index import (
     Length,
     index_leaves,
 )
+from teg.ir.node import Node, postorder
 from teg.liveness import without_dead_code
-from teg.node import Node, postorder
 from teg.passes.group import group
 from teg.program import Assign, Program, Stmt, assigned, blocks, has_ties
 

@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from typing import TypeVar, cast
 
 from teg.calculus import slope
-from teg.cells import replaced
 from teg.errors import DeltaError
-from teg.expr import Call, Expr, Param, Var, call
-from teg.function import Apply, Function, degrees_in
-from teg.integral import Integral
-from teg.node import Node, postorder
-from teg.traverse import fresh, rebuild, substitute
+from teg.ir.cells import replaced
+from teg.ir.expr import Call, Expr, Param, Var, call
+from teg.ir.function import Apply, Function, degrees_in
+from teg.ir.integral import Integral
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import fresh, rebuild, substitute
 
 N = TypeVar("N", bound=Node)
 

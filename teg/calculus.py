@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import cast
 
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     ZERO,
@@ -29,8 +29,8 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.function import Apply, apply_partials
-from teg.node import Node, postorder, postorder_through
+from teg.ir.function import Apply, apply_partials
+from teg.ir.node import Node, postorder, postorder_through
 
 
 def partials(node: Call) -> list[Expr]:

@@ -14,9 +14,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast
 
-from teg.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Param, Pow, Var, add, integer_power, mul, sub
 from teg.field_polynomials import coefficients, common_factor, derivative, one_root
-from teg.node import postorder
+from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Param, Pow, Var, add, integer_power, mul, sub
+from teg.ir.node import postorder
 from teg.polynomial import P, Point, Shadow, divided, perfect_power
 
 MAX_DEGREE = 24

@@ -12,24 +12,24 @@ from teg.arguments import values as arguments
 from teg.array_compiled import direction_of
 from teg.array_evaluator import ArrayEvaluator
 from teg.array_pipeline import parameters_and_arrays
-from teg.arrays import Array as ArrayParameter
-from teg.arrays import has_arrays
 from teg.bodies import write_all_out
-from teg.build import check_parameters, check_program
 from teg.coverage import MapChecks
 from teg.derivation import linked
 from teg.diagnose import Diagnosis, diagnose
 from teg.diffeomorphism import Diffeomorphism
 from teg.errors import OptionError, ParameterError
 from teg.explain import Explanation, explain
-from teg.expr import Expr, Param, Tuple, as_number
-from teg.index import ArrayName
 from teg.integration import Integration, with_more_room
+from teg.ir.arrays import Array as ArrayParameter
+from teg.ir.arrays import has_arrays
+from teg.ir.expr import Expr, Param, Tuple, as_number
+from teg.ir.index import ArrayName
+from teg.ir.traverse import parameters
 from teg.isolation import MAX_ROOTS
+from teg.language import check_parameters, check_program
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
 from teg.pipeline import compiled_outputs, flatten, jvp
 from teg.program import Outcome, Program, Sample, statements
-from teg.traverse import parameters
 
 if TYPE_CHECKING:
     import numpy as np

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from teg.analysis.evaluate import values_of
 from teg.diffeomorphism import Diffeomorphism
-from teg.expr import Const, Expr, Param, Var
-from teg.integral import Integral
+from teg.ir.expr import Const, Expr, Param, Var
+from teg.ir.integral import Integral
+from teg.ir.node import Node
+from teg.ir.traverse import parameters
 from teg.nest import Binder, Chain
-from teg.node import Node
-from teg.traverse import parameters
 from teg.verification import BATCH_SAMPLES, SAMPLES, SAMPLES_A_CALL, TOLERANCE, TRIALS, halton, hold
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.calculus import slope
-from teg.expr import (
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     ZERO,
@@ -29,9 +29,9 @@ from teg.expr import (
     sub,
     where,
 )
+from teg.ir.traverse import substitute
 from teg.nest import Binder
 from teg.polynomial import Shadow
-from teg.traverse import substitute
 
 ROUNDING = 8 * 2.0**-52
 NOTHING = 1e-12

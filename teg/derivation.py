@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from teg.diffeomorphism import Diffeomorphism
-from teg.expr import Expr, Param
-from teg.function import Function
 from teg.integration import Integration
+from teg.ir.expr import Expr, Param
+from teg.ir.function import Function
 from teg.linking import with_bodies
 from teg.passes.inline import with_slots, without_slots, write_out
 from teg.pipeline import compiled_outputs, flatten, program_for

@@ -6,7 +6,6 @@ import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, cast
 
-from teg import expr as ex
 from teg.accuracy import report_missed, report_not_a_number
 from teg.array_arguments import whole_numbers
 from teg.array_compiled import build_arrays
@@ -15,10 +14,11 @@ from teg.array_reports import has_samples, report_arrays, report_missing
 from teg.compile import build_kernel
 from teg.coverage import MapChecks
 from teg.derivative_programs import DerivativePrograms
-from teg.expr import Param
 from teg.framework_function import dimensions_of
-from teg.index import ArrayName
 from teg.integration import Integration, with_more_room
+from teg.ir import expr as ex
+from teg.ir.expr import Param
+from teg.ir.index import ArrayName
 from teg.program import Program, Sample, statements
 
 if TYPE_CHECKING:

@@ -7,15 +7,15 @@ from functools import partial
 from typing import Any
 
 from teg import array_pipeline as arrays
-from teg import expr as ex
 from teg import pipeline
 from teg.array_pipeline import Parameter, outlined, parameters_and_arrays
-from teg.arrays import Array, arrays_of, has_arrays, integer_parameters
-from teg.cells import check_indices
 from teg.errors import ArrayIndexError, ParameterError
-from teg.expr import ONE, Expr, Param, Tuple, as_number
+from teg.ir import expr as ex
+from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters
+from teg.ir.cells import check_indices
+from teg.ir.expr import ONE, Expr, Param, Tuple, as_number
+from teg.ir.traverse import parameters
 from teg.passes.sums import NeedsLengths
-from teg.traverse import parameters
 
 Maps = pipeline.Maps
 

@@ -17,11 +17,11 @@ from teg.analysis.evaluate import folded
 from teg.bodies import write_all_out
 from teg.calculus import slope
 from teg.errors import BoundError, NameClashError, OperandError, OptionError, ParameterError, ScopeError
-from teg.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Param, Var, add, as_number, const, integer_power, mul, positive, sub, where
 from teg.identities import sign_of, simplified
 from teg.intervals import Interval, enclose
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Param, Var, add, as_number, const, integer_power, mul, positive, sub, where
+from teg.ir.traverse import fresh, parameters, substitute
 from teg.symbolic import jacobian_determinant
-from teg.traverse import fresh, parameters, substitute
 from teg.verification import SAMPLES, TOLERANCE, TRIALS, Constraint, verify
 
 INFINITY, MINUS_INFINITY = const(math.inf), const(-math.inf)

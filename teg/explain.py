@@ -8,18 +8,20 @@ from typing import Any, TypeVar, assert_never, cast
 
 from teg.array_explain import explain_arrays
 from teg.array_pipeline import parameters_and_arrays
-from teg.arrays import Array, has_arrays
 from teg.bodies import write_all_out
-from teg.build import check_parameters, check_program
 from teg.diffeomorphism import Diffeomorphism
 from teg.errors import OptionError, TegError
 from teg.explanation import CLOSED_FORM, Explanation
-from teg.expr import Expr, Param, Tuple, as_number
-from teg.function import Function
-from teg.integral import Integral, masses_of
 from teg.integration import Integration
 from teg.inventory import Inventory, nests, text_of
+from teg.ir.arrays import Array, has_arrays
+from teg.ir.expr import Expr, Param, Tuple, as_number
+from teg.ir.function import Function
+from teg.ir.integral import Integral, masses_of
+from teg.ir.traverse import parameters
+from teg.ir.traverse import size as nodes
 from teg.isolation import MAX_ROOTS, max_roots
+from teg.language import check_parameters, check_program
 from teg.numerics.quadrature import triangle_rule
 from teg.numerics.sobol import replicated
 from teg.passes.atoms import canonicalise
@@ -55,8 +57,6 @@ from teg.program import (
     statements,
 )
 from teg.roots import solve
-from teg.traverse import parameters
-from teg.traverse import size as nodes
 
 __all__ = ["Explanation", "explain"]
 

@@ -12,8 +12,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import cast
 
-from teg.expr import MINUS_ONE, Add, Call, Compare, Const, Expr, Mul, Pow, Var, Where, mul
-from teg.node import Node, postorder
+from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Const, Expr, Mul, Pow, Var, Where, mul
+from teg.ir.node import Node, postorder
 
 Extent = tuple[float, float]
 EVERYTHING: Extent = (-math.inf, math.inf)

@@ -8,18 +8,18 @@ from typing import Any, ClassVar, TypeVar
 
 from teg.arguments import refuse_masked
 from teg.array_pipeline import outlined
-from teg.arrays import Array, arrays_of, integer_parameters, integers_of
 from teg.bodies import write_all_out
-from teg.build import check_program
-from teg.cells import check_indices, replace_integers
 from teg.derivative_programs import DerivativePrograms
 from teg.errors import ArrayIndexError, ParameterError
-from teg.expr import Expr, Param, Tuple, as_number
-from teg.index import ArrayName, IndexArray, Length, index_const, index_leaves
-from teg.node import postorder
+from teg.ir.arrays import Array, arrays_of, integer_parameters, integers_of
+from teg.ir.cells import check_indices, replace_integers
+from teg.ir.expr import Expr, Param, Tuple, as_number
+from teg.ir.index import ArrayName, IndexArray, Length, index_const, index_leaves
+from teg.ir.node import postorder
+from teg.ir.traverse import parameters
+from teg.language import check_program
 from teg.options import Options
 from teg.passes.sums import NeedsLengths
-from teg.traverse import parameters
 
 Parameter = Param | Array
 Made = TypeVar("Made")

@@ -20,13 +20,13 @@ from teg.analysis.evaluate import folded, values_of
 from teg.calculus import slope
 from teg.diffeomorphism import INFINITY, MINUS_INFINITY, Diffeomorphism
 from teg.errors import BoundError, NotDifferentiableError, ScopeError
-from teg.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, add, call, const, div, mul, sub
 from teg.identities import simplified
 from teg.intervals import Interval, enclose
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, add, call, const, div, mul, sub
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import parameters, rewrite, substitute
 from teg.nest import Binder, Chain
-from teg.node import Node, postorder
 from teg.roots import tidy
-from teg.traverse import parameters, rewrite, substitute
 from teg.verification import TRIALS, Constraint
 
 _MARGIN = 2.0**-4

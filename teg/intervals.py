@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from typing import cast
 
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     TRUE,
@@ -47,8 +47,8 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.function import Apply
-from teg.node import Node, postorder_through
+from teg.ir.function import Apply
+from teg.ir.node import Node, postorder_through
 
 Interval = tuple[Expr, Expr]
 Decision = tuple[Cond, Cond]

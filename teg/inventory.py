@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any, cast
 
-from teg.dump import show
-from teg.expr import ONE, ZERO, Call, Compare, Expr, Param, Tuple, Var, call, tuple_of, where
-from teg.integral import Delta, Integral
+from teg.ir.expr import ONE, ZERO, Call, Compare, Expr, Param, Tuple, Var, call, tuple_of, where
+from teg.ir.integral import Delta, Integral
+from teg.ir.node import Node, postorder
+from teg.ir.show import show
+from teg.ir.traverse import parameters, rename_apart, rewrite, substitute
 from teg.isolation import max_roots, widened
 from teg.nest import Binder
-from teg.node import Node, postorder
 from teg.passes.affine import Affine
 from teg.passes.atoms import canonicalise
 from teg.passes.bilinear import Bilinear
@@ -24,7 +25,6 @@ from teg.polynomial import P, Point, Shadow, divided, residue
 from teg.roots import solve
 from teg.staircase import is_step, is_uncounted, with_floors
 from teg.surfaces import atoms_of, binders_inside, owned_surfaces
-from teg.traverse import parameters, rename_apart, rewrite, substitute
 
 LONGEST = 2000
 LARGEST = 400

@@ -17,11 +17,11 @@ from typing import cast
 
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, add, call, const, mul, sub
 from teg.intervals import Enclosure
-from teg.node import Node, postorder
+from teg.ir.expr import ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, add, call, const, mul, sub
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import fresh, replace_node
 from teg.polynomial import Shadow
-from teg.traverse import fresh, replace_node
 
 MAX_ROOTS = 16
 MAX_PLACES = 64

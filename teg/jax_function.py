@@ -10,7 +10,6 @@ from teg.array_pipeline import parameters_and_arrays
 from teg.array_program import ArrayProgram
 from teg.derivative_programs import DerivativePrograms
 from teg.errors import ArrayIndexError, BackendError, MissingPackageError, ParameterError
-from teg.expr import Expr, Param
 from teg.framework_function import (
     FrameworkFunction,
     Parameter,
@@ -20,8 +19,9 @@ from teg.framework_function import (
     dimensions_of,
     nested,
 )
-from teg.index import ArrayName, IndexArray
 from teg.integration import Integration
+from teg.ir.expr import Expr, Param
+from teg.ir.index import ArrayName, IndexArray
 from teg.isolation import MAX_ROOTS
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
 

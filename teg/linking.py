@@ -11,12 +11,12 @@ from dataclasses import replace
 from typing import cast
 
 from teg.bodies import body_of, write_all_out
-from teg.expr import Expr, Param
-from teg.function import Function, Slot
 from teg.integration import Integration
+from teg.ir.expr import Expr, Param
+from teg.ir.function import Function, Slot
+from teg.ir.traverse import substitute
 from teg.passes.schedule import schedule
 from teg.program import Assign, Called, Program
-from teg.traverse import substitute
 
 
 def with_bodies(program: Program, functions: Sequence[Function] = ()) -> Program:

@@ -16,13 +16,15 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import cast
 
-from teg import expr as ex
-from teg.build import check_parameters
 from teg.diffeomorphism import Diffeomorphism
-from teg.dump import dump
 from teg.errors import ParameterError
-from teg.expr import ONE, Expr, Param, Tuple, as_number
 from teg.integration import Integration
+from teg.ir import expr as ex
+from teg.ir.expr import ONE, Expr, Param, Tuple, as_number
+from teg.ir.show import dump
+from teg.ir.traverse import parameters
+from teg.ir.verify import verify
+from teg.language import check_parameters
 from teg.linking import with_bodies
 from teg.passes.adjoint import gradient_of
 from teg.passes.atoms import Canonical
@@ -42,8 +44,6 @@ from teg.passes.steps import enumerate_steps
 from teg.passes.unbounded import with_finite_bounds
 from teg.passes.uncounted import check_steps, without_uncounted
 from teg.program import Program
-from teg.traverse import parameters
-from teg.verify import verify
 
 Pass = Callable[[Expr], Expr]
 Maps = Sequence[Diffeomorphism]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from teg.expr import FALSE, TRUE, Add, Cond, Expr, Mul, Where, conjunction, disjunction, negation
-from teg.integral import Integral
-from teg.node import Node, postorder
+from teg.ir.expr import FALSE, TRUE, Add, Cond, Expr, Mul, Where, conjunction, disjunction, negation
+from teg.ir.integral import Integral
+from teg.ir.node import Node, postorder
 
 
 def holding(root: Node, inner: Node) -> list[Node]:

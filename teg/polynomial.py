@@ -16,10 +16,10 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import cast
 
-from teg.expr import Add, Call, Const, Expr, Mul, Param, Pow, Var, Where, add, const, mul
-from teg.function import Apply, Function
-from teg.integral import Integral
-from teg.node import digest, postorder
+from teg.ir.expr import Add, Call, Const, Expr, Mul, Param, Pow, Var, Where, add, const, mul
+from teg.ir.function import Apply, Function
+from teg.ir.integral import Integral
+from teg.ir.node import digest, postorder
 
 P = 2**521 - 1
 MAX_TERMS = 400

@@ -12,10 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast
 
-from teg import expr as ex
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.ir import expr as ex
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     TRUE,
@@ -43,9 +43,9 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.node import Node, postorder
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import fresh, parameters, replace_node, size, substitute
 from teg.polynomial import Degrees, Shadow, shorter_form
-from teg.traverse import fresh, parameters, replace_node, size, substitute
 
 MAX_PERIODIC = 16
 """Roots of a periodic function for which code is made where the bounds are not known as numbers."""

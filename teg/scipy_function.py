@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 from teg.arguments import refuse_masked
-from teg.arrays import Array
 from teg.compile import compile
 from teg.errors import OptionError, ParameterError
-from teg.expr import Param
+from teg.ir.arrays import Array
+from teg.ir.expr import Param
 from teg.options import checked_dtype
 
 if TYPE_CHECKING:

@@ -23,14 +23,14 @@ from typing import cast
 from teg.analysis.evaluate import folded, values_of
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import MINUS_ONE, ONE, Call, Compare, Const, Expr, Param, Pow, Var, add, call, const, integer_power, mul, sub
-from teg.function import Apply
-from teg.integral import Integral, PointMasses
 from teg.intervals import Enclosure, Interval
-from teg.node import Node, postorder
+from teg.ir.expr import MINUS_ONE, ONE, Call, Compare, Const, Expr, Param, Pow, Var, add, call, const, integer_power, mul, sub
+from teg.ir.function import Apply
+from teg.ir.integral import Integral, PointMasses
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import fresh, rebuild, substitute
 from teg.polynomial import Degrees
 from teg.program import UNSEEN
-from teg.traverse import fresh, rebuild, substitute
 
 LARGE_POWER = 16
 """A positive power up to that is narrow only where its base is; a negative one of a linear or quadratic function has places of its own."""

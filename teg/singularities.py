@@ -28,7 +28,8 @@ from typing import cast
 
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.extents import Extent, extent
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     ZERO,
@@ -48,12 +49,11 @@ from teg.expr import (
     mul,
     sub,
 )
-from teg.extents import Extent, extent
-from teg.integral import Integral
+from teg.ir.integral import Integral
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import rewrite, substitute
 from teg.nest import Binder, Chain
-from teg.node import Node, postorder
 from teg.polynomial import Point, Shadow, divided
-from teg.traverse import rewrite, substitute
 
 SMOOTH = math.inf
 """The roughness of what has whole powers only."""

@@ -17,7 +17,8 @@ from typing import cast
 
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.intervals import enclose
+from teg.ir.expr import (
     FALSE,
     MINUS_ONE,
     ONE,
@@ -45,12 +46,11 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.integral import Integral
-from teg.intervals import enclose
-from teg.node import Node, postorder
+from teg.ir.integral import Integral
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import parameters, rewrite, substitute
 from teg.polynomial import Shadow
 from teg.roots import MAX_PERIODIC, tidy
-from teg.traverse import parameters, rewrite, substitute
 
 MAX_STEPS = 256
 """Steps of one floor that are counted."""

@@ -12,12 +12,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from teg import expr as ex
 from teg.calculus import slope
 from teg.coincidence import ZeroSet, peeled
-from teg.dump import show
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.ir import expr as ex
+from teg.ir.expr import (
     FALSE,
     TRUE,
     ZERO,
@@ -33,10 +32,11 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.integral import Integral
-from teg.node import Node, digest
+from teg.ir.integral import Integral
+from teg.ir.node import Node, digest
+from teg.ir.show import show
+from teg.ir.traverse import substitute
 from teg.polynomial import Shadow
-from teg.traverse import substitute
 
 
 def atoms_of(root: Node, var: Var | None = None) -> list[Compare]:

@@ -18,16 +18,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
-from teg import build
-from teg import expr as ex
+from teg import language as build
 from teg.bodies import write_all_out
 from teg.calculus import slope
 from teg.errors import OperandError, OptionError, ParameterError, TegError
-from teg.expr import ONE, ZERO, Cond, Expr, Param, Tuple, Var
+from teg.ir import expr as ex
+from teg.ir.expr import ONE, ZERO, Cond, Expr, Param, Tuple, Var
+from teg.ir.traverse import size, substitute
 from teg.sympy_nodes import sympy_package
 from teg.sympy_reader import Reader, names_of, readable
 from teg.sympy_writer import Writer, symbols_of, written_out
-from teg.traverse import size, substitute
 
 CONDITIONS = ("auto", "heaviside", "piecewise")
 

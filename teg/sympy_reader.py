@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping
 from functools import cache, reduce
 from typing import Any, cast
 
-from teg import build
-from teg import expr as ex
+from teg import language as build
 from teg.errors import BoundError, NameClashError, OperandError
-from teg.expr import MINUS_ONE, ONE, ZERO, Add, Cond, Const, Expr, Mul, Var
-from teg.node import Node
+from teg.ir import expr as ex
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Cond, Const, Expr, Mul, Var
+from teg.ir.node import Node
 from teg.sympy_nodes import in_postorder, parts_of, shown, sympy_package
 
 

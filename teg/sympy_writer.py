@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from typing import Any, cast
 
-from teg import build
-from teg import expr as ex
-from teg.arrays import LEAVES, Sum
+from teg import language as build
 from teg.errors import NameClashError, OperandError
-from teg.expr import (
+from teg.ir import expr as ex
+from teg.ir.arrays import LEAVES, Sum
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     ZERO,
@@ -30,8 +30,8 @@ from teg.expr import (
     Var,
     Where,
 )
-from teg.integral import Delta, Integral
-from teg.node import Node, postorder
+from teg.ir.integral import Delta, Integral
+from teg.ir.node import Node, postorder
 from teg.sympy_nodes import as_it_is, sympy_package
 
 _FLATTEN = 8  # integrals inside each other, and factors, are written as one while they are so few: more would be quadratic

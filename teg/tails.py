@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from teg.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Var, add, div, integer_power, sub
-from teg.integral import Integral
-from teg.traverse import fresh
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Var, add, div, integer_power, sub
+from teg.ir.integral import Integral
+from teg.ir.traverse import fresh
 
 
 def infinite_ends(node: Integral) -> tuple[float, float]:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from teg.array_pipeline import parameters_and_arrays
 from teg.derivative_kernels import DerivativeKernels
 from teg.errors import ArrayIndexError, MissingPackageError, OptionError, ParameterError
-from teg.expr import Expr, Param
 from teg.framework_function import (
     FrameworkFunction,
     Parameter,
@@ -19,8 +18,9 @@ from teg.framework_function import (
     dimensions_of,
     nested,
 )
-from teg.index import ArrayName, IndexArray
 from teg.integration import Integration
+from teg.ir.expr import Expr, Param
+from teg.ir.index import ArrayName, IndexArray
 from teg.isolation import MAX_ROOTS
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 from teg.analysis.evaluate import values_of
 from teg.calculus import slope
-from teg.dump import number
 from teg.errors import DiffeomorphismError
-from teg.expr import Expr, Param, Var
 from teg.intervals import Interval
+from teg.ir.expr import Expr, Param, Var
+from teg.ir.show import number
 
 if TYPE_CHECKING:
     import numpy as np

@@ -11,26 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from teg import (
-    Expr,
-    abs,
-    asin,
-    atan2,
-    bracket,
-    cos,
-    exp,
-    integral,
-    log,
-    maximum,
-    minimum,
-    params,
-    sign,
-    sin,
-    sqrt,
-    tan,
-    vars,
-    where,
-)
+from teg import Expr, abs, asin, atan2, bracket, cos, exp, log, maximum, minimum, params, sign, sin, sqrt, tan, vars, where
+from teg.ir import integral
 
 
 @dataclass(frozen=True)

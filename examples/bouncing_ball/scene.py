@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import teg
 from teg.compile import Evaluator
-from teg.expr import Expr, Param, as_number
+from teg.ir.expr import Expr, Param, as_number
 
 GIVEN = ("duration", "start", "end", "speed", "room", "mass", "gravity")
 

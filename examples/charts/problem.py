@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import teg
-from teg.expr import Expr, Param
+from teg.ir.expr import Expr, Param
 
 Body = Callable[..., Any]
 Bound = float | Callable[..., Any]  # a number, or a function of (m, the variables outside, parameters by name)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 import teg
-from teg.expr import Cond, Expr
+from teg.ir.expr import Cond, Expr
 
 Cover = Callable[[Any], Any]
 """Corners of triangles, (…, 3, 2), in the coordinates of one pixel, which is [0, 1]², to the areas of the pixel they cover, (…)."""

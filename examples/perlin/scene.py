@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import teg
 from teg.compile import Evaluator
-from teg.expr import Cond, Expr, Param, Var
+from teg.ir.expr import Cond, Expr, Param, Var
 
 CORNERS = ("top_left", "top_right", "bottom_left", "bottom_right")
 ABOVE = ("above_red", "above_green", "above_blue")

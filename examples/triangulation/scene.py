@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import teg
 from teg.compile import Evaluator
-from teg.expr import Cond, Expr
-from teg.index import Index
+from teg.ir.expr import Cond, Expr
+from teg.ir.index import Index
 
 VERTICES = teg.array("vertices", 2)  # (n, 2)
 COLOURS = teg.array("colours", 2)  # (m, 3)

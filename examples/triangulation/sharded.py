@@ -23,7 +23,7 @@ from teg.backends.jax_precision import in_double_precision
 from teg.errors import InputError
 from teg.examples.triangulation.image_loss import bounding_boxes
 from teg.examples.triangulation.scene import COLOURS, FACES, VERTICES, per_pixel, pixel_loss
-from teg.expr import Expr
+from teg.ir.expr import Expr
 
 PAIRS = teg.indices("pairs", 2)  # (p, 3): a triangle, and the column and row of a pixel
 CORNERS = teg.indices("corners", 2)  # (m, 2): first column and row of the window of a triangle

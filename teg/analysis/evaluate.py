@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from teg.errors import OperandError
-from teg.expr import Add, And, Call, Compare, Const, Expr, Mul, Not, Or, Pow, Truth, Where, const
-from teg.node import Node, postorder
-from teg.traverse import parameters
+from teg.ir.expr import Add, And, Call, Compare, Const, Expr, Mul, Not, Or, Pow, Truth, Where, const
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import parameters
 
 
 def values_of(expressions: Sequence[Expr], at: Mapping[Any, Any]) -> list[Any]:

@@ -17,10 +17,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from teg import expr as ex
 from teg.calculus import factor_cofactors, partials, value_children
 from teg.errors import DeltaError
-from teg.expr import (
+from teg.ir import expr as ex
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     ZERO,
@@ -41,8 +41,8 @@ from teg.expr import (
     mul,
     where,
 )
-from teg.integral import Delta, Integral, delta, integral_over
-from teg.node import Node, postorder
+from teg.ir.integral import Delta, Integral, delta, integral_over
+from teg.ir.node import Node, postorder
 from teg.passes.differentiate import Transport, carried, tangent_of
 from teg.passes.jumps import surface_terms
 from teg.singularities import sharp_nodes

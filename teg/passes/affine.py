@@ -21,10 +21,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from teg import expr as ex
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.ir import expr as ex
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     TRUE,
@@ -50,14 +50,14 @@ from teg.expr import (
     sub,
     where,
 )
+from teg.ir.node import Node
+from teg.ir.traverse import fresh, rewrite, substitute
 from teg.nest import Binder, Chain, nest, ranges_of
-from teg.node import Node
 from teg.passes.barycentric import Along
 from teg.passes.demand import middle_and_reach, support
 from teg.passes.vertices import Side, match_side
 from teg.polynomial import Point, Shadow, residue
 from teg.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
-from teg.traverse import fresh, rewrite, substitute
 
 
 @dataclass(frozen=True)

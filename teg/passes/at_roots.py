@@ -15,8 +15,9 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import cast
 
-from teg.expr import ONE, Compare, Expr, Var
-from teg.integral import Integral, PointMasses
+from teg.ir.expr import ONE, Compare, Expr, Var
+from teg.ir.integral import Integral, PointMasses
+from teg.ir.traverse import replace_node, substitute
 from teg.isolation import MAX_ROOTS, Isolation, Location, isolate, off_the_grid, widened
 from teg.passes.emit import NAN, SHORT, Emitter, Level, Truths
 from teg.polynomial import Shadow
@@ -24,7 +25,6 @@ from teg.program import ISOLATE_WIDTH, TIE_EPS, Arg, Isolate, Locate, SumOver
 from teg.roots import Root, solve
 from teg.surfaces import atoms_of
 from teg.tails import finite_place, is_unbounded
-from teg.traverse import replace_node, substitute
 
 _NOWHERE = float("inf")
 BOXES = 8

@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from typing import cast
 
-from teg import expr as ex
 from teg.antiderivative import integrated
 from teg.coincidence import short_form
-from teg.expr import (
+from teg.ir import expr as ex
+from teg.ir.expr import (
     FALSE,
     MINUS_ONE,
     TRUE,
@@ -43,13 +43,13 @@ from teg.expr import (
     negation,
     positive,
 )
-from teg.integral import Delta, Integral, delta, scaled_integral
+from teg.ir.integral import Delta, Integral, delta, scaled_integral
+from teg.ir.node import Node, postorder, union
+from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, substitute
 from teg.kinks import kinks_of, with_sizes
-from teg.node import Node, postorder, union
 from teg.passes.jumps import assign
 from teg.polynomial import Point, Shadow, divided, shorter_form, sign_of_residue
 from teg.surfaces import atoms_of, binders_inside
-from teg.traverse import rebuild, remake, rename_apart, replace_node, substitute
 
 MAX_HOISTED = 6
 MAX_KINKS = 2

@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from typing import cast
 
-from teg.expr import (
+from teg.ir.expr import (
     FALSE,
     ONE,
     TRUE,
@@ -33,10 +33,10 @@ from teg.expr import (
     positive,
     sub,
 )
-from teg.node import Node, postorder
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import rewrite, substitute
 from teg.passes.vertices import SMALL, Plane, Side, Triangle, ratio
 from teg.polynomial import P, Shadow, expanded
-from teg.traverse import rewrite, substitute
 
 
 class Along:

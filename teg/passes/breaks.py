@@ -26,7 +26,7 @@ from typing import cast
 from teg.calculus import slope
 from teg.coincidence import coincide
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.ir.expr import (
     FALSE,
     TRUE,
     Add,
@@ -52,13 +52,13 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.integral import Integral, masses_of
+from teg.ir.integral import Integral, masses_of
+from teg.ir.node import Node, digest, postorder
+from teg.ir.traverse import replace_node, substitute
 from teg.isolation import MARGIN, MAX_ROOTS, Isolation, Location, isolate, locate
-from teg.node import Node, digest, postorder
 from teg.polynomial import Degrees, P, Point, Poly, Ratio, Shadow, divided, residue
 from teg.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients, solve
 from teg.surfaces import atoms_of, binders_inside
-from teg.traverse import replace_node, substitute
 
 MAX_BRANCHES = 16
 MAX_FUNCTIONS = 4000

@@ -18,7 +18,8 @@ from itertools import pairwise
 from typing import cast
 
 from teg.calculus import slope
-from teg.expr import (
+from teg.extents import extent
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     TRUE,
@@ -42,13 +43,12 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.extents import extent
-from teg.integral import Integral, integral_over, masses_of
-from teg.node import Node, postorder
+from teg.ir.integral import Integral, integral_over, masses_of
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import fresh, rewrite, substitute
 from teg.polynomial import Shadow
 from teg.roots import solve
 from teg.singularities import SMOOTH, Keys, order_at, sharp_nodes, singular_arguments
-from teg.traverse import fresh, rewrite, substitute
 
 MAX_CENTRES = 3
 """An integrand with more singular points is left as it is."""

@@ -13,7 +13,8 @@ from dataclasses import replace
 from typing import cast
 
 from teg.calculus import slope
-from teg.expr import (
+from teg.integration import Integration
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     ZERO,
@@ -32,9 +33,9 @@ from teg.expr import (
     positive,
     sub,
 )
-from teg.integral import Integral
-from teg.integration import Integration
-from teg.node import Node
+from teg.ir.integral import Integral
+from teg.ir.node import Node
+from teg.ir.traverse import fresh, rebuild, rewrite, substitute
 from teg.passes.barycentric import Inside
 from teg.passes.demand import middle_and_reach
 from teg.passes.emit import Level
@@ -43,7 +44,6 @@ from teg.passes.sampled import UnbrokenEmitter
 from teg.passes.vertices import match_triangle
 from teg.polynomial import Shadow
 from teg.program import Arg, HalfLine, HalfPlane, Polygon, Segment
-from teg.traverse import fresh, rebuild, rewrite, substitute
 
 
 class ClippedEmitter(UnbrokenEmitter):

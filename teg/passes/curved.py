@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
-from teg.expr import Expr
-from teg.integral import Border, Integral
 from teg.integration import Integration
-from teg.node import Node
+from teg.ir.expr import Expr
+from teg.ir.integral import Border, Integral
+from teg.ir.node import Node
 from teg.passes.clipped import ClippedEmitter
 from teg.passes.emit import Level
 from teg.passes.hyperbola import Coefficients, Corners, Sides, match_hyperbola

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import cast
 
 from teg.calculus import slope
-from teg.expr import (
+from teg.ir.expr import (
     FALSE,
     TRUE,
     ZERO,
@@ -27,9 +27,9 @@ from teg.expr import (
     mul,
     negation,
 )
-from teg.integral import Integral
-from teg.node import Node
-from teg.traverse import substitute
+from teg.ir.integral import Integral
+from teg.ir.node import Node
+from teg.ir.traverse import substitute
 
 GUARD_TERMS = 4
 """Longer guards cost more than they save."""

@@ -26,11 +26,11 @@ import math
 from collections.abc import Container, Mapping
 from typing import Any, cast
 
-from teg import expr as ex
 from teg.calculus import factor_cofactors, partials, slope
 from teg.coincidence import ZeroSet, peeled
 from teg.errors import DeltaError
-from teg.expr import (
+from teg.ir import expr as ex
+from teg.ir.expr import (
     MINUS_ONE,
     ZERO,
     Add,
@@ -55,14 +55,14 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.integral import Delta, Integral, delta, integral_over
+from teg.ir.integral import Delta, Integral, delta, integral_over
+from teg.ir.node import Node
+from teg.ir.traverse import substitute
 from teg.nest import Binder, Chain, nest
-from teg.node import Node
 from teg.passes.jumps import surface_terms
 from teg.passes.sift import deltas_of, linear_part, without
 from teg.singularities import Field, Keys, Surface, field_of, find_surfaces, on_sides, sharp_nodes
 from teg.surfaces import bound_surface, open_surfaces, owned_surfaces, restrict
-from teg.traverse import substitute
 
 Direction = Mapping[Any, Expr]
 """How parameters, and variables that are carried along, change."""

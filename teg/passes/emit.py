@@ -14,10 +14,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
-from teg.expr import MINUS_ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where
-from teg.function import Apply, Callee
-from teg.integral import Delta, Integral
-from teg.node import Node
+from teg.ir.expr import MINUS_ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where
+from teg.ir.function import Apply, Callee
+from teg.ir.integral import Delta, Integral
+from teg.ir.node import Node
 from teg.passes.breaks import Breaks
 from teg.polynomial import Shadow
 from teg.program import TIE_EPS, Arg, Assign, Stmt

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import cast
 
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.intervals import Enclosure
+from teg.ir.expr import (
     FALSE,
     MINUS_ONE,
     ONE,
@@ -31,14 +32,13 @@ from teg.expr import (
     negation,
     positive,
 )
-from teg.integral import Integral, masses_of
-from teg.intervals import Enclosure
+from teg.ir.integral import Integral, masses_of
+from teg.ir.node import postorder
+from teg.ir.traverse import rewrite, substitute
 from teg.isolation import MARGIN
-from teg.node import postorder
 from teg.passes.demand import support
 from teg.polynomial import Shadow
 from teg.surfaces import atoms_of
-from teg.traverse import rewrite, substitute
 
 MAX_LEVELS = 32
 MAX_SIDES = 4

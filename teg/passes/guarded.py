@@ -15,18 +15,18 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import cast
 
-from teg.expr import ZERO, Const, Expr, Var, const, positive, sub, where
-from teg.integral import Integral
 from teg.integration import Integration
 from teg.intervals import Enclosure, Interval
-from teg.node import Node
+from teg.ir.expr import ZERO, Const, Expr, Var, const, positive, sub, where
+from teg.ir.integral import Integral
+from teg.ir.node import Node
+from teg.ir.traverse import fresh, substitute
 from teg.numerics.quadrature import gauss_legendre
 from teg.passes.curved import CurvedEmitter
 from teg.passes.emit import Level
 from teg.polynomial import Degrees
 from teg.program import Adaptive, Arg, Guard
 from teg.sharp import Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
-from teg.traverse import fresh, substitute
 
 CUBIC_RATE = 1.5
 """How much faster than on a straight line a cubic's place goes."""

@@ -18,16 +18,16 @@ from math import factorial
 from typing import cast
 
 from teg.calculus import slope
-from teg.dump import show
 from teg.errors import NotDifferentiableError
-from teg.expr import FALSE, TRUE, ZERO, Add, Const, Expr, Mul, Var, add, const, integer_power, mul, sub
-from teg.integral import Border, Integral, masses_of
 from teg.integration import Integration
+from teg.ir.expr import FALSE, TRUE, ZERO, Add, Const, Expr, Mul, Var, add, const, integer_power, mul, sub
+from teg.ir.integral import Border, Integral, masses_of
+from teg.ir.show import show
+from teg.ir.traverse import replace_node, substitute
 from teg.nest import Binder, Chain
 from teg.polynomial import Shadow
 from teg.surfaces import atoms_of
 from teg.tails import is_unbounded
-from teg.traverse import replace_node, substitute
 
 MAX_BORDER, MAX_INSIDE = 3, 2
 Corners = tuple[Expr, Expr, Expr, Expr]

@@ -16,9 +16,8 @@ from typing import cast
 
 from teg.calculus import slope
 from teg.critical import critical_point, infinite_at_saddle
-from teg.dump import show
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.ir.expr import (
     MINUS_ONE,
     TRUE,
     ZERO,
@@ -33,12 +32,13 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.integral import Integral, PointMasses, delta, integral_over, masses_of
+from teg.ir.integral import Integral, PointMasses, delta, integral_over, masses_of
+from teg.ir.node import Node, postorder
+from teg.ir.show import show
+from teg.ir.traverse import rebuild, replace_node
 from teg.isolation import isolate, widened
 from teg.nest import Binder, Chain, nest, ranges_of
-from teg.node import Node, postorder
 from teg.surfaces import free_of, restrict, signed_inside
-from teg.traverse import rebuild, replace_node
 
 MAX_CHARTS = 3
 APART = 2.0**-45

@@ -21,15 +21,15 @@ from collections.abc import Iterator
 from typing import cast
 
 from teg.bodies import everywhere_written_out, with_peaks_outside, written_out
-from teg.expr import Call, Compare, Expr, Pow, Var
-from teg.function import Apply, Function, Slot, degrees_in, functions_of
-from teg.integral import Delta, Integral, PointMasses
 from teg.intervals import Interval
-from teg.node import Node, postorder
+from teg.ir.expr import Call, Compare, Expr, Pow, Var
+from teg.ir.function import Apply, Function, Slot, degrees_in, functions_of
+from teg.ir.integral import Delta, Integral, PointMasses
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import parameters, rebuild
 from teg.polynomial import Degrees
 from teg.sharp import numeric_range, sharp_values, tame_ones
 from teg.tails import is_unbounded
-from teg.traverse import parameters, rebuild
 
 _SINGULAR = frozenset(
     ("sqrt", "root", "log", "pow", "tan", "asin", "acos", "atan2", "floor", "ceil", "round", "mod", "magnitude", "min", "max")

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-from teg import expr as ex
 from teg.calculus import factor_cofactors
 from teg.coincidence import ZeroSet
-from teg.expr import (
+from teg.ir import expr as ex
+from teg.ir.expr import (
     FALSE,
     TRUE,
     ZERO,
@@ -32,11 +32,11 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.integral import Integral, integral_over
-from teg.node import Node, postorder
+from teg.ir.integral import Integral, integral_over
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import rebuild, replace_node
 from teg.polynomial import Point
 from teg.singularities import fades_at
-from teg.traverse import rebuild, replace_node
 
 
 def _containing(root: Node, surface: Expr) -> list[Node]:

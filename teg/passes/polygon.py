@@ -18,7 +18,8 @@ from typing import cast
 
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.integration import Integration
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     TRUE,
@@ -42,14 +43,13 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.integral import Integral, masses_of
-from teg.integration import Integration
-from teg.node import Node
+from teg.ir.integral import Integral, masses_of
+from teg.ir.node import Node
+from teg.ir.traverse import replace_node, substitute
 from teg.polynomial import Shadow
 from teg.program import MAX_HALF_PLANES
 from teg.surfaces import atoms_of
 from teg.tails import is_unbounded
-from teg.traverse import replace_node, substitute
 
 MAX_DEGREE = 24
 MAX_NODES = 16

@@ -23,10 +23,10 @@ from math import inf
 from typing import cast
 
 from teg.errors import OptionError
-from teg.expr import Add, Compare, Const, Expr, Mul, Where
-from teg.integral import Integral, masses_of
 from teg.integration import Integration
-from teg.node import Node, postorder
+from teg.ir.expr import Add, Compare, Const, Expr, Mul, Where
+from teg.ir.integral import Integral, masses_of
+from teg.ir.node import Node, postorder
 from teg.numerics.sobol import DIMENSIONS
 from teg.passes.at_roots import RootEmitter
 from teg.passes.emit import Level

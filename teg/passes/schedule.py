@@ -16,7 +16,8 @@ from typing import assert_never, cast
 
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.integration import Integration
+from teg.ir.expr import (
     FALSE,
     MINUS_ONE,
     ONE,
@@ -40,10 +41,10 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.integral import Integral, PointMasses, masses_of
-from teg.integration import Integration
+from teg.ir.integral import Integral, PointMasses, masses_of
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import substitute
 from teg.liveness import without_dead_code
-from teg.node import Node, postorder
 from teg.passes.breaks import MAX_BENDS, BreakAnalysis, Breaks, Turn
 from teg.passes.demand import GUARD_TERMS, guards, support
 from teg.passes.emit import NAN, Level
@@ -57,7 +58,6 @@ from teg.roots import local_origin
 from teg.sharp import Sharp, numeric_range, sharp_values
 from teg.surfaces import atoms_of
 from teg.tails import infinite_ends, is_unbounded
-from teg.traverse import substitute
 
 MAX_GAUSS = 24
 TIGHTEST = 1e-14

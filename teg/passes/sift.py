@@ -10,11 +10,11 @@ from __future__ import annotations
 from typing import cast
 
 from teg.errors import DeltaError
-from teg.expr import ONE, ZERO, Add, Call, Expr, Mul, Pow, Where, add, mul, negation, where
-from teg.integral import Delta, Integral
+from teg.ir.expr import ONE, ZERO, Add, Call, Expr, Mul, Pow, Where, add, mul, negation, where
+from teg.ir.integral import Delta, Integral
+from teg.ir.node import postorder
+from teg.ir.traverse import rewrite
 from teg.nest import Binder, Chain
-from teg.node import postorder
-from teg.traverse import rewrite
 
 
 def deltas_of(e: Expr) -> list[Delta]:

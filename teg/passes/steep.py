@@ -22,15 +22,15 @@ from typing import cast
 from teg.analysis.evaluate import values_of
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError, OperandError
-from teg.expr import FALSE, TRUE, ZERO, Call, Cond, Const, Expr, Pow, Var, add, call, const, mul, negation, positive, sub, where
 from teg.intervals import Enclosure
+from teg.ir.expr import FALSE, TRUE, ZERO, Call, Cond, Const, Expr, Pow, Var, add, call, const, mul, negation, positive, sub, where
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import parameters
 from teg.nest import Binder, Chain, nest, ranges_of
-from teg.node import Node, postorder
 from teg.passes.affine import Affine, rewrite_affine
 from teg.passes.implicit import Implicit, match_implicit, rewrite_implicit
 from teg.polynomial import residue
 from teg.surfaces import free_of
-from teg.traverse import parameters
 
 STEEPEST = 1e4
 """R up to which a graph loses no more than a few roundings times this number."""

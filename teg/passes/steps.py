@@ -23,7 +23,8 @@ from collections.abc import Sequence
 from typing import cast
 
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.intervals import enclose
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     TRUE,
@@ -44,13 +45,12 @@ from teg.expr import (
     positive,
     where,
 )
-from teg.integral import Integral
-from teg.intervals import enclose
-from teg.node import Node, postorder
+from teg.ir.integral import Integral
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import fresh, rebuild, rename_apart, replace_node, size
 from teg.passes.jumps import jump
 from teg.places import holding, linear_places, reached
 from teg.staircase import Box, Range, Steps, between_integers, count_steps, is_step, uncounted, with_floors
-from teg.traverse import fresh, rebuild, rename_apart, replace_node, size
 
 MAX_CELLS = 1024
 """Cells of one summand."""

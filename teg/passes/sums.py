@@ -12,14 +12,14 @@ from __future__ import annotations
 
 from typing import cast
 
-from teg.arrays import Sum, sum_over
-from teg.cells import indices_apart, replace_integers
 from teg.errors import ArrayIndexError
-from teg.expr import ONE, ZERO, Add, Expr, Mul, Var, Where, add, mul, where
-from teg.index import IndexConst, IndexGather, IndexParam, IndexVar, Length, index_const, index_leaves
-from teg.integral import Integral, integral_over
-from teg.node import Node, postorder
-from teg.traverse import rebuild
+from teg.ir.arrays import Sum, sum_over
+from teg.ir.cells import indices_apart, replace_integers
+from teg.ir.expr import ONE, ZERO, Add, Expr, Mul, Var, Where, add, mul, where
+from teg.ir.index import IndexConst, IndexGather, IndexParam, IndexVar, Length, index_const, index_leaves
+from teg.ir.integral import Integral, integral_over
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import rebuild
 
 MOST_TERMS = 20_000
 """A sum of more terms is not written out."""

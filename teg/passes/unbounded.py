@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import cast
 
-from teg.expr import MINUS_ONE, Expr, Var, mul
-from teg.integral import Delta, Integral, integral_over
-from teg.node import Node, postorder
+from teg.ir.expr import MINUS_ONE, Expr, Var, mul
+from teg.ir.integral import Delta, Integral, integral_over
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import rewrite, substitute
 from teg.tails import finite_place, infinite_ends, is_unbounded
-from teg.traverse import rewrite, substitute
 
 
 def with_finite_bounds(e: Expr) -> Expr:

@@ -11,15 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from teg import expr as ex
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import ZERO, Expr, Var, add, call, mul, where
+from teg.ir import expr as ex
+from teg.ir.expr import ZERO, Expr, Var, add, call, mul, where
+from teg.ir.traverse import fresh, substitute
 from teg.nest import Binder, Chain, nest
 from teg.polynomial import Shadow
 from teg.roots import solve
 from teg.surfaces import restrict, signed_inside
-from teg.traverse import fresh, substitute
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,9 @@ from teg.calculus import slope
 from teg.coverage import verify_exact, verify_reached
 from teg.diffeomorphism import INFINITY, MINUS_INFINITY, Diffeomorphism
 from teg.errors import BoundError, OperandError, ScopeError
-from teg.expr import (
+from teg.identities import simplified, taken_out
+from teg.images import Image, Side, image_of
+from teg.ir.expr import (
     FALSE,
     MINUS_ONE,
     TRUE,
@@ -41,14 +43,12 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.identities import simplified, taken_out
-from teg.images import Image, Side, image_of
-from teg.integral import Integral, PointMasses
+from teg.ir.integral import Integral, PointMasses
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import fresh, parameters, rebuild, rename_apart, replace_node, size, substitute
 from teg.nest import Binder, Chain, nest
-from teg.node import Node, postorder
 from teg.polynomial import Shadow, expanded
 from teg.surfaces import ordered, signed_between
-from teg.traverse import fresh, parameters, rebuild, rename_apart, replace_node, size, substitute
 
 Family = tuple[Callable[[Expr, Sequence[Var]], Any], Callable[[Expr, Expr, Chain, Any], Expr | None]]
 

@@ -21,7 +21,7 @@ from typing import cast
 
 from teg.calculus import slope
 from teg.errors import NotDifferentiableError
-from teg.expr import (
+from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     TRUE,
@@ -43,9 +43,9 @@ from teg.expr import (
     sub,
     where,
 )
-from teg.node import Node, postorder
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import substitute
 from teg.polynomial import P, Shadow, divided, expanded
-from teg.traverse import substitute
 
 MAX_POINTS = 128
 """Of a longer conjunction the sides are not looked at: every pair of a side and a point would be."""

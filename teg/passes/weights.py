@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from teg.expr import ONE, TRUE, Add, Cond, Const, Expr, Mul, Tuple, Where, call, conjunction, const, mul, negation, where
-from teg.integral import Border, Integral, PointMasses
-from teg.node import Node
+from teg.ir.expr import ONE, TRUE, Add, Cond, Const, Expr, Mul, Tuple, Where, call, conjunction, const, mul, negation, where
+from teg.ir.integral import Border, Integral, PointMasses
+from teg.ir.node import Node
 
 SMALL_FACTOR = 100.0
 """A number that is no larger in front of an integral does not matter."""

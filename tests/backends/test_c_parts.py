@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 import teg
-from teg import Expr, bracket, integral, param, params, vars
+from teg import Expr, bracket, param, params, vars
 from teg.backends import c_build, c_frame, c_polygon
 from teg.backends.c_backend import compile_c
 from teg.backends.c_frame import Frame, Step
 from teg.backends.c_print import print_kernel
+from teg.ir import integral
 from teg.program import (
     Assign,
     Gauss,

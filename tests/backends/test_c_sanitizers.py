@@ -14,7 +14,7 @@ import teg
 from teg.backends.c_backend import print_kernel
 from teg.backends.c_standalone import standalone_c
 from teg.backends.c_text import literal
-from teg.expr import Param
+from teg.ir.expr import Param
 from teg.program import Adaptive, Gauss, Integrate, Isolate, Locate, Midpoint, Program, Sample, SumOver, statements
 from tests.backends import isolate_programs, locate_programs, programs
 from tests.backends.c_checks import SANITIZERS, _compile, behaviour_is_defined, in_c, text_compiles_without_warnings

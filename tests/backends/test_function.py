@@ -19,8 +19,8 @@ import teg
 from teg import derivation, linking
 from teg.backends import c_build, c_functions, numpy_backend
 from teg.backends.c_standalone import standalone_c
-from teg.expr import Expr, Param
-from teg.function import Function
+from teg.ir.expr import Expr, Param
+from teg.ir.function import Function
 from tests.bench.scenes import shaded_brackets
 
 x, y = teg.vars("x y")

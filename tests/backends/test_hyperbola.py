@@ -17,8 +17,8 @@ import teg
 from teg.backends.c_backend import compile_c
 from teg.backends.jax_backend import compile_jax
 from teg.backends.numpy_backend import compile_numpy
+from teg.ir.traverse import parameters
 from teg.program import Assign, Hyperbola, Moments, Program, size, statements
-from teg.traverse import parameters
 from tests.backends.c_checks import (
     LIMITS,
     any_number_of_threads_gives_the_same,

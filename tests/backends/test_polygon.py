@@ -12,7 +12,7 @@ import pytest
 
 import teg
 from teg import Expr
-from teg.expr import Param
+from teg.ir.expr import Param
 from tests.bench.scenes import triangle_pixel
 
 x, y = teg.vars("x y")
@@ -25,7 +25,7 @@ WITHIN = 1e-10
 def n_gon(n: int, colour: Expr) -> tuple[Expr, list[Param]]:
     """∫∫ over a box of the inside of a counterclockwise n-gon times a colour, and its corners."""
     px, py = [teg.param(f"x{i}") for i in range(n)], [teg.param(f"y{i}") for i in range(n)]
-    inside = teg.expr.TRUE
+    inside = teg.ir.expr.TRUE
     for i in range(n):
         j = (i + 1) % n
         inside = inside & ((px[j] - px[i]) * (y - py[i]) - (py[j] - py[i]) * (x - px[i]) > 0)

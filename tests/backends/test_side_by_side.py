@@ -15,7 +15,7 @@ from teg.backends.c_arrays import print_arrays
 from teg.backends.c_backend import compile_c, print_kernel
 from teg.backends.c_packed import Packed, packed
 from teg.backends.numpy_backend import compile_numpy
-from teg.expr import Param
+from teg.ir.expr import Param
 from teg.program import Assign, Program, Stmt
 from tests.backends.c_checks import in_c, text_compiles_without_warnings
 from tests.backends.programs import Case

@@ -11,8 +11,8 @@ from unittest import mock
 import numpy as np
 
 import teg
-from teg.expr import Expr, Param
-from teg.traverse import parameters
+from teg.ir.expr import Expr, Param
+from teg.ir.traverse import parameters
 from tests.bench.rows import Row, median_time
 from tests.bench.scenes import bilinear_pixel, disk, triangle_pixel
 

@@ -9,8 +9,8 @@ from unittest import mock
 import numpy as np
 
 import teg
-from teg.expr import Expr, Param
-from teg.function import Function
+from teg.ir.expr import Expr, Param
+from teg.ir.function import Function
 from tests.bench.rows import Row
 from tests.bench.scenes import shaded_brackets
 

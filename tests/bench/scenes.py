@@ -6,7 +6,7 @@ from typing import Any
 
 import teg
 from teg import Expr
-from teg.expr import Param
+from teg.ir.expr import Param
 
 
 def triangle_pixel(order: int = 1) -> tuple[Expr, list[Param]]:

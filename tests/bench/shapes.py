@@ -9,8 +9,8 @@ import numpy as np
 
 import teg
 from teg import Expr
-from teg.expr import Param
-from teg.traverse import substitute
+from teg.ir.expr import Param
+from teg.ir.traverse import substitute
 
 Random = np.random.Generator
 Draw = Callable[[Random, int], np.ndarray]

@@ -20,8 +20,8 @@ from teg.backends.c_build import BASE_FLAGS, NATIVE, find_compiler, load_library
 from teg.backends.c_standalone import standalone_c
 from teg.compile import Evaluator
 from teg.integration import Integration
+from teg.ir.traverse import parameters
 from teg.pipeline import compiled_outputs, flatten, program_for
-from teg.traverse import parameters
 from tests.bench.handwritten import FUNCTIONS, BilinearPixels, Picture, Triangles, address
 from tests.bench.kinds import stored
 from tests.bench.rows import Row, median_time

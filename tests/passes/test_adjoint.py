@@ -8,7 +8,7 @@ import pytest
 
 import teg
 from teg import errors
-from teg.expr import ONE, ZERO
+from teg.ir.expr import ONE, ZERO
 from teg.passes.adjoint import gradient_of
 from teg.passes.differentiate import tangent_of
 from teg.pipeline import normal_form

@@ -7,7 +7,7 @@ import itertools
 import pytest
 
 import teg
-from teg.expr import ONE, ZERO
+from teg.ir.expr import ONE, ZERO
 from teg.passes.atoms import canonicalise
 from teg.surfaces import atoms_of
 from tests.references import REFERENCES, Reference

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import teg
-from teg.integral import Integral
+from teg.ir.integral import Integral
 from teg.passes.breaks import BreakAnalysis
 from teg.pipeline import normal_form
 from teg.program import Adaptive, Gauss, Integrate, statements
@@ -117,7 +117,7 @@ def test_far_from_the_origin(shift: float) -> None:
     """A triangle of area 1e-3 at a distance keeps its digits: coefficients are taken at a local origin."""
     corners = [(0.25, 0.25), (0.3125, 0.25), (0.25, 0.28125)]
     ps = [teg.params(f"x{i} y{i}") for i in range(3)]
-    inside: teg.Expr = teg.expr.ONE
+    inside: teg.Expr = teg.ir.expr.ONE
     for (px, py), (qx, qy) in zip(ps, [*ps[1:], ps[0]], strict=True):
         inside = inside * teg.bracket((qx - px) * (y - py) - (qy - py) * (x - px) > 0)
     e = teg.integral(inside, (x, shift, shift + 1), (y, shift, shift + 1))

@@ -7,7 +7,7 @@ import math
 import pytest
 
 import teg
-from teg.expr import ONE, ZERO
+from teg.ir.expr import ONE, ZERO
 from teg.passes.differentiate import tangent_of
 
 x, y, z = teg.vars("x y z")
@@ -45,7 +45,7 @@ def test_normal_form(e: teg.Expr, expected: teg.Expr) -> None:
 
 
 def test_a_direction() -> None:
-    assert tangent_of(t * a, {t: ONE, a: teg.expr.const(2)}) is a + 2 * t
+    assert tangent_of(t * a, {t: ONE, a: teg.ir.expr.const(2)}) is a + 2 * t
 
 
 def test_directions_may_be_expressions() -> None:

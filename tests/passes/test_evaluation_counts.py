@@ -41,7 +41,7 @@ def disk(cx: object, cy: object, radius: object) -> Expr:
 def triangle() -> tuple[Expr, dict[str, float]]:
     """A triangle whose corners are parameters, on a horizontal base: one piece in y."""
     corners = [teg.params(f"x{i} y{i}") for i in range(3)]
-    inside = teg.expr.TRUE
+    inside = teg.ir.expr.TRUE
     for (px, py), (qx, qy) in zip(corners, [*corners[1:], corners[0]], strict=True):
         inside = inside & ((qx - px) * (y - py) - (qy - py) * (x - px) > 0)
     places = ((0.1, 0.2), (0.9, 0.2), (0.4, 0.8))
@@ -144,9 +144,9 @@ def test_one_node_fewer_is_not_exact(degree: int) -> None:
     ids=["product", "three", "sum"],
 )
 def test_identical_breaks_merge(twice: Expr, once: Expr, backend: str) -> None:
-    for weight in (teg.expr.ONE, teg.exp(x)):
+    for weight in (teg.ir.expr.ONE, teg.exp(x)):
         counts = [teg.compile(teg.integral(f * weight, (x, 0, 1)), backend=backend).evaluations(t=0.5) for f in (twice, once)]
-        assert counts[0] == counts[1] == (1 if weight is teg.expr.ONE else FIRST)
+        assert counts[0] == counts[1] == (1 if weight is teg.ir.expr.ONE else FIRST)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -20,16 +20,16 @@ from teg.accuracy import AccuracyWarning
 from teg.backends.c_print import print_kernel
 from teg.errors import NotDifferentiableError
 from teg.integration import Integration
+from teg.ir.traverse import parameters
 from teg.pipeline import compiled_outputs, flatten, program_for
 from teg.program import size as statements
-from teg.traverse import parameters
 
 x, y = teg.vars("x y")
 
 
 def heavisides(n: int) -> teg.Expr:
     """Σ [x < tᵢ], n parameters."""
-    total: teg.Expr = teg.expr.ZERO
+    total: teg.Expr = teg.ir.expr.ZERO
     for i in range(n):
         total = total + teg.bracket(x < teg.param(f"t{i}"))
     return teg.integral(total, (x, 0, 1))
@@ -37,7 +37,7 @@ def heavisides(n: int) -> teg.Expr:
 
 def half_planes(n: int) -> teg.Expr:
     """Π [aᵢ·x + bᵢ·y < cᵢ], 3n parameters."""
-    product: teg.Expr = teg.expr.ONE
+    product: teg.Expr = teg.ir.expr.ONE
     for i in range(n):
         a, b, c = teg.params(f"a{i} b{i} c{i}")
         product = product * teg.bracket(a * x + b * y < c)
@@ -46,7 +46,7 @@ def half_planes(n: int) -> teg.Expr:
 
 def parameters_of_one_surface(n: int) -> teg.Expr:
     """[x + y < Σ pᵢ·qᵢ], 2n parameters."""
-    total: teg.Expr = teg.expr.ZERO
+    total: teg.Expr = teg.ir.expr.ZERO
     for i in range(n):
         p, q = teg.params(f"p{i} q{i}")
         total = total + p * q
@@ -55,7 +55,7 @@ def parameters_of_one_surface(n: int) -> teg.Expr:
 
 def parameters_of_the_integrand(n: int) -> teg.Expr:
     """[x < t]·Σ pᵢ·sin(ix), n + 1 parameters."""
-    total: teg.Expr = teg.expr.ZERO
+    total: teg.Expr = teg.ir.expr.ZERO
     for i in range(n):
         total = total + teg.param(f"p{i}") * teg.sin((i + 1) * x)
     return teg.integral(teg.bracket(x < teg.param("t")) * total, (x, 0, 1))
@@ -63,7 +63,7 @@ def parameters_of_the_integrand(n: int) -> teg.Expr:
 
 def separate_integrals(n: int) -> teg.Expr:
     """Σ sin(∫∫ x·[x + aᵢ·y < bᵢ])."""
-    total: teg.Expr = teg.expr.ZERO
+    total: teg.Expr = teg.ir.expr.ZERO
     for i in range(n):
         a, b = teg.params(f"a{i} b{i}")
         total = total + teg.sin(teg.integral(teg.bracket(x + a * y < b) * x, (x, 0, 1), (y, 0, 1)))
@@ -218,7 +218,7 @@ def triangle() -> teg.Expr:
         edges.append((qx - px) * (y - py) - (qy - py) * (x - px))
     inside = teg.bracket((edges[0] > 0) & (edges[1] > 0) & (edges[2] > 0))
     total = edges[0] + edges[1] + edges[2]
-    loss: teg.Expr = teg.expr.ZERO
+    loss: teg.Expr = teg.ir.expr.ZERO
     for k, target in enumerate((0.25, 0.5, 0.75)):
         colour = sum((edges[i] * cs[i][k] for i in range(1, 3)), edges[0] * cs[0][k]) / total
         loss = loss + (colour - target) ** 2

@@ -7,7 +7,7 @@ import math
 import pytest
 
 import teg
-from teg.expr import FALSE, ONE, TRUE, ZERO, const
+from teg.ir.expr import FALSE, ONE, TRUE, ZERO, const
 from teg.passes.jumps import assign, jump, surface_terms, vanishes_on
 
 x, y = teg.vars("x y")
@@ -46,7 +46,7 @@ def values(e: teg.Expr, at: dict[teg.Expr, float]) -> float:
     """The value with variables read as parameters."""
     inner = e
     for v in (x, y):
-        inner = teg.traverse.substitute(inner, {v: teg.param(f"value_of_{v.name}")})  # type: ignore[assignment]
+        inner = teg.ir.traverse.substitute(inner, {v: teg.param(f"value_of_{v.name}")})  # type: ignore[assignment]
     return float(teg.evaluate(inner, {(k.name if k.name in "tab" else f"value_of_{k.name}"): v for k, v in at.items()}))  # type: ignore[attr-defined]
 
 

@@ -95,6 +95,6 @@ def test_what_is_given_up_is_said(backend: str) -> None:
 
 def test_the_shorter_sum_of_two_surfaces_is_located() -> None:
     small = teg.exp(-100 * x)
-    found = locate(y + y**5 - small, y + y**5 + small, y, teg.expr.const(-2.0), teg.expr.const(2.0), x)
+    found = locate(y + y**5 - small, y + y**5 + small, y, teg.ir.expr.const(-2.0), teg.ir.expr.const(2.0), x)
     assert found is not None
     assert {str(found.f), str(found.g)} == {"2·y + 2·y⁵", "-2·exp(-100·x)"}

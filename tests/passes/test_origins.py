@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import teg
+from teg.ir.traverse import size
 from teg.passes.origins import with_differences
-from teg.traverse import size
 from tests.bench import scenes
 
 x, y = teg.vars("x y")

@@ -103,7 +103,7 @@ def test_a_parameter_only_pivot_ends() -> None:
 def test_many_half_planes(sides: int) -> None:
     """The area of a regular polygon: no break may be dropped, however many there are."""
     angle = 2 * np.pi * np.arange(sides) / sides
-    body: teg.Expr = teg.expr.const(1.0)
+    body: teg.Expr = teg.ir.expr.const(1.0)
     for k in angle:
         body = body * B(float(np.cos(k)) * (x - 0.5) + float(np.sin(k)) * (y - 0.5) < t)
     f = teg.compile(INT(body, (x, 0, 1), (y, 0, 1)), backend="c")

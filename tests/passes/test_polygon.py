@@ -6,8 +6,8 @@ import pytest
 
 import teg
 from teg import Expr
-from teg.integral import Integral
 from teg.integration import Integration
+from teg.ir.integral import Integral
 from teg.numerics.quadrature import triangle_rule
 from teg.passes.polygon import match_clipped, match_polygon, match_segment
 from teg.passes.sink import sink
@@ -55,7 +55,7 @@ def test_polynomials_times_half_planes_match(integrand: Expr, degree: int, halve
         (teg.bracket(x * y < t), ()),
         (teg.bracket(HALF) * teg.abs(x - y), ()),
         (teg.bracket(HALF), ((x, 0, y), (y, 0, 1))),
-        (teg.bracket(HALF), ((x, 0, teg.expr.const(float("inf"))), (y, 0, 1))),
+        (teg.bracket(HALF), ((x, 0, teg.ir.expr.const(float("inf"))), (y, 0, 1))),
         (teg.where(HALF, 1, x), ()),
         (teg.bracket((x < t) | (y < t)), ()),
         (x * y, ()),

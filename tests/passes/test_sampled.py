@@ -10,9 +10,9 @@ import pytest
 import teg
 from teg.backends.numpy_backend import compile_numpy
 from teg.errors import OptionError
-from teg.expr import const
-from teg.integral import Integral, integral_over
 from teg.integration import Integration
+from teg.ir.expr import const
+from teg.ir.integral import Integral, integral_over
 from teg.passes.sampled import MIDPOINTS, SAMPLES, deciding_integrals, nest
 from teg.passes.schedule import schedule
 from teg.pipeline import compiled_outputs, flatten

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 import teg
-from teg import Expr, bracket, integral
-from teg.arrays import Sum
-from teg.expr import Compare
-from teg.node import postorder
+from teg import Expr, bracket
+from teg.ir import integral
+from teg.ir.arrays import Sum
+from teg.ir.expr import Compare
+from teg.ir.node import postorder
 from teg.passes.self_comparison import without_self_comparisons
 
 x, y = teg.vars("x y")

@@ -9,7 +9,7 @@ import pytest
 
 import teg
 from teg.accuracy import AccuracyWarning
-from teg.expr import ONE
+from teg.ir.expr import ONE
 from teg.passes.differentiate import tangent_of
 from teg.pipeline import eliminate
 from teg.singularities import Keys, order_at

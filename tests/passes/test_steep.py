@@ -7,7 +7,7 @@ import math
 import pytest
 
 import teg
-from teg.expr import FALSE, TRUE
+from teg.ir.expr import FALSE, TRUE
 from teg.nest import Binder
 from teg.passes.affine import match_affine
 from teg.passes.implicit import Implicit
@@ -15,7 +15,7 @@ from teg.passes.steep import Graph, match_steep, steepness
 
 x, y, z = teg.vars("x y z")
 t, p = teg.params("t p")
-UNIT = [Binder(v, teg.expr.const(0.0), teg.expr.const(1.0)) for v in (y, x)]
+UNIT = [Binder(v, teg.ir.expr.const(0.0), teg.ir.expr.const(1.0)) for v in (y, x)]
 TINY = (1e-18, -1e-15, 1e-12, 1e-9)
 
 

@@ -14,7 +14,7 @@ import pytest
 import teg
 from teg.accuracy import AccuracyWarning
 from teg.errors import NotDifferentiableError
-from teg.node import postorder
+from teg.ir.node import postorder
 from teg.passes.steps import enumerate_steps
 from teg.pipeline import compiled_outputs, normal_form
 from teg.places import linear_places
@@ -383,7 +383,7 @@ def test_rings() -> None:
         (INT(x * teg.floor(x), (x, -1, 2)), INT(-x * B(~(x >= 0)) + x * B(x >= 1), (x, -1, 2))),
         (INT(B(teg.floor(x) < 2), (x, 0, 4)), INT(1 - B(x >= 2), (x, 0, 4))),
         (INT(x * B(teg.floor(x) < 2), (x, 0, 4)), INT(x * B(~(x >= 2)), (x, 0, 4))),
-        (INT(teg.floor(x), (x, 0.25, 0.75)), teg.expr.ZERO),
+        (INT(teg.floor(x), (x, 0.25, 0.75)), teg.ir.expr.ZERO),
         (INT(teg.ceil(x), (x, 0, 1)), INT(1, (x, 0, 1))),
         (INT(x % 2, (x, 0, 2)), INT(x, (x, 0, 2))),
     ],
@@ -438,24 +438,24 @@ def test_the_sign_of_a_condition_on_integers_is_no_border() -> None:
     ids=lambda v: str(v),
 )
 def test_how_many_steps(u: teg.Expr, count: int) -> None:
-    unit = Range(teg.expr.ZERO, teg.expr.ONE)
+    unit = Range(teg.ir.expr.ZERO, teg.ir.expr.ONE)
     steps = count_steps(u, Box({x: unit, y: unit}))
     assert steps is not None
     assert len(steps.over) == count
-    assert (steps.guard is teg.expr.TRUE) == (count < 17)
+    assert (steps.guard is teg.ir.expr.TRUE) == (count < 17)
 
 
 @pytest.mark.parametrize("u", [300 * x, 300 * x + t, 1 / (x - 0.5), x + z], ids=lambda v: str(v))
 def test_steps_that_are_not_counted(u: teg.Expr) -> None:
-    assert count_steps(u, Box({x: Range(teg.expr.ZERO, teg.expr.ONE)})) is None
+    assert count_steps(u, Box({x: Range(teg.ir.expr.ZERO, teg.ir.expr.ONE)})) is None
 
 
 def test_fewer_steps_inside_the_cell_of_another_floor() -> None:
-    whole = Box({x: Range(teg.expr.ZERO, teg.expr.const(8))})
+    whole = Box({x: Range(teg.ir.expr.ZERO, teg.ir.expr.const(8))})
     for u, v, count in ((2 * x, x, 1), (2 * x + t, x + t, 4), (a * x, a * x + t, 3), (x - t, x + t, 3)):
-        steps = count_steps(u, whole.cell(v, teg.expr.const(3)))
+        steps = count_steps(u, whole.cell(v, teg.ir.expr.const(3)))
         assert steps is not None
-        assert (len(steps.over), steps.guard) == (count, teg.expr.TRUE)
+        assert (len(steps.over), steps.guard) == (count, teg.ir.expr.TRUE)
 
 
 # -- rounding ------------------------------------------------------------------------------------------------------------

@@ -106,8 +106,8 @@ def test_a_region_is_born_at_a_point() -> None:
 
 
 def test_roots_tell_when_they_are_not_all() -> None:
-    certain = solve(teg.sin(x) - t, x, teg.expr.const(0), teg.expr.const(9))
-    unsure = solve(teg.sin(a * x) - t, x, teg.expr.const(0), teg.expr.const(9))
+    certain = solve(teg.sin(x) - t, x, teg.ir.expr.const(0), teg.ir.expr.const(9))
+    unsure = solve(teg.sin(a * x) - t, x, teg.ir.expr.const(0), teg.ir.expr.const(9))
     assert certain is not None
     assert certain.certain
     assert unsure is not None

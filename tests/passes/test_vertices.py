@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import teg
-from teg.expr import And, Compare, Cond, Const, Expr, Not, conjunction
-from teg.integral import Integral
+from teg.ir.expr import And, Compare, Cond, Const, Expr, Not, conjunction
+from teg.ir.integral import Integral
+from teg.ir.traverse import fresh
 from teg.passes.barycentric import Along, Inside
 from teg.passes.vertices import match_side, match_triangle
 from teg.program import Polygon, Segment, statements
-from teg.traverse import fresh
 from tests.bench.scenes import half_planes, triangle_pixel
 
 x, y = teg.vars("x y")
@@ -90,8 +90,8 @@ def test_barycentric_coordinates_on_a_side() -> None:
     s = fresh("s", (x, y))
     at = dict(zip((x, y), side.at(s), strict=True))
     along, area = Along(side, s), edge(0, 1) + edge(1, 2) + edge(2, 0)
-    shown = {along.simplified(teg.traverse.substitute(e / area, at)) for e in (edge(0, 1), edge(1, 2), edge(2, 0))}  # type: ignore[arg-type]
-    assert shown == {teg.expr.ZERO, s, 1 - s}
+    shown = {along.simplified(teg.ir.traverse.substitute(e / area, at)) for e in (edge(0, 1), edge(1, 2), edge(2, 0))}  # type: ignore[arg-type]
+    assert shown == {teg.ir.expr.ZERO, s, 1 - s}
 
 
 def test_barycentric_coordinates_in_a_triangle() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 import teg
-from teg.expr import Const, Expr
-from teg.integral import Integral
-from teg.node import postorder
+from teg.ir.expr import Const, Expr
+from teg.ir.integral import Integral
+from teg.ir.node import postorder
 from teg.passes.weights import LARGEST_FACTOR, largest, weights
 
 x = teg.var("x")

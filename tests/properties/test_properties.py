@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 
 import teg
-from teg.traverse import substitute
+from teg.ir.traverse import substitute
 from tests.properties.strategies import Scene, scenes, x, y
 
 TOLERANCE = 1e-9
@@ -32,7 +32,7 @@ def close(a: object, b: object, tolerance: float = TOLERANCE) -> None:
 
 
 def compiled(e: teg.Expr, scene: Scene, backend: str = "numpy") -> teg.Evaluator:
-    return teg.compile(e, cast("list[teg.expr.Param]", scene.parameters), backend=backend)
+    return teg.compile(e, cast("list[teg.ir.expr.Param]", scene.parameters), backend=backend)
 
 
 def gradient(e: teg.Expr, scene: Scene) -> list[float]:

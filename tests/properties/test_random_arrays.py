@@ -11,7 +11,7 @@ import pytest
 
 import teg
 from teg.errors import NoReparameterisationError
-from teg.expr import Expr, as_number
+from teg.ir.expr import Expr, as_number
 
 ROWS, FACES = 4, 3
 X, T = teg.var("x"), teg.param("t")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import teg
-from teg.arrays import Gather, Sum
-from teg.index import Index, IndexConst
+from teg.ir.arrays import Gather, Sum
+from teg.ir.index import Index, IndexConst
 
 V, W = teg.array("V", 2), teg.array("W")
 F = teg.indices("F", 2)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.dump import show
+from teg.ir.show import show
 
 x, y = teg.vars("x y")
 t, a, b = teg.params("t a b")

@@ -14,8 +14,8 @@ from teg import Diffeomorphism, maps
 from teg.analysis.evaluate import values_of
 from teg.diffeomorphism import INFINITY, MINUS_INFINITY
 from teg.errors import BoundError, DiffeomorphismError, NameClashError, OperandError, OptionError, ParameterError, ScopeError
-from teg.expr import ONE, Const, Expr
 from teg.identities import simplified, taken_out
+from teg.ir.expr import ONE, Const, Expr
 
 x, y, z, r, p, q, u, v, w = teg.vars("x y z r p q u v w")
 a, b, k = teg.params("a b k")
@@ -56,7 +56,7 @@ def test_old_and_new_variables_and_parameters() -> None:
     assert m.old == (x, y)
     assert m.new == (r, p)
     assert m.parameters == (a, b)
-    assert m.domain[r] == (teg.expr.ZERO, INFINITY)
+    assert m.domain[r] == (teg.ir.expr.ZERO, INFINITY)
 
 
 def test_maps_are_immutable_and_pickle() -> None:
@@ -194,7 +194,7 @@ def test_composition() -> None:
 def test_composition_carries_domains_over() -> None:
     polar = polar_by_hand()
     assert (polar @ maps.translation(r, q, -1)).domain[q] == (ONE, INFINITY)
-    assert (polar @ maps.scaling(r, q, -1)).domain[q] == (MINUS_INFINITY, teg.expr.ZERO)
+    assert (polar @ maps.scaling(r, q, -1)).domain[q] == (MINUS_INFINITY, teg.ir.expr.ZERO)
     assert (polar @ maps.exponential(r, q)).domain[q] == (MINUS_INFINITY, INFINITY)
     turned = polar @ maps.rotation(r, p, u, v, 0.5)
     assert len(turned.within) == 2

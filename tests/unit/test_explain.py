@@ -10,9 +10,9 @@ import pytest
 import teg
 from teg.errors import OptionError
 from teg.explanation import WIDTH, shortened
-from teg.expr import Expr
-from teg.integral import Integral
-from teg.node import postorder
+from teg.ir.expr import Expr
+from teg.ir.integral import Integral
+from teg.ir.node import postorder
 from teg.pipeline import normal_form
 from teg.program import Gauss, Integrate, Rational, SumOver, statements
 from teg.surfaces import owned_surfaces

@@ -10,9 +10,9 @@ import pytest
 
 import teg
 from teg import errors
-from teg.expr import FALSE, ONE, TRUE, ZERO, Add, Call, Compare, Const, Mul, Not, Pow, Where, add, const, div, mul, power, sub, where
-from teg.integral import Delta, Integral, integral_over
-from teg.traverse import parameters
+from teg.ir.expr import FALSE, ONE, TRUE, ZERO, Add, Call, Compare, Const, Mul, Not, Pow, Where, add, const, div, mul, power, sub, where
+from teg.ir.integral import Delta, Integral, integral_over
+from teg.ir.traverse import parameters
 
 x, y = teg.vars("x y")
 t, a = teg.params("t a")

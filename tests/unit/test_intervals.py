@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 import teg
 from teg.accuracy import AccuracyWarning
 from teg.errors import NotDifferentiableError
-from teg.expr import Expr, Param, Var, call
 from teg.intervals import enclose
-from teg.traverse import substitute
+from teg.ir.expr import Expr, Param, Var, call
+from teg.ir.traverse import substitute
 
 X = teg.var("x")
 LEFT, RIGHT = teg.var("left"), teg.var("right")

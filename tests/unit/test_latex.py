@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 import teg
-from teg.expr import FUNCTIONS, call
-from teg.function import Apply
-from teg.latex import latex
-from teg.node import Node
+from teg.ir.expr import FUNCTIONS, call
+from teg.ir.function import Apply
+from teg.ir.latex import latex
+from teg.ir.node import Node
 from tests.references import REFERENCES, Reference
 
 x, y = teg.vars("x y")

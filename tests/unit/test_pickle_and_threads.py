@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 import teg
-from teg.node import digest
+from teg.ir.node import digest
 from tests.references import REFERENCES, Reference
 
 DEPTH = 100_000
@@ -41,7 +41,7 @@ def test_a_chain_of_100_000_nodes() -> None:
     assert teg.size(e) == DEPTH + 2  # each level, the variable, the number ½
     assert str(e)
     assert repr(e)
-    assert teg.dump(e).count("\n") > DEPTH / 2
+    assert teg.ir.show(e).count("\n") > DEPTH / 2
     assert e.free == {teg.var("x")}
     assert pickle.loads(pickle.dumps(e)) is e
     assert isinstance(digest(e), int)
@@ -88,7 +88,7 @@ def test_the_digest_is_the_same_in_every_process() -> None:
     x, t = teg.var("x"), teg.param("t")
     e = teg.integral(teg.bracket(x < t) * teg.exp(x), (x, 0, 1))
     program = (
-        "import teg; from teg.node import digest; x, t = teg.var('x'), teg.param('t');"
+        "import teg; from teg.ir.node import digest; x, t = teg.var('x'), teg.param('t');"
         "print(digest(teg.integral(teg.bracket(x < t) * teg.exp(x), (x, 0, 1))))"
     )
     for _ in range(2):

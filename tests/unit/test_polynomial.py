@@ -71,7 +71,7 @@ def test_the_sign_of_a_fraction_is_recovered(value: Fraction) -> None:
 
 
 def test_expansion_cancels_exactly() -> None:
-    assert expanded((x + t) ** 2 - x**2 - t**2 - 2 * x * t) is teg.expr.ZERO
+    assert expanded((x + t) ** 2 - x**2 - t**2 - 2 * x * t) is teg.ir.expr.ZERO
     product = expanded((x + 1) * (y - t))
     assert product is not None
     assert Point("q").value(product) == Point("q").value((x + 1) * (y - t))

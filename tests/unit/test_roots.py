@@ -7,7 +7,7 @@ import math
 import pytest
 
 import teg
-from teg.expr import ONE, ZERO
+from teg.ir.expr import ONE, ZERO
 from teg.roots import Roots, quadratic_coefficients, solve
 
 x, y = teg.vars("x y")
@@ -30,7 +30,7 @@ def test_affine() -> None:
 def test_an_affine_root_is_taken_from_the_local_origin() -> None:
     corner = 2.0**26
     g = (x - (corner + 0.25)) * 3.0
-    assert points(solve(g, x, teg.expr.const(corner), teg.expr.const(corner + 1))) == [corner + 0.25]
+    assert points(solve(g, x, teg.ir.expr.const(corner), teg.ir.expr.const(corner + 1))) == [corner + 0.25]
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import teg
-from teg.integral import Integral
+from teg.ir.integral import Integral
 from teg.surfaces import atoms_of, binders_inside, comes_first, open_surfaces, owned_surfaces
 
 x, y, z = teg.vars("x y z")

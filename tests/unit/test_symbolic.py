@@ -15,15 +15,15 @@ from hypothesis import strategies as st
 
 import teg
 from teg import errors, symbolic
-from teg import expr as ex
 from teg.accuracy import AccuracyWarning
-from teg.expr import FUNCTIONS, Compare, Const, Param, Var, call, const
-from teg.integral import Delta, Integral
-from teg.node import Node, postorder
+from teg.ir import expr as ex
+from teg.ir.expr import FUNCTIONS, Compare, Const, Param, Var, call, const
+from teg.ir.integral import Delta, Integral
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import substitute
 from teg.symbolic import from_sympy, jacobian_determinant, to_sympy
 from teg.sympy_nodes import as_it_is, sympy_package
 from teg.sympy_reader import functions
-from teg.traverse import substitute
 from tests.properties.strategies import Scene, scenes
 from tests.references import REFERENCES, Reference
 

@@ -6,7 +6,7 @@ discontinuities, and nothing of their motion. For comparison only.
 
 from __future__ import annotations
 
-from teg.expr import Expr
+from teg.ir.expr import Expr
 from teg.passes.sift import deltas_of, without
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-from teg.expr import ONE, ZERO, Add, And, Call, Cond, Const, Expr, Mul, Tuple, Var, Where, conjunction, mul, sub, tuple_of, where
-from teg.node import union
+from teg.ir.expr import ONE, ZERO, Add, And, Call, Cond, Const, Expr, Mul, Tuple, Var, Where, conjunction, mul, sub, tuple_of, where
+from teg.ir.node import union
 
 
 class Integral(Expr):

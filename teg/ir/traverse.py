@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, cast
 
-from teg import expr as ex
-from teg.arrays import LEAVES, Sum, sum_over
-from teg.expr import (
+from teg.ir import expr as ex
+from teg.ir.arrays import LEAVES, Sum, sum_over
+from teg.ir.expr import (
     Add,
     And,
     Call,
@@ -25,9 +25,9 @@ from teg.expr import (
     Var,
     Where,
 )
-from teg.function import Apply
-from teg.integral import Border, Delta, Integral, PointMasses, delta, integral_over
-from teg.node import Node, postorder, postorder_through, union
+from teg.ir.function import Apply
+from teg.ir.integral import Border, Delta, Integral, PointMasses, delta, integral_over
+from teg.ir.node import Node, postorder, postorder_through, union
 
 CompareHook = Callable[[Compare, Expr, "Cond | None"], Cond]
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from teg.arrays import LEAVES, Sum
-from teg.expr import (
+from teg.ir.arrays import LEAVES, Sum
+from teg.ir.expr import (
     Add,
     And,
     Call,
@@ -21,9 +21,9 @@ from teg.expr import (
     Var,
     Where,
 )
-from teg.function import Apply
-from teg.integral import Border, Delta, Integral, PointMasses
-from teg.node import Node, postorder
+from teg.ir.function import Apply
+from teg.ir.integral import Border, Delta, Integral, PointMasses
+from teg.ir.node import Node, postorder
 
 
 def verify(root: Node, stage: str = "") -> None:

@@ -14,8 +14,8 @@ from numbers import Integral as IntegralNumber
 from typing import Any, NoReturn, cast
 
 from teg.errors import ArrayIndexError, ConditionError, OperandError
-from teg.expr import Cond, Expr, Param, as_number, less
-from teg.node import Node, postorder
+from teg.ir.expr import Cond, Expr, Param, as_number, less
+from teg.ir.node import Node, postorder
 
 OPERATIONS: dict[str, Callable[[int, int], int]] = {
     "add": operator.add, "sub": operator.sub, "mul": operator.mul, "floordiv": operator.floordiv, "mod": operator.mod,

@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
-from teg import expr as ex
-from teg.arrays import LEAVES, Gather, Sum, Unit, arrays_of, integer_parameters, integers_of, open_indices, sum_over
-from teg.dump import show
 from teg.errors import NameClashError, ScopeError
-from teg.expr import Expr, Param, Tuple
-from teg.index import Index, IndexConst, IndexValue, IndexVar, substitute_index
-from teg.node import Node, postorder
-from teg.traverse import rebuild
+from teg.ir import expr as ex
+from teg.ir.arrays import LEAVES, Gather, Sum, Unit, arrays_of, integer_parameters, integers_of, open_indices, sum_over
+from teg.ir.expr import Expr, Param, Tuple
+from teg.ir.index import Index, IndexConst, IndexValue, IndexVar, substitute_index
+from teg.ir.node import Node, postorder
+from teg.ir.show import show
+from teg.ir.traverse import rebuild
 
 SHOWN = 60
 """Characters of a sum in the name of its symbol."""

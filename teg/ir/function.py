@@ -16,11 +16,11 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import Any, cast
 
-from teg.arrays import LEAVES, Sum
 from teg.errors import NameClashError, OperandError, OptionError, ParameterError, ScopeError
-from teg.expr import Add, Call, Cond, Const, Expr, Mul, Param, Pow, Tuple, Var, Where, as_number
-from teg.integral import Delta, Integral
-from teg.node import Node, postorder
+from teg.ir.arrays import LEAVES, Sum
+from teg.ir.expr import Add, Call, Cond, Const, Expr, Mul, Param, Pow, Tuple, Var, Where, as_number
+from teg.ir.integral import Delta, Integral
+from teg.ir.node import Node, postorder
 
 DEGREES = (2,)
 """The degrees that signatures distinguish: a body is a polynomial of at most that degree in its formals, or just smooth. Few of them, so

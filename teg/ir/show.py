@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from teg.arrays import LEAVES, Sum, show_leaf
-from teg.expr import (
+from teg.ir.arrays import LEAVES, Sum, show_leaf
+from teg.ir.expr import (
     Add,
     And,
     Call,
@@ -21,9 +21,9 @@ from teg.expr import (
     Var,
     Where,
 )
-from teg.function import Apply
-from teg.integral import Delta, Integral, PointMasses
-from teg.node import Node, postorder
+from teg.ir.function import Apply
+from teg.ir.integral import Delta, Integral, PointMasses
+from teg.ir.node import Node, postorder
 
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
 _OR, _AND, _NOT = range(3)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from teg.arrays import Gather, Sum, Unit
-from teg.expr import (
+from teg.ir.arrays import Gather, Sum, Unit
+from teg.ir.expr import (
     Add,
     And,
     Call,
@@ -23,10 +23,10 @@ from teg.expr import (
     Var,
     Where,
 )
-from teg.function import Apply
-from teg.index import Index, IndexCall, IndexConst, IndexGather, IndexParam, IndexValue, IndexVar, Length, index_leaves
-from teg.integral import Delta, Integral, PointMasses
-from teg.node import Node, postorder
+from teg.ir.function import Apply
+from teg.ir.index import Index, IndexCall, IndexConst, IndexGather, IndexParam, IndexValue, IndexVar, Length, index_leaves
+from teg.ir.integral import Delta, Integral, PointMasses
+from teg.ir.node import Node, postorder
 
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
 _OR, _AND, _NOT = range(3)

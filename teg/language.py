@@ -8,14 +8,14 @@ import re
 from collections.abc import Iterable
 from typing import cast
 
-from teg import expr as ex
 from teg.errors import BoundError, NameClashError, OperandError, ParameterError, ScopeError
-from teg.expr import Cond, Const, Expr, Param, Tuple, Var, as_condition, as_number
-from teg.index import Index, as_index, index_call
-from teg.integral import Integral, integral_over
-from teg.integral import delta as _delta
-from teg.node import postorder
-from teg.traverse import parameters
+from teg.ir import expr as ex
+from teg.ir.expr import Cond, Const, Expr, Param, Tuple, Var, as_condition, as_number
+from teg.ir.index import Index, as_index, index_call
+from teg.ir.integral import Integral, integral_over
+from teg.ir.integral import delta as _delta
+from teg.ir.node import postorder
+from teg.ir.traverse import parameters
 
 
 def _names(text: str, what: str) -> list[str]:

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from typing import cast
 
-from teg import expr as ex
 from teg.errors import ArrayIndexError, OperandError, ScopeError
-from teg.expr import ZERO, Expr, Param, Tuple, as_number
-from teg.index import (
+from teg.ir import expr as ex
+from teg.ir.expr import ZERO, Expr, Param, Tuple, as_number
+from teg.ir.index import (
     ArrayName,
     Index,
     IndexArray,
@@ -27,7 +27,7 @@ from teg.index import (
     index_leaves,
     show_index,
 )
-from teg.node import Node, postorder
+from teg.ir.node import Node, postorder
 
 MAX_DIMENSIONS = 8
 

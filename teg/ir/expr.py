@@ -18,7 +18,7 @@ from numbers import Real
 from typing import Any, NoReturn, cast
 
 from teg.errors import ConditionError, DeltaError, OperandError
-from teg.node import Node
+from teg.ir.node import Node
 
 _FLATTEN = 8  # a product inside a product is merged while it is this short: longer ones would make chains quadratic
 
