@@ -14,8 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from teg.array_program import Arg, ArrayProgram, Integers, Load, Loop, Scatter, Step, steps
 from teg.errors import ArrayIndexError
+from teg.program.arrays import Arg, ArrayProgram, Integers, Load, Loop, Scatter, Step, steps
 
 Interval = tuple[int, int]
 Whole = npt.NDArray[np.int64]

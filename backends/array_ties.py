@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teg.array_program import Arg, ArrayProgram, Loop, Run, Step
 from teg.backends.numpy_arrays import LaneKernel, Lanes, Results, Running, lane_values
 from teg.backends.numpy_backend import compile_numpy
+from teg.program.arrays import Arg, ArrayProgram, Loop, Run, Step
 
 Array = npt.NDArray[Any]
 AT_ONCE = 4096

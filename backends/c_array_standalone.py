@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from teg.array_program import ArrayProgram, Integers, Like, steps
 from teg.backends.c_arrays import ABI, print_arrays
 from teg.backends.c_standalone import check_function_name
 from teg.backends.c_text import harmless
+from teg.program.arrays import ArrayProgram, Integers, Like, steps
 
 
 def standalone_c_arrays(program: ArrayProgram, name: str, outputs: Sequence[str] = ()) -> tuple[str, str]:

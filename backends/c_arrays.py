@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.array_program import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, scattered, steps, work
 from teg.backends.c_backend import LONG, optimisation
 from teg.backends.c_build import load_library
 from teg.backends.c_frame import Routine
@@ -31,6 +30,7 @@ from teg.backends.c_text import indent, literal, packed, wrapped
 from teg.backends.numpy_arrays import Results
 from teg.errors import BackendError
 from teg.program import Integrate, compound, has_ties
+from teg.program.arrays import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, scattered, steps, work
 
 BY_VALUE = 120
 """Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""

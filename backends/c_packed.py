@@ -24,7 +24,6 @@ from teg.backends.c_frame import Frame, Scope, Step, assignments, captured_by
 from teg.backends.c_polygon import SIDE_BY_SIDE
 from teg.backends.c_text import UNARY, indent, literal, operand
 from teg.backends.c_text import packed as in_few_lines
-from teg.liveness import without_dead_code
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import (
     NEAR_SIDE,
@@ -41,6 +40,7 @@ from teg.program import (
     assigned,
     statements,
 )
+from teg.program.dce import without_dead_code
 
 SIDE = 8
 """Points side by side."""

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from teg.array_program import CHUNKS, COPIES, LEAST
 from teg.program import (
     ABSOLUTE_FLOOR,
     DEEP,
@@ -50,6 +49,7 @@ from teg.program import (
     UNSEEN,
     WATCH_WIDTH,
 )
+from teg.program.arrays import CHUNKS, COPIES, LEAST
 
 BLOCK = 64
 """Sobol' points in a block."""

@@ -21,13 +21,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from teg.array_program import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, steps
 from teg.backends.array_plan import exactly
 from teg.backends.jax_backend import JaxKernel
 from teg.backends.jax_lanes import on_lanes
 from teg.backends.jax_runtime import union
 from teg.errors import ArrayIndexError
 from teg.program import Program
+from teg.program.arrays import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, steps
 
 NOWHERE = -(2**63)
 """What stands for an integer that is not known: an entry of an index array beyond its ends, and all that is computed from it, or a result

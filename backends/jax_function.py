@@ -35,12 +35,12 @@ from jax import lax
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
-from teg.array_program import ArrayProgram
 from teg.backends.jax_arrays import ArrayFunction
 from teg.backends.jax_backend import JaxKernel, compile_jax
 from teg.backends.jax_lanes import on_lanes
 from teg.backends.jax_precision import in_double_precision
 from teg.program import Program
+from teg.program.arrays import ArrayProgram
 
 Operands = Sequence[Any]
 Axes = tuple[int | None, ...]

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from teg.arguments import refuse_masked
 from teg.array_compiled import Compiled
-from teg.array_program import ArrayProgram
 from teg.errors import ArrayIndexError, ParameterError
 from teg.ir.index import ArrayName, IndexArray
+from teg.program.arrays import ArrayProgram
 
 if TYPE_CHECKING:
     import numpy as np

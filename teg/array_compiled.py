@@ -8,7 +8,6 @@ from typing import Any, cast
 
 from teg.array_errors import with_array_error_estimates
 from teg.array_pipeline import Parameter, gradient, on_cells, tangent
-from teg.array_program import ArrayProgram
 from teg.array_reports import has_samples
 from teg.array_schedule import Output, output_of, schedule_arrays
 from teg.integration import Integration, with_more_room
@@ -21,6 +20,7 @@ from teg.passes.atoms import canonicalise
 from teg.passes.schedule import schedule
 from teg.pipeline import cell_program, compiled_outputs, flatten, jvp, normal_form
 from teg.program import Program
+from teg.program.arrays import ArrayProgram
 
 
 class Compiled:

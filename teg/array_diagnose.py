@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from teg.array_program import ArrayProgram, Integers, Run, steps
 from teg.backends.array_ties import MetTie, TieWatch
 from teg.diagnose import BORDER, CHANGE, NOTHING, STEP, STEP_OVER_TIES, Diagnosis, only_in_steps
 from teg.ir.arrays import Gather, Sum, sum_over
@@ -18,6 +17,7 @@ from teg.ir.index import ArrayName
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.program import Isolate, statements
+from teg.program.arrays import ArrayProgram, Integers, Run, steps
 from teg.surfaces import atoms_of
 
 if TYPE_CHECKING:

@@ -14,13 +14,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from teg.array_program import Arg, ArrayProgram, Loop, Number, Run, Scatter, Step, steps
 from teg.linking import with_bodies
-from teg.liveness import without_dead_code
 from teg.passes.error_bounds import ROUNDINGS, with_errors_of
 from teg.passes.sink import sink
 from teg.program import Arg as FlatArg
 from teg.program import Assign, Program
+from teg.program.arrays import Arg, ArrayProgram, Loop, Number, Run, Scatter, Step, steps
+from teg.program.dce import without_dead_code
 
 EPSILON = 2.0**-52
 

@@ -11,7 +11,6 @@ from teg.arguments import as_doubles, as_floats, rounded, values
 from teg.array_arguments import Call, as_entries, whole_numbers
 from teg.array_compiled import Compiled, direction_of
 from teg.array_pipeline import Parameter, on_cells, outlined
-from teg.array_program import ArrayProgram
 from teg.array_reports import paired, places, report_arrays, report_missing
 from teg.array_schedule import schedule_arrays
 from teg.diagnose import Diagnosis
@@ -26,6 +25,7 @@ from teg.ir.traverse import parameters
 from teg.options import Options
 from teg.passes.sums import NeedsLengths
 from teg.pipeline import flatten, normal_form
+from teg.program.arrays import ArrayProgram
 
 if TYPE_CHECKING:
     pass

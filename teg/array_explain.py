@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from teg.array_pipeline import Parameter, gradient, on_cells, outlined
-from teg.array_program import CHUNKS, LEAST, Arg, ArrayProgram, Integers, Load, Loop, Run, Scatter, Step, array_size, steps, work
 from teg.array_schedule import Output, output_of, schedule_arrays
 from teg.errors import TegError
 from teg.explanation import ArrayExplanation, Explanation
@@ -23,6 +22,7 @@ from teg.passes.atoms import canonicalise
 from teg.passes.sums import NeedsLengths
 from teg.pipeline import Maps, cell_program, compiled_outputs, flatten, normal_form
 from teg.program import Program
+from teg.program.arrays import CHUNKS, LEAST, Arg, ArrayProgram, Integers, Load, Loop, Run, Scatter, Step, array_size, steps, work
 
 ASSUMED = 2
 """The length of every array, where the program must be known for lengths and none are given."""

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, overload
 
 from teg.accuracy import report_missed, report_not_a_number
 from teg.arguments import with_rounding
-from teg.array_program import ArrayProgram, Run, steps
 from teg.ir.expr import Expr, Tuple
 from teg.options import Options
 from teg.program import Sample, statements
+from teg.program.arrays import ArrayProgram, Run, steps
 
 if TYPE_CHECKING:
     import numpy as np

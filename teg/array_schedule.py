@@ -1,4 +1,4 @@
-"""From an outlined expression, and derivatives by arrays, to the loops of `teg.array_program`.
+"""From an outlined expression, and derivatives by arrays, to the loops of `teg.program.arrays`.
 
 Level by level. What a level needs of sums becomes loops, those over the same range one loop; what the level computes itself is one cell,
 scheduled to one flat program whose parameters are entries, integers, and the sums' results. Then each flat program is cut where its
@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import cast
 
-from teg.array_program import Arg, ArrayProgram, ArraySpec, Integers, Like, Load, Loop, Number, Run, Scatter, Step
 from teg.errors import DeltaError
 from teg.ir import expr as ex
 from teg.ir.arrays import Array, Gather, Sum, Unit, open_indices
@@ -34,9 +33,10 @@ from teg.ir.index import (
     index_leaves,
 )
 from teg.ir.node import Node, postorder
-from teg.liveness import without_dead_code
 from teg.passes.group import group
 from teg.program import Assign, Program, Stmt, assigned, blocks, has_ties
+from teg.program.arrays import Arg, ArrayProgram, ArraySpec, Integers, Like, Load, Loop, Number, Run, Scatter, Step
+from teg.program.dce import without_dead_code
 
 Schedule = Callable[[Sequence[Expr], Sequence[str]], Program]
 """A flat program of scalar outputs, given them and the names of the parameters."""

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, cast
 from teg.accuracy import report_missed, report_not_a_number
 from teg.array_arguments import whole_numbers
 from teg.array_compiled import build_arrays
-from teg.array_program import ArrayProgram
 from teg.array_reports import has_samples, report_arrays, report_missing
 from teg.compile import build_kernel
 from teg.coverage import MapChecks
@@ -20,6 +19,7 @@ from teg.ir import expr as ex
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName
 from teg.program import Program, Sample, statements
+from teg.program.arrays import ArrayProgram
 
 if TYPE_CHECKING:
     import numpy as np

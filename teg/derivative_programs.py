@@ -17,7 +17,6 @@ from typing import cast
 
 from teg.array_errors import with_array_error_estimates
 from teg.array_pipeline import gradient, on_cells, tangent
-from teg.array_program import ArrayProgram
 from teg.array_schedule import Output, output_of, schedule_arrays
 from teg.integration import Integration
 from teg.ir import expr as ex
@@ -29,6 +28,7 @@ from teg.passes.atoms import canonicalise
 from teg.passes.schedule import schedule
 from teg.pipeline import ESTIMATORS, cell_program, compiled_outputs, flatten, jvp, normal_form, program_for
 from teg.program import Program
+from teg.program.arrays import ArrayProgram
 
 Parameter = Param | Array
 

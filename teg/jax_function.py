@@ -7,7 +7,6 @@ from collections.abc import Hashable, Mapping, Sequence
 from typing import Any, cast
 
 from teg.array_pipeline import parameters_and_arrays
-from teg.array_program import ArrayProgram
 from teg.derivative_programs import DerivativePrograms
 from teg.errors import ArrayIndexError, BackendError, MissingPackageError, ParameterError
 from teg.framework_function import (
@@ -24,6 +23,7 @@ from teg.ir.expr import Expr, Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.isolation import MAX_ROOTS
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.program.arrays import ArrayProgram
 
 OLDEST = (0, 8, 0)
 """The first version of JAX with all that this needs: types that say over which axes of a mesh a value varies."""

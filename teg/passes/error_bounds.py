@@ -16,7 +16,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import cast
 
-from teg.liveness import without_dead_code
 from teg.program import (
     EDGE,
     ROUNDING,
@@ -39,6 +38,7 @@ from teg.program import (
     statements,
     without_branches,
 )
+from teg.program.dce import without_dead_code
 
 STEEP = ("div", "powi", "pow", "log", "sqrt", "asin", "acos", "tan", "atan2")
 """Operations whose slope can be infinite."""

@@ -17,7 +17,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from itertools import count
 
-from teg.liveness import without_dead_code
 from teg.program import (
     Arg,
     Assign,
@@ -34,6 +33,7 @@ from teg.program import (
     compound,
     statements,
 )
+from teg.program.dce import without_dead_code
 
 OPPOSITE = {"gt0": "le0", "le0": "gt0", "ge0": "lt0", "lt0": "ge0", "and": "or", "or": "and"}
 IMPLIED = {"lt0": ("le0",), "gt0": ("ge0",)}

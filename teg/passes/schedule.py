@@ -44,7 +44,6 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral, PointMasses, masses_of
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import substitute
-from teg.liveness import without_dead_code
 from teg.passes.breaks import MAX_BENDS, BreakAnalysis, Breaks, Turn
 from teg.passes.demand import GUARD_TERMS, guards, support
 from teg.passes.emit import NAN, Level
@@ -54,6 +53,7 @@ from teg.passes.sampled import deciding_integrals
 from teg.passes.weights import largest, weights
 from teg.polynomial import Shadow
 from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Guard, Integrate, Midpoint, Program, Rational, Rule, Tie
+from teg.program.dce import without_dead_code
 from teg.roots import local_origin
 from teg.sharp import Sharp, numeric_range, sharp_values
 from teg.surfaces import atoms_of

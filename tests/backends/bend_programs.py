@@ -13,8 +13,8 @@ from typing import Any
 
 import mpmath
 
-from teg.liveness import without_dead_code
 from teg.program import Adaptive, Arg, Bend, Gauss, Integrate, Program, Stmt
+from teg.program.dce import without_dead_code
 from tests.backends.programs import INF, NAN, TIGHT, Case, Row, integrate, let, program
 
 NODES = TIGHT.first

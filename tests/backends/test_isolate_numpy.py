@@ -11,8 +11,8 @@ import pytest
 
 from teg.backends import numpy_roots
 from teg.backends.numpy_backend import compile_numpy
-from teg.liveness import without_dead_code
 from teg.program import Arg, Program, Stmt
+from teg.program.dce import without_dead_code
 from tests.backends.isolate_programs import ISOLATE_CASES, ROOTS, SUMS, Surface, cubic, isolate, kink, numbered, root, square, wave
 from tests.backends.programs import INF, NAN, Case, columns, expected, let, program
 

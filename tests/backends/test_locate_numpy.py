@@ -12,8 +12,8 @@ import pytest
 import teg
 from teg.backends import numpy_roots
 from teg.backends.numpy_backend import compile_numpy
-from teg.liveness import without_dead_code
 from teg.program import LOCATE_HALVINGS, LOCATE_WIDTH, Assign, Locate, Program
+from teg.program.dce import without_dead_code
 from tests.backends.isolate_programs import numbered
 from tests.backends.locate_programs import LOCATE_CASES, PLACES, Pair, ends, literally, locate, point, two_circles, wave
 from tests.backends.programs import INF, Case, columns, expected, let, program

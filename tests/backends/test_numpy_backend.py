@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from teg.backends.numpy_backend import compile_numpy
-from teg.liveness import without_dead_code
 from teg.program import Adaptive, Assign, Bend, Gauss, Integrate, Program
+from teg.program.dce import without_dead_code
 from tests.backends.programs import (
     ADAPTIVE,
     CASES,

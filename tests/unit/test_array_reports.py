@@ -13,8 +13,8 @@ import pytest
 
 import teg
 from teg.array_errors import with_array_error_estimates
-from teg.array_program import Loop, array_size, steps
 from teg.explanation import WIDTH
+from teg.program.arrays import Loop, array_size, steps
 from tests.backends.test_arrays import PROGRAMS, VALUES
 
 V, W = teg.array("V", 2), teg.array("W")
