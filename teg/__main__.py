@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import teg
+from teg.analysis.settings import DEFAULT_TOL
 from teg.errors import InputError, TegError
-from teg.integration import DEFAULT_TOL
 from teg.ir.expr import Expr
 from teg.options import BACKENDS, DTYPES
 from teg.pipeline import ESTIMATORS

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, cast
 
+from teg.analysis.settings import Integration, with_more_room
 from teg.array_errors import with_array_error_estimates
 from teg.array_pipeline import Parameter, gradient, on_cells, tangent
 from teg.array_reports import has_samples
 from teg.array_schedule import Output, output_of, schedule_arrays
-from teg.integration import Integration, with_more_room
 from teg.ir import expr as ex
 from teg.ir.arrays import Array
 from teg.ir.expr import Expr, Param, Tuple

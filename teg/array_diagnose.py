@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from teg.analysis.surfaces import atoms_of
 from teg.backends.array_ties import MetTie, TieWatch
 from teg.diagnose import BORDER, CHANGE, NOTHING, STEP, STEP_OVER_TIES, Diagnosis, only_in_steps
 from teg.ir.arrays import Gather, Sum, sum_over
@@ -18,7 +19,6 @@ from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.program import Isolate, statements
 from teg.program.arrays import ArrayProgram, Integers, Run, steps
-from teg.surfaces import atoms_of
 
 if TYPE_CHECKING:
     import numpy.typing as npt

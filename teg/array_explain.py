@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from teg.analysis.settings import Integration
 from teg.array_pipeline import Parameter, gradient, on_cells, outlined
 from teg.array_schedule import Output, output_of, schedule_arrays
 from teg.errors import TegError
 from teg.explanation import ArrayExplanation, Explanation
-from teg.integration import Integration
 from teg.inventory import text_of
 from teg.ir.arrays import Array, Gather, Sum, arrays_of, integer_parameters, integers_of
 from teg.ir.cells import Symbols, cells_of, check_indices, replace_integers

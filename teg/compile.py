@@ -7,25 +7,25 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from teg.accuracy import report_missed, report_not_a_number
+from teg.analysis.bodies import write_all_out
+from teg.analysis.isolation import MAX_ROOTS
+from teg.analysis.settings import Integration, with_more_room
 from teg.arguments import as_doubles, batch, plain_numbers, rounded, with_rounding
 from teg.arguments import values as arguments
 from teg.array_compiled import direction_of
 from teg.array_evaluator import ArrayEvaluator
 from teg.array_pipeline import parameters_and_arrays
-from teg.bodies import write_all_out
 from teg.coverage import MapChecks
 from teg.derivation import linked
 from teg.diagnose import Diagnosis, diagnose
 from teg.diffeomorphism import Diffeomorphism
 from teg.errors import OptionError, ParameterError
 from teg.explain import Explanation, explain
-from teg.integration import Integration, with_more_room
 from teg.ir.arrays import Array as ArrayParameter
 from teg.ir.arrays import has_arrays
 from teg.ir.expr import Expr, Param, Tuple, as_number
 from teg.ir.index import ArrayName
 from teg.ir.traverse import parameters
-from teg.isolation import MAX_ROOTS
 from teg.language import check_parameters, check_program
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
 from teg.pipeline import compiled_outputs, flatten, jvp

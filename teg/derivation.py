@@ -12,8 +12,8 @@ import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from teg.analysis.settings import Integration
 from teg.diffeomorphism import Diffeomorphism
-from teg.integration import Integration
 from teg.ir.expr import Expr, Param
 from teg.ir.function import Function
 from teg.linking import with_bodies

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 from teg.accuracy import report_missed, report_not_a_number
+from teg.analysis.settings import Integration, with_more_room
 from teg.array_arguments import whole_numbers
 from teg.array_compiled import build_arrays
 from teg.array_reports import has_samples, report_arrays, report_missing
@@ -14,7 +15,6 @@ from teg.compile import build_kernel
 from teg.coverage import MapChecks
 from teg.derivative_programs import DerivativePrograms
 from teg.framework_function import dimensions_of
-from teg.integration import Integration, with_more_room
 from teg.ir import expr as ex
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName

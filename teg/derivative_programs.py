@@ -15,10 +15,10 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import cast
 
+from teg.analysis.settings import Integration
 from teg.array_errors import with_array_error_estimates
 from teg.array_pipeline import gradient, on_cells, tangent
 from teg.array_schedule import Output, output_of, schedule_arrays
-from teg.integration import Integration
 from teg.ir import expr as ex
 from teg.ir.arrays import Array
 from teg.ir.expr import Expr, Param, Tuple

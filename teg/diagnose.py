@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from teg.analysis.evaluate import values_of
-from teg.integration import Integration
+from teg.analysis.settings import Integration
+from teg.analysis.surfaces import atoms_of
 from teg.ir.expr import TRUE, Call, Expr, Param, bracket, call, const, positive
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.traverse import parameters, replace_node
 from teg.pipeline import flatten, normal_form, program_for
 from teg.program import Isolate, Program, statements
-from teg.surfaces import atoms_of
 
 BORDER = "a condition on parameters only"
 STEP = 2.0**-50

@@ -13,12 +13,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
+from teg.analysis.bodies import write_all_out
+from teg.analysis.calculus import slope
 from teg.analysis.evaluate import folded
-from teg.bodies import write_all_out
-from teg.calculus import slope
+from teg.analysis.intervals import Interval, enclose
 from teg.errors import BoundError, NameClashError, OperandError, OptionError, ParameterError, ScopeError
 from teg.identities import sign_of, simplified
-from teg.intervals import Interval, enclose
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Param, Var, add, as_number, const, integer_power, mul, positive, sub, where
 from teg.ir.traverse import fresh, parameters, substitute
 from teg.symbolic import jacobian_determinant

@@ -6,13 +6,16 @@ import math
 from collections.abc import Callable, Container, Iterable, Sequence
 from typing import Any, TypeVar, assert_never, cast
 
+from teg.analysis.bodies import write_all_out
+from teg.analysis.breaks import BreakAnalysis
+from teg.analysis.isolation import MAX_ROOTS, max_roots
+from teg.analysis.roots import solve
+from teg.analysis.settings import Integration
 from teg.array_explain import explain_arrays
 from teg.array_pipeline import parameters_and_arrays
-from teg.bodies import write_all_out
 from teg.diffeomorphism import Diffeomorphism
 from teg.errors import OptionError, TegError
 from teg.explanation import CLOSED_FORM, Explanation
-from teg.integration import Integration
 from teg.inventory import Inventory, nests, text_of
 from teg.ir.arrays import Array, has_arrays
 from teg.ir.expr import Expr, Param, Tuple, as_number
@@ -20,12 +23,10 @@ from teg.ir.function import Function
 from teg.ir.integral import Integral, masses_of
 from teg.ir.traverse import parameters
 from teg.ir.traverse import size as nodes
-from teg.isolation import MAX_ROOTS, max_roots
 from teg.language import check_parameters, check_program
 from teg.numerics.quadrature import triangle_rule
 from teg.numerics.sobol import replicated
 from teg.passes.atoms import canonicalise
-from teg.passes.breaks import BreakAnalysis
 from teg.passes.hyperbola import match_hyperbola
 from teg.passes.inline import reasons, write_out
 from teg.passes.polygon import Clipped, match_clipped
@@ -56,7 +57,6 @@ from teg.program import (
     size,
     statements,
 )
-from teg.roots import solve
 
 __all__ = ["Explanation", "explain"]
 

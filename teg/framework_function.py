@@ -6,9 +6,9 @@ import threading
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
+from teg.analysis.bodies import write_all_out
 from teg.arguments import refuse_masked
 from teg.array_pipeline import outlined
-from teg.bodies import write_all_out
 from teg.derivative_programs import DerivativePrograms
 from teg.errors import ArrayIndexError, ParameterError
 from teg.ir.arrays import Array, arrays_of, integer_parameters, integers_of

@@ -14,13 +14,13 @@ import math
 from collections.abc import Mapping
 from typing import cast
 
+from teg.analysis.intervals import Interval, enclose
+from teg.analysis.polynomial import expanded
 from teg.errors import NotDifferentiableError
-from teg.intervals import Interval, enclose
 from teg.ir import expr as ex
 from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Pow, Var, add, call, integer_power, mul, sub
 from teg.ir.node import Node
 from teg.ir.traverse import parameters, rewrite
-from teg.polynomial import expanded
 
 _REGION = 200
 """Nodes of a sum, down to its functions, beyond which it is left as it is."""

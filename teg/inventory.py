@@ -5,26 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any, cast
 
+from teg.analysis.isolation import max_roots, widened
+from teg.analysis.jumps import jump, vanishes_on
+from teg.analysis.nest import Binder
+from teg.analysis.polynomial import P, Point, Shadow, divided, residue
+from teg.analysis.roots import solve
+from teg.analysis.staircase import is_step, is_uncounted, with_floors
+from teg.analysis.surfaces import atoms_of, binders_inside, owned_surfaces
 from teg.ir.expr import ONE, ZERO, Call, Compare, Expr, Param, Tuple, Var, call, tuple_of, where
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.traverse import parameters, rename_apart, rewrite, substitute
-from teg.isolation import max_roots, widened
-from teg.nest import Binder
 from teg.passes.affine import Affine
 from teg.passes.atoms import canonicalise
 from teg.passes.bilinear import Bilinear
 from teg.passes.hyperbola import border_of
 from teg.passes.implicit import Implicit
-from teg.passes.jumps import jump, vanishes_on
 from teg.passes.reparameterize import Families, find_family
 from teg.passes.univariate import Solvable
 from teg.passes.user import Mapped
-from teg.polynomial import P, Point, Shadow, divided, residue
-from teg.roots import solve
-from teg.staircase import is_step, is_uncounted, with_floors
-from teg.surfaces import atoms_of, binders_inside, owned_surfaces
 
 LONGEST = 2000
 LARGEST = 400

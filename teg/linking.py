@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
-from teg.bodies import body_of, write_all_out
-from teg.integration import Integration
+from teg.analysis.bodies import body_of, write_all_out
+from teg.analysis.settings import Integration
 from teg.ir.expr import Expr, Param
 from teg.ir.function import Function, Slot
 from teg.ir.traverse import substitute

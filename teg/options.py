@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, cast
 
+from teg.analysis.settings import DEFAULT_TOL, Integration
 from teg.diffeomorphism import Diffeomorphism, checked_maps
 from teg.errors import OptionError
-from teg.integration import DEFAULT_TOL, Integration
 from teg.pipeline import ESTIMATORS
 
 BACKENDS = ("numpy", "c", "jax")

@@ -16,9 +16,9 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import cast
 
+from teg.analysis.settings import Integration
 from teg.diffeomorphism import Diffeomorphism
 from teg.errors import ParameterError
-from teg.integration import Integration
 from teg.ir import expr as ex
 from teg.ir.expr import ONE, Expr, Param, Tuple, as_number
 from teg.ir.show import dump

@@ -19,8 +19,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
 from teg import language as build
-from teg.bodies import write_all_out
-from teg.calculus import slope
+from teg.analysis.bodies import write_all_out
+from teg.analysis.calculus import slope
 from teg.errors import OperandError, OptionError, ParameterError, TegError
 from teg.ir import expr as ex
 from teg.ir.expr import ONE, ZERO, Cond, Expr, Param, Tuple, Var

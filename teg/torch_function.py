@@ -6,6 +6,8 @@ from collections.abc import Hashable, Mapping, Sequence
 from functools import reduce
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from teg.analysis.isolation import MAX_ROOTS
+from teg.analysis.settings import Integration
 from teg.array_pipeline import parameters_and_arrays
 from teg.derivative_kernels import DerivativeKernels
 from teg.errors import ArrayIndexError, MissingPackageError, OptionError, ParameterError
@@ -18,10 +20,8 @@ from teg.framework_function import (
     dimensions_of,
     nested,
 )
-from teg.integration import Integration
 from teg.ir.expr import Expr, Param
 from teg.ir.index import ArrayName, IndexArray
-from teg.isolation import MAX_ROOTS
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
 
 if TYPE_CHECKING:

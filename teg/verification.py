@@ -9,10 +9,10 @@ import functools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
+from teg.analysis.calculus import slope
 from teg.analysis.evaluate import values_of
-from teg.calculus import slope
+from teg.analysis.intervals import Interval
 from teg.errors import DiffeomorphismError
-from teg.intervals import Interval
 from teg.ir.expr import Expr, Param, Var
 from teg.ir.show import number
 

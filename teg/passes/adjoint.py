@@ -17,7 +17,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from teg.calculus import factor_cofactors, partials, value_children
+from teg.analysis.calculus import factor_cofactors, partials, value_children
+from teg.analysis.jumps import surface_terms
+from teg.analysis.singularities import sharp_nodes
+from teg.analysis.surfaces import bound_surface, open_surfaces, owned_surfaces, restrict
 from teg.errors import DeltaError
 from teg.ir import expr as ex
 from teg.ir.expr import (
@@ -44,9 +47,6 @@ from teg.ir.expr import (
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node, postorder
 from teg.passes.differentiate import Transport, carried, tangent_of
-from teg.passes.jumps import surface_terms
-from teg.singularities import sharp_nodes
-from teg.surfaces import bound_surface, open_surfaces, owned_surfaces, restrict
 
 Adjoints = dict[Expr, Expr]
 

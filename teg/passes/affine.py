@@ -21,7 +21,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.guards import middle_and_reach, support
+from teg.analysis.nest import Binder, Chain, nest, ranges_of
+from teg.analysis.polynomial import Point, Shadow, residue
+from teg.analysis.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
 from teg.ir.expr import (
@@ -52,12 +56,8 @@ from teg.ir.expr import (
 )
 from teg.ir.node import Node
 from teg.ir.traverse import fresh, rewrite, substitute
-from teg.nest import Binder, Chain, nest, ranges_of
 from teg.passes.barycentric import Along
-from teg.passes.demand import middle_and_reach, support
 from teg.passes.vertices import Side, match_side
-from teg.polynomial import Point, Shadow, residue
-from teg.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
 
 
 @dataclass(frozen=True)

@@ -15,16 +15,16 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import cast
 
+from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, off_the_grid, widened
+from teg.analysis.polynomial import Shadow
+from teg.analysis.roots import Root, solve
+from teg.analysis.surfaces import atoms_of
+from teg.analysis.tails import finite_place, is_unbounded
 from teg.ir.expr import ONE, Compare, Expr, Var
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.traverse import replace_node, substitute
-from teg.isolation import MAX_ROOTS, Isolation, Location, isolate, off_the_grid, widened
 from teg.passes.emit import NAN, SHORT, Emitter, Level, Truths
-from teg.polynomial import Shadow
 from teg.program import ISOLATE_WIDTH, TIE_EPS, Arg, Isolate, Locate, SumOver
-from teg.roots import Root, solve
-from teg.surfaces import atoms_of
-from teg.tails import finite_place, is_unbounded
 
 _NOWHERE = float("inf")
 BOXES = 8

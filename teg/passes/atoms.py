@@ -3,9 +3,9 @@
     [−2x + 2t > 0], [x < t], ~[t < x], [a·x < a·t]        all become conditions on the one atom  t - x > 0
 
 1. A condition inside an atom is hoisted: [g > 0] = b & [g|b:=true > 0]  |  ~b & [g|b:=false > 0], where there are few. Of many, those
-   that are continuous (abs, minimum, maximum) become |·|, which is no condition (`teg.kinks`).
+   that are continuous (abs, minimum, maximum) become |·|, which is no condition (`teg.analysis.kinks`).
 2. Factors split: [u·v > 0] = [u > 0] & [v > 0]  |  [u < 0] & [v < 0], so that (y - c)·(x - t) has two surfaces with two owners.
-   A surface is written without an increasing function or an odd power in front of both sides (`teg.coincidence`).
+   A surface is written without an increasing function or an odd power in front of both sides (`teg.analysis.coincidence`).
 3. A surface proportional by a number to one met before becomes that one, its sign and strictness kept right.
 4. An atom that a bound decides (x < t on (0, t)) is replaced by its value at the other bound.
 5. An integral of a polynomial that a condition depends on is written out: [∫₀ˣ(1 - u/p)du > 0] is a condition on x - x²/(2p).
@@ -18,8 +18,12 @@ from __future__ import annotations
 
 from typing import cast
 
-from teg.antiderivative import integrated
-from teg.coincidence import short_form
+from teg.analysis.antiderivative import integrated
+from teg.analysis.coincidence import short_form
+from teg.analysis.jumps import assign
+from teg.analysis.kinks import kinks_of, with_sizes
+from teg.analysis.polynomial import Point, Shadow, divided, shorter_form, sign_of_residue
+from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir import expr as ex
 from teg.ir.expr import (
     FALSE,
@@ -46,10 +50,6 @@ from teg.ir.expr import (
 from teg.ir.integral import Delta, Integral, delta, scaled_integral
 from teg.ir.node import Node, postorder, union
 from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, substitute
-from teg.kinks import kinks_of, with_sizes
-from teg.passes.jumps import assign
-from teg.polynomial import Point, Shadow, divided, shorter_form, sign_of_residue
-from teg.surfaces import atoms_of, binders_inside
 
 MAX_HOISTED = 6
 MAX_KINKS = 2

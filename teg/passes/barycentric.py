@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 from typing import cast
 
+from teg.analysis.polynomial import P, Shadow, expanded
 from teg.ir.expr import (
     FALSE,
     ONE,
@@ -36,7 +37,6 @@ from teg.ir.expr import (
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import rewrite, substitute
 from teg.passes.vertices import SMALL, Plane, Side, Triangle, ratio
-from teg.polynomial import P, Shadow, expanded
 
 
 class Along:

@@ -22,15 +22,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from teg.calculus import slope
-from teg.critical import infinite_at_saddle
+from teg.analysis.calculus import slope
+from teg.analysis.critical import infinite_at_saddle
+from teg.analysis.nest import Binder, Chain, nest, ranges_of
+from teg.analysis.polynomial import Shadow
+from teg.analysis.roots import tidy
+from teg.analysis.surfaces import free_of, restrict, signed_inside
 from teg.ir import expr as ex
 from teg.ir.expr import FALSE, ZERO, Cond, Expr, Var, add, call, conjunction, const, disjunction, div, mul, negation, positive, sub, where
 from teg.ir.traverse import substitute
-from teg.nest import Binder, Chain, nest, ranges_of
-from teg.polynomial import Shadow
-from teg.roots import tidy
-from teg.surfaces import free_of, restrict, signed_inside
 
 ODDS = 1.3706
 """κ."""

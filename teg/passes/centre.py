@@ -17,8 +17,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import cast
 
-from teg.calculus import slope
-from teg.extents import extent
+from teg.analysis.calculus import slope
+from teg.analysis.extents import extent
+from teg.analysis.polynomial import Shadow
+from teg.analysis.roots import solve
+from teg.analysis.singularities import SMOOTH, Keys, order_at, sharp_nodes, singular_arguments
 from teg.ir.expr import (
     MINUS_ONE,
     ONE,
@@ -46,9 +49,6 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral, integral_over, masses_of
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, rewrite, substitute
-from teg.polynomial import Shadow
-from teg.roots import solve
-from teg.singularities import SMOOTH, Keys, order_at, sharp_nodes, singular_arguments
 
 MAX_CENTRES = 3
 """An integrand with more singular points is left as it is."""

@@ -14,14 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.nest import Binder, Chain, nest, ranges_of
+from teg.analysis.roots import Root, solve, tidy
+from teg.analysis.surfaces import free_of, restrict, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
 from teg.ir.expr import ZERO, Cond, Expr, Var, add, call, conjunction, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
-from teg.nest import Binder, Chain, nest, ranges_of
-from teg.roots import Root, solve, tidy
-from teg.surfaces import free_of, restrict, signed_inside
 
 
 @dataclass(frozen=True)

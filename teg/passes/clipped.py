@@ -2,7 +2,7 @@
 
 Everything is relative to a corner of the box (x = l + u): differences of large coordinates are taken once, outside, and slivers keep their
 digits. What is constant but does not look so (a triangle's area as the sum of its barycentric coordinates) is found in the normal form of
-`teg.polynomial` and evaluated at the corner; an atom that is a factor of the integrand, too, is c + a·u + b·v. In a triangle whose vertices
+`teg.analysis.polynomial` and evaluated at the corner; an atom that is a factor of the integrand, too, is c + a·u + b·v. In a triangle whose vertices
 are known (`vertices.py`) barycentric coordinates are variables of their own: of a sliver c + a·u + b·v would lose them.
 """
 
@@ -12,8 +12,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import cast
 
-from teg.calculus import slope
-from teg.integration import Integration
+from teg.analysis.calculus import slope
+from teg.analysis.guards import middle_and_reach
+from teg.analysis.polynomial import Shadow
+from teg.analysis.settings import Integration
 from teg.ir.expr import (
     MINUS_ONE,
     ONE,
@@ -37,12 +39,10 @@ from teg.ir.integral import Integral
 from teg.ir.node import Node
 from teg.ir.traverse import fresh, rebuild, rewrite, substitute
 from teg.passes.barycentric import Inside
-from teg.passes.demand import middle_and_reach
 from teg.passes.emit import Level
 from teg.passes.polygon import Clipped, Half, match_clipped
 from teg.passes.sampled import UnbrokenEmitter
 from teg.passes.vertices import match_triangle
-from teg.polynomial import Shadow
 from teg.program import Arg, HalfLine, HalfPlane, Polygon, Segment
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
-from teg.integration import Integration
+from teg.analysis.settings import Integration
 from teg.ir.expr import Expr
 from teg.ir.integral import Border, Integral
 from teg.ir.node import Node

@@ -16,7 +16,7 @@ An integrand that is singular on surfaces that move (|x - p|^-½) is carried alo
 
     d ∫…∫ w  =  ∫…∫ (D w + w div V)  +  the terms of bounds and other surfaces, each moving with D
 
-with the V of `teg.singularities`, for which D w is as integrable as w is.
+with the V of `teg.analysis.singularities`, for which D w is as integrable as w is.
 Source: Bangaru et al. 2021, section 4; Leibniz' rule for the bounds; Flanders 1973 for moving domains.
 """
 
@@ -26,8 +26,13 @@ import math
 from collections.abc import Container, Mapping
 from typing import Any, cast
 
-from teg.calculus import factor_cofactors, partials, slope
-from teg.coincidence import ZeroSet, peeled
+from teg.analysis.calculus import factor_cofactors, partials, slope
+from teg.analysis.coincidence import ZeroSet, peeled
+from teg.analysis.jumps import surface_terms
+from teg.analysis.nest import Binder, Chain, nest
+from teg.analysis.sift import deltas_of, linear_part, without
+from teg.analysis.singularities import Field, Keys, Surface, field_of, find_surfaces, on_sides, sharp_nodes
+from teg.analysis.surfaces import bound_surface, open_surfaces, owned_surfaces, restrict
 from teg.errors import DeltaError
 from teg.ir import expr as ex
 from teg.ir.expr import (
@@ -58,11 +63,6 @@ from teg.ir.expr import (
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node
 from teg.ir.traverse import substitute
-from teg.nest import Binder, Chain, nest
-from teg.passes.jumps import surface_terms
-from teg.passes.sift import deltas_of, linear_part, without
-from teg.singularities import Field, Keys, Surface, field_of, find_surfaces, on_sides, sharp_nodes
-from teg.surfaces import bound_surface, open_surfaces, owned_surfaces, restrict
 
 Direction = Mapping[Any, Expr]
 """How parameters, and variables that are carried along, change."""

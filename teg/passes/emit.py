@@ -14,14 +14,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
+from teg.analysis.breaks import Breaks
+from teg.analysis.polynomial import Shadow
+from teg.analysis.surfaces import binders_inside
 from teg.ir.expr import MINUS_ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where
 from teg.ir.function import Apply, Callee
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node
-from teg.passes.breaks import Breaks
-from teg.polynomial import Shadow
 from teg.program import TIE_EPS, Arg, Assign, Stmt
-from teg.surfaces import binders_inside
 
 Truths = tuple[Arg, Arg]  # holds, fails
 NAN = float("nan")

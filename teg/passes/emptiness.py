@@ -8,8 +8,12 @@ from __future__ import annotations
 
 from typing import cast
 
+from teg.analysis.guards import support
+from teg.analysis.intervals import Enclosure
+from teg.analysis.isolation import MARGIN
+from teg.analysis.polynomial import Shadow
+from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
-from teg.intervals import Enclosure
 from teg.ir.expr import (
     FALSE,
     MINUS_ONE,
@@ -35,10 +39,6 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import postorder
 from teg.ir.traverse import rewrite, substitute
-from teg.isolation import MARGIN
-from teg.passes.demand import support
-from teg.polynomial import Shadow
-from teg.surfaces import atoms_of
 
 MAX_LEVELS = 32
 MAX_SIDES = 4

@@ -1,6 +1,6 @@
 """The guard of an adaptive integral: bounds of its integrands and of their sharp values over a box, for `teg.program` (Integrate).
 
-A feature that lies between all nodes changes no value that the rule has; but the node it comes from (`teg.sharp`) has an enclosure over
+A feature that lies between all nodes changes no value that the rule has; but the node it comes from (`teg.analysis.sharp`) has an enclosure over
 the gap, to be compared with its values at the nodes beside it. Where it stands in an integral inside, the bound over the gap and the
 inner range is compared with those over the nodes and the inner range: both come from one enclosure, so they agree in a gap that is short
 enough. (The largest value that the inner integral sees is no such measure: brackets may cut the range.) At the ends of the inner range the
@@ -15,8 +15,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import cast
 
-from teg.integration import Integration
-from teg.intervals import Enclosure, Interval
+from teg.analysis.intervals import Enclosure, Interval
+from teg.analysis.polynomial import Degrees
+from teg.analysis.settings import Integration
+from teg.analysis.sharp import Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
 from teg.ir.expr import ZERO, Const, Expr, Var, const, positive, sub, where
 from teg.ir.integral import Integral
 from teg.ir.node import Node
@@ -24,9 +26,7 @@ from teg.ir.traverse import fresh, substitute
 from teg.numerics.quadrature import gauss_legendre
 from teg.passes.curved import CurvedEmitter
 from teg.passes.emit import Level
-from teg.polynomial import Degrees
 from teg.program import Adaptive, Arg, Guard
-from teg.sharp import Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
 
 CUBIC_RATE = 1.5
 """How much faster than on a straight line a cubic's place goes."""

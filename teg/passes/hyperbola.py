@@ -17,17 +17,17 @@ from dataclasses import dataclass
 from math import factorial
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.nest import Binder, Chain
+from teg.analysis.polynomial import Shadow
+from teg.analysis.settings import Integration
+from teg.analysis.surfaces import atoms_of
+from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.integration import Integration
 from teg.ir.expr import FALSE, TRUE, ZERO, Add, Const, Expr, Mul, Var, add, const, integer_power, mul, sub
 from teg.ir.integral import Border, Integral, masses_of
 from teg.ir.show import show
 from teg.ir.traverse import replace_node, substitute
-from teg.nest import Binder, Chain
-from teg.polynomial import Shadow
-from teg.surfaces import atoms_of
-from teg.tails import is_unbounded
 
 MAX_BORDER, MAX_INSIDE = 3, 2
 Corners = tuple[Expr, Expr, Expr, Expr]

@@ -14,8 +14,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from teg.calculus import slope
-from teg.critical import critical_point, infinite_at_saddle
+from teg.analysis.calculus import slope
+from teg.analysis.critical import critical_point, infinite_at_saddle
+from teg.analysis.isolation import isolate, widened
+from teg.analysis.nest import Binder, Chain, nest, ranges_of
+from teg.analysis.surfaces import free_of, restrict, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import (
     MINUS_ONE,
@@ -36,9 +39,6 @@ from teg.ir.integral import Integral, PointMasses, delta, integral_over, masses_
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.traverse import rebuild, replace_node
-from teg.isolation import isolate, widened
-from teg.nest import Binder, Chain, nest, ranges_of
-from teg.surfaces import free_of, restrict, signed_inside
 
 MAX_CHARTS = 3
 APART = 2.0**-45

@@ -4,7 +4,7 @@
 
 where the body is not opaque (`teg.function`), and wherever an application stands in a condition, a bound, a δ, an argument of floor and
 the like, a divisor, or under a root or logarithm: what jumps or may be singular there has to be found. An application is also written
-out in an integral with an infinite bound, whose tails have to be measured; where features of the body may be narrow (`teg.sharp`), as far
+out in an integral with an infinite bound, whose tails have to be measured; where features of the body may be narrow (`teg.analysis.sharp`), as far
 as that is known in numbers; and where an exponential in the body becomes one of a polynomial of degree 2 or more in the variables: narrow
 peaks have to be known. If the arguments are linear, and the exponent quadratic, it is enough that the exponential is seen,
 
@@ -20,16 +20,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import cast
 
-from teg.bodies import everywhere_written_out, with_peaks_outside, written_out
-from teg.intervals import Interval
+from teg.analysis.bodies import everywhere_written_out, with_peaks_outside, written_out
+from teg.analysis.intervals import Interval
+from teg.analysis.polynomial import Degrees
+from teg.analysis.sharp import numeric_range, sharp_values, tame_ones
+from teg.analysis.tails import is_unbounded
 from teg.ir.expr import Call, Compare, Expr, Pow, Var
 from teg.ir.function import Apply, Function, Slot, degrees_in, functions_of
 from teg.ir.integral import Delta, Integral, PointMasses
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters, rebuild
-from teg.polynomial import Degrees
-from teg.sharp import numeric_range, sharp_values, tame_ones
-from teg.tails import is_unbounded
 
 _SINGULAR = frozenset(
     ("sqrt", "root", "log", "pow", "tan", "asin", "acos", "atan2", "floor", "ceil", "round", "mod", "magnitude", "min", "max")

@@ -6,7 +6,7 @@
 Without them the outer integral has a break wherever two lines meet or one crosses a side, O(n²) of them, and the inner one n in each piece.
 A `Segment` is what a boundary term along an edge becomes: its half-lines are the sides of the box and the other edges, and may tie.
 
-What is constant but does not look so, or of degree 1, is judged in the normal form of `teg.polynomial`; `clipped.py` makes the statements.
+What is constant but does not look so, or of degree 1, is judged in the normal form of `teg.analysis.polynomial`; `clipped.py` makes the statements.
 Source: Sutherland and Hodgman 1974 (clipping); Cyrus and Beck 1978 (of an interval).
 """
 
@@ -16,9 +16,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.polynomial import Shadow
+from teg.analysis.settings import Integration
+from teg.analysis.surfaces import atoms_of
+from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.integration import Integration
 from teg.ir.expr import (
     MINUS_ONE,
     ONE,
@@ -46,10 +49,7 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import Node
 from teg.ir.traverse import replace_node, substitute
-from teg.polynomial import Shadow
 from teg.program import MAX_HALF_PLANES
-from teg.surfaces import atoms_of
-from teg.tails import is_unbounded
 
 MAX_DEGREE = 24
 MAX_NODES = 16

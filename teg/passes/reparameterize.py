@@ -13,24 +13,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.nest import Binder, Chain, nest
+from teg.analysis.polynomial import Shadow
+from teg.analysis.sift import deltas_of, linear_part, without
 from teg.diffeomorphism import Diffeomorphism, checked_maps
 from teg.errors import DeltaError, NoReparameterisationError
 from teg.ir.expr import ZERO, Cond, Const, Expr, Mul, Var, Where, add, conjunction, mul, where
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import rebuild, rename_apart
-from teg.nest import Binder, Chain, nest
 from teg.passes.affine import Affine, match_affine, match_partly_affine, match_turning, rewrite_affine
 from teg.passes.bilinear import match_bilinear, rewrite_bilinear
 from teg.passes.charts import match_curve, rewrite_curve
 from teg.passes.hyperbola import border_of
 from teg.passes.implicit import match_implicit, rewrite_implicit
-from teg.passes.sift import deltas_of, linear_part, without
 from teg.passes.steep import Graph, match_steep, rewrite_steep
 from teg.passes.univariate import match_solvable, rewrite_solvable
 from teg.passes.user import user_families
-from teg.polynomial import Shadow
 
 Match = Callable[[Expr, Sequence[Var]], Any]
 Rewrite = Callable[[Expr, Expr, tuple[Binder, ...], Any], Expr | None]

@@ -22,8 +22,9 @@ from collections.abc import Iterable, Sequence
 from math import inf
 from typing import cast
 
+from teg.analysis.settings import Integration
+from teg.analysis.surfaces import binders_inside
 from teg.errors import OptionError
-from teg.integration import Integration
 from teg.ir.expr import Add, Compare, Const, Expr, Mul, Where
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import Node, postorder
@@ -31,7 +32,6 @@ from teg.numerics.sobol import DIMENSIONS
 from teg.passes.at_roots import RootEmitter
 from teg.passes.emit import Level
 from teg.program import Arg, Integrate, Midpoint, Sample
-from teg.surfaces import binders_inside
 
 SAMPLED = ("montecarlo", "qmc")
 SAMPLES, MIDPOINTS, DEEP_SAMPLES = 2**14, 256, 2**17

@@ -14,9 +14,16 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import assert_never, cast
 
-from teg.calculus import slope
+from teg.analysis.breaks import MAX_BENDS, BreakAnalysis, Breaks, Turn
+from teg.analysis.calculus import slope
+from teg.analysis.guards import GUARD_TERMS, guards, support
+from teg.analysis.polynomial import Shadow
+from teg.analysis.roots import local_origin
+from teg.analysis.settings import Integration
+from teg.analysis.sharp import Sharp, numeric_range, sharp_values
+from teg.analysis.surfaces import atoms_of
+from teg.analysis.tails import infinite_ends, is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.integration import Integration
 from teg.ir.expr import (
     FALSE,
     MINUS_ONE,
@@ -44,20 +51,13 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral, PointMasses, masses_of
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import substitute
-from teg.passes.breaks import MAX_BENDS, BreakAnalysis, Breaks, Turn
-from teg.passes.demand import GUARD_TERMS, guards, support
 from teg.passes.emit import NAN, Level
 from teg.passes.emptiness import certainly_empty
 from teg.passes.guarded import GuardedEmitter, widest_gap
 from teg.passes.sampled import deciding_integrals
 from teg.passes.weights import largest, weights
-from teg.polynomial import Shadow
 from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Guard, Integrate, Midpoint, Program, Rational, Rule, Tie
 from teg.program.dce import without_dead_code
-from teg.roots import local_origin
-from teg.sharp import Sharp, numeric_range, sharp_values
-from teg.surfaces import atoms_of
-from teg.tails import infinite_ends, is_unbounded
 
 MAX_GAUSS = 24
 TIGHTEST = 1e-14

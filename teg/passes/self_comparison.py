@@ -18,13 +18,13 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import cast
 
+from teg.analysis.polynomial import Point
 from teg.ir.arrays import Gather, Sum
 from teg.ir.cells import Symbols, cell_leaves, indices_apart, replace_integers
 from teg.ir.expr import Compare, Cond, Expr, conjunction, disjunction, less, negation
 from teg.ir.index import Index, IndexCall, IndexConst, IndexGather, IndexVar, free_indices
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import rebuild
-from teg.polynomial import Point
 
 MOST = 32
 PLACES = 4

@@ -19,18 +19,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
+from teg.analysis.calculus import slope
 from teg.analysis.evaluate import values_of
-from teg.calculus import slope
+from teg.analysis.intervals import Enclosure
+from teg.analysis.nest import Binder, Chain, nest, ranges_of
+from teg.analysis.polynomial import residue
+from teg.analysis.surfaces import free_of
 from teg.errors import NotDifferentiableError, OperandError
-from teg.intervals import Enclosure
 from teg.ir.expr import FALSE, TRUE, ZERO, Call, Cond, Const, Expr, Pow, Var, add, call, const, mul, negation, positive, sub, where
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters
-from teg.nest import Binder, Chain, nest, ranges_of
 from teg.passes.affine import Affine, rewrite_affine
 from teg.passes.implicit import Implicit, match_implicit, rewrite_implicit
-from teg.polynomial import residue
-from teg.surfaces import free_of
 
 STEEPEST = 1e4
 """R up to which a graph loses no more than a few roundings times this number."""

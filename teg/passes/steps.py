@@ -1,6 +1,6 @@
 """The steps of floor, written out: one bracket, or one cell, for each.
 
-Inside the integrals that bind the variables of u, with k₀ < k₁ < … the integers that u passes over their ranges (`teg/staircase.py`),
+Inside the integrals that bind the variables of u, with k₀ < k₁ < … the integers that u passes over their ranges (`teg/analysis/staircase.py`),
 
     linear       A + B·floor(u)  =  A + B·(k₀ - [u < k₀] + Σ_{j≥1} [u ≥ kⱼ])
     otherwise    F(floor(u))     =  Σⱼ [kⱼ ≤ u < kⱼ₊₁]·F(kⱼ)                F the whole summand: a condition, a product, an inner integral
@@ -22,8 +22,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast
 
+from teg.analysis.intervals import enclose
+from teg.analysis.jumps import jump
+from teg.analysis.places import holding, linear_places, reached
+from teg.analysis.staircase import Box, Range, Steps, between_integers, count_steps, is_step, uncounted, with_floors
 from teg.errors import NotDifferentiableError
-from teg.intervals import enclose
 from teg.ir.expr import (
     MINUS_ONE,
     ONE,
@@ -48,9 +51,6 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, rebuild, rename_apart, replace_node, size
-from teg.passes.jumps import jump
-from teg.places import holding, linear_places, reached
-from teg.staircase import Box, Range, Steps, between_integers, count_steps, is_step, uncounted, with_floors
 
 MAX_CELLS = 1024
 """Cells of one summand."""

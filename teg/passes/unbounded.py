@@ -1,18 +1,18 @@
 """Integrals to infinity whose deltas stand on surfaces of several variables, on finite intervals.
 
 An integral with an infinite bound stays as it is where it can: its last piece is a tail (`teg.program`). The charts of a surface, though,
-compare the extents of the variables, which must be finite. So those integrals are brought to finite ones (`teg.tails`).
+compare the extents of the variables, which must be finite. So those integrals are brought to finite ones (`teg.analysis.tails`).
 """
 
 from __future__ import annotations
 
 from typing import cast
 
+from teg.analysis.tails import finite_place, infinite_ends, is_unbounded
 from teg.ir.expr import MINUS_ONE, Expr, Var, mul
 from teg.ir.integral import Delta, Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import rewrite, substitute
-from teg.tails import finite_place, infinite_ends, is_unbounded
 
 
 def with_finite_bounds(e: Expr) -> Expr:

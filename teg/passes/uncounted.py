@@ -11,12 +11,12 @@ import math
 from collections.abc import Sequence
 from typing import cast
 
-from teg.calculus import steps_error
+from teg.analysis.calculus import steps_error
+from teg.analysis.staircase import is_step, is_uncounted
 from teg.ir.expr import Call, Compare, Expr, Param, Var, Where, add, call, const, mul
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder, union
 from teg.ir.traverse import parameters, rebuild
-from teg.staircase import is_step, is_uncounted
 
 
 def without_uncounted(e: Expr, wrt: Sequence[Param]) -> Expr:

@@ -2,7 +2,7 @@
 
     ∫ₗʰ w δ(g) dx = Σᵢ [root i exists] · w(xᵢ)/|g′(xᵢ)| · ([xᵢ < h] - [xᵢ < l])
 
-over the formulas of `teg.roots`, every branch inside the bounds. Where two roots are born together g′ is 0 and the weight infinite.
+over the formulas of `teg.analysis.roots`, every branch inside the bounds. Where two roots are born together g′ is 0 and the weight infinite.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.nest import Binder, Chain, nest
+from teg.analysis.polynomial import Shadow
+from teg.analysis.roots import solve
+from teg.analysis.surfaces import restrict, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
 from teg.ir.expr import ZERO, Expr, Var, add, call, mul, where
 from teg.ir.traverse import fresh, substitute
-from teg.nest import Binder, Chain, nest
-from teg.polynomial import Shadow
-from teg.roots import solve
-from teg.surfaces import restrict, signed_inside
 
 
 @dataclass(frozen=True)

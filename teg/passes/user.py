@@ -13,7 +13,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.nest import Binder, Chain, nest
+from teg.analysis.polynomial import Shadow, expanded
+from teg.analysis.surfaces import ordered, signed_between
 from teg.coverage import verify_exact, verify_reached
 from teg.diffeomorphism import INFINITY, MINUS_INFINITY, Diffeomorphism
 from teg.errors import BoundError, OperandError, ScopeError
@@ -46,9 +49,6 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, parameters, rebuild, rename_apart, replace_node, size, substitute
-from teg.nest import Binder, Chain, nest
-from teg.polynomial import Shadow, expanded
-from teg.surfaces import ordered, signed_between
 
 Family = tuple[Callable[[Expr, Sequence[Var]], Any], Callable[[Expr, Expr, Chain, Any], Expr | None]]
 

@@ -7,7 +7,7 @@ The points an atom knows are the pairs (p, q) of what x and y are compared with 
 its direction (∂g/∂y, -∂g/∂x) from there. Where the other sides through A and B are positive multiples of one number at the other end, as
 in a triangle, the support lies between A and B if at all, the side is *whole*; else how far it goes is decided at run time.
 
-Whether functions vanish, or are proportional, is asked in the finite field of `teg.polynomial`.
+Whether functions vanish, or are proportional, is asked in the finite field of `teg.analysis.polynomial`.
 Source: Liang and Barsky 1984 (a segment by its ends, clipped by a box).
 """
 
@@ -19,7 +19,8 @@ from dataclasses import dataclass
 from itertools import permutations
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.polynomial import P, Shadow, divided, expanded
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import (
     MINUS_ONE,
@@ -45,7 +46,6 @@ from teg.ir.expr import (
 )
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import substitute
-from teg.polynomial import P, Shadow, divided, expanded
 
 MAX_POINTS = 128
 """Of a longer conjunction the sides are not looked at: every pair of a side and a point would be."""

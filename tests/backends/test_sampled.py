@@ -12,10 +12,10 @@ import numpy.typing as npt
 import pytest
 
 import teg
+from teg.analysis.settings import Integration
 from teg.backends.c_backend import compile_c
 from teg.backends.jax_backend import compile_jax
 from teg.backends.numpy_backend import compile_numpy
-from teg.integration import Integration
 from teg.ir.expr import const
 from teg.ir.integral import integral_over
 from teg.passes.schedule import schedule

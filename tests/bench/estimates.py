@@ -24,8 +24,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import teg
 from teg import Expr
+from teg.analysis.settings import Integration
 from teg.backends.c_backend import CKernel, compile_c
-from teg.integration import Integration
 from teg.pipeline import flatten, program_for
 from tests.bench.shapes import Shape, Values, shapes, systems
 

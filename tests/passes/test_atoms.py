@@ -7,9 +7,9 @@ import itertools
 import pytest
 
 import teg
+from teg.analysis.surfaces import atoms_of
 from teg.ir.expr import ONE, ZERO
 from teg.passes.atoms import canonicalise
-from teg.surfaces import atoms_of
 from tests.references import REFERENCES, Reference
 
 x, y = teg.vars("x y")

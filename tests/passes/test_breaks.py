@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import teg
+from teg.analysis.breaks import BreakAnalysis
 from teg.ir.integral import Integral
-from teg.passes.breaks import BreakAnalysis
 from teg.pipeline import normal_form
 from teg.program import Adaptive, Gauss, Integrate, statements
 

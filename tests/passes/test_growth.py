@@ -17,9 +17,9 @@ import pytest
 
 import teg
 from teg.accuracy import AccuracyWarning
+from teg.analysis.settings import Integration
 from teg.backends.c_print import print_kernel
 from teg.errors import NotDifferentiableError
-from teg.integration import Integration
 from teg.ir.traverse import parameters
 from teg.pipeline import compiled_outputs, flatten, program_for
 from teg.program import size as statements

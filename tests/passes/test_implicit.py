@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import teg
+from teg.analysis.isolation import MAX_ROOTS, isolate, max_roots
+from teg.analysis.kinks import kinks_of, with_sizes
 from teg.ir.expr import Where
 from teg.ir.integral import PointMasses
 from teg.ir.node import postorder
-from teg.isolation import MAX_ROOTS, isolate, max_roots
-from teg.kinks import kinks_of, with_sizes
 from teg.passes.atoms import canonicalise
 from teg.passes.implicit import Implicit, match_implicit
 

@@ -7,8 +7,8 @@ import math
 import pytest
 
 import teg
+from teg.analysis.jumps import assign, jump, surface_terms, vanishes_on
 from teg.ir.expr import FALSE, ONE, TRUE, ZERO, const
-from teg.passes.jumps import assign, jump, surface_terms, vanishes_on
 
 x, y = teg.vars("x y")
 t, a, b = teg.params("t a b")
@@ -100,7 +100,7 @@ def test_what_vanishes_on_the_surface(e: teg.Expr, expected: bool) -> None:
 
 @pytest.mark.parametrize("kink", [teg.abs(x - t), teg.minimum(x, t), teg.maximum(x, t) * x, teg.where(x < t, x**2, t * x)], ids=str)
 def test_kinks_have_no_boundary_term(kink: teg.Expr) -> None:
-    surface = teg.surfaces.atoms_of(kink)[0].g
+    surface = teg.analysis.surfaces.atoms_of(kink)[0].g
     assert surface_terms(kink, [surface]) == []
 
 

@@ -13,7 +13,7 @@ import pytest
 
 import teg
 from teg.accuracy import AccuracyWarning
-from teg.isolation import locate
+from teg.analysis.isolation import locate
 
 x, y, z = teg.vars("x y z")
 a, b, c = teg.params("a b c")

@@ -6,7 +6,7 @@ import pytest
 
 import teg
 from teg import Expr
-from teg.integration import Integration
+from teg.analysis.settings import Integration
 from teg.ir.integral import Integral
 from teg.numerics.quadrature import triangle_rule
 from teg.passes.polygon import match_clipped, match_polygon, match_segment

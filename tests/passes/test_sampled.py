@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import teg
+from teg.analysis.settings import Integration
 from teg.backends.numpy_backend import compile_numpy
 from teg.errors import OptionError
-from teg.integration import Integration
 from teg.ir.expr import const
 from teg.ir.integral import Integral, integral_over
 from teg.passes.sampled import MIDPOINTS, SAMPLES, deciding_integrals, nest

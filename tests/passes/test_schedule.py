@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import teg
-from teg.integration import Integration
+from teg.analysis.settings import Integration
 from teg.passes.schedule import schedule
 from teg.pipeline import flatten, normal_form
 from teg.program import (

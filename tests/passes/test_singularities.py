@@ -9,10 +9,10 @@ import pytest
 
 import teg
 from teg.accuracy import AccuracyWarning
+from teg.analysis.singularities import Keys, order_at
 from teg.ir.expr import ONE
 from teg.passes.differentiate import tangent_of
 from teg.pipeline import eliminate
-from teg.singularities import Keys, order_at
 
 mp = pytest.importorskip("mpmath")
 

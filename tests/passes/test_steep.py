@@ -7,8 +7,8 @@ import math
 import pytest
 
 import teg
+from teg.analysis.nest import Binder
 from teg.ir.expr import FALSE, TRUE
-from teg.nest import Binder
 from teg.passes.affine import match_affine
 from teg.passes.implicit import Implicit
 from teg.passes.steep import Graph, match_steep, steepness

@@ -13,13 +13,13 @@ import pytest
 
 import teg
 from teg.accuracy import AccuracyWarning
+from teg.analysis.places import linear_places
+from teg.analysis.staircase import Box, Range, count_steps, is_step, is_uncounted
+from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
 from teg.ir.node import postorder
 from teg.passes.steps import enumerate_steps
 from teg.pipeline import compiled_outputs, normal_form
-from teg.places import linear_places
-from teg.staircase import Box, Range, count_steps, is_step, is_uncounted
-from teg.surfaces import atoms_of
 
 B, INT = teg.bracket, teg.integral
 x, y, z = teg.vars("x y z")

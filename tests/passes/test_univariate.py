@@ -7,8 +7,8 @@ import math
 import pytest
 
 import teg
+from teg.analysis.roots import solve
 from teg.passes.univariate import Solvable, match_solvable
-from teg.roots import solve
 
 x, y = teg.vars("x y")
 t, a, b = teg.params("t a b")

@@ -191,7 +191,7 @@ def test_scaling_one_axis_of_two(scene: Scene) -> None:
 @given(scenes(2), scenes(2))
 @examples(8)
 def test_partition_of_unity(scene: Scene, other: Scene) -> None:
-    conditions = [a for a in teg.surfaces.atoms_of(other.integrand) if a.g.free]
+    conditions = [a for a in teg.analysis.surfaces.atoms_of(other.integrand) if a.g.free]
     c = conditions[0]
     parts = scene.over(scene.integrand * teg.bracket(c)) + scene.over(scene.integrand * teg.bracket(~c))
     same(scene.expression, parts, scene)

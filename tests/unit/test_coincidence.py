@@ -12,10 +12,10 @@ import pytest
 
 import teg
 from teg.accuracy import AccuracyWarning
-from teg.coincidence import ZeroSet, coincide, peeled, short_form
-from teg.field_polynomials import common_factor, derivative, one_root, product, quotient_and_remainder
+from teg.analysis.coincidence import ZeroSet, coincide, peeled, short_form
+from teg.analysis.field_polynomials import common_factor, derivative, one_root, product, quotient_and_remainder
+from teg.analysis.polynomial import P, Point, divided, perfect_power, sign_of_residue
 from teg.ir.expr import Expr
-from teg.polynomial import P, Point, divided, perfect_power, sign_of_residue
 
 x, y = teg.vars("x y")
 r, s, t = teg.params("r s t")

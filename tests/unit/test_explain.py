@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 import teg
+from teg.analysis.surfaces import owned_surfaces
 from teg.errors import OptionError
 from teg.explanation import WIDTH, shortened
 from teg.ir.expr import Expr
@@ -15,7 +16,6 @@ from teg.ir.integral import Integral
 from teg.ir.node import postorder
 from teg.pipeline import normal_form
 from teg.program import Gauss, Integrate, Rational, SumOver, statements
-from teg.surfaces import owned_surfaces
 from tests.references import REFERENCES, Reference
 
 x, y, z = teg.vars("x y z")

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import teg
-from teg.bodies import body_of, write_all_out
+from teg.analysis.bodies import body_of, write_all_out
+from teg.analysis.polynomial import Point, Shadow
 from teg.errors import NameClashError, OperandError, OptionError, ParameterError, ScopeError
 from teg.ir.expr import Expr
 from teg.ir.function import Apply, Function
 from teg.passes.inline import PEAKED, STEEP, reasons, with_slots, without_slots, write_out
-from teg.polynomial import Point, Shadow
 
 x, y, z = teg.vars("x y z")
 u, v, k, t, a = teg.params("u v k t a")
@@ -161,8 +161,8 @@ def test_derivatives_are_symbolic_and_compile() -> None:
 def test_every_derivative_of_a_body_is_taken_once(monkeypatch: pytest.MonkeyPatch) -> None:
     f = teg.function("once", [u, v], teg.sin(u * v) * teg.cos(u))
     calls: list[object] = []
-    real = teg.bodies.slope
-    monkeypatch.setattr(teg.bodies, "slope", lambda e, by: (calls.append(by), real(e, by))[1])
+    real = teg.analysis.bodies.slope
+    monkeypatch.setattr(teg.analysis.bodies, "slope", lambda e, by: (calls.append(by), real(e, by))[1])
     e = teg.integral(f(x, t) * f(x * x, t) * teg.bracket(x < t), (x, 0, 1))
     teg.compile(e, [t]).hessian(t=0.5)
     teg.compile(e + 1, [t]).hessian(t=0.5)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 import teg
 from teg.accuracy import AccuracyWarning
+from teg.analysis.intervals import enclose
 from teg.errors import NotDifferentiableError
-from teg.intervals import enclose
 from teg.ir.expr import Expr, Param, Var, call
 from teg.ir.traverse import substitute
 

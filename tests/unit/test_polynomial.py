@@ -7,7 +7,7 @@ from fractions import Fraction
 import pytest
 
 import teg
-from teg.polynomial import P, Point, Shadow, expanded, sign_of_residue
+from teg.analysis.polynomial import P, Point, Shadow, expanded, sign_of_residue
 
 x, y, z = teg.vars("x y z")
 t, a, b = teg.params("t a b")

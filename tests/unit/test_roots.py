@@ -7,8 +7,8 @@ import math
 import pytest
 
 import teg
+from teg.analysis.roots import Roots, quadratic_coefficients, solve
 from teg.ir.expr import ONE, ZERO
-from teg.roots import Roots, quadratic_coefficients, solve
 
 x, y = teg.vars("x y")
 a, b, c, t = teg.params("a b c t")

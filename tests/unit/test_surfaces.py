@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import teg
+from teg.analysis.surfaces import atoms_of, binders_inside, comes_first, open_surfaces, owned_surfaces
 from teg.ir.integral import Integral
-from teg.surfaces import atoms_of, binders_inside, comes_first, open_surfaces, owned_surfaces
 
 x, y, z = teg.vars("x y z")
 t, a = teg.params("t a")

@@ -6,8 +6,8 @@ discontinuities, and nothing of their motion. For comparison only.
 
 from __future__ import annotations
 
+from teg.analysis.sift import deltas_of, without
 from teg.ir.expr import Expr
-from teg.passes.sift import deltas_of, without
 
 
 def ignore_discontinuities(e: Expr) -> Expr:

@@ -15,9 +15,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.intervals import enclose
+from teg.analysis.polynomial import Shadow
+from teg.analysis.roots import MAX_PERIODIC, tidy
 from teg.errors import NotDifferentiableError
-from teg.intervals import enclose
 from teg.ir.expr import (
     FALSE,
     MINUS_ONE,
@@ -49,8 +51,6 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters, rewrite, substitute
-from teg.polynomial import Shadow
-from teg.roots import MAX_PERIODIC, tidy
 
 MAX_STEPS = 256
 """Steps of one floor that are counted."""

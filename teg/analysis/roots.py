@@ -12,7 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.polynomial import Degrees, Shadow, shorter_form
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
 from teg.ir.expr import (
@@ -45,7 +46,6 @@ from teg.ir.expr import (
 )
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, parameters, replace_node, size, substitute
-from teg.polynomial import Degrees, Shadow, shorter_form
 
 MAX_PERIODIC = 16
 """Roots of a periodic function for which code is made where the bounds are not known as numbers."""

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.polynomial import Shadow
 from teg.ir.expr import Compare, Const, Expr, Where, add, const, integer_power, mul, sub
 from teg.ir.integral import Integral
 from teg.ir.node import postorder_through
 from teg.ir.traverse import substitute
-from teg.polynomial import Shadow
 
 MAX_DEGREE = 8
 """Of polynomials that are written out; surfaces of a higher degree are isolated all the same."""

@@ -12,8 +12,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from teg.calculus import slope
-from teg.coincidence import ZeroSet, peeled
+from teg.analysis.calculus import slope
+from teg.analysis.coincidence import ZeroSet, peeled
+from teg.analysis.polynomial import Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
 from teg.ir.expr import (
@@ -36,7 +37,6 @@ from teg.ir.integral import Integral
 from teg.ir.node import Node, digest
 from teg.ir.show import show
 from teg.ir.traverse import substitute
-from teg.polynomial import Shadow
 
 
 def atoms_of(root: Node, var: Var | None = None) -> list[Compare]:

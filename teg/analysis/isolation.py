@@ -15,13 +15,13 @@ import math
 from dataclasses import dataclass
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.intervals import Enclosure
+from teg.analysis.polynomial import Shadow
 from teg.errors import NotDifferentiableError
-from teg.intervals import Enclosure
 from teg.ir.expr import ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, add, call, const, mul, sub
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, replace_node
-from teg.polynomial import Shadow
 
 MAX_ROOTS = 16
 MAX_PLACES = 64

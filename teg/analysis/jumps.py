@@ -12,8 +12,10 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-from teg.calculus import factor_cofactors
-from teg.coincidence import ZeroSet
+from teg.analysis.calculus import factor_cofactors
+from teg.analysis.coincidence import ZeroSet
+from teg.analysis.polynomial import Point
+from teg.analysis.singularities import fades_at
 from teg.ir import expr as ex
 from teg.ir.expr import (
     FALSE,
@@ -35,8 +37,6 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import rebuild, replace_node
-from teg.polynomial import Point
-from teg.singularities import fades_at
 
 
 def _containing(root: Node, surface: Expr) -> list[Node]:

@@ -10,7 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.nest import Binder
+from teg.analysis.polynomial import Shadow
 from teg.ir.expr import (
     MINUS_ONE,
     ONE,
@@ -30,8 +32,6 @@ from teg.ir.expr import (
     where,
 )
 from teg.ir.traverse import substitute
-from teg.nest import Binder
-from teg.polynomial import Shadow
 
 ROUNDING = 8 * 2.0**-52
 NOTHING = 1e-12

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
 from teg.ir.expr import (
     FALSE,
     TRUE,

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from numbers import Integral, Real
 from typing import Any
 
+from teg.analysis.isolation import MAX_ROOTS
 from teg.errors import OptionError
-from teg.isolation import MAX_ROOTS
 
 DEFAULT_TOL = 1e-10
 RULES = {

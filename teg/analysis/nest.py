@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
+from teg.analysis.polynomial import Shadow
 from teg.ir.expr import MINUS_ONE, ONE, Expr, Var, mul, positive, sub, where
 from teg.ir.integral import integral_over
 from teg.ir.traverse import substitute
-from teg.polynomial import Shadow
 
 
 @dataclass(frozen=True)

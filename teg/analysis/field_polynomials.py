@@ -6,13 +6,13 @@ Source: von zur Gathen and Gerhard, Modern Computer Algebra, chapters 3 and 14.
 
 from __future__ import annotations
 
-from teg.polynomial import P, Poly, inverse, residue
+from teg.analysis.polynomial import P, Poly, inverse, residue
 
 Coefficients = list[int]
 
 
 def coefficients(poly: Poly) -> Coefficients:
-    """A polynomial of `teg.polynomial` in one variable as a list."""
+    """A polynomial of `teg.analysis.polynomial` in one variable as a list."""
     result = [0] * (max((i for (i,) in poly), default=-1) + 1)
     for (i,), c in poly.items():
         result[i] = c

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from typing import cast
 
+from teg.analysis.polynomial import Point, divided, sign_of_residue
 from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Expr, Mul, Pow, Where, add, call, const, mul, sub
 from teg.ir.node import Node
 from teg.ir.traverse import rebuild
-from teg.polynomial import Point, divided, sign_of_residue
 
 
 def kinks_of(g: Expr) -> list[Where]:

@@ -26,9 +26,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
+from teg.analysis.extents import Extent, extent
+from teg.analysis.nest import Binder, Chain
+from teg.analysis.polynomial import Point, Shadow, divided
 from teg.errors import NotDifferentiableError
-from teg.extents import Extent, extent
 from teg.ir.expr import (
     MINUS_ONE,
     ONE,
@@ -52,8 +54,6 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import rewrite, substitute
-from teg.nest import Binder, Chain
-from teg.polynomial import Point, Shadow, divided
 
 SMOOTH = math.inf
 """The roughness of what has whole powers only."""

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from typing import cast
 
+from teg.analysis.nest import Binder, Chain
 from teg.errors import DeltaError
 from teg.ir.expr import ONE, ZERO, Add, Call, Expr, Mul, Pow, Where, add, mul, negation, where
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import postorder
 from teg.ir.traverse import rewrite
-from teg.nest import Binder, Chain
 
 
 def deltas_of(e: Expr) -> list[Delta]:

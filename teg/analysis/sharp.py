@@ -9,7 +9,7 @@ A narrow smooth feature of an integrand comes from few kinds of nodes, whose own
 
 Of tanh and atan it is the slope: the steps themselves are seen. A sharp value is *tame* if it cannot change much between neighbouring
 nodes: if its bounds over the whole domain are near each other, or those of its logarithm's slope are small. This is decided when the
-program is made, where the domain is known in numbers. Bounds over a box are those of `teg.intervals`; an integral inside is bounded by the
+program is made, where the domain is known in numbers. Bounds over a box are those of `teg.analysis.intervals`; an integral inside is bounded by the
 largest size of its integrand times the largest extent of its range. Linear in the size of the integrands.
 """
 
@@ -20,16 +20,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
+from teg.analysis.calculus import slope
 from teg.analysis.evaluate import folded, values_of
-from teg.calculus import slope
+from teg.analysis.intervals import Enclosure, Interval
+from teg.analysis.polynomial import Degrees
 from teg.errors import NotDifferentiableError
-from teg.intervals import Enclosure, Interval
 from teg.ir.expr import MINUS_ONE, ONE, Call, Compare, Const, Expr, Param, Pow, Var, add, call, const, integer_power, mul, sub
 from teg.ir.function import Apply
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, rebuild, substitute
-from teg.polynomial import Degrees
 from teg.program import UNSEEN
 
 LARGE_POWER = 16

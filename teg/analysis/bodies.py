@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TypeVar, cast
 
-from teg.calculus import slope
+from teg.analysis.calculus import slope
 from teg.errors import DeltaError
 from teg.ir.cells import replaced
 from teg.ir.expr import Call, Expr, Param, Var, call

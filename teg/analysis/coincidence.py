@@ -6,7 +6,7 @@
 
 A surface whose slope is 0 all along it has no δ; the shorter form has one. Functions that are not defined everywhere (log, √, other powers,
 asin) keep their form, since a condition on them is NaN outside of their domain; `coincide` looks through them all the same. Whether a
-polynomial is a power, or shares a factor with another one, is asked of its values in GF(P), as all structure is (`teg.polynomial`).
+polynomial is a power, or shares a factor with another one, is asked of its values in GF(P), as all structure is (`teg.analysis.polynomial`).
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast
 
-from teg.field_polynomials import coefficients, common_factor, derivative, one_root
+from teg.analysis.field_polynomials import coefficients, common_factor, derivative, one_root
+from teg.analysis.polynomial import P, Point, Shadow, divided, perfect_power
 from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Param, Pow, Var, add, integer_power, mul, sub
 from teg.ir.node import postorder
-from teg.polynomial import P, Point, Shadow, divided, perfect_power
 
 MAX_DEGREE = 24
 """Of polynomials whose common factors are looked for."""

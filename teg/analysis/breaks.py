@@ -23,8 +23,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import cast
 
-from teg.calculus import slope
-from teg.coincidence import coincide
+from teg.analysis.calculus import slope
+from teg.analysis.coincidence import coincide
+from teg.analysis.isolation import MARGIN, MAX_ROOTS, Isolation, Location, isolate, locate
+from teg.analysis.polynomial import Degrees, P, Point, Poly, Ratio, Shadow, divided, residue
+from teg.analysis.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients, solve
+from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import (
     FALSE,
@@ -55,10 +59,6 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import Node, digest, postorder
 from teg.ir.traverse import replace_node, substitute
-from teg.isolation import MARGIN, MAX_ROOTS, Isolation, Location, isolate, locate
-from teg.polynomial import Degrees, P, Point, Poly, Ratio, Shadow, divided, residue
-from teg.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients, solve
-from teg.surfaces import atoms_of, binders_inside
 
 MAX_BRANCHES = 16
 MAX_FUNCTIONS = 4000
