@@ -15,7 +15,6 @@ from teg.check import GradientReport, check_gradient
 from teg.compile import Evaluator, compile, evaluate
 from teg.derivatives import diff, eliminate, grad, hessian, jvp
 from teg.diagnose import Diagnosis
-from teg.diffeomorphism import Diffeomorphism
 from teg.errors import AccuracyError, ArrayIndexError, DiffeomorphismError, TegError
 from teg.explain import Explanation, explain
 from teg.ir.arrays import array, index, indices, length
@@ -59,6 +58,7 @@ from teg.language import (
 from teg.language import round_ as round
 from teg.language import tuple_ as tuple
 from teg.maps import polar
+from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.user import change_variables
 from teg.scipy_function import scipy_function
 from teg.symbolic import from_sympy, to_sympy

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.coverage import MapChecks
-from teg.diffeomorphism import Diffeomorphism
 from teg.ir.arrays import Gather, Sum
 from teg.ir.cells import Symbols, cells_of
 from teg.ir.expr import ZERO, Expr, Param
 from teg.ir.index import OPERATIONS, Index, IndexCall, IndexConst, IndexGather, IndexParam, IndexValue, Length, index_leaves
 from teg.ir.node import Node
+from teg.maps.coverage import MapChecks
+from teg.maps.diffeomorphism import Diffeomorphism
 
 ITERATIONS = 64
 """Iterations of a cell that are looked at, over the elements of a batch,"""

@@ -15,10 +15,8 @@ from teg.arguments import values as arguments
 from teg.array_compiled import direction_of
 from teg.array_evaluator import ArrayEvaluator
 from teg.array_pipeline import parameters_and_arrays
-from teg.coverage import MapChecks
 from teg.derivation import linked
 from teg.diagnose import Diagnosis, diagnose
-from teg.diffeomorphism import Diffeomorphism
 from teg.errors import OptionError, ParameterError
 from teg.explain import Explanation, explain
 from teg.ir.arrays import Array as ArrayParameter
@@ -27,6 +25,8 @@ from teg.ir.expr import Expr, Param, Tuple, as_number
 from teg.ir.index import ArrayName
 from teg.ir.traverse import parameters
 from teg.language import check_parameters, check_program
+from teg.maps.coverage import MapChecks
+from teg.maps.diffeomorphism import Diffeomorphism
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
 from teg.pipeline import compiled_outputs, flatten, jvp
 from teg.program import Outcome, Program, Sample, statements

@@ -12,12 +12,12 @@ from teg.array_arguments import whole_numbers
 from teg.array_compiled import build_arrays
 from teg.array_reports import has_samples, report_arrays, report_missing
 from teg.compile import build_kernel
-from teg.coverage import MapChecks
 from teg.derivative_programs import DerivativePrograms
 from teg.framework_function import dimensions_of
 from teg.ir import expr as ex
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName
+from teg.maps.coverage import MapChecks
 from teg.program import Program, Sample, statements
 from teg.program.arrays import ArrayProgram
 

@@ -13,7 +13,6 @@ from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
 from teg.array_explain import explain_arrays
 from teg.array_pipeline import parameters_and_arrays
-from teg.diffeomorphism import Diffeomorphism
 from teg.errors import OptionError, TegError
 from teg.explanation import CLOSED_FORM, Explanation
 from teg.inventory import Inventory, nests, text_of
@@ -24,6 +23,7 @@ from teg.ir.integral import Integral, masses_of
 from teg.ir.traverse import parameters
 from teg.ir.traverse import size as nodes
 from teg.language import check_parameters, check_program
+from teg.maps.diffeomorphism import Diffeomorphism
 from teg.numerics.quadrature import triangle_rule
 from teg.numerics.sobol import replicated
 from teg.passes.atoms import canonicalise

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any, cast
 
 from teg.analysis.settings import DEFAULT_TOL, Integration
-from teg.diffeomorphism import Diffeomorphism, checked_maps
 from teg.errors import OptionError
+from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
 from teg.pipeline import ESTIMATORS
 
 BACKENDS = ("numpy", "c", "jax")

@@ -17,7 +17,6 @@ from functools import partial
 from typing import cast
 
 from teg.analysis.settings import Integration
-from teg.diffeomorphism import Diffeomorphism
 from teg.errors import ParameterError
 from teg.ir import expr as ex
 from teg.ir.expr import ONE, Expr, Param, Tuple, as_number
@@ -26,6 +25,7 @@ from teg.ir.traverse import parameters
 from teg.ir.verify import verify
 from teg.language import check_parameters
 from teg.linking import with_bodies
+from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.adjoint import gradient_of
 from teg.passes.atoms import Canonical
 from teg.passes.centre import centred

@@ -17,12 +17,12 @@ from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.polynomial import Shadow
 from teg.analysis.sift import deltas_of, linear_part, without
-from teg.diffeomorphism import Diffeomorphism, checked_maps
 from teg.errors import DeltaError, NoReparameterisationError
 from teg.ir.expr import ZERO, Cond, Const, Expr, Mul, Var, Where, add, conjunction, mul, where
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import rebuild, rename_apart
+from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
 from teg.passes.affine import Affine, match_affine, match_partly_affine, match_turning, rewrite_affine
 from teg.passes.bilinear import match_bilinear, rewrite_bilinear
 from teg.passes.charts import match_curve, rewrite_curve

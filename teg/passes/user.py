@@ -1,6 +1,6 @@
 """Changes of variables by maps that the user gives: of whole integrals, and of the deltas that become simpler by one.
 
-    ∫…∫ F(x) dx  =  ∫…∫ F(x(u))·|J| du      over the image of the bounds (`teg.images`)
+    ∫…∫ F(x) dx  =  ∫…∫ F(x(u))·|J| du      over the image of the bounds (`teg.maps.images`)
 
 and with F = w·δ(g) the surface is g∘x: where that depends on one new variable alone, or can be solved for one, another family sifts it
 there. A map is tried both ways: the surfaces of a program that is written in the new variables are brought back to the old ones.
@@ -17,11 +17,7 @@ from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.polynomial import Shadow, expanded
 from teg.analysis.surfaces import ordered, signed_between
-from teg.coverage import verify_exact, verify_reached
-from teg.diffeomorphism import INFINITY, MINUS_INFINITY, Diffeomorphism
 from teg.errors import BoundError, OperandError, ScopeError
-from teg.identities import simplified, taken_out
-from teg.images import Image, Side, image_of
 from teg.ir.expr import (
     FALSE,
     MINUS_ONE,
@@ -49,6 +45,10 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, parameters, rebuild, rename_apart, replace_node, size, substitute
+from teg.maps.coverage import verify_exact, verify_reached
+from teg.maps.diffeomorphism import INFINITY, MINUS_INFINITY, Diffeomorphism
+from teg.maps.identities import simplified, taken_out
+from teg.maps.images import Image, Side, image_of
 
 Family = tuple[Callable[[Expr, Sequence[Var]], Any], Callable[[Expr, Expr, Chain, Any], Expr | None]]
 

@@ -10,9 +10,9 @@ import pytest
 
 import teg
 from teg import Expr, maps
-from teg.diffeomorphism import Diffeomorphism
 from teg.errors import BoundError, DiffeomorphismError, OperandError, ScopeError
 from teg.examples.custom_map import compare
+from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.reparameterize import FAMILIES, families_with, find_family
 from teg.passes.user import Mapped
 

@@ -12,10 +12,10 @@ import pytest
 import teg
 from teg import Diffeomorphism, maps
 from teg.analysis.evaluate import values_of
-from teg.diffeomorphism import INFINITY, MINUS_INFINITY
 from teg.errors import BoundError, DiffeomorphismError, NameClashError, OperandError, OptionError, ParameterError, ScopeError
-from teg.identities import simplified, taken_out
 from teg.ir.expr import ONE, Const, Expr
+from teg.maps.diffeomorphism import INFINITY, MINUS_INFINITY
+from teg.maps.identities import simplified, taken_out
 
 x, y, z, r, p, q, u, v, w = teg.vars("x y z r p q u v w")
 a, b, k = teg.params("a b k")

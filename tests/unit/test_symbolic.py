@@ -22,8 +22,8 @@ from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import substitute
 from teg.symbolic import from_sympy, jacobian_determinant, to_sympy
-from teg.sympy_nodes import as_it_is, sympy_package
-from teg.sympy_reader import functions
+from teg.symbolic.nodes import as_it_is, sympy_package
+from teg.symbolic.reader import functions
 from tests.properties.strategies import Scene, scenes
 from tests.references import REFERENCES, Reference
 

@@ -25,9 +25,9 @@ from teg.errors import OperandError, OptionError, ParameterError, TegError
 from teg.ir import expr as ex
 from teg.ir.expr import ONE, ZERO, Cond, Expr, Param, Tuple, Var
 from teg.ir.traverse import size, substitute
-from teg.sympy_nodes import sympy_package
-from teg.sympy_reader import Reader, names_of, readable
-from teg.sympy_writer import Writer, symbols_of, written_out
+from teg.symbolic.nodes import sympy_package
+from teg.symbolic.reader import Reader, names_of, readable
+from teg.symbolic.writer import Writer, symbols_of, written_out
 
 CONDITIONS = ("auto", "heaviside", "piecewise")
 

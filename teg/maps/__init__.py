@@ -14,11 +14,11 @@ import math
 from collections.abc import Sequence
 from typing import cast
 
-from teg.diffeomorphism import Diffeomorphism
 from teg.errors import ScopeError
 from teg.ir import expr as ex
 from teg.ir.expr import Expr, Var, as_number
 from teg.language import asin, atan2, cos, cosh, exp, log, sin, sinh, sqrt, where
+from teg.maps.diffeomorphism import Diffeomorphism
 
 Point = tuple[object, object]
 _TURN = (-math.pi, math.pi)

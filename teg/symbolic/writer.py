@@ -32,7 +32,7 @@ from teg.ir.expr import (
 )
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
-from teg.sympy_nodes import as_it_is, sympy_package
+from teg.symbolic.nodes import as_it_is, sympy_package
 
 _FLATTEN = 8  # integrals inside each other, and factors, are written as one while they are so few: more would be quadratic
 

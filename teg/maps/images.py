@@ -21,13 +21,13 @@ from teg.analysis.evaluate import folded, values_of
 from teg.analysis.intervals import Interval, enclose
 from teg.analysis.nest import Binder, Chain
 from teg.analysis.roots import tidy
-from teg.diffeomorphism import INFINITY, MINUS_INFINITY, Diffeomorphism
 from teg.errors import BoundError, NotDifferentiableError, ScopeError
-from teg.identities import simplified
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, add, call, const, div, mul, sub
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters, rewrite, substitute
-from teg.verification import TRIALS, Constraint
+from teg.maps.diffeomorphism import INFINITY, MINUS_INFINITY, Diffeomorphism
+from teg.maps.identities import simplified
+from teg.maps.verification import TRIALS, Constraint
 
 _MARGIN = 2.0**-4
 """By how much enclosures are widened, relative to their size."""

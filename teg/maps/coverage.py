@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from teg.analysis.evaluate import values_of
 from teg.analysis.nest import Binder, Chain
-from teg.diffeomorphism import Diffeomorphism
 from teg.ir.expr import Const, Expr, Param, Var
 from teg.ir.integral import Integral
 from teg.ir.node import Node
 from teg.ir.traverse import parameters
-from teg.verification import BATCH_SAMPLES, SAMPLES, SAMPLES_A_CALL, TOLERANCE, TRIALS, halton, hold
+from teg.maps.diffeomorphism import Diffeomorphism
+from teg.maps.verification import BATCH_SAMPLES, SAMPLES, SAMPLES_A_CALL, TOLERANCE, TRIALS, halton, hold
 
 if TYPE_CHECKING:
     import numpy as np

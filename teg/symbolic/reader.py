@@ -12,7 +12,7 @@ from teg.errors import BoundError, NameClashError, OperandError
 from teg.ir import expr as ex
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Cond, Const, Expr, Mul, Var
 from teg.ir.node import Node
-from teg.sympy_nodes import in_postorder, parts_of, shown, sympy_package
+from teg.symbolic.nodes import in_postorder, parts_of, shown, sympy_package
 
 
 def readable(root: Any) -> list[Any]:
