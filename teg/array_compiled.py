@@ -16,7 +16,7 @@ from teg.ir.arrays import Array
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
 from teg.options import Options
-from teg.passes.atoms import canonicalise
+from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.schedule import schedule
 from teg.pipeline import cell_program, compiled_outputs, flatten, jvp, normal_form
 from teg.program import Program

@@ -23,7 +23,7 @@ from teg.ir.index import ArrayName, Length, index_const, index_leaves
 from teg.ir.node import postorder
 from teg.ir.traverse import parameters
 from teg.options import Options
-from teg.passes.sums import NeedsLengths
+from teg.passes.normalise.sums import NeedsLengths
 from teg.pipeline import flatten, normal_form
 from teg.program.arrays import ArrayProgram
 

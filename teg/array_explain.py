@@ -18,8 +18,8 @@ from teg.ir.index import Index, IndexArray, Length, index_const, index_leaves
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters
 from teg.ir.traverse import size as nodes
-from teg.passes.atoms import canonicalise
-from teg.passes.sums import NeedsLengths
+from teg.passes.normalise.canonicalise import canonicalise
+from teg.passes.normalise.sums import NeedsLengths
 from teg.pipeline import Maps, cell_program, compiled_outputs, flatten, normal_form
 from teg.program import Program
 from teg.program.arrays import CHUNKS, LEAST, Arg, ArrayProgram, Integers, Load, Loop, Run, Scatter, Step, array_size, steps, work

@@ -23,8 +23,8 @@ from teg.ir.expr import ZERO, Expr, Param, add, mul
 from teg.ir.index import ArrayName, IndexVar
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
-from teg.passes.self_comparison import without_self_comparisons
-from teg.passes.sums import sums_outside
+from teg.passes.normalise.self_comparison import without_self_comparisons
+from teg.passes.normalise.sums import sums_outside
 
 Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
 """The derivatives of a scalar expression by parameters."""

@@ -17,7 +17,7 @@ from teg.ir.expr import Expr, Param
 from teg.ir.function import Function
 from teg.linking import with_bodies
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.passes.inline import with_slots, without_slots, write_out
+from teg.passes.normalise.inline import with_slots, without_slots, write_out
 from teg.pipeline import compiled_outputs, flatten, program_for
 from teg.program import Program
 

@@ -24,7 +24,7 @@ from teg.ir.arrays import Array
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
 from teg.options import Options
-from teg.passes.atoms import canonicalise
+from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.schedule import schedule
 from teg.pipeline import ESTIMATORS, cell_program, compiled_outputs, flatten, jvp, normal_form, program_for
 from teg.program import Program

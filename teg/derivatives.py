@@ -15,7 +15,7 @@ from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters
 from teg.ir.cells import check_indices
 from teg.ir.expr import ONE, Expr, Param, Tuple, as_number
 from teg.ir.traverse import parameters
-from teg.passes.sums import NeedsLengths
+from teg.passes.normalise.sums import NeedsLengths
 
 Maps = pipeline.Maps
 

@@ -19,7 +19,7 @@ from teg.ir.node import postorder
 from teg.ir.traverse import parameters
 from teg.language import check_program
 from teg.options import Options
-from teg.passes.sums import NeedsLengths
+from teg.passes.normalise.sums import NeedsLengths
 
 Parameter = Param | Array
 Made = TypeVar("Made")

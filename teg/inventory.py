@@ -18,10 +18,10 @@ from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.traverse import parameters, rename_apart, rewrite, substitute
 from teg.passes.affine import Affine
-from teg.passes.atoms import canonicalise
 from teg.passes.bilinear import Bilinear
 from teg.passes.hyperbola import border_of
 from teg.passes.implicit import Implicit
+from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.reparameterize import Families, find_family
 from teg.passes.univariate import Solvable
 from teg.passes.user import Mapped

@@ -27,22 +27,22 @@ from teg.language import check_parameters
 from teg.linking import with_bodies
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.adjoint import gradient_of
-from teg.passes.atoms import Canonical
-from teg.passes.centre import centred
-from teg.passes.corners import with_local_boxes
 from teg.passes.differentiate import tangent_of
 from teg.passes.error_bounds import with_error_estimates
 from teg.passes.estimators.ignore import ignore_discontinuities
 from teg.passes.group import group
 from teg.passes.implicit import with_deltas
-from teg.passes.inline import write_out
-from teg.passes.origins import with_differences
+from teg.passes.normalise.canonicalise import Canonical
+from teg.passes.normalise.centre import centred
+from teg.passes.normalise.corners import with_local_boxes
+from teg.passes.normalise.finite_bounds import with_finite_bounds
+from teg.passes.normalise.inline import write_out
+from teg.passes.normalise.origins import with_differences
+from teg.passes.normalise.steps import enumerate_steps
+from teg.passes.normalise.too_many_steps import check_steps, without_uncounted
 from teg.passes.reparameterize import closing, eliminate_deltas, families_with
 from teg.passes.schedule import schedule
 from teg.passes.sink import sink
-from teg.passes.steps import enumerate_steps
-from teg.passes.unbounded import with_finite_bounds
-from teg.passes.uncounted import check_steps, without_uncounted
 from teg.program import Program
 
 Pass = Callable[[Expr], Expr]

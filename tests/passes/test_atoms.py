@@ -9,7 +9,7 @@ import pytest
 import teg
 from teg.analysis.surfaces import atoms_of
 from teg.ir.expr import ONE, ZERO
-from teg.passes.atoms import canonicalise
+from teg.passes.normalise.canonicalise import canonicalise
 from tests.references import REFERENCES, Reference
 
 x, y = teg.vars("x y")

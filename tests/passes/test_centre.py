@@ -7,7 +7,7 @@ import math
 import pytest
 
 import teg
-from teg.passes.centre import centred
+from teg.passes.normalise.centre import centred
 
 x, y, v = teg.vars("x y v")
 p, q, r = teg.params("p q r")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.passes.corners import with_local_boxes
+from teg.passes.normalise.corners import with_local_boxes
 
 x, y = teg.vars("x y")
 cx, cy, px, py, r, t, left, low = teg.params("cx cy px py r t left low")

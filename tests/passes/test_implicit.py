@@ -14,8 +14,8 @@ from teg.analysis.kinks import kinks_of, with_sizes
 from teg.ir.expr import Where
 from teg.ir.integral import PointMasses
 from teg.ir.node import postorder
-from teg.passes.atoms import canonicalise
 from teg.passes.implicit import Implicit, match_implicit
+from teg.passes.normalise.canonicalise import canonicalise
 
 x, y, z = teg.vars("x y z")
 t, a, b, r = teg.params("t a b r")

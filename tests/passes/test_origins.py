@@ -9,7 +9,7 @@ import pytest
 
 import teg
 from teg.ir.traverse import size
-from teg.passes.origins import with_differences
+from teg.passes.normalise.origins import with_differences
 from tests.bench import scenes
 
 x, y = teg.vars("x y")

@@ -19,7 +19,7 @@ from teg.ir import integral
 from teg.ir.arrays import Sum
 from teg.ir.expr import Compare
 from teg.ir.node import postorder
-from teg.passes.self_comparison import without_self_comparisons
+from teg.passes.normalise.self_comparison import without_self_comparisons
 
 x, y = teg.vars("x y")
 L, H, Z, S, C = (teg.array(name, 1) for name in "LHZSC")

@@ -18,7 +18,7 @@ from teg.analysis.staircase import Box, Range, count_steps, is_step, is_uncounte
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
 from teg.ir.node import postorder
-from teg.passes.steps import enumerate_steps
+from teg.passes.normalise.steps import enumerate_steps
 from teg.pipeline import compiled_outputs, normal_form
 
 B, INT = teg.bracket, teg.integral

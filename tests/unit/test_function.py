@@ -15,7 +15,7 @@ from teg.analysis.polynomial import Point, Shadow
 from teg.errors import NameClashError, OperandError, OptionError, ParameterError, ScopeError
 from teg.ir.expr import Expr
 from teg.ir.function import Apply, Function
-from teg.passes.inline import PEAKED, STEEP, reasons, with_slots, without_slots, write_out
+from teg.passes.normalise.inline import PEAKED, STEEP, reasons, with_slots, without_slots, write_out
 
 x, y, z = teg.vars("x y z")
 u, v, k, t, a = teg.params("u v k t a")

@@ -23,7 +23,7 @@ from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.traverse import remake
-from teg.passes.origins import Group, groups_of, is_fixed, outermost_polynomials
+from teg.passes.normalise.origins import Group, groups_of, is_fixed, outermost_polynomials
 
 FAR = 4.0
 """From how many times the distance of its bounds on a variable is far away."""
