@@ -14,7 +14,6 @@ from teg.arguments import as_doubles, batch, plain_numbers, rounded, with_roundi
 from teg.arguments import values as arguments
 from teg.array_compiled import direction_of
 from teg.array_evaluator import ArrayEvaluator
-from teg.array_pipeline import parameters_and_arrays
 from teg.derivation import linked
 from teg.diagnose import Diagnosis, diagnose
 from teg.errors import OptionError, ParameterError
@@ -28,6 +27,7 @@ from teg.language import check_parameters, check_program
 from teg.maps.coverage import MapChecks
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.passes.differentiate.through_sums import parameters_and_arrays
 from teg.pipeline import compiled_outputs, flatten, jvp
 from teg.program import Outcome, Program, Sample, statements
 

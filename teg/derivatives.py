@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from teg import array_pipeline as arrays
 from teg import pipeline
-from teg.array_pipeline import Parameter, outlined, parameters_and_arrays
 from teg.errors import ArrayIndexError, ParameterError
 from teg.ir import expr as ex
 from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters
 from teg.ir.cells import check_indices
 from teg.ir.expr import ONE, Expr, Param, Tuple, as_number
 from teg.ir.traverse import parameters
+from teg.passes.differentiate import through_sums as arrays
+from teg.passes.differentiate.through_sums import Parameter, outlined, parameters_and_arrays
 from teg.passes.normalise.sums import NeedsLengths
 
 Maps = pipeline.Maps

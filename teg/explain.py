@@ -12,7 +12,6 @@ from teg.analysis.isolation import MAX_ROOTS, max_roots
 from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
 from teg.array_explain import explain_arrays
-from teg.array_pipeline import parameters_and_arrays
 from teg.errors import OptionError, TegError
 from teg.explanation import CLOSED_FORM, Explanation
 from teg.inventory import Inventory, nests, text_of
@@ -26,6 +25,7 @@ from teg.language import check_parameters, check_program
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.numerics.quadrature import triangle_rule
 from teg.numerics.sobol import replicated
+from teg.passes.differentiate.through_sums import parameters_and_arrays
 from teg.passes.hyperbola import match_hyperbola
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import reasons, write_out

@@ -8,7 +8,6 @@ from typing import Any, ClassVar, TypeVar
 
 from teg.analysis.bodies import write_all_out
 from teg.arguments import refuse_masked
-from teg.array_pipeline import outlined
 from teg.derivative_programs import DerivativePrograms
 from teg.errors import ArrayIndexError, ParameterError
 from teg.ir.arrays import Array, arrays_of, integer_parameters, integers_of
@@ -19,6 +18,7 @@ from teg.ir.node import postorder
 from teg.ir.traverse import parameters
 from teg.language import check_program
 from teg.options import Options
+from teg.passes.differentiate.through_sums import outlined
 from teg.passes.normalise.sums import NeedsLengths
 
 Parameter = Param | Array

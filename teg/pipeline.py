@@ -26,10 +26,10 @@ from teg.ir.verify import verify
 from teg.language import check_parameters
 from teg.linking import with_bodies
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.passes.adjoint import gradient_of
-from teg.passes.differentiate import tangent_of
+from teg.passes.differentiate.forward import tangent_of
+from teg.passes.differentiate.ignore import ignore_discontinuities
+from teg.passes.differentiate.reverse import gradient_of
 from teg.passes.error_bounds import with_error_estimates
-from teg.passes.estimators.ignore import ignore_discontinuities
 from teg.passes.group import group
 from teg.passes.implicit import with_deltas
 from teg.passes.normalise.canonicalise import Canonical

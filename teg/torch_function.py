@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration
-from teg.array_pipeline import parameters_and_arrays
 from teg.derivative_kernels import DerivativeKernels
 from teg.errors import ArrayIndexError, MissingPackageError, OptionError, ParameterError
 from teg.framework_function import (
@@ -23,6 +22,7 @@ from teg.framework_function import (
 from teg.ir.expr import Expr, Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.passes.differentiate.through_sums import parameters_and_arrays
 
 if TYPE_CHECKING:
     import torch

@@ -9,8 +9,8 @@ import pytest
 import teg
 from teg import errors
 from teg.ir.expr import ONE, ZERO
-from teg.passes.adjoint import gradient_of
-from teg.passes.differentiate import tangent_of
+from teg.passes.differentiate.forward import tangent_of
+from teg.passes.differentiate.reverse import gradient_of
 from teg.pipeline import normal_form
 from tests.references import Reference, untagged
 

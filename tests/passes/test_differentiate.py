@@ -8,7 +8,7 @@ import pytest
 
 import teg
 from teg.ir.expr import ONE, ZERO
-from teg.passes.differentiate import tangent_of
+from teg.passes.differentiate.forward import tangent_of
 
 x, y, z = teg.vars("x y z")
 t, a = teg.params("t a")

@@ -11,7 +11,7 @@ import teg
 from teg.accuracy import AccuracyWarning
 from teg.analysis.singularities import Keys, order_at
 from teg.ir.expr import ONE
-from teg.passes.differentiate import tangent_of
+from teg.passes.differentiate.forward import tangent_of
 from teg.pipeline import eliminate
 
 mp = pytest.importorskip("mpmath")

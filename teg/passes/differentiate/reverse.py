@@ -46,7 +46,7 @@ from teg.ir.expr import (
 )
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node, postorder
-from teg.passes.differentiate import Transport, carried, tangent_of
+from teg.passes.differentiate.forward import Transport, carried, tangent_of
 
 Adjoints = dict[Expr, Expr]
 
