@@ -59,7 +59,7 @@ from teg.language import round_ as round
 from teg.language import tuple_ as tuple
 from teg.maps import polar
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.passes.user import change_variables
+from teg.passes.eliminate.mapped import change_variables
 from teg.scipy_function import scipy_function
 from teg.symbolic import from_sympy, to_sympy
 from teg.torch_function import torch_function

@@ -26,12 +26,12 @@ from teg.maps.diffeomorphism import Diffeomorphism
 from teg.numerics.quadrature import triangle_rule
 from teg.numerics.sobol import replicated
 from teg.passes.differentiate.through_sums import parameters_and_arrays
+from teg.passes.eliminate.families import closing, families_with
 from teg.passes.hyperbola import match_hyperbola
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import reasons, write_out
 from teg.passes.normalise.steps import enumerate_steps
 from teg.passes.polygon import Clipped, match_clipped
-from teg.passes.reparameterize import closing, families_with
 from teg.passes.sampled import MIDPOINTS, SAMPLES
 from teg.passes.schedule import rule_for
 from teg.pipeline import compiled_outputs, flatten, normal_form, program_for

@@ -17,14 +17,14 @@ from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.traverse import parameters, rename_apart, rewrite, substitute
-from teg.passes.affine import Affine
-from teg.passes.bilinear import Bilinear
+from teg.passes.eliminate.affine import Affine
+from teg.passes.eliminate.bilinear import Bilinear
+from teg.passes.eliminate.families import Families, find_family
+from teg.passes.eliminate.implicit import Implicit
+from teg.passes.eliminate.mapped import Mapped
+from teg.passes.eliminate.univariate import Solvable
 from teg.passes.hyperbola import border_of
-from teg.passes.implicit import Implicit
 from teg.passes.normalise.canonicalise import canonicalise
-from teg.passes.reparameterize import Families, find_family
-from teg.passes.univariate import Solvable
-from teg.passes.user import Mapped
 
 LONGEST = 2000
 LARGEST = 400

@@ -29,9 +29,10 @@ from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.forward import tangent_of
 from teg.passes.differentiate.ignore import ignore_discontinuities
 from teg.passes.differentiate.reverse import gradient_of
+from teg.passes.eliminate.families import closing, eliminate_deltas, families_with
+from teg.passes.eliminate.implicit import with_deltas
 from teg.passes.error_bounds import with_error_estimates
 from teg.passes.group import group
-from teg.passes.implicit import with_deltas
 from teg.passes.normalise.canonicalise import Canonical
 from teg.passes.normalise.centre import centred
 from teg.passes.normalise.corners import with_local_boxes
@@ -40,7 +41,6 @@ from teg.passes.normalise.inline import write_out
 from teg.passes.normalise.origins import with_differences
 from teg.passes.normalise.steps import enumerate_steps
 from teg.passes.normalise.too_many_steps import check_steps, without_uncounted
-from teg.passes.reparameterize import closing, eliminate_deltas, families_with
 from teg.passes.schedule import schedule
 from teg.passes.sink import sink
 from teg.program import Program

@@ -38,11 +38,11 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral
 from teg.ir.node import Node
 from teg.ir.traverse import fresh, rebuild, rewrite, substitute
-from teg.passes.barycentric import Inside
+from teg.passes.eliminate.barycentric import Inside
+from teg.passes.eliminate.vertices import match_triangle
 from teg.passes.emit import Level
 from teg.passes.polygon import Clipped, Half, match_clipped
 from teg.passes.sampled import UnbrokenEmitter
-from teg.passes.vertices import match_triangle
 from teg.program import Arg, HalfLine, HalfPlane, Polygon, Segment
 
 

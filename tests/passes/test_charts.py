@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import teg
-from teg.passes.bilinear import Bilinear, match_bilinear
-from teg.passes.charts import Curve, match_curve
+from teg.passes.eliminate.bilinear import Bilinear, match_bilinear
+from teg.passes.eliminate.crossings import Curve, match_curve
 
 x, y = teg.vars("x y")
 t, a, b, c, k, p, q = teg.params("t a b c k p q")

@@ -14,7 +14,7 @@ from teg.analysis.kinks import kinks_of, with_sizes
 from teg.ir.expr import Where
 from teg.ir.integral import PointMasses
 from teg.ir.node import postorder
-from teg.passes.implicit import Implicit, match_implicit
+from teg.passes.eliminate.implicit import Implicit, match_implicit
 from teg.passes.normalise.canonicalise import canonicalise
 
 x, y, z = teg.vars("x y z")

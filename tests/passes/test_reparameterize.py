@@ -9,8 +9,8 @@ import pytest
 
 import teg
 from teg import errors
-from teg.passes.affine import Affine, match_affine, match_partly_affine, match_turning
-from teg.passes.reparameterize import eliminate_deltas, find_family
+from teg.passes.eliminate.affine import Affine, match_affine, match_partly_affine, match_turning
+from teg.passes.eliminate.families import eliminate_deltas, find_family
 from teg.program import SumOver, statements
 
 x, y, z = teg.vars("x y z")

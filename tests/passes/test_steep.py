@@ -9,9 +9,9 @@ import pytest
 import teg
 from teg.analysis.nest import Binder
 from teg.ir.expr import FALSE, TRUE
-from teg.passes.affine import match_affine
-from teg.passes.implicit import Implicit
-from teg.passes.steep import Graph, match_steep, steepness
+from teg.passes.eliminate.affine import match_affine
+from teg.passes.eliminate.implicit import Implicit
+from teg.passes.eliminate.steep import Graph, match_steep, steepness
 
 x, y, z = teg.vars("x y z")
 t, p = teg.params("t p")

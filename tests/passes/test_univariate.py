@@ -8,7 +8,7 @@ import pytest
 
 import teg
 from teg.analysis.roots import solve
-from teg.passes.univariate import Solvable, match_solvable
+from teg.passes.eliminate.univariate import Solvable, match_solvable
 
 x, y = teg.vars("x y")
 t, a, b = teg.params("t a b")

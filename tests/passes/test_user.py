@@ -13,8 +13,8 @@ from teg import Expr, maps
 from teg.errors import BoundError, DiffeomorphismError, OperandError, ScopeError
 from teg.examples.custom_map import compare
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.passes.reparameterize import FAMILIES, families_with, find_family
-from teg.passes.user import Mapped
+from teg.passes.eliminate.families import FAMILIES, families_with, find_family
+from teg.passes.eliminate.mapped import Mapped
 
 x, y, z, r, p, q, u, v, w = teg.vars("x y z r p q u v w")
 a, b, c, h, k, t = teg.params("a b c h k t")

@@ -9,8 +9,8 @@ import teg
 from teg.ir.expr import And, Compare, Cond, Const, Expr, Not, conjunction
 from teg.ir.integral import Integral
 from teg.ir.traverse import fresh
-from teg.passes.barycentric import Along, Inside
-from teg.passes.vertices import match_side, match_triangle
+from teg.passes.eliminate.barycentric import Along, Inside
+from teg.passes.eliminate.vertices import match_side, match_triangle
 from teg.program import Polygon, Segment, statements
 from tests.bench.scenes import half_planes, triangle_pixel
 

@@ -29,8 +29,8 @@ from teg.errors import NotDifferentiableError, OperandError
 from teg.ir.expr import FALSE, TRUE, ZERO, Call, Cond, Const, Expr, Pow, Var, add, call, const, mul, negation, positive, sub, where
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters
-from teg.passes.affine import Affine, rewrite_affine
-from teg.passes.implicit import Implicit, match_implicit, rewrite_implicit
+from teg.passes.eliminate.affine import Affine, rewrite_affine
+from teg.passes.eliminate.implicit import Implicit, match_implicit, rewrite_implicit
 
 STEEPEST = 1e4
 """R up to which a graph loses no more than a few roundings times this number."""

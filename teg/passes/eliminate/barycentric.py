@@ -36,7 +36,7 @@ from teg.ir.expr import (
 )
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import rewrite, substitute
-from teg.passes.vertices import SMALL, Plane, Side, Triangle, ratio
+from teg.passes.eliminate.vertices import SMALL, Plane, Side, Triangle, ratio
 
 
 class Along:

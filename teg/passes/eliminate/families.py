@@ -23,14 +23,14 @@ from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import rebuild, rename_apart
 from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
-from teg.passes.affine import Affine, match_affine, match_partly_affine, match_turning, rewrite_affine
-from teg.passes.bilinear import match_bilinear, rewrite_bilinear
-from teg.passes.charts import match_curve, rewrite_curve
+from teg.passes.eliminate.affine import Affine, match_affine, match_partly_affine, match_turning, rewrite_affine
+from teg.passes.eliminate.bilinear import match_bilinear, rewrite_bilinear
+from teg.passes.eliminate.crossings import match_curve, rewrite_curve
+from teg.passes.eliminate.implicit import match_implicit, rewrite_implicit
+from teg.passes.eliminate.mapped import user_families
+from teg.passes.eliminate.steep import Graph, match_steep, rewrite_steep
+from teg.passes.eliminate.univariate import match_solvable, rewrite_solvable
 from teg.passes.hyperbola import border_of
-from teg.passes.implicit import match_implicit, rewrite_implicit
-from teg.passes.steep import Graph, match_steep, rewrite_steep
-from teg.passes.univariate import match_solvable, rewrite_solvable
-from teg.passes.user import user_families
 
 Match = Callable[[Expr, Sequence[Var]], Any]
 Rewrite = Callable[[Expr, Expr, tuple[Binder, ...], Any], Expr | None]

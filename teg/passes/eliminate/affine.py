@@ -56,8 +56,8 @@ from teg.ir.expr import (
 )
 from teg.ir.node import Node
 from teg.ir.traverse import fresh, rewrite, substitute
-from teg.passes.barycentric import Along
-from teg.passes.vertices import Side, match_side
+from teg.passes.eliminate.barycentric import Along
+from teg.passes.eliminate.vertices import Side, match_side
 
 
 @dataclass(frozen=True)
