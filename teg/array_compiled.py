@@ -9,15 +9,15 @@ from typing import Any, cast
 from teg.analysis.settings import Integration, with_more_room
 from teg.array_errors import with_array_error_estimates
 from teg.array_reports import has_samples
-from teg.array_schedule import Output, output_of, schedule_arrays
 from teg.ir import expr as ex
 from teg.ir.arrays import Array
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
 from teg.options import Options
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
+from teg.passes.lower.integrals import schedule
+from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
-from teg.passes.schedule import schedule
 from teg.pipeline import cell_program, compiled_outputs, flatten, jvp, normal_form
 from teg.program import Program
 from teg.program.arrays import ArrayProgram

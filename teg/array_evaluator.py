@@ -11,7 +11,6 @@ from teg.arguments import as_doubles, as_floats, rounded, values
 from teg.array_arguments import Call, as_entries, whole_numbers
 from teg.array_compiled import Compiled, direction_of
 from teg.array_reports import paired, places, report_arrays, report_missing
-from teg.array_schedule import schedule_arrays
 from teg.diagnose import Diagnosis
 from teg.errors import ArrayIndexError, OptionError, ParameterError
 from teg.explain import Explanation, explain
@@ -23,6 +22,7 @@ from teg.ir.node import postorder
 from teg.ir.traverse import parameters
 from teg.options import Options
 from teg.passes.differentiate.through_sums import Parameter, on_cells, outlined
+from teg.passes.lower.loops import schedule_arrays
 from teg.passes.normalise.sums import NeedsLengths
 from teg.pipeline import flatten, normal_form
 from teg.program.arrays import ArrayProgram

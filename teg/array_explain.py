@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from teg.analysis.settings import Integration
-from teg.array_schedule import Output, output_of, schedule_arrays
 from teg.errors import TegError
 from teg.explanation import ArrayExplanation, Explanation
 from teg.inventory import text_of
@@ -18,6 +17,7 @@ from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters
 from teg.ir.traverse import size as nodes
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, outlined
+from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.sums import NeedsLengths
 from teg.pipeline import Maps, cell_program, compiled_outputs, flatten, normal_form

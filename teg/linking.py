@@ -15,7 +15,7 @@ from teg.analysis.settings import Integration
 from teg.ir.expr import Expr, Param
 from teg.ir.function import Function, Slot
 from teg.ir.traverse import substitute
-from teg.passes.schedule import schedule
+from teg.passes.lower.integrals import schedule
 from teg.program import Assign, Called, Program
 
 

@@ -33,6 +33,7 @@ from teg.passes.eliminate.families import closing, eliminate_deltas, families_wi
 from teg.passes.eliminate.implicit import with_deltas
 from teg.passes.error_bounds import with_error_estimates
 from teg.passes.group import group
+from teg.passes.lower.integrals import schedule
 from teg.passes.normalise.canonicalise import Canonical
 from teg.passes.normalise.centre import centred
 from teg.passes.normalise.corners import with_local_boxes
@@ -41,7 +42,6 @@ from teg.passes.normalise.inline import write_out
 from teg.passes.normalise.origins import with_differences
 from teg.passes.normalise.steps import enumerate_steps
 from teg.passes.normalise.too_many_steps import check_steps, without_uncounted
-from teg.passes.schedule import schedule
 from teg.passes.sink import sink
 from teg.program import Program
 

@@ -18,7 +18,7 @@ from teg.backends.jax_backend import compile_jax
 from teg.backends.numpy_backend import compile_numpy
 from teg.ir.expr import const
 from teg.ir.integral import integral_over
-from teg.passes.schedule import schedule
+from teg.passes.lower.integrals import schedule
 from teg.pipeline import compiled_outputs, flatten
 from teg.program import Adaptive, Arg, Assign, Integrate, Program, Sample, Stmt, Tie
 

@@ -13,8 +13,8 @@ from teg.backends.numpy_backend import compile_numpy
 from teg.errors import OptionError
 from teg.ir.expr import const
 from teg.ir.integral import Integral, integral_over
-from teg.passes.sampled import MIDPOINTS, SAMPLES, deciding_integrals, nest
-from teg.passes.schedule import schedule
+from teg.passes.lower.integrals import schedule
+from teg.passes.lower.samples import MIDPOINTS, SAMPLES, deciding_integrals, nest
 from teg.pipeline import compiled_outputs, flatten
 from teg.program import Assign, Integrate, Midpoint, Program, Sample, Stmt, SumOver, assigned, statements
 from tests.passes.test_schedule import names_of

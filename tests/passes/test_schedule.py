@@ -6,7 +6,7 @@ import pytest
 
 import teg
 from teg.analysis.settings import Integration
-from teg.passes.schedule import schedule
+from teg.passes.lower.integrals import schedule
 from teg.pipeline import flatten, normal_form
 from teg.program import (
     Assign,

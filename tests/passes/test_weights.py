@@ -8,7 +8,7 @@ import teg
 from teg.ir.expr import Const, Expr
 from teg.ir.integral import Integral
 from teg.ir.node import postorder
-from teg.passes.weights import LARGEST_FACTOR, largest, weights
+from teg.passes.lower.weights import LARGEST_FACTOR, largest, weights
 
 x = teg.var("x")
 a, t = teg.params("a t")

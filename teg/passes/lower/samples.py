@@ -29,8 +29,8 @@ from teg.ir.expr import Add, Compare, Const, Expr, Mul, Where
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import Node, postorder
 from teg.numerics.sobol import DIMENSIONS
-from teg.passes.at_roots import RootEmitter
-from teg.passes.emit import Level
+from teg.passes.lower.emit import Level
+from teg.passes.lower.roots import RootEmitter
 from teg.program import Arg, Integrate, Midpoint, Sample
 
 SAMPLED = ("montecarlo", "qmc")

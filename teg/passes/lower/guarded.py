@@ -25,7 +25,7 @@ from teg.ir.node import Node
 from teg.ir.traverse import fresh, substitute
 from teg.numerics.quadrature import gauss_legendre
 from teg.passes.curved import CurvedEmitter
-from teg.passes.emit import Level
+from teg.passes.lower.emit import Level
 from teg.program import Adaptive, Arg, Guard
 
 CUBIC_RATE = 1.5

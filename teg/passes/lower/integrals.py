@@ -51,11 +51,11 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral, PointMasses, masses_of
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import substitute
-from teg.passes.emit import NAN, Level
-from teg.passes.emptiness import certainly_empty
-from teg.passes.guarded import GuardedEmitter, widest_gap
-from teg.passes.sampled import deciding_integrals
-from teg.passes.weights import largest, weights
+from teg.passes.lower.emit import NAN, Level
+from teg.passes.lower.guarded import GuardedEmitter, widest_gap
+from teg.passes.lower.refute import certainly_empty
+from teg.passes.lower.samples import deciding_integrals
+from teg.passes.lower.weights import largest, weights
 from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Guard, Integrate, Midpoint, Program, Rational, Rule, Tie
 from teg.program.dce import without_dead_code
 
