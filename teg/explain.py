@@ -27,13 +27,13 @@ from teg.numerics.quadrature import triangle_rule
 from teg.numerics.sobol import replicated
 from teg.passes.differentiate.through_sums import parameters_and_arrays
 from teg.passes.eliminate.families import closing, families_with
-from teg.passes.hyperbola import match_hyperbola
+from teg.passes.intrinsics.hyperbola.match import match_hyperbola
+from teg.passes.intrinsics.polygon.match import Clipped, match_clipped
 from teg.passes.lower.integrals import rule_for
 from teg.passes.lower.samples import MIDPOINTS, SAMPLES
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import reasons, write_out
 from teg.passes.normalise.steps import enumerate_steps
-from teg.passes.polygon import Clipped, match_clipped
 from teg.pipeline import compiled_outputs, flatten, normal_form, program_for
 from teg.program import (
     Adaptive,

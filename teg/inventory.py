@@ -23,7 +23,7 @@ from teg.passes.eliminate.families import Families, find_family
 from teg.passes.eliminate.implicit import Implicit
 from teg.passes.eliminate.mapped import Mapped
 from teg.passes.eliminate.univariate import Solvable
-from teg.passes.hyperbola import border_of
+from teg.passes.intrinsics.hyperbola.match import border_of
 from teg.passes.normalise.canonicalise import canonicalise
 
 LONGEST = 2000

@@ -30,7 +30,7 @@ from teg.passes.eliminate.implicit import match_implicit, rewrite_implicit
 from teg.passes.eliminate.mapped import user_families
 from teg.passes.eliminate.steep import Graph, match_steep, rewrite_steep
 from teg.passes.eliminate.univariate import match_solvable, rewrite_solvable
-from teg.passes.hyperbola import border_of
+from teg.passes.intrinsics.hyperbola.match import border_of
 
 Match = Callable[[Expr, Sequence[Var]], Any]
 Rewrite = Callable[[Expr, Expr, tuple[Binder, ...], Any], Expr | None]

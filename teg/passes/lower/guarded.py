@@ -24,7 +24,7 @@ from teg.ir.integral import Integral
 from teg.ir.node import Node
 from teg.ir.traverse import fresh, substitute
 from teg.numerics.quadrature import gauss_legendre
-from teg.passes.curved import CurvedEmitter
+from teg.passes.intrinsics.hyperbola.emit import CurvedEmitter
 from teg.passes.lower.emit import Level
 from teg.program import Adaptive, Arg, Guard
 

@@ -10,8 +10,8 @@ from teg.analysis.settings import Integration
 from teg.ir.expr import Expr
 from teg.ir.integral import Border, Integral
 from teg.ir.node import Node
-from teg.passes.clipped import ClippedEmitter
-from teg.passes.hyperbola import Coefficients, Corners, Sides, match_hyperbola
+from teg.passes.intrinsics.hyperbola.match import Coefficients, Corners, Sides, match_hyperbola
+from teg.passes.intrinsics.polygon.emit import ClippedEmitter
 from teg.passes.lower.emit import Level
 from teg.program import Arg, Hyperbola, Moments
 

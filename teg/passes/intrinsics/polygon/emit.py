@@ -40,9 +40,9 @@ from teg.ir.node import Node
 from teg.ir.traverse import fresh, rebuild, rewrite, substitute
 from teg.passes.eliminate.barycentric import Inside
 from teg.passes.eliminate.vertices import match_triangle
+from teg.passes.intrinsics.polygon.match import Clipped, Half, match_clipped
 from teg.passes.lower.emit import Level
 from teg.passes.lower.samples import UnbrokenEmitter
-from teg.passes.polygon import Clipped, Half, match_clipped
 from teg.program import Arg, HalfLine, HalfPlane, Polygon, Segment
 
 
