@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any, cast
 
 from teg.analysis.settings import Integration, with_more_room
-from teg.array_errors import with_array_error_estimates
 from teg.array_reports import has_samples
 from teg.ir import expr as ex
 from teg.ir.arrays import Array
@@ -18,6 +17,7 @@ from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells,
 from teg.passes.lower.integrals import schedule
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
+from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.pipeline import cell_program, compiled_outputs, flatten, jvp, normal_form
 from teg.program import Program
 from teg.program.arrays import ArrayProgram

@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from teg.analysis.settings import Integration
 from teg.ir.expr import Expr, Param
 from teg.ir.function import Function
-from teg.linking import with_bodies
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
+from teg.passes.program.link import with_bodies
 from teg.pipeline import compiled_outputs, flatten, program_for
 from teg.program import Program
 

@@ -16,7 +16,6 @@ from functools import partial
 from typing import cast
 
 from teg.analysis.settings import Integration
-from teg.array_errors import with_array_error_estimates
 from teg.ir import expr as ex
 from teg.ir.arrays import Array
 from teg.ir.expr import Expr, Param, Tuple
@@ -26,6 +25,7 @@ from teg.passes.differentiate.through_sums import gradient, on_cells, tangent
 from teg.passes.lower.integrals import schedule
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
+from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.pipeline import ESTIMATORS, cell_program, compiled_outputs, flatten, jvp, normal_form, program_for
 from teg.program import Program
 from teg.program.arrays import ArrayProgram

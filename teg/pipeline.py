@@ -24,15 +24,12 @@ from teg.ir.show import dump
 from teg.ir.traverse import parameters
 from teg.ir.verify import verify
 from teg.language import check_parameters
-from teg.linking import with_bodies
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.forward import tangent_of
 from teg.passes.differentiate.ignore import ignore_discontinuities
 from teg.passes.differentiate.reverse import gradient_of
 from teg.passes.eliminate.families import closing, eliminate_deltas, families_with
 from teg.passes.eliminate.implicit import with_deltas
-from teg.passes.error_bounds import with_error_estimates
-from teg.passes.group import group
 from teg.passes.lower.integrals import schedule
 from teg.passes.normalise.canonicalise import Canonical
 from teg.passes.normalise.centre import centred
@@ -42,7 +39,10 @@ from teg.passes.normalise.inline import write_out
 from teg.passes.normalise.origins import with_differences
 from teg.passes.normalise.steps import enumerate_steps
 from teg.passes.normalise.too_many_steps import check_steps, without_uncounted
-from teg.passes.sink import sink
+from teg.passes.program.errors import with_error_estimates
+from teg.passes.program.group import group
+from teg.passes.program.link import with_bodies
+from teg.passes.program.sink import sink
 from teg.program import Program
 
 Pass = Callable[[Expr], Expr]

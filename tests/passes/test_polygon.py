@@ -10,7 +10,7 @@ from teg.analysis.settings import Integration
 from teg.ir.integral import Integral
 from teg.numerics.quadrature import triangle_rule
 from teg.passes.intrinsics.polygon.match import match_clipped, match_polygon, match_segment
-from teg.passes.sink import sink
+from teg.passes.program.sink import sink
 from teg.pipeline import normal_form
 from teg.program import Assign, Integrate, Polygon, Segment, When, blocks, size, statements
 from tests.bench.scenes import half_planes, triangle_pixel

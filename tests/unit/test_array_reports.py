@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import teg
-from teg.array_errors import with_array_error_estimates
 from teg.explanation import WIDTH
+from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.program.arrays import Loop, array_size, steps
 from tests.backends.test_arrays import PROGRAMS, VALUES
 

@@ -33,7 +33,7 @@ from teg.ir.index import (
     index_leaves,
 )
 from teg.ir.node import Node, postorder
-from teg.passes.group import group
+from teg.passes.program.group import group
 from teg.program import Assign, Program, Stmt, assigned, blocks, has_ties
 from teg.program.arrays import Arg, ArrayProgram, ArraySpec, Integers, Like, Load, Loop, Number, Run, Scatter, Step
 from teg.program.dce import without_dead_code

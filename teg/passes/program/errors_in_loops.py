@@ -14,9 +14,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from teg.linking import with_bodies
-from teg.passes.error_bounds import ROUNDINGS, with_errors_of
-from teg.passes.sink import sink
+from teg.passes.program.errors import ROUNDINGS, with_errors_of
+from teg.passes.program.link import with_bodies
+from teg.passes.program.sink import sink
 from teg.program import Arg as FlatArg
 from teg.program import Assign, Program
 from teg.program.arrays import Arg, ArrayProgram, Loop, Number, Run, Scatter, Step, steps
