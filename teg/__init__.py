@@ -14,9 +14,7 @@ from teg.array_evaluator import ArrayEvaluator
 from teg.check import GradientReport, check_gradient
 from teg.compile import Evaluator, compile, evaluate
 from teg.derivatives import diff, eliminate, grad, hessian, jvp
-from teg.diagnose import Diagnosis
 from teg.errors import AccuracyError, ArrayIndexError, DiffeomorphismError, TegError
-from teg.explain import Explanation, explain
 from teg.ir.arrays import array, index, indices, length
 from teg.ir.arrays import sum_ as sum
 from teg.ir.expr import Cond, Expr
@@ -60,6 +58,8 @@ from teg.language import tuple_ as tuple
 from teg.maps import polar
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.eliminate.mapped import change_variables
+from teg.report.diagnose import Diagnosis
+from teg.report.explain import Explanation, explain
 from teg.scipy_function import scipy_function
 from teg.symbolic import from_sympy, to_sympy
 from teg.torch_function import torch_function

@@ -11,9 +11,7 @@ from teg.arguments import as_doubles, as_floats, rounded, values
 from teg.array_arguments import Call, as_entries, whole_numbers
 from teg.array_compiled import Compiled, direction_of
 from teg.array_reports import paired, places, report_arrays, report_missing
-from teg.diagnose import Diagnosis
 from teg.errors import ArrayIndexError, OptionError, ParameterError
-from teg.explain import Explanation, explain
 from teg.ir.arrays import Array, arrays_of, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
 from teg.ir.expr import Expr, Param, Tuple
@@ -26,6 +24,8 @@ from teg.passes.lower.loops import schedule_arrays
 from teg.passes.normalise.sums import NeedsLengths
 from teg.pipeline import flatten, normal_form
 from teg.program.arrays import ArrayProgram
+from teg.report.diagnose import Diagnosis
+from teg.report.explain import Explanation, explain
 
 if TYPE_CHECKING:
     pass
@@ -214,7 +214,7 @@ class ArrayEvaluator:
         is."""
         import numpy as np
 
-        from teg.array_diagnose import diagnose_arrays, probes_of
+        from teg.report.array_diagnose import diagnose_arrays, probes_of
 
         call = self._call(args, named)
         made = call.made

@@ -15,9 +15,7 @@ from teg.arguments import values as arguments
 from teg.array_compiled import direction_of
 from teg.array_evaluator import ArrayEvaluator
 from teg.derivation import linked
-from teg.diagnose import Diagnosis, diagnose
 from teg.errors import OptionError, ParameterError
-from teg.explain import Explanation, explain
 from teg.ir.arrays import Array as ArrayParameter
 from teg.ir.arrays import has_arrays
 from teg.ir.expr import Expr, Param, Tuple, as_number
@@ -30,6 +28,8 @@ from teg.options import DEFAULT_TOLS, Options, checked_dtype
 from teg.passes.differentiate.through_sums import parameters_and_arrays
 from teg.pipeline import compiled_outputs, flatten, jvp
 from teg.program import Outcome, Program, Sample, statements
+from teg.report.diagnose import Diagnosis, diagnose
+from teg.report.explain import Explanation, explain
 
 if TYPE_CHECKING:
     import numpy as np

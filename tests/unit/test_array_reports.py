@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import teg
-from teg.explanation import WIDTH
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.program.arrays import Loop, array_size, steps
+from teg.report.explanation import WIDTH
 from tests.backends.test_arrays import PROGRAMS, VALUES
 
 V, W = teg.array("V", 2), teg.array("W")

@@ -10,12 +10,12 @@ import pytest
 import teg
 from teg.analysis.surfaces import owned_surfaces
 from teg.errors import OptionError
-from teg.explanation import WIDTH, shortened
 from teg.ir.expr import Expr
 from teg.ir.integral import Integral
 from teg.ir.node import postorder
 from teg.pipeline import normal_form
 from teg.program import Gauss, Integrate, Rational, SumOver, statements
+from teg.report.explanation import WIDTH, shortened
 from tests.references import REFERENCES, Reference
 
 x, y, z = teg.vars("x y z")

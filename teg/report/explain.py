@@ -11,10 +11,7 @@ from teg.analysis.breaks import BreakAnalysis
 from teg.analysis.isolation import MAX_ROOTS, max_roots
 from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
-from teg.array_explain import explain_arrays
 from teg.errors import OptionError, TegError
-from teg.explanation import CLOSED_FORM, Explanation
-from teg.inventory import Inventory, nests, text_of
 from teg.ir.arrays import Array, has_arrays
 from teg.ir.expr import Expr, Param, Tuple, as_number
 from teg.ir.function import Function
@@ -57,6 +54,9 @@ from teg.program import (
     size,
     statements,
 )
+from teg.report.array_explain import explain_arrays
+from teg.report.explanation import CLOSED_FORM, Explanation
+from teg.report.inventory import Inventory, nests, text_of
 
 __all__ = ["Explanation", "explain"]
 

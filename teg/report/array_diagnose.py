@@ -10,7 +10,6 @@ import numpy as np
 
 from teg.analysis.surfaces import atoms_of
 from teg.backends.array_ties import MetTie, TieWatch
-from teg.diagnose import BORDER, CHANGE, NOTHING, STEP, STEP_OVER_TIES, Diagnosis, only_in_steps
 from teg.ir.arrays import Gather, Sum, sum_over
 from teg.ir.cells import Symbols
 from teg.ir.expr import TRUE, ZERO, Expr, Param, add, bracket, positive
@@ -19,6 +18,7 @@ from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.program import Isolate, statements
 from teg.program.arrays import ArrayProgram, Integers, Run, steps
+from teg.report.diagnose import BORDER, CHANGE, NOTHING, STEP, STEP_OVER_TIES, Diagnosis, only_in_steps
 
 if TYPE_CHECKING:
     import numpy.typing as npt

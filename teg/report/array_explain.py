@@ -7,8 +7,6 @@ from typing import Any
 
 from teg.analysis.settings import Integration
 from teg.errors import TegError
-from teg.explanation import ArrayExplanation, Explanation
-from teg.inventory import text_of
 from teg.ir.arrays import Array, Gather, Sum, arrays_of, integer_parameters, integers_of
 from teg.ir.cells import Symbols, cells_of, check_indices, replace_integers
 from teg.ir.expr import Expr, Param, tuple_of
@@ -23,6 +21,8 @@ from teg.passes.normalise.sums import NeedsLengths
 from teg.pipeline import Maps, cell_program, compiled_outputs, flatten, normal_form
 from teg.program import Program
 from teg.program.arrays import CHUNKS, LEAST, Arg, ArrayProgram, Integers, Load, Loop, Run, Scatter, Step, array_size, steps, work
+from teg.report.explanation import ArrayExplanation, Explanation
+from teg.report.inventory import text_of
 
 ASSUMED = 2
 """The length of every array, where the program must be known for lengths and none are given."""
