@@ -33,7 +33,7 @@ Tensors = Sequence[Any]
 
 
 class Kernels(Protocol):
-    """The programs of a function, `teg.derivative_kernels.DerivativeKernels`: how many of the operands are differentiated by, the first
+    """The programs of a function, `teg.evaluator.kernels.DerivativeKernels`: how many of the operands are differentiated by, the first
     ones; how many values there are; how many axes each operand has, without directions; and how to run them."""
 
     moving: int

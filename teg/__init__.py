@@ -9,12 +9,12 @@ value, gradient = f.value_and_grad(t=0.5)          # 0.125, {"t": 0.5}
 """
 
 from teg import maps
-from teg.accuracy import AccuracyWarning
-from teg.array_evaluator import ArrayEvaluator
-from teg.check import GradientReport, check_gradient
-from teg.compile import Evaluator, compile, evaluate
 from teg.derivatives import diff, eliminate, grad, hessian, jvp
 from teg.errors import AccuracyError, ArrayIndexError, DiffeomorphismError, TegError
+from teg.evaluator.accuracy import AccuracyWarning
+from teg.evaluator.array_evaluator import ArrayEvaluator
+from teg.evaluator.check import GradientReport, check_gradient
+from teg.evaluator.compile import Evaluator, compile, evaluate
 from teg.ir.arrays import array, index, indices, length
 from teg.ir.arrays import sum_ as sum
 from teg.ir.expr import Cond, Expr

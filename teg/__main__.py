@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 import teg
 from teg.analysis.settings import DEFAULT_TOL
 from teg.errors import InputError, TegError
+from teg.evaluator.options import BACKENDS, DTYPES
 from teg.ir.expr import Expr
-from teg.options import BACKENDS, DTYPES
 from teg.pipeline import ESTIMATORS
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from typing import Any, cast
 
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration
-from teg.derivative_programs import DerivativePrograms
 from teg.errors import ArrayIndexError, BackendError, MissingPackageError, ParameterError
-from teg.framework_function import (
+from teg.evaluator.derivative_programs import DerivativePrograms
+from teg.evaluator.framework import (
     FrameworkFunction,
     Parameter,
     batch_shape,
@@ -19,9 +19,9 @@ from teg.framework_function import (
     dimensions_of,
     nested,
 )
+from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype
 from teg.ir.expr import Expr, Param
 from teg.ir.index import ArrayName, IndexArray
-from teg.options import DEFAULT_TOLS, Options, checked_dtype
 from teg.passes.differentiate.through_sums import parameters_and_arrays
 from teg.program.arrays import ArrayProgram
 

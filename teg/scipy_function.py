@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
-from teg.arguments import refuse_masked
-from teg.compile import compile
 from teg.errors import OptionError, ParameterError
+from teg.evaluator.arguments import refuse_masked
+from teg.evaluator.compile import compile
+from teg.evaluator.options import checked_dtype
 from teg.ir.arrays import Array
 from teg.ir.expr import Param
-from teg.options import checked_dtype
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration
-from teg.derivative_kernels import DerivativeKernels
 from teg.errors import ArrayIndexError, MissingPackageError, OptionError, ParameterError
-from teg.framework_function import (
+from teg.evaluator.framework import (
     FrameworkFunction,
     Parameter,
     batch_shape,
@@ -19,9 +18,10 @@ from teg.framework_function import (
     dimensions_of,
     nested,
 )
+from teg.evaluator.kernels import DerivativeKernels
+from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype
 from teg.ir.expr import Expr, Param
 from teg.ir.index import ArrayName, IndexArray
-from teg.options import DEFAULT_TOLS, Options, checked_dtype
 from teg.passes.differentiate.through_sums import parameters_and_arrays
 
 if TYPE_CHECKING:

@@ -194,7 +194,7 @@ def test_calls_that_are_wrong(args: Any, named: dict[str, Any]) -> None:
             teg.compile(AREA, [t, a], backend="c", dtype=dtype)(*args, **named)
 
 
-@pytest.mark.filterwarnings("ignore::teg.accuracy.AccuracyWarning")
+@pytest.mark.filterwarnings("ignore::teg.evaluator.accuracy.AccuracyWarning")
 def test_nan_and_infinity_at_a_point() -> None:
     f = teg.compile(AREA, [t, a], backend="c")
     g = teg.compile(AREA, [t, a])

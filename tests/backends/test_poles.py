@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import teg
-from teg.accuracy import AccuracyWarning
 from teg.backends.c_backend import compile_c
 from teg.backends.jax_backend import compile_jax
 from teg.backends.numpy_backend import compile_numpy
+from teg.evaluator.accuracy import AccuracyWarning
 from teg.program import Bend, Integrate, Program, Rational, statements
 from tests.backends.c_checks import behaviour_is_defined, lines_are_short, text_compiles_without_warnings
 from tests.backends.programs import Case, integrate, let, program

@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 import teg
-from teg.accuracy import AccuracyWarning
 from teg.errors import AccuracyError, ArrayIndexError, DiffeomorphismError, OptionError, ParameterError
+from teg.evaluator.accuracy import AccuracyWarning
 
 torch = pytest.importorskip("torch")
 pytestmark = [
@@ -327,7 +327,7 @@ def test_batches_of_every_layout() -> None:
 
 def test_tensors_are_not_copied(monkeypatch: pytest.MonkeyPatch) -> None:
     """Kernels read doubles and 64-bit integers where they lie, and what the whole batch shares once."""
-    from teg.derivative_kernels import DerivativeKernels
+    from teg.evaluator.kernels import DerivativeKernels
 
     read: list[Any] = []
     run = DerivativeKernels.run

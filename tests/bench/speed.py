@@ -19,7 +19,7 @@ from teg.analysis.settings import Integration
 from teg.backends.c_backend import optimisation
 from teg.backends.c_build import BASE_FLAGS, NATIVE, find_compiler, load_library
 from teg.backends.c_standalone import standalone_c
-from teg.compile import Evaluator
+from teg.evaluator.compile import Evaluator
 from teg.ir.traverse import parameters
 from teg.pipeline import compiled_outputs, flatten, program_for
 from tests.bench.handwritten import FUNCTIONS, BilinearPixels, Picture, Triangles, address

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from teg import derivation
 from teg.__main__ import main
+from teg.evaluator import derivation
 from teg.examples.shaders import compare
 
 

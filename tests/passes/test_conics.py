@@ -145,7 +145,7 @@ def _sides(coefficients: Sequence[float], i: int, h: float) -> list[float]:
     return [float(slices(beside(coefficients, i, s * h), 3 * STEPS)[1][i]) for s in (-1, 1)]
 
 
-AS_IT_IS = pytest.mark.filterwarnings("ignore::teg.accuracy.AccuracyWarning")
+AS_IT_IS = pytest.mark.filterwarnings("ignore::teg.evaluator.accuracy.AccuracyWarning")
 """A warning about accuracy, at critical values or beside them, excuses nothing."""
 
 _number = st.sampled_from([0.0, 0.0, 1.0, -1.0, 0.5, -0.25, 2.0]) | st.floats(-2, 2).map(lambda v: round(v, 3))

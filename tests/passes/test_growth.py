@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 import teg
-from teg.accuracy import AccuracyWarning
 from teg.analysis.settings import Integration
 from teg.backends.c_print import print_kernel
 from teg.errors import NotDifferentiableError
+from teg.evaluator.accuracy import AccuracyWarning
 from teg.ir.traverse import parameters
 from teg.pipeline import compiled_outputs, flatten, program_for
 from teg.program import size as statements

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import teg
-from teg.accuracy import AccuracyWarning
 from teg.analysis.isolation import locate
+from teg.evaluator.accuracy import AccuracyWarning
 
 x, y, z = teg.vars("x y z")
 a, b, c = teg.params("a b c")

@@ -8,8 +8,8 @@ import warnings
 import pytest
 
 import teg
-from teg.accuracy import AccuracyWarning
 from teg.analysis.singularities import Keys, order_at
+from teg.evaluator.accuracy import AccuracyWarning
 from teg.ir.expr import ONE
 from teg.passes.differentiate.forward import tangent_of
 from teg.pipeline import eliminate

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import teg
-from teg.accuracy import AccuracyWarning
 from teg.analysis.places import linear_places
 from teg.analysis.staircase import Box, Range, count_steps, is_step, is_uncounted
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
+from teg.evaluator.accuracy import AccuracyWarning
 from teg.ir.node import postorder
 from teg.passes.normalise.steps import enumerate_steps
 from teg.pipeline import compiled_outputs, normal_form

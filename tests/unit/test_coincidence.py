@@ -11,10 +11,10 @@ from collections.abc import Callable
 import pytest
 
 import teg
-from teg.accuracy import AccuracyWarning
 from teg.analysis.coincidence import ZeroSet, coincide, peeled, short_form
 from teg.analysis.field_polynomials import common_factor, derivative, one_root, product, quotient_and_remainder
 from teg.analysis.polynomial import P, Point, divided, perfect_power, sign_of_residue
+from teg.evaluator.accuracy import AccuracyWarning
 from teg.ir.expr import Expr
 
 x, y = teg.vars("x y")

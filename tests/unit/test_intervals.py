@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import teg
-from teg.accuracy import AccuracyWarning
 from teg.analysis.intervals import enclose
 from teg.errors import NotDifferentiableError
+from teg.evaluator.accuracy import AccuracyWarning
 from teg.ir.expr import Expr, Param, Var, call
 from teg.ir.traverse import substitute
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import teg
-from teg.accuracy import AccuracyWarning
 from teg.errors import AccuracyError
+from teg.evaluator.accuracy import AccuracyWarning
 
 x = teg.var("x")
 t, a = teg.params("t a")

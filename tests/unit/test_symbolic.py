@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import teg
 from teg import errors, symbolic
-from teg.accuracy import AccuracyWarning
+from teg.evaluator.accuracy import AccuracyWarning
 from teg.ir import expr as ex
 from teg.ir.expr import FUNCTIONS, Compare, Const, Param, Var, call, const
 from teg.ir.integral import Delta, Integral

@@ -7,12 +7,12 @@ from functools import partial
 from typing import Any, cast
 
 from teg.analysis.settings import Integration, with_more_room
-from teg.array_reports import has_samples
+from teg.evaluator.array_reports import has_samples
+from teg.evaluator.options import Options
 from teg.ir import expr as ex
 from teg.ir.arrays import Array
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
-from teg.options import Options
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
 from teg.passes.lower.integrals import schedule
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
@@ -103,7 +103,7 @@ class Compiled:
     def map_checks(self) -> Any:
         """The checks of the user's maps at a call."""
         if self._checks is None:
-            from teg.array_coverage import ArrayMapChecks
+            from teg.evaluator.array_coverage import ArrayMapChecks
 
             self._checks = ArrayMapChecks(self.e, self.options.maps)
         return self._checks

@@ -16,11 +16,11 @@ from functools import partial
 from typing import cast
 
 from teg.analysis.settings import Integration
+from teg.evaluator.options import Options
 from teg.ir import expr as ex
 from teg.ir.arrays import Array
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
-from teg.options import Options
 from teg.passes.differentiate.through_sums import gradient, on_cells, tangent
 from teg.passes.lower.integrals import schedule
 from teg.passes.lower.loops import Output, output_of, schedule_arrays

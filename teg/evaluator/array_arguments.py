@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from teg.arguments import refuse_masked
-from teg.array_compiled import Compiled
 from teg.errors import ArrayIndexError, ParameterError
+from teg.evaluator.arguments import refuse_masked
+from teg.evaluator.array_plan import Compiled
 from teg.ir.index import ArrayName, IndexArray
 from teg.program.arrays import ArrayProgram
 

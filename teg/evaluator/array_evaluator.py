@@ -7,18 +7,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
-from teg.arguments import as_doubles, as_floats, rounded, values
-from teg.array_arguments import Call, as_entries, whole_numbers
-from teg.array_compiled import Compiled, direction_of
-from teg.array_reports import paired, places, report_arrays, report_missing
 from teg.errors import ArrayIndexError, OptionError, ParameterError
+from teg.evaluator.arguments import as_doubles, as_floats, rounded, values
+from teg.evaluator.array_arguments import Call, as_entries, whole_numbers
+from teg.evaluator.array_plan import Compiled, direction_of
+from teg.evaluator.array_reports import paired, places, report_arrays, report_missing
+from teg.evaluator.options import Options
 from teg.ir.arrays import Array, arrays_of, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName, Length, index_const, index_leaves
 from teg.ir.node import postorder
 from teg.ir.traverse import parameters
-from teg.options import Options
 from teg.passes.differentiate.through_sums import Parameter, on_cells, outlined
 from teg.passes.lower.loops import schedule_arrays
 from teg.passes.normalise.sums import NeedsLengths

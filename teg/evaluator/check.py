@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from teg.arguments import values as values_by_name
-from teg.array_evaluator import ArrayEvaluator
-from teg.compile import Evaluator
 from teg.errors import OptionError, ParameterError
+from teg.evaluator.arguments import values as values_by_name
+from teg.evaluator.array_evaluator import ArrayEvaluator
+from teg.evaluator.compile import Evaluator
 
 if TYPE_CHECKING:
     import numpy as np

@@ -6,14 +6,14 @@ import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, cast
 
-from teg.accuracy import report_missed, report_not_a_number
 from teg.analysis.settings import Integration, with_more_room
-from teg.array_arguments import whole_numbers
-from teg.array_compiled import build_arrays
-from teg.array_reports import has_samples, report_arrays, report_missing
-from teg.compile import build_kernel
-from teg.derivative_programs import DerivativePrograms
-from teg.framework_function import dimensions_of
+from teg.evaluator.accuracy import report_missed, report_not_a_number
+from teg.evaluator.array_arguments import whole_numbers
+from teg.evaluator.array_plan import build_arrays
+from teg.evaluator.array_reports import has_samples, report_arrays, report_missing
+from teg.evaluator.compile import build_kernel
+from teg.evaluator.derivative_programs import DerivativePrograms
+from teg.evaluator.framework import dimensions_of
 from teg.ir import expr as ex
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName
@@ -126,7 +126,7 @@ class DerivativeKernels:
         e = plan.entries[0] if self.entries == 1 else ex.tuple_of(*plan.entries)
         with self._lock:
             if self._checks is None and named:
-                from teg.array_coverage import ArrayMapChecks
+                from teg.evaluator.array_coverage import ArrayMapChecks
 
                 self._checks = ArrayMapChecks(e, plan.options.maps)
             elif self._checks is None:

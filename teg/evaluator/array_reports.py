@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, overload
 
-from teg.accuracy import report_missed, report_not_a_number
-from teg.arguments import with_rounding
+from teg.evaluator.accuracy import report_missed, report_not_a_number
+from teg.evaluator.arguments import with_rounding
+from teg.evaluator.options import Options
 from teg.ir.expr import Expr, Tuple
-from teg.options import Options
 from teg.program import Sample, statements
 from teg.program.arrays import ArrayProgram, Run, steps
 

@@ -7,9 +7,10 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
 from teg.analysis.bodies import write_all_out
-from teg.arguments import refuse_masked
-from teg.derivative_programs import DerivativePrograms
 from teg.errors import ArrayIndexError, ParameterError
+from teg.evaluator.arguments import refuse_masked
+from teg.evaluator.derivative_programs import DerivativePrograms
+from teg.evaluator.options import Options
 from teg.ir.arrays import Array, arrays_of, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
 from teg.ir.expr import Expr, Param, Tuple, as_number
@@ -17,7 +18,6 @@ from teg.ir.index import ArrayName, IndexArray, Length, index_const, index_leave
 from teg.ir.node import postorder
 from teg.ir.traverse import parameters
 from teg.language import check_program
-from teg.options import Options
 from teg.passes.differentiate.through_sums import outlined
 from teg.passes.normalise.sums import NeedsLengths
 

@@ -6,16 +6,17 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from teg.accuracy import report_missed, report_not_a_number
 from teg.analysis.bodies import write_all_out
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration, with_more_room
-from teg.arguments import as_doubles, batch, plain_numbers, rounded, with_rounding
-from teg.arguments import values as arguments
-from teg.array_compiled import direction_of
-from teg.array_evaluator import ArrayEvaluator
-from teg.derivation import linked
 from teg.errors import OptionError, ParameterError
+from teg.evaluator.accuracy import report_missed, report_not_a_number
+from teg.evaluator.arguments import as_doubles, batch, plain_numbers, rounded, with_rounding
+from teg.evaluator.arguments import values as arguments
+from teg.evaluator.array_evaluator import ArrayEvaluator
+from teg.evaluator.array_plan import direction_of
+from teg.evaluator.derivation import linked
+from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype
 from teg.ir.arrays import Array as ArrayParameter
 from teg.ir.arrays import has_arrays
 from teg.ir.expr import Expr, Param, Tuple, as_number
@@ -24,7 +25,6 @@ from teg.ir.traverse import parameters
 from teg.language import check_parameters, check_program
 from teg.maps.coverage import MapChecks
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.options import DEFAULT_TOLS, Options, checked_dtype
 from teg.passes.differentiate.through_sums import parameters_and_arrays
 from teg.pipeline import compiled_outputs, flatten, jvp
 from teg.program import Outcome, Program, Sample, statements
