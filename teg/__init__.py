@@ -15,6 +15,9 @@ from teg.evaluator.accuracy import AccuracyWarning
 from teg.evaluator.array_evaluator import ArrayEvaluator
 from teg.evaluator.check import GradientReport, check_gradient
 from teg.evaluator.compile import Evaluator, compile, evaluate
+from teg.interop.jax import jax_function
+from teg.interop.scipy import scipy_function
+from teg.interop.torch import torch_function
 from teg.ir.arrays import array, index, indices, length
 from teg.ir.arrays import sum_ as sum
 from teg.ir.expr import Cond, Expr
@@ -22,7 +25,6 @@ from teg.ir.function import Function, function
 from teg.ir.latex import latex
 from teg.ir.show import dump
 from teg.ir.traverse import size
-from teg.jax_function import jax_function
 from teg.language import abs_ as abs
 from teg.language import (
     acos,
@@ -60,9 +62,7 @@ from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.eliminate.mapped import change_variables
 from teg.report.diagnose import Diagnosis
 from teg.report.explain import Explanation, explain
-from teg.scipy_function import scipy_function
 from teg.symbolic import from_sympy, to_sympy
-from teg.torch_function import torch_function
 
 __version__ = "0.1.0"
 

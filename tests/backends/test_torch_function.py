@@ -602,7 +602,7 @@ def test_on_a_gpu() -> None:
 
 def test_devices() -> None:
     """A number on the CPU goes with tensors of any device, and two devices are a mistake."""
-    from teg.torch_function import _common_device
+    from teg.interop.torch import _common_device
 
     number, here, there = torch.tensor(1.0), torch.ones(2), torch.ones(2, device="meta")
     assert _common_device([number, there]) == there.device

@@ -13,7 +13,7 @@ import pytest
 
 import teg
 from teg.errors import OptionError, ParameterError
-from teg.scipy_function import VectorFunction
+from teg.interop.scipy import VectorFunction
 
 x = teg.var("x")
 t, a, b = teg.params("t a b")
