@@ -27,7 +27,7 @@ from teg.backends.c_packed import SIDE, Straight, decisive_branch
 from teg.backends.c_print import Printer
 from teg.backends.c_runtime import runtime
 from teg.backends.c_text import indent, literal, packed, wrapped
-from teg.backends.numpy_arrays import Results
+from teg.backends.numpy.loops import Results
 from teg.errors import BackendError
 from teg.program import Integrate, compound, has_ties
 from teg.program.arrays import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, scattered, steps, work

@@ -122,8 +122,8 @@ class Compiled:
 
 def build_arrays(program: ArrayProgram, options: Options, counted: bool = False) -> Any:
     """A backend's kernel of a program with arrays."""
-    from teg.backends.numpy_arrays import LaneKernel
-    from teg.backends.numpy_backend import compile_numpy
+    from teg.backends.numpy.kernel import compile_numpy
+    from teg.backends.numpy.loops import LaneKernel
 
     by_numpy: Callable[[Program], Any] = partial(compile_numpy, memory=options.memory)
     if options.backend == "numpy" or counted:

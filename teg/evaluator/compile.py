@@ -442,7 +442,7 @@ def build_kernel(program: Program, options: Options, dtype: str = "float64", cou
         from teg.backends.jax_precision import InDoublePrecision
 
         return compile_jax(program) if options.dtype == "float64" else InDoublePrecision(program)
-    from teg.backends.numpy_backend import compile_numpy
+    from teg.backends.numpy.kernel import compile_numpy
 
     return compile_numpy(program, memory=options.memory)
 

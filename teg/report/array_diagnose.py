@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from teg.analysis.surfaces import atoms_of
-from teg.backends.array_ties import MetTie, TieWatch
+from teg.backends.numpy.ties import MetTie, TieWatch
 from teg.ir.arrays import Gather, Sum, sum_over
 from teg.ir.cells import Symbols
 from teg.ir.expr import TRUE, ZERO, Expr, Param, add, bracket, positive

@@ -115,7 +115,7 @@ def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagn
 
 
 def _watched(f: _Evaluator) -> _Watched:
-    from teg.backends.numpy_backend import compile_numpy
+    from teg.backends.numpy.kernel import compile_numpy
 
     orders = 2 if 2 in f._kernels else 1
     how = f._room.get(("value", orders), f._options.integration)

@@ -14,7 +14,7 @@ import pytest
 
 from teg.backends.c_backend import compile_c, print_kernel
 from teg.backends.jax_backend import compile_jax
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from teg.program import MAX_DEPTH, MAX_INTERVALS, Adaptive, Assign, Gauss, Integrate, Outcome, Program, statements
 from tests.backends.bend_programs import (
     BENT,

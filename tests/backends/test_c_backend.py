@@ -17,7 +17,7 @@ import pytest
 from teg.backends import c_build, c_frame, c_print
 from teg.backends.c_backend import CKernel, compile_c, print_kernel
 from teg.backends.c_text import literal
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from teg.errors import CompilerError, OptionError, ParameterError
 from teg.program import INSIDE, Adaptive, Assign, Gauss, Integrate, Program
 from tests.backends.programs import (

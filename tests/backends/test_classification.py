@@ -13,7 +13,7 @@ import teg
 from teg import Expr
 from teg.backends import array_plan
 from teg.backends.c_backend import compile_c
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.expr import Param
 from teg.program import Polygon, Segment, When, statements, without_branches
 from tests.bench.scenes import picture, triangle_pixel

@@ -10,7 +10,7 @@ import pytest
 
 from teg.backends.c_backend import compile_c, print_kernel
 from teg.backends.c_standalone import standalone_c
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from teg.errors import OptionError
 from teg.program import ISOLATE_DEPTH, Adaptive, Assign, Isolate, Stmt
 from tests.backends.c_checks import (

@@ -25,7 +25,7 @@ def kernel(whole: Program, backend: str) -> Any:
         from teg.backends.jax_backend import compile_jax
 
         return compile_jax(whole)
-    from teg.backends.numpy_backend import compile_numpy
+    from teg.backends.numpy.kernel import compile_numpy
 
     return compile_numpy(whole)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from teg.backends.jax_backend import compile_jax
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from tests.backends.isolate_programs import EXTREMES, ROOTS, SUMS, cubic, kink, root, sum_over, wave
 from tests.backends.programs import INF, Case, columns, expected, let, program
 from tests.backends.test_isolate_numpy import polynomial, polynomials_at_random, roots

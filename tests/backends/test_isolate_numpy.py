@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from teg.backends import numpy_roots
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy import roots as numpy_roots
+from teg.backends.numpy.kernel import compile_numpy
 from teg.program import Arg, Program, Stmt
 from teg.program.dce import without_dead_code
 from tests.backends.isolate_programs import ISOLATE_CASES, ROOTS, SUMS, Surface, cubic, isolate, kink, numbered, root, square, wave

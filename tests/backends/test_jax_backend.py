@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from teg.backends.jax_backend import compile_jax
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from teg.errors import BackendError, MissingPackageError
 from tests.backends.programs import (
     ADAPTIVE,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from teg.backends.jax_backend import compile_jax
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from tests.backends.locate_programs import NESTS, PLACES, locate, point
 from tests.backends.programs import INF, Case, columns, expected, program
 from tests.backends.test_locate_numpy import circles_at_random

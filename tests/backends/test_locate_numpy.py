@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pytest
 
 import teg
-from teg.backends import numpy_roots
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy import roots as numpy_roots
+from teg.backends.numpy.kernel import compile_numpy
 from teg.program import LOCATE_HALVINGS, LOCATE_WIDTH, Assign, Locate, Program
 from teg.program.dce import without_dead_code
 from tests.backends.isolate_programs import numbered

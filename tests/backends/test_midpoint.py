@@ -7,7 +7,7 @@ import pytest
 
 from teg.backends.c_backend import compile_c
 from teg.backends.jax_backend import compile_jax
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from teg.program import Integrate, Midpoint
 from tests.backends.test_sampled import BACKENDS, DISK, let, program, run, scheduled
 

@@ -8,7 +8,7 @@ import pickle
 import numpy as np
 import pytest
 
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from teg.program import Adaptive, Assign, Bend, Gauss, Integrate, Program
 from teg.program.dce import without_dead_code
 from tests.backends.programs import (

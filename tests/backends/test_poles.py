@@ -15,7 +15,7 @@ import pytest
 import teg
 from teg.backends.c_backend import compile_c
 from teg.backends.jax_backend import compile_jax
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from teg.evaluator.accuracy import AccuracyWarning
 from teg.program import Bend, Integrate, Program, Rational, statements
 from tests.backends.c_checks import behaviour_is_defined, lines_are_short, text_compiles_without_warnings

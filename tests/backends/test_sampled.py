@@ -15,7 +15,7 @@ import teg
 from teg.analysis.settings import Integration
 from teg.backends.c_backend import compile_c
 from teg.backends.jax_backend import compile_jax
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.expr import const
 from teg.ir.integral import integral_over
 from teg.passes.lower.integrals import schedule
@@ -72,7 +72,7 @@ def sample(kind: str, count: int, estimates: int, seed: int = 3, when: str | Non
 @cache
 def reference(kind: str, count: int, seed: int, p: float) -> tuple[Array, Array]:
     """Means and standard errors of the two values, from the points and the formulas of `teg.program`."""
-    from teg.backends.numpy_sampling import points
+    from teg.backends.numpy.samples import points
     from teg.numerics.sobol import replicated
 
     replicates, each = replicated(kind, count)

@@ -14,7 +14,7 @@ from teg.backends import c_backend, c_packed
 from teg.backends.c_arrays import print_arrays
 from teg.backends.c_backend import compile_c, print_kernel
 from teg.backends.c_packed import Packed, packed
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.expr import Param
 from teg.program import Assign, Program, Stmt
 from tests.backends.c_checks import in_c, text_compiles_without_warnings

@@ -9,7 +9,7 @@ import pytest
 
 import teg
 from teg.analysis.settings import Integration
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
 from teg.errors import OptionError
 from teg.ir.expr import const
 from teg.ir.integral import Integral, integral_over

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy_bends import Substitution, inside, substitution
-from teg.backends.numpy_guard import Guard
+from teg.backends.numpy.bends import Substitution, inside, substitution
+from teg.backends.numpy.guard import Guard
 from teg.backends.substitutions import POWER
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import (

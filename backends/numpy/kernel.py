@@ -31,13 +31,12 @@ from typing import Any, assert_never, cast
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends import numpy_guard as guards
-from teg.backends import numpy_hyperbola as hyperbolas
-from teg.backends import numpy_poles as poles
-from teg.backends import numpy_polygon as polygons
-from teg.backends import numpy_roots as roots
-from teg.backends import numpy_runtime as rt
-from teg.backends import numpy_sampling as sampling
+from teg.backends.numpy import guard as guards
+from teg.backends.numpy import hyperbola as hyperbolas
+from teg.backends.numpy import poles, roots
+from teg.backends.numpy import polygon as polygons
+from teg.backends.numpy import runtime as rt
+from teg.backends.numpy import samples as sampling
 from teg.backends.python_text import Dialect, assignment, inside, strict, value
 from teg.program import (
     MAX_EVALUATIONS,

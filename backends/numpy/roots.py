@@ -12,7 +12,7 @@ from typing import cast
 
 import numpy as np
 
-from teg.backends.numpy_runtime import Array, Block, Run, Value, gather, on_lanes, parts, scatter
+from teg.backends.numpy.runtime import Array, Block, Run, Value, gather, on_lanes, parts, scatter
 from teg.program import (
     ISOLATE_DEPTH,
     ISOLATE_STEPS,

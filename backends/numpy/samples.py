@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy_runtime import Array, Block, Run, Value, on_lanes, parts
+from teg.backends.numpy.runtime import Array, Block, Run, Value, on_lanes, parts
 from teg.numerics.sobol import BITS, GAMMA, LOW_BITS, MIX, SCRAMBLE, key, replicated, reversed_directions
 
 Words = npt.NDArray[np.uint64]

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy_arrays import LaneKernel, Lanes, Results, Running, lane_values
-from teg.backends.numpy_backend import compile_numpy
+from teg.backends.numpy.kernel import compile_numpy
+from teg.backends.numpy.loops import LaneKernel, Lanes, Results, Running, lane_values
 from teg.program.arrays import Arg, ArrayProgram, Loop, Run, Step
 
 Array = npt.NDArray[Any]

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.hyperbola_moments import Kind, has_near_side, settled, totals
-from teg.backends.numpy_runtime import Block, Run, Value, gather, on_lanes
+from teg.backends.numpy.runtime import Block, Run, Value, gather, on_lanes
 
 Array = npt.NDArray[Any]
 WIDTH = 96

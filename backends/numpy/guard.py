@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy_bends import Substitution
+from teg.backends.numpy.bends import Substitution
 from teg.program import FAINT, GUARD_DEPTH, HIDDEN, UNSEEN
 
 Array = npt.NDArray[Any]
