@@ -29,7 +29,7 @@ def require_packages(demonstration: str, packages: Mapping[str, str], progress: 
 
 def default_backend() -> str:
     """ "c" if there is a C compiler, else "numpy"."""
-    from teg.backends.c_build import find_compiler
+    from teg.backends.c.build import find_compiler
 
     try:
         find_compiler()

@@ -237,8 +237,8 @@ def compile_file(options: argparse.Namespace) -> int:
 
 def _c_files(evaluator: Any, name: str, options: argparse.Namespace) -> tuple[str, str]:
     """The texts of the source and its header."""
-    from teg.backends.c_array_standalone import standalone_c_arrays
-    from teg.backends.c_standalone import standalone_c
+    from teg.backends.c.array_standalone import standalone_c_arrays
+    from teg.backends.c.standalone import standalone_c
 
     names = evaluator.output_names(options.derivatives)
     program = evaluator.program(options.derivatives)

@@ -133,7 +133,7 @@ def build_arrays(program: ArrayProgram, options: Options, counted: bool = False)
         from teg.backends.jax_precision import InDoublePrecision
 
         return LaneKernel(program, compile_jax if options.dtype == "float64" else InDoublePrecision)
-    from teg.backends.c_arrays import compile_c_arrays
+    from teg.backends.c.loops import compile_c_arrays
 
     return compile_c_arrays(program, threads=options.threads)
 

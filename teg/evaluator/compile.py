@@ -434,7 +434,7 @@ def build_kernel(program: Program, options: Options, dtype: str = "float64", cou
     """A backend's kernel of a program; a `counted` one counts evaluations (JAX does not: its twin is NumPy's). Of the backends C alone has
     use for another dtype than float64."""
     if options.backend == "c":
-        from teg.backends.c_backend import compile_c
+        from teg.backends.c.kernel import compile_c
 
         return compile_c(program, threads=options.threads, counted=counted, dtype=dtype)
     if options.backend == "jax" and not counted:

@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from teg.backends import c_build, c_frame, c_print
-from teg.backends.c_backend import compile_c, print_kernel
-from teg.backends.c_standalone import standalone_c
-from teg.backends.c_text import literal
+from teg.backends.c import build as c_build
+from teg.backends.c import frame as c_frame
+from teg.backends.c import printer as c_print
+from teg.backends.c.kernel import compile_c, print_kernel
+from teg.backends.c.standalone import standalone_c
+from teg.backends.c.text import literal
 from teg.program import Program
 from tests.backends.programs import Case, columns, expected
 

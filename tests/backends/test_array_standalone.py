@@ -12,7 +12,7 @@ import pytest
 
 import teg
 from teg.__main__ import main
-from teg.backends.c_array_standalone import standalone_c_arrays
+from teg.backends.c.array_standalone import standalone_c_arrays
 from teg.errors import OptionError
 from tests.backends.c_checks import _compile, in_c
 
@@ -118,7 +118,7 @@ def test_the_second_order_is_the_product_with_a_direction(source: Path, tmp_path
     f, given = evaluated(source)
     program = f.program(2)
     directions = {"t": 0.5, "V": np.cos(np.arange(8.0)).reshape(4, 2)}
-    from teg.backends.c_arrays import compile_c_arrays
+    from teg.backends.c.loops import compile_c_arrays
 
     numbers_given = {"t": np.array([0.5, 2.0]), "n": np.array(4.0), "∂t": np.array(0.5)}
     arrays = {"V": given["V"], "F": FACES, "∂V": directions["V"]}

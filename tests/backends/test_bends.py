@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from teg.backends.c_backend import compile_c, print_kernel
+from teg.backends.c.kernel import compile_c, print_kernel
 from teg.backends.jax_backend import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from teg.program import MAX_DEPTH, MAX_INTERVALS, Adaptive, Assign, Gauss, Integrate, Outcome, Program, statements

@@ -14,9 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from teg.backends import c_build, c_frame, c_print
-from teg.backends.c_backend import CKernel, compile_c, print_kernel
-from teg.backends.c_text import literal
+from teg.backends.c import build as c_build
+from teg.backends.c import frame as c_frame
+from teg.backends.c import printer as c_print
+from teg.backends.c.kernel import CKernel, compile_c, print_kernel
+from teg.backends.c.text import literal
 from teg.backends.numpy.kernel import compile_numpy
 from teg.errors import CompilerError, OptionError, ParameterError
 from teg.program import INSIDE, Adaptive, Assign, Gauss, Integrate, Program

@@ -13,14 +13,14 @@ from pathlib import Path
 
 import pytest
 
-from teg.backends import c_build
+from teg.backends.c import build as c_build
 from teg.errors import CompilerError
 
 pytestmark = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
 ROOT = Path(__file__).resolve().parents[2]
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="POSIX")
 SCRIPT = """
-import sys, teg.backends.c_build as c_build
+import sys, teg.backends.c.build as c_build
 for k in map(int, sys.argv[1].split(",")):
     assert c_build.load_library("int answer(void) { return %d; }" % k).answer() == k
 print(c_build.cache_folder())

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 import teg
-from teg.backends import c_build
-from teg.backends.c_backend import optimisation
+from teg.backends.c import build as c_build
+from teg.backends.c.kernel import optimisation
 from teg.errors import OptionError, ParameterError
 from tests.backends.c_checks import in_c
 from tests.bench import scenes
@@ -80,11 +80,11 @@ def test_a_copy_in_another_process_is_not_compiled_again(tmp_path: Path, monkeyp
     monkeypatch.setenv("TEG_CACHE_DIR", str(tmp_path / "cache"))
     f = teg.compile(AREA, backend="c")
     f.grad(t=0.5, a=0.5)
-    c_build.load_library(__import__("teg.backends.c_interrupt", fromlist=["SOURCE"]).SOURCE, optimise=("-O2",))
+    c_build.load_library(__import__("teg.backends.c.signals", fromlist=["SOURCE"]).SOURCE, optimise=("-O2",))
     (tmp_path / "f").write_bytes(pickle.dumps(f))
     (tmp_path / "cc").write_text('#!/bin/sh\n[ "$1" = --version ] && exec "$REAL" --version\nexit 1\n')
     script = (
-        "import pickle, sys; import teg.backends.c_build as b;"
+        "import pickle, sys; import teg.backends.c.build as b;"
         "b.compile_library = lambda *_: sys.exit('compiled');"
         "f = pickle.load(open(sys.argv[1], 'rb')); print(f.grad(t=0.5, a=0.5)['t'])"
     )

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from teg.backends.c_backend import compile_c
+from teg.backends.c.kernel import compile_c
 from tests.backends.c_checks import in_c
 from tests.backends.programs import TWO_VARIABLES, Case, columns, expected
 

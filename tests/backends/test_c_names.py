@@ -11,8 +11,8 @@ import pytest
 
 import teg
 from teg.__main__ import main
-from teg.backends.c_standalone import standalone_c
-from teg.backends.c_text import HARMLESS, harmless
+from teg.backends.c.standalone import standalone_c
+from teg.backends.c.text import HARMLESS, harmless
 from tests.backends.c_checks import STRICT, _compile, in_c
 
 pytestmark = in_c

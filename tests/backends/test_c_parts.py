@@ -13,10 +13,12 @@ import pytest
 
 import teg
 from teg import Expr, bracket, param, params, vars
-from teg.backends import c_build, c_frame, c_polygon
-from teg.backends.c_backend import compile_c
-from teg.backends.c_frame import Frame, Step
-from teg.backends.c_print import print_kernel
+from teg.backends.c import build as c_build
+from teg.backends.c import frame as c_frame
+from teg.backends.c import polygon as c_polygon
+from teg.backends.c.frame import Frame, Step
+from teg.backends.c.kernel import compile_c
+from teg.backends.c.printer import print_kernel
 from teg.ir import integral
 from teg.program import (
     Assign,

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import teg
-from teg.backends.c_backend import print_kernel
-from teg.backends.c_standalone import standalone_c
-from teg.backends.c_text import literal
+from teg.backends.c.kernel import print_kernel
+from teg.backends.c.standalone import standalone_c
+from teg.backends.c.text import literal
 from teg.ir.expr import Param
 from teg.program import Adaptive, Gauss, Integrate, Isolate, Locate, Midpoint, Program, Sample, SumOver, statements
 from tests.backends import isolate_programs, locate_programs, programs

@@ -13,9 +13,9 @@ import pytest
 
 import teg
 from teg.__main__ import main
-from teg.backends.c_backend import compile_c, print_kernel
-from teg.backends.c_build import load_library
-from teg.backends.c_standalone import standalone_c
+from teg.backends.c.build import load_library
+from teg.backends.c.kernel import compile_c, print_kernel
+from teg.backends.c.standalone import standalone_c
 from teg.errors import OptionError
 from teg.program import Adaptive
 from tests.backends.c_checks import STRICT, _compile, in_c, standalone_files_work

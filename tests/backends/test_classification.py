@@ -12,7 +12,7 @@ import pytest
 import teg
 from teg import Expr
 from teg.backends import array_plan
-from teg.backends.c_backend import compile_c
+from teg.backends.c.kernel import compile_c
 from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.expr import Param
 from teg.program import Polygon, Segment, When, statements, without_branches

@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 import teg
-from teg.backends import c_build, c_functions
-from teg.backends.c_standalone import standalone_c
+from teg.backends.c import build as c_build
+from teg.backends.c import functions as c_functions
+from teg.backends.c.standalone import standalone_c
 from teg.backends.numpy import kernel as numpy_backend
 from teg.evaluator import derivation
 from teg.ir.expr import Expr, Param

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from teg.backends.c_backend import compile_c, print_kernel
-from teg.backends.c_standalone import standalone_c
+from teg.backends.c.kernel import compile_c, print_kernel
+from teg.backends.c.standalone import standalone_c
 from teg.backends.numpy.kernel import compile_numpy
 from teg.errors import OptionError
 from teg.program import ISOLATE_DEPTH, Adaptive, Assign, Isolate, Stmt

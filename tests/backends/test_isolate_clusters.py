@@ -18,7 +18,7 @@ BACKENDS = ("numpy", "c", "jax")
 
 def kernel(whole: Program, backend: str) -> Any:
     if backend == "c":
-        from teg.backends.c_backend import compile_c
+        from teg.backends.c.kernel import compile_c
 
         return compile_c(whole)
     if backend == "jax":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from teg.backends.c_backend import compile_c
+from teg.backends.c.kernel import compile_c
 from teg.backends.jax_backend import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from teg.program import Integrate, Midpoint

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.backends.c_backend import compile_c
+from teg.backends.c.kernel import compile_c
 from teg.backends.jax_backend import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from teg.evaluator.accuracy import AccuracyWarning

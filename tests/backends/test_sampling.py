@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from teg.backends.c_build import load_library
-from teg.backends.c_runtime import runtime
-from teg.backends.c_sampling import sobol_table
+from teg.backends.c.build import load_library
+from teg.backends.c.runtime import runtime
+from teg.backends.c.samples import sobol_table
 from teg.backends.numpy import samples as numpy_sampling
 from teg.numerics.sobol import (
     BITS,

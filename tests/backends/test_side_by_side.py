@@ -10,10 +10,11 @@ import numpy.typing as npt
 import pytest
 
 import teg
-from teg.backends import c_backend, c_packed
-from teg.backends.c_arrays import print_arrays
-from teg.backends.c_backend import compile_c, print_kernel
-from teg.backends.c_packed import Packed, packed
+from teg.backends.c import kernel as c_backend
+from teg.backends.c import lanes as c_packed
+from teg.backends.c.kernel import compile_c, print_kernel
+from teg.backends.c.lanes import Packed, packed
+from teg.backends.c.loops import print_arrays
 from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.expr import Param
 from teg.program import Assign, Program, Stmt

@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import teg
 from teg import Expr
 from teg.analysis.settings import Integration
-from teg.backends.c_backend import CKernel, compile_c
+from teg.backends.c.kernel import CKernel, compile_c
 from teg.pipeline import flatten, program_for
 from tests.bench.shapes import Shape, Values, shapes, systems
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from teg.backends.c_build import find_compiler
+from teg.backends.c.build import find_compiler
 from teg.errors import CompilerError
 
 FOLDER = Path(__file__).with_name("handwritten")

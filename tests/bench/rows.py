@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import teg
-from teg.backends.c_backend import compile_c
+from teg.backends.c.kernel import compile_c
 from teg.program import Program, size
 from teg.symbolic import from_sympy, to_sympy
 from tests.references import REFERENCES

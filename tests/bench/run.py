@@ -18,7 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import teg
-from teg.backends.c_standalone import standalone_c
+from teg.backends.c.standalone import standalone_c
 from tests.backends import isolate_programs, locate_programs, programs
 from tests.bench.backends import backend_rows
 from tests.bench.functions import call_time_rows, swap_rows

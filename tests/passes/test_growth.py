@@ -17,7 +17,7 @@ import pytest
 
 import teg
 from teg.analysis.settings import Integration
-from teg.backends.c_print import print_kernel
+from teg.backends.c.printer import print_kernel
 from teg.errors import NotDifferentiableError
 from teg.evaluator.accuracy import AccuracyWarning
 from teg.ir.traverse import parameters
@@ -307,7 +307,7 @@ def test_too_many_cells_are_given_up_early() -> None:
 @pytest.mark.parametrize("backend", ["numpy", "c"])
 def test_evaluations_are_bounded(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond the limit what has been found is given, with its estimate, and a warning."""
-    from teg.backends import c_runtime
+    from teg.backends.c import runtime as c_runtime
     from teg.backends.numpy import kernel as numpy_backend
 
     monkeypatch.setattr(numpy_backend, "MAX_EVALUATIONS", 20_000)

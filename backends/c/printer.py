@@ -21,14 +21,15 @@ from dataclasses import replace
 from functools import partial
 from typing import cast
 
-from teg.backends import c_frame, c_packed
-from teg.backends.c_batch import batch_loop, together
-from teg.backends.c_bodies import merged, used_inputs, with_inputs
-from teg.backends.c_frame import BY_VALUE, CONTEXT, RESULTS, WORKSPACE, Frame, Routine, Scope, Step, assignments, captured_by
-from teg.backends.c_hyperbola import along_a_branch, along_function, hyperbola
-from teg.backends.c_packed import Straight
-from teg.backends.c_poles import plain_table, rational_piece, weights_function
-from teg.backends.c_polygon import (
+from teg.backends.c import frame as c_frame
+from teg.backends.c import lanes as c_packed
+from teg.backends.c.batch import batch_loop, together
+from teg.backends.c.bodies import merged, used_inputs, with_inputs
+from teg.backends.c.frame import BY_VALUE, CONTEXT, RESULTS, WORKSPACE, Frame, Routine, Scope, Step, assignments, captured_by
+from teg.backends.c.hyperbola import along_a_branch, along_function, hyperbola
+from teg.backends.c.lanes import Straight
+from teg.backends.c.poles import plain_table, rational_piece, weights_function
+from teg.backends.c.polygon import (
     COORDINATES,
     LANES,
     polygon,
@@ -39,7 +40,7 @@ from teg.backends.c_polygon import (
     triangle_table,
     unit_table,
 )
-from teg.backends.c_quadrature import (
+from teg.backends.c.quadrature import (
     GuardText,
     adaptive_piece,
     bent_piece,
@@ -52,9 +53,9 @@ from teg.backends.c_quadrature import (
     node_table,
     sum_over,
 )
-from teg.backends.c_runtime import runtime
-from teg.backends.c_sampling import sample_loop, sobol_table, used_points
-from teg.backends.c_text import each, harmless, indent, packed, wrapped
+from teg.backends.c.runtime import runtime
+from teg.backends.c.samples import sample_loop, sobol_table, used_points
+from teg.backends.c.text import each, harmless, indent, packed, wrapped
 from teg.numerics.sobol import REPLICATES
 from teg.program import (
     MAX_DEPTH,

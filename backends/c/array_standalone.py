@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from teg.backends.c_arrays import ABI, print_arrays
-from teg.backends.c_standalone import check_function_name
-from teg.backends.c_text import harmless
+from teg.backends.c.loops import ABI, print_arrays
+from teg.backends.c.standalone import check_function_name
+from teg.backends.c.text import harmless
 from teg.program.arrays import ArrayProgram, Integers, Like, steps
 
 

@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.c_backend import LONG, optimisation
-from teg.backends.c_build import load_library
-from teg.backends.c_frame import Routine
-from teg.backends.c_interrupt import Caller
-from teg.backends.c_packed import SIDE, Straight, decisive_branch
-from teg.backends.c_print import Printer
-from teg.backends.c_runtime import runtime
-from teg.backends.c_text import indent, literal, packed, wrapped
+from teg.backends.c.build import load_library
+from teg.backends.c.frame import Routine
+from teg.backends.c.kernel import LONG, optimisation
+from teg.backends.c.lanes import SIDE, Straight, decisive_branch
+from teg.backends.c.printer import Printer
+from teg.backends.c.runtime import runtime
+from teg.backends.c.signals import Caller
+from teg.backends.c.text import indent, literal, packed, wrapped
 from teg.backends.numpy.loops import Results
 from teg.errors import BackendError
 from teg.program import Integrate, compound, has_ties

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from teg.backends.c_frame import Routine
-from teg.backends.c_packed import SIDE, Straight
-from teg.backends.c_text import indent
+from teg.backends.c.frame import Routine
+from teg.backends.c.lanes import SIDE, Straight
+from teg.backends.c.text import indent
 from teg.program import Program, has_ties
 
 TOGETHER = 64

@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Container, Iterable, Iterator,
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from teg.backends.c_text import ATOM, NEUTRAL, Text, expression, indent, kind, literal, packed, wrapped
+from teg.backends.c.text import ATOM, NEUTRAL, Text, expression, indent, kind, literal, packed, wrapped
 from teg.program import Arg, Assign
 
 PART = 400  # statements in one C function, beyond which a block is cut

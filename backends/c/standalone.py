@@ -10,8 +10,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from teg.backends.c_print import print_kernel
-from teg.backends.c_text import harmless
+from teg.backends.c.printer import print_kernel
+from teg.backends.c.text import harmless
 from teg.errors import OptionError
 from teg.program import Program
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from itertools import product
 from math import comb
 
-from teg.backends.c_frame import Frame, Scope
-from teg.backends.c_text import indent, literal, packed, wrapped
+from teg.backends.c.frame import Frame, Scope
+from teg.backends.c.text import indent, literal, packed, wrapped
 from teg.numerics.moments import highest, moment, series
 from teg.program import NO_FLUX, Hyperbola, Moments
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
-from teg.backends.c_frame import SUMS, WEIGHT, Frame, Scope, Step
-from teg.backends.c_text import indent, literal, packed
+from teg.backends.c.frame import SUMS, WEIGHT, Frame, Scope, Step
+from teg.backends.c.text import indent, literal, packed
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import Arg, Assign, Polygon, Segment, Stmt
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from teg.backends.c_text import each, indent, literal
+from teg.backends.c.text import each, indent, literal
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import INSIDE, Adaptive, Bend, Isolate, assigned
 

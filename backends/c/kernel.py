@@ -14,10 +14,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from teg.backends.c_build import LIGHT, load_library, load_linked
-from teg.backends.c_functions import function_units, kernel_text
-from teg.backends.c_interrupt import Caller
-from teg.backends.c_print import needs_context, print_kernel
+from teg.backends.c.build import LIGHT, load_library, load_linked
+from teg.backends.c.functions import function_units, kernel_text
+from teg.backends.c.printer import needs_context, print_kernel
+from teg.backends.c.signals import Caller
 from teg.errors import BackendError, OptionError, ParameterError
 from teg.program import Outcome, Program
 

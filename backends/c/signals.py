@@ -16,7 +16,7 @@ import threading
 from functools import cache
 from typing import Any
 
-from teg.backends.c_build import load_library
+from teg.backends.c.build import load_library
 
 MEMORY, STOPPED = -1, -2
 """What a call returns if it failed, instead of a note."""

@@ -15,9 +15,9 @@ from collections.abc import Sequence
 from functools import partial
 from typing import cast
 
-from teg.backends.c_bodies import merged
-from teg.backends.c_print import Together, function_name, function_texts, print_kernel
-from teg.backends.c_runtime import runtime
+from teg.backends.c.bodies import merged
+from teg.backends.c.printer import Together, function_name, function_texts, print_kernel
+from teg.backends.c.runtime import runtime
 from teg.program import Program
 
 MACROS = """\

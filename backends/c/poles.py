@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from teg.backends.c_text import indent, wrapped
+from teg.backends.c.text import indent, wrapped
 from teg.numerics.quadrature import gauss_legendre, null_rules, pole_table
 from teg.program import Bend, Rational
 

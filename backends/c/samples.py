@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from teg.backends.c_text import each, indent, packed
+from teg.backends.c.text import each, indent, packed
 from teg.numerics.sobol import BITS, replicated, reversed_directions
 from teg.program import Sample
 

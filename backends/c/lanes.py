@@ -20,10 +20,10 @@ from itertools import count
 from math import inf
 from typing import Any
 
-from teg.backends.c_frame import Frame, Scope, Step, assignments, captured_by
-from teg.backends.c_polygon import SIDE_BY_SIDE
-from teg.backends.c_text import UNARY, indent, literal, operand
-from teg.backends.c_text import packed as in_few_lines
+from teg.backends.c.frame import Frame, Scope, Step, assignments, captured_by
+from teg.backends.c.polygon import SIDE_BY_SIDE
+from teg.backends.c.text import UNARY, indent, literal, operand
+from teg.backends.c.text import packed as in_few_lines
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import (
     NEAR_SIDE,
