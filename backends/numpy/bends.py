@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.substitutions import COSH, CUBIC, END, EXP, LINE, POWER, SINE, SINH, SQUARE, TAIL, functions
+from teg.backends.shared.substitutions import COSH, CUBIC, END, EXP, LINE, POWER, SINE, SINH, SQUARE, TAIL, functions
 from teg.program import FAR, NEAR, POLE
 
 Array = npt.NDArray[Any]

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.hyperbola_moments import Kind, has_near_side, settled, totals
 from teg.backends.numpy.runtime import Block, Run, Value, gather, on_lanes
+from teg.backends.shared.moments import Kind, has_near_side, settled, totals
 
 Array = npt.NDArray[Any]
 WIDTH = 96

@@ -37,7 +37,7 @@ from teg.backends.numpy import poles, roots
 from teg.backends.numpy import polygon as polygons
 from teg.backends.numpy import runtime as rt
 from teg.backends.numpy import samples as sampling
-from teg.backends.python_text import Dialect, assignment, inside, strict, value
+from teg.backends.text import Dialect, assignment, inside, strict, value
 from teg.program import (
     MAX_EVALUATIONS,
     Adaptive,

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.array_plan import apply
+from teg.backends.plan import apply
 from teg.program import Outcome, Program
 from teg.program.arrays import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, steps
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from teg.backends.numpy.bends import Substitution, substitution
 from teg.backends.numpy.runtime import Array, Integral, Run, Value, cut, parts, rounding
-from teg.backends.pole_weights import pole_weights
+from teg.backends.shared.poles import pole_weights
 from teg.numerics.quadrature import gauss_legendre, null_rules
 from teg.program import EDGE, POLE, RESIDUE
 

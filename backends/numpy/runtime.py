@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from teg.backends.numpy.bends import Substitution, inside, substitution
 from teg.backends.numpy.guard import Guard
-from teg.backends.substitutions import POWER
+from teg.backends.shared.substitutions import POWER
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import (
     ABSOLUTE_FLOOR,

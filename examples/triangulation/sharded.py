@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import teg
-from teg.backends.jax_precision import in_double_precision
+from teg.backends.jax.precision import in_double_precision
 from teg.errors import InputError
 from teg.examples.triangulation.image_loss import bounding_boxes
 from teg.examples.triangulation.scene import COLOURS, FACES, VERTICES, per_pixel, pixel_loss

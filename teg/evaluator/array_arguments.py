@@ -32,7 +32,7 @@ class Call(NamedTuple):
 
     def check(self, program: ArrayProgram) -> None:
         """Raise ArrayIndexError where a program would read outside of an array."""
-        from teg.backends.array_plan import check_ranges
+        from teg.backends.plan import check_ranges
 
         check_ranges(program, self.integers, self.arrays, self.shapes)
 

@@ -129,8 +129,8 @@ def build_arrays(program: ArrayProgram, options: Options, counted: bool = False)
     if options.backend == "numpy" or counted:
         return LaneKernel(program, by_numpy)
     if options.backend == "jax":
-        from teg.backends.jax_backend import compile_jax
-        from teg.backends.jax_precision import InDoublePrecision
+        from teg.backends.jax.kernel import compile_jax
+        from teg.backends.jax.precision import InDoublePrecision
 
         return LaneKernel(program, compile_jax if options.dtype == "float64" else InDoublePrecision)
     from teg.backends.c.loops import compile_c_arrays

@@ -438,8 +438,8 @@ def build_kernel(program: Program, options: Options, dtype: str = "float64", cou
 
         return compile_c(program, threads=options.threads, counted=counted, dtype=dtype)
     if options.backend == "jax" and not counted:
-        from teg.backends.jax_backend import compile_jax
-        from teg.backends.jax_precision import InDoublePrecision
+        from teg.backends.jax.kernel import compile_jax
+        from teg.backends.jax.precision import InDoublePrecision
 
         return compile_jax(program) if options.dtype == "float64" else InDoublePrecision(program)
     from teg.backends.numpy.kernel import compile_numpy

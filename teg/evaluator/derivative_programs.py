@@ -58,7 +58,7 @@ class DerivativePrograms:
         if self._counting is None:
             program, found = self.program(-1), set()
             if isinstance(program, ArrayProgram):
-                from teg.backends.jax_arrays import counting_arrays
+                from teg.backends.jax.loops import counting_arrays
 
                 found = counting_arrays(program)
             self._counting = frozenset(found)

@@ -110,7 +110,7 @@ class DerivativeKernels:
             return self._kernels[key]
 
     def _check_ranges(self, program: ArrayProgram, columns: Sequence[Any], arrays: Sequence[Any]) -> None:
-        from teg.backends.array_plan import check_ranges
+        from teg.backends.plan import check_ranges
 
         count = len(self.plan.integers)
         first = len(columns) - count

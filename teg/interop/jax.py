@@ -90,7 +90,7 @@ class JaxFunction(FrameworkFunction):
     def __call__(self, values: Mapping[str, Any] | None = None, /, **named: Any) -> Any:
         """The value, an array of the batch's shape; for a tuple expression a tuple."""
         _import_jax(self._dtype)
-        from teg.backends.jax_function import derivative
+        from teg.backends.jax.derivative import derivative
 
         given = self._values(values, named)
         operands, batch, precision = self._operands(given)
@@ -180,7 +180,7 @@ class JaxFunction(FrameworkFunction):
 
         if not arrays or any(v is None for v in known):
             return
-        from teg.backends.array_plan import check_ranges
+        from teg.backends.plan import check_ranges
 
         program = cast(ArrayProgram, plan.program(-1))
         whole = {len(program.parameters) - len(integers) + k: np.asarray(v) for k, v in enumerate(integers)}
@@ -227,7 +227,7 @@ def _import_jax(dtype: str | None) -> None:
 
 def _family_of(plan: DerivativePrograms, integers: Sequence[int], indices: Sequence[Any]) -> Any:
     """The programs of a plan as functions of JAX, for these integers and index arrays (None: any)."""
-    from teg.backends.jax_function import Family
+    from teg.backends.jax.derivative import Family
 
     arrays = [isinstance(p, ArrayName) for p in plan.leaves]
 

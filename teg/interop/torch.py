@@ -108,13 +108,13 @@ class TorchFunction(FrameworkFunction):
         import torch
 
         if torch.compiler.is_compiling():
-            from teg.backends.torch_graphs import outside_of_graphs
+            from teg.backends.torch.graphs import outside_of_graphs
 
             return outside_of_graphs(self._called, values, named)
         return self._called(values, named)
 
     def _called(self, values: Mapping[str, Any] | None, named: Mapping[str, Any]) -> Any:
-        from teg.backends import torch_function as backend
+        from teg.backends.torch import derivative as backend
 
         call = self._arguments(self._values(values, named))
         arrays = {p: tuple(v.shape[call.front :]) for p, v in zip(self._leaves, call.operands, strict=False) if isinstance(p, ArrayName)}

@@ -12,7 +12,7 @@ Integers are called 'i…' (64 bits), numbers 'v…'; scalar parameter k is 'p{k
 
 Integer operations: add sub mul floordiv mod min max (as Python's), gather(A, i, …), length(A, axis), param(k): parameter k, whose value is
 an integer. Every subscript is inside its array and every length of a range is at least 0: this is checked before a program is run
-(`teg.backends.array_plan`), not by it.
+(`teg.backends.plan`), not by it.
 
 Ties. A Run resolves its ties by itself: the flat program is run in both orders where it meets one, and the mean goes on. So a tie of one
 iteration costs that iteration twice, not the whole sum.

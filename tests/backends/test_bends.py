@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from teg.backends.c.kernel import compile_c, print_kernel
-from teg.backends.jax_backend import compile_jax
+from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from teg.program import MAX_DEPTH, MAX_INTERVALS, Adaptive, Assign, Gauss, Integrate, Outcome, Program, statements
 from tests.backends.bend_programs import (

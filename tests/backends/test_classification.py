@@ -11,7 +11,7 @@ import pytest
 
 import teg
 from teg import Expr
-from teg.backends import array_plan
+from teg.backends import plan as array_plan
 from teg.backends.c.kernel import compile_c
 from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.expr import Param

@@ -15,7 +15,7 @@ import pytest
 
 import teg
 from teg.backends.c.kernel import compile_c
-from teg.backends.jax_backend import compile_jax
+from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.traverse import parameters
 from teg.program import Assign, Hyperbola, Moments, Program, size, statements

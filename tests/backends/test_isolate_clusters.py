@@ -22,7 +22,7 @@ def kernel(whole: Program, backend: str) -> Any:
 
         return compile_c(whole)
     if backend == "jax":
-        from teg.backends.jax_backend import compile_jax
+        from teg.backends.jax.kernel import compile_jax
 
         return compile_jax(whole)
     from teg.backends.numpy.kernel import compile_numpy

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from teg.backends.jax_backend import compile_jax
+from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from tests.backends.isolate_programs import EXTREMES, ROOTS, SUMS, cubic, kink, root, sum_over, wave
 from tests.backends.programs import INF, Case, columns, expected, let, program

@@ -93,7 +93,7 @@ def test_on_a_gpu(e: Any, values: dict[str, Any], index: str, x64: None) -> None
 @pytest.mark.parametrize("block", [2, 3])
 def test_blocks(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Iterations in blocks, whose ends stand inside of inner loops, add up to the same."""
-    monkeypatch.setattr("teg.backends.jax_arrays.BLOCK", block)
+    monkeypatch.setattr("teg.backends.jax.loops.BLOCK", block)
     value, slopes = jax.jit(jax.value_and_grad(teg.jax_function(RAGGED, indices={"S": OF_RAGGED["S"]})))(real(OF_RAGGED))
     exact, wanted = teg.compile(RAGGED, backend=EXACT).value_and_grad(OF_RAGGED)
     close(value, exact)

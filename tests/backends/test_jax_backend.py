@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from teg.backends.jax_backend import compile_jax
+from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from teg.errors import BackendError, MissingPackageError
 from tests.backends.programs import (
@@ -96,5 +96,5 @@ def test_a_missing_jax_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_importing_the_backend_does_not_import_jax() -> None:
-    code = "import sys, teg.backends.jax_backend; sys.exit('jax' in sys.modules)"
+    code = "import sys, teg.backends.jax.kernel; sys.exit('jax' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

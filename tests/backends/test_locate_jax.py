@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from teg.backends.jax_backend import compile_jax
+from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from tests.backends.locate_programs import NESTS, PLACES, locate, point
 from tests.backends.programs import INF, Case, columns, expected, program

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from teg.backends.c.kernel import compile_c
-from teg.backends.jax_backend import compile_jax
+from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from teg.program import Integrate, Midpoint
 from tests.backends.test_sampled import BACKENDS, DISK, let, program, run, scheduled

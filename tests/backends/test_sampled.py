@@ -14,7 +14,7 @@ import pytest
 import teg
 from teg.analysis.settings import Integration
 from teg.backends.c.kernel import compile_c
-from teg.backends.jax_backend import compile_jax
+from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.expr import const
 from teg.ir.integral import integral_over

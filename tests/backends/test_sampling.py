@@ -109,7 +109,7 @@ def test_c_has_the_numbers_of_numpy(kind: str, seed: int, c_points: Callable[...
 def test_jax_has_the_numbers_of_numpy(kind: str, seed: int) -> None:
     import jax
 
-    from teg.backends import jax_sampling
+    from teg.backends.jax import samples as jax_sampling
 
     replicates, each = replicated(kind, 5000)
 

@@ -15,9 +15,9 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.backends.jax_bends import Substitution, inside, place, substitution, ways
-from teg.backends.jax_guard import Guard
-from teg.backends.substitutions import POWER
+from teg.backends.jax.bends import Substitution, inside, place, substitution, ways
+from teg.backends.jax.guard import Guard
+from teg.backends.shared.substitutions import POWER
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import (
     ABSOLUTE_FLOOR,

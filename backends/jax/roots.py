@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.backends.jax_runtime import CROWDED, MISSED, Note, Scalar, union, vector, where
+from teg.backends.jax.runtime import CROWDED, MISSED, Note, Scalar, union, vector, where
 from teg.program import (
     ISOLATE_DEPTH,
     ISOLATE_STEPS,

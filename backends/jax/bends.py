@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from teg.backends.substitutions import COSH, CUBIC, END, EXP, LINE, POWER, SINE, SINH, SQUARE, TAIL, functions
+from teg.backends.shared.substitutions import COSH, CUBIC, END, EXP, LINE, POWER, SINE, SINH, SQUARE, TAIL, functions
 from teg.program import FAR, NEAR, POLE
 
 Scalar = Any

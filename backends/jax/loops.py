@@ -21,10 +21,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from teg.backends.array_plan import exactly
-from teg.backends.jax_backend import JaxKernel
-from teg.backends.jax_lanes import on_lanes
-from teg.backends.jax_runtime import union
+from teg.backends.jax.kernel import JaxKernel
+from teg.backends.jax.lanes import on_lanes
+from teg.backends.jax.runtime import union
+from teg.backends.plan import exactly
 from teg.errors import ArrayIndexError
 from teg.program import Program
 from teg.program.arrays import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, steps

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from teg.backends.jax_bends import Substitution, place
+from teg.backends.jax.bends import Substitution, place
 from teg.program import FAINT, GUARD_DEPTH, HIDDEN, UNSEEN
 
 Scalar = Any

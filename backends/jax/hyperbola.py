@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import jax.numpy as jnp
 
-from teg.backends.hyperbola_moments import Kind, has_near_side, settled, totals
-from teg.backends.jax_runtime import TIED, Note, Scalar, where
+from teg.backends.jax.runtime import TIED, Note, Scalar, where
+from teg.backends.shared.moments import Kind, has_near_side, settled, totals
 
 
 def moments(

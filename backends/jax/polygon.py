@@ -12,7 +12,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from teg.backends.jax_runtime import TIED, Note, Scalar, union, where
+from teg.backends.jax.runtime import TIED, Note, Scalar, union, where
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import NEARLY, THIN, TIE_EPS
 

@@ -35,10 +35,10 @@ from jax import lax
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
-from teg.backends.jax_arrays import ArrayFunction
-from teg.backends.jax_backend import JaxKernel, compile_jax
-from teg.backends.jax_lanes import on_lanes
-from teg.backends.jax_precision import in_double_precision
+from teg.backends.jax.kernel import JaxKernel, compile_jax
+from teg.backends.jax.lanes import on_lanes
+from teg.backends.jax.loops import ArrayFunction
+from teg.backends.jax.precision import in_double_precision
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 

@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.backends.jax_backend import JaxKernel
-from teg.backends.jax_runtime import TIED
+from teg.backends.jax.kernel import JaxKernel
+from teg.backends.jax.runtime import TIED
 
 Axes = tuple[int | None, ...]
 

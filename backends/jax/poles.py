@@ -8,9 +8,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from teg.backends.jax_bends import Substitution
-from teg.backends.jax_runtime import MISSED, Note, Pieces, Scalar, integrate, rounding, union, where
-from teg.backends.pole_weights import pole_weights
+from teg.backends.jax.bends import Substitution
+from teg.backends.jax.runtime import MISSED, Note, Pieces, Scalar, integrate, rounding, union, where
+from teg.backends.shared.poles import pole_weights
 from teg.numerics.quadrature import gauss_legendre, null_rules
 from teg.program import EDGE, POLE, RESIDUE
 

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.backends.jax_runtime import Note, Scalar, union, vector, where
+from teg.backends.jax.runtime import Note, Scalar, union, vector, where
 from teg.numerics.sobol import BITS, GAMMA, LOW_BITS, MIX, SCRAMBLE, key, replicated, reversed_directions
 
 Array = Any  # a JAX array

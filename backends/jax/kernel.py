@@ -24,7 +24,7 @@ from typing import Any, assert_never, cast
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.python_text import Dialect, assignment, inside, strict, value
+from teg.backends.text import Dialect, assignment, inside, strict, value
 from teg.errors import BackendError, MissingPackageError
 from teg.numerics.quadrature import triangle_rule
 from teg.numerics.sobol import replicated
@@ -73,7 +73,13 @@ class JaxKernel:
 
     def __init__(self, program: Program) -> None:
         jax = _import_jax()
-        from teg.backends import jax_guard, jax_hyperbola, jax_poles, jax_polygon, jax_roots, jax_runtime, jax_sampling
+        from teg.backends.jax import guard as jax_guard
+        from teg.backends.jax import hyperbola as jax_hyperbola
+        from teg.backends.jax import poles as jax_poles
+        from teg.backends.jax import polygon as jax_polygon
+        from teg.backends.jax import roots as jax_roots
+        from teg.backends.jax import runtime as jax_runtime
+        from teg.backends.jax import samples as jax_sampling
 
         self.program = program
         text, functions = _printed(program), [_printed(cast(Program, f.body)) for f in program.functions]
@@ -124,7 +130,7 @@ class JaxKernel:
     def _batch(self, mapped: tuple[bool, ...]) -> Callable[..., Any]:
         """The jitted function of columns, those `mapped` with a batch axis: (outputs, n), or (outputs,); and the note of all."""
         jax = _import_jax()
-        from teg.backends.jax_runtime import union
+        from teg.backends.jax.runtime import union
 
         axes = tuple(0 if m else None for m in mapped)
 

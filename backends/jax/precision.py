@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.jax_backend import JaxKernel, compile_jax
+from teg.backends.jax.kernel import JaxKernel, compile_jax
 from teg.errors import MissingPackageError
 from teg.program import Outcome, Program
 
