@@ -6,7 +6,8 @@
 
 A surface whose slope is 0 all along it has no δ; the shorter form has one. Functions that are not defined everywhere (log, √, other powers,
 asin) keep their form, since a condition on them is NaN outside of their domain; `coincide` looks through them all the same. Whether a
-polynomial is a power, or shares a factor with another one, is asked of its values in GF(P), as all structure is (`teg.analysis.polynomial`).
+polynomial is a power, or shares a factor with another one, is asked of its values in GF(P), as all structure is
+(`teg.analysis.polynomial`).
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
     extent(e, {x: (0, 1)})  =  (least, most)        with   least <= e <= most   for all parameters, and all x in (0, 1)
 
 Natural interval extension on numbers. What is not known is everything, (-∞, ∞); so is a parameter. Roundings are not directed: a bound may
-be off by a few of them, and one that is exactly 0 comes of squares, sizes and the like. `teg.analysis.intervals` gives bounds at run time instead.
+be off by a few of them, and one that is exactly 0 comes of squares, sizes and the like. `teg.analysis.intervals` gives bounds at run
+time instead.
 """
 
 from __future__ import annotations

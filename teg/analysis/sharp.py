@@ -9,7 +9,8 @@ A narrow smooth feature of an integrand comes from few kinds of nodes, whose own
 
 Of tanh and atan it is the slope: the steps themselves are seen. A sharp value is *tame* if it cannot change much between neighbouring
 nodes: if its bounds over the whole domain are near each other, or those of its logarithm's slope are small. This is decided when the
-program is made, where the domain is known in numbers. Bounds over a box are those of `teg.analysis.intervals`; an integral inside is bounded by the
+program is made, where the domain is known in numbers. Bounds over a box are those of `teg.analysis.intervals`; an integral inside is
+bounded by the
 largest size of its integrand times the largest extent of its range. Linear in the size of the integrands.
 """
 

@@ -178,7 +178,8 @@ Semantics of `Locate`: f and g are functions of v, between `lo` and `hi`, and of
 Semantics of `SumOver`: if `when` names a boolean that is false, every result is 0; else if a point is NaN every result is NaN; else `body`
 is run with `var` at each point that is finite, and each result is the sum of its value, in the order of the points.
 
-Semantics of `Sample`: `points` names the coordinates of a point of the unit cube, all in (0, 1), by `teg.numerics.sobol` from `kind`, `seed` and
+Semantics of `Sample`: `points` names the coordinates of a point of the unit cube, all in (0, 1), by `teg.numerics.sobol` from `kind`,
+`seed` and
 its number. There are R = 8 replicates of n = ⌈count/8⌉ points for "qmc", and R = 1 of n = count for "montecarlo".
 
     if `when` names a boolean that is false, every result and every estimate is 0
@@ -197,7 +198,8 @@ min(b·height, 0), its largest likewise; it *fails* if the largest is <= 0, unle
     for each half-plane in order, unless its least value is >= 0, the polygon is clipped: with g at its vertices, for each vertex q
         after its predecessor p, the first after the last:  if one of g(p), g(q) is > 0 and the other < 0, the vertex i + t·(o - i) with
         t = g(i)/(g(i) - g(o)), i the one where g > 0, o the other;  then q itself if g(q) >= 0                    (Sutherland and Hodgman)
-    results = Σ of the rule `teg.numerics.quadrature.triangle_rule(degree)` over the triangles (vertex 0, vertex k, vertex k + 1), k = 1, 2, …,
+    results = Σ of the rule `teg.numerics.quadrature.triangle_rule(degree)` over the triangles (vertex 0, vertex k, vertex k + 1), k = 1,
+    2, …,
         a node (r, s) of weight w being at p₀ + r·(p₁ - p₀) + s·(p₂ - p₀) and counting w·½((p₁ - p₀) × (p₂ - p₀)) times; times
         `factors`. With degree 0 one node, vertex 0, counts for all of them.
 
@@ -234,7 +236,8 @@ begins at corner i. Each result is Σ c·∫∫ uʲvᵏ w du dv over its `terms`
         is at most TIE_EPS·scale at both of its ends. Unless all corners are ends of such sides, these are then set to 0, they count as
         g > 0 if the program's run-time input `order` is +1 and as g <= 0 if it is -1, and a tie was met
     if g > 0 at all corners, or at none, the region is all of the square, or nothing, a border is 0, and of the results only those
-        of the region that is not empty look at their coefficients; else both kinds of regions and the border are those of `teg.numerics.moments`
+        of the region that is not empty look at their coefficients; else both kinds of regions and the border are those of
+        `teg.numerics.moments`
     where a border's curve crosses itself on the square, |g| <= SADDLE·Σ|g in the middles of the sides| at the saddle, and the polynomial
         there is more than NO_FLUX times the sum of its sizes in the middles of the sides, the result is an infinity of its sign
 

@@ -25,7 +25,7 @@ FLOORS = (
 )
 """A folder imports from lower floors and from its own floor."""
 
-STAGES = "normalise differentiate eliminate lower intrinsics program".split()
+STAGES = ["normalise", "differentiate", "eliminate", "lower", "intrinsics", "program"]
 """The folders of `teg/passes`: a stage imports from earlier stages and from itself."""
 
 LATER_STAGES_USED = {

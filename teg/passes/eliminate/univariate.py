@@ -2,7 +2,8 @@
 
     ∫ₗʰ w δ(g) dx = Σᵢ [root i exists] · w(xᵢ)/|g′(xᵢ)| · ([xᵢ < h] - [xᵢ < l])
 
-over the formulas of `teg.analysis.roots`, every branch inside the bounds. Where two roots are born together g′ is 0 and the weight infinite.
+over the formulas of `teg.analysis.roots`, every branch inside the bounds. Where two roots are born together g′ is 0 and the weight
+infinite.
 """
 
 from __future__ import annotations

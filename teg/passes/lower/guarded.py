@@ -1,6 +1,7 @@
 """The guard of an adaptive integral: bounds of its integrands and of their sharp values over a box, for `teg.program` (Integrate).
 
-A feature that lies between all nodes changes no value that the rule has; but the node it comes from (`teg.analysis.sharp`) has an enclosure over
+A feature that lies between all nodes changes no value that the rule has; but the node it comes from (`teg.analysis.sharp`) has an
+enclosure over
 the gap, to be compared with its values at the nodes beside it. Where it stands in an integral inside, the bound over the gap and the
 inner range is compared with those over the nodes and the inner range: both come from one enclosure, so they agree in a gap that is short
 enough. (The largest value that the inner integral sees is no such measure: brackets may cut the range.) At the ends of the inner range the

@@ -4,7 +4,8 @@
 
 where the body is not opaque (`teg.function`), and wherever an application stands in a condition, a bound, a δ, an argument of floor and
 the like, a divisor, or under a root or logarithm: what jumps or may be singular there has to be found. An application is also written
-out in an integral with an infinite bound, whose tails have to be measured; where features of the body may be narrow (`teg.analysis.sharp`), as far
+out in an integral with an infinite bound, whose tails have to be measured; where features of the body may be narrow
+(`teg.analysis.sharp`), as far
 as that is known in numbers; and where an exponential in the body becomes one of a polynomial of degree 2 or more in the variables: narrow
 peaks have to be known. If the arguments are linear, and the exponent quadratic, it is enough that the exponential is seen,
 

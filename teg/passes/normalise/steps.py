@@ -1,6 +1,7 @@
 """The steps of floor, written out: one bracket, or one cell, for each.
 
-Inside the integrals that bind the variables of u, with k₀ < k₁ < … the integers that u passes over their ranges (`teg/analysis/staircase.py`),
+Inside the integrals that bind the variables of u, with k₀ < k₁ < … the integers that u passes over their ranges
+(`teg/analysis/staircase.py`),
 
     linear       A + B·floor(u)  =  A + B·(k₀ - [u < k₀] + Σ_{j≥1} [u ≥ kⱼ])
     otherwise    F(floor(u))     =  Σⱼ [kⱼ ≤ u < kⱼ₊₁]·F(kⱼ)                F the whole summand: a condition, a product, an inner integral

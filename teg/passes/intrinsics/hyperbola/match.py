@@ -3,7 +3,8 @@
     ∫∫ P(x, y)·[g(x, y) > 0] dx dy,   ∫∫ P(x, y)·δ(g(x, y)) dx dy        g = g₀ + b·x + c·y + d·xy
 
 On the box scaled to the unit square both are Σ c_jk·M_jk with the coefficients c_jk of P at a corner and the moments M_jk of the region,
-or of the curve, which depend on the four values of g at the corners (`teg.numerics.moments`). All integrals that share these values share the
+or of the curve, which depend on the four values of g at the corners (`teg.numerics.moments`). All integrals that share these values
+share the
 crossings of the curve with the sides and the logarithm of each branch: one statement, `Hyperbola`.
 
 A boundary term stands in an expression as a `Border` of the corner values and the coefficients. It is made where derivatives end only, as

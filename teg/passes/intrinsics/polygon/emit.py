@@ -2,7 +2,8 @@
 
 Everything is relative to a corner of the box (x = l + u): differences of large coordinates are taken once, outside, and slivers keep their
 digits. What is constant but does not look so (a triangle's area as the sum of its barycentric coordinates) is found in the normal form of
-`teg.analysis.polynomial` and evaluated at the corner; an atom that is a factor of the integrand, too, is c + a·u + b·v. In a triangle whose vertices
+`teg.analysis.polynomial` and evaluated at the corner; an atom that is a factor of the integrand, too, is c + a·u + b·v. In a triangle
+whose vertices
 are known (`vertices.py`) barycentric coordinates are variables of their own: of a sliver c + a·u + b·v would lose them.
 """
 

@@ -6,7 +6,8 @@
 Without them the outer integral has a break wherever two lines meet or one crosses a side, O(n²) of them, and the inner one n in each piece.
 A `Segment` is what a boundary term along an edge becomes: its half-lines are the sides of the box and the other edges, and may tie.
 
-What is constant but does not look so, or of degree 1, is judged in the normal form of `teg.analysis.polynomial`; `clipped.py` makes the statements.
+What is constant but does not look so, or of degree 1, is judged in the normal form of `teg.analysis.polynomial`; `clipped.py` makes the
+statements.
 Source: Sutherland and Hodgman 1974 (clipping); Cyrus and Beck 1978 (of an interval).
 """
 
