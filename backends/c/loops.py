@@ -67,6 +67,11 @@ class CArrayKernel:
     def __reduce__(self) -> tuple[object, ...]:
         return (CArrayKernel, (self.program, self.threads))
 
+    @property
+    def address(self) -> int:
+        """Where the kernel that can be watched (`teg_kernel_watched`) lies in this process."""
+        return self._call.address
+
     def results(self, columns: Sequence[npt.NDArray[Any]], arrays: Sequence[npt.NDArray[Any]], n: int) -> Results:
         """The outputs of a batch of n, as `LaneKernel.results` gives them. Subscripts have been checked."""
         specs = self.program.arrays
