@@ -56,7 +56,6 @@ def loss(shade: Function) -> Expr:
         *(pytest.param("c", shader, marks=[needs_compiler, pytest.mark.slow]) for shader in SHADERS if shader != "quadratic"),
     ],
 )
-@pytest.mark.usefixtures("one_cache")
 def test_backends_agree_with_what_is_written_out(backend: str, shader: str) -> None:
     linked, plain = (loss(teg.function("shade", [u, v], SHADERS[shader], inline=i)) for i in (None, True))
     f, g = teg.compile(linked, [t, a, k], backend=backend), teg.compile(plain, [t, a, k])
@@ -198,7 +197,6 @@ def test_threads_derive_once(work: Counter[str]) -> None:
 
 
 @needs_compiler
-@pytest.mark.usefixtures("one_cache")
 @pytest.mark.parametrize("options", [{"threads": 2}, {"dtype": "float32", "tol": 1e-6}, {"functions": "inlined"}])
 def test_options(options: dict[str, Any]) -> None:
     f = teg.compile(loss(teg.function("shade", [u, v], WAVES)), [t, a, k], backend="c", **options)
@@ -241,7 +239,6 @@ def test_standalone_text_holds_the_functions(tmp_path: Path) -> None:
 
 
 @needs_compiler
-@pytest.mark.usefixtures("one_cache")
 def test_long_bodies_and_many_inputs() -> None:
     weights: list[Param] = [teg.param(f"w{i}") for i in range(60)]
     body = sum((w * teg.sin((i + 1) * u) * teg.cos(u * w) for i, w in enumerate(weights)), start=0 * u)
