@@ -32,14 +32,14 @@ _LIMIT = 100_000  # characters: shared subexpressions are written out, so text c
 
 
 def number(value: float) -> str:
-    """A number as short as it can be written exactly."""
+    """Returns a number as short as it can be written exactly."""
     if float(value).is_integer() and abs(value) < 1e15:
         return str(int(value))
     return {"inf": "∞", "-inf": "-∞"}.get(repr(value), repr(value))
 
 
 def show(root: Node, limit: int = _LIMIT) -> str:
-    """The expression as one line of mathematics; a program too long for that is shown as a listing."""
+    """Returns the expression as one line of mathematics; a program too long for that as a listing."""
     text: dict[Node, tuple[str, int]] = {}
     total = 0
     for node in postorder([root]):
@@ -162,7 +162,7 @@ def _comparison(node: Compare, parts: list[tuple[str, int]]) -> str:
 
 
 def dump(*roots: Node) -> str:
-    """One line a node, %n = operation(%m, …), each distinct node once: what is shared is seen."""
+    """Returns a listing of each distinct node once, a line each: %n = operation(%m, …). It shows the sharing."""
     order = postorder(roots)
     label: dict[Node, str] = {}
     lines: list[str] = []
@@ -203,7 +203,7 @@ def _short(node: Node) -> str:
 
 
 def _install() -> None:
-    """Give nodes their text: printing stands on a higher floor than the nodes, which know no mathematics."""
+    """Installs the text of nodes; the module of nodes knows no printing."""
     for cls in (Expr, Cond):
         cls.__str__ = show  # type: ignore[assignment]
         cls.__repr__ = _short  # type: ignore[assignment]
