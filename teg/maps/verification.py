@@ -1,6 +1,6 @@
-"""Is a map one-to-one with the inverse and the Jacobian it is given with? Judged at sample points.
+"""Whether a map is one-to-one with the given inverse and Jacobian, decided at sample points.
 
-Points are taken from Halton's sequence (1960), the same in every run; of a batch of parameter values every one is looked at.
+Points are from Halton's sequence (1960), the same in every run. Every element of a batch of parameter values is checked.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
     import numpy as np
 
 SAMPLES = 256
-"""Points of the domain where a map is verified when it is made."""
+"""The number of points of the domain at which a map is verified when it is made."""
 TRIALS = 2
-"""Sets of parameter values that it is verified at then."""
+"""The number of sets of parameter values at which it is verified then."""
 SAMPLES_A_CALL = 8
 BATCH_SAMPLES = 64
-"""Elements of a batch whose parameter values are looked at in one call."""
+"""The number of elements of a batch whose parameter values are verified in one call."""
 TOLERANCE = 1e-6
-"""Of identities, relative to the extent of a domain or the size of a variable: well-posed maps have 1e-12."""
+"""The tolerance of identities, relative to the extent of a domain or the size of a variable. Well-posed maps have 1e-12."""
 _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19)
 
 
 class Constraint(NamedTuple):
-    """lo < value < hi, on the new variables: what a domain that is no box needs besides."""
+    """lo < value < hi on the new variables: an additional condition for a domain that is not a box."""
 
     value: Expr
     lo: Expr
@@ -40,7 +40,7 @@ class Constraint(NamedTuple):
 
 
 class Map(Protocol):
-    """What is verified (`teg.Diffeomorphism`)."""
+    """The interface of the maps that are verified (`teg.Diffeomorphism`)."""
 
     @property
     def forward(self) -> Mapping[Var, Expr]: ...
@@ -55,10 +55,10 @@ class Map(Protocol):
 
 
 def verify(m: Map, values: Mapping[Param, Any], samples: int, derive: bool) -> None:
-    """Raise DiffeomorphismError if a map is none at parameter values (numbers, or arrays of one length).
+    """Checks a map at parameter values (numbers, or arrays of one length). Raises DiffeomorphismError.
 
-    At each point u of the domain: inverse(forward(u)) = u; the Jacobian is a number, not 0 and of one sign; and it is the determinant of
-    the derivatives, if `derive` asks for that.
+    At each point u of the domain: inverse(forward(u)) = u; the Jacobian is a number, not 0 and of one sign; with `derive`, it is the
+    determinant of the derivatives.
     """
     import numpy as np
 
@@ -104,8 +104,10 @@ _CORRECT = "correct the formulas, or restrict `domain`; if parameters cannot hav
 
 
 def hold(m: object, holds: Any, inside: Any, at: Mapping[Any, Any], expected: Any, found: Any, text: str, hint: str = _CORRECT) -> None:
-    """Raise DiffeomorphismError at the first sample point, of those inside, where a condition does not hold: {0} in the text is what
-    is expected there, {1} what was found. `at` has the variables and parameters of the point."""
+    """Raises DiffeomorphismError at the first sample point inside the domain where a condition does not hold.
+
+    In the text {0} is the expected value, {1} the computed one. `at` has the variables and parameters of the point.
+    """
     import numpy as np
 
     failing = inside & ~np.asarray(holds)
@@ -126,7 +128,7 @@ def hold(m: object, holds: Any, inside: Any, at: Mapping[Any, Any], expected: An
 
 
 def _points(domain: Mapping[Var, Interval], at: Mapping[Any, Any], samples: int) -> dict[Any, Any]:
-    """Points of a domain; unbounded intervals are reached by 100 units, or by 5 on both sides."""
+    """Returns points of a domain; unbounded intervals are sampled up to 100 units, or 5 on both sides."""
     import numpy as np
 
     found: dict[Any, Any] = {}
@@ -140,14 +142,14 @@ def _points(domain: Mapping[Var, Interval], at: Mapping[Any, Any], samples: int)
 
 
 def shares(count: int, axis: int, at: Mapping[Any, Any]) -> np.ndarray:
-    """Points between 0.01 and 0.99 on one axis, an array that stands in front of the axes of the values in `at`."""
+    """Returns points between 0.01 and 0.99 on one axis, an array whose axis stands in front of the axes of the values in `at`."""
     behind = (1,) * max((len(v.shape) for k, v in at.items() if isinstance(k, Param)), default=0)
     return 0.01 + 0.98 * halton(count, axis).reshape(-1, *behind)
 
 
 @functools.lru_cache(maxsize=64)
 def halton(count: int, axis: int) -> np.ndarray:
-    """Points between 0 and 1 on one axis of Halton's sequence."""
+    """Returns points between 0 and 1 on one axis of Halton's sequence."""
     import numpy as np
 
     base = _PRIMES[axis % len(_PRIMES)]
