@@ -77,7 +77,7 @@ def torch_function(
     tolerance (AccuracyWarning), depending on `inaccurate`.
     """
     program = checked_expression(e)
-    _import_torch()  # registers the names of PyTorch's types
+    _import_torch()  # the next line reads types of PyTorch
     precision = None if dtype is None else checked_dtype(_name_of_type(dtype))
     if backend not in BACKENDS:
         raise OptionError(f"backend={backend!r} is not for PyTorch", None, "one of: " + ", ".join(BACKENDS))
