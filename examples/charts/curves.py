@@ -28,7 +28,8 @@ def _common(m: Any, d: Any, r: Any, s: Any) -> Any:
     return _segment(m, r, (d**2 + r**2 - s**2) / (2 * d)) + _segment(m, s, (d**2 + s**2 - r**2) / (2 * d))
 
 
-def _bilinear(m: Any, x: Any, y: Any, a: Any, b: Any, c: Any, d: Any, t: Any) -> Any:
+def _bilinear(m: Any, x: Any, y: Any, *parameters: Any) -> Any:
+    a, b, c, d, t = parameters
     return m.bracket(a * (1 - x) * (1 - y) + b * x * (1 - y) + c * (1 - x) * y + d * x * y > t)
 
 

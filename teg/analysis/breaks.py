@@ -19,7 +19,7 @@ Source: Collins 1975 (projection); Saye 2022, for quadrature on such pieces.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import cast
 
@@ -135,7 +135,7 @@ class BreakAnalysis:
         self._breaks: dict[Integral, Breaks] = {}
         self._projections: dict[Integral, _Found] = {}
         self._shadows: dict[tuple[Var, ...], Shadow] = {}
-        self._degrees = Degrees()
+        self.degrees = Degrees()
         self._formulas: dict[tuple[Expr, Var, Expr, Expr], Roots | None] = {}
         self._points = (Point("first"), Point("second"))
         self._keys: dict[Expr, object] = {}
@@ -156,7 +156,7 @@ class BreakAnalysis:
         masses = masses_of(body, x)
         if masses is not None:  # no breaks of its own; its roots and its conditions contribute to outer integrals
             atoms = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
-            formula = self._solve(masses.g, x, node.lo, node.hi)
+            formula = self.solve(masses.g, x, node.lo, node.hi)
             complete = formula is not None and formula.certain
             return Breaks(tuple(dict.fromkeys((masses.g, *atoms))), (), (), (), frozenset(), complete, False)
         found = _Found({})
@@ -170,7 +170,7 @@ class BreakAnalysis:
         complete = found.complete
         functions, matters = self._distinct(found.functions)
         for f, representative in functions.items():
-            if self._is_zero(representative):  # a surface that coincides with the surface of these point masses
+            if self.is_zero(representative):  # a surface that coincides with the surface of these point masses
                 handled.add(f)
                 continue
             roots = self._roots(representative, x, node.lo, node.hi)
@@ -199,7 +199,7 @@ class BreakAnalysis:
         piece's end."""
         bends: dict[object, Turn] = {}
         for turn in found.turns:
-            degree = self._degrees.of(turn.function, x)
+            degree = self.degrees.of(turn.function, x)
             if degree == 0:
                 continue
             key = turn.kind, self.key(turn.function)
@@ -242,7 +242,7 @@ class BreakAnalysis:
                     found.complete = False
             elif isinstance(node, Pow) and node.exponent < 0 and counts and not node.free & inner:
                 base = _with_the_same_zeros(node.base)
-                if self._degrees.of(base, x) in (1, 2):
+                if self.degrees.of(base, x) in (1, 2):
                     found.functions[base] = TRUE
                     found.turns[Turn("pole", base)] = None
             elif isinstance(node, Integral):
@@ -280,11 +280,11 @@ class BreakAnalysis:
             self._keys[f] = divided(v, u) if u and v else f
         return self._keys[f]
 
-    def _solve(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Roots | None:
+    def solve(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Roots | None:
         """Returns the roots of a function by formula, cached: integrals that share surfaces and bounds ask for the same roots."""
         problem = (f, x, lo, hi)
         if problem not in self._formulas:
-            self._formulas[problem] = solve(f, x, lo, hi, degrees=self._degrees)
+            self._formulas[problem] = solve(f, x, lo, hi, degrees=self.degrees)
         return self._formulas[problem]
 
     def _roots(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[Expr], bool] | None:
@@ -298,7 +298,7 @@ class BreakAnalysis:
         if branches is None:
             return None
         for branch in branches:
-            roots = self._solve(branch, x, lo, hi)
+            roots = self.solve(branch, x, lo, hi)
             if roots is None:
                 return None
             points.extend(r.point if r.exists is TRUE else where(r.exists, r.point, const(math.nan)) for r in roots.found)
@@ -307,125 +307,24 @@ class BreakAnalysis:
 
     def _projection(self, node: Integral) -> _Found:
         if node not in self._projections:
-            self._projections[node] = self._project(node)
+            self._projections[node] = _Projection(self, node).run()
         return self._projections[node]
 
-    def _project(self, node: Integral) -> _Found:
-        z, lo, hi = node.var, node.lo, node.hi
-        breaks = self.of(node)
-        out = _Found({}, breaks.rooted and not breaks.complete, breaks.complete)
-        if any(i.g.free != {z} for i in breaks.isolated):
-            out.rooted, out.complete = True, False  # the births of such roots are not known
-
-        def put(f: Expr, matters: Cond = TRUE) -> None:
-            if isinstance(f, Pow):
-                f = f.base
-            if len(out.functions) >= MAX_FUNCTIONS:
-                out.complete = False
-            elif f.free and not self._is_zero(f):  # surfaces that coincide meet everywhere
-                out.functions[f] = disjunction(out.functions.get(f, FALSE), matters)
-
-        put(sub(hi, lo))
-        finite = not any(isinstance(b, Const) and math.isinf(b.data) for b in (lo, hi))
-        origin, centre = local_origin(lo, hi), far_origin(lo, hi)
-        affine: list[tuple[Expr, Expr, Expr]] = []
-        quadratic: list[tuple[Expr, tuple[Expr, Expr, Expr]]] = []
-        others: list[Expr] = []
-        masses = masses_of(node.body, z)
-        surface = frozenset(_branches(masses.g) or ()) if masses is not None else None
-
-        def apart(*fs: Expr) -> bool:
-            """Returns whether none of the functions is the surface of the point masses. Away from that surface nothing is summed."""
-            return surface is not None and surface.isdisjoint(fs)
-
-        for function in breaks.functions:
-            for f in _branches(function) or ():
-                degree = self._degrees.of(f, z)
-                if apart(f):
-                    if degree == 1:
-                        at_lo, rate = (cast(Expr, substitute(e, {z: origin})) for e in (f, slope(f, z)))
-                        affine.append((f, rate, at_lo))
-                    elif degree == 2:
-                        quadratic.append((f, quadratic_coefficients(f, z, centre)))
-                    elif degree == 0:
-                        put(f)
-                    else:
-                        others.append(f)
-                    continue
-                for bound in (lo, hi):
-                    if not (isinstance(bound, Const) and math.isinf(bound.data)):
-                        put(cast(Expr, substitute(f, {z: bound})))
-                if degree == 1:
-                    at_lo, rate = (
-                        cast(Expr, substitute(f, {z: origin})),
-                        cast(Expr, substitute(slope(f, z), {z: origin})),
-                    )
-                    if not finite:
-                        put(rate)
-                    affine.append((f, rate, at_lo))
-                    if rate.free:
-                        out.turns[Turn("pole", rate, _within(sub(origin, div(at_lo, rate)), lo, hi))] = None
-                elif degree == 2:
-                    a, b, c = quadratic_coefficients(f, z, centre)
-                    if not finite:
-                        put(a)
-                    put(discriminant(a, b, c), _near(add(centre, div(b, mul(const(-2.0), a))), lo, hi))
-                    out.turns[Turn("root", discriminant(a, b, c), self._somewhere(f, z, lo, hi))] = None
-                    quadratic.append((f, (a, b, c)))
-                elif degree != 0:
-                    out.rooted = True
-                    others.append(f)
-                    for g in _borders_of_existence(self._solve(f, z, lo, hi), z):
-                        put(g)
-        for i, (f, rate1, at1) in enumerate(affine):
-            crossing = sub(origin, div(at1, rate1))
-            for g, rate2, at2 in affine[:i]:
-                if not apart(f, g):
-                    put(sub(mul(rate2, at1), mul(rate1, at2)), _near(crossing, lo, hi))
-            for g, _ in quadratic:
-                if not apart(f, g):
-                    put(cast(Expr, substitute(g, {z: crossing})), _near(crossing, lo, hi))
-        nearby = {f: self._nearby(f, z, lo, hi) for f, _ in quadratic}
-        for i, (f, first) in enumerate(quadratic):
-            for g, second in quadratic[:i]:
-                if not apart(f, g):
-                    put(_resultant(first, second), conjunction(nearby[f], nearby[g]))
-        curved = [*others, *(f for f, *_ in quadratic)]
-        for i, f in enumerate(others):
-            formula = self._solve(f, z, lo, hi)
-            if formula is None or not formula.certain:
-                if not apart(f):
-                    out.complete = False  # the births of its roots, and its crossings with others, are searched for
-                turning = () if apart(f) else _turning(f, z)
-                for g in (*turning, *(h for h in curved[i + 1 :] if not (coincide(f, h) or apart(f, h)))):
-                    if (f.free | g.free) - {z}:
-                        out.meetings[f, g, z, lo, hi] = None
-                        out.complete = False
-                for other, rate1, at1 in affine:
-                    if not (coincide(other, f) or apart(other, f)):
-                        put(cast(Expr, substitute(f, {z: sub(origin, at1 / rate1)})))
-                continue
-            for root in formula.found:
-                for g in (*curved[i + 1 :], *(f for f, *_ in affine)):
-                    if not (coincide(f, g) or apart(f, g)):
-                        put(cast(Expr, substitute(g, {z: root.point})))
-        return out
-
-    def _is_zero(self, f: Expr) -> bool:
+    def is_zero(self, f: Expr) -> bool:
         """Returns whether a function is 0 everywhere, although it is not written as 0."""
         return all(p.value(f) == 0 for p in self._points)
 
-    def _somewhere(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
+    def somewhere(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
         """Returns the condition that a root of f, known by formula, lies between the bounds."""
-        roots = self._solve(f, z, lo, hi)
+        roots = self.solve(f, z, lo, hi)
         if roots is None:
             return TRUE
         return disjunction(*(conjunction(r.exists, _within(r.point, lo, hi)) for r in roots.found))
 
-    def _nearby(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
+    def nearby(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
         """Returns the condition that a root of a quadratic lies between the bounds or near them. Near a double root the root need not
         exist."""
-        roots = self._solve(f, z, lo, hi)
+        roots = self.solve(f, z, lo, hi)
         return TRUE if roots is None else disjunction(*(_near(r.point, lo, hi) for r in roots.found))
 
     # -- degrees -------------------------------------------------------------------------------------------------------
@@ -480,6 +379,129 @@ class BreakAnalysis:
                 return None
             total = shadow._sum([total, shadow._scale(at_end, residue("end", digest(node), k))])
         return total
+
+
+class _Projection:
+    """The functions that an inner integral contributes to the breaks of the outer one, sorted by their degree in the inner variable."""
+
+    def __init__(self, analysis: BreakAnalysis, node: Integral) -> None:
+        self.analysis, self.node = analysis, node
+        self.breaks = analysis.of(node)
+        self.out = _Found({}, self.breaks.rooted and not self.breaks.complete, self.breaks.complete)
+        self.origin, self.centre = local_origin(node.lo, node.hi), far_origin(node.lo, node.hi)
+        self.finite = not any(isinstance(b, Const) and math.isinf(b.data) for b in (node.lo, node.hi))
+        masses = masses_of(node.body, node.var)
+        self.surface = frozenset(_branches(masses.g) or ()) if masses is not None else None
+        self.affine: list[tuple[Expr, Expr, Expr]] = []
+        self.quadratic: list[tuple[Expr, tuple[Expr, Expr, Expr]]] = []
+        self.others: list[Expr] = []
+
+    def run(self) -> _Found:
+        """Returns the projection."""
+        if any(i.g.free != {self.node.var} for i in self.breaks.isolated):
+            self.out.rooted, self.out.complete = True, False  # the births of such roots are not known
+        self._put(sub(self.node.hi, self.node.lo))
+        for function in self.breaks.functions:
+            for f in _branches(function) or ():
+                self._sort(f)
+        self._affine_meet()
+        self._quadratics_meet()
+        self._others_meet()
+        return self.out
+
+    def _put(self, f: Expr, matters: Cond = TRUE) -> None:
+        if isinstance(f, Pow):
+            f = f.base
+        if len(self.out.functions) >= MAX_FUNCTIONS:
+            self.out.complete = False
+        elif f.free and not self.analysis.is_zero(f):  # surfaces that coincide meet everywhere
+            self.out.functions[f] = disjunction(self.out.functions.get(f, FALSE), matters)
+
+    def _apart(self, *fs: Expr) -> bool:
+        """Returns whether none of the functions is the surface of the point masses. Away from that surface nothing is summed."""
+        return self.surface is not None and self.surface.isdisjoint(fs)
+
+    def _sort(self, f: Expr) -> None:
+        """Files a break function by its degree, and adds the functions that it contributes alone."""
+        z, lo, hi = self.node.var, self.node.lo, self.node.hi
+        degree, apart = self.analysis.degrees.of(f, z), self._apart(f)
+        if not apart:
+            for bound in (lo, hi):
+                if not (isinstance(bound, Const) and math.isinf(bound.data)):
+                    self._put(cast(Expr, substitute(f, {z: bound})))
+        if degree == 1:
+            at_origin, rate = (cast(Expr, substitute(e, {z: self.origin})) for e in (f, slope(f, z)))
+            self.affine.append((f, rate, at_origin))
+            if not apart:
+                if not self.finite:
+                    self._put(rate)
+                if rate.free:
+                    self.out.turns[Turn("pole", rate, _within(sub(self.origin, div(at_origin, rate)), lo, hi))] = None
+        elif degree == 2:
+            a, b, c = quadratic_coefficients(f, z, self.centre)
+            self.quadratic.append((f, (a, b, c)))
+            if not apart:
+                if not self.finite:
+                    self._put(a)
+                self._put(discriminant(a, b, c), _near(add(self.centre, div(b, mul(const(-2.0), a))), lo, hi))
+                self.out.turns[Turn("root", discriminant(a, b, c), self.analysis.somewhere(f, z, lo, hi))] = None
+        elif degree == 0:
+            if apart:
+                self._put(f)
+        else:
+            self.others.append(f)
+            if not apart:
+                self.out.rooted = True
+                for g in _borders_of_existence(self.analysis.solve(f, z, lo, hi), z):
+                    self._put(g)
+
+    def _affine_meet(self) -> None:
+        """Adds where roots of affine functions meet each other, and those of quadratic ones."""
+        lo, hi = self.node.lo, self.node.hi
+        for i, (f, rate1, at1) in enumerate(self.affine):
+            crossing = sub(self.origin, div(at1, rate1))
+            for g, rate2, at2 in self.affine[:i]:
+                if not self._apart(f, g):
+                    self._put(sub(mul(rate2, at1), mul(rate1, at2)), _near(crossing, lo, hi))
+            for g, _ in self.quadratic:
+                if not self._apart(f, g):
+                    self._put(cast(Expr, substitute(g, {self.node.var: crossing})), _near(crossing, lo, hi))
+
+    def _quadratics_meet(self) -> None:
+        """Adds where roots of quadratic functions meet each other."""
+        nearby = {f: self.analysis.nearby(f, self.node.var, self.node.lo, self.node.hi) for f, _ in self.quadratic}
+        for i, (f, first) in enumerate(self.quadratic):
+            for g, second in self.quadratic[:i]:
+                if not self._apart(f, g):
+                    self._put(_resultant(first, second), conjunction(nearby[f], nearby[g]))
+
+    def _others_meet(self) -> None:
+        """Adds where roots of functions of higher degree meet any others: by formula, or by a search at run time."""
+        z, lo, hi = self.node.var, self.node.lo, self.node.hi
+        curved = [*self.others, *(f for f, *_ in self.quadratic)]
+        for i, f in enumerate(self.others):
+            formula = self.analysis.solve(f, z, lo, hi)
+            if formula is None or not formula.certain:
+                self._search(f, curved[i + 1 :])
+                continue
+            for root in formula.found:
+                for g in (*curved[i + 1 :], *(f for f, *_ in self.affine)):
+                    if not (coincide(f, g) or self._apart(f, g)):
+                        self._put(cast(Expr, substitute(g, {z: root.point})))
+
+    def _search(self, f: Expr, curved: Sequence[Expr]) -> None:
+        """Adds the searches for births of roots of f, which has no formula, and for its crossings with other functions."""
+        z, lo, hi = self.node.var, self.node.lo, self.node.hi
+        if not self._apart(f):
+            self.out.complete = False
+        turning = () if self._apart(f) else _turning(f, z)
+        for g in (*turning, *(h for h in curved if not (coincide(f, h) or self._apart(f, h)))):
+            if (f.free | g.free) - {z}:
+                self.out.meetings[f, g, z, lo, hi] = None
+                self.out.complete = False
+        for other, rate, at_origin in self.affine:
+            if not (coincide(other, f) or self._apart(other, f)):
+                self._put(cast(Expr, substitute(f, {z: sub(self.origin, at_origin / rate)})))
 
 
 def _without_zero(poly: Poly, at: int) -> tuple[int, Poly]:

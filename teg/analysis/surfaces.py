@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import ZeroSet, peeled
+from teg.analysis.nest import Binder
 from teg.analysis.polynomial import Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
@@ -173,11 +174,14 @@ def below(point: Expr, bound: Expr, surface: Expr, var: Var, original: Expr, nam
     return positive(sub(bound, point), True, truth, (name or _tie_name(surface), f"the bound {var.name} = {show(original, 300)}"))
 
 
-def signed_inside(point: Expr, lo: Expr, hi: Expr, surface: Expr, var: Var, bounds: tuple[Expr, Expr], weight: Expr) -> Expr:
-    """Returns weight·([point < hi] - [point < lo]), which is right for reversed bounds too. The weight is not evaluated where this is 0."""
+def signed_inside(point: Expr, lo: Expr, hi: Expr, surface: Expr, b: Binder, weight: Expr) -> Expr:
+    """Returns weight·([point < hi] - [point < lo]), which is right for reversed bounds too. The weight is not evaluated where this is 0.
+
+    `lo` and `hi` are the bounds of `b` at the point of the surface.
+    """
     name = _tie_name(surface)
-    under_hi = below(point, hi, surface, var, bounds[1], name)
-    under_lo = below(point, lo, surface, var, bounds[0], name)
+    under_hi = below(point, hi, surface, b.var, b.hi, name)
+    under_lo = below(point, lo, surface, b.var, b.lo, name)
     return signed_between(under_hi, under_lo, ordered(lo, hi), weight)
 
 

@@ -76,9 +76,9 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
                 return "1/" + _wrapped(parts[0], _POWER), _PRODUCT
             return _wrapped(parts[0], _ATOM) + str(node.exponent).translate(_SUPERSCRIPT), _POWER
         case Apply():
-            given = [p[0] for p in parts]
-            behind = "; " + ", ".join(given[node.callee.formal :]) if len(given) > node.callee.formal else ""
-            return f"{node.title}({', '.join(given[: node.callee.formal])}{behind})", _ATOM
+            inputs = [p[0] for p in parts]
+            others = "; " + ", ".join(inputs[node.callee.formal :]) if len(inputs) > node.callee.formal else ""
+            return f"{node.title}({', '.join(inputs[: node.callee.formal])}{others})", _ATOM
         case Call():
             if node.name == "magnitude":
                 return f"|{parts[0][0]}|", _ATOM
@@ -107,6 +107,14 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
             return show_leaf(node), _ATOM
         case PointMasses():
             return f"masses({parts[0][0]} = 0)", _ATOM
+        case Cond():
+            return _condition_line(node, parts)
+        case _:
+            raise AssertionError(f"unknown node {type(node).__name__}")
+
+
+def _condition_line(node: Cond, parts: list[tuple[str, int]]) -> tuple[str, int]:
+    match node:
         case Truth():
             return ("true" if node.data else "false"), _NOT
         case Compare():
@@ -118,7 +126,7 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
         case Or():
             return " | ".join(p[0] for p in parts), _OR
         case _:
-            raise AssertionError(f"unknown node {type(node).__name__}")
+            raise AssertionError(f"unknown condition {type(node).__name__}")
 
 
 def _product(node: Mul, parts: list[tuple[str, int]]) -> tuple[str, int]:

@@ -15,7 +15,7 @@ from teg.ir.integral import Integral
 from teg.ir.node import Node
 from teg.ir.traverse import parameters
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.maps.verification import BATCH_SAMPLES, SAMPLES, SAMPLES_A_CALL, TOLERANCE, TRIALS, halton, hold
+from teg.maps.verification import BATCH_SAMPLES, SAMPLES, SAMPLES_A_CALL, TOLERANCE, TRIALS, Samples, halton, hold
 
 if TYPE_CHECKING:
     import numpy as np
@@ -66,15 +66,15 @@ def _verify_points(chain: Chain, m: Diffeomorphism, values: Mapping[Param, Any],
     counts = np.all([np.broadcast_to(np.isfinite(v), shape) for v in old], axis=0)
     least = np.full(len(places), np.inf)
 
-    def covered(holds: Any, expected: Any, found: Any, text: str) -> None:
+    def covered(holds: Any, expected: Any, computed: Any, text: str) -> None:
         nonlocal reached
         if np.any(counts & ~holds) and not (body.has_integral or body.has_delta):
             reached, holds = False, holds | (values_of([body], at)[0] == 0.0)
-        hold(m, holds, counts, at, expected, found, f"which is integrated over, {text}", _LEAVE_OUT)
+        hold(Samples(m, counts, at), holds, (expected, computed), f"which is integrated over, {text}", _LEAVE_OUT)
 
     for b in chain:
         for bound in values_of([b.lo, b.hi], at):
-            hold(m, ~np.isinf(bound), True, at, bound, bound, f"the bound of {b.var.name} is {{1}}", _LEAVE_OUT)
+            hold(Samples(m, True, at), ~np.isinf(bound), (bound, bound), f"the bound of {b.var.name} is {{1}}", _LEAVE_OUT)
     for x, given, found in zip(m.old, old, values_of(list(m.forward.values()), there), strict=True):
         same = np.abs(found - given) <= TOLERANCE * np.maximum(1.0, np.abs(given))
         covered(same, given, found, f"forward(inverse) gives {x.name} = {{1}} instead of {{0}}")
@@ -126,16 +126,9 @@ def verify_exact(chain: Chain, image: Chain, m: Diffeomorphism, body: Expr) -> N
             point, lo, hi = values_of([b.var, b.lo, b.hi], there)
             for end, room in ((np.minimum(lo, hi), point - np.minimum(lo, hi)), (np.maximum(lo, hi), np.maximum(lo, hi) - point)):
                 text = f"which lies in the new bounds, {b.var.name} = {{1}} is beyond its old bound {{0}}"
-                hold(
-                    m,
-                    room >= -TOLERANCE * np.maximum(1.0, np.abs(end)),
-                    True,
-                    at,
-                    end,
-                    point,
-                    text,
-                    "these are not the exact image: correct them, or leave out exact=True",
-                )
+                holds = room >= -TOLERANCE * np.maximum(1.0, np.abs(end))
+                hint = "these are not the exact image: correct them, or leave out exact=True"
+                hold(Samples(m, True, at), holds, (end, point), text, hint)
 
 
 def _is_closed(chain: Chain) -> bool:

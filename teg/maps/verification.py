@@ -70,21 +70,23 @@ def verify(m: Map, values: Mapping[Param, Any], samples: int, derive: bool) -> N
         for c in m.within:
             value, lo, hi = values_of(c, at)
             inside &= (lo < value) & (value < hi)
+        sampled = Samples(m, inside, at)
         olds = dict(zip(m.forward, values_of([*m.forward.values()], at), strict=True))
-        for x, found in olds.items():
-            hold(m, np.isfinite(found), inside, at, found, found, f"the forward map gives {x.name} = {{1}}")
+        for x, value in olds.items():
+            hold(sampled, np.isfinite(value), (value, value), f"the forward map gives {x.name} = {{1}}")
         back = values_of([*m.inverse.values()], {**at, **olds})
-        for u, found in zip(m.inverse, back, strict=True):
+        for u, value in zip(m.inverse, back, strict=True):
             lo, hi = values_of(m.domain[u], at)
             extent = np.where(np.isfinite(hi - lo), hi - lo, np.maximum(1.0, np.abs(at[u])))
-            same = np.abs(found - at[u]) <= TOLERANCE * extent
-            hold(m, same, inside, at, at[u], found, f"inverse(forward) gives {u.name} = {{1}} instead of {{0}}")
-        _verify_jacobian(m, at, inside, derive)
+            same = np.abs(value - at[u]) <= TOLERANCE * extent
+            hold(sampled, same, (at[u], value), f"inverse(forward) gives {u.name} = {{1}} instead of {{0}}")
+        _verify_jacobian(m, sampled, derive)
 
 
-def _verify_jacobian(m: Map, at: Mapping[Any, Any], inside: np.ndarray, derive: bool) -> None:
+def _verify_jacobian(m: Map, samples: Samples, derive: bool) -> None:
     import numpy as np
 
+    at, inside = samples.at, samples.inside
     determinant = np.broadcast_to(values_of([m.jacobian], at)[0], inside.shape)
     if derive:
         slopes = values_of([slope(e, u) for e in m.forward.values() for u in m.inverse], at)
@@ -92,35 +94,44 @@ def _verify_jacobian(m: Map, at: Mapping[Any, Any], inside: np.ndarray, derive: 
         matrix = np.stack([np.broadcast_to(s, inside.shape) for s in slopes], axis=-1).reshape(*inside.shape, n, n)
         derived = np.linalg.det(matrix)
         same = np.abs(np.abs(determinant) - np.abs(derived)) <= TOLERANCE * np.abs(derived)
-        hold(m, same, inside, at, derived, determinant, "the Jacobian is {0} by differentiation, and {1} as given")
+        hold(samples, same, (derived, determinant), "the Jacobian is {0} by differentiation, and {1} as given")
     regular = np.isfinite(determinant) & (determinant != 0.0)
-    hold(m, regular, inside, at, determinant, determinant, "the Jacobian is {1}")
+    hold(samples, regular, (determinant, determinant), "the Jacobian is {1}")
     first = np.take_along_axis(determinant, np.argmax(inside, axis=0)[None], axis=0)
     text = "the Jacobian is {1}, and {0} at another point: it changes its sign"
-    hold(m, determinant * first > 0.0, inside, at, first, determinant, text)
+    hold(samples, determinant * first > 0.0, (first, determinant), text)
 
 
 _CORRECT = "correct the formulas, or restrict `domain`; if parameters cannot have these values, give others in `check_at`"
 
 
-def hold(m: object, holds: Any, inside: Any, at: Mapping[Any, Any], expected: Any, found: Any, text: str, hint: str = _CORRECT) -> None:
+class Samples(NamedTuple):
+    """Sample points of a map: the values `at` of variables and parameters, of which those marked `inside` count."""
+
+    map: object
+    inside: Any
+    at: Mapping[Any, Any]
+
+
+def hold(samples: Samples, holds: Any, values: tuple[Any, Any], text: str, hint: str = _CORRECT) -> None:
     """Raises DiffeomorphismError at the first sample point inside the domain where a condition does not hold.
 
-    In the text {0} is the expected value, {1} the computed one. `at` has the variables and parameters of the point.
+    `values` are the expected and the computed value, {0} and {1} in the text.
     """
     import numpy as np
 
-    failing = inside & ~np.asarray(holds)
+    at = samples.at
+    failing = samples.inside & ~np.asarray(holds)
     if not failing.any():
         return
     shape = np.broadcast_shapes(failing.shape, *(np.shape(v) for v in at.values()))
     place = tuple(np.argwhere(np.broadcast_to(failing, shape))[0])
     point = {k.name: float(np.broadcast_to(v, shape)[place]) for k, v in at.items()}
-    pair = cast("tuple[float, float]", tuple(float(np.broadcast_to(v, shape)[place]) for v in (expected, found)))
+    pair = cast("tuple[float, float]", tuple(float(np.broadcast_to(v, shape)[place]) for v in values))
     names = ", ".join(f"{k} = {number(v)}" for k, v in point.items())
     raise DiffeomorphismError(
         f"this is no diffeomorphism: at {names}, {text.replace('{0}', number(pair[0])).replace('{1}', number(pair[1]))}",
-        m,
+        samples.map,
         hint,
         point,
         pair,

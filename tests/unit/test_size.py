@@ -41,9 +41,7 @@ TOO_LONG = {
     "examples/mesh_network/run.py run_mesh_network",
     "examples/perlin/run.py run_perlin",
     "examples/triangulation/run.py run_triangulation",
-    "teg/analysis/breaks.py BreakAnalysis._project",
     "teg/evaluator/compile.py compile",
-    "teg/ir/show.py _line",
     "teg/passes/lower/integrals.py _Scheduler.integrate",
 }
 """Functions with more lines. This list only becomes shorter."""
@@ -80,16 +78,10 @@ TOO_MANY_PARAMETERS = {
     "backends/numpy/runtime.py AdaptiveIntegral._search",
     "backends/numpy/runtime.py Integral.__call__",
     "backends/numpy/runtime.py Integral._pieces",
-    "examples/charts/curves.py _bilinear",
-    "teg/analysis/surfaces.py signed_inside",
     "teg/evaluator/accuracy.py report_missed",
     "teg/evaluator/kernels.py DerivativeKernels._report",
     "teg/evaluator/kernels.py DerivativeKernels._report_missing",
     "teg/evaluator/options.py Options.__init__",
-    "teg/maps/verification.py hold",
-    "teg/passes/eliminate/affine.py _chart",
-    "teg/passes/eliminate/affine.py _inside_bounds",
-    "teg/passes/eliminate/bilinear.py _chart",
     "teg/report/array_explain.py explain_arrays",
     "teg/report/inventory.py Inventory.__init__",
 }

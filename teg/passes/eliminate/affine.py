@@ -162,7 +162,7 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     pivots = _pivot_conditions(slopes, extents)
     taken = set(coefficient.free) | set(g.free) | {v for b in chain for v in (b.var, *b.lo.free, *b.hi.free)}
     unit = [_next_unit(taken) for _ in chosen[1:]]
-    point, weight, guard = _chart(chosen, ranges, extents, slopes, g0, pivots, unit)
+    point, weight, guard = _chart(ranges, extents, slopes, g0, pivots, unit)
     at = {b.var: p for b, p in zip(chosen, point, strict=True)}
     directions = tuple(reversed([b.var for b in chosen]))
     value = mul(weight, restrict(coefficient, at, g, directions))
@@ -172,7 +172,7 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
                 return None
             rest = tuple(Binder(r.var, cast(Expr, substitute(r.lo, at)), cast(Expr, substitute(r.hi, at))) for r in rest)
             break
-    value = _inside_bounds(value, g, chosen, ranges, point, pivots, at)
+    value = _inside_bounds(value, g, chosen, ranges, point, pivots)
     if len(chosen) > 1 and not rest:
         guard = conjunction(guard, *_meeting(g, coefficient, corner, extents))
     value = where(guard, value, ZERO)
@@ -189,7 +189,7 @@ def _between_vertices(
     value = mul(side.weight, restrict(coefficient, at, g, tuple(at)))
     for b in inner_first:
         lo, hi = (cast(Expr, substitute(e, at)) for e in (b.lo, b.hi))
-        value = signed_inside(at[b.var], lo, hi, g, b.var, (b.lo, b.hi), value)
+        value = signed_inside(at[b.var], lo, hi, g, b, value)
     first, last, two = side.reach(ranges[::-1])
     return nest(where(conjunction(two, met), Along(side, s).simplified(value), ZERO), (Binder(s, first, last),))
 
@@ -246,7 +246,6 @@ def _select(pivots: list[Cond], values: list[Expr]) -> Expr:
 
 
 def _chart(
-    chosen: Sequence[Binder],
     ranges: Sequence[tuple[Expr, Expr]],
     extents: list[Expr],
     slopes: list[Expr],
@@ -255,7 +254,7 @@ def _chart(
     unit: list[Var],
 ) -> tuple[list[Expr], Expr, Cond]:
     """Returns each variable as a function of the unit variables, the weight, and the condition that there is a surface at all."""
-    n = len(chosen)
+    n = len(ranges)
     others = [[i for i in range(n) if i != k] for k in range(n)]  # for each pivot
     pivot = _select(pivots, slopes)
     inverse = ex.integer_power(pivot, -1)
@@ -283,20 +282,20 @@ def _inside_bounds(
     ranges: Sequence[tuple[Expr, Expr]],
     point: list[Expr],
     pivots: list[Cond],
-    at: dict[Var, Expr],
 ) -> Expr:
     """Returns the brackets of the eliminated variable, and of every variable whose bounds were widened to a range."""
+    at = {b.var: p for b, p in zip(chosen, point, strict=True)}
     widened = [i for i, (b, r) in enumerate(zip(chosen, ranges, strict=True)) if r != (b.lo, b.hi)]
     for i in widened:
         b = chosen[i]
         lo, hi = cast(Expr, substitute(b.lo, at)), cast(Expr, substitute(b.hi, at))
-        value = signed_inside(point[i], lo, hi, g, b.var, (b.lo, b.hi), value)
+        value = signed_inside(point[i], lo, hi, g, b, value)
     plain = [i for i in range(len(chosen)) if i not in widened]
     if not plain:
         return value
     if len(plain) == 1 and len(chosen) == 1:
         (b,) = chosen
-        return signed_inside(point[0], b.lo, b.hi, g, b.var, (b.lo, b.hi), value)
+        return signed_inside(point[0], b.lo, b.hi, g, b, value)
     sides: list[tuple[Cond, Cond]] = []
     for i in range(len(chosen)):
         b = chosen[i]

@@ -70,11 +70,11 @@ def rewrite_bilinear(g: Expr, coefficient: Expr, chain: Chain, data: Bilinear) -
     if not all(free_of(e, [b.var for b in rest]) for c in (outer, inner) for e in (c.lo, c.hi)):
         return None
     boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip((outer, inner), ranges, strict=True)]
-    invariant = _invariant(g, boxes)
+    curve = _Curve(g, coefficient, (outer, inner), tuple(boxes), _invariant(g, boxes), rest)
     first, second = (_is_even(g, boxes[pivot], boxes[1 - pivot]) for pivot in (1, 0))
     total = []
     for pivot, mine, others in ((1, first, conjunction(negation(first), second)), (0, conjunction(negation(first), second), first)):
-        total.append(_chart(g, coefficient, (outer, inner), boxes, pivot, mine, others, invariant, rest))
+        total.append(_chart(curve, pivot, mine, others))
     if not rest:
         total.append(infinite_at_saddle(g, coefficient, boxes))
     return add(*total)
@@ -106,32 +106,42 @@ def _invariant(g: Expr, boxes: Sequence[Binder]) -> Expr:
     return where(positive(sub(exact, noise)), exact, noise)
 
 
-def _chart(
-    g: Expr,
-    coefficient: Expr,
-    binders: tuple[Binder, Binder],
-    boxes: Sequence[Binder],
-    pivot: int,
-    whole: Cond,
-    nothing: Cond,
-    invariant: Expr,
-    rest: Chain,
-) -> Expr:
-    """Returns the part of the curve where `pivot` is eliminated and the other variable stays. It may be the whole, or nothing."""
+@dataclass(frozen=True)
+class _Curve:
+    """A curve g = 0 with the coefficient of its δ, in the integrals `binders` (outer, inner).
+
+    `boxes` are these integrals with bounds that do not depend on each other, `invariant` is |E|, `others` are the other integrals of the
+    chain.
+    """
+
+    g: Expr
+    coefficient: Expr
+    binders: tuple[Binder, Binder]
+    boxes: tuple[Binder, ...]
+    invariant: Expr
+    others: Chain
+
+
+def _chart(curve: _Curve, pivot: int, whole: Cond, nothing: Cond) -> Expr:
+    """Returns the part of the curve where variable number `pivot` is eliminated and the other one stays.
+
+    It is the whole curve where `whole` holds, and empty where `nothing` does.
+    """
+    g, binders, boxes = curve.g, curve.binders, curve.boxes
     b, box, stay = binders[pivot], boxes[pivot], boxes[1 - pivot]
     origin = {b.var: box.lo}
     rate = cast(Expr, substitute(slope(g, b.var), origin))
     root = sub(box.lo, div(cast(Expr, substitute(g, origin)), rate))
     odds = const(ODDS if pivot else 1 / ODDS)
-    least = where(whole, ZERO, call("sqrt", mul(invariant, odds, div(_extent(stay), _extent(box)))))
+    least = where(whole, ZERO, call("sqrt", mul(curve.invariant, odds, div(_extent(stay), _extent(box)))))
     strict = pivot == 0
     steep: Cond = disjunction(positive(sub(rate, least), strict), positive(sub(mul(ex.MINUS_ONE, rate), least), strict))
     at = {b.var: root}
-    value = mul(restrict(coefficient, at, g, (binders[1].var, binders[0].var)), ex.integer_power(call("magnitude", rate), -1))
+    value = mul(restrict(curve.coefficient, at, g, (binders[1].var, binders[0].var)), ex.integer_power(call("magnitude", rate), -1))
     point: dict[Var, Expr] = {b.var: root, stay.var: stay.var}
     for c, limits in zip(binders, boxes, strict=True):
         if c is b or (limits.lo, limits.hi) != (c.lo, c.hi):
             lo, hi = (cast(Expr, substitute(e, at)) for e in (c.lo, c.hi))
-            value = signed_inside(point[c.var], lo, hi, g, c.var, (c.lo, c.hi), value)
+            value = signed_inside(point[c.var], lo, hi, g, c, value)
     value = where(conjunction(negation(nothing), steep), value, ZERO)
-    return nest(value, (Binder(stay.var, stay.lo, stay.hi), *rest))
+    return nest(value, (Binder(stay.var, stay.lo, stay.hi), *curve.others))

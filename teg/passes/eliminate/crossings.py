@@ -79,7 +79,7 @@ def _branch(g: Expr, coefficient: Expr, binders: tuple[Binder, Binder], boxes: S
     for c, limits in zip(binders, boxes, strict=True):
         if c is b or (limits.lo, limits.hi) != (c.lo, c.hi):
             lo, hi = (cast(Expr, substitute(e, at)) for e in (c.lo, c.hi))
-            value = signed_inside(point[c.var], lo, hi, g, c.var, (c.lo, c.hi), value)
+            value = signed_inside(point[c.var], lo, hi, g, c, value)
     steep = _steeper(rate, boxes[pivot], across, stay, strict=pivot == 0)
     return where(conjunction(root.exists, steep), value, ZERO)
 

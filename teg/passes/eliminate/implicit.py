@@ -88,7 +88,7 @@ def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit) -
         inside = mul(masses, weights[i], value)
         for b, limits in zip(mine, boxes, strict=True):
             if b.var is box.var or (limits.lo, limits.hi) != (b.lo, b.hi):
-                inside = signed_inside(b.var, b.lo, b.hi, g, b.var, (b.lo, b.hi), inside)
+                inside = signed_inside(b.var, b.lo, b.hi, g, b, inside)
         summed = integral_over(inside, box.var, *widened(box.lo, box.hi))
         charts.append(nest(summed, (*(b for b in boxes if b is not box), *rest)))
     if not rest:

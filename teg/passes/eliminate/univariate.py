@@ -81,6 +81,6 @@ def sum_over_roots(g: Expr, coefficient: Expr, b: Binder, directions: Sequence[V
             return None  # g′ = 0 all along the surface: the formula does not apply
         weight = ex.integer_power(call("magnitude", rate_there), -1)
         value = mul(weight, restrict(coefficient, at, g, directions))
-        inside = signed_inside(root.point, b.lo, b.hi, g, b.var, (b.lo, b.hi), value)
+        inside = signed_inside(root.point, b.lo, b.hi, g, b, value)
         terms.append(where(root.exists, inside, ZERO))
     return add(*terms)
