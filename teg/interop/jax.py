@@ -1,4 +1,4 @@
-"""`teg.jax_function`: a program as a function of JAX, right under all of its transformations."""
+"""`teg.jax_function`: a program as a function of JAX, correct under all of its transformations."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from teg.program.arrays import ArrayProgram
 
 KERNELS = ("auto", "c", "xla")
 OLDEST = (0, 8, 0)
-"""The first version of JAX with all that this needs: types that say over which axes of a mesh a value varies."""
+"""The first supported version of JAX: its types tell over which axes of a mesh a value varies."""
 
 
 def jax_function(
@@ -48,22 +48,23 @@ def jax_function(
     kernel: str = "auto",
     inaccurate: str = "warn",
 ) -> JaxFunction:
-    """A pure function of JAX: a dict of parameters and arrays by name (a pytree) to the value, or a tuple of values.
+    """Returns a pure function of JAX: from a dict of parameters and arrays by name (a pytree) to the value, or a tuple of values.
 
         f = teg.jax_function(e)
         jax.jit(jax.value_and_grad(f))({"t": 0.5, "a": 1.0})
 
-    `jit`, `vmap`, `shard_map`, `jvp`, `vjp`, `grad`, `hessian`, `linearize`, `checkpoint` and `scan` work on it in any nesting: derivatives
-    of any order are programs made of the symbolic derivative, each when it is first needed, once. Value and gradient come from one program.
+    `jit`, `vmap`, `shard_map`, `jvp`, `vjp`, `grad`, `hessian`, `linearize`, `checkpoint` and `scan` work on it in any nesting.
+    Derivatives of any order are programs made of the symbolic derivative, each made once, when it is first needed. Value and gradient
+    come from one program.
 
     Values broadcast as those of an evaluator do: a number may be an array of the batch's shape, an array has the batch's axes in front.
-    `params` are what is differentiated by (default: all real parameters and arrays); the others are constants, as under
-    `lax.stop_gradient`. Integer parameters and `teg.indices` may be given at the call, or here by `indices=`; what the number of terms of a
-    sum depends on must be known while JAX traces, so not an argument of a jitted function. Other index arrays may be traced, and then
-    nothing checks their range: where an index is outside of it, the value is NaN.
+    Derivatives are taken by `params` (default: all real parameters and arrays); the others are constants, as under `lax.stop_gradient`.
+    Integer parameters and `teg.indices` may be given at the call, or here by `indices=`. An integer that decides the number of terms of
+    a sum must be known while JAX traces, so it cannot be an argument of a jitted function. Other index arrays may be traced, and then
+    their range is not checked: an index out of range gives NaN.
 
-    `dtype` is that of numbers, arrays and results: "float32" or "float64", or None for that of the arguments. What is between is computed
-    in float64, whatever that is, and also where JAX's 64-bit mode is off. `tol` is 1e-10, or 1e-6 with dtype="float32". The other options
+    `dtype` is that of numbers, arrays and results: "float32" or "float64", or None for that of the arguments. Intermediate values are
+    float64 in all cases, also where JAX's 64-bit mode is off. `tol` is 1e-10, or 1e-6 with dtype="float32". The other options
     are those of `teg.compile`; `maps` are not verified for the values of a call.
 
     `kernel` says what a program runs as. "c": on CPUs one call of the compiled C kernel, inside of the programs of XLA, with its speed and
@@ -89,8 +90,10 @@ def jax_function(
 
 
 class JaxFunction(FrameworkFunction):
-    """What `teg.jax_function` makes. `parameters` are the names of its arguments; call it with a dict, or by name. It may be shared between
-    threads, and pickles."""
+    """A function of JAX made by `teg.jax_function`. Call it with a dict, or by name; `parameters` are the names of its arguments.
+
+    It may be shared between threads, and pickles.
+    """
 
     framework = "JAX"
 
@@ -115,7 +118,7 @@ class JaxFunction(FrameworkFunction):
         return f"<teg.jax_function of {', '.join(self.parameters)}>"
 
     def __call__(self, values: Mapping[str, Any] | None = None, /, **named: Any) -> Any:
-        """The value, an array of the batch's shape; for a tuple expression a tuple."""
+        """Returns the value, an array of the batch's shape; for a tuple expression a tuple."""
         _import_jax(self._dtype)
         from teg.backends.jax.derivative import derivative
 
@@ -128,7 +131,7 @@ class JaxFunction(FrameworkFunction):
     # -- inside --------------------------------------------------------------------------------------------------------
 
     def _operands(self, given: Mapping[str, Any]) -> tuple[list[Any], tuple[tuple[int | None, ...], ...], str]:
-        """The leaves, without axes of length 1 in front, which leaf has which axes of the batch, and the type of results."""
+        """Returns the leaves without leading axes of length 1, the batch axes of each leaf, and the type of results."""
         import jax.numpy as jnp
 
         leaves: list[Any] = []
@@ -158,7 +161,7 @@ class JaxFunction(FrameworkFunction):
         return leaves, tuple(batch), dtype
 
     def _family(self, given: Mapping[str, Any], operands: Sequence[Any], batch: Sequence[Sequence[int | None]]) -> Any:
-        """The family of programs for the shapes, integers and index arrays of a call; checks the indices, if they are known."""
+        """Returns the family of programs for the shapes, integers and index arrays of a call. Checks the indices, if they are known."""
         import jax
         import numpy as np
 
@@ -204,7 +207,7 @@ class JaxFunction(FrameworkFunction):
         shapes: Sequence[tuple[int, ...]],
         known: Sequence[Any],
     ) -> None:
-        """Every index is inside of its array, as far as index arrays are known."""
+        """Checks that every index is inside of its array, as far as index arrays are known. Raises ArrayIndexError."""
         import numpy as np
 
         if not arrays or any(v is None for v in known):
@@ -219,14 +222,14 @@ class JaxFunction(FrameworkFunction):
 
 
 def _as_array(p: Param | ArrayName, value: Any) -> Any:
-    """A value as an array of JAX. Integers of NumPy are not cut to the 32 bits that JAX has where its 64-bit mode is off."""
+    """Returns a value as an array of JAX. NumPy integers are not cut to the 32 bits that JAX has where its 64-bit mode is off."""
     import jax.numpy as jnp
     import numpy as np
 
     leaf = jnp.asarray(value)
     if not isinstance(value, np.ndarray | np.generic) or value.dtype.kind not in "iu":
         return leaf
-    cut = value.astype(leaf.dtype)  # not from the leaf: where a function is traced that has no numbers
+    cut = value.astype(leaf.dtype)  # not from the leaf: a traced leaf has no numbers
     if np.array_equal(cut, value):
         return leaf
     if isinstance(p, IndexArray):
@@ -298,7 +301,7 @@ def _family_of(plan: DerivativePrograms, integers: Sequence[int], indices: Seque
 
 
 def _whole(name: str, value: Any) -> int:
-    """The integer that an integer parameter holds."""
+    """Returns the integer that an integer parameter holds."""
     import jax
     import numpy as np
 
@@ -314,7 +317,7 @@ def _whole(name: str, value: Any) -> int:
 
 
 def _elements(known: Sequence[Any], arrays: Sequence[ArrayName]) -> list[list[Any]]:
-    """Index arrays for each element of a batch of them."""
+    """Returns index arrays for each element of a batch of them."""
     import numpy as np
 
     fronts = [v.shape[: v.ndim - a.dimensions] for v, a in zip(known, arrays, strict=True)]

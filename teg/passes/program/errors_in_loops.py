@@ -1,7 +1,7 @@
 """Error estimates through the loops of a program with arrays, to first order.
 
     s = Σ_k v_k                 Δs = Σ_k (Δv_k + ε·(16 + √n)·|v_k|),    n iterations
-    w = kernel(u, v, …)         Δw by the flat program's own estimates, in which Δu, Δv, … are parameters (`passes/error_bounds.py`)
+    w = kernel(u, v, …)         Δw by the flat program's own estimates, in which Δu, Δv, … are parameters (`errors.py`)
     V̄[i] += w                   an array of errors, V̄[i] += Δw + ε·(16 + √n)·|w|,    n iterations of all loops around
 
 Entries of arrays and integers are exact. A number that has no error costs nothing but the rounding where it enters a sum. The roundings
