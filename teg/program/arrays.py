@@ -26,7 +26,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from teg.program import Program, size
+from teg.program.statements import Program
+from teg.program.walk import size
 
 CHUNKS = 64
 """Chunks of an outermost loop, at most."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from teg.program import (
+from teg.program.statements import (
     Arg,
     Assign,
     Guard,
@@ -20,9 +20,8 @@ from teg.program import (
     Stmt,
     SumOver,
     When,
-    assigned,
-    clipped_by,
 )
+from teg.program.walk import assigned, clipped_by
 
 
 def without_dead_code(program: Program) -> Program:
