@@ -335,7 +335,7 @@ from teg.program.statements import (
     Tie,
     When,
 )
-from teg.program.walk import assigned, blocks, clipped_by, compound, has_ties, size, statements, without_branches
+from teg.program.walk import assigned, blocks, captured, clipped_by, compound, free_names, has_ties, size, statements, without_branches
 
 __all__ = [
     "ABSOLUTE_FLOOR",
@@ -408,8 +408,10 @@ __all__ = [
     "When",
     "assigned",
     "blocks",
+    "captured",
     "clipped_by",
     "compound",
+    "free_names",
     "has_ties",
     "size",
     "statements",

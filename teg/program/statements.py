@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
+from teg.program.fields import CONDITION, NUMBER, Block, Operand, Part, Result, Variable
 from teg.program.limits import ISOLATE_WIDTH
 
 if TYPE_CHECKING:
@@ -53,9 +54,9 @@ Rule = Gauss | Rational | Adaptive | Midpoint
 class Assign:
     """name = op(args…)."""
 
-    name: str
+    name: Annotated[str, Result("any")]
     op: str
-    args: tuple[Arg, ...]
+    args: Annotated[tuple[Arg, ...], Operand("any")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,21 +64,21 @@ class Bend:
     """Where the integrand turns into another branch, or has a pole: the zeros of c₀ + c₁·w + c₂·w², w = v - base of its integral."""
 
     kind: str  # "root", "pole" or "end"
-    coefficients: tuple[Arg, Arg, Arg]
-    when: Arg = True
+    coefficients: Annotated[tuple[Arg, Arg, Arg], NUMBER]
+    when: Annotated[Arg, Operand("condition", at="flags")] = True
 
 
 @dataclass(frozen=True, slots=True)
 class Guard:
     """Bounds over left <= v <= right: of the sizes of tested values, and of sharp values, which are `seen` at nodes."""
 
-    left: str
-    right: str
-    block: tuple[Stmt, ...]
-    sizes: tuple[Arg, ...]
-    upper: tuple[Arg, ...]
-    lower: tuple[Arg, ...]
-    seen: tuple[Arg, ...]
+    left: Annotated[str, Variable(("block",))]
+    right: Annotated[str, Variable(("block",))]
+    block: Annotated[tuple[Stmt, ...], Block()]
+    sizes: Annotated[tuple[Arg, ...], Operand(at="block", each=True)]
+    upper: Annotated[tuple[Arg, ...], Operand(at="block")]
+    lower: Annotated[tuple[Arg, ...], Operand(at="block")]
+    seen: Annotated[tuple[Arg, ...], Operand(at="body")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,25 +88,25 @@ class Integrate:
     `tested` of the values decide how fine the pieces are cut; `infinite`: a bound may be, and tails have the length `scale`.
     """
 
-    var: str
-    lo: Arg
-    hi: Arg
-    breaks: tuple[Arg, ...]
-    flags: tuple[Stmt, ...]
-    need: str | None
-    body: tuple[Stmt, ...]
-    values: tuple[Arg, ...]
-    results: tuple[str, ...]
+    var: Annotated[str, Variable(("flags", "body"))]
+    lo: Annotated[Arg, NUMBER]
+    hi: Annotated[Arg, NUMBER]
+    breaks: Annotated[tuple[Arg, ...], NUMBER]
+    flags: Annotated[tuple[Stmt, ...], Block()]
+    need: Annotated[str | None, Operand("condition", at="flags")]
+    body: Annotated[tuple[Stmt, ...], Block(sees=("flags",))]
+    values: Annotated[tuple[Arg, ...], Operand(at="body", each=True)]
+    results: Annotated[tuple[str, ...], Result()]
     rule: Rule
-    when: str | None = None
-    watch: tuple[str, ...] = ()
-    bends: tuple[Bend, ...] = ()
-    base: Arg = 0.0
+    when: Annotated[str | None, CONDITION] = None
+    watch: Annotated[tuple[str, ...], Operand("condition", at="body")] = ()
+    bends: Annotated[tuple[Bend, ...], Part()] = ()
+    base: Annotated[Arg, NUMBER] = 0.0
     infinite: bool = False
-    scale: Arg = 1.0
-    estimates: tuple[str, ...] = ()
-    guard: Guard | None = None
-    ends: tuple[str, ...] = ()
+    scale: Annotated[Arg, NUMBER] = 1.0
+    estimates: Annotated[tuple[str, ...], Result(of="results")] = ()
+    guard: Annotated[Guard | None, Part()] = None
+    ends: Annotated[tuple[str, ...], Variable(("flags",))] = ()
 
     @property
     def tested(self) -> int:
@@ -123,24 +124,24 @@ class Integrate:
 class Isolate:
     """results = the roots of g between lo and hi, ascending, +inf for those that are not there; `errors`: how far each may be off."""
 
-    var: str
-    lo: Arg
-    hi: Arg
-    left: str
-    right: str
-    enclosure: tuple[Stmt, ...]
-    bounds: tuple[Arg, Arg, Arg, Arg]
-    point: tuple[Stmt, ...]
-    value: Arg
-    slope: Arg
-    results: tuple[str, ...]
-    when: str | None = None
-    curving: tuple[Arg, Arg] = (-math.inf, math.inf)
-    noise: Arg = 0.0
-    curvature: Arg = math.nan
+    var: Annotated[str, Variable(("point",))]
+    lo: Annotated[Arg, NUMBER]
+    hi: Annotated[Arg, NUMBER]
+    left: Annotated[str, Variable(("enclosure",))]
+    right: Annotated[str, Variable(("enclosure",))]
+    enclosure: Annotated[tuple[Stmt, ...], Block()]
+    bounds: Annotated[tuple[Arg, Arg, Arg, Arg], Operand(at="enclosure")]
+    point: Annotated[tuple[Stmt, ...], Block()]
+    value: Annotated[Arg, Operand(at="point")]
+    slope: Annotated[Arg, Operand(at="point")]
+    results: Annotated[tuple[str, ...], Result(fixed=True)]
+    when: Annotated[str | None, CONDITION] = None
+    curving: Annotated[tuple[Arg, Arg], Operand(at="enclosure")] = (-math.inf, math.inf)
+    noise: Annotated[Arg, Operand(at="enclosure")] = 0.0
+    curvature: Annotated[Arg, Operand(at="point")] = math.nan
     tol: float = math.inf
     width: int = ISOLATE_WIDTH
-    errors: tuple[str, ...] = ()
+    errors: Annotated[tuple[str, ...], Result(of="results")] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,55 +152,55 @@ class Locate:
     that was given up.
     """
 
-    lo: Arg
-    hi: Arg
-    low: Arg
-    high: Arg
-    left: str
-    right: str
-    bottom: str
-    top: str
-    enclosure: tuple[Stmt, ...]
-    bounds: tuple[Arg, ...]
-    results: tuple[str, ...]
-    when: str | None = None
-    lost: str | None = None
+    lo: Annotated[Arg, NUMBER]
+    hi: Annotated[Arg, NUMBER]
+    low: Annotated[Arg, NUMBER]
+    high: Annotated[Arg, NUMBER]
+    left: Annotated[str, Variable(("enclosure",))]
+    right: Annotated[str, Variable(("enclosure",))]
+    bottom: Annotated[str, Variable(("enclosure",))]
+    top: Annotated[str, Variable(("enclosure",))]
+    enclosure: Annotated[tuple[Stmt, ...], Block()]
+    bounds: Annotated[tuple[Arg, ...], Operand(at="enclosure")]
+    results: Annotated[tuple[str, ...], Result(fixed=True)]
+    when: Annotated[str | None, CONDITION] = None
+    lost: Annotated[str | None, Result(fixed=True)] = None
 
 
 @dataclass(frozen=True, slots=True)
 class SumOver:
     """results = Σ values with `var` at each of the points that is finite."""
 
-    var: str
-    points: tuple[Arg, ...]
-    body: tuple[Stmt, ...]
-    values: tuple[Arg, ...]
-    results: tuple[str, ...]
-    when: str | None = None
+    var: Annotated[str, Variable(("body",))]
+    points: Annotated[tuple[Arg, ...], NUMBER]
+    body: Annotated[tuple[Stmt, ...], Block()]
+    values: Annotated[tuple[Arg, ...], Operand(at="body", each=True)]
+    results: Annotated[tuple[str, ...], Result()]
+    when: Annotated[str | None, CONDITION] = None
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
     """results = the means of the values over `count` points of the unit cube, whose coordinates are called `points`."""
 
-    points: tuple[str, ...]
+    points: Annotated[tuple[str, ...], Variable(("body",))]
     count: int
     kind: str  # "montecarlo" or "qmc"
     seed: int
-    body: tuple[Stmt, ...]
-    values: tuple[Arg, ...]
-    results: tuple[str, ...]
-    estimates: tuple[str, ...] = ()
-    when: str | None = None
+    body: Annotated[tuple[Stmt, ...], Block()]
+    values: Annotated[tuple[Arg, ...], Operand(at="body", each=True)]
+    results: Annotated[tuple[str, ...], Result()]
+    estimates: Annotated[tuple[str, ...], Result(of="results")] = ()
+    when: Annotated[str | None, CONDITION] = None
 
 
 @dataclass(frozen=True, slots=True)
 class HalfPlane:
     """c + a·u + b·v > 0, or >= 0 if it is closed."""
 
-    a: Arg
-    b: Arg
-    c: Arg
+    a: Annotated[Arg, NUMBER]
+    b: Annotated[Arg, NUMBER]
+    c: Annotated[Arg, NUMBER]
     closed: bool = False
 
 
@@ -207,20 +208,20 @@ class HalfPlane:
 class Polygon:
     """results = factors · ∫∫ values over the part of a box that is in all half-planes; exact to `degree` in both variables together."""
 
-    variables: tuple[str, ...]
-    width: Arg
-    height: Arg
-    half_planes: tuple[HalfPlane, ...]
-    setup: tuple[Stmt, ...]
-    body: tuple[Stmt, ...]
-    values: tuple[Arg, ...]
-    factors: tuple[Arg, ...]
-    results: tuple[str, ...]
+    variables: Annotated[tuple[str, ...], Variable(("body",))]
+    width: Annotated[Arg, NUMBER]
+    height: Annotated[Arg, NUMBER]
+    half_planes: Annotated[tuple[HalfPlane, ...], Part()]
+    setup: Annotated[tuple[Stmt, ...], Block(receives=True)]
+    body: Annotated[tuple[Stmt, ...], Block(sees=("setup",))]
+    values: Annotated[tuple[Arg, ...], Operand(at="body", each=True)]
+    factors: Annotated[tuple[Arg, ...], Operand(at="setup", each=True)]
+    results: Annotated[tuple[str, ...], Result()]
     degree: int
-    when: str | None = None
-    met: Arg = True
-    corners: tuple[tuple[Arg, Arg], ...] = ()
-    across: Arg = 0.0
+    when: Annotated[str | None, CONDITION] = None
+    met: Annotated[Arg, Operand("condition", hint=True)] = True
+    corners: Annotated[tuple[tuple[Arg, Arg], ...], NUMBER] = ()
+    across: Annotated[Arg, NUMBER] = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,29 +229,29 @@ class HalfLine:
     """g > 0, or >= 0 if it is closed, by the values at both ends; one that may be a tie has a number k, a resolution, the size of its terms
     and, in `scales`, the scale of its rounding errors."""
 
-    first: Arg
-    last: Arg
+    first: Annotated[Arg, Operand(at="setup")]
+    last: Annotated[Arg, Operand(at="setup")]
     closed: bool = False
     k: int | None = None
-    resolution: Arg = True
-    size: Arg = 0.0
-    scale: Arg = 0.0
+    resolution: Annotated[Arg, Operand("condition", at="setup")] = True
+    size: Annotated[Arg, Operand(at="setup")] = 0.0
+    scale: Annotated[Arg, Operand(at="scales")] = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Segment:
     """results = factors · ∫ values over the part of (0, 1) that is in all half-lines, by Gauss-Legendre with `nodes` nodes."""
 
-    var: str
-    half_lines: tuple[HalfLine, ...]
-    setup: tuple[Stmt, ...]
-    scales: tuple[Stmt, ...]
-    body: tuple[Stmt, ...]
-    values: tuple[Arg, ...]
-    factors: tuple[Arg, ...]
-    results: tuple[str, ...]
+    var: Annotated[str, Variable(("body",))]
+    half_lines: Annotated[tuple[HalfLine, ...], Part()]
+    setup: Annotated[tuple[Stmt, ...], Block(receives=True)]
+    scales: Annotated[tuple[Stmt, ...], Block(sees=("setup",), receives=True)]
+    body: Annotated[tuple[Stmt, ...], Block(sees=("setup",))]
+    values: Annotated[tuple[Arg, ...], Operand(at="body", each=True)]
+    factors: Annotated[tuple[Arg, ...], Operand(at="setup", each=True)]
+    results: Annotated[tuple[str, ...], Result()]
     nodes: int
-    when: str | None = None
+    when: Annotated[str | None, CONDITION] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,7 +259,7 @@ class Moments:
     """Σ c·uʲvᵏ over (j, k, c), on a region or along its border: "above", "below" or "border"."""
 
     kind: str
-    terms: tuple[tuple[int, int, Arg], ...]
+    terms: Annotated[tuple[tuple[int, int, Arg], ...], NUMBER]
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,22 +267,22 @@ class Hyperbola:
     """results = moments of a bilinear g on the unit square; with a border, `ties` are the numbers of its four sides in `Program.ties`,
     and `scale` the scales of the rounding errors of its corners, known in `scales`."""
 
-    corners: tuple[Arg, ...]
-    scales: tuple[Stmt, ...]
-    scale: tuple[Arg, ...]
+    corners: Annotated[tuple[Arg, ...], NUMBER]
+    scales: Annotated[tuple[Stmt, ...], Block(receives=True)]
+    scale: Annotated[tuple[Arg, ...], Operand(at="scales")]
     ties: tuple[int, ...]
-    moments: tuple[Moments, ...]
-    results: tuple[str, ...]
-    when: str | None = None
+    moments: Annotated[tuple[Moments, ...], Part(each=True)]
+    results: Annotated[tuple[str, ...], Result()]
+    when: Annotated[str | None, CONDITION] = None
 
 
 @dataclass(frozen=True, slots=True)
 class When:
     """Run `body`, which gives the results their values, if `when` holds; else they are 0."""
 
-    when: str
-    body: tuple[Stmt, ...]
-    results: tuple[str, ...]
+    when: Annotated[str, CONDITION]
+    body: Annotated[tuple[Stmt, ...], Block()]
+    results: Annotated[tuple[str, ...], Result(made_in="body")]
 
 
 Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | Hyperbola | When

@@ -6,57 +6,54 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count
 
+from teg.program.fields import given, inner_blocks, operands, renamed, variables
 from teg.program.statements import (
     Arg,
     Assign,
     Hyperbola,
-    Integrate,
-    Isolate,
-    Locate,
     Polygon,
     Program,
-    Sample,
     Segment,
     Stmt,
-    SumOver,
     When,
 )
 
 
 def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
     """The blocks inside a statement, in the order they are run."""
-    match stmt:
-        case Assign():  # most of them
-            return ()
-        case Integrate():
-            return (stmt.flags, stmt.body) if stmt.guard is None else (stmt.flags, stmt.body, stmt.guard.block)
-        case Isolate():
-            return (stmt.enclosure, stmt.point)
-        case Locate():
-            return (stmt.enclosure,)
-        case SumOver() | Sample() | When():
-            return (stmt.body,)
-        case Polygon():
-            return (stmt.setup, stmt.body)
-        case Segment():
-            return (stmt.setup, stmt.scales, stmt.body)
-        case Hyperbola():
-            return (stmt.scales,)
+    return () if isinstance(stmt, Assign) else tuple(block for _, _, block in inner_blocks(stmt))  # most of them are assignments
 
 
 def assigned(stmt: Stmt) -> tuple[str, ...]:
     """The names a statement gives a value."""
-    match stmt:
-        case Assign():
-            return (stmt.name,)
-        case Integrate() | Sample():
-            return (*stmt.results, *stmt.estimates)
-        case Isolate():
-            return (*stmt.results, *stmt.errors)
-        case Locate() if stmt.lost is not None:
-            return (*stmt.results, stmt.lost)
-        case _:
-            return stmt.results
+    return (stmt.name,) if isinstance(stmt, Assign) else given(stmt)
+
+
+def free_names(stmt: Stmt, hints: bool = True) -> dict[str, None]:
+    """The names that a statement, and those inside it, read and do not give themselves, in order."""
+    if isinstance(stmt, Assign):
+        return {a: None for a in stmt.args if isinstance(a, str)}
+    names = [a for a in operands(stmt, hints=hints) if isinstance(a, str)]
+    own = set(variables(stmt))
+    for inner in (s for block in blocks(stmt) for s in block):
+        names += free_names(inner, hints)
+        own.update(assigned(inner))
+    return {name: None for name in names if name not in own}
+
+
+def captured(stmt: Stmt, *names: str) -> dict[str, None]:
+    """The names that some blocks of a statement, and what is read in them, take from around the statement or from its other blocks, in
+    order."""
+    used: list[str] = []
+    own: set[str] = set()
+    for name, _, block in inner_blocks(stmt):
+        if name in names:
+            own.update(variables(stmt, name))
+            for inner in block:
+                used += free_names(inner)
+                own.update(assigned(inner))
+            used += [a for a in operands(stmt, name) if isinstance(a, str)]
+    return {name: None for name in used if name not in own}
 
 
 def statements(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
@@ -117,20 +114,11 @@ def _written_out(block: tuple[Stmt, ...], numbers: Iterator[int]) -> tuple[Stmt,
             case When():
                 for inner in _written_out(stmt.body, numbers):
                     other = {name: f"v{next(numbers)}" for name in assigned(inner) if name in stmt.results}
-                    result.append(_giving(inner, other))
+                    result.append(renamed(inner, other))
                     result += [Assign(name, "select", (stmt.when, value, 0.0)) for name, value in other.items()]
             case _:
                 result.append(stmt)
     return tuple(result)
-
-
-def _giving(stmt: Stmt, names: dict[str, str]) -> Stmt:
-    """The same statement with other names for what it gives a value."""
-    if not names:
-        return stmt
-    if isinstance(stmt, Assign):
-        return replace(stmt, name=names[stmt.name])
-    return replace(stmt, results=tuple(names.get(r, r) for r in stmt.results))
 
 
 def clipped_by(stmt: Polygon | Segment) -> tuple[Arg, ...]:
