@@ -38,6 +38,7 @@ from teg.program import Assign, Program, Stmt, assigned, free_names, has_ties
 from teg.program.arrays import Arg, ArrayProgram, ArraySpec, Integers, Like, Load, Loop, Number, Run, Scatter, Step
 from teg.program.dce import without_dead_code
 from teg.program.fields import renamed
+from teg.program.verify import verified_arrays
 
 Schedule = Callable[[Sequence[Expr], Sequence[str]], Program]
 """A flat program of scalar outputs, given them and the names of the parameters."""
@@ -47,7 +48,7 @@ Output = Expr | tuple[Array, Expr]
 
 def schedule_arrays(outputs: Sequence[Output], parameters: Sequence[str], arrays: Sequence[ArrayName], flat: Schedule) -> ArrayProgram:
     """One program for several outputs."""
-    return _ArrayScheduler(parameters, arrays, flat).run(outputs)
+    return verified_arrays(_ArrayScheduler(parameters, arrays, flat).run(outputs), "after schedule arrays")
 
 
 def output_of(e: Expr) -> Output:
