@@ -335,7 +335,19 @@ from teg.program.statements import (
     Tie,
     When,
 )
-from teg.program.walk import assigned, blocks, captured, clipped_by, compound, free_names, has_ties, size, statements, without_branches
+from teg.program.walk import (
+    assigned,
+    blocks,
+    captured,
+    clipped_by,
+    compound,
+    free_in,
+    free_names,
+    has_ties,
+    size,
+    statements,
+    without_branches,
+)
 
 __all__ = [
     "ABSOLUTE_FLOOR",
@@ -411,6 +423,7 @@ __all__ = [
     "captured",
     "clipped_by",
     "compound",
+    "free_in",
     "free_names",
     "has_ties",
     "size",

@@ -138,7 +138,7 @@ def variables(node: object, block: str | None = None) -> list[str]:
     return [name for role, name in leaves(node) if isinstance(role, Variable) and (block is None or block in role.blocks)]
 
 
-def given(node: object) -> tuple[str, ...]:
+def result_names(node: object) -> tuple[str, ...]:
     """The names that a statement gives values, known after it."""
     return tuple(name for role, name in leaves(node) if isinstance(role, Result))
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import count
 
-from teg.program.fields import given, inner_blocks, operands, renamed, variables
+from teg.program.fields import inner_blocks, operands, renamed, result_names, variables
 from teg.program.statements import (
     Arg,
     Assign,
@@ -26,7 +26,7 @@ def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
 
 def assigned(stmt: Stmt) -> tuple[str, ...]:
     """The names a statement gives a value."""
-    return (stmt.name,) if isinstance(stmt, Assign) else given(stmt)
+    return (stmt.name,) if isinstance(stmt, Assign) else result_names(stmt)
 
 
 def free_names(stmt: Stmt, hints: bool = True) -> dict[str, None]:
@@ -35,25 +35,37 @@ def free_names(stmt: Stmt, hints: bool = True) -> dict[str, None]:
         return {a: None for a in stmt.args if isinstance(a, str)}
     names = [a for a in operands(stmt, hints=hints) if isinstance(a, str)]
     own = set(variables(stmt))
-    for inner in (s for block in blocks(stmt) for s in block):
-        names += free_names(inner, hints)
-        own.update(assigned(inner))
+    for block in blocks(stmt):
+        names += free_in(block, hints)
+        own.update(name for inner in block for name in assigned(inner))
     return {name: None for name in names if name not in own}
 
 
-def captured(stmt: Stmt, *names: str) -> dict[str, None]:
-    """The names that some blocks of a statement, and what is read in them, take from around the statement or from its other blocks, in
-    order."""
+def free_in(block: Iterable[Stmt], hints: bool = True) -> dict[str, None]:
+    """The names that the statements of a block read and the block does not give, in order."""
+    names: dict[str, None] = {}
+    own: set[str] = set()
+    for stmt in block:
+        names |= free_names(stmt, hints)
+        own.update(assigned(stmt))
+    return {name: None for name in names if name not in own}
+
+
+def captured(stmt: Stmt, *names: str) -> tuple[list[str], list[str]]:
+    """What some blocks of a statement, and the operands that are read in them, take from around the statement; and what they take from its
+    other blocks."""
     used: list[str] = []
     own: set[str] = set()
+    others: set[str] = set()
     for name, _, block in inner_blocks(stmt):
-        if name in names:
-            own.update(variables(stmt, name))
-            for inner in block:
-                used += free_names(inner)
-                own.update(assigned(inner))
-            used += [a for a in operands(stmt, name) if isinstance(a, str)]
-    return {name: None for name in used if name not in own}
+        given_there = {n for inner in block for n in assigned(inner)}
+        if name not in names:
+            others |= given_there
+            continue
+        own.update(given_there, variables(stmt, name))
+        used += [*free_in(block), *(a for a in operands(stmt, name) if isinstance(a, str))]
+    outside = [name for name in dict.fromkeys(used) if name not in own]
+    return [name for name in outside if name not in others], [name for name in outside if name in others]
 
 
 def statements(block: tuple[Stmt, ...]) -> Iterator[Stmt]:

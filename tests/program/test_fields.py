@@ -29,12 +29,26 @@ from teg.program import (
     assigned,
     blocks,
     captured,
+    free_in,
     free_names,
     statements,
 )
 from teg.program.arrays import Integers, Load, Loop, Number, Run, Scatter
 from teg.program.dce import without_dead_code
-from teg.program.fields import CONDITION, NUMBER, Block, Operand, Part, Result, Variable, declared, given, operands, renamed, variables
+from teg.program.fields import (
+    CONDITION,
+    NUMBER,
+    Block,
+    Operand,
+    Part,
+    Result,
+    Variable,
+    declared,
+    operands,
+    renamed,
+    result_names,
+    variables,
+)
 from teg.program.verify import MalformedProgram, verify_program
 
 
@@ -91,7 +105,7 @@ def program(*outputs: Arg) -> Program:
 def test_roles_are_read_off_the_annotations() -> None:
     assert [f.name for f in declared(Smallest)] == [f.name for f in fields(Smallest)]
     assert [f.name for f in declared(Weight)] == ["factor"]
-    assert given(INNER) == ("v4", "v5", "v6", "v7")
+    assert result_names(INNER) == ("v4", "v5", "v6", "v7")
     assert variables(INNER) == ["x1"]
     assert variables(INNER, "setup") == []
     assert operands(INNER) == ["p0", 0.5, "v2", "v3", "v8", "v1", "b0"]
@@ -105,9 +119,10 @@ def test_walks_follow() -> None:
     assert blocks(stmt) == (INNER.setup, INNER.body)
     assert list(statements((stmt,))) == [INNER, *INNER.setup, *INNER.body]
     assert list(free_names(stmt)) == ["p0", "v8", "b0", "v0", "v9"]
-    assert list(captured(stmt, "setup")) == ["v0", "v8"]
-    assert list(captured(stmt, "body")) == ["v1", "v9"]
-    assert list(captured(stmt, "setup", "body")) == ["v0", "v8", "v9"]
+    assert captured(stmt, "setup") == (["v0", "v8"], [])
+    assert captured(stmt, "body") == (["v9"], ["v1"])
+    assert captured(stmt, "setup", "body") == (["v0", "v8", "v9"], [])
+    assert list(free_in((*AROUND, stmt))) == ["p0"]
 
 
 def test_renaming_follows() -> None:
