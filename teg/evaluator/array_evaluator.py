@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from teg.errors import ArrayIndexError, OptionError, ParameterError
-from teg.evaluator.arguments import as_doubles, as_floats, rounded, values
-from teg.evaluator.array_arguments import Call, as_entries, whole_numbers
+from teg.evaluator.accuracy import report_missed, report_not_a_number
+from teg.evaluator.arguments import Call, as_entries, name_of, read_call, rounded, values, with_rounding
 from teg.evaluator.array_plan import Compiled, direction_of
-from teg.evaluator.array_reports import paired, places, report_arrays, report_missing
 from teg.evaluator.options import Options
 from teg.ir.arrays import Array, arrays_of, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
@@ -52,10 +50,11 @@ class ArrayEvaluator:
         default = [p for p in scalars if p not in counted or p in parameters(e)] + [a for a in arrays if isinstance(a, Array)]
         self.wrt: tuple[Parameter, ...] = tuple(default if wrt is None else wrt)
         every = list(dict.fromkeys([*self.wrt, *scalars, *arrays, *(p for m in options.maps for p in m.parameters)]))
+        self._every: tuple[Param | ArrayName, ...] = tuple(every)
         self.parameters: tuple[str, ...] = tuple(p.name for p in every)
         self._scalars = tuple(p.name for p in every if isinstance(p, Param))
         self._arrays = tuple(a for a in every if isinstance(a, ArrayName))
-        self._integers = {self._scalars.index(p.name) for p in integer_parameters(e)}
+        self._integers = frozenset(p.name for p in integer_parameters(e))
         self._leaves = flatten(e)
         self._made: dict[tuple[int, ...], Compiled] = {}
         self._specialised = False
@@ -104,7 +103,7 @@ class ArrayEvaluator:
     def _moved(self, values: Mapping[str, Any], direction: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[Parameter, ...]]:
         """What is given, with the directions of the parameters that move, and these parameters."""
         given = self._given((values,), {})
-        moved = {self._name(k): v for k, v in direction.items()}
+        moved = {name_of(k): v for k, v in direction.items()}
         if unknown := sorted(moved.keys() - {p.name for p in self.wrt}):
             raise ParameterError(f"{unknown[0]!r} is not differentiated by", None, "parameters: " + ", ".join(p.name for p in self.wrt))
         which = tuple(p for p in self.wrt if p.name in moved)
@@ -149,7 +148,7 @@ class ArrayEvaluator:
             product = np.multiply(gradient, d)
             return product.sum(axis=tuple(range(-dimensions[name], 0))) if dimensions[name] else product
 
-        moved = {self._name(k): v for k, v in direction.items()}
+        moved = {name_of(k): v for k, v in direction.items()}
         if unknown := sorted(moved.keys() - dimensions.keys()):
             raise ParameterError(f"{unknown[0]!r} is not differentiated by", None, "parameters: " + ", ".join(dimensions))
         if isinstance(value, tuple):
@@ -216,8 +215,7 @@ class ArrayEvaluator:
 
         from teg.report.array_diagnose import diagnose_arrays, probes_of
 
-        call = self._call(args, named)
-        made = call.made
+        call, made = self._call(args, named)
         self._results("gradient", args, named, ())  # with room for all roots
         program = made.program("gradient", (), how=made.room("gradient"))
         values = [on_cells(leaf, partial(normal_form, maps=self._options.maps)) for leaf in flatten(made.e)]
@@ -246,7 +244,7 @@ class ArrayEvaluator:
     @property
     def integers(self) -> frozenset[str]:
         """The parameters that hold an integer."""
-        return frozenset(self._scalars[k] for k in self._integers)
+        return self._integers
 
     def program(self, orders: int) -> ArrayProgram:
         """The scheduled program of the value (0), value and gradient (1), and these with the product of the Hessian and a direction (2),
@@ -279,39 +277,33 @@ class ArrayEvaluator:
 
     # -- inside --------------------------------------------------------------------------------------------------------
 
-    def _name(self, key: object) -> str:
-        return key.name if isinstance(key, Param | ArrayName) else cast(str, key)
-
     def _given(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
-        if len(args) == 1 and isinstance(args[0], Mapping):
-            args = ({self._name(k): v for k, v in args[0].items()},)
         return values(self.parameters, args, named)
 
     def _run(
         self, what: str, args: tuple[Any, ...], named: Mapping[str, Any], which: tuple[Parameter, ...] = ()
     ) -> tuple[list[Any], tuple[int, ...]]:
-        results, shape, made = self._results(what, args, named, which)
-        if self._options.inaccurate != "ignore":
-            given = args[0] if which else self._given(args, named)
-            pairs = {k: (given[k], d) for k, d in self.dimensions.items()}
+        results, call, made = self._results(what, args, named, which)
+        options, shape = self._options, call.shape
+        if options.inaccurate != "ignore":
             told, names, sampled = False, self._result_names(what), made.is_sampled(what, which)
             if results.missed or sampled:
                 found = self._results(what, args, named, which, errors=True)[0].values
-                told = report_arrays(found, names, self._options, pairs, shape, sampled)
+                half, how = len(found) // 2, (options.integration.tol, options.inaccurate)
+                told = report_missed(found[:half], found[half:], names, call, how, sampled)
             if not told:
-                report_missing(results.values, names, self._options, pairs, shape, results.crowded)
-        values = [rounded(v) for v in results.values] if self._options.dtype == "float32" else results.values
+                report_not_a_number(results.values, names, call, options.inaccurate, results.crowded)
+        values = [rounded(v) for v in results.values] if options.dtype == "float32" else results.values
         return [v.reshape(shape + v.shape[1:]) if shape else v[0] for v in values], shape
 
     def _estimated(self, what: str, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[list[Any], list[Any]]:
         """Results, and the estimates of their errors."""
-        results, shape, _ = self._results(what, args, named, (), errors=True)
-        if self._options.inaccurate != "ignore":
-            given = self._given(args, named)
-            numbers = {k: (given[k], d) for k, d in self.dimensions.items()}
-            half = results.values[: len(results.values) // 2]
-            report_missing(half, self._result_names(what), self._options, numbers, shape, results.crowded)
-        pairs = paired(results.values, self._options.dtype)
+        results, call, _ = self._results(what, args, named, (), errors=True)
+        half, shape, options = len(results.values) // 2, call.shape, self._options
+        if options.inaccurate != "ignore":
+            report_not_a_number(results.values[:half], self._result_names(what), call, options.inaccurate, results.crowded)
+        pairs = list(zip(results.values[:half], results.values[half:], strict=True))
+        pairs = [with_rounding(*pair) for pair in pairs] if options.dtype == "float32" else pairs
         found = [[v.reshape(shape + v.shape[1:]) if shape else v[0] for v in half] for half in zip(*pairs, strict=True)]
         return found[0], found[1]
 
@@ -328,51 +320,30 @@ class ArrayEvaluator:
         which: tuple[Parameter, ...],
         counted: bool = False,
         errors: bool = False,
-    ) -> tuple[Any, tuple[int, ...], Compiled]:
+    ) -> tuple[Any, Call, Compiled]:
         import numpy as np
 
-        call = self._call(args, named, which)
-        kernel = call.made.kernel(what, which, counted, errors)
+        call, made = self._call(args, named, which)
+        kernel = made.kernel(what, which, counted, errors)
         call.check(kernel.program)
         if self._options.maps and self._options.check_maps:
             arrays = {a.name: v for a, v in zip(self._arrays, call.arrays, strict=False)}
-            call.made.map_checks().run(dict(zip(self._scalars, call.columns, strict=False)), arrays, self.dimensions, call.n)
-        results = kernel.results(call.columns, call.arrays, call.n)
-        while results.crowded and any(np.isnan(v).any() for v in results.values) and call.made.widen(what, which, counted, errors):
-            results = call.made.kernel(what, which, counted, errors).results(call.columns, call.arrays, call.n)
-        return results, call.shape, call.made
+            made.map_checks().run(dict(zip(self._scalars, call.columns, strict=False)), arrays, self.dimensions, call.n)
+        results = kernel.results(call.doubles, call.arrays, call.n)
+        while results.crowded and any(np.isnan(v).any() for v in results.values) and made.widen(what, which, counted, errors):
+            results = made.kernel(what, which, counted, errors).results(call.doubles, call.arrays, call.n)
+        return results, call, made
 
-    def _call(self, args: tuple[Any, ...], named: Mapping[str, Any], which: tuple[Parameter, ...] = ()) -> Call:
-        """What a call is given, as kernels take it; with `which`, directions along these parameters too."""
-        import numpy as np
-
+    def _call(self, args: tuple[Any, ...], named: Mapping[str, Any], which: tuple[Parameter, ...] = ()) -> tuple[Call, Compiled]:
+        """What a call is given, and what has been compiled for its shapes; with `which`, directions along these parameters too."""
         directions = tuple(direction_of(p) for p in which)
-        scalars = [*self._scalars, *(d.name for d in directions if isinstance(d, Param))]
-        arrays = [*self._arrays, *(d for d in directions if isinstance(d, Array))]
         given = args[0] if directions else self._given(args, named)
-        dtype = self._options.dtype
-        columns = as_doubles([as_floats(s, given[s], "float64" if k in self._integers else dtype) for k, s in enumerate(scalars)])
-        entries = [as_entries(a, given[a.name], dtype) for a in arrays]
-        leading = [c.shape for c in columns] + [v.shape[: v.ndim - a.dimensions] for a, v in zip(arrays, entries, strict=True)]
-        try:
-            shape = np.broadcast_shapes(*leading)
-        except ValueError:
-            text = ", ".join(f"{k}: {s}" for k, s in zip([*scalars, *(a.name for a in arrays)], leading, strict=True) if s)
-            raise ParameterError(f"the shapes of the batch do not broadcast together: {text}") from None
-        n = math.prod(shape)
-        shapes = [v.shape[v.ndim - a.dimensions :] for a, v in zip(arrays, entries, strict=True)]
+        call = read_call([*self._every, *directions], given, self.integers, self._options.dtype)
+        shapes = dict(zip([p for p in (*self._every, *directions) if isinstance(p, ArrayName)], call.shapes, strict=True))
         for p, d in zip(which, directions, strict=True):
-            if isinstance(p, Array) and shapes[arrays.index(p)] != shapes[arrays.index(cast(Array, d))]:
-                what_is = f"{shapes[arrays.index(cast(Array, d))]}, {p.name} has {shapes[arrays.index(p)]}"
-                raise ParameterError(f"the direction along {p.name} has the shape {what_is}")
-        columns = [c if c.ndim == 0 else np.ascontiguousarray(np.broadcast_to(c, shape)).reshape(n) for c in columns]
-        integers = {k: whole_numbers(self._scalars[k], columns[k]) for k in self._integers}
-        made = self._compiled(dict(zip(arrays, shapes, strict=True)))
-        flat = [
-            v if v.ndim == a.dimensions else np.ascontiguousarray(np.broadcast_to(v, (*shape, *s))).reshape(n, *s)
-            for a, v, s in zip(arrays, entries, shapes, strict=True)
-        ]
-        return Call(columns, flat, n, shape, made, integers, shapes)
+            if isinstance(p, Array) and isinstance(d, Array) and shapes[p] != shapes[d]:
+                raise ParameterError(f"the direction along {p.name} has the shape {shapes[d]}, {p.name} has {shapes[p]}")
+        return call, self._compiled(shapes)
 
     def _compiled(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> Compiled:
         """The program, for these shapes if it depends on them."""
@@ -399,6 +370,13 @@ class ArrayEvaluator:
     def _by_name(self, rows: Iterator[Any], shape: tuple[int, ...]) -> dict[str, Any]:
         parts = [[next(rows) for _ in self.wrt] for _ in self._leaves]
         return {p.name: _nested(self.expression, iter([part[i] for part in parts])) for i, p in enumerate(self.wrt)}
+
+
+def places(e: Expr, name: str) -> list[str]:
+    """The name of each entry of a tuple expression, nested ones in order."""
+    if not isinstance(e, Tuple):
+        return [name]
+    return [place for i, entry in enumerate(e.children) for place in places(entry, f"{name}[{i}]")]
 
 
 def _nested(e: Expr, rows: Iterator[Any]) -> Any:

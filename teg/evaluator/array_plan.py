@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, cast
 
 from teg.analysis.settings import Integration, with_more_room
-from teg.evaluator.array_reports import has_samples
+from teg.evaluator.accuracy import has_samples
 from teg.evaluator.options import Options
 from teg.ir import expr as ex
 from teg.ir.arrays import Array

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -94,8 +94,6 @@ def _at_one_point(f: Evaluator | ArrayEvaluator, args: tuple[Any, ...], named: d
     import numpy as np
 
     dimensions = f.dimensions
-    if len(args) == 1 and isinstance(args[0], Mapping):
-        args = ({getattr(k, "name", k): v for k, v in args[0].items()},)
     given = values_by_name(f.parameters, args, named)
     for k, v in given.items():
         if np.ndim(v) != dimensions[k]:

@@ -10,9 +10,9 @@ from teg.analysis.bodies import write_all_out
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration, with_more_room
 from teg.errors import OptionError, ParameterError
-from teg.evaluator.accuracy import report_missed, report_not_a_number
-from teg.evaluator.arguments import as_doubles, batch, plain_numbers, rounded, with_rounding
-from teg.evaluator.arguments import values as arguments
+from teg.evaluator.accuracy import has_samples, report_missed, report_not_a_number
+from teg.evaluator.arguments import Call, plain_numbers, read_call, rounded, with_rounding
+from teg.evaluator.arguments import values as values_of
 from teg.evaluator.array_evaluator import ArrayEvaluator
 from teg.evaluator.array_plan import direction_of
 from teg.evaluator.derivation import linked
@@ -27,7 +27,7 @@ from teg.maps.coverage import MapChecks
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.through_sums import parameters_and_arrays
 from teg.pipeline import compiled_outputs, flatten, jvp
-from teg.program import Outcome, Program, Sample, statements
+from teg.program import Outcome, Program
 from teg.report.diagnose import Diagnosis, diagnose
 from teg.report.explain import Explanation, explain
 
@@ -137,6 +137,7 @@ class Evaluator:
         found = parameters(e)
         self.wrt: tuple[Param, ...] = tuple(found if wrt is None else wrt)
         every = list(dict.fromkeys([*self.wrt, *found, *(p for m in options.maps for p in m.parameters)]))
+        self._every = tuple(every)
         self.parameters: tuple[str, ...] = tuple(p.name for p in every)
         self._options = options
         program = write_all_out(e) if options.functions == "inlined" else e
@@ -265,8 +266,8 @@ class Evaluator:
         integral inside, over the whole batch. What a bracket decides about a whole piece is no evaluation."""
         if derivatives not in (0, 1, 2):
             raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value, 1: and gradient, 2: and Hessian")
-        columns, _, n = self._columns(args, named)
-        return self._outcome("count", derivatives, as_doubles(columns), n).evaluations
+        call = self._call(args, named)
+        return self._outcome("count", derivatives, call.doubles, call.n).evaluations
 
     def hessian(self, *args: Any, **named: Any) -> dict[tuple[str, str], Any]:
         """Second derivatives, a dict (name, name) -> array, with both orders of the names."""
@@ -300,10 +301,9 @@ class Evaluator:
         self._known(direction)
         which = tuple(p for p in self.wrt if p.name in direction)
         product = self._product(which)
-        given = arguments(self.parameters, (values,), {})
+        given = values_of(self.parameters, (values,), {})
         given.update((direction_of(p).name, direction[p.name]) for p in which)
-        names = [*self.parameters, *(direction_of(p).name for p in which)]
-        _, shape, _ = batch(names, (given,), {}, self._options.dtype)
+        shape = read_call([*self._every, *(direction_of(p) for p in which)], given, dtype=self._options.dtype).shape
         found = product({name: given[name] for name in product.parameters})
         return _by_parameter(self.expression, _spread(found, shape), [p.name for p in self.wrt])
 
@@ -337,9 +337,9 @@ class Evaluator:
 
     def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:
         """Where and why the expression is not differentiable at these values; an empty list where it is."""
-        columns, _shape, n = self._columns(args, named)
-        self._outcome("value", 2 if 2 in self._kernels else 1, columns, n)  # with room for all roots
-        return diagnose(self, as_doubles(columns), n)
+        call = self._call(args, named)
+        self._outcome("value", 2 if 2 in self._kernels else 1, call.columns, call.n)  # with room for all roots
+        return diagnose(self, call.doubles, call.n)
 
     def __repr__(self) -> str:
         return f"<teg.Evaluator({', '.join(self.parameters)}) of {str(self.expression)[:120]} on {self._options.backend}>"
@@ -371,44 +371,43 @@ class Evaluator:
             outcome = cast(Any, self.kernel(orders)).at_point(numbers)
             if not (outcome.missed or outcome.crowded or self._is_sampled(orders) or any(map(math.isnan, outcome.values[:, 0].tolist()))):
                 return outcome.values, shape
-        columns, shape, n = self._columns(args, named)
-        self._checks.run(dict(zip(self.parameters, columns, strict=True)))
-        outcome = self._outcome("value", orders, columns, n)
+        call = self._call(args, named)
+        self._checks.run(dict(zip(self.parameters, call.columns, strict=True)))
+        outcome = self._outcome("value", orders, call.columns, call.n)
         if self._options.inaccurate != "ignore":
-            self._report(orders, outcome, columns, n)
-        return rounded(outcome.values) if self._rounds else outcome.values, shape
+            self._report(orders, outcome, call)
+        return rounded(outcome.values) if self._rounds else outcome.values, call.shape
 
-    def _report(self, orders: int, outcome: Outcome, columns: Sequence[np.ndarray], n: int) -> None:
+    def _report(self, orders: int, outcome: Outcome, call: Call) -> None:
         """Warn, or raise, where a tolerance was missed, or a result is no number though all parameters are."""
-        import numpy as np
-
-        options, doubles = self._options, as_doubles(columns)
-        given, names = dict(zip(self.parameters, doubles, strict=True)), self._result_names(orders)
+        options, names = self._options, self._result_names(orders)
         sampled, crowded = self._is_sampled(orders), outcome.crowded
         if outcome.missed or sampled:
-            estimated = self._outcome("errors", orders, doubles, n)
-            found, results = estimated.values, len(estimated.values) // 2
-            if report_missed(found[:results], found[results:], names, options.integration.tol, options.inaccurate, given, sampled):
+            found = self._outcome("errors", orders, call.doubles, call.n).values
+            half, how = len(found) // 2, (options.integration.tol, options.inaccurate)
+            if report_missed(found[:half], found[half:], names, call, how, sampled):
                 return
-        if np.isnan(outcome.values).any():
-            report_not_a_number(outcome.values, names, options.inaccurate, given, crowded)
+        report_not_a_number(outcome.values, names, call, options.inaccurate, crowded)
 
     def _is_sampled(self, orders: int) -> bool:
         """Whether samples were taken that nobody asked for: they rarely reach a tolerance."""
         if orders not in self._sampled:
             how = self._options.integration
-            self._sampled[orders] = how.rule == "auto" and any(isinstance(s, Sample) for s in statements(self.program(orders).body))
+            self._sampled[orders] = how.rule == "auto" and has_samples(self.program(orders))
         return self._sampled[orders]
 
     def _estimated(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[np.ndarray, tuple[int, ...]]:
-        columns, shape, n = self._columns(args, named)
-        self._checks.run(dict(zip(self.parameters, columns, strict=True)))
-        outcome = self._outcome("errors", orders, as_doubles(columns), n)
+        import numpy as np
+
+        call = self._call(args, named)
+        self._checks.run(dict(zip(self.parameters, call.columns, strict=True)))
+        outcome = self._outcome("errors", orders, call.doubles, call.n)
         found, results = outcome.values, len(outcome.values) // 2
         if self._options.inaccurate != "ignore":
-            given = dict(zip(self.parameters, as_doubles(columns), strict=True))
-            report_not_a_number(found[:results], self._result_names(orders), self._options.inaccurate, given, outcome.crowded)
-        return with_rounding(found) if self._options.dtype == "float32" else found, shape
+            report_not_a_number(found[:results], self._result_names(orders), call, self._options.inaccurate, outcome.crowded)
+        if self._options.dtype == "float32":
+            found = np.concatenate(with_rounding(found[:results], found[results:]))
+        return found, call.shape
 
     def output_names(self, derivatives: int = 0) -> list[str]:
         """What each output of the program of value, gradient and Hessian is, in order: "value", "d value / d t", "d2 value / d t d a"; of a
@@ -426,8 +425,8 @@ class Evaluator:
         """What each result is, for messages."""
         return [kind for kind, e in zip(self._titles, self.outputs(orders), strict=False) for _ in flatten(e)]
 
-    def _columns(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[list[np.ndarray], tuple[int, ...], int]:
-        return batch(self.parameters, args, named, self._options.dtype)
+    def _call(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> Call:
+        return read_call(self._every, values_of(self.parameters, args, named), dtype=self._options.dtype)
 
 
 def build_kernel(program: Program, options: Options, dtype: str = "float64", counted: bool = False) -> Kernel:

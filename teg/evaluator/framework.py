@@ -8,7 +8,7 @@ from typing import Any, ClassVar, TypeVar
 
 from teg.analysis.bodies import write_all_out
 from teg.errors import ArrayIndexError, ParameterError
-from teg.evaluator.arguments import refuse_masked
+from teg.evaluator.arguments import name_of, refuse_masked
 from teg.evaluator.derivative_programs import DerivativePrograms
 from teg.evaluator.options import Options
 from teg.ir.arrays import Array, arrays_of, integer_parameters, integers_of
@@ -144,23 +144,6 @@ def check_entries(p: Param | ArrayName, kind: str, dtype: object, shape: tuple[i
         raise ParameterError(f"the value of {p.name!r} is not a real number or an array of them: {dtype}")
     if len(shape) < dimensions_of(p):
         raise ParameterError(f"{p.name!r} has {dimensions_of(p)} dimensions, and an array of shape {shape} was given")
-
-
-def batch_shape(leaves: Sequence[Param | ArrayName], fronts: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
-    """The shape of the batch: that to which the axes in front of every value's own broadcast."""
-    import numpy as np
-
-    try:
-        return np.broadcast_shapes(*fronts)
-    except ValueError:
-        text = ", ".join(f"{p.name}: {s}" for p, s in zip(leaves, fronts, strict=True) if s)
-        raise ParameterError(f"the shapes of the batch do not broadcast together: {text}") from None
-
-
-def name_of(key: Any) -> str:
-    """The name of a parameter or an array, or the name itself."""
-    name: str = key.name if isinstance(key, Param | ArrayName) else key
-    return name
 
 
 def dimensions_of(p: Param | ArrayName) -> int:

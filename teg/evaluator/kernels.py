@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 from teg.analysis.settings import Integration, with_more_room
-from teg.evaluator.accuracy import report_missed, report_not_a_number
-from teg.evaluator.array_arguments import whole_numbers
+from teg.evaluator.accuracy import has_samples, report_missed, report_not_a_number
+from teg.evaluator.arguments import Call, whole_numbers
 from teg.evaluator.array_plan import build_arrays
-from teg.evaluator.array_reports import has_samples, report_arrays, report_missing
 from teg.evaluator.compile import build_kernel
 from teg.evaluator.derivative_programs import DerivativePrograms
 from teg.evaluator.framework import dimensions_of
@@ -18,7 +17,7 @@ from teg.ir import expr as ex
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName
 from teg.maps.coverage import MapChecks
-from teg.program import Program, Sample, statements
+from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
 if TYPE_CHECKING:
@@ -74,12 +73,15 @@ class DerivativeKernels:
             self._check_maps(columns, arrays, n)
         missed, crowded, found = self._outcome((order, entry, False), columns, arrays, n)
         if options.inaccurate != "ignore":
-            sampled, told = self._is_sampled(order, entry, program), False
+            sampled, told, names = self._is_sampled(order, entry, program), False, self._names(order, entry)
+            shapes = [v.shape[v.ndim - a.dimensions :] for a, v in zip(getattr(program, "arrays", ()), arrays, strict=True)]
+            call = Call(list(program.parameters), list(columns), list(arrays), n, (n,), shapes, {})
             if missed or sampled:
                 both = self._outcome((order, entry, True), columns, arrays, n)[2]
-                told = self._report(order, entry, program, both, (columns, arrays), n, sampled)
+                half, how = len(both) // 2, (options.integration.tol, options.inaccurate)
+                told = report_missed(both[:half], both[half:], names, call, how, sampled)
             if not told:
-                self._report_missing(order, entry, program, found, (columns, arrays), n, crowded)
+                report_not_a_number(found, names, call, options.inaccurate, crowded)
         return found
 
     def _outcome(
@@ -144,53 +146,8 @@ class DerivativeKernels:
         """Whether samples are taken that nobody asked for: they rarely reach a tolerance."""
         key = order, entry
         if key not in self._sampled:
-            if isinstance(program, ArrayProgram):
-                sampled = has_samples(program)
-            else:
-                sampled = any(isinstance(s, Sample) for s in statements(program.body))
-            self._sampled[key] = sampled and self.plan.options.integration.rule == "auto"
+            self._sampled[key] = self.plan.options.integration.rule == "auto" and has_samples(program)
         return self._sampled[key]
-
-    def _report(
-        self,
-        order: int,
-        entry: int | None,
-        program: Program | ArrayProgram,
-        found: Sequence[Any],
-        given: tuple[Sequence[Any], Sequence[Any]],
-        n: int,
-        sampled: bool,
-    ) -> bool:
-        """Warn of the worst result of a run with estimates, or raise. Returns whether there was anything to say."""
-        import numpy as np
-
-        options, names = self.plan.options, self._names(order, entry)
-        columns = dict(zip(program.parameters, given[0], strict=True))
-        if isinstance(program, ArrayProgram):
-            return report_arrays(found, names, options, _with_dimensions(program, given), (n,), sampled)
-        half = len(found) // 2
-        values, errors = np.array(found[:half]), np.array(found[half:])
-        return report_missed(values, errors, names, options.integration.tol, options.inaccurate, columns, sampled)
-
-    def _report_missing(
-        self,
-        order: int,
-        entry: int | None,
-        program: Program | ArrayProgram,
-        found: Sequence[Any],
-        given: tuple[Sequence[Any], Sequence[Any]],
-        n: int,
-        crowded: bool,
-    ) -> None:
-        """Warn of a result that is no number though all operands are, or raise."""
-        import numpy as np
-
-        options, names = self.plan.options, self._names(order, entry)
-        if isinstance(program, ArrayProgram):
-            report_missing(found, names, options, _with_dimensions(program, given), (n,), crowded)
-        else:
-            columns = dict(zip(program.parameters, given[0], strict=True))
-            report_not_a_number(np.array(found), names, options.inaccurate, columns, crowded)
 
     def _names(self, order: int, entry: int | None) -> list[str]:
         """What each result is, for messages."""
@@ -198,12 +155,6 @@ class DerivativeKernels:
             return [f"the derivative of order {order + 1} by {p.name}" for p in self.plan.wrt]
         values = ["the value"] * self.entries
         return values if order < 0 else [*values, *[f"the derivative by {p.name}" for p in self.plan.wrt] * self.entries]
-
-
-def _with_dimensions(program: ArrayProgram, given: tuple[Sequence[Any], Sequence[Any]]) -> dict[str, tuple[Any, int]]:
-    """The values of parameters and arrays by name, each with its dimensions."""
-    columns = {k: (v, 0) for k, v in zip(program.parameters, given[0], strict=True)}
-    return columns | {a.name: (v, a.dimensions) for a, v in zip(program.arrays, given[1], strict=True)}
 
 
 def _outcome(kernel: Any, columns: Sequence[Any], arrays: Sequence[Any], n: int) -> tuple[bool, bool, list[np.ndarray]]:

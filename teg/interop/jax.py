@@ -9,11 +9,11 @@ from typing import Any, cast
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration
 from teg.errors import ArrayIndexError, BackendError, MissingPackageError, ParameterError
+from teg.evaluator.arguments import batch_shape
 from teg.evaluator.derivative_programs import DerivativePrograms
 from teg.evaluator.framework import (
     FrameworkFunction,
     Parameter,
-    batch_shape,
     check_entries,
     checked_expression,
     dimensions_of,
@@ -119,7 +119,7 @@ class JaxFunction(FrameworkFunction):
         for i in real:
             leaves[i] = leaves[i].astype(dtype)
         front = [leaf.shape[: leaf.ndim - dimensions_of(p)] for leaf, p in zip(leaves, self._leaves, strict=True)]
-        shape = batch_shape(self._leaves, front)
+        shape = batch_shape([p.name for p in self._leaves], front)
         batch: list[tuple[int | None, ...]] = [
             tuple(0 if len(s) >= level and s[-level] == n else None for s in front)
             for level, n in ((len(shape) - k, n) for k, n in enumerate(shape))

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration
 from teg.errors import ArrayIndexError, MissingPackageError, OptionError, ParameterError
+from teg.evaluator.arguments import batch_shape
 from teg.evaluator.framework import (
     FrameworkFunction,
     Parameter,
-    batch_shape,
     check_entries,
     checked_expression,
     dimensions_of,
@@ -135,7 +135,7 @@ class TorchFunction(FrameworkFunction):
         dtype = getattr(torch, self._dtype) if self._dtype else _common_type(real)
         device = _common_device([v for v, _ in real])
         fronts = [tuple(v.shape[: v.ndim - dimensions_of(p)]) for p, v in zip(names, tensors, strict=True)]
-        batch = batch_shape(names, fronts)
+        batch = batch_shape([p.name for p in names], fronts)
         operands = []
         for i, (p, v, front) in enumerate(zip(names, tensors, fronts, strict=True)):
             kind = torch.int64 if isinstance(p, IndexArray) else dtype if i < len(self._leaves) else torch.float64

@@ -42,7 +42,7 @@ def diagnose_arrays(
     scalars, arrays = program.parameters, program.arrays
     found: list[Diagnosis] = []
     for i in range(call.n):
-        columns = [c if c.ndim == 0 else c[i : i + 1] for c in call.columns]
+        columns = [c if c.ndim == 0 else c[i : i + 1] for c in call.doubles]
         given = [a if a.ndim == s.dimensions else a[i : i + 1] for a, s in zip(call.arrays, arrays, strict=True)]
         values = {k: float(np.ravel(c)[0]) for k, c in zip(scalars, columns, strict=True)}
         results, met = watch.ties(columns, given, 1)
