@@ -327,8 +327,8 @@ class ArrayEvaluator:
         kernel = made.kernel(what, which, counted, errors)
         call.check(kernel.program)
         if self._options.maps and self._options.check_maps:
-            arrays = {a.name: v for a, v in zip(self._arrays, call.arrays, strict=False)}
-            made.map_checks().run(dict(zip(self._scalars, call.columns, strict=False)), arrays, self.dimensions, call.n)
+            arrays = dict(zip(self._arrays, call.arrays, strict=False))
+            made.map_checks().run(dict(zip(self._scalars, call.columns, strict=False)), arrays, call.n)
         results = kernel.results(call.doubles, call.arrays, call.n)
         while results.crowded and any(np.isnan(v).any() for v in results.values) and made.widen(what, which, counted, errors):
             results = made.kernel(what, which, counted, errors).results(call.doubles, call.arrays, call.n)

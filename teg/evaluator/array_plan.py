@@ -13,6 +13,7 @@ from teg.ir import expr as ex
 from teg.ir.arrays import Array
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
+from teg.maps.checks import MapChecks
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
 from teg.passes.lower.integrals import schedule
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
@@ -103,9 +104,7 @@ class Compiled:
     def map_checks(self) -> Any:
         """The checks of the user's maps at a call."""
         if self._checks is None:
-            from teg.evaluator.array_coverage import ArrayMapChecks
-
-            self._checks = ArrayMapChecks(self.e, self.options.maps)
+            self._checks = MapChecks(self.e, self.options.maps)
         return self._checks
 
     def is_sampled(self, what: str, which: tuple[Parameter, ...]) -> bool:

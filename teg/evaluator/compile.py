@@ -23,7 +23,7 @@ from teg.ir.expr import Expr, Param, Tuple, as_number
 from teg.ir.index import ArrayName
 from teg.ir.traverse import parameters
 from teg.language import check_parameters, check_program
-from teg.maps.coverage import MapChecks
+from teg.maps.checks import MapChecks
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.through_sums import parameters_and_arrays
 from teg.pipeline import compiled_outputs, flatten, jvp
@@ -150,7 +150,7 @@ class Evaluator:
         self._sampled: dict[int, bool] = {}
         self._products: dict[tuple[Param, ...], Evaluator] = {}
         self._checks = MapChecks(write_all_out(e) if options.maps else e, options.maps if options.check_maps else ())
-        self._quick = options.backend == "c" and not self._checks.cases  # one point need not become a batch
+        self._quick = options.backend == "c" and not self._checks.cells  # one point need not become a batch
         self._rounds = options.dtype == "float32" and options.backend != "c"  # the kernels of C do it themselves
         self.kernel(0)
 
@@ -372,7 +372,7 @@ class Evaluator:
             if not (outcome.missed or outcome.crowded or self._is_sampled(orders) or any(map(math.isnan, outcome.values[:, 0].tolist()))):
                 return outcome.values, shape
         call = self._call(args, named)
-        self._checks.run(dict(zip(self.parameters, call.columns, strict=True)))
+        self._checks.run(dict(zip(self.parameters, call.columns, strict=True)), {}, call.n)
         outcome = self._outcome("value", orders, call.columns, call.n)
         if self._options.inaccurate != "ignore":
             self._report(orders, outcome, call)
@@ -400,7 +400,7 @@ class Evaluator:
         import numpy as np
 
         call = self._call(args, named)
-        self._checks.run(dict(zip(self.parameters, call.columns, strict=True)))
+        self._checks.run(dict(zip(self.parameters, call.columns, strict=True)), {}, call.n)
         outcome = self._outcome("errors", orders, call.doubles, call.n)
         found, results = outcome.values, len(outcome.values) // 2
         if self._options.inaccurate != "ignore":

@@ -16,7 +16,7 @@ from teg.evaluator.framework import dimensions_of
 from teg.ir import expr as ex
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName
-from teg.maps.coverage import MapChecks
+from teg.maps.checks import MapChecks
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
@@ -127,18 +127,9 @@ class DerivativeKernels:
         named = [p for p in plan.leaves if isinstance(p, ArrayName)]
         e = plan.entries[0] if self.entries == 1 else ex.tuple_of(*plan.entries)
         with self._lock:
-            if self._checks is None and named:
-                from teg.evaluator.array_coverage import ArrayMapChecks
-
-                self._checks = ArrayMapChecks(e, plan.options.maps)
-            elif self._checks is None:
+            if self._checks is None:
                 self._checks = MapChecks(e, plan.options.maps)
-        by_name = dict(zip(scalars, columns, strict=True))
-        if named:
-            dimensions = {p.name: dimensions_of(p) for p in plan.leaves}
-            self._checks.run(by_name, {a.name: v for a, v in zip(named, arrays, strict=True)}, dimensions, n)
-        else:
-            self._checks.run(by_name)
+        self._checks.run(dict(zip(scalars, columns, strict=True)), dict(zip(named, arrays, strict=True)), n)
 
     # -- reports -------------------------------------------------------------------------------------------------------
 
