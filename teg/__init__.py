@@ -12,9 +12,10 @@ from teg import maps
 from teg.derivatives import diff, eliminate, grad, hessian, jvp
 from teg.errors import AccuracyError, ArrayIndexError, DiffeomorphismError, TegError
 from teg.evaluator.accuracy import AccuracyWarning
-from teg.evaluator.array_evaluator import ArrayEvaluator
 from teg.evaluator.check import GradientReport, check_gradient
-from teg.evaluator.compile import Evaluator, compile, evaluate
+from teg.evaluator.compile import compile, evaluate
+from teg.evaluator.evaluator import Evaluator
+from teg.evaluator.evaluator import Evaluator as ArrayEvaluator
 from teg.interop.jax import jax_function
 from teg.interop.scipy import scipy_function
 from teg.interop.torch import torch_function

@@ -104,7 +104,7 @@ def batch_shape(names: Sequence[str], leading: Sequence[tuple[int, ...]]) -> tup
         raise ParameterError(f"the shapes of the batch do not broadcast together: {text}") from None
 
 
-def values(names: Sequence[str], args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
+def values_by_name(names: Sequence[str], args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
     """The value given for each of the names. Raises ParameterError where one is missing, unknown or given twice."""
     given: dict[str, Any] = {}
     if len(args) == 1 and isinstance(args[0], Mapping):

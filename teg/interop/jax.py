@@ -10,16 +10,17 @@ from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration
 from teg.errors import ArrayIndexError, BackendError, MissingPackageError, ParameterError
 from teg.evaluator.arguments import batch_shape
-from teg.evaluator.derivative_programs import DerivativePrograms
 from teg.evaluator.framework import (
+    KEPT,
     FrameworkFunction,
     Parameter,
     check_entries,
     checked_expression,
-    dimensions_of,
     nested,
 )
+from teg.evaluator.kernels import dimensions_of
 from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.evaluator.plan import VALUE, Kept, Plan, derivative_of_order
 from teg.ir.expr import Expr, Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.passes.differentiate.through_sums import parameters_and_arrays
@@ -82,7 +83,8 @@ class JaxFunction(FrameworkFunction):
 
     def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options, dtype: str | None, indices: Mapping[Any, Any]) -> None:
         super().__init__(e, wrt, options, dtype, indices)
-        self._families: dict[Hashable, Any] = {}
+        self._families: Kept[Hashable, Any] = Kept(KEPT)
+        self._counting: Kept[Plan, frozenset[int]] = Kept(KEPT)
 
     def __repr__(self) -> str:
         return f"<teg.jax_function of {', '.join(self.parameters)}>"
@@ -150,7 +152,8 @@ class JaxFunction(FrameworkFunction):
         plan = self._plan_for(dict(zip(arrays, shapes, strict=True)))
         self._check(plan, integers, arrays, shapes, known)
         first = len(arrays) - len(known)
-        needed = [k for k in range(len(known)) if first + k in plan.counting]
+        counting = self._counting.get(plan, lambda: _counting(plan))
+        needed = [k for k in range(len(known)) if first + k in counting]
         for k in needed:
             if known[k] is None:
                 name = arrays[first + k].name
@@ -162,14 +165,12 @@ class JaxFunction(FrameworkFunction):
             if known[k].ndim != dimensions_of(arrays[first + k]):
                 raise ArrayIndexError(f"how many terms a sum has depends on {arrays[first + k].name}, which has axes of a batch")
         digest = tuple(hashlib.sha256(np.ascontiguousarray(known[k], np.int64).tobytes()).digest() for k in needed)
-        key = (id(plan), integers, digest, tuple(shapes) if needed else ())
-        return self._kept(
-            self._families, key, lambda: _family_of(plan, integers, [v if k in needed else None for k, v in enumerate(known)])
-        )
+        key = (plan, integers, digest, tuple(shapes) if needed else ())
+        return self._families.get(key, lambda: _family_of(plan, integers, [v if k in needed else None for k, v in enumerate(known)]))
 
     def _check(
         self,
-        plan: DerivativePrograms,
+        plan: Plan,
         integers: Sequence[int],
         arrays: Sequence[ArrayName],
         shapes: Sequence[tuple[int, ...]],
@@ -182,7 +183,7 @@ class JaxFunction(FrameworkFunction):
             return
         from teg.backends.plan import check_ranges
 
-        program = cast(ArrayProgram, plan.program(-1))
+        program = cast(ArrayProgram, plan.program(VALUE))
         whole = {len(program.parameters) - len(integers) + k: np.asarray(v) for k, v in enumerate(integers)}
         real = [np.broadcast_to(np.float64(0.0), s) for s in shapes[: len(shapes) - len(known)]]
         for values in _elements(known, arrays[len(real) :]):
@@ -225,14 +226,25 @@ def _import_jax(dtype: str | None) -> None:
         )
 
 
-def _family_of(plan: DerivativePrograms, integers: Sequence[int], indices: Sequence[Any]) -> Any:
+def _counting(plan: Plan) -> frozenset[int]:
+    """The numbers of the arrays that numbers of terms depend on."""
+    if not plan.has_loops:
+        return frozenset()
+    from teg.backends.jax.loops import counting_arrays
+
+    return frozenset(counting_arrays(cast(ArrayProgram, plan.program(VALUE))))
+
+
+def _family_of(plan: Plan, integers: Sequence[int], indices: Sequence[Any]) -> Any:
     """The programs of a plan as functions of JAX, for these integers and index arrays (None: any)."""
     from teg.backends.jax.derivative import Family
 
     arrays = [isinstance(p, ArrayName) for p in plan.leaves]
 
     def made(entry: int | None, entries: Sequence[Any]) -> Any:
-        return Family(lambda order: plan.program(order, entry), arrays, len(plan.wrt), integers, indices, entries)
+        return Family(
+            lambda order: plan.program(derivative_of_order(order, plan.wrt), entry), arrays, len(plan.wrt), integers, indices, entries
+        )
 
     single = [] if len(plan.entries) == 1 else [made(k, ()) for k in range(len(plan.entries))]
     return made(None, single)

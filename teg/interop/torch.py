@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,15 +11,16 @@ from teg.analysis.settings import Integration
 from teg.errors import ArrayIndexError, MissingPackageError, OptionError, ParameterError
 from teg.evaluator.arguments import batch_shape
 from teg.evaluator.framework import (
+    KEPT,
     FrameworkFunction,
     Parameter,
     check_entries,
     checked_expression,
-    dimensions_of,
     nested,
 )
-from teg.evaluator.kernels import DerivativeKernels
+from teg.evaluator.kernels import DerivativeKernels, dimensions_of
 from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.evaluator.plan import Kept, Plan
 from teg.ir.expr import Expr, Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.passes.differentiate.through_sums import parameters_and_arrays
@@ -96,7 +97,7 @@ class TorchFunction(FrameworkFunction):
     def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options, dtype: str | None, indices: Mapping[Any, Any]) -> None:
         _import_torch()
         super().__init__(e, wrt, options, dtype, indices)
-        self._compiled: dict[Hashable, DerivativeKernels] = {}
+        self._compiled: Kept[Plan, DerivativeKernels] = Kept(KEPT)
         if self._plan is not None:
             self._kernels_of(self._plan)
 
@@ -122,8 +123,8 @@ class TorchFunction(FrameworkFunction):
         found = backend.values(kernels, call.front, call.dtype, call.operands)
         return nested(self.expression, iter([v.to(call.device) for v in found]))
 
-    def _kernels_of(self, plan: Any) -> DerivativeKernels:
-        return self._kept(self._compiled, id(plan), lambda: DerivativeKernels(plan))
+    def _kernels_of(self, plan: Plan) -> DerivativeKernels:
+        return self._compiled.get(plan, lambda: DerivativeKernels(plan))
 
     def _arguments(self, given: Mapping[str, Any]) -> _Call:
         """What a call is given, as `backends.torch_function` takes it: on the CPU, of one type, with the axes of the batch in front."""
