@@ -76,9 +76,14 @@ def read_call(
     scalars = [p.name for p in parameters if isinstance(p, Param)]
     named = [p for p in parameters if isinstance(p, ArrayName)]
     columns = [as_floats(name, given[name], "float64" if name in integers else dtype) for name in scalars]
-    arrays = [as_entries(a, given[a.name], dtype) for a in named]
-    shapes = [v.shape[v.ndim - a.dimensions :] for a, v in zip(named, arrays, strict=True)]
-    leading = [c.shape for c in columns] + [v.shape[: v.ndim - a.dimensions] for a, v in zip(named, arrays, strict=True)]
+    leading = [c.shape for c in columns]
+    arrays: list[np.ndarray] = []
+    shapes: list[tuple[int, ...]] = []
+    for a in named:
+        v = as_entries(a, given[a.name], dtype)
+        arrays.append(v)
+        shapes.append(v.shape[v.ndim - a.dimensions :])
+        leading.append(v.shape[: v.ndim - a.dimensions])
     shape: tuple[int, ...] = ()
     n = 1
     if any(leading):
@@ -89,7 +94,7 @@ def read_call(
             v if v.ndim == len(own) else np.ascontiguousarray(np.broadcast_to(v, (*shape, *own))).reshape(n, *own)
             for v, own in zip(arrays, shapes, strict=True)
         ]
-    whole = {k: whole_numbers(name, columns[k]) for k, name in enumerate(scalars) if name in integers}
+    whole = {k: whole_numbers(name, columns[k]) for k, name in enumerate(scalars) if name in integers} if integers else {}
     return Call(scalars, columns, arrays, n, shape, shapes, whole)
 
 

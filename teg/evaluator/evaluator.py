@@ -333,7 +333,9 @@ class Evaluator:
 
     def _call(self, wanted: Wanted, given: Mapping[str, Any]) -> tuple[Call, Kernels]:
         """What a call is given, and the kernels for its lengths."""
-        along = {p: q for direction in directions_of(wanted, self._leaves) for p, q in direction.items()} if wanted.along else {}
+        if not wanted.along and self._kernels is not None:
+            return read_call(self._leaves, given, self._integers, self._options.dtype), self._kernels
+        along = {p: q for direction in directions_of(wanted, self._leaves) for p, q in direction.items()}
         every = [*self._leaves, *along.values()]
         call = read_call(every, given, self._integers, self._options.dtype)
         shapes = dict(zip([p for p in every if isinstance(p, ArrayName)], call.shapes, strict=True))

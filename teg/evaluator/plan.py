@@ -87,6 +87,9 @@ class Kept(Generic[K, V]):
 
     def get(self, key: K, make: Callable[[], V]) -> V:
         """What the table has for a key, made where it has nothing; the oldest entries are dropped."""
+        found = self._table.get(key)
+        if found is not None:
+            return found
         with self._lock:
             if key not in self._table:
                 self._table[key] = make()
