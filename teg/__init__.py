@@ -57,9 +57,9 @@ if TYPE_CHECKING:
     from teg import maps
     from teg.derivatives import diff, eliminate, grad, hessian, jvp
     from teg.evaluator.accuracy import AccuracyWarning
-    from teg.evaluator.array_evaluator import ArrayEvaluator
     from teg.evaluator.check import GradientReport, check_gradient
-    from teg.evaluator.compile import Evaluator, compile, evaluate
+    from teg.evaluator.compile import compile, evaluate
+    from teg.evaluator.evaluator import ArrayEvaluator, Evaluator
     from teg.interop.jax import jax_function
     from teg.interop.scipy import scipy_function
     from teg.interop.torch import torch_function
@@ -73,9 +73,9 @@ if TYPE_CHECKING:
 _LOADED_ON_FIRST_USE = {
     "teg.derivatives": ("diff", "eliminate", "grad", "hessian", "jvp"),
     "teg.evaluator.accuracy": ("AccuracyWarning",),
-    "teg.evaluator.array_evaluator": ("ArrayEvaluator",),
     "teg.evaluator.check": ("GradientReport", "check_gradient"),
-    "teg.evaluator.compile": ("Evaluator", "compile", "evaluate"),
+    "teg.evaluator.compile": ("compile", "evaluate"),
+    "teg.evaluator.evaluator": ("ArrayEvaluator", "Evaluator"),
     "teg.interop.jax": ("jax_function",),
     "teg.interop.scipy": ("scipy_function",),
     "teg.interop.torch": ("torch_function",),

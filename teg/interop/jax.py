@@ -10,17 +10,18 @@ from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration
 from teg.errors import ArrayIndexError, BackendError, CompilerError, MissingPackageError, OptionError, ParameterError
 from teg.evaluator.accuracy import AccuracyWarning
-from teg.evaluator.derivative_programs import DerivativePrograms
+from teg.evaluator.arguments import batch_shape
 from teg.evaluator.framework import (
+    KEPT,
     FrameworkFunction,
     Parameter,
-    batch_shape,
     check_entries,
     checked_expression,
-    dimensions_of,
     nested,
 )
+from teg.evaluator.kernels import dimensions_of
 from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.evaluator.plan import VALUE, Kept, Plan, derivative_of_order
 from teg.ir.expr import Expr, Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.passes.differentiate.through_sums import parameters_and_arrays
@@ -107,11 +108,9 @@ class JaxFunction(FrameworkFunction):
         kernel: str = "auto",
     ) -> None:
         super().__init__(e, wrt, options, dtype, indices)
-        self._families: dict[Hashable, Any] = {}
-        if kernel == "c" or (kernel == "auto" and _has_compiler()):
-            self._kernel = "c"
-        else:
-            self._kernel = "xla"
+        self._families: Kept[Hashable, Any] = Kept(KEPT)
+        self._counting: Kept[Plan, frozenset[int]] = Kept(KEPT)
+        self._kernel = "c" if kernel == "c" or (kernel == "auto" and _has_compiler()) else "xla"
         self._given = (*self._given, kernel)  # type: ignore[assignment]
 
     def __repr__(self) -> str:
@@ -149,7 +148,7 @@ class JaxFunction(FrameworkFunction):
         for i in real:
             leaves[i] = leaves[i].astype(dtype)
         front = [leaf.shape[: leaf.ndim - dimensions_of(p)] for leaf, p in zip(leaves, self._leaves, strict=True)]
-        shape = batch_shape(self._leaves, front)
+        shape = batch_shape([p.name for p in self._leaves], front)
         batch: list[tuple[int | None, ...]] = [
             tuple(0 if len(s) >= level and s[-level] == n else None for s in front)
             for level, n in ((len(shape) - k, n) for k, n in enumerate(shape))
@@ -180,7 +179,8 @@ class JaxFunction(FrameworkFunction):
         plan = self._plan_for(dict(zip(arrays, shapes, strict=True)))
         self._check(plan, integers, arrays, shapes, known)
         first = len(arrays) - len(known)
-        needed = [k for k in range(len(known)) if first + k in plan.counting]
+        counting = self._counting.get(plan, lambda: _counting(plan))
+        needed = [k for k in range(len(known)) if first + k in counting]
         for k in needed:
             if known[k] is None:
                 name = arrays[first + k].name
@@ -192,16 +192,14 @@ class JaxFunction(FrameworkFunction):
             if known[k].ndim != dimensions_of(arrays[first + k]):
                 raise ArrayIndexError(f"how many terms a sum has depends on {arrays[first + k].name}, which has axes of a batch")
         digest = tuple(hashlib.sha256(np.ascontiguousarray(known[k], np.int64).tobytes()).digest() for k in needed)
-        native = self._kernel == "c" and all(
-            v is not None for v in known
-        )  # what is traced may be out of range: compiled code does not look
-        key = (id(plan), integers, digest, tuple(shapes) if needed else (), native)
-        indices = [v if k in needed else None for k, v in enumerate(known)]
-        return self._kept(self._families, key, lambda: _family_of(plan, integers, indices, native))
+        native = self._kernel == "c" and all(v is not None for v in known)  # compiled code does not look at the range of indices
+        key = (plan, integers, digest, tuple(shapes) if needed else (), native)
+        chosen = [v if k in needed else None for k, v in enumerate(known)]
+        return self._families.get(key, lambda: _family_of(plan, integers, chosen, native))
 
     def _check(
         self,
-        plan: DerivativePrograms,
+        plan: Plan,
         integers: Sequence[int],
         arrays: Sequence[ArrayName],
         shapes: Sequence[tuple[int, ...]],
@@ -214,7 +212,7 @@ class JaxFunction(FrameworkFunction):
             return
         from teg.backends.plan import check_ranges
 
-        program = cast(ArrayProgram, plan.program(-1))
+        program = cast(ArrayProgram, plan.program(VALUE))
         whole = {len(program.parameters) - len(integers) + k: np.asarray(v) for k, v in enumerate(integers)}
         real = [np.broadcast_to(np.float64(0.0), s) for s in shapes[: len(shapes) - len(known)]]
         for values in _elements(known, arrays[len(real) :]):
@@ -268,7 +266,7 @@ def _has_compiler() -> bool:
     return True
 
 
-def _native(plan: DerivativePrograms) -> Any:
+def _native(plan: Plan) -> Any:
     """How programs of a plan become compiled kernels that programs of XLA call."""
     from teg.backends.jax.derivative import Native
 
@@ -286,15 +284,27 @@ def _native(plan: DerivativePrograms) -> Any:
     return Native(bind, plan.options.inaccurate)
 
 
-def _family_of(plan: DerivativePrograms, integers: Sequence[int], indices: Sequence[Any], native: bool) -> Any:
-    """The programs of a plan as functions of JAX, for these integers and index arrays (None: any), with `native` compiled for CPUs."""
+def _counting(plan: Plan) -> frozenset[int]:
+    """The numbers of the arrays that numbers of terms depend on."""
+    if not plan.has_loops:
+        return frozenset()
+    from teg.backends.jax.loops import counting_arrays
+
+    return frozenset(counting_arrays(cast(ArrayProgram, plan.program(VALUE))))
+
+
+def _family_of(plan: Plan, integers: Sequence[int], indices: Sequence[Any], native: bool) -> Any:
+    """Returns the programs of a plan as functions of JAX, with these integers and index arrays (None: any); `native`: compiled for CPUs."""
     from teg.backends.jax.derivative import Family
 
     arrays = [isinstance(p, ArrayName) for p in plan.leaves]
     compiled = _native(plan) if native else None
 
     def made(entry: int | None, entries: Sequence[Any]) -> Any:
-        return Family(lambda order: plan.program(order, entry), arrays, len(plan.wrt), integers, indices, entries, compiled)
+        def program(order: int) -> Program | ArrayProgram:
+            return plan.program(derivative_of_order(order, plan.wrt), entry)
+
+        return Family(program, arrays, len(plan.wrt), integers, indices, entries, compiled)
 
     single = [] if len(plan.entries) == 1 else [made(k, ()) for k in range(len(plan.entries))]
     return made(None, single)
