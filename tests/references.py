@@ -11,8 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from teg import Expr, abs, asin, atan2, bracket, cos, exp, log, maximum, minimum, params, sign, sin, sqrt, tan, vars, where
-from teg.ir import integral
+from teg import Expr, abs, asin, atan2, bracket, cos, exp, integral, log, maximum, minimum, params, sign, sin, sqrt, tan, vars, where
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 
 import teg
-from teg import Expr, bracket, param, params, vars
+from teg import Expr, bracket, integral, param, params, vars
 from teg.backends.c import build as c_build
 from teg.backends.c import frame as c_frame
 from teg.backends.c import polygon as c_polygon
 from teg.backends.c.frame import Frame, Step
 from teg.backends.c.kernel import compile_c
 from teg.backends.c.printer import print_kernel
-from teg.ir import integral
 from teg.program import (
     Assign,
     Gauss,

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import teg
-from teg import Expr, abs, bracket, cos, cosh, exp, log, sin, tanh
+from teg import Expr, abs, bracket, cos, cosh, exp, integral, log, sin, tanh
 from teg.backends.c.kernel import compile_c
 from teg.backends.numpy.kernel import compile_numpy
-from teg.ir import integral
 from teg.program import Adaptive, Guard, Integrate, Program, statements
 
 x, y = teg.vars("x y")

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg import Expr, bracket
-from teg.ir import integral
+from teg import Expr, bracket, integral
 from teg.ir.arrays import Sum
 from teg.ir.expr import Compare
 from teg.ir.node import postorder

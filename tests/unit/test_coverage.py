@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import teg
-from teg import Diffeomorphism, bracket
+from teg import Diffeomorphism, bracket, integral
 from teg.errors import DiffeomorphismError
-from teg.ir import integral
 
 x, y, r, p, u = teg.vars("x y r p u")
 t, a = teg.params("t a")

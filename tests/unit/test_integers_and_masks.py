@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import teg
-from teg import bracket, params
+from teg import bracket, integral, params
 from teg.errors import ArrayIndexError, ParameterError
-from teg.ir import integral
 
 (x,) = teg.vars("x")
 t, n = params("t n")
