@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from teg.backends.jax.bends import Substitution, place
+from teg.backends.jax.arrays import JAX
+from teg.backends.shared.bends import Substitution, place
 from teg.program import FAINT, GUARD_DEPTH, HIDDEN, UNSEEN
 
 Scalar = Any
@@ -33,7 +34,7 @@ class Guard(NamedTuple):
         """Whether something is hidden in the interval (u0, u1) = `ends`: `at` are the nodes in u, `seen` the sharp values there, (nodes,
         sharp), `enough` what does not matter, (tested,)."""
         u = jnp.concatenate([jnp.stack([ends[0]]), at, jnp.stack([ends[1]])])
-        x = place(places, possible, u)[0]
+        x = place(JAX, places, possible, u)[0]
         x = jnp.where(u <= 0.0, places.p, jnp.where(u >= 1.0, places.q, x))
         left, right = jnp.concatenate([x[:1], x[:-1]]), jnp.concatenate([x[-1:], x[1:]])  # the whole interval, then the gaps
         found = jax.vmap(lambda a, b: jnp.stack([jnp.asarray(v, jnp.float64) for v in self.block(a, b)[0]]))(left, right)

@@ -15,9 +15,9 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.backends.jax.bends import Substitution, inside, place, substitution, ways
+from teg.backends.jax.arrays import JAX
 from teg.backends.jax.guard import Guard
-from teg.backends.shared.substitutions import POWER
+from teg.backends.shared.bends import POWER, Substitution, inside, place, possible_kinds, substitution
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import (
     ABSOLUTE_FLOOR,
@@ -92,7 +92,7 @@ class Pieces(NamedTuple):
 
     @property
     def ways(self) -> tuple[int, ...]:
-        return ways(self.kinds, self.cubic, self.infinite)
+        return possible_kinds(self.kinds, self.cubic, self.infinite)
 
 
 def gauss(pieces: Pieces, nodes: int, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
@@ -143,9 +143,9 @@ def integrate(
         active = when & ~broken & (wide | jnp.isposinf(q - p))
         need, counts, flagged, note = True, (), (), jnp.int32(0)
         if flags is not None:
-            need, counts, flagged, note = flags(inside(p, q, INSIDE, pieces.infinite, scale), p, q)
+            need, counts, flagged, note = flags(inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q)
         bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
-        places = substitution(p, q, base, bent, pieces.cubic, pieces.infinite, scale)
+        places = substitution(JAX, p, q, base, bent, pieces.cubic, pieces.infinite, scale)
         sums, note_body = rule(places, (base, bent), active & need, lambda x: vector(body(x, flagged)))
         return sums, where(active, note) | note_body
 
@@ -281,7 +281,7 @@ def _adaptive(
         inner = left + 0.5 * width * (1.0 + at)
         if watched:
             at = jnp.concatenate([at, jnp.array([-1.0, 1.0])])
-        x, rate = place(places, possible, left + 0.5 * width * (1.0 + at))
+        x, rate = place(JAX, places, possible, left + 0.5 * width * (1.0 + at))
         found, notes = jax.vmap(values)(x)
         changed = jnp.bool_(False)
         if watched:  # at the ends, the last two rows, only the conditions count

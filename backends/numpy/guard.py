@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy.bends import Substitution
+from teg.backends.numpy.arrays import places_of
+from teg.backends.shared.bends import Substitution
 from teg.program import FAINT, GUARD_DEPTH, HIDDEN, UNSEEN
 
 Array = npt.NDArray[Any]
@@ -44,7 +45,7 @@ class Guard:
             return hidden
         places, seen, enough = places.part(asked), seen[:, :, asked], enough[:, asked]
         values = [v[asked] if np.ndim(v) else v for v in values]
-        inside = places(at[:, asked])[0]
+        inside = places_of(places, at[:, asked])[0]
         points = np.concatenate([left[asked][None], inside, right[asked][None]])
         padded = np.concatenate([seen[:, :1], seen, seen[:, -1:]], axis=1)
         largest = np.fmax(padded[:, :-1], padded[:, 1:])
@@ -63,8 +64,9 @@ class Guard:
 
     def _place(self, places: Substitution, u: Array) -> Array:
         """The place of u; the ends of a piece are its own."""
-        inside = places(u[None])[0][0]
-        return np.where(u <= 0.0, places.p, np.where(u >= 1.0, places.q, inside))
+        inside = places_of(places, u[None])[0][0]
+        at: Array = np.where(u <= 0.0, places.p, np.where(u >= 1.0, places.q, inside))
+        return at
 
     def _unseen(
         self, run: Any, values: Sequence[Any], left: Array, right: Array, seen: Array, enough: Array, gaps: bool = False

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy.bends import Substitution, inside, substitution
+from teg.backends.numpy.arrays import NUMPY, places_of
 from teg.backends.numpy.guard import Guard
-from teg.backends.shared.substitutions import POWER
+from teg.backends.shared.bends import POWER, Bend, Substitution, inside, substitution
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import (
     ABSOLUTE_FLOOR,
@@ -236,7 +236,7 @@ class Integral:
         base, scale, *coefficients = (gather(v, lane) for v in of_bends) if of_bends else (0.0, 1.0)
         if self.flags is not None and p.size:
             ends = (p, q) if self.ends else ()
-            need, *flagged = self.flags(run, inside(p, q, INSIDE, scale), *ends, *(gather(v, lane) for v in for_flags))
+            need, *flagged = self.flags(run, inside(np, p, q, INSIDE, self.infinite, scale), *ends, *(gather(v, lane) for v in for_flags))
             if not np.all(need):
                 kept = np.flatnonzero(np.broadcast_to(need, p.shape))
                 p, q, lane, base, scale, *coefficients = (gather(v, kept) for v in (p, q, lane, base, scale, *coefficients))
@@ -246,12 +246,12 @@ class Integral:
         active, flagged = flagged[: len(self.bends)], flagged[len(self.bends) :]
         values = [*(gather(v, lane) for v in for_body), *flagged]
         bends = [(kind, *coefficients[3 * i : 3 * i + 3], active[i]) for i, kind in enumerate(self.bends)]
-        return scatter(self._rule(run, self._places(p, q, base, bends, scale), values), lane, lanes)
+        return scatter(self._rule(run, self._places(p, q, base, bends, scale), (base, bends), values), lane, lanes)
 
-    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Any], scale: Value) -> Substitution:
-        return substitution(p, q, base, bends, False, scale)
+    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Bend], scale: Value, cubic: bool = False) -> Substitution:
+        return substitution(NUMPY, p, q, base, bends, cubic, not np.isfinite(q - p).all(), scale)
 
-    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
+    def _rule(self, run: Run, places: Substitution, bends: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
         """The integrals over the pieces, and the estimates of their errors, (results, pieces)."""
         raise NotImplementedError
 
@@ -266,7 +266,7 @@ class GaussIntegral(Integral):
 
     nodes: int = 1
 
-    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
+    def _rule(self, run: Run, places: Substitution, _: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
         nodes, weights = (np.array(column) for column in gauss_legendre(self.nodes))
         p, q = places.p, places.q
         middle, half = 0.5 * (p + q), 0.5 * (q - p)
@@ -317,7 +317,7 @@ class MidpointIntegral(Integral):
 
     nodes: int = 1
 
-    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
+    def _rule(self, run: Run, places: Substitution, _: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
         p, q = places.p, places.q
         sums = np.zeros((self.results, p.size))
         self._count(run, p.size * self.nodes)
@@ -365,10 +365,10 @@ class AdaptiveIntegral(Integral):
     watched: int = 0
     guard: Guard | None = None
 
-    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Any], scale: Value) -> Substitution:
-        return substitution(p, q, base, bends, self.cubic, scale)
+    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Bend], scale: Value, cubic: bool = False) -> Substitution:
+        return Integral._places(self, p, q, base, bends, scale, self.cubic)
 
-    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
+    def _rule(self, run: Run, places: Substitution, _: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
         pieces = places.p.size
         sums = np.zeros((self.results, pieces))
         piece, left, width = np.arange(pieces), np.zeros(pieces), 1.0
@@ -464,7 +464,7 @@ class AdaptiveIntegral(Integral):
             index = piece[part]
             given = [gather(v, index) for v in values]
             here = places.part(index)
-            x, rate = here(left[part] + (0.5 * width) * (1.0 + at[:, None]))
+            x, rate = places_of(here, left[part] + (0.5 * width) * (1.0 + at[:, None]))
             rate *= 0.5 * width
             found = self.body(run, x, *given)
             for i, value in enumerate(found[: self.values]):
@@ -478,7 +478,7 @@ class AdaptiveIntegral(Integral):
                 row[:, part] = value
             if self.watched:
                 aside = Run(run.order, run.room)  # ties at the ends do not count
-                ends = here(np.array([left[part], left[part] + width]))[0]
+                ends = places_of(here, np.array([left[part], left[part] + width]))[0]
                 at_ends = self.body(aside, ends, *given)
                 run.evaluations += aside.evaluations
                 watched = slice(self.values, behind)
