@@ -10,7 +10,8 @@ import jax.numpy as jnp
 
 from teg.backends.jax.arrays import JAX
 from teg.backends.shared.bends import Substitution, place
-from teg.program import FAINT, GUARD_DEPTH, HIDDEN, UNSEEN
+from teg.backends.shared.rules import is_unseen
+from teg.program import GUARD_DEPTH
 
 Scalar = Any
 
@@ -46,7 +47,7 @@ class Guard(NamedTuple):
         beside = jnp.fmax(jnp.concatenate([seen[:1], seen]), jnp.concatenate([seen, seen[-1:]]))
         known = jnp.concatenate([_least(seen)[None], beside])
         upper, lower = found[:, tested : tested + self.sharp], found[:, tested + self.sharp :]
-        large = (upper > UNSEEN * jnp.fmax(known, FAINT)) | (upper > HIDDEN * jnp.fmax(lower, FAINT))
+        large = is_unseen(jnp, upper, lower, known)
         inside = (u[jnp.maximum(gap, 0)] > 0.0) & (u[gap + 1] < 1.0) & (depth < GUARD_DEPTH)
         counts = ~jnp.isposinf(upper) | (inside | whole)[:, None]
         unseen = jnp.any(large & counts, axis=1) & matters

@@ -8,9 +8,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from teg.backends.jax.runtime import MISSED, Note, Pieces, Scalar, integrate, rounding, union, where
+from teg.backends.jax.runtime import MISSED, Note, Pieces, Scalar, integrate, union, where
 from teg.backends.shared.bends import Substitution
 from teg.backends.shared.poles import pole_at, pole_weights
+from teg.backends.shared.rules import rounding
 from teg.numerics.quadrature import gauss_legendre, null_rules
 from teg.program import RESIDUE
 
@@ -32,7 +33,7 @@ def rational(pieces: Pieces, nodes: int, power: int, *integral: Any, when: Scala
         sums = jnp.where(endless, jnp.copysign(jnp.inf, sums), sums)
         if pieces.estimated:
             whole = half * jnp.sum(jnp.abs(w * found[:, : pieces.tested]), axis=0)
-            sums = jnp.concatenate([sums, (rounding(places) + pole.loss) * whole])
+            sums = jnp.concatenate([sums, (rounding(jnp, p, q) + pole.loss) * whole])
         return jnp.where(active, sums, 0.0), where(active, union(notes) | where(jnp.any(endless), MISSED))
 
     return integrate(pieces, rule, *integral, when=when)

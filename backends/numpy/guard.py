@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from teg.backends.numpy.arrays import places_of
 from teg.backends.shared.bends import Substitution
-from teg.program import FAINT, GUARD_DEPTH, HIDDEN, UNSEEN
+from teg.backends.shared.rules import is_unseen
+from teg.program import GUARD_DEPTH
 
 Array = npt.NDArray[Any]
 
@@ -85,7 +86,7 @@ class Guard:
         first = len(enough)
         for i in range(self.sharp):
             upper, lower = found[first + i], found[first + self.sharp + i]
-            large = (upper > UNSEEN * np.fmax(seen[i], FAINT)) | (upper > HIDDEN * np.fmax(lower, FAINT))
+            large = is_unseen(np, upper, lower, seen[i])
             infinite = np.isposinf(upper) if gaps else np.False_
             unseen |= large & ~infinite
             endless |= large & infinite

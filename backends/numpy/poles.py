@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teg.backends.numpy.runtime import Array, Integral, Run, Value, cut, parts, rounding
+from teg.backends.numpy.runtime import Array, Integral, Run, Value, cut, parts
 from teg.backends.shared.bends import Bend, Substitution
 from teg.backends.shared.poles import pole_at, pole_weights
+from teg.backends.shared.rules import rounding
 from teg.numerics.quadrature import gauss_legendre, null_rules
 from teg.program import RESIDUE
 
@@ -45,6 +46,6 @@ class RationalIntegral(Integral):
                     total[part] = np.where(endless, np.copysign(np.inf, total[part]), total[part])
             if self.estimated:
                 for total, value in zip(sums[self.values :], found, strict=False):
-                    total[part] = (rounding(p[part], q[part]) + pole.loss[part]) * np.abs(w[:, part] * value).sum(axis=0)
+                    total[part] = (rounding(np, p[part], q[part]) + pole.loss[part]) * np.abs(w[:, part] * value).sum(axis=0)
         sums *= half
         return sums
