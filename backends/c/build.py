@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
-from teg.backends.c.cache import SUFFIX, cache_folder, digest_of, remove_abandoned, stored, temporary_folder
+from teg.backends.c.cache import KEY_LENGTH, OBJECT, SUFFIX, cache_folder, digest_of, stored, temporary_folder, trim
 from teg.errors import CompilerError
 
 BASE_FLAGS = ("-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
@@ -34,7 +34,6 @@ LIGHT = (
     "-fira-algorithm=priority",
 )
 """With -O1: passes that take a third of the time of long straight-line texts, and make them 3 % faster."""
-OBJECT = ".o"
 OPTIMISE = ("-O3",)
 NO_COMPILER = (
     "install one (Debian, Ubuntu: apt install gcc; macOS: xcode-select --install; Windows: gcc of MSYS2), "
@@ -119,7 +118,7 @@ def _check_room(folder: Path) -> None:
 
 def _key(text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> str:
     parts = (text, *compiler, _version(compiler), *flags, _processor())
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:40]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:KEY_LENGTH]
 
 
 @lru_cache(maxsize=8)
@@ -153,7 +152,6 @@ def _store(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str,
 
 def _store_under(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...], suffix: str) -> Path:
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    remove_abandoned(folder)
     with tempfile.TemporaryDirectory(prefix="build-", dir=folder, ignore_cleanup_errors=True) as workshop:
         library = Path(workshop, "kernel" + suffix)
         compile_library(text, library, compiler, flags)
@@ -163,4 +161,5 @@ def _store_under(folder: Path, text: str, compiler: tuple[str, ...], flags: tupl
         except PermissionError:  # Windows: another process has the same library open
             if not path.exists():
                 raise
+    trim(folder.parent)
     return path

@@ -9,6 +9,9 @@ twice; each renames a whole library.
 The cache is `TEG_CACHE_DIR`, else `$XDG_CACHE_HOME/teg`, else `~/.cache/teg`, of mode 0700. A folder that
 cannot be written, that others could write, that is full, or from which no library may be loaded (noexec), is
 not used: a private temporary folder, removed at exit, replaces it.
+
+Its entries take at most `TEG_CACHE_SIZE` megabytes (512): after a build those used longest ago are removed. An entry's time of modification
+is that of its last use.
 """
 
 from __future__ import annotations
@@ -20,10 +23,22 @@ import shutil
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
+
+from teg.errors import OptionError
 
 SUFFIX = ".dll" if sys.platform == "win32" else ".so"
+OBJECT = ".o"
+MEGABYTE = 10**6
+MEGABYTES = 512.0
+"""What entries may take in all, if `TEG_CACHE_SIZE` says nothing else."""
+RECENT = 600
+"""Seconds in which what was used may be in use: another process may be about to load it, or to link it."""
+KEY_LENGTH = 40
 ABANDONED = 24 * 3600
 """Seconds after which a build is over: its process was killed."""
 
@@ -77,6 +92,8 @@ def stored(folder: Path, suffix: str = SUFFIX) -> Path | None:
     for path in entries:
         try:
             if digest_of(path) == path.stem:
+                with suppress(OSError):  # it is not ours
+                    os.utime(path)
                 return path
             path.unlink()
         except OSError:
@@ -84,16 +101,71 @@ def stored(folder: Path, suffix: str = SUFFIX) -> Path | None:
     return None
 
 
-def remove_abandoned(folder: Path) -> None:
-    """Remove what killed processes left."""
-    for left in folder.glob("build-*"):
-        try:
-            old = time.time() - left.stat().st_mtime > ABANDONED
-        except OSError:  # it was removed meanwhile
-            continue
-        if old:
-            shutil.rmtree(left, ignore_errors=True)
+class Entry(NamedTuple):
+    """A library or an object file: its size in bytes, and when it was used last."""
+
+    path: Path
+    size: int
+    used: float
+
+
+def entries_of(cache: Path) -> list[Entry]:
+    """All entries, the one used longest ago first."""
+    found = []
+    for key in _keys(cache):
+        for path in key.glob("*.*"):
+            if path.suffix in (SUFFIX, OBJECT):
+                with suppress(OSError):  # it was removed meanwhile
+                    status = path.stat()
+                    found.append(Entry(path, status.st_size, status.st_mtime))
+    return sorted(found, key=lambda entry: entry.used)
+
+
+def trim(cache: Path) -> None:
+    """Remove what killed processes left, and entries until the others are within the limit, but none that may be in use."""
+    now = time.time()
+    for key in _keys(cache):
+        for build in key.glob("build-*"):
+            with suppress(OSError):
+                if now - build.stat().st_mtime > ABANDONED:
+                    shutil.rmtree(build, ignore_errors=True)
+    entries = entries_of(cache)
+    excess = sum(entry.size for entry in entries) - size_limit()
+    for entry in entries:
+        if excess <= 0 or now - entry.used < RECENT:
+            return
+        with suppress(OSError):
+            entry.path.unlink()
+            excess -= entry.size
+            entry.path.parent.rmdir()  # which fails if there is another entry
+
+
+def clear(cache: Path) -> list[Entry]:
+    """Remove all entries; what they were."""
+    entries = entries_of(cache)
+    for key in _keys(cache):
+        shutil.rmtree(key, ignore_errors=True)
+    return [entry for entry in entries if not entry.path.exists()]
+
+
+def size_limit() -> float:
+    """The bytes that all entries may take. Raises OptionError if `TEG_CACHE_SIZE` is no number of megabytes."""
+    chosen = os.environ.get("TEG_CACHE_SIZE") or str(MEGABYTES)
+    try:
+        megabytes = float(chosen)
+    except ValueError:
+        megabytes = -1.0
+    if not megabytes >= 0.0:
+        raise OptionError("the environment variable TEG_CACHE_SIZE is no size", repr(chosen), "a number of megabytes: TEG_CACHE_SIZE=512")
+    return megabytes * MEGABYTE
+
+
+def _keys(cache: Path) -> Iterator[Path]:
+    """The folders of the cache, and nothing else that may be beside them."""
+    for path in cache.iterdir() if cache.is_dir() else ():
+        if len(path.name) == KEY_LENGTH and not set(path.name) - set("0123456789abcdef") and path.is_dir():
+            yield path
 
 
 def digest_of(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:40]
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:KEY_LENGTH]

@@ -15,7 +15,7 @@ import pytest
 
 from teg.backends.c import build as c_build
 from teg.backends.c import cache as c_cache
-from teg.errors import CompilerError
+from teg.errors import CompilerError, OptionError
 
 pytestmark = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
 ROOT = Path(__file__).resolve().parents[2]
@@ -170,6 +170,66 @@ def test_two_builds_that_end_at_the_same_time_leave_one_whole_entry(cache: Path,
     assert len(list(meeting.iterdir())) == 2
     assert len(entries(cache)) == 1
     assert c_cache.digest_of(entries(cache)[0]) == entries(cache)[0].stem
+
+
+# What is removed
+
+
+def aged(path: Path, hours: float) -> float:
+    """Make an entry one that was used so long ago; its size in MB."""
+    then = time.time() - 3600 * hours
+    os.utime(path, (then, then))
+    return path.stat().st_size / c_cache.MEGABYTE
+
+
+def made(cache: Path, number: int) -> Path:
+    """The entry of a new library."""
+    before = set(entries(cache))
+    assert answer(number) == number
+    (new,) = set(entries(cache)) - before
+    return new
+
+
+def test_what_was_used_longest_ago_is_removed(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second, third = (made(cache, number) for number in (1, 2, 3))
+    sizes = [aged(path, hours) for path, hours in ((first, 5), (second, 4), (third, 3))]
+    assert answer(1) == 1  # which makes it the one used last
+    monkeypatch.setenv("TEG_CACHE_SIZE", str(sum(sizes) + 0.5 * sizes[0]))
+    fourth = made(cache, 4)
+    assert set(entries(cache)) == {first, third, fourth}
+    assert not second.parent.exists()
+    assert answer(2) == 2
+
+
+def test_what_may_be_in_use_is_kept(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEG_CACHE_SIZE", "0")
+    first, second = made(cache, 1), made(cache, 2)
+    assert entries(cache) == sorted([first, second])
+    aged(first, 1)
+    third = made(cache, 3)
+    assert entries(cache) == sorted([second, third])
+
+
+def test_objects_count_and_other_files_are_left_alone(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    c_build.load_linked("int f(void); int g(void) { return f(); }", ["int f(void) { return 7; }"], "int h;", optimise=("-O1",))
+    assert {entry.path.suffix for entry in c_cache.entries_of(cache)} == {c_cache.SUFFIX, c_cache.OBJECT}
+    for entry in c_cache.entries_of(cache):
+        aged(entry.path, 1)
+    (cache / "notes").mkdir()
+    (cache / "notes" / "mine.o").touch()
+    monkeypatch.setenv("TEG_CACHE_SIZE", "0")
+    last = made(cache, 1)
+    assert [entry.path for entry in c_cache.entries_of(cache)] == [last]
+    assert [entry.path for entry in c_cache.clear(cache)] == [last]
+    assert [path.name for path in cache.iterdir()] == ["notes"]
+    assert (cache / "notes" / "mine.o").exists()
+
+
+@pytest.mark.parametrize("size", ["many", "-1", "nan"])
+def test_a_size_that_is_none_is_named(size: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEG_CACHE_SIZE", size)
+    with pytest.raises(OptionError, match="TEG_CACHE_SIZE"):
+        c_cache.size_limit()
 
 
 # Where nothing can be kept
