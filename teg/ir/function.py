@@ -60,15 +60,11 @@ class Slot(Node):
 
 
 class Function(Node):
-    """A function of the language; data is (name, formals, inline), the child is the body. Call it with one argument a formal.
+    """A function of the language; data is (name, formals, inline), the child is the body. Call it with one argument a formal."""
 
-    What is derived of it (bodies of derivatives, their programs) is kept in `kept`, and lives as long as the function does.
-    """
-
-    __slots__ = ("_facts", "_kept")
+    __slots__ = ("_facts",)
 
     _facts: _Facts
-    _kept: dict[Any, Any]
 
     @property
     def title(self) -> str:
@@ -109,12 +105,6 @@ class Function(Node):
         if not hasattr(self, "_facts"):
             object.__setattr__(self, "_facts", _Facts(self))
         return self._facts
-
-    @property
-    def kept(self) -> dict[Any, Any]:
-        if not hasattr(self, "_kept"):
-            object.__setattr__(self, "_kept", {})
-        return self._kept
 
     @property
     def obstacle(self) -> str:
