@@ -35,6 +35,7 @@ from teg.ir.expr import (
     Mul,
     Param,
     Pow,
+    UncountedFloor,
     Var,
     Where,
     add,
@@ -107,20 +108,7 @@ class Steps:
 
 def is_step(node: Node) -> bool:
     """A floor with variables in it whose steps may be counted."""
-    return isinstance(node, Call) and node.name == "floor" and bool(node.free) and not is_uncounted(node)
-
-
-def is_uncounted(node: Node) -> bool:
-    """A floor that `uncounted` made."""
-    if not (isinstance(node, Call) and node.name == "floor" and isinstance(node.children[0], Call)):
-        return False
-    inner = node.children[0]
-    return inner.name == "max" and inner.children[0] is inner.children[1]
-
-
-def uncounted(u: Expr) -> Expr:
-    """floor(u) for where there are too many steps: written with max(u, u), which is u, so that nobody counts them again."""
-    return call("floor", call("max", u, u))
+    return isinstance(node, Call) and node.name == "floor" and bool(node.free) and not isinstance(node, UncountedFloor)
 
 
 def with_floors(root: Expr) -> Expr:
