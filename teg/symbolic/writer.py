@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, cast
 
-from teg import language as build
+from teg import language
 from teg.errors import NameClashError, OperandError
 from teg.ir import expr as ex
 from teg.ir.arrays import LEAVES, Sum
@@ -268,7 +268,7 @@ def _named(node: Where) -> tuple[Any, ...] | None:
         return None
     if then is condition.g and otherwise is ex.mul(MINUS_ONE, then):
         return "Abs", then
-    if then is ONE and node is build.sign(condition.g):
+    if then is ONE and node is language.sign(condition.g):
         return "sign", condition.g
     if condition is ex.less(then, otherwise, strict=True):
         return "Min", then, otherwise
