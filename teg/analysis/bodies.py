@@ -53,12 +53,12 @@ def with_peaks_outside(node: Apply, children: tuple[Node, ...]) -> Expr | None:
         return None
     if "peaks" not in function.kept:
         function.kept["peaks"] = _without_peaks(function)
-    rest, exponents = cast("tuple[Function, list[Function]]", function.kept["peaks"])
-    given: dict[Expr, Node] = dict(zip(function.inputs, children, strict=True))
-    none = (0,) * max(f.arity for f in (rest, *exponents))
-    for formal, q in zip(rest.formals[function.formal :], exponents, strict=True):
-        given[formal] = call("exp", Apply.make((q, none[: q.arity]), tuple(given[p] for p in q.inputs)))
-    return Apply.make((rest, none[: rest.arity]), tuple(given[p] for p in rest.inputs))
+    outer, exponents = cast("tuple[Function, list[Function]]", function.kept["peaks"])
+    inputs: dict[Expr, Node] = dict(zip(function.inputs, children, strict=True))
+    none = (0,) * max(f.arity for f in (outer, *exponents))
+    for formal, q in zip(outer.formals[function.formal :], exponents, strict=True):
+        inputs[formal] = call("exp", Apply.make((q, none[: q.arity]), tuple(inputs[p] for p in q.inputs)))
+    return Apply.make((outer, none[: outer.arity]), tuple(inputs[p] for p in outer.inputs))
 
 
 def _without_peaks(function: Function) -> tuple[Function, list[Function]]:
@@ -72,9 +72,9 @@ def _without_peaks(function: Function) -> tuple[Function, list[Function]]:
     for _ in peaks:
         formals.append(fresh("peak", taken))
         taken.add(formals[-1])
-    rest = replaced([body], dict(zip(peaks, formals, strict=True)))[0]
+    outer = replaced([body], dict(zip(peaks, formals, strict=True)))[0]
     exponents = [Function.make((f"exponent of {function.title}", function.formals, False), (n.children[0],)) for n in peaks]
-    return Function.make((function.title, (*function.formals, *formals), function.inline), (rest,)), exponents
+    return Function.make((function.title, (*function.formals, *formals), function.inline), (outer,)), exponents
 
 
 def body_of(function: Function, derivative: tuple[int, ...]) -> tuple[tuple[Var, ...], Expr]:

@@ -40,17 +40,17 @@ _FLATTEN = 8  # so many nested integrals, and factors, are written as one node: 
 def symbols_of(root: Node, given: Mapping[Any, Any]) -> dict[Node, Any]:
     """Returns a distinct symbol for every parameter and variable: the one given, or the real one of the same name."""
     symbol = sympy_package().Symbol
-    found: dict[Node, Any] = {}
+    symbols: dict[Node, Any] = {}
     stands_for: dict[Any, Node] = {}
     for node in postorder([root]):
         leaf = node.var if isinstance(node, Integral) else node
-        if isinstance(leaf, Param | Var) and leaf not in found:
-            found[leaf] = given[leaf] if leaf in given else symbol(leaf.name, real=True)
-            if stands_for.setdefault(found[leaf], leaf) is not leaf:
+        if isinstance(leaf, Param | Var) and leaf not in symbols:
+            symbols[leaf] = given[leaf] if leaf in given else symbol(leaf.name, real=True)
+            if stands_for.setdefault(symbols[leaf], leaf) is not leaf:
                 raise NameClashError(
                     f"{leaf.name!r} would stand for a parameter and a variable", root, "rename one of them, or give symbols="
                 )
-    return found
+    return symbols
 
 
 def written_out(root: Node) -> int:
