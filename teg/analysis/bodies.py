@@ -54,12 +54,12 @@ def with_peaks_outside(node: Apply, children: tuple[Node, ...]) -> Expr | None:
     function = cast(Function, node.callee)
     if any(node.derivative):
         return None
-    rest, exponents = _without_peaks(function)
-    given: dict[Expr, Node] = dict(zip(function.inputs, children, strict=True))
-    none = (0,) * max(f.arity for f in (rest, *exponents))
-    for formal, q in zip(rest.formals[function.formal :], exponents, strict=True):
-        given[formal] = call("exp", Apply.make((q, none[: q.arity]), tuple(given[p] for p in q.inputs)))
-    return Apply.make((rest, none[: rest.arity]), tuple(given[p] for p in rest.inputs))
+    outer, exponents = _without_peaks(function)
+    inputs: dict[Expr, Node] = dict(zip(function.inputs, children, strict=True))
+    none = (0,) * max(f.arity for f in (outer, *exponents))
+    for formal, q in zip(outer.formals[function.formal :], exponents, strict=True):
+        inputs[formal] = call("exp", Apply.make((q, none[: q.arity]), tuple(inputs[p] for p in q.inputs)))
+    return Apply.make((outer, none[: outer.arity]), tuple(inputs[p] for p in outer.inputs))
 
 
 @lru_cache(maxsize=KEPT)
@@ -74,9 +74,9 @@ def _without_peaks(function: Function) -> tuple[Function, list[Function]]:
     for _ in peaks:
         formals.append(fresh("peak", taken))
         taken.add(formals[-1])
-    rest = replaced([body], dict(zip(peaks, formals, strict=True)))[0]
+    outer = replaced([body], dict(zip(peaks, formals, strict=True)))[0]
     exponents = [Function.make((f"exponent of {function.title}", function.formals, False), (n.children[0],)) for n in peaks]
-    return Function.make((function.title, (*function.formals, *formals), function.inline), (rest,)), exponents
+    return Function.make((function.title, (*function.formals, *formals), function.inline), (outer,)), exponents
 
 
 @lru_cache(maxsize=KEPT)

@@ -288,9 +288,9 @@ def _related_extent(u: Expr, v: Expr, level: Expr, ranges: Mapping[Var, Range]) 
     start = {x: ranges[x].start for x in u.free}
     first = min(u.free, key=lambda x: str(x.name))
     rate = number(tidy(cast(Expr, substitute(div(slope(u, first), slope(v, first)), start))))
-    if rate is None or not math.isfinite(rate) or shadow.degree(rest := sub(u, mul(const(rate), v))) != 0:
+    if rate is None or not math.isfinite(rate) or shadow.degree(difference := sub(u, mul(const(rate), v))) != 0:
         return None
-    least = add(mul(const(rate), level), cast(Expr, substitute(rest, start)))
+    least = add(mul(const(rate), level), cast(Expr, substitute(difference, start)))
     return add(least, const(min(rate, 0.0))), add(least, const(max(rate, 0.0))), const(abs(rate))
 
 

@@ -120,10 +120,10 @@ class Function(Node):
         if len(arguments) != len(self.formals):
             names = ", ".join(f.name for f in self.formals)
             raise OperandError(f"{self.title}({names}) takes {len(self.formals)} arguments, and was given {len(arguments)}", self)
-        given = tuple(as_number(a) for a in arguments)
-        if deltas := [a for a in given if a.has_delta]:
+        inputs = tuple(as_number(a) for a in arguments)
+        if deltas := [a for a in inputs if a.has_delta]:
             raise OperandError(f"a Dirac delta inside {self.title} has no meaning", deltas[0], "a delta may only be added and multiplied")
-        return Apply.make((self, (0,) * self.arity), (*given, *self.inputs[self.formal :]))
+        return Apply.make((self, (0,) * self.arity), (*inputs, *self.inputs[self.formal :]))
 
     def __str__(self) -> str:
         return f"{self.title}({', '.join(f.name for f in self.formals)}) = {self.body}"

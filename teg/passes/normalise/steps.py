@@ -138,18 +138,18 @@ class _Walk:
 
     def _inside(self, node: Integral, env: Env) -> Env:
         """Returns the ranges inside an integral; its variable has none if its bounds have no enclosure."""
-        rest = tuple((v, r) for v, r in env if v is not node.var)
+        outer = tuple((v, r) for v, r in env if v is not node.var)
         if not node.lo.free and not node.hi.free:
-            return (*rest, (node.var, Range(node.lo, node.hi)))
+            return (*outer, (node.var, Range(node.lo, node.hi)))
         box = {v: r.interval for v, r in env}
         try:
             ends = [enclose(b, box) for b in (node.lo, node.hi)]
         except NotDifferentiableError:
-            return rest
+            return outer
         if any(e.free for pair in ends for e in pair):
-            return rest
+            return outer
         hull = Range(call("min", ends[0][0], ends[1][0]), call("max", ends[0][1], ends[1][1]))
-        return (*rest, (node.var, hull))
+        return (*outer, (node.var, hull))
 
 
 def _job(node: Node, env: Env, plain: bool) -> tuple[Node, Env, bool]:
@@ -231,8 +231,8 @@ class _Summands:
 
     def _terms(self, e: Expr, box: Box, nested: bool) -> list[Term]:
         """Returns e as a sum of terms. Only the first floor in a linear place makes terms of its own."""
-        while (found := self._next(e, box)) is not None:
-            floor, is_linear = found
+        while (following := self._next(e, box)) is not None:
+            floor, is_linear = following
             steps = count_steps(_argument(floor), box)
             if steps is None:
                 self.given_up.add(_known(floor, box))
@@ -257,9 +257,9 @@ class _Summands:
         """Returns the terms of e = A + B·floor: from the step nearest to 0 (or from the base) brackets upwards and downwards."""
         mark = fresh("⌊⌋", e.free)
         rate = jump(cast(Expr, replace_node(e, floor, where(positive(mark), ONE, ZERO))), mark)
-        rest = cast(Expr, replace_node(e, floor, ZERO))
+        constant = cast(Expr, replace_node(e, floor, ZERO))
         origin = _nearest_to_zero(steps)
-        terms = self._terms(add(rest, mul(steps.level(origin), rate)), box, True)
+        terms = self._terms(add(constant, mul(steps.level(origin), rate)), box, True)
         inner = self._terms(rate, box, True)
         self._cells += len(inner) * (len(steps.over) - 1)
         for i, over in enumerate(steps.over):
