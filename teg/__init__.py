@@ -16,6 +16,7 @@ from teg.evaluator.check import GradientReport, check_gradient
 from teg.evaluator.compile import compile, evaluate
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.evaluator import Evaluator as ArrayEvaluator
+from teg.evaluator.explain import explain
 from teg.interop.jax import jax_function
 from teg.interop.scipy import scipy_function
 from teg.interop.torch import torch_function
@@ -62,7 +63,7 @@ from teg.maps import polar
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.eliminate.mapped import change_variables
 from teg.report.diagnose import Diagnosis
-from teg.report.explain import Explanation, explain
+from teg.report.explanation import Explanation
 from teg.symbolic import from_sympy, to_sympy
 
 __version__ = "0.1.0"
