@@ -40,7 +40,6 @@ from teg.passes.normalise.origins import with_differences
 from teg.passes.normalise.steps import enumerate_steps
 from teg.passes.normalise.too_many_steps import check_steps, without_uncounted
 from teg.passes.program.errors import with_error_estimates
-from teg.passes.program.group import group
 from teg.passes.program.link import with_bodies
 from teg.passes.program.sink import sink
 from teg.program import Program
@@ -149,11 +148,11 @@ def compiled_outputs(
 def program_for(outputs: Sequence[Expr], names: Sequence[str], how: Integration, errors: bool = False) -> Program:
     """The scheduled program of flat outputs; with `errors`, an estimate of the error of each behind them."""
     program = schedule(outputs, names, how)
-    return with_bodies(group(sink(with_error_estimates(program) if errors else program)))
+    return with_bodies(sink(with_error_estimates(program) if errors else program))
 
 
 def cell_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration) -> Program:
-    """The same for a part of a program with arrays: branches are made when it has been cut into what each loop computes."""
+    """The same for a part of a program with arrays, without estimates: these follow the loops."""
     return with_bodies(sink(schedule(outputs, names, how)))
 
 

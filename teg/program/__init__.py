@@ -244,8 +244,8 @@ begins at corner i. Each result is Σ c·∫∫ uʲvᵏ w du dv over its `terms`
 Semantics of `When`: if `when` is false every result is 0 and nothing of `body` is run. Else `body` is run, which gives the results their
 values. Nothing else in it is known outside. It stands in the outermost block or in another `When`.
 
-A polygon's `met` names a boolean that is false only where a half-plane fails; it is there for the pass that makes branches, and in no
-program that is printed.
+A polygon's `met` names a boolean that is false only where a half-plane fails; backends make branches of it (`teg.backends.branches`), and
+it is in no program that they print.
 
 Operations (arithmetic is plain IEEE double, without contraction to fused multiply-add):
 

@@ -12,7 +12,7 @@ from teg.numerics.quadrature import triangle_rule
 from teg.passes.intrinsics.polygon.match import match_clipped, match_polygon, match_segment
 from teg.passes.program.sink import sink
 from teg.pipeline import normal_form
-from teg.program import Assign, Integrate, Polygon, Segment, When, blocks, size, statements
+from teg.program import Assign, Integrate, Polygon, Segment, blocks, size, statements
 from tests.bench.scenes import half_planes, triangle_pixel
 
 x, y = teg.vars("x y")
@@ -85,7 +85,7 @@ def test_a_triangle_is_one_polygon_and_its_gradient_three_segments_more() -> Non
         e, wrt = triangle_pixel(order)
         f = teg.compile(e, wrt, backend="numpy")
         kinds = [type(s) for s in statements(f.program(1).body) if not isinstance(s, Assign)]
-        assert kinds == [When, Polygon, When, Segment, Segment, Segment]
+        assert kinds == [Polygon, Segment, Segment, Segment]
         (polygon, *segments) = [s for s in statements(f.program(1).body) if isinstance(s, Polygon | Segment)]
         assert isinstance(polygon, Polygon)
         assert polygon.degree == 2 * order

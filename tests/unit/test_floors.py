@@ -31,7 +31,6 @@ STAGES = ["normalise", "differentiate", "eliminate", "lower", "intrinsics", "pro
 LATER_STAGES_USED = {
     ("teg.passes.eliminate.families", "teg.passes.intrinsics.hyperbola.match"),
     ("teg.passes.lower.guarded", "teg.passes.intrinsics.hyperbola.emit"),
-    ("teg.passes.lower.loops", "teg.passes.program.group"),
 }
 OPTIONAL = ["jax", "torch", "sympy", "scipy", "matplotlib", "PIL", "skimage", "tqdm", "mpmath"]
 

@@ -36,7 +36,6 @@ from teg.program import (
     assigned,
     clipped_by,
     statements,
-    without_branches,
 )
 from teg.program.dce import without_dead_code
 
@@ -62,7 +61,6 @@ def with_errors_of(program: Program, inexact: Sequence[int]) -> Program:
 
 class _Estimator:
     def __init__(self, program: Program, inexact: Sequence[int] = ()) -> None:
-        program = without_branches(program)
         first = len(program.parameters)
         titles = (f"error of {program.parameters[i]}" for i in inexact)
         self.program = replace(program, parameters=(*program.parameters, *titles))
