@@ -29,14 +29,16 @@ MAX_ORDER = 64
 
 @dataclass(frozen=True)
 class Integration:
-    """Tolerance (mixed absolute and relative), rule, its order (None: the rule's own choice), the seed of samples, and for how many roots
-    of a condition there is room at first, if no theorem bounds their number. Raises OptionError for values that they cannot have."""
+    """Tolerance (mixed absolute and relative), rule, its order (None: the rule's own choice), the seed of samples, for how many roots of a
+    condition there is room at first, if no theorem bounds their number, and whether fast paths of one shape of program are used. Raises
+    OptionError for values that they cannot have."""
 
     tol: float = DEFAULT_TOL
     rule: str = "auto"
     order: int | None = None
     seed: int = 0
     max_roots: int = MAX_ROOTS
+    intrinsics: bool = True
 
     def __post_init__(self) -> None:
         tol: Any = self.tol
@@ -57,13 +59,15 @@ class Integration:
             raise OptionError(f"seed={self.seed!r} is not a seed", None, "a whole number from 0 to 2³² - 1")
         if not _is_whole(self.max_roots) or not 1 <= self.max_roots <= MOST_ROOTS:
             raise OptionError(f"max_roots={self.max_roots!r} is not a number of roots", None, "1 to 4096; each takes a place in the loops")
+        if not isinstance(self.intrinsics, bool):
+            raise OptionError(f"intrinsics={self.intrinsics!r} is not known", None, "True or False")
         object.__setattr__(self, "seed", int(self.seed))
         object.__setattr__(self, "max_roots", int(self.max_roots))
 
     @property
     def closed_forms(self) -> bool:
-        """Whether an integral may be computed without a rule (clipped polygons, moments of hyperbolas): only where none was asked for."""
-        return self.rule == "auto" and self.order is None
+        """Whether an integral may be computed by an intrinsic, without a rule: only where none was asked for."""
+        return self.intrinsics and self.rule == "auto" and self.order is None
 
 
 def with_more_room(how: Integration) -> Integration | None:

@@ -207,6 +207,7 @@ class ArrayEvaluator:
             derivatives=derivatives,
             maps=self._options.maps,
             max_roots=how.max_roots,
+            intrinsics=how.intrinsics,
         )
 
     def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:

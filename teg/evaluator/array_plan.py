@@ -14,11 +14,10 @@ from teg.ir.arrays import Array
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
-from teg.passes.lower.integrals import schedule
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.program.errors_in_loops import with_array_error_estimates
-from teg.pipeline import cell_program, compiled_outputs, flatten, jvp, normal_form
+from teg.pipeline import cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
@@ -98,7 +97,7 @@ class Compiled:
     def flat(self, cells: Sequence[Expr], names: Sequence[str], unfinished: bool = False, how: Integration | None = None) -> Program:
         """The flat program of some cells."""
         together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that they share loops
-        return (schedule if unfinished else cell_program)(list(together.children), names, how or self.options.integration)
+        return (flat_program if unfinished else cell_program)(list(together.children), names, how or self.options.integration)
 
     def map_checks(self) -> Any:
         """The checks of the user's maps at a call."""

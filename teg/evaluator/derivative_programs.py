@@ -22,11 +22,10 @@ from teg.ir.arrays import Array
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
 from teg.passes.differentiate.through_sums import gradient, on_cells, tangent
-from teg.passes.lower.integrals import schedule
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.program.errors_in_loops import with_array_error_estimates
-from teg.pipeline import ESTIMATORS, cell_program, compiled_outputs, flatten, jvp, normal_form, program_for
+from teg.pipeline import ESTIMATORS, cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
@@ -124,7 +123,7 @@ class DerivativePrograms:
                 if slope.has_delta:  # a tangent is also a value, as a factor of another derivative
                     slope = on_cells(slope, partial(normal_form, maps=maps))
                 outputs.append((p, slope) if isinstance(p, Array) else slope)
-        program = schedule_arrays(outputs, scalars, arrays, partial(self._flat, schedule if errors else cell_program, integration))
+        program = schedule_arrays(outputs, scalars, arrays, partial(self._flat, flat_program if errors else cell_program, integration))
         return with_array_error_estimates(program) if errors else program
 
     def _flat(self, scheduled: Callable[..., Program], how: Integration, cells: Sequence[Expr], names: Sequence[str]) -> Program:

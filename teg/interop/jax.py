@@ -42,6 +42,7 @@ def jax_function(
     discontinuities: str = "sift",
     max_roots: int = MAX_ROOTS,
     maps: Sequence[Any] = (),
+    intrinsics: bool = True,
 ) -> JaxFunction:
     """A pure function of JAX: a dict of parameters and arrays by name (a pytree) to the value, or a tuple of values.
 
@@ -67,7 +68,7 @@ def jax_function(
     """
     program = checked_expression(e)
     precision = None if dtype is None else checked_dtype(dtype)
-    integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots)
+    integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots, intrinsics)
     options = Options("jax", integration, "ignore", precision or "float64", 1, 2**28, discontinuities, maps, False)
     wrt = None if params is None else parameters_and_arrays(params)
     _import_jax(precision)

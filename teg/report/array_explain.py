@@ -51,6 +51,7 @@ def explain_arrays(
         "nodes": nodes(e),
         "options": {
             "tol": how.tol, "rule": how.rule, "order": how.order, "discontinuities": discontinuities, "max_roots": how.max_roots,
+            "intrinsics": how.intrinsics,
         },
         "assumed_length": assumed,
         "arrays": [{"name": a.name, "dimensions": a.dimensions, "integers": isinstance(a, IndexArray)} for a in arrays_of(e)],

@@ -7,7 +7,6 @@ from collections.abc import Callable, Container, Iterable, Sequence
 from typing import Any, TypeVar, assert_never, cast
 
 from teg.analysis.bodies import write_all_out
-from teg.analysis.breaks import BreakAnalysis
 from teg.analysis.isolation import MAX_ROOTS, max_roots
 from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
@@ -24,9 +23,9 @@ from teg.numerics.quadrature import triangle_rule
 from teg.numerics.sobol import replicated
 from teg.passes.differentiate.through_sums import parameters_and_arrays
 from teg.passes.eliminate.families import closing, families_with
-from teg.passes.intrinsics.hyperbola.match import match_hyperbola
-from teg.passes.intrinsics.polygon.match import Clipped, match_clipped
-from teg.passes.lower.integrals import rule_for
+from teg.passes.intrinsics import boundary_terms, intrinsics_for
+from teg.passes.lower.intrinsic import Description
+from teg.passes.lower.rules import Rules
 from teg.passes.lower.samples import MIDPOINTS, SAMPLES
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import reasons, write_out
@@ -55,7 +54,7 @@ from teg.program import (
     statements,
 )
 from teg.report.array_explain import explain_arrays
-from teg.report.explanation import CLOSED_FORM, Explanation
+from teg.report.explanation import Explanation
 from teg.report.inventory import Inventory, nests, text_of
 
 __all__ = ["Explanation", "explain"]
@@ -75,13 +74,14 @@ def explain(
     derivatives: int = 0,
     maps: Sequence[Diffeomorphism] = (),
     max_roots: int = MAX_ROOTS,
+    intrinsics: bool = True,
 ) -> Explanation:
     """For each surface its owner and how its δ is eliminated, or why it has none; for each integral its breaks, rule and nodes; the cost.
 
     `wrt` are the parameters that the program is differentiated by (default: all); `tol`, `rule`, `order`, `seed`, `discontinuities`,
-    `maps` and `max_roots` are those of `compile`, and `f.explain()` fills them in. The integrals are those of the value and, of the
-    gradient, those over surfaces (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate: every
-    break inside the bounds, adaptive integrals as smooth as they can be (`f.evaluations(…)` counts those of a call).
+    `maps`, `max_roots` and `intrinsics` are those of `compile`, and `f.explain()` fills them in. The integrals are those of the value and,
+    of the gradient, those over surfaces (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate:
+    every break inside the bounds, adaptive integrals as smooth as they can be (`f.evaluations(…)` counts those of a call).
 
     A program with arrays is explained cell by cell (`explanation.ArrayExplanation`): the parts between its sums are scalar programs of the
     entries they read, and of the sums inside; and its loops are listed.
@@ -92,7 +92,7 @@ def explain(
         raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value and boundary integrals; 1: all of the gradient")
     e = expression if isinstance(expression, Tuple) else as_number(expression)
     check_program(e)
-    how = Integration(tol, rule, order, seed, max_roots)
+    how = Integration(tol, rule, order, seed, max_roots, intrinsics)
     if has_arrays(e):
         e = write_all_out(e)
 
@@ -110,9 +110,11 @@ def _explain(e: Expr, wrt: Any, how: Integration, discontinuities: str, derivati
     functions, shown, number, e = _functions(e), text_of(e), nodes(e), write_out(e)
     before = canonicalise(enumerate_steps(e))
     normal, value_error = _attempted(lambda: normal_form(e, maps=maps))
-    ignoring, families = discontinuities == "ignore", closing(families_with(maps))
+    closed = boundary_terms() if how.closed_forms else ()
+    families = closing(families_with(maps), closed) if how.closed_forms else families_with(maps)
     final = before if normal is None else normal
-    inventory = Inventory(e, before, final, chosen, ignoring=ignoring, families=families, max_roots=how.max_roots)
+    ignoring = discontinuities == "ignore"
+    inventory = Inventory(e, before, final, chosen, ignoring=ignoring, families=families, closed=closed, max_roots=how.max_roots)
     names = list(dict.fromkeys(p.name for p in (*chosen, *parameters(e), *(p for m in maps for p in m.parameters))))
     integrals = _Integrals(how)
     data: dict[str, Any] = {
@@ -121,6 +123,7 @@ def _explain(e: Expr, wrt: Any, how: Integration, discontinuities: str, derivati
         "functions": functions,
         "options": {
             "tol": how.tol, "rule": how.rule, "order": how.order, "discontinuities": discontinuities, "max_roots": how.max_roots,
+            "intrinsics": how.intrinsics,
         },
         "surfaces": inventory.surfaces(),
         "dropped": inventory.dropped(),
@@ -181,8 +184,10 @@ class _Integrals:
 
     def __init__(self, how: Integration) -> None:
         self.how = how
-        self.analysis = BreakAnalysis(how.max_roots)
-        self._closed: dict[Integral, bool] = {}
+        self.intrinsics = intrinsics_for(how)
+        self.rules = Rules(how, [i.rule for i in self.intrinsics if i.rule is not None])
+        self.analysis = self.rules.analysis
+        self._described: dict[Integral, Description | None] = {}
 
     def of(self, roots: Sequence[Expr], but: Sequence[Expr] = ()) -> list[dict[str, Any]]:
         """The integrals of expressions, outer ones first, without those of others; those that look the same are counted together."""
@@ -191,9 +196,7 @@ class _Integrals:
         for root in roots:
             depths: dict[Integral, int] = {}
             for node, around in nests(root).items():
-                if not isinstance(node, Integral) or any(node in c.inside for c in map(self._clipped, around[:-1]) if c):
-                    continue
-                if any(isinstance(i, Integral) and self._is_closed(i) for i in around[:-1]):
+                if not isinstance(node, Integral) or any(node in d.inside for d in map(self._describe, around[:-1]) if d):
                     continue
                 depths[node] = next((depths[i] + 1 for i in reversed(around[:-1]) if i.var in node.free), 0)
                 if node not in known:
@@ -202,14 +205,12 @@ class _Integrals:
                     same["count"] += 1
         return list(rows.values())
 
-    def _clipped(self, node: Expr) -> Clipped | None:
-        return match_clipped(node, self.how) if isinstance(node, Integral) and masses_of(node.body, node.var) is None else None
-
-    def _is_closed(self, node: Integral) -> bool:
-        """Whether an integral, and the one inside it, are moments of a hyperbola."""
-        if node not in self._closed:
-            self._closed[node] = match_hyperbola(node, self.how) is not None
-        return self._closed[node]
+    def _describe(self, node: Integral) -> Description | None:
+        """What an intrinsic makes of an integral; None if none computes it."""
+        if node not in self._described:
+            found = (intrinsic.describe(node) for intrinsic in self.intrinsics)
+            self._described[node] = next((d for d in found if d is not None), None)
+        return self._described[node]
 
     def _row(self, node: Integral, depth: int) -> dict[str, Any]:
         row = {"variable": node.var.name, "lower": text_of(node.lo), "upper": text_of(node.hi), "depth": depth}
@@ -225,21 +226,17 @@ class _Integrals:
             isolated = 0 if formula else max_roots(masses.g, node.var, self.how.max_roots)
             kind = {"kind": "sum over roots", "surface": f"{text_of(masses.g)} = 0", "rule": "sum", "nodes": None, "degree": None}
             return {**row, **kind, "formula": formula, "isolated": isolated, "located": 0, "searched": False, "breaks": 0, "pieces": 0}
-        if self._is_closed(node):
-            return {**row, **_unbroken(CLOSED_FORM), "nodes": None}
-        clipped = self._clipped(node)
-        if clipped is not None:
-            polygon = len(clipped.boxes) > 1
-            nodes_each = len(triangle_rule(clipped.degree)) if polygon else clipped.degree // 2 + 1
-            name, pieces = ("clipped polygon", len(clipped.halves) + 2 if clipped.degree else 1) if polygon else ("clipped interval", 1)
-            return {**row, **_unbroken(name), "nodes": nodes_each, "degree": clipped.degree, "pieces": pieces}
+        described = self._describe(node)
+        if described is not None:
+            counts = {"nodes": described.nodes, "degree": described.degree, "pieces": described.pieces}
+            return {**row, **_unbroken(described.rule), **counts}
         breaks = self.analysis.of(node)
         formula, isolated, located = len(breaks.points), sum(i.count for i in breaks.isolated), MAX_ROOTS * len(breaks.located)
         return {
             **row,
             "kind": "integral",
             "surface": "",
-            **_described(rule_for(node, self.analysis, self.how, depth)),
+            **_described(self.rules.of(node, depth)),
             "degree": self.analysis.degree(node),
             "formula": formula,
             "isolated": isolated,

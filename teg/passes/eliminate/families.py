@@ -11,6 +11,7 @@ of the integrals that take part, its outer factors pushed inside.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, cast
 
 from teg.analysis.calculus import slope
@@ -30,11 +31,12 @@ from teg.passes.eliminate.implicit import match_implicit, rewrite_implicit
 from teg.passes.eliminate.mapped import user_families
 from teg.passes.eliminate.steep import Graph, match_steep, rewrite_steep
 from teg.passes.eliminate.univariate import match_solvable, rewrite_solvable
-from teg.passes.intrinsics.hyperbola.match import border_of
 
 Match = Callable[[Expr, Sequence[Var]], Any]
 Rewrite = Callable[[Expr, Expr, tuple[Binder, ...], Any], Expr | None]
 
+Closed = Callable[[Expr, Expr, Chain, Any], Expr | None]
+"""∫∫ coefficient·δ(g) in closed form, from g, the coefficient, the chain and the data of the family; None if there is none."""
 Families = tuple[tuple[Match, Rewrite], ...]
 
 FORMULAS: Families = (
@@ -49,20 +51,24 @@ FAMILIES: Families = (
 )
 
 
-def rewrite_closed(g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
-    """A bilinear surface's boundary term in closed form, where there is one and it is not differentiated again; else its charts."""
-    closed = border_of(g, coefficient, chain)
-    return rewrite_bilinear(g, coefficient, chain, data) if closed is None else closed
-
-
-def closing(families: Families) -> Families:
-    """The families for boundary terms that are not differentiated again: some of their charts would be hard to differentiate."""
+def closing(families: Families, closed: Sequence[Closed]) -> Families:
+    """The families for boundary terms that are not differentiated again: some of their charts would be hard to differentiate. `closed`
+    are closed forms that are tried before the charts of a family."""
     last: list[tuple[Match, Rewrite]] = []
     for match, rewrite in families:
         if match is match_implicit:
             last.append((match_turning, rewrite_affine))
-        last.append((match, rewrite_closed if rewrite is rewrite_bilinear else rewrite))
+        last.append((match, partial(_rewrite_closed, closed, rewrite)))
     return tuple(last)
+
+
+def _rewrite_closed(closed: Sequence[Closed], rewrite: Rewrite, g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
+    """A boundary term in closed form, where there is one; else in the charts of its family."""
+    for form in closed:
+        term = form(g, coefficient, chain, data)
+        if term is not None:
+            return term
+    return rewrite(g, coefficient, chain, data)
 
 
 def families_with(maps: Sequence[Diffeomorphism]) -> Families:
