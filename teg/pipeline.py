@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import cast
 
+from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
 from teg.errors import ParameterError
 from teg.ir import expr as ex
@@ -70,11 +71,11 @@ def to_atoms(keep_moving: bool, maps: Maps, canonical: Canonical) -> list[tuple[
     ]
 
 
-def eliminations(keep_moving: bool, maps: Maps, canonical: Canonical) -> list[tuple[str, Pass]]:
+def eliminations(keep_moving: bool, maps: Maps, canonical: Canonical, remarks: Remarks | None = None) -> list[tuple[str, Pass]]:
     """No δ; but for those that are carried along, if the program is to be differentiated again (`keep_moving`)."""
     return [
         ("finite bounds", with_finite_bounds),
-        ("eliminate", partial(eliminate_deltas, keep_moving=keep_moving, families=families_with(maps))),
+        ("eliminate", partial(eliminate_deltas, keep_moving=keep_moving, families=families_with(maps), remarks=remarks)),
         ("canonicalise", canonical),  # sifting makes new atoms
     ]
 
@@ -117,11 +118,14 @@ def is_dumped(name: str) -> bool:
     return os.environ.get("TEG_DUMP", "") in ("all", name)
 
 
-def normal_form(e: Expr, keep_moving: bool = False, maps: Maps = (), canonical: Canonical | None = None) -> Expr:
-    """Canonical atoms, split integrals, no δ; but for those that are carried along, if e is to be differentiated again (`keep_moving`)."""
+def normal_form(
+    e: Expr, keep_moving: bool = False, maps: Maps = (), canonical: Canonical | None = None, remarks: Remarks | None = None
+) -> Expr:
+    """Canonical atoms, split integrals, no δ; but for those that are carried along, if e is to be differentiated again (`keep_moving`).
+    `remarks` are told what passes decide."""
     canonical = canonical or Canonical()
     e = run_passes(to_atoms(keep_moving, maps, canonical), e)
-    return run_passes(eliminations(keep_moving, maps, canonical), e) if e.has_delta else e
+    return run_passes(eliminations(keep_moving, maps, canonical, remarks), e) if e.has_delta else e
 
 
 def diff(e: object, by: Param, maps: Maps = ()) -> Expr:
@@ -159,18 +163,24 @@ def eliminate(e: object, maps: Maps = ()) -> Expr:
 
 
 def compiled_outputs(
-    e: Expr, wrt: Sequence[Param], orders: int, discontinuities: str, maps: Maps = (), closed_forms: bool = True
+    e: Expr,
+    wrt: Sequence[Param],
+    orders: int,
+    discontinuities: str,
+    maps: Maps = (),
+    closed_forms: bool = True,
+    remarks: Remarks | None = None,
 ) -> list[Expr]:
     """[value], [value, gradient], or [value, gradient, Hessian] as δ-free expressions in canonical form, ready to be lowered together.
 
-    Boundary terms without a rule of integration are among them only with `closed_forms`.
+    Boundary terms without a rule of integration are among them only with `closed_forms`. `remarks` are told what passes decide.
     """
     e, families, sifted = write_out(e), families_with(maps), discontinuities == "sift"
-    last_families = closing(families, boundary_terms()) if closed_forms else families
-    estimate = partial(eliminate_deltas, families=last_families) if sifted else ESTIMATORS[discontinuities]
+    last_families = closing(families, boundary_terms(remarks)) if closed_forms else families
+    estimate = partial(eliminate_deltas, families=last_families, remarks=remarks) if sifted else ESTIMATORS[discontinuities]
     canonical = Canonical()  # what is canonical already is met again at the end
-    outputs = [normal_form(e, maps=maps, canonical=canonical)]
-    source = normal_form(e, keep_moving=True, maps=maps, canonical=canonical) if e.has_delta else outputs[0]
+    outputs = [normal_form(e, maps=maps, canonical=canonical, remarks=remarks)]
+    source = normal_form(e, True, maps, canonical, remarks) if e.has_delta else outputs[0]
     for order in range(orders):
         source = _with_moving_steps(source, wrt) if sifted else without_uncounted(source, wrt)
         raw: Expr = run_pass("adjoint", partial(gradient_of, wrt=wrt), source)
@@ -178,7 +188,7 @@ def compiled_outputs(
         if sifted:
             raw = run_pass("finite bounds", with_finite_bounds, raw)
         if not last and sifted:  # what is carried along is eliminated beside, not before, the next derivative
-            raw = run_pass("eliminate", partial(eliminate_deltas, keep_moving=True, families=families), raw)
+            raw = run_pass("eliminate", partial(eliminate_deltas, keep_moving=True, families=families, remarks=remarks), raw)
         outputs.append(run_pass(discontinuities, estimate, raw))
         if not last:
             source = run_pass("canonicalise", canonical, raw if sifted else outputs[-1])
@@ -187,9 +197,9 @@ def compiled_outputs(
     return list(cast(Tuple, together).children)
 
 
-def flat_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration) -> Program:
-    """The flat program of outputs without δ, before the passes over flat programs."""
-    return checked("lower", schedule(outputs, names, how, intrinsics_for(how)))
+def flat_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration, remarks: Remarks | None = None) -> Program:
+    """The flat program of outputs without δ, before the passes over flat programs; `remarks` are told how integrals are computed."""
+    return checked("lower", schedule(outputs, names, how, intrinsics_for(how), remarks))
 
 
 def finished(program: Program, errors: bool = False) -> Program:
@@ -199,9 +209,11 @@ def finished(program: Program, errors: bool = False) -> Program:
     return program
 
 
-def program_for(outputs: Sequence[Expr], names: Sequence[str], how: Integration, errors: bool = False) -> Program:
+def program_for(
+    outputs: Sequence[Expr], names: Sequence[str], how: Integration, errors: bool = False, remarks: Remarks | None = None
+) -> Program:
     """The finished program of outputs without δ; with `errors`, an estimate of the error of each behind them."""
-    return finished(flat_program(outputs, names, how), errors)
+    return finished(flat_program(outputs, names, how, remarks), errors)
 
 
 def cell_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration) -> Program:

@@ -71,7 +71,7 @@ def explain_arrays(
     return ArrayExplanation(data)
 
 
-_TABLES = ("surfaces", "dropped", "integrals", "boundary", "interior")
+_TABLES = ("surfaces", "dropped", "integrals", "boundary", "interior", "remarks")
 
 
 def _outlined(e: Expr) -> tuple[Expr, int | None]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Container, Iterable, Sequence
-from typing import Any, TypeVar, assert_never, cast
+from typing import Any, TypeVar, cast
 
 from teg.analysis.bodies import write_all_out
 from teg.analysis.isolation import MAX_ROOTS, max_roots
+from teg.analysis.remarks import Remarks
 from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
 from teg.errors import OptionError, TegError
@@ -19,11 +19,10 @@ from teg.ir.traverse import parameters
 from teg.ir.traverse import size as nodes
 from teg.language import check_parameters, check_program
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.numerics.quadrature import triangle_rule
 from teg.numerics.sobol import replicated
 from teg.passes.differentiate.through_sums import parameters_and_arrays
 from teg.passes.eliminate.families import closing, families_with
-from teg.passes.intrinsics import boundary_terms, intrinsics_for
+from teg.passes.intrinsics import STATEMENTS, boundary_terms, intrinsics_for
 from teg.passes.lower.intrinsic import Description
 from teg.passes.lower.rules import Rules
 from teg.passes.lower.samples import MIDPOINTS, SAMPLES
@@ -34,19 +33,12 @@ from teg.pipeline import compiled_outputs, flatten, normal_form, program_for
 from teg.program import (
     Adaptive,
     Arg,
-    Assign,
-    Gauss,
-    Hyperbola,
     Integrate,
     Isolate,
     Locate,
-    Midpoint,
-    Polygon,
     Program,
-    Rational,
     Rule,
     Sample,
-    Segment,
     Stmt,
     SumOver,
     When,
@@ -109,7 +101,8 @@ def _explain(e: Expr, wrt: Any, how: Integration, discontinuities: str, derivati
     chosen = parameters(e) if wrt is None else check_parameters(wrt)
     functions, shown, number, e = _functions(e), text_of(e), nodes(e), write_out(e)
     before = canonicalise(enumerate_steps(e))
-    normal, value_error = _attempted(lambda: normal_form(e, maps=maps))
+    remarks = Remarks()
+    normal, value_error = _attempted(lambda: normal_form(e, maps=maps, remarks=remarks))
     closed = boundary_terms() if how.closed_forms else ()
     families = closing(families_with(maps), closed) if how.closed_forms else families_with(maps)
     final = before if normal is None else normal
@@ -130,6 +123,7 @@ def _explain(e: Expr, wrt: Any, how: Integration, discontinuities: str, derivati
         "integrals": [] if normal is None else integrals.of([normal]),
         "boundary": [],
         "interior": [],
+        "remarks": [],
         "cost": {},
         "value_statements": None,
         "gradient_statements": None,
@@ -138,19 +132,32 @@ def _explain(e: Expr, wrt: Any, how: Integration, discontinuities: str, derivati
     }  # fmt: skip
     if normal is None:
         return Explanation(data)
-    program = program_for(flatten(normal), names, how)
+    program = program_for(flatten(normal), names, how, remarks=remarks)
+    data["remarks"] = _told(remarks)
     data["value_statements"], data["cost"]["value"] = size(program), cost_of(program)
     if not chosen:
         return Explanation(data)
-    outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, discontinuities, maps, how.closed_forms))
+    closed_forms = how.closed_forms
+    outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, discontinuities, maps, closed_forms, remarks))
     if outputs is not None:
-        program = program_for([leaf for o in outputs for leaf in flatten(o)], names, how)
+        program = program_for([leaf for o in outputs for leaf in flatten(o)], names, how, remarks=remarks)
+        data["remarks"] = _told(remarks)
         data["gradient_statements"], data["cost"]["value and gradient"] = size(program), cost_of(program)
         interior = compiled_outputs(e, chosen, 1, "ignore")[1]
         data["boundary"] = integrals.of([outputs[1]], but=[normal, outputs[0], interior])
         if derivatives:
             data["interior"] = integrals.of([interior], but=[normal, outputs[0]])
     return Explanation(data)
+
+
+def _told(remarks: Remarks) -> list[dict[str, Any]]:
+    """What the passes decided, each once: the pass, the surface or the integral, the choice, and the reason."""
+
+    def about(e: Expr) -> str:
+        return f"∫ d{e.var.name} from {text_of(e.lo)} to {text_of(e.hi)}" if isinstance(e, Integral) else f"{text_of(e)} = 0"
+
+    rows = [(r.stage, about(r.subject), r.choice, r.reason) for r in remarks]
+    return [dict(zip(("pass", "about", "choice", "reason"), row, strict=True)) for row in dict.fromkeys(rows)]
 
 
 def _functions(e: Expr) -> list[dict[str, Any]]:
@@ -230,13 +237,14 @@ class _Integrals:
         if described is not None:
             counts = {"nodes": described.nodes, "degree": described.degree, "pieces": described.pieces}
             return {**row, **_unbroken(described.rule), **counts}
-        breaks = self.analysis.of(node)
+        rule, breaks = self.rules.of(node, depth), self.analysis.of(node)
         formula, isolated, located = len(breaks.points), sum(i.count for i in breaks.isolated), MAX_ROOTS * len(breaks.located)
         return {
             **row,
             "kind": "integral",
             "surface": "",
-            **_described(self.rules.of(node, depth)),
+            "rule": self.rules.title(rule),
+            "nodes": _nodes_a_piece(rule),
             "degree": self.analysis.degree(node),
             "formula": formula,
             "isolated": isolated,
@@ -257,34 +265,9 @@ def _unbroken(rule: str) -> dict[str, Any]:
     return {"kind": "integral", "surface": "", "rule": rule, "degree": None, **counts, "searched": False, "pieces": 1}
 
 
-def _described(rule: Rule) -> dict[str, Any]:
-    match rule:
-        case Gauss():
-            text = "Gauss, exact"
-        case Rational():
-            text = "Gauss with a pole, exact"
-        case Midpoint():
-            text = "midpoint"
-        case Adaptive():
-            text = (
-                f"Gauss, {rule.order} nodes"
-                if rule.tol == math.inf
-                else f"adaptive to {rule.tol:.0e}" + (", smooth ends" if rule.cubic else "")
-            )
-        case _:
-            assert_never(rule)
-    return {"rule": text, "nodes": _nodes_a_piece(rule)}
-
-
 def _nodes_a_piece(rule: Rule) -> int:
     """How many nodes a piece has, if it is not cut further."""
-    match rule:
-        case Gauss() | Rational() | Midpoint():
-            return rule.nodes
-        case Adaptive():
-            return rule.first
-        case _:
-            assert_never(rule)
+    return rule.first if isinstance(rule, Adaptive) else rule.nodes
 
 
 # -- cost ----------------------------------------------------------------------------------------------------------------
@@ -297,7 +280,7 @@ def cost_of(program: Program) -> dict[str, Any]:
     hints = {r for s in every if isinstance(s, Locate) for r in s.results}
     return {
         "statements": len(every),
-        "integrals": len(integrals) + sum(isinstance(s, Sample | Polygon | Segment | Hyperbola) for s in every),
+        "integrals": len(integrals) + sum(isinstance(s, Sample) or type(s) in STATEMENTS for s in every),
         "isolations": sum(isinstance(s, Isolate | Locate) for s in every),
         "evaluations": _evaluations(program.body, hints),
         "adaptive": any(isinstance(s.rule, Adaptive) for s in integrals),
@@ -320,16 +303,8 @@ def _evaluations(block: Iterable[Stmt], hints: Container[Arg]) -> int:
             case Sample():
                 replicates, points = replicated(stmt.kind, stmt.count)
                 total += replicates * points * (_evaluations(stmt.body, hints) or 1)
-            case Polygon():
-                total += (
-                    (len(stmt.half_planes) + 2 if stmt.degree else 1)
-                    * len(triangle_rule(stmt.degree))
-                    * (_evaluations(stmt.body, hints) or 1)
-                )
-            case Segment():
-                total += stmt.nodes * (_evaluations(stmt.body, hints) or 1)
-            case Isolate() | Locate() | Hyperbola() | Assign():
-                continue
+            case _ if type(stmt) in STATEMENTS:
+                total += STATEMENTS[type(stmt)].evaluations(stmt)
             case _:
-                assert_never(stmt)
+                continue
     return total

@@ -42,6 +42,7 @@ class Explanation:
     data["functions"] are those applied (not in a program with arrays, where all are written out), data["surfaces"] the surfaces on
     which integrands change, data["dropped"] those of the program that are not among them, and
     data["integrals"], data["boundary"] and data["interior"] the integrals of the value and the two kinds of the gradient.
+    data["remarks"] are the decisions of the passes as they were taken: the pass, the surface or integral, the choice and the reason.
     """
 
     data: dict[str, Any] = field(default_factory=dict)

@@ -17,6 +17,7 @@ from typing import Any, cast
 from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.polynomial import Shadow
+from teg.analysis.remarks import Remarks
 from teg.analysis.sift import deltas_of, linear_part, without
 from teg.errors import DeltaError, NoReparameterisationError
 from teg.ir.expr import ZERO, Cond, Const, Expr, Mul, Var, Where, add, conjunction, mul, where
@@ -51,6 +52,24 @@ FAMILIES: Families = (
 )
 
 
+FIRST = "the first family that matches"
+STEEP = "the graph is steep somewhere"
+CURVED = "in one variable only, as the bounds are curved"
+CARRIED = "carried along, as it is differentiated again"
+
+
+def noted(form: Closed, name: str, remarks: Remarks) -> Closed:
+    """The same closed form; `remarks` are told where it is taken."""
+
+    def taken(g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
+        term = form(g, coefficient, chain, data)
+        if term is not None:
+            remarks.add("eliminate", g, name, "a boundary term in closed form, which is not differentiated again")
+        return term
+
+    return taken
+
+
 def closing(families: Families, closed: Sequence[Closed]) -> Families:
     """The families for boundary terms that are not differentiated again: some of their charts would be hard to differentiate. `closed`
     are closed forms that are tried before the charts of a family."""
@@ -80,13 +99,14 @@ def families_with(maps: Sequence[Diffeomorphism]) -> Families:
     return (*alone, *FORMULAS, *formulas, *FAMILIES[len(FORMULAS) :], *others)
 
 
-def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families = FAMILIES) -> Expr:
+def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families = FAMILIES, remarks: Remarks | None = None) -> Expr:
     """The program without δ. Raises NoReparameterisationError for a surface that no family reduces, DeltaError for a δ out of place.
 
-    `keep_moving` leaves those deltas in the program that are carried along when it is differentiated again.
+    `keep_moving` leaves those deltas in the program that are carried along when it is differentiated again. `remarks` are told which
+    family each surface has.
     """
     while root.has_delta:  # a product of deltas loses one a round
-        round_ = _Elimination(cast(Expr, rename_apart(root)), keep_moving, families)
+        round_ = _Elimination(cast(Expr, rename_apart(root)), keep_moving, families, Remarks() if remarks is None else remarks)
         reduced = round_.run()
         if reduced is root and round_.kept:
             break
@@ -118,14 +138,15 @@ def find_family(g: Expr, variables: Sequence[Var], families: Families = FAMILIES
 class _Elimination:
     """One program: its variables from the innermost outwards, and what was decided for each surface."""
 
-    def __init__(self, root: Expr, keep_moving: bool, families: Families) -> None:
-        self.root = root
+    def __init__(self, root: Expr, keep_moving: bool, families: Families, remarks: Remarks) -> None:
+        self.root, self.remarks = root, remarks
         self.families = families
         self.keep_moving = keep_moving
         self.kept = False
         self.binders = {n.var: Binder(n.var, n.lo, n.hi) for n in postorder([root]) if isinstance(n, Integral)}
         self.variables = list(self.binders)
         self.decisions: dict[Expr, tuple[Any, Rewrite]] = {}
+        self.reasons: dict[Expr, str] = {}  # of a decision that is not the first family that matches
         self.sifted: dict[tuple[Delta, Expr, Chain], Expr] = {}
 
     def run(self) -> Expr:
@@ -158,6 +179,7 @@ class _Elimination:
             steep = without_steep_graphs(g, found[0], [self.binders[v] for v in reversed(mine)])
             if steep is not None and not (self.keep_moving and isinstance(steep[0], Graph)):
                 found = steep
+                self.reasons[g] = STEEP
             self.decisions[g] = found
         return self.decisions[g]
 
@@ -171,6 +193,8 @@ class _Elimination:
                 ready.append((d, data, rewrite))
         ready.sort(key=lambda r: r[1].moves)  # of a product of deltas the one with a formula goes first
         if not any(not self._is_kept(node.body, d, data) for d, data, _ in ready):
+            for d, data, _ in ready:
+                self.remarks.add("eliminate", d.g, data.name, CARRIED)
             return node
         terms: list[Expr] = []
         rest = node.body
@@ -184,6 +208,7 @@ class _Elimination:
                 coefficient = without(coefficient, set(others))
                 if self.keep_moving and data.moves:
                     terms.append(nest(mul(d, coefficient), whole))
+                    self.remarks.add("eliminate", d.g, data.name, CARRIED)
                 elif coefficient is not ZERO:
                     factor, weight = _apart(coefficient, {b.var for b in whole})
                     if (d, weight, whole) not in self.sifted:  # the derivatives by many parameters differ in the factor only
@@ -200,15 +225,16 @@ class _Elimination:
         for other in deltas_of(coefficient):
             if other.g.free <= set(data.variables) and len(data.variables) == 1:
                 raise DeltaError("a product of two deltas of one variable has no meaning", mul(d, other))
-        result = rewrite(d.g, coefficient, chain, data)
+        result, reason = rewrite(d.g, coefficient, chain, data), self.reasons.get(d.g, FIRST)
         if result is None:
-            result = self._innermost(d.g, coefficient, chain)
+            result, reason = self._innermost(d.g, coefficient, chain), CURVED
         if result is None:
             raise NoReparameterisationError(
                 f"the δ on {d.g} cannot be brought to one variable inside these bounds",
                 d.g,
                 "use bounds that are affine in the outer variables",
             )
+        self.remarks.add("eliminate", d.g, data.name, reason)
         return result
 
     def _crossing(self, d: Delta, other: Delta, coefficient: Expr, chain: Chain) -> Expr:

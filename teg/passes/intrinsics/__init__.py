@@ -11,15 +11,18 @@ intrinsic`) in it, a line here, and, if it has a statement of its own, that stat
 
 from __future__ import annotations
 
+from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
-from teg.passes.eliminate.families import Closed
+from teg.passes.eliminate.families import Closed, noted
 from teg.passes.intrinsics.hyperbola import HYPERBOLA
 from teg.passes.intrinsics.pole import POLE
 from teg.passes.intrinsics.polygon import POLYGON
-from teg.passes.lower.intrinsic import ErrorRule, Intrinsic
+from teg.passes.lower.intrinsic import Intrinsic, Statement
 
 INTRINSICS: tuple[Intrinsic, ...] = (HYPERBOLA, POLYGON, POLE)
 """In the order in which they are asked."""
+STATEMENTS: dict[type, Statement] = {kind: known for intrinsic in INTRINSICS for kind, known in intrinsic.statements.items()}
+"""What is known of the statements of all intrinsics, whether they are used or not."""
 
 
 def intrinsics_for(how: Integration) -> tuple[Intrinsic, ...]:
@@ -27,11 +30,7 @@ def intrinsics_for(how: Integration) -> tuple[Intrinsic, ...]:
     return INTRINSICS if how.closed_forms else ()
 
 
-def boundary_terms() -> tuple[Closed, ...]:
-    """Returns the closed forms of boundary terms that are not differentiated again."""
-    return tuple(i.boundary for i in INTRINSICS if i.boundary is not None)
-
-
-def error_rules() -> dict[type, ErrorRule]:
-    """Returns how errors go through the statements of intrinsics."""
-    return {statement: rule for intrinsic in INTRINSICS for statement, rule in intrinsic.errors.items()}
+def boundary_terms(remarks: Remarks | None = None) -> tuple[Closed, ...]:
+    """Returns the closed forms of boundary terms that are not differentiated again; `remarks` are told where one is taken."""
+    known = Remarks() if remarks is None else remarks
+    return tuple(noted(i.boundary, i.name, known) for i in INTRINSICS if i.boundary is not None)

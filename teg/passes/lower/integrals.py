@@ -18,6 +18,7 @@ from functools import cache, partial
 from typing import cast
 
 from teg.analysis.guards import GUARD_TERMS, guards, support
+from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
 from teg.analysis.sharp import Sharp, numeric_range, sharp_values
 from teg.analysis.tails import is_unbounded
@@ -52,20 +53,27 @@ from teg.passes.lower.weights import largest, weights
 from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Guard, Integrate, Program, Rule, Tie
 from teg.program.dce import without_dead_code
 
+SHAPE, DEEP = "the shape of an intrinsic", "too many adaptive integrals inside each other"
 PLACES = (2.0**-12, 0.2361, 0.7639, 1 - 2.0**-12)
 """Where on a piece a tie of its middle is looked at again, in parts of its length: surfaces approach each other towards an end, or both."""
 
 
-def schedule(outputs: Sequence[Expr], parameters: Sequence[str], how: Integration, intrinsics: Sequence[Intrinsic]) -> Program:
-    """One program for several outputs; `intrinsics` may compute integrals of their shapes."""
-    return _Integrals(parameters, how, intrinsics).run(outputs)
+def schedule(
+    outputs: Sequence[Expr],
+    parameters: Sequence[str],
+    how: Integration,
+    intrinsics: Sequence[Intrinsic],
+    remarks: Remarks | None = None,
+) -> Program:
+    """One program for several outputs; `intrinsics` may compute integrals of their shapes. `remarks` are told how each is computed."""
+    return _Integrals(parameters, how, intrinsics, Remarks() if remarks is None else remarks).run(outputs)
 
 
 class _Integrals:
     """The integrals of one program."""
 
-    def __init__(self, parameters: Sequence[str], how: Integration, intrinsics: Sequence[Intrinsic]) -> None:
-        self.parameters = tuple(parameters)
+    def __init__(self, parameters: Sequence[str], how: Integration, intrinsics: Sequence[Intrinsic], remarks: Remarks) -> None:
+        self.parameters, self.how, self.remarks = tuple(parameters), how, remarks
         self.out = Emitter(parameters, self.integrate, self.closed_form)
         self.rules = Rules(how, [i.rule for i in intrinsics if i.rule is not None])
         self.roots = Roots(self.out, self.plan, how.max_roots, how.tol)
@@ -137,6 +145,7 @@ class _Integrals:
             return
         if node in self._claimed:
             self._claimed[node].emit_claimed(node, home)
+            self._note([node], self._claimed[node].name, SHAPE)
             return
         group = home.groups.get(node, [node])
         guard = home.guards.get(node, TRUE)
@@ -152,14 +161,24 @@ class _Integrals:
         results: Sequence[Arg]
         if shape is not None:
             results = shape.emit(group, home, when)
+            self._note(group, shape.name, SHAPE)
         elif masses is not None:
             results = self.roots.sum_over_roots(group, masses, home, when)
+            self._note(group, "sum over roots", "what is left of a δ")
         elif self.samples.is_unbroken(node, home):
-            emit = self.samples.sample if self.samples.is_sampled(node, home) else self.samples.midpoint
-            results = emit(group, home, when)
+            sampled = self.samples.is_sampled(node, home)
+            results = (self.samples.sample if sampled else self.samples.midpoint)(group, home, when)
+            self._note(group, "samples" if sampled else "midpoint", DEEP if self.how.rule == "auto" else "asked for")
         else:
             results = self._by_pieces(group, home, when)
+            for i in group:
+                self._note([i], self.rules.title(self.rules.of(i, home.depth)), self.rules.reason(i, home.depth))
         home.names.update(zip(group, results, strict=True))
+
+    def _note(self, group: Sequence[Integral], choice: str, reason: str) -> None:
+        """Record how integrals are computed."""
+        for node in group:
+            self.remarks.add("lower", node, choice, reason)
 
     def _by_pieces(self, group: Sequence[Integral], home: Level, when: str | None) -> Sequence[Arg]:
         """The results of integrals that share a loop over pieces: one `Integrate`."""

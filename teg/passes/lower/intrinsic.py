@@ -22,6 +22,9 @@ from teg.program import Arg, Rule, Stmt
 class Lowering:
     """How one intrinsic computes the integrals of one program. Each intrinsic defines the methods it needs; these compute nothing."""
 
+    name: str
+    """What the intrinsic is called in remarks."""
+
     def claim(self, level: Level, order: Sequence[Node]) -> Iterable[Integral]:
         """Returns those integrals among the nodes of a level that are computed alone, without a guard (`emit_claimed`).
 
@@ -52,6 +55,10 @@ class ExactRule(Protocol):
     @property
     def rule(self) -> type[Rule]:
         """The class of its rules."""
+
+    @property
+    def title(self) -> str:
+        """What it is called in reports."""
 
     @property
     def bend(self) -> str:
@@ -121,6 +128,14 @@ class Description:
 
 
 @dataclass(frozen=True)
+class Statement:
+    """What passes and reports need to know of a statement of an intrinsic: its error rule, and how often a run evaluates its integrand."""
+
+    errors: ErrorRule
+    evaluations: Callable[[Any], int]
+
+
+@dataclass(frozen=True)
 class Intrinsic:
     """A fast path of one shape of program."""
 
@@ -129,4 +144,4 @@ class Intrinsic:
     rule: ExactRule | None = None
     boundary: Closed | None = None
     describe: Callable[[Integral], Description | None] = lambda node: None
-    errors: Mapping[type, ErrorRule] = field(default_factory=dict)  # by statement
+    statements: Mapping[type, Statement] = field(default_factory=dict)

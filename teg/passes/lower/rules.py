@@ -38,33 +38,52 @@ class Rules:
     def __init__(self, how: Integration, exact: Sequence[ExactRule] = ()) -> None:
         self.how, self.analysis = how, BreakAnalysis(how.max_roots)
         self._exact = {e.rule: e for e in exact}
-        self._known: dict[tuple[Integral, int], Rule] = {}
+        self._known: dict[tuple[Integral, int], tuple[Rule, str]] = {}
 
     def of(self, node: Integral, depth: int) -> Rule:
         """The rule of an integral that stands in so many others."""
         if (node, depth) not in self._known:
             self._known[node, depth] = self._choose(node, depth)
-        return self._known[node, depth]
+        return self._known[node, depth][0]
 
-    def _choose(self, node: Integral, depth: int) -> Rule:
+    def reason(self, node: Integral, depth: int) -> str:
+        """Why it is that rule."""
+        self.of(node, depth)
+        return self._known[node, depth][1]
+
+    def _choose(self, node: Integral, depth: int) -> tuple[Rule, str]:
         how, bounded = self.how, not is_unbounded(node)
         degree = None if how.rule == "adaptive" else self.analysis.degree(node)
         most = (how.order or FIXED) if how.rule == "gauss" else MAX_GAUSS
         if degree is not None and degree // 2 + 1 <= most and bounded:
-            return Gauss(degree // 2 + 1)
+            return Gauss(degree // 2 + 1), f"a polynomial of degree {degree} between known breaks"
         for intrinsic in self._exact.values() if bounded else ():
             if (rule := intrinsic.match(node, self.analysis)) is not None:
-                return rule
+                return rule, "the shape of an intrinsic"
         cubic = self.analysis.of(node).rooted
         if how.rule == "gauss":
-            return Adaptive(math.inf, most, most, cubic)
+            return Adaptive(math.inf, most, most, cubic), f"{most} nodes are asked for"
         tol = max(how.tol * INNER_TIGHTER**depth, TIGHTEST)
         if how.order is not None:
-            return Adaptive(tol, how.order, how.order + 8, cubic)
+            return Adaptive(tol, how.order, how.order + 8, cubic), f"{how.order} nodes for the first look are asked for"
         _, first, order = next(row for row in ORDERS if tol >= row[0])
         inside = postorder([node.body]) if node.body.has_integral else []
         outer = any(isinstance(n, Integral) and masses_of(n.body, n.var) is None for n in inside)
-        return Adaptive(tol, first + OUTER * outer, order, cubic)
+        return Adaptive(tol, first + OUTER * outer, order, cubic), "no exact rule is known" if how.rule == "auto" else "asked for"
+
+    def title(self, rule: Rule) -> str:
+        """What a rule is called in reports."""
+        match rule:
+            case Gauss():
+                return "Gauss, exact"
+            case Adaptive() if rule.tol == math.inf:
+                return f"Gauss, {rule.order} nodes"
+            case Adaptive():
+                return f"adaptive to {rule.tol:.0e}" + (", smooth ends" if rule.cubic else "")
+            case _ if type(rule) in self._exact:
+                return self._exact[type(rule)].title
+            case _:
+                raise AssertionError(f"no integral has the rule {rule}")
 
     def kind(self, node: Integral, depth: int) -> object:
         """The same for integrals that can share a loop if the rest agrees."""

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import cast
 
-from teg.passes.intrinsics import error_rules
+from teg.passes.intrinsics import STATEMENTS
 from teg.passes.lower.intrinsic import LEAST, ROUNDINGS
 from teg.program import (
     EDGE,
@@ -54,7 +54,6 @@ def with_errors_of(program: Program, inexact: Sequence[int]) -> Program:
 
 class _Estimator:
     def __init__(self, program: Program, inexact: Sequence[int] = ()) -> None:
-        self._rules = error_rules()
         first = len(program.parameters)
         titles = (f"error of {program.parameters[i]}" for i in inexact)
         self.program = replace(program, parameters=(*program.parameters, *titles))
@@ -115,8 +114,8 @@ class _Estimator:
                     out.append(stmt)
                     if stmt.lost is not None:
                         self._lost.update(dict.fromkeys(stmt.results, stmt))
-                case _ if type(stmt) in self._rules:
-                    self._rules[type(stmt)](self, stmt, out)
+                case _ if type(stmt) in STATEMENTS:
+                    STATEMENTS[type(stmt)].errors(self, stmt, out)
                 case _:
                     raise AssertionError(f"no error estimate for {type(stmt).__name__}")
         return tuple(out)

@@ -17,7 +17,7 @@ from teg.passes.eliminate.bilinear import Bilinear
 from teg.passes.intrinsics.hyperbola.errors import with_errors
 from teg.passes.intrinsics.hyperbola.lowering import HyperbolaLowering
 from teg.passes.intrinsics.hyperbola.match import match_border, match_hyperbola
-from teg.passes.lower.intrinsic import CLOSED_FORM, Description, Intrinsic
+from teg.passes.lower.intrinsic import CLOSED_FORM, Description, Intrinsic, Statement
 from teg.program import Hyperbola
 
 
@@ -34,4 +34,6 @@ def describe(node: Integral) -> Description | None:
     return Description(f"hyperbola, {CLOSED_FORM}", None, None, 1, inside)
 
 
-HYPERBOLA = Intrinsic("hyperbola", HyperbolaLowering, boundary=boundary, describe=describe, errors={Hyperbola: with_errors})
+HYPERBOLA = Intrinsic(
+    "hyperbola", HyperbolaLowering, boundary=boundary, describe=describe, statements={Hyperbola: Statement(with_errors, lambda stmt: 0)}
+)

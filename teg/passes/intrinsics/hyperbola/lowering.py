@@ -25,6 +25,8 @@ class _Together:
 class HyperbolaLowering(Lowering):
     """Moments of the hyperbolas of one program. Statements go to `out`."""
 
+    name = "hyperbola"
+
     def __init__(self, out: Emitter) -> None:
         self.out = out
         self._together: dict[Corners, _Together] = {}

@@ -25,6 +25,7 @@ class PoleRule:
     """The rule of these integrands."""
 
     rule = Rational
+    title = "Gauss with a pole, exact"
     bend = "pole"
 
     def match(self, node: Integral, analysis: BreakAnalysis) -> Rational | None:

@@ -12,7 +12,7 @@ from teg.numerics.quadrature import triangle_rule
 from teg.passes.intrinsics.polygon.errors import with_errors
 from teg.passes.intrinsics.polygon.lowering import PolygonLowering
 from teg.passes.intrinsics.polygon.match import match_clipped
-from teg.passes.lower.intrinsic import Description, Intrinsic
+from teg.passes.lower.intrinsic import Description, Intrinsic, Statement
 from teg.program import Polygon, Segment
 
 
@@ -23,8 +23,29 @@ def describe(node: Integral) -> Description | None:
         return None
     if len(clipped.boxes) == 1:
         return Description("clipped interval", clipped.degree // 2 + 1, clipped.degree, 1, clipped.inside)
-    pieces = len(clipped.halves) + 2 if clipped.degree else 1
-    return Description("clipped polygon", len(triangle_rule(clipped.degree)), clipped.degree, pieces, clipped.inside)
+    nodes, pieces = nodes_of(clipped.degree, len(clipped.halves))
+    return Description("clipped polygon", nodes, clipped.degree, pieces, clipped.inside)
 
 
-POLYGON = Intrinsic("polygon", PolygonLowering, describe=describe, errors={Polygon: with_errors, Segment: with_errors})
+def nodes_of(degree: int, half_planes: int) -> tuple[int, int]:
+    """Nodes of a triangle, and triangles: at most, those of a box from which each half-plane cuts a corner."""
+    return len(triangle_rule(degree)), half_planes + 2 if degree else 1
+
+
+def of_polygon(stmt: Polygon) -> int:
+    """Evaluations of the integrand."""
+    nodes, triangles = nodes_of(stmt.degree, len(stmt.half_planes))
+    return nodes * triangles
+
+
+def of_segment(stmt: Segment) -> int:
+    """Evaluations of the integrand."""
+    return stmt.nodes
+
+
+POLYGON = Intrinsic(
+    "polygon",
+    PolygonLowering,
+    describe=describe,
+    statements={Polygon: Statement(with_errors, of_polygon), Segment: Statement(with_errors, of_segment)},
+)

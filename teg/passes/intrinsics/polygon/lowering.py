@@ -48,6 +48,8 @@ from teg.program import Arg, HalfLine, HalfPlane, Polygon, Segment
 class PolygonLowering(Lowering):
     """Polygons and segments of one program. Statements go to `out`."""
 
+    name = "polygon"
+
     def __init__(self, out: Emitter) -> None:
         self.out = out
         self._clipped: dict[Integral, Clipped] = {}
