@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends.branches import with_branches_in_loops
 from teg.backends.c.build import load_library
 from teg.backends.c.frame import Routine
 from teg.backends.c.kernel import LONG, optimisation
@@ -124,7 +125,8 @@ def _title(program: ArrayProgram) -> str:
 
 class _ArrayPrinter:
     def __init__(self, program: ArrayProgram, name: str) -> None:
-        self.program, self.name = program, name
+        self.program, self.name = with_branches_in_loops(program), name
+        program = self.program
         self.printer = Printer()
         self.routines: dict[int, Routine] = {}
         self.space = 0

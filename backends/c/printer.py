@@ -21,6 +21,7 @@ from dataclasses import replace
 from functools import partial
 from typing import cast
 
+from teg.backends.branches import with_branches
 from teg.backends.c import frame as c_frame
 from teg.backends.c import lanes as c_packed
 from teg.backends.c.batch import batch_loop, together
@@ -100,6 +101,7 @@ def print_kernel(
     """The translation unit: constants, runtime, Gauss tables, integrals inside out, element, batch loop. A `counted` one counts the
     evaluations of integrands. `real` is the type of parameters and outputs, "double" or "float"; between them all is double.
     `declare` gives the declarations of the functions that are called; else these are in the text themselves."""
+    program = with_branches(program)
     printer = Printer(counted)
     element = printer.element(program)
     packed = None if counted else printer.packed(program, range(len(program.parameters)), together(program))

@@ -355,7 +355,7 @@ class Polygon:
     on; a new vertex divides the coordinates of an edge as it does u and v. Else they are the values of half-planes 1 and 2, times
     1/across.
 
-    `met` names a condition that fails only where a half-plane fails; it is there for the pass that makes branches, and in no program that
+    `met` names a condition that fails only where a half-plane fails; backends make branches of it, and it is in no program that
     is printed.
     """
 
