@@ -17,6 +17,7 @@ from teg.errors import InputError, TegError
 from teg.evaluator.options import BACKENDS, DTYPES
 from teg.ir.expr import Expr
 from teg.pipeline import ESTIMATORS
+from teg.program import Program
 
 if TYPE_CHECKING:
     Demos = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -229,7 +230,7 @@ def compile_file(options: argparse.Namespace) -> int:
             path.write_text(content, encoding="utf-8")
     except OSError as problem:
         raise InputError(f"cannot write {options.out!r}", None, str(problem.strerror)) from None
-    second = "Hessian" if isinstance(evaluator, teg.Evaluator) else "Hessian times a direction"
+    second = "Hessian" if not any(evaluator.dimensions.values()) else "Hessian times a direction"
     what = ("value", "value and gradient", f"value, gradient and {second}")[options.derivatives]
     print(f"{source} and {source.with_suffix('.h').name}: {what} of {source.stem}({', '.join(evaluator.parameters)})")
     return 0
@@ -242,7 +243,7 @@ def _c_files(evaluator: Any, name: str, options: argparse.Namespace) -> tuple[st
 
     names = evaluator.output_names(options.derivatives)
     program = evaluator.program(options.derivatives)
-    if isinstance(evaluator, teg.Evaluator):
+    if isinstance(program, Program):
         return standalone_c(program, name, names, {"float64": "double", "float32": "float"}[options.dtype])
     if options.dtype != "float64":
         raise InputError("a program with arrays is written with arrays of double only", options.file, "leave --dtype out")

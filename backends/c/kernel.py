@@ -49,6 +49,11 @@ class CKernel:
         self._type, self._inputs, self._outputs = np.dtype(dtype), len(program.parameters), len(program.outputs)
         self._values: Any = element * (self._inputs + self._outputs)
 
+    @property
+    def address(self) -> int:
+        """Where the kernel that can be watched (`teg_kernel_watched`) lies in this process."""
+        return self._call.address
+
     def __call__(self, columns: Sequence[np.ndarray], n: int) -> np.ndarray:
         """The outputs on a batch of n, shape (outputs, n), of the kernel's dtype.
 

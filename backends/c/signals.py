@@ -130,6 +130,7 @@ class Caller:
     def __init__(self, library: ctypes.CDLL, name: str = "teg_kernel") -> None:
         self._library = library  # it stays loaded
         kernel = ctypes.cast(getattr(library, f"{name}_watched"), ctypes.c_void_p)
+        self.address = kernel.value or 0
         callers, python = _library()
         address = ctypes.c_void_p(ctypes.addressof(python))
         pointer = ctypes.c_void_p

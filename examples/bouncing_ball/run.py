@@ -50,15 +50,15 @@ def run_bouncing_ball(
     backend: str | None = None,
     progress: bool = True,
 ) -> dict[str, Any]:
-    """Find the path of a ball thrown in a rising lift; write a picture to `out`, return what run.json holds.
+    """Finds the path of a ball thrown in a rising lift; writes a picture to `out`, returns the contents of run.json.
 
-    The ball makes that many `contacts` with the lift's floor and ceiling, by turns; `speed` is the lift's, in m/s, and
-    `duration` in s (None: 0.7 of the longest that allows so many contacts). At most `steps` steps; the descent ends when
-    the gradient is zero to rounding. `backend` None is "c" if there is a C compiler, else "numpy".
-    `discontinuities="ignore"` differentiates as plain automatic differentiation does; unless that is asked for, the
-    same descent is run that way too and shown beside (`compare`). Ctrl-C ends it: the report says "interrupted".
+    The ball makes that many `contacts` with the lift's floor and ceiling, by turns; `speed` is the lift's, in m/s, and `duration` in s
+    (None: 0.7 of the longest that allows so many contacts). At most `steps` steps; the descent ends when the gradient is zero to
+    rounding. `backend` None is "c" if there is a C compiler, else "numpy". `discontinuities="ignore"` differentiates like plain
+    automatic differentiation; unless that is chosen, the same descent is run that way too and shown beside (`compare`). Ctrl-C ends it:
+    the report says "interrupted".
 
-    Raises InputError for a throw or folder that is not possible, MissingPackageError.
+    Raises InputError for an impossible throw or folder, MissingPackageError.
     """
     require_packages("bouncing ball", PACKAGES, progress)
     from teg.examples.bouncing_ball import pictures
@@ -103,7 +103,7 @@ def run_bouncing_ball(
 
 
 def descend(descent: ActionDescent, steps: int, progress: bool, label: str = "") -> bool:
-    """Step until the gradient is zero to rounding, or all steps are done; True if Ctrl-C came before that."""
+    """Steps until the gradient is zero to rounding, or all steps are done. Returns True if Ctrl-C came before that."""
     try:
         with progress_bar(progress, steps, 0, label) as bar:
             while len(descent.states) <= steps and not (descent.converged and len(descent.states) > 1):
@@ -129,7 +129,7 @@ def _report(descent: ActionDescent, kind: str, times: np.ndarray, least: float) 
         "action": end.action,
         "action_above_exact": end.action - least,
         "largest_time_error": _error(end, times),
-        "speed_of_lift_by_rebounds": ((before + after) / 2).tolist(),  # of a wall that moves at (v₋ + v₊)/2
+        "speed_of_lift_by_rebounds": ((before + after) / 2).tolist(),  # for a wall that moves at (v₋ + v₊)/2
         "gradient": float(np.abs(end.gradient).max()),
         "errors": [_error(s, times) for s in states],
         "actions": [s.action for s in states],

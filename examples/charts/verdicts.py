@@ -1,10 +1,10 @@
-"""The stability table: every difficult case by every method, and what is to be thought of the answers.
+"""The stability table: every difficult case by every method, and the verdicts on the answers.
 
     right            off by at most 1e-9, relative
     imprecise        by at most 1e-2
     says it cannot   by more, or no number at all, but not silently: an error of the package's own, a warning, a diagnosis, an
                      estimate of the error that admits it (a fifth of the true one or more), or no answer within the time limit;
-                     ours says it in the call, what `diagnose` would tell does not count
+                     ours must say it in the call, `diagnose` does not count
     wrong            by more, silently
     crashes          any other exception
 
@@ -32,13 +32,13 @@ from teg.examples.charts.references import Reference
 RIGHT, IMPRECISE = 1e-9, 1e-2
 VERDICTS = ("right", "imprecise", "says it cannot", "wrong", "crashes")
 ADMITTED = 5
-"""A method whose estimate times this covers its error has said so."""
+"""A method admits its error if its estimate, times this, covers the error."""
 TOL = 1e-12
 SECONDS = 1.0
-"""For one integral by another method."""
+"""The time limit for one integral by another method."""
 MIDPOINTS = {1: 10**6, 2: 1000}
 SETTINGS = {"dblquad": 1.49e-8, "cubature": 1e-8, "vegas": 10**4}
-"""The defaults of SciPy; ten times vegas's number of samples."""
+"""SciPy's defaults; ten times vegas's number of samples."""
 DIFFERENCED, PLAIN = "ours, differenced", "plain automatic differentiation"
 COLUMNS: dict[str, tuple[str, ...]] = {
     "ours": ("value", "gradient"),
@@ -59,7 +59,7 @@ def verdict(error: float, admitted: bool) -> str:
 
 
 def judge(case: Case, exact: Reference, method: str, backend: str) -> dict[str, Answer]:
-    """The answers of one method to one case: "value", "gradient" or both."""
+    """Returns the answers of one method to one case: "value", "gradient" or both."""
     if method == "ours":
         return _ours(case, exact, backend)
     if method == PLAIN:
@@ -74,7 +74,7 @@ def _answer(error: float, note: str, admitted: bool) -> Answer:
 
 
 def _guarded(attempt: Callable[[], Answer]) -> Answer:
-    """The answer, or what became of it."""
+    """Returns the answer of an attempt, or the verdict on its exception."""
     try:
         return attempt()
     except TegError as problem:
@@ -104,7 +104,7 @@ def _ours(case: Case, exact: Reference, backend: str) -> dict[str, Answer]:
 
 @contextmanager
 def _own_warnings() -> Iterator[list[str]]:
-    """Collects this package's own warnings; others are shown as ever."""
+    """Collects this package's own warnings; others are shown as usual."""
     said: list[str] = []
     with warnings.catch_warnings(record=True) as given:
         warnings.simplefilter("always")

@@ -33,7 +33,7 @@ NOTHING_LEARNT = (
 
 @dataclass(frozen=True)
 class Options:
-    """All that a run depends on but the picture itself."""
+    """All options of a run except the picture itself."""
 
     photo: str | None
     cells: int
@@ -42,7 +42,7 @@ class Options:
     seed: int
 
     def check(self) -> None:
-        """Raise InputError for numbers that make no picture."""
+        """Raises InputError for numbers that make no picture."""
         if not CELLS[0] <= self.cells <= CELLS[1]:
             raise InputError(f"a mesh of {self.cells} cells a side", None, f"between {CELLS[0]} and {CELLS[1]}")
         if self.epochs < 0:
@@ -61,13 +61,13 @@ def run_mesh_network(
     resume: bool = False,
     seed: int = 0,
 ) -> dict[str, Any]:
-    """Train a network to move the vertices of meshes, apply it to a photo it has not seen; write pictures to `out`.
+    """Trains a network to move the vertices of meshes and applies it to a photo it has not seen; writes pictures to `out`.
 
-    Returns what run.json holds; "sampled" has the gradient of the same loss, its areas sampled, by the same weights at the start.
-    `photo` is any file that Pillow reads (None: scikit-image's astronaut), resized to `cells` cells of 4 pixels a side; the
-    network learns from crops of four other photos of scikit-image's. `discontinuities="ignore"` differentiates as plain automatic
-    differentiation does. `resume` continues the run whose checkpoint is in `out`, up to `epochs` in all. Ctrl-C ends the training,
-    after the epoch, not the writing: the report says "interrupted".
+    Returns the contents of run.json; "sampled" has the gradient of the same loss with sampled areas, by the same weights at the start.
+    `photo` is any file that Pillow reads (None: scikit-image's astronaut), resized to `cells` cells of 4 pixels a side. The network
+    learns from crops of four other photos of scikit-image's. `discontinuities="ignore"` differentiates like plain automatic
+    differentiation. `resume` continues the run whose checkpoint is in `out`, up to `epochs` in all. Ctrl-C ends the training after the
+    epoch, not the writing: the report says "interrupted".
 
     Raises InputError for a photo, number, folder or checkpoint that cannot be used, MissingPackageError.
     """

@@ -1,4 +1,4 @@
-"""The main job: a photograph in triangles, by gradient descent on an exact integral.
+"""The main demonstration: a photograph in triangles, by gradient descent on an exact integral.
 
 photo → pixels → mesh → (gradient of the compiled program → step → best colours) × steps → pictures
 """
@@ -35,7 +35,7 @@ NOTHING_MOVES = (
 
 @dataclass(frozen=True)
 class Options:
-    """All that a run depends on but the picture itself."""
+    """All options of a run except the picture itself."""
 
     photo: str | None
     triangles: int
@@ -47,7 +47,7 @@ class Options:
     shared_by: str | None
 
     def check(self) -> None:
-        """Raise InputError for numbers that make no picture."""
+        """Raises InputError for numbers that make no picture."""
         if not SIZES[0] <= self.size <= SIZES[1]:
             raise InputError(f"a picture of {self.size} pixels a side", None, f"between {SIZES[0]} and {SIZES[1]}")
         if not 2 <= self.triangles <= self.size**2:
@@ -73,13 +73,13 @@ def run_triangulation(
     seed: int = 0,
     shared_by: str | None = None,
 ) -> dict[str, Any]:
-    """Approximate a photo by triangles of constant colour; write pictures to `out`, return what run.json holds.
+    """Approximates a photo by triangles of constant colour; writes pictures to `out`, returns the contents of run.json.
 
-    `photo` is any file that Pillow reads (None: scikit-image's astronaut), cropped and resized to size²
-    pixels. `backend` None is "c" if there is a C compiler, else "numpy". `discontinuities="ignore"`
-    differentiates as plain automatic differentiation does. `shared_by` "pairs" or "faces" computes on all devices of JAX, each of which
-    has some of the pairs of a triangle and a pixel, or of the triangles. `resume` continues the run whose checkpoint is in
-    `out`, up to `steps` in all. Ctrl-C ends the descent, not the writing: the report says "interrupted".
+    `photo` is any file that Pillow reads (None: scikit-image's astronaut), cropped and resized to size² pixels. `backend` None is "c" if
+    there is a C compiler, else "numpy". `discontinuities="ignore"` differentiates like plain automatic differentiation. `shared_by`
+    "pairs" or "faces" computes on all devices of JAX, each of which has some of the pairs of a triangle and a pixel, or of the
+    triangles. `resume` continues the run whose checkpoint is in `out`, up to `steps` in all. Ctrl-C ends the descent, not the writing:
+    the report says "interrupted".
 
     Raises InputError for a photo, number, folder or checkpoint that cannot be used, MissingPackageError.
     """

@@ -1,6 +1,6 @@
 """Polynomials in one variable over the prime field GF(P): division, common factors, roots.
 
-A polynomial is the list of its coefficients, the constant first, the last one not 0; 0 is the empty list.
+A polynomial is the list of its coefficients, the constant first. The last coefficient is not 0; the zero polynomial is the empty list.
 Source: von zur Gathen and Gerhard, Modern Computer Algebra, chapters 3 and 14.
 """
 

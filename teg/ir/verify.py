@@ -1,4 +1,4 @@
-"""Is an expression well formed? Run between passes while testing (TEG_VERIFY=1)."""
+"""Well-formedness of expressions, checked between passes in tests (TEG_VERIFY=1)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from teg.ir.node import Node, postorder
 
 
 def verify(root: Node, stage: str = "") -> None:
-    """Each node has children of the right kinds; raises AssertionError, for it can only be a fault of the compiler."""
+    """Checks that each node has children of the right kinds. Raises AssertionError: a violation is a fault of the compiler."""
     for node in postorder([root]):
         kinds: tuple[type[Node], ...]
         match node:

@@ -263,516 +263,170 @@ run-time input `order` (+1 or -1) decides: r if order = +1, not r if order = -1.
 was met it is run again with order = -1 and the outputs are averaged. `k` numbers the tie in `Program.ties`.
 """
 
-from __future__ import annotations
-
-import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-from itertools import count
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-if TYPE_CHECKING:
-    import numpy as np
-
-PIECE_EPS = 4 * 2.0**-52
-TIE_EPS = 4 * 2.0**-52
-INSIDE = 0.4854101966249685
-"""Where in a piece its conditions are decided: not in its middle, where by symmetry two surfaces may touch."""
-ABSOLUTE_FLOOR = 1e-6
-ROUNDING = 64 * 2.0**-52
-MAX_DEPTH = 48
-MAX_INTERVALS = 2**17
-MAX_EVALUATIONS = 2**28
-"""Of integrands, that one point may take: some seconds of a compiled kernel."""
-WATCH_WIDTH = 2.0**-44
-NOISE = 10 * 2.0**-52
-EDGE = 4 * 2.0**-52
-"""How far an end of a piece may be off, relative to its distance from 0: of a thin piece that is much."""
-SPENT = 10.0
-DIVERGENT = 2.0**-10
-UNSEEN = 1e3
-"""A sharp value that may be so many times larger in a gap than at the nodes beside it was not seen by them."""
-HIDDEN = 1e13
-"""Where a sharp value falls by such a factor in one gap, a product with one that rises there may have a peak between the nodes."""
-FAINT = 1e-87
-"""A sharp value below which no peak is looked for: that of exp(-200)."""
-GUARD_DEPTH = 12
-DEEP = 40
-POLE = 16 * 2.0**-52
-"""A pole that near to a piece, relative to its distance from 0, may be on it."""
-RESIDUE = 1e-8
-"""An integrand whose highest coefficient is less than that, relative to its size, has no pole."""
-FAR = 64.0
-"""The size of a zero that is too far to count beside another one: what it costs is less than the rounding of large numbers."""
-NEAR = 6.0 + 1.0 / 6.0
-"""The size of a bend whose ellipse is ρ = 6: Gauss-Legendre with 12 nodes errs there by 6⁻²⁴."""
-ISOLATE_DEPTH = 40
-ISOLATE_WIDTH = 128
-ISOLATE_STEPS = 100
-LOCATE_HALVINGS = 36
-LOCATE_WIDTH = 4096
-LOCATE_MOST = 2**15
-LOCATE_ZEROS = 512
-LOCATE_STEPS = 6
-"""Steps of Newton's method: the first one leaves a quarter of the rectangle at most, and each doubles the digits."""
-LOCATE_NARROW = 2.0**-30
-LOCATE_SAME = 2.0**-40
-LOCATE_LOST = 2.0**-40
-"""A smaller part of the rectangle may be given up."""
-MAX_HALF_PLANES = 64
-"""Of more a `Polygon` would be long: they share the pieces of two integrals instead."""
-THIN = 2.0**-5
-"""A triangle so thin, compared with how much its half-planes change over a box, is clipped by the box, and not the box by it."""
-NEARLY = 2.0**-20
-"""A half-line whose values are so small, compared with its terms, may be a tie: only then is it worth knowing how much rounding did."""
-
-NEAR_SIDE = 2.0**-10
-"""A side at whose ends a bilinear function is so small, compared with all corners, may be a tie."""
-SMALLEST = 1e-140
-"""The products of numbers that are smaller, or larger than its inverse, may be lost: they are divided first."""
-LARGEST_RATIO = 1e24
-"""Of the slopes at both ends of a branch that begins or ends on an asymptote, to rounding."""
-SADDLE = 8 * 2.0**-52
-"""The value at a saddle that is 0 to rounding, relative to those on the sides of the box."""
-NO_FLUX = 1e-12
-"""A boundary term's factor that is smaller than this at a saddle, in parts of its values on the box, is 0 there."""
-
-Arg = str | float | int | bool
-
-
-@dataclass(frozen=True, slots=True)
-class Gauss:
-    """Gauss-Legendre with `nodes` nodes a piece: exact to degree 2·nodes - 1."""
-
-    nodes: int
-
-
-@dataclass(frozen=True, slots=True)
-class Rational:
-    """Gauss-Legendre with weights that know a pole, `nodes` nodes a piece: exact for polynomials of lower degree over D^power."""
-
-    nodes: int
-    power: int
-
-
-@dataclass(frozen=True, slots=True)
-class Adaptive:
-    """Gauss-Legendre with bisection, to a relative tolerance on each piece: `first` nodes, then `order` nodes."""
-
-    tol: float
-    first: int = 10
-    order: int = 18
-    cubic: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Midpoint:
-    """The composite midpoint rule with `nodes` nodes a piece."""
-
-    nodes: int
-
-
-Rule = Gauss | Rational | Adaptive | Midpoint
-
-
-@dataclass(frozen=True, slots=True)
-class Assign:
-    """name = op(args…)."""
-
-    name: str
-    op: str
-    args: tuple[Arg, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Bend:
-    """Where the integrand turns into another branch, or has a pole: the zeros of c₀ + c₁·w + c₂·w², w = v - base of its integral."""
-
-    kind: str  # "root", "pole" or "end"
-    coefficients: tuple[Arg, Arg, Arg]
-    when: Arg = True
-
-
-@dataclass(frozen=True, slots=True)
-class Guard:
-    """Bounds over left <= v <= right: of the sizes of tested values, and of sharp values, which are `seen` at nodes."""
-
-    left: str
-    right: str
-    block: tuple[Stmt, ...]
-    sizes: tuple[Arg, ...]
-    upper: tuple[Arg, ...]
-    lower: tuple[Arg, ...]
-    seen: tuple[Arg, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Integrate:
-    """results = ∫ values over `var` from lo to hi, piece by piece between the breaks.
-
-    `tested` of the values decide how fine the pieces are cut; `infinite`: a bound may be, and tails have the length `scale`.
-    """
-
-    var: str
-    lo: Arg
-    hi: Arg
-    breaks: tuple[Arg, ...]
-    flags: tuple[Stmt, ...]
-    need: str | None
-    body: tuple[Stmt, ...]
-    values: tuple[Arg, ...]
-    results: tuple[str, ...]
-    rule: Rule
-    when: str | None = None
-    watch: tuple[str, ...] = ()
-    bends: tuple[Bend, ...] = ()
-    base: Arg = 0.0
-    infinite: bool = False
-    scale: Arg = 1.0
-    estimates: tuple[str, ...] = ()
-    guard: Guard | None = None
-    ends: tuple[str, ...] = ()
-
-    @property
-    def tested(self) -> int:
-        """How many of the values count for the error: all, or those that have estimates."""
-        return len(self.estimates) or len(self.values)
-
-    @property
-    def at_nodes(self) -> tuple[Arg, ...]:
-        """The arguments that `body` computes at a node: values, watched booleans, sharp values."""
-        watch = self.watch if isinstance(self.rule, Adaptive) else ()
-        return (*self.values, *watch, *(self.guard.seen if self.guard is not None else ()))
-
-
-@dataclass(frozen=True, slots=True)
-class Isolate:
-    """results = the roots of g between lo and hi, ascending, +inf for those that are not there; `errors`: how far each may be off."""
-
-    var: str
-    lo: Arg
-    hi: Arg
-    left: str
-    right: str
-    enclosure: tuple[Stmt, ...]
-    bounds: tuple[Arg, Arg, Arg, Arg]
-    point: tuple[Stmt, ...]
-    value: Arg
-    slope: Arg
-    results: tuple[str, ...]
-    when: str | None = None
-    curving: tuple[Arg, Arg] = (-math.inf, math.inf)
-    noise: Arg = 0.0
-    curvature: Arg = math.nan
-    tol: float = math.inf
-    width: int = ISOLATE_WIDTH
-    errors: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Locate:
-    """results = where in (lo, hi) f and g have a common zero over (low, high), ascending, +inf for those that are not there.
-
-    `bounds` are those of f and g, then, if they are known, those of ∂f/∂v, ∂f/∂u, ∂g/∂v and ∂g/∂u; `lost` names the part of the rectangle
-    that was given up.
-    """
-
-    lo: Arg
-    hi: Arg
-    low: Arg
-    high: Arg
-    left: str
-    right: str
-    bottom: str
-    top: str
-    enclosure: tuple[Stmt, ...]
-    bounds: tuple[Arg, ...]
-    results: tuple[str, ...]
-    when: str | None = None
-    lost: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class SumOver:
-    """results = Σ values with `var` at each of the points that is finite."""
-
-    var: str
-    points: tuple[Arg, ...]
-    body: tuple[Stmt, ...]
-    values: tuple[Arg, ...]
-    results: tuple[str, ...]
-    when: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """results = the means of the values over `count` points of the unit cube, whose coordinates are called `points`."""
-
-    points: tuple[str, ...]
-    count: int
-    kind: str  # "montecarlo" or "qmc"
-    seed: int
-    body: tuple[Stmt, ...]
-    values: tuple[Arg, ...]
-    results: tuple[str, ...]
-    estimates: tuple[str, ...] = ()
-    when: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class HalfPlane:
-    """c + a·u + b·v > 0, or >= 0 if it is closed."""
-
-    a: Arg
-    b: Arg
-    c: Arg
-    closed: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Polygon:
-    """results = factors · ∫∫ values over the part of a box that is in all half-planes; exact to `degree` in both variables together."""
-
-    variables: tuple[str, ...]
-    width: Arg
-    height: Arg
-    half_planes: tuple[HalfPlane, ...]
-    setup: tuple[Stmt, ...]
-    body: tuple[Stmt, ...]
-    values: tuple[Arg, ...]
-    factors: tuple[Arg, ...]
-    results: tuple[str, ...]
-    degree: int
-    when: str | None = None
-    met: Arg = True
-    corners: tuple[tuple[Arg, Arg], ...] = ()
-    across: Arg = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class HalfLine:
-    """g > 0, or >= 0 if it is closed, by the values at both ends; one that may be a tie has a number k, a resolution, the size of its terms
-    and, in `scales`, the scale of its rounding errors."""
-
-    first: Arg
-    last: Arg
-    closed: bool = False
-    k: int | None = None
-    resolution: Arg = True
-    size: Arg = 0.0
-    scale: Arg = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Segment:
-    """results = factors · ∫ values over the part of (0, 1) that is in all half-lines, by Gauss-Legendre with `nodes` nodes."""
-
-    var: str
-    half_lines: tuple[HalfLine, ...]
-    setup: tuple[Stmt, ...]
-    scales: tuple[Stmt, ...]
-    body: tuple[Stmt, ...]
-    values: tuple[Arg, ...]
-    factors: tuple[Arg, ...]
-    results: tuple[str, ...]
-    nodes: int
-    when: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Moments:
-    """Σ c·uʲvᵏ over (j, k, c), on a region or along its border: "above", "below" or "border"."""
-
-    kind: str
-    terms: tuple[tuple[int, int, Arg], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Hyperbola:
-    """results = moments of a bilinear g on the unit square; with a border, `ties` are the numbers of its four sides in `Program.ties`,
-    and `scale` the scales of the rounding errors of its corners, known in `scales`."""
-
-    corners: tuple[Arg, ...]
-    scales: tuple[Stmt, ...]
-    scale: tuple[Arg, ...]
-    ties: tuple[int, ...]
-    moments: tuple[Moments, ...]
-    results: tuple[str, ...]
-    when: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class When:
-    """Run `body`, which gives the results their values, if `when` holds; else they are 0."""
-
-    when: str
-    body: tuple[Stmt, ...]
-    results: tuple[str, ...]
-
-
-Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | Hyperbola | When
-
-
-def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
-    """The blocks inside a statement, in the order they are run."""
-    match stmt:
-        case Assign():  # most of them
-            return ()
-        case Integrate():
-            return (stmt.flags, stmt.body) if stmt.guard is None else (stmt.flags, stmt.body, stmt.guard.block)
-        case Isolate():
-            return (stmt.enclosure, stmt.point)
-        case Locate():
-            return (stmt.enclosure,)
-        case SumOver() | Sample() | When():
-            return (stmt.body,)
-        case Polygon():
-            return (stmt.setup, stmt.body)
-        case Segment():
-            return (stmt.setup, stmt.scales, stmt.body)
-        case Hyperbola():
-            return (stmt.scales,)
-
-
-class Outcome(NamedTuple):
-    """What a run of a program gives: its outputs, (outputs, n), whether a tolerance was missed anywhere, the number of evaluations of
-    integrands without integrals inside (0 if the kernel was not asked to count), and whether a search found more roots than it has room
-    for."""
-
-    values: np.ndarray
-    missed: bool
-    evaluations: int
-    crowded: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Tie:
-    """What a `tie` operation compares, for diagnosis: two surfaces, printed."""
-
-    surfaces: tuple[str, str]
-
-
-class Printed(dict[object, Any]):
-    """What backends printed of a program, but for the bodies of its functions: every binding of these shares it. It is not pickled."""
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return (Printed, ())
-
-
-@dataclass(frozen=True, slots=True)
-class Called:
-    """A function that a program calls: whose it is, how often it is differentiated by each input, and its body, a program with one output
-    and a parameter an input; None until it is bound."""
-
-    callee: object
-    derivative: tuple[int, ...]
-    body: Program | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Program:
-    """A scheduled program: parameters (in order), statements, one output name or literal per result."""
-
-    parameters: tuple[str, ...]  # the user's names, any text; in the program parameter i is called 'p{i}'
-    body: tuple[Stmt, ...]
-    outputs: tuple[Arg, ...]
-    ties: tuple[Tie, ...] = ()
-    functions: tuple[Called, ...] = ()
-    printed: Printed = field(init=False, default_factory=Printed, compare=False, repr=False)  # `dataclasses.replace` begins a new one
-
-
-def assigned(stmt: Stmt) -> tuple[str, ...]:
-    """The names a statement gives a value."""
-    match stmt:
-        case Assign():
-            return (stmt.name,)
-        case Integrate() | Sample():
-            return (*stmt.results, *stmt.estimates)
-        case Isolate():
-            return (*stmt.results, *stmt.errors)
-        case Locate() if stmt.lost is not None:
-            return (*stmt.results, stmt.lost)
-        case _:
-            return stmt.results
-
-
-def statements(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
-    """Every statement of a block and of the blocks inside it, outermost first."""
-    stack = list(reversed(block))
-    while stack:
-        stmt = stack.pop()
-        yield stmt
-        if not isinstance(stmt, Assign):
-            for inner in reversed(blocks(stmt)):
-                stack.extend(reversed(inner))
-
-
-def compound(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
-    """The same but for assignments, which are most of them."""
-    stack = [s for s in reversed(block) if not isinstance(s, Assign)]
-    while stack:
-        stmt = stack.pop()
-        yield stmt
-        for inner in reversed(blocks(stmt)):
-            stack += [s for s in reversed(inner) if not isinstance(s, Assign)]
-
-
-def has_ties(block: tuple[Stmt, ...]) -> bool:
-    """Whether a run of a block can meet a tie."""
-    waiting = [block]
-    while waiting:
-        stmts = waiting.pop()
-        for s in stmts:
-            if isinstance(s, Assign):
-                if s.op == "tie":
-                    return True
-            elif (isinstance(s, Hyperbola) and s.ties) or (isinstance(s, Segment) and any(g.k is not None for g in s.half_lines)):
-                return True
-            else:
-                waiting += blocks(s)
-    return False
-
-
-def size(program: Program) -> int:
-    """Number of statements, nested ones included."""
-    return sum(1 for _ in statements(program.body))
-
-
-def without_branches(program: Program) -> Program:
-    """The program with every `When` written out, for backends in which many points run together: what is not wanted is replaced by 0."""
-    if not any(isinstance(s, When) for s in statements(program.body)):
-        return program
-    numbers = count(1 + max(int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit()))
-    return replace(program, body=_written_out(program.body, numbers))
-
-
-def _written_out(block: tuple[Stmt, ...], numbers: Iterator[int]) -> tuple[Stmt, ...]:
-    """Recursion is as deep as branches are in each other; there are none in loops."""
-    result: list[Stmt] = []
-    for stmt in block:
-        match stmt:
-            case When():
-                for inner in _written_out(stmt.body, numbers):
-                    other = {name: f"v{next(numbers)}" for name in assigned(inner) if name in stmt.results}
-                    result.append(_giving(inner, other))
-                    result += [Assign(name, "select", (stmt.when, value, 0.0)) for name, value in other.items()]
-            case _:
-                result.append(stmt)
-    return tuple(result)
-
-
-def _giving(stmt: Stmt, names: dict[str, str]) -> Stmt:
-    """The same statement with other names for what it gives a value."""
-    if not names:
-        return stmt
-    if isinstance(stmt, Assign):
-        return replace(stmt, name=names[stmt.name])
-    return replace(stmt, results=tuple(names.get(r, r) for r in stmt.results))
-
-
-def clipped_by(stmt: Polygon | Segment) -> tuple[Arg, ...]:
-    """What decides the domain of a polygon or a segment; but for the scales of ties, which are known in the block for them only."""
-    if isinstance(stmt, Polygon):
-        known = (stmt.across, *(arg for p in stmt.corners for arg in p)) if stmt.corners else ()
-        return (stmt.width, stmt.height, *(arg for g in stmt.half_planes for arg in (g.a, g.b, g.c)), *known)
-    return tuple(arg for g in stmt.half_lines for arg in (g.first, g.last, *((g.resolution, g.size) if g.k is not None else ())))
+from teg.program.limits import (
+    ABSOLUTE_FLOOR,
+    DEEP,
+    DIVERGENT,
+    EDGE,
+    FAINT,
+    FAR,
+    GUARD_DEPTH,
+    HIDDEN,
+    INSIDE,
+    ISOLATE_DEPTH,
+    ISOLATE_STEPS,
+    ISOLATE_WIDTH,
+    LARGEST_RATIO,
+    LOCATE_HALVINGS,
+    LOCATE_LOST,
+    LOCATE_MOST,
+    LOCATE_NARROW,
+    LOCATE_SAME,
+    LOCATE_STEPS,
+    LOCATE_WIDTH,
+    LOCATE_ZEROS,
+    MAX_DEPTH,
+    MAX_EVALUATIONS,
+    MAX_HALF_PLANES,
+    MAX_INTERVALS,
+    NEAR,
+    NEAR_SIDE,
+    NEARLY,
+    NO_FLUX,
+    NOISE,
+    PIECE_EPS,
+    POLE,
+    RESIDUE,
+    ROUNDING,
+    SADDLE,
+    SMALLEST,
+    SPENT,
+    THIN,
+    TIE_EPS,
+    UNSEEN,
+    WATCH_WIDTH,
+)
+from teg.program.statements import (
+    Adaptive,
+    Arg,
+    Assign,
+    Bend,
+    Called,
+    Gauss,
+    Guard,
+    HalfLine,
+    HalfPlane,
+    Hyperbola,
+    Integrate,
+    Isolate,
+    Locate,
+    Midpoint,
+    Moments,
+    Outcome,
+    Polygon,
+    Printed,
+    Program,
+    Rational,
+    Rule,
+    Sample,
+    Segment,
+    Stmt,
+    SumOver,
+    Tie,
+    When,
+)
+from teg.program.walk import (
+    assigned,
+    blocks,
+    captured,
+    clipped_by,
+    compound,
+    free_in,
+    free_names,
+    has_ties,
+    size,
+    statements,
+    without_branches,
+)
+
+__all__ = [
+    "ABSOLUTE_FLOOR",
+    "DEEP",
+    "DIVERGENT",
+    "EDGE",
+    "FAINT",
+    "FAR",
+    "GUARD_DEPTH",
+    "HIDDEN",
+    "INSIDE",
+    "ISOLATE_DEPTH",
+    "ISOLATE_STEPS",
+    "ISOLATE_WIDTH",
+    "LARGEST_RATIO",
+    "LOCATE_HALVINGS",
+    "LOCATE_LOST",
+    "LOCATE_MOST",
+    "LOCATE_NARROW",
+    "LOCATE_SAME",
+    "LOCATE_STEPS",
+    "LOCATE_WIDTH",
+    "LOCATE_ZEROS",
+    "MAX_DEPTH",
+    "MAX_EVALUATIONS",
+    "MAX_HALF_PLANES",
+    "MAX_INTERVALS",
+    "NEAR",
+    "NEARLY",
+    "NEAR_SIDE",
+    "NOISE",
+    "NO_FLUX",
+    "PIECE_EPS",
+    "POLE",
+    "RESIDUE",
+    "ROUNDING",
+    "SADDLE",
+    "SMALLEST",
+    "SPENT",
+    "THIN",
+    "TIE_EPS",
+    "UNSEEN",
+    "WATCH_WIDTH",
+    "Adaptive",
+    "Arg",
+    "Assign",
+    "Bend",
+    "Called",
+    "Gauss",
+    "Guard",
+    "HalfLine",
+    "HalfPlane",
+    "Hyperbola",
+    "Integrate",
+    "Isolate",
+    "Locate",
+    "Midpoint",
+    "Moments",
+    "Outcome",
+    "Polygon",
+    "Printed",
+    "Program",
+    "Rational",
+    "Rule",
+    "Sample",
+    "Segment",
+    "Stmt",
+    "SumOver",
+    "Tie",
+    "When",
+    "assigned",
+    "blocks",
+    "captured",
+    "clipped_by",
+    "compound",
+    "free_in",
+    "free_names",
+    "has_ties",
+    "size",
+    "statements",
+    "without_branches",
+]

@@ -1,4 +1,4 @@
-"""SymPy's nodes as the language's, each once; what the language does not have is refused before anything is converted."""
+"""SymPy's nodes converted to the language's, each once. An unsupported node is refused before anything is converted."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from teg.symbolic.nodes import in_postorder, parts_of, shown, sympy_package
 
 
 def readable(root: Any) -> list[Any]:
-    """Every node of a SymPy expression once, parts first; raises what says that the language has no such node."""
+    """Returns every node of a SymPy expression once, parts first. Raises OperandError or BoundError for unsupported nodes."""
     return in_postorder(root, _check)
 
 
 def _check(node: Any) -> None:
-    """Raises what says that the language has no such node."""
+    """Raises OperandError or BoundError for a node that the language does not have."""
     sympy = sympy_package()
     if type(node) is sympy.Integral:
         for limit in node.args[1:]:
@@ -46,7 +46,10 @@ def _is_leaf(node: Any) -> bool:
 
 
 def names_of(order: list[Any], wanted: frozenset[str], outside: frozenset[Any]) -> tuple[list[Any], dict[Any, Expr]]:
-    """The symbols that integrals bind, and what every symbol is; those in `outside` are free somewhere, and their names taken."""
+    """Returns the symbols that integrals bind, and the expression for every symbol.
+
+    Symbols in `outside` are free somewhere, so their names are taken.
+    """
     sympy = sympy_package()
     bound = list(dict.fromkeys(limit[0] for n in order if isinstance(n, sympy.Integral) for limit in n.limits))
     among = frozenset(bound)
@@ -67,17 +70,17 @@ def names_of(order: list[Any], wanted: frozenset[str], outside: frozenset[Any]) 
 
 
 class Reader:
-    """SymPy's nodes to the language's, each once."""
+    """Converts SymPy's nodes to the language's, each once."""
 
     def __init__(self, names: Mapping[Any, Expr], at_zero: float | None, places: frozenset[Var] = frozenset()) -> None:
         self.sympy = sympy_package()
         self.functions = functions()
         self.names = names
-        self.at_zero = at_zero  # of Heaviside(u); None: what from_sympy says
-        self.places = places  # variables that may yet become parameters
+        self.at_zero = at_zero  # the value of Heaviside(u) at u = 0; None: the rule of from_sympy
+        self.places = places  # variables that may still become parameters
 
     def read(self, order: list[Any]) -> Node:
-        """The last of SymPy's nodes in postorder."""
+        """Returns the expression for the last of SymPy's nodes in postorder."""
         done: dict[int, Any] = {}
         for node in order:
             done[id(node)] = self.form(node, [done[id(part)] for part in parts_of(node)])
@@ -115,13 +118,13 @@ class Reader:
         if at_zero is ZERO or at_zero is ONE:
             strict = at_zero is ZERO
             if isinstance(u, Mul) and len(u.children) == 2 and u.children[0] is MINUS_ONE and isinstance(u.children[1], Add):
-                return build.bracket(~ex.positive(u.children[1], not strict))  # -(a - b), which SymPy does not write: it was a ~
+                return build.bracket(~ex.positive(u.children[1], not strict))  # -(a - b), which SymPy does not write: the original was a ~
             return build.bracket(ex.positive(u, strict))
         return build.where(u >= 0, build.where(u > 0, 1, at_zero), 0)
 
 
 def _nearest(number: Any) -> float:
-    """The float64 nearest to a number of SymPy's."""
+    """Returns the float64 nearest to a SymPy number."""
     try:
         value = number.p / number.q if number.is_Rational else float(number.evalf(30) if number.is_NumberSymbol else number)
     except OverflowError:
@@ -144,7 +147,7 @@ def _leaf(node: Any) -> Expr | Cond:
 
 @cache
 def functions() -> dict[Any, Callable[..., Node]]:
-    """What each of SymPy's functions is in the language, applied to converted arguments."""
+    """Returns, for each SymPy function, the function that builds the language's node from converted arguments."""
     sympy = sympy_package()
     of_numbers: dict[Any, Callable[..., Node]] = {
         sympy.Add: _sum,
@@ -212,7 +215,7 @@ def functions() -> dict[Any, Callable[..., Node]]:
     for kinds, check in ((of_numbers, ex.as_number), (of_conditions, ex.as_condition)):
         for kind, f in kinds.items():
             table[kind] = lambda *parts, f=f, check=check: f(*map(check, parts))
-    by_hand = (sympy.Integral, sympy.Piecewise, sympy.Heaviside)  # the reader's own
+    by_hand = (sympy.Integral, sympy.Piecewise, sympy.Heaviside)  # handled by the reader itself
     return table | dict.fromkeys(by_hand, build.tuple_)
 
 
@@ -226,13 +229,13 @@ def _product(*factors: Expr) -> Expr:
 
 
 def _remembering(kind: type[Add | Mul], result: Expr, parts: tuple[Expr, ...]) -> Expr:
-    """The result, or what was written if its parameters would vanish."""
+    """Returns the result, or the plain node if its parameters would vanish."""
     vanishes = isinstance(result, Const) or any(isinstance(p, Mul) and p.children[0] is ZERO for p in parts)
     return kind.make(None, parts) if vanishes and len(parts) > 1 and not all(isinstance(p, Const) for p in parts) else result
 
 
 def _asinh(u: Expr) -> Expr:
-    """log(u + √(u² + 1)), of |u|: for u < 0 the terms would cancel."""
+    """Returns log(u + √(u² + 1)), computed from |u|: for u < 0 the terms would cancel."""
     root = build.sqrt(u**2 + 1)
     return build.where(u > 0, build.log(u + root), -build.log(root - u))
 

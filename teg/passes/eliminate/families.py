@@ -1,11 +1,11 @@
-"""Elimination of δ: an ordered list of families, each of which brings a δ to one variable and sifts it.
+"""Elimination of δ: an ordered list of families, each of which reduces a δ to one variable and sifts it.
 
     ∫ₗʰ w(x) δ(g(x)) dx = Σ_{roots x* of g} w(x*)/|g′(x*)| · ([x* < h] - [x* < l])
 
 The signed difference is right for reversed bounds and for bounds that cross inside an outer domain. A family is a file with a
 `match_<family>(g, variables)`, which returns data or None, and a `rewrite_<family>(g, coefficient, chain, data)`, which returns the
-sifted integral. The first family of the list that matches is taken. A δ that outer variables run through is eliminated at the outermost
-of the integrals that take part, its outer factors pushed inside.
+sifted integral. The first family of the list that matches is taken. A δ that depends on outer variables is eliminated at the outermost
+of the integrals that take part; outer factors are moved inside.
 """
 
 from __future__ import annotations
@@ -50,13 +50,13 @@ FAMILIES: Families = (
 
 
 def rewrite_closed(g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
-    """A bilinear surface's boundary term in closed form, where there is one and it is not differentiated again; else its charts."""
+    """Returns a bilinear surface's boundary term in closed form, if there is one and it is not differentiated again; else its charts."""
     closed = border_of(g, coefficient, chain)
     return rewrite_bilinear(g, coefficient, chain, data) if closed is None else closed
 
 
 def closing(families: Families) -> Families:
-    """The families for boundary terms that are not differentiated again: some of their charts would be hard to differentiate."""
+    """Returns the families for boundary terms that are not differentiated again: some of their charts would be hard to differentiate."""
     last: list[tuple[Match, Rewrite]] = []
     for match, rewrite in families:
         if match is match_implicit:
@@ -66,8 +66,11 @@ def closing(families: Families) -> Families:
 
 
 def families_with(maps: Sequence[Diffeomorphism]) -> Families:
-    """The families with a user's maps among them: first for surfaces that depend on one new variable, then where they lead to a formula
-    and there is none without them, last for what no family knows."""
+    """Returns the families with a user's maps among them.
+
+    A map comes first for surfaces that depend on one new variable, then where it leads to a formula and there is none without it, last
+    for surfaces that no other family matches.
+    """
     if not checked_maps(maps):
         return FAMILIES
     alone, formulas, others = (user_families(maps, f, a) for f, a in ((FAMILIES, True), (FORMULAS, False), (FAMILIES, False)))
@@ -75,11 +78,11 @@ def families_with(maps: Sequence[Diffeomorphism]) -> Families:
 
 
 def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families = FAMILIES) -> Expr:
-    """The program without δ. Raises NoReparameterisationError for a surface that no family reduces, DeltaError for a δ out of place.
+    """Returns the program without δ. Raises NoReparameterisationError for a surface that no family reduces, DeltaError for a misplaced δ.
 
     `keep_moving` leaves those deltas in the program that are carried along when it is differentiated again.
     """
-    while root.has_delta:  # a product of deltas loses one a round
+    while root.has_delta:  # a product of deltas loses one factor in each round
         round_ = _Elimination(cast(Expr, rename_apart(root)), keep_moving, families)
         reduced = round_.run()
         if reduced is root and round_.kept:
@@ -93,7 +96,10 @@ def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families =
 
 
 def without_steep_graphs(g: Expr, data: Any, boxes: Sequence[Binder]) -> tuple[Any, Rewrite] | None:
-    """The family that replaces a graph where it is steep, `boxes` being the integrals over the variables of g, outermost first; or None."""
+    """Returns the family that replaces a graph where it is steep; or None.
+
+    `boxes` are the integrals over the variables of g, outermost first.
+    """
     if not isinstance(data, Affine) or len(data.variables) == len(boxes) or not any(isinstance(slope(g, v), Const) for v in data.variables):
         return None
     steep = match_steep(g, data, boxes)
@@ -101,7 +107,7 @@ def without_steep_graphs(g: Expr, data: Any, boxes: Sequence[Binder]) -> tuple[A
 
 
 def find_family(g: Expr, variables: Sequence[Var], families: Families = FAMILIES) -> tuple[Any, Rewrite] | None:
-    """The first family that matches a surface: its data and its rewriting."""
+    """Returns the first family that matches a surface: its data and its rewriting."""
     for match, rewrite in families:
         data = match(g, variables)
         if data is not None:
@@ -110,7 +116,7 @@ def find_family(g: Expr, variables: Sequence[Var], families: Families = FAMILIES
 
 
 class _Elimination:
-    """One program: its variables from the innermost outwards, and what was decided for each surface."""
+    """One program: its variables from the innermost outwards, and the decision for each surface."""
 
     def __init__(self, root: Expr, keep_moving: bool, families: Families) -> None:
         self.root = root
@@ -163,7 +169,7 @@ class _Elimination:
             if x in data.variables and not any(v in node.free for v in data.variables):
                 self.kept |= self.keep_moving and data.moves
                 ready.append((d, data, rewrite))
-        ready.sort(key=lambda r: r[1].moves)  # of a product of deltas the one with a formula goes first
+        ready.sort(key=lambda r: r[1].moves)  # in a product of deltas the one with a formula goes first
         if not any(not self._is_kept(node.body, d, data) for d, data, _ in ready):
             return node
         terms: list[Expr] = []
@@ -187,7 +193,7 @@ class _Elimination:
         return add(integral_over(rest, x, node.lo, node.hi), *terms)
 
     def _is_kept(self, body: Expr, d: Delta, data: Any) -> bool:
-        """A δ that is to be carried along, and not multiplied with another one."""
+        """Returns whether a δ is to be carried along, and is not multiplied with another one."""
         return self.keep_moving and data.moves and not any(k.has_delta for k in linear_part(body, d).values())
 
     def _sifted(self, d: Delta, coefficient: Expr, chain: tuple[Binder, ...], data: Any, rewrite: Rewrite) -> Expr:
@@ -206,7 +212,7 @@ class _Elimination:
         return result
 
     def _crossing(self, d: Delta, other: Delta, coefficient: Expr, chain: Chain) -> Expr:
-        """Where two curves cross: one of them is solved for a variable by a formula, then the other has one variable only."""
+        """Returns the term where two curves cross: one is solved for a variable by a formula, then the other has one variable only."""
         mine = [b.var for b in reversed(chain)]
         for first, second in ((d, other), (other, d)):
             data = match_curve(first.g, mine)
@@ -220,7 +226,8 @@ class _Elimination:
         )
 
     def _innermost(self, g: Expr, coefficient: Expr, chain: tuple[Binder, ...]) -> Expr | None:
-        """Where the joint change of variables is not possible in these bounds: one variable alone, the innermost that will do."""
+        """Returns the elimination of one variable alone, the innermost possible, if these bounds do not allow the joint change of
+        variables."""
         for i in range(len(chain) - 1, -1, -1):
             for match, rewrite in self.families if chain[i].var in g.free else ():
                 data = match(g, [chain[i].var])
@@ -234,7 +241,7 @@ class _Elimination:
 
 
 def _apart(coefficient: Expr, variables: set[Var]) -> tuple[Expr, Expr]:
-    """A coefficient as a factor that none of the variables runs through, and the rest, its conditions included."""
+    """Returns a factor of a coefficient that depends on none of the variables, and the other factor, which includes the conditions."""
     conditions: list[Cond] = []
     while isinstance(coefficient, Where) and coefficient.otherwise is ZERO:
         conditions.append(coefficient.condition)

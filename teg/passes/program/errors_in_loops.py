@@ -1,7 +1,7 @@
 """Error estimates through the loops of a program with arrays, to first order.
 
     s = Σ_k v_k                 Δs = Σ_k (Δv_k + ε·(16 + √n)·|v_k|),    n iterations
-    w = kernel(u, v, …)         Δw by the flat program's own estimates, in which Δu, Δv, … are parameters (`passes/error_bounds.py`)
+    w = kernel(u, v, …)         Δw by the flat program's own estimates, in which Δu, Δv, … are parameters (`errors.py`)
     V̄[i] += w                   an array of errors, V̄[i] += Δw + ε·(16 + √n)·|w|,    n iterations of all loops around
 
 Entries of arrays and integers are exact. A number that has no error costs nothing but the rounding where it enters a sum. The roundings
@@ -21,6 +21,7 @@ from teg.program import Arg as FlatArg
 from teg.program import Assign, Program
 from teg.program.arrays import Arg, ArrayProgram, Loop, Number, Run, Scatter, Step, steps
 from teg.program.dce import without_dead_code
+from teg.program.verify import verified_arrays
 
 EPSILON = 2.0**-52
 
@@ -28,7 +29,7 @@ EPSILON = 2.0**-52
 def with_array_error_estimates(program: ArrayProgram) -> ArrayProgram:
     """The program with twice the outputs: the old ones, then an error estimate of each, of the same shape. Its flat programs are as they
     were scheduled; those of the result are finished."""
-    return _ArrayEstimator(program).run()
+    return verified_arrays(_ArrayEstimator(program).run(), "after array error estimates")
 
 
 class _ArrayEstimator:
