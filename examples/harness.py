@@ -85,13 +85,13 @@ def demo_command(name: str, photo: str | None, values: Mapping[str, object], out
 
 def versions() -> dict[str, str]:
     """Returns the versions of Python and of the packages used."""
-    found = {"python": platform.python_version()}
+    installed = {"python": platform.python_version()}
     for package in REPORTED:
         try:
-            found[package] = metadata.version(package)
+            installed[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+            installed[package] = "not installed"
+    return installed
 
 
 def machine() -> dict[str, Any]:

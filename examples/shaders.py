@@ -74,9 +74,9 @@ def reference(light: Light, at: dict[str, float], nodes: int = 60) -> tuple[floa
         q = across * cmath.sin(turn) + along * cmath.cos(turn)
         return complex(half * HEIGHT * (weights @ (light(p, q, k) + 0 * p) @ weights))
 
-    given = at["angle"], at["width"], at["contrast"]
-    slopes = [value(*(g + STEP * 1j * (i == j) for j, g in enumerate(given))).imag / STEP for i in range(3)]
-    return value(*given).real, slopes[0], slopes[1], slopes[2]
+    point = at["angle"], at["width"], at["contrast"]
+    slopes = [value(*(g + STEP * 1j * (i == j) for j, g in enumerate(point))).imag / STEP for i in range(3)]
+    return value(*point).real, slopes[0], slopes[1], slopes[2]
 
 
 def compare(at: dict[str, float], backend: str = "numpy") -> list[Row]:

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from teg.evaluator.check import GradientReport, check_gradient
     from teg.evaluator.compile import compile, evaluate
     from teg.evaluator.evaluator import ArrayEvaluator, Evaluator
+    from teg.evaluator.explain import explain
     from teg.interop.jax import jax_function
     from teg.interop.scipy import scipy_function
     from teg.interop.torch import torch_function
@@ -67,7 +68,7 @@ if TYPE_CHECKING:
     from teg.maps.diffeomorphism import Diffeomorphism
     from teg.passes.eliminate.mapped import change_variables
     from teg.report.diagnose import Diagnosis
-    from teg.report.explain import Explanation, explain
+    from teg.report.explanation import Explanation
     from teg.symbolic import from_sympy, to_sympy
 
 _LOADED_ON_FIRST_USE = {
@@ -76,6 +77,7 @@ _LOADED_ON_FIRST_USE = {
     "teg.evaluator.check": ("GradientReport", "check_gradient"),
     "teg.evaluator.compile": ("compile", "evaluate"),
     "teg.evaluator.evaluator": ("ArrayEvaluator", "Evaluator"),
+    "teg.evaluator.explain": ("explain",),
     "teg.interop.jax": ("jax_function",),
     "teg.interop.scipy": ("scipy_function",),
     "teg.interop.torch": ("torch_function",),
@@ -83,7 +85,7 @@ _LOADED_ON_FIRST_USE = {
     "teg.maps.diffeomorphism": ("Diffeomorphism",),
     "teg.passes.eliminate.mapped": ("change_variables",),
     "teg.report.diagnose": ("Diagnosis",),
-    "teg.report.explain": ("Explanation", "explain"),
+    "teg.report.explanation": ("Explanation",),
     "teg.symbolic": ("from_sympy", "to_sympy"),
 }
 """Public names by module. Each module is imported when one of its names is first used, because importing the whole

@@ -188,11 +188,11 @@ class BackendError(TegError, RuntimeError):
 class MissingPackageError(BackendError, ImportError):
     """An optional package that is not installed, or is too old.
 
-    Way out: the command in the hint, such as `pip install "teg[symbolic]"`.
+    Way out: the command in the hint, such as `pip install "teg[jax]"`.
 
     >>> import sys
-    >>> sys.modules["sympy"] = None  # as if SymPy were not installed
-    >>> teg.to_sympy(teg.param("t") ** 2)
+    >>> sys.modules["jax"] = None  # as if JAX were not installed
+    >>> teg.jax_function(teg.param("t") ** 2)
     """
 
 

@@ -220,9 +220,9 @@ def maximum(first: object, *others: object) -> Expr:
 
 
 def _extremum(first: object, others: tuple[object, ...], name: str, wins: object) -> Expr:
-    given = (first, *others)
-    if any(isinstance(i, Index) for i in given) and all(isinstance(i, Index | int) for i in given):
-        return cast(Expr, functools.reduce(lambda a, b: index_call(name, a, b), map(as_index, given)))
+    arguments = (first, *others)
+    if any(isinstance(i, Index) for i in arguments) and all(isinstance(i, Index | int) for i in arguments):
+        return cast(Expr, functools.reduce(lambda a, b: index_call(name, a, b), map(as_index, arguments)))
     best = as_number(first)
     for other in others:
         u = as_number(other)
@@ -256,11 +256,11 @@ def check_parameters(wrt: object) -> list[Param]:
         return [wrt]
     if isinstance(wrt, Expr) or not isinstance(wrt, Iterable):
         raise ParameterError("one differentiates by parameters", wrt, 'make one with t = teg.param("t")')
-    found: dict[Param, None] = {}
+    chosen: dict[Param, None] = {}
     for p in wrt:
         if not isinstance(p, Param):
             raise ParameterError("one differentiates by parameters", p, 'make one with t = teg.param("t")')
-        if p in found:
+        if p in chosen:
             raise ParameterError(f"the parameter {p.name!r} is listed twice")
-        found[p] = None
-    return list(found)
+        chosen[p] = None
+    return list(chosen)

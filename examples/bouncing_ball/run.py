@@ -6,6 +6,7 @@ throw → straight lines → (times of contacts → best heights → compiled gr
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -61,8 +62,6 @@ def run_bouncing_ball(
     Raises InputError for an impossible throw or folder, MissingPackageError.
     """
     require_packages("bouncing ball", PACKAGES, progress)
-    from teg.examples.bouncing_ball import pictures
-
     throw = make_throw(contacts, speed, duration)
     if steps < 1:
         raise InputError(f"{steps} steps", None, "1 or more")
@@ -78,15 +77,7 @@ def run_bouncing_ball(
         seconds = {"setup": setup, "descent": time.perf_counter() - begun - setup}
         runs[LABELS.get(kind, kind)] = descent.states
         reports.append(_report(descent, kind, times, least) | {"seconds": seconds})
-    first = next(iter(runs.values()))[0]
-    pictures.draw_sheet(
-        folder / SHEET,
-        throw,
-        (times, heights),
-        (first.times, first.heights),
-        {label: (states[-1].times, states[-1].heights) for label, states in runs.items()},
-        {label: [_error(s, times) for s in states] for label, states in runs.items()},
-    )
+    _draw(folder, throw, (times, heights), runs)
     report = reports[0] | {
         "beside": reports[1] if len(reports) > 1 else None,
         "interrupted": interrupted,
@@ -100,6 +91,21 @@ def run_bouncing_ball(
     }
     write_report(folder / "run.json", report)
     return report
+
+
+def _draw(folder: Path, throw: Throw, true: tuple[np.ndarray, np.ndarray], runs: Mapping[str, Sequence[State]]) -> None:
+    """Draws the true path (times of contacts, heights of arcs), and those of the runs, with the errors of their contacts."""
+    from teg.examples.bouncing_ball import pictures
+
+    first = next(iter(runs.values()))[0]
+    pictures.draw_sheet(
+        folder / SHEET,
+        throw,
+        true,
+        (first.times, first.heights),
+        {label: (states[-1].times, states[-1].heights) for label, states in runs.items()},
+        {label: [_error(s, true[0]) for s in states] for label, states in runs.items()},
+    )
 
 
 def descend(descent: ActionDescent, steps: int, progress: bool, label: str = "") -> bool:

@@ -214,8 +214,8 @@ def resultant_at(f: Polynomial, g: Polynomial) -> Any:
 def conditions(problem: Problem, parameters: Mapping[str, Any], outer: Sequence[Any], degree: int) -> list[Polynomial] | None:
     """Returns the conditions as polynomials in the innermost variable, the others being fixed; None if one is not a polynomial."""
     count = len(evaluate(problem, parameters, [mp.mpf("0.37"), *outer])[1])
-    found = [interpolate(partial(_condition, problem, parameters, outer, k), degree) for k in range(count)]
-    return None if None in found else [p for p in found if p is not None]
+    polynomials = [interpolate(partial(_condition, problem, parameters, outer, k), degree) for k in range(count)]
+    return None if None in polynomials else [p for p in polynomials if p is not None]
 
 
 def _condition(problem: Problem, parameters: Mapping[str, Any], outer: Sequence[Any], k: int, x: Any) -> Any:
@@ -226,11 +226,11 @@ def inner_breaks(problem: Problem, parameters: Mapping[str, Any], outer: Sequenc
     """Returns the bounds of the innermost integral and the roots of conditions between them, ascending."""
     lo, hi = (mp.mpf(_at(b, EXACT, outer, parameters)) for b in problem.bounds[0])
     lo, hi = min(lo, hi), max(lo, hi)
-    found = conditions(problem, parameters, outer, degree)
-    if found is None:
+    polynomials = conditions(problem, parameters, outer, degree)
+    if polynomials is None:
         roots = _scanned_roots(problem, parameters, outer, lo, hi)
     else:
-        roots = [r for p in found for r in real_roots(p, lo, hi, double=False)]
+        roots = [r for p in polynomials for r in real_roots(p, lo, hi, double=False)]
     return sorted({lo, hi, *(r for r in roots if lo < r < hi)})
 
 
@@ -273,9 +273,9 @@ def _outer_breaks(problem: Problem, parameters: Mapping[str, Any], degree: int) 
         return mp.mpf(_at(problem.bounds[0][k], EXACT, (y,), parameters))
 
     def atoms_at(y: Any) -> list[Polynomial]:
-        found = conditions(problem, parameters, [y], degree)
-        assert found is not None, "a condition is not a polynomial"
-        return found
+        polynomials = conditions(problem, parameters, [y], degree)
+        assert polynomials is not None, "a condition is not a polynomial"
+        return polynomials
 
     degrees = [max(len(p) for p in column) for column in zip(*(atoms_at(lo + (hi - lo) * k / 7) for k in range(1, 7)), strict=True)]
 

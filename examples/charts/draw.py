@@ -108,20 +108,20 @@ def draw_summary(path: Path, points: Sequence[Point]) -> None:
 
 def _medians(points: Sequence[Point], axis: str) -> list[Point]:
     """Returns one point for each setting that most of the regions have."""
-    found = []
+    medians = []
     settings = sorted({p.setting for p in points})
     regions = len({p.region for p in points})
     for setting in settings:
-        here = [p for p in points if p.setting == setting]
-        if 2 * len(here) < regions or any(AXES[axis][2](p) is None for p in here):
+        at_setting = [p for p in points if p.setting == setting]
+        if 2 * len(at_setting) < regions or any(AXES[axis][2](p) is None for p in at_setting):
             continue
-        counted = [p.evaluations for p in here if p.evaluations is not None]
-        error, seconds = (float(np.median([f(p) for p in here])) for f in (lambda p: p.error, lambda p: p.seconds))  # type: ignore[no-untyped-call]
+        counted = [p.evaluations for p in at_setting if p.evaluations is not None]
+        error, seconds = (float(np.median([f(p) for p in at_setting])) for f in (lambda p: p.error, lambda p: p.seconds))  # type: ignore[no-untyped-call]
         evaluations = round(float(np.median(counted))) if counted else None
-        batches = [p.batch_seconds for p in here if p.batch_seconds is not None]
+        batches = [p.batch_seconds for p in at_setting if p.batch_seconds is not None]
         batch = float(np.median(batches)) if batches else None
-        found.append(Point("", here[0].quantity, here[0].method, setting, error, seconds, evaluations, batch))
-    return found
+        medians.append(Point("", at_setting[0].quantity, at_setting[0].method, setting, error, seconds, evaluations, batch))
+    return medians
 
 
 def _figure(size: tuple[float, float]) -> Any:

@@ -142,11 +142,11 @@ def _point(task: Task, setting: float, exact: Reference, backend: str) -> Point:
 def _peer_point(task: Task, problem: Problem, setting: float, exact: Reference) -> Point:
     method = PEERS[task.method]
     begun = time.perf_counter()
-    found = method(problem, problem.parameters, setting, begun + SECONDS)
+    outcome = method(problem, problem.parameters, setting, begun + SECONDS)
     seconds = time.perf_counter() - begun
-    error = relative_error(found.value, exact.value)
+    error = relative_error(outcome.value, exact.value)
     if task.quantity == "value":
-        return Point(task.region, task.quantity, task.method, setting, error, seconds, found.evaluations)
+        return Point(task.region, task.quantity, task.method, setting, error, seconds, outcome.evaluations)
     step = best_step(task.method, setting, error)
     slopes, evaluations, seconds = differences(method, problem, setting, step, time.perf_counter() + SECONDS)
     error = gradient_error({k: o.value for k, o in slopes.items()}, exact.gradient)

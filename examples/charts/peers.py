@@ -58,13 +58,13 @@ def dblquad(problem: Problem, parameters: Mapping[str, float], tol: float, deadl
 
     f = Integrand(problem, parameters, deadline)
     limits = [f.limits(i) for i in range(problem.dimension)]
-    with warnings.catch_warnings(record=True) as given:
+    with warnings.catch_warnings(record=True) as recorded:
         warnings.simplefilter("always")
         if problem.dimension == 1:
             value, error = integrate.quad(f.scalar, limits[0][0](), limits[0][1](), epsabs=tol, epsrel=tol)[:2]
         else:
             value, error = integrate.dblquad(f.scalar, limits[1][0](), limits[1][1](), *limits[0], epsabs=tol, epsrel=tol)
-    said = [str(w.message) for w in given if issubclass(w.category, integrate.IntegrationWarning)]
+    said = [str(w.message) for w in recorded if issubclass(w.category, integrate.IntegrationWarning)]
     return Outcome(float(value), float(error), said[0] if said else "", f.evaluations)
 
 
@@ -74,9 +74,9 @@ def cubature(problem: Problem, parameters: Mapping[str, float], tol: float, dead
 
     f = Integrand(problem, parameters, deadline)
     d = problem.dimension
-    found = integrate.cubature(f.on_cube, np.zeros(d), np.ones(d), rtol=tol, atol=0.0, max_subdivisions=SUBDIVISIONS)
-    said = "" if found.status == "converged" else "not converged"
-    return Outcome(float(found.estimate), float(found.error), said, f.evaluations)
+    result = integrate.cubature(f.on_cube, np.zeros(d), np.ones(d), rtol=tol, atol=0.0, max_subdivisions=SUBDIVISIONS)
+    said = "" if result.status == "converged" else "not converged"
+    return Outcome(float(result.estimate), float(result.error), said, f.evaluations)
 
 
 def vegas(problem: Problem, parameters: Mapping[str, float], samples: float, deadline: float = math.inf) -> Outcome:
@@ -112,15 +112,15 @@ def differences(
     method: Method, problem: Problem, setting: float, step: float, deadline: float = math.inf
 ) -> tuple[dict[str, Outcome], int, float]:
     """Returns central differences by all parameters over `step` of their size: outcomes, evaluations, and seconds."""
-    begun, found, evaluations = time.perf_counter(), {}, 0
+    begun, outcomes, evaluations = time.perf_counter(), {}, 0
     for name, p in problem.parameters.items():
         h = step * (abs(p) or 1.0)
         high, low = p + h, p - h
         ahead, behind = (method(problem, {**problem.parameters, name: q}, setting, deadline) for q in (high, low))
         evaluations += ahead.evaluations + behind.evaluations
         error = (ahead.error + behind.error) / (high - low)
-        found[name] = Outcome((ahead.value - behind.value) / (high - low), error, ahead.warning or behind.warning)
-    return found, evaluations, time.perf_counter() - begun
+        outcomes[name] = Outcome((ahead.value - behind.value) / (high - low), error, ahead.warning or behind.warning)
+    return outcomes, evaluations, time.perf_counter() - begun
 
 
 def relative_error(got: float, exact: float, scale: float = 1.0) -> float:

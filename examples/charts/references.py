@@ -55,11 +55,11 @@ def region_reference(name: str, exchanged: bool = False) -> tuple[Any, dict[str,
 
     def motion(x: Any, y: Any, k: int, parameter: str) -> Any:
         """Returns the motion -g_p/g_x of the root x of condition k; g_p by differences over 10^(-dps/3)."""
-        found = conditions(indicator, exact, (y,), degree)
-        assert found is not None
+        polynomials = conditions(indicator, exact, (y,), degree)
+        assert polynomials is not None
         h = mp.mpf(10) ** (-mp.dps // 3)
         ahead, behind = (evaluate(indicator, exact | {parameter: exact[parameter] + s * h}, [x, y])[1][k] for s in (1, -1))
-        return -(ahead - behind) / (2 * h) / mp.polyval([j * c for j, c in enumerate(found[k])][:0:-1], x)
+        return -(ahead - behind) / (2 * h) / mp.polyval([j * c for j, c in enumerate(polynomials[k])][:0:-1], x)
 
     def line(y: Any) -> list[Any]:
         """Returns the integral over x, and its derivatives."""
@@ -116,10 +116,10 @@ def write(kinds: Sequence[str]) -> None:
     stored = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
     for kind in kinds:
         names = list(REGIONS) if kind == "regions" else [c.name for c in CASES]
-        found = map(checked_region, names) if kind == "regions" else map(case_reference, CASES)
+        results = map(checked_region, names) if kind == "regions" else map(case_reference, CASES)
         stored[kind] = {
             name: {"value": mp.nstr(value, DIGITS), "gradient": {k: mp.nstr(d, DIGITS) for k, d in gradient.items()}}
-            for name, (value, gradient) in zip(names, found, strict=True)
+            for name, (value, gradient) in zip(names, results, strict=True)
         }
         FILE.write_text(json.dumps(stored, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 

@@ -111,8 +111,8 @@ def run_stability(
 
     interrupted = False
     try:
-        for name, found in _results(partial(_judge, backend=chosen), missing, progress, "cases"):
-            answers[name] = found
+        for name, answer in _results(partial(_judge, backend=chosen), missing, progress, "cases"):
+            answers[name] = answer
             write_report(store, report(interrupted=True))
     except KeyboardInterrupt:
         interrupted = True
@@ -134,8 +134,8 @@ def _stored(path: Path, part: str, settings: dict[str, Any]) -> Any:
     if not path.exists():
         return {}
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        return found[part] if found["settings"] == settings else {}
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        return stored[part] if stored["settings"] == settings else {}
     except (ValueError, KeyError, TypeError, OSError):
         raise InputError(f"{str(path)!r} is not a report of this command", None, "--fresh writes it anew, or name another folder") from None
 

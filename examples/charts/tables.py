@@ -104,9 +104,9 @@ def counts(answers: Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]])
 
 def stability_tables(answers: Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]) -> str:
     """Returns the number of cases of each verdict for each method, and the cases one by one."""
-    found = counts(answers)
+    numbers = counts(answers)
     rows = [["", "", *(f"{SYMBOLS[v]} {v}" for v in VERDICTS)]]
-    rows += [[method, q, *map(str, found[method][q].values())] for method, quantities in COLUMNS.items() for q in quantities]
+    rows += [[method, q, *map(str, numbers[method][q].values())] for method, quantities in COLUMNS.items() for q in quantities]
     parts = [f"{len(answers)} cases.\n\n" + markdown(rows)]
     heads = [HEADINGS.get(m, m) + (f", {q}" if len(COLUMNS[m]) > 1 else "") for m, q in _columns()]
     for group, cases in GROUPS.items():

@@ -90,8 +90,8 @@ def _ours(case: Case, exact: Reference, backend: str) -> dict[str, Answer]:
 
     def value() -> Answer:
         with _own_warnings() as said:
-            found = float(compiled(case.problem, "auto", TOL, backend)(**parameters))
-        return _answer(relative_error(found, exact.value, case.scale), "; ".join(said), bool(said))
+            number = float(compiled(case.problem, "auto", TOL, backend)(**parameters))
+        return _answer(relative_error(number, exact.value, case.scale), "; ".join(said), bool(said))
 
     def gradient() -> Answer:
         with _own_warnings() as said:
@@ -106,10 +106,10 @@ def _ours(case: Case, exact: Reference, backend: str) -> dict[str, Answer]:
 def _own_warnings() -> Iterator[list[str]]:
     """Collects this package's own warnings; others are shown as usual."""
     said: list[str] = []
-    with warnings.catch_warnings(record=True) as given:
+    with warnings.catch_warnings(record=True) as recorded:
         warnings.simplefilter("always")
         yield said
-    for w in given:
+    for w in recorded:
         if issubclass(w.category, AccuracyWarning):
             said += [str(w.message).splitlines()[0]]
         else:
@@ -130,8 +130,8 @@ def _differences_of_ours(case: Case, exact: Reference, backend: str) -> Answer:
 
     with _own_warnings() as said:
         error = relative_error(method(case.problem, case.problem.parameters, TOL, math.inf).value, exact.value, case.scale)
-        found = differences(method, case.problem, TOL, best_step(DIFFERENCED, TOL, error))[0]
-    error = gradient_error({k: o.value for k, o in found.items()}, exact.gradient, case.scale)
+        outcomes = differences(method, case.problem, TOL, best_step(DIFFERENCED, TOL, error))[0]
+    error = gradient_error({k: o.value for k, o in outcomes.items()}, exact.gradient, case.scale)
     return _answer(error, "; ".join(dict.fromkeys(said)), bool(said))
 
 
@@ -141,28 +141,28 @@ def _peer(case: Case, exact: Reference, name: str) -> dict[str, Answer]:
     errors = [1.0]
 
     def value() -> Answer:
-        found = method(problem, problem.parameters, setting, time.perf_counter() + SECONDS)
-        error = relative_error(found.value, exact.value, case.scale)
+        outcome = method(problem, problem.parameters, setting, time.perf_counter() + SECONDS)
+        error = relative_error(outcome.value, exact.value, case.scale)
         errors.append(error)
-        return _answer(error, _note(found), _admits(found, exact.value))
+        return _answer(error, _note(outcome), _admits(outcome, exact.value))
 
     def gradient() -> Answer:
         # the deadline is for all integrals together; a slow method has already been stopped at the value
         deadline = time.perf_counter() + 2 * SECONDS * len(problem.parameters)
-        found = differences(method, problem, setting, best_step(name, setting, errors[-1]), deadline)[0]
-        error = gradient_error({k: o.value for k, o in found.items()}, exact.gradient, case.scale)
-        admitted = any(_admits(found[k], d) for k, d in exact.gradient.items())
-        return _answer(error, next((n for n in map(_note, found.values()) if n), ""), admitted)
+        outcomes = differences(method, problem, setting, best_step(name, setting, errors[-1]), deadline)[0]
+        error = gradient_error({k: o.value for k, o in outcomes.items()}, exact.gradient, case.scale)
+        admitted = any(_admits(outcomes[k], d) for k, d in exact.gradient.items())
+        return _answer(error, next((n for n in map(_note, outcomes.values()) if n), ""), admitted)
 
     answers = {"value": _guarded(value)}
     late = answers["value"]["note"].startswith("no answer")
     return answers | {"gradient": answers["value"] if late else _guarded(gradient)}
 
 
-def _admits(found: Outcome, exact: float) -> bool:
-    return bool(found.warning) or not math.isfinite(found.value) or abs(found.value - exact) <= ADMITTED * found.error
+def _admits(outcome: Outcome, exact: float) -> bool:
+    return bool(outcome.warning) or not math.isfinite(outcome.value) or abs(outcome.value - exact) <= ADMITTED * outcome.error
 
 
-def _note(found: Outcome) -> str:
-    estimate = "" if math.isnan(found.error) else f"own estimate of the error {found.error:.1e}"
-    return "; ".join(filter(None, [found.warning.strip().splitlines()[0] if found.warning else "", estimate]))
+def _note(outcome: Outcome) -> str:
+    estimate = "" if math.isnan(outcome.error) else f"own estimate of the error {outcome.error:.1e}"
+    return "; ".join(filter(None, [outcome.warning.strip().splitlines()[0] if outcome.warning else "", estimate]))

@@ -97,8 +97,6 @@ def run_mesh_network(
     if sampled_slope == 0:
         lines[SAMPLED] = run.losses[:1]
     _draw(folder, target, mesh.triangles, drawings, run, lines)
-    moved = np.linalg.norm(drawings[1][0] - drawings[0][0], axis=1)
-    areas = signed_areas(drawings[1][0], mesh.triangles)
     report = {
         "loss": {"start": run.losses[0], "end": run.losses[-1], "ratio": ratio(run.losses[-1], run.losses[0])},
         "training": run.state.training.tolist(),
@@ -106,13 +104,7 @@ def run_mesh_network(
         "interrupted": interrupted,
         "note": NOTHING_LEARNT if run.state.stuck and discontinuities == "ignore" else "",
         "sampled": {"largest_slope": sampled_slope},
-        "mesh": {
-            "triangles": len(mesh.triangles),
-            "vertices": len(mesh.vertices),
-            "largest_movement": float(moved.max()),
-            "mean_movement": float(moved.mean()),
-            "turned_over": int(np.sum(areas < 0)),
-        },
+        "mesh": _movement(drawings[0][0], drawings[1][0], mesh.triangles),
         "seconds": {"setup": setup, "training": run.seconds},
         "options": asdict(options),
         "target_sha256": identity["target"],
@@ -124,6 +116,18 @@ def run_mesh_network(
     }
     write_report(folder / "run.json", report)
     return report
+
+
+def _movement(start: np.ndarray, end: np.ndarray, triangles: np.ndarray) -> dict[str, Any]:
+    """Returns the part of the report on the mesh, whose vertices moved from `start` to `end`."""
+    moved = np.linalg.norm(end - start, axis=1)
+    return {
+        "triangles": len(triangles),
+        "vertices": len(start),
+        "largest_movement": float(moved.max()),
+        "mean_movement": float(moved.mean()),
+        "turned_over": int(np.sum(signed_areas(end, triangles) < 0)),
+    }
 
 
 def _draw(

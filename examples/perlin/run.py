@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -85,7 +86,6 @@ def run_perlin(
     Raises InputError for a photo, number, folder or checkpoint that cannot be used, MissingPackageError.
     """
     require_packages("Perlin shader", PACKAGES, progress)
-    from teg.examples.perlin import pictures
     from teg.examples.perlin.noise import make_noise
     from teg.examples.photo import read_target
 
@@ -105,14 +105,7 @@ def run_perlin(
         interrupted = interrupted or fit.descent.descend(steps, progress, fit.label)
 
     fit, marks = fits[0], simple_approximations(target)
-    factor = pictures.enlargement(size)
-    start, *ends = (f.shader.picture(p, factor) for f, p in [(fit, fit.descent.start.parameters), *((f, f.end) for f in fits)])
-    drawn = dict(zip(PICTURES, (target, start, *ends), strict=False))
-    for file, picture in drawn.items():
-        pictures.draw(folder / file, picture)
-    captions = ["the photo", "noise at the start", *(f"{f.label}, step {f.steps}" for f in fits)]
-    shown = dict(zip(captions, drawn.values(), strict=True))
-    pictures.draw_sheet(folder / SHEET, shown, {f.label: f.descent.losses for f in fits}, marks)
+    drawn = _draw(folder, target, fits, marks)
     report = fit.report() | {
         "beside": fits[1].report() if len(fits) > 1 else None,
         "interrupted": interrupted,
@@ -126,6 +119,21 @@ def run_perlin(
     }
     write_report(folder / "run.json", report)
     return report
+
+
+def _draw(folder: Path, target: np.ndarray, fits: Sequence[Fit], marks: Mapping[str, float]) -> list[str]:
+    """Draws the photo, the first noise and the end of each fit, and a sheet of them; returns the files of the single pictures."""
+    from teg.examples.perlin import pictures
+
+    fit, factor = fits[0], pictures.enlargement(len(target))
+    start, *ends = (f.shader.picture(p, factor) for f, p in [(fit, fit.descent.start.parameters), *((f, f.end) for f in fits)])
+    drawn = dict(zip(PICTURES, (target, start, *ends), strict=False))
+    for file, picture in drawn.items():
+        pictures.draw(folder / file, picture)
+    captions = ["the photo", "noise at the start", *(f"{f.label}, step {f.steps}" for f in fits)]
+    shown = dict(zip(captions, drawn.values(), strict=True))
+    pictures.draw_sheet(folder / SHEET, shown, {f.label: f.descent.losses for f in fits}, marks)
+    return list(drawn)
 
 
 class Fit:

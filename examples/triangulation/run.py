@@ -18,7 +18,7 @@ import numpy as np
 from teg.errors import InputError, MissingPackageError
 from teg.examples.descent_record import RecordedDescent
 from teg.examples.harness import default_backend, demo_command, machine, ratio, require_packages, result_folder, versions, write_report
-from teg.examples.triangulation.descent import first_state, next_state
+from teg.examples.triangulation.descent import State, first_state, next_state
 from teg.examples.triangulation.image_loss import ImageLoss, PictureLoss
 from teg.examples.triangulation.mesh import make_mesh, signed_areas
 from teg.examples.triangulation.scene import compile_scene
@@ -106,25 +106,13 @@ def run_triangulation(
     setup = time.perf_counter() - started
     interrupted = run.descend(steps, progress)
 
-    state = run.state
-    for picture, shown in (("before.png", run.start), ("after.png", state)):
+    for picture, shown in (("before.png", run.start), ("after.png", run.state)):
         pictures.draw_mesh(folder / picture, shown.vertices, mesh.triangles, shown.colours, size)
     pictures.draw_target(folder / "target.png", target)
     pictures.draw_loss(folder / "loss.png", run.losses)
-    pictures.write_svg(folder / "mesh.svg", state.vertices, mesh.triangles, state.colours, size)
-    moved = np.linalg.norm(state.vertices - run.start.vertices, axis=1)
-    report = {
-        "loss": {"start": run.losses[0], "end": run.losses[-1], "ratio": ratio(run.losses[-1], run.losses[0])},
-        "steps": len(run.losses) - 1,
+    pictures.write_svg(folder / "mesh.svg", run.state.vertices, mesh.triangles, run.state.colours, size)
+    report = _outcome(run, mesh.triangles, discontinuities) | {
         "interrupted": interrupted,
-        "converged": state.stuck,
-        "note": NOTHING_MOVES if state.stuck and discontinuities == "ignore" else "",
-        "mesh": {
-            "triangles": len(mesh.triangles),
-            "vertices": len(mesh.vertices),
-            "largest_movement": float(moved.max()),
-            "smallest_area": float(signed_areas(state.vertices, mesh.triangles).min()),
-        },
         "seconds": {"setup": setup, "descent": run.seconds, "kernels": image.seconds},
         "pairs_per_second": image.pairs / image.seconds,
         "options": asdict(options),
@@ -137,6 +125,24 @@ def run_triangulation(
     }
     write_report(folder / "run.json", report)
     return report
+
+
+def _outcome(run: RecordedDescent[State], triangles: np.ndarray, discontinuities: str) -> dict[str, Any]:
+    """Returns the part of the report on the loss and the mesh."""
+    state = run.state
+    moved = np.linalg.norm(state.vertices - run.start.vertices, axis=1)
+    return {
+        "loss": {"start": run.losses[0], "end": run.losses[-1], "ratio": ratio(run.losses[-1], run.losses[0])},
+        "steps": len(run.losses) - 1,
+        "converged": state.stuck,
+        "note": NOTHING_MOVES if state.stuck and discontinuities == "ignore" else "",
+        "mesh": {
+            "triangles": len(triangles),
+            "vertices": len(state.vertices),
+            "largest_movement": float(moved.max()),
+            "smallest_area": float(signed_areas(state.vertices, triangles).min()),
+        },
+    }
 
 
 def _loss(options: Options, target: np.ndarray, triangles: np.ndarray) -> PictureLoss:

@@ -151,10 +151,10 @@ class ShardedLoss:
     def _timed(self, function: Any, vertices: np.ndarray, colours: np.ndarray) -> Any:
         start = time.perf_counter()
         operands, window, looked_at = self.operands(vertices, colours)
-        found = function(*operands, window=window)
+        result = function(*operands, window=window)
         self.seconds += time.perf_counter() - start
         self.pairs += looked_at
-        return found
+        return result
 
 
 def _jitted(function: Any) -> Any:
@@ -163,10 +163,10 @@ def _jitted(function: Any) -> Any:
 
     def call(*operands: Any, window: tuple[int, int]) -> Any:
         with in_double_precision():
-            found = compiled(*operands, window=window)
-            for leaf in jax.tree.leaves(found):
+            result = compiled(*operands, window=window)
+            for leaf in jax.tree.leaves(result):
                 leaf.block_until_ready()
-        return found
+        return result
 
     return call
 
@@ -186,9 +186,9 @@ def shared_pairs(boxes: np.ndarray, devices: int) -> np.ndarray:
 
     After the last pair come pairs of the triangle behind the last one with the first pixel.
     """
-    found = pairs_of(boxes)
-    room = devices * _rounded(-(-len(found) // devices))
-    return np.concatenate([found, np.broadcast_to([len(boxes), 0, 0], (room - len(found), 3))])
+    pairs = pairs_of(boxes)
+    room = devices * _rounded(-(-len(pairs) // devices))
+    return np.concatenate([pairs, np.broadcast_to([len(boxes), 0, 0], (room - len(pairs), 3))])
 
 
 def windows(boxes: np.ndarray, size: int, faces: int) -> tuple[np.ndarray, tuple[int, int]]:

@@ -159,16 +159,16 @@ class BreakAnalysis:
             formula = self.solve(masses.g, x, node.lo, node.hi)
             complete = formula is not None and formula.certain
             return Breaks(tuple(dict.fromkeys((masses.g, *atoms))), (), (), (), frozenset(), complete, False)
-        found = _Found({})
+        projection = _Found({})
         direct = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
         for g in direct:
-            found.functions[g] = TRUE
-        self._collect(body, x, inner, found)
+            projection.functions[g] = TRUE
+        self._collect(body, x, inner, projection)
         points: dict[Expr, None] = {}
         isolated: dict[Expr, Isolation | None] = {}
         handled: set[Expr] = set()
-        complete = found.complete
-        functions, matters = self._distinct(found.functions)
+        complete = projection.complete
+        functions, matters = self._distinct(projection.functions)
         for f, representative in functions.items():
             if self.is_zero(representative):  # a surface that coincides with the surface of these point masses
                 handled.add(f)
@@ -189,16 +189,16 @@ class BreakAnalysis:
                     points[kept] = None
         distinct = tuple(dict.fromkeys(functions.values()))
         at_run_time = tuple(i for i in isolated.values() if i is not None)
-        located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(found.meetings)[:MAX_LOCATED]]
+        located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(projection.meetings)[:MAX_LOCATED]]
         together = tuple(m for m in located if m is not None)
-        bends = self._bends(found, x)
-        return Breaks(distinct, tuple(points), at_run_time, together, frozenset(handled), complete, found.rooted, bends, matters)
+        bends = self._bends(projection, x)
+        return Breaks(distinct, tuple(points), at_run_time, together, frozenset(handled), complete, projection.rooted, bends, matters)
 
-    def _bends(self, found: _Found, x: Var) -> tuple[Turn, ...]:
+    def _bends(self, projection: _Found, x: Var) -> tuple[Turn, ...]:
         """Returns the distinct turns that are quadratic in the variable. Other turns only set `rooted`: the integrand may be a root at a
         piece's end."""
         bends: dict[object, Turn] = {}
-        for turn in found.turns:
+        for turn in projection.turns:
             degree = self.degrees.of(turn.function, x)
             if degree == 0:
                 continue
@@ -209,10 +209,10 @@ class BreakAnalysis:
             elif degree in (1, 2) and len(bends) < MAX_BENDS:
                 bends[key] = turn
             elif turn.kind != "pole":
-                found.rooted = True
+                projection.rooted = True
         return tuple(bends.values())
 
-    def _collect(self, body: Expr, x: Var, inner: frozenset[Var], found: _Found) -> None:
+    def _collect(self, body: Expr, x: Var, inner: frozenset[Var], collected: _Found) -> None:
         """Collects functions that are not atoms: arguments of |·| and √, and the projections of inner integrals."""
         seen: set[tuple[Node, bool]] = set()
         stack: list[tuple[Node, bool]] = [(body, True)]
@@ -226,41 +226,41 @@ class BreakAnalysis:
             else:
                 stack.extend((c, counts) for c in node.children)
             if isinstance(node, Call) and not counts and node.name in _PARTIAL and not node.free & inner and not _is_sum_of_squares(node):
-                found.functions[node.children[0]] = TRUE  # the border of the set on which the condition is a number
+                collected.functions[node.children[0]] = TRUE  # the border of the set on which the condition is a number
             if isinstance(node, Call) and not node.free & inner:
                 if node.name == "magnitude":
                     if counts:
-                        found.functions[node.children[0]] = TRUE
+                        collected.functions[node.children[0]] = TRUE
                 elif node.name in ("sqrt", "root", "pow"):
                     if counts:
-                        found.functions[node.children[0]] = TRUE
-                        found.turns[Turn("end" if node.name == "pow" else "root", node.children[0])] = None
+                        collected.functions[node.children[0]] = TRUE
+                        collected.turns[Turn("end" if node.name == "pow" else "root", node.children[0])] = None
                 elif node.name == "log":
                     if counts:
-                        found.turns[Turn("end", node.children[0])] = None
+                        collected.turns[Turn("end", node.children[0])] = None
                 elif node.name in ("floor", "mod"):
-                    found.complete = False
+                    collected.complete = False
             elif isinstance(node, Pow) and node.exponent < 0 and counts and not node.free & inner:
                 base = _with_the_same_zeros(node.base)
                 if self.degrees.of(base, x) in (1, 2):
-                    found.functions[base] = TRUE
-                    found.turns[Turn("pole", base)] = None
+                    collected.functions[base] = TRUE
+                    collected.turns[Turn("pole", base)] = None
             elif isinstance(node, Integral):
                 projection = self._projection(node)
-                found.complete &= projection.complete
-                found.rooted |= projection.rooted
+                collected.complete &= projection.complete
+                collected.rooted |= projection.rooted
                 for f, condition in projection.functions.items():
                     if x in f.free and not f.free & inner:
                         condition = TRUE if condition.free & inner else condition
-                        found.functions[f] = disjunction(found.functions.get(f, FALSE), condition)
+                        collected.functions[f] = disjunction(collected.functions.get(f, FALSE), condition)
                 for turn in projection.turns:
                     if x in turn.function.free and not (turn.function.free | turn.when.free) & inner:
-                        found.turns[turn] = None
+                        collected.turns[turn] = None
                 for meeting in projection.meetings:
                     first, second, z, low, high = meeting
                     free = (first.free | second.free) - {z} | low.free | high.free
                     if x in free and x not in low.free | high.free and not free & inner:
-                        found.meetings[meeting] = None
+                        collected.meetings[meeting] = None
 
     def _distinct(self, functions: dict[Expr, Cond]) -> tuple[dict[Expr, Expr], dict[Expr, Cond]]:
         """Returns the first proportional function for each function, and for each first function the condition under which its zeros
@@ -527,9 +527,9 @@ def _antiderivative_at(shadow: Shadow, inner: Poly, end: Ratio) -> Ratio | None:
         if step is None:
             return None
         powers.append(step)
-        rest: Poly = {m[1:]: divided(c, i + 1) for m, c in inner.items() if m[0] == i}
-        if rest:
-            total = shadow._sum([total, shadow._product((rest, one[1]), step)])
+        coefficient: Poly = {m[1:]: divided(c, i + 1) for m, c in inner.items() if m[0] == i}
+        if coefficient:
+            total = shadow._sum([total, shadow._product((coefficient, one[1]), step)])
             if total is None:
                 return None
     return total

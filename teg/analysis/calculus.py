@@ -105,8 +105,8 @@ def factor_cofactors(node: Mul) -> list[Expr]:
         after[i] = mul(factors[i + 1], after[i + 1])
     before: Expr = ONE
     result = []
-    for factor, rest in zip(factors, after, strict=True):
-        result.append(mul(before, rest))
+    for factor, behind in zip(factors, after, strict=True):
+        result.append(mul(before, behind))
         before = mul(before, factor)
     return result
 
@@ -133,7 +133,11 @@ def _slope(node: Expr, by: Var | Param, tangent: Mapping[Expr, Expr]) -> Expr:
             if all(tangent[c] is ZERO for c in node.children):
                 return ZERO
             return add(
-                *(mul(tangent[c], rest) for c, rest in zip(node.children, factor_cofactors(node), strict=True) if tangent[c] is not ZERO)
+                *(
+                    mul(tangent[c], cofactor)
+                    for c, cofactor in zip(node.children, factor_cofactors(node), strict=True)
+                    if tangent[c] is not ZERO
+                )
             )
         case Pow():
             t = tangent[node.base]

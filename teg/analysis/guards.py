@@ -54,16 +54,16 @@ def guards(
         if node in mine and g is not TRUE and _height(g, height) >= height[node]:
             g = guard[node] = TRUE  # the condition would depend on the integral
         for child in node.children:
-            here = g
+            path = g
             if isinstance(node, Where) and child is not node.condition and not node.condition.free & inner:
                 c = node.condition if child is node.then else negation(node.condition)
                 if node.then is not node.otherwise and (not isinstance(g, And) or len(g.children) < GUARD_TERMS):
-                    here = conjunction(g, c)
+                    path = conjunction(g, c)
             have = guard.get(child)
             if have is None:
-                guard[child] = here
-            elif have is not here and have is not TRUE:
-                both = disjunction(have, here) if here is not TRUE else TRUE
+                guard[child] = path
+            elif have is not path and have is not TRUE:
+                both = disjunction(have, path) if path is not TRUE else TRUE
                 guard[child] = TRUE if isinstance(both, Or) and len(both.children) > GUARD_TERMS else both
     return {i: guard.get(i, TRUE) for i in mine}
 

@@ -105,23 +105,23 @@ def _taylor(g: Expr, x: Var, middle: Expr) -> list[Expr] | None:
         parts = [series[c] if c in series else [cast(Expr, c)] for c in node.children]
         match node:
             case Var():
-                found = [middle, ONE]
+                coefficients = [middle, ONE]
             case Add():
-                found = [add(*(p[k] for p in parts if k < len(p))) for k in range(max(map(len, parts)))]
+                coefficients = [add(*(p[k] for p in parts if k < len(p))) for k in range(max(map(len, parts)))]
             case Mul():
-                found = parts[0]
+                coefficients = parts[0]
                 for p in parts[1:]:
-                    found = _convolved(found, p)
+                    coefficients = _convolved(coefficients, p)
             case Pow() if 0 < node.exponent <= MAX_PLACES:
-                found = parts[0]
+                coefficients = parts[0]
                 for bit in f"{node.exponent:b}"[1:]:
-                    found = _convolved(found, found)
-                    found = _convolved(found, parts[0]) if bit == "1" else found
+                    coefficients = _convolved(coefficients, coefficients)
+                    coefficients = _convolved(coefficients, parts[0]) if bit == "1" else coefficients
             case _:
                 return None
-        if len(found) > MAX_PLACES + 1:
+        if len(coefficients) > MAX_PLACES + 1:
             return None
-        series[node] = found
+        series[node] = coefficients
     return series[g]
 
 
@@ -139,8 +139,8 @@ def _around(taylor: list[Expr], half: Expr) -> tuple[tuple[Expr, Expr, Expr, Exp
 
     The bounds of the curvature come from all coefficients; the others from Taylor's theorem with the bounds of the curvature.
     """
-    value, rate, *rest = [*taylor, ZERO]
-    bends = [mul(const(float((k + 1) * (k + 2))), c) for k, c in enumerate(rest)] or [ZERO]
+    value, rate, *higher = [*taylor, ZERO]
+    bends = [mul(const(float((k + 1) * (k + 2))), c) for k, c in enumerate(higher)] or [ZERO]
     reach: Expr = ZERO
     for c in reversed(bends[1:]):
         reach = mul(half, add(call("magnitude", c), reach))
@@ -291,7 +291,7 @@ def _of_smooth(g: Expr, x: Var) -> int | None:
 
 def _outermost(g: Expr, x: Var) -> list[Expr]:
     """Returns the outermost functions that depend on x."""
-    found: dict[Expr, None] = {}
+    functions: dict[Expr, None] = {}
     stack: list[Expr] = [g]
     seen: set[Expr] = set()
     while stack:
@@ -300,9 +300,9 @@ def _outermost(g: Expr, x: Var) -> list[Expr]:
             continue
         seen.add(e)
         if isinstance(e, Call) and e.name != "magnitude":
-            found[e] = None
+            functions[e] = None
         elif isinstance(e, Where):
             stack += [e.then, e.otherwise]
         elif isinstance(e, Add | Mul | Pow | Call):
             stack.extend(cast("tuple[Expr, ...]", e.children))
-    return list(found)
+    return list(functions)

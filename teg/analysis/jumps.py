@@ -151,9 +151,9 @@ def vanishes_on(e: Expr, surface: Expr) -> bool:
 
 def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
     """Returns pairs (g, jump_g(body)) for the surfaces whose jump does not vanish on them."""
-    found = []
+    terms = []
     for g in surfaces:
         j = jump(body, g)
         if j is not ZERO and not vanishes_on(j, g) and not fades_at(j, g):
-            found.append((g, j))
-    return found
+            terms.append((g, j))
+    return terms

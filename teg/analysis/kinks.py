@@ -18,11 +18,11 @@ from teg.ir.traverse import rebuild
 
 def kinks_of(g: Expr) -> list[Where]:
     """Returns the branches in value position whose conditions depend on variables."""
-    found: dict[Where, None] = {}
+    kinks: dict[Where, None] = {}
     for node in _value_nodes(g):
         if isinstance(node, Where) and node.condition.free:
-            found[node] = None
-    return list(found)
+            kinks[node] = None
+    return list(kinks)
 
 
 def with_sizes(g: Expr) -> Expr:

@@ -11,11 +11,11 @@ from teg.ir.node import Node, postorder
 
 def holding(root: Node, inner: Node) -> list[Node]:
     """Returns the nodes that contain `inner`, children first, without `inner` itself."""
-    found: set[Node] = {inner}
+    holders: set[Node] = {inner}
     order: list[Node] = []
     for node in postorder([root]):
-        if any([c in found for c in node.children]):
-            found.add(node)
+        if any([c in holders for c in node.children]):
+            holders.add(node)
             order.append(node)
     return order
 
@@ -60,13 +60,13 @@ def _keeps_lines(node: Node, i: int) -> bool:
 def reached(root: Node, inner: Node) -> Cond:
     """Returns the condition, on parameters only, under which the value of a subexpression is used."""
     order = holding(root, inner)
-    found = {inner, *order}
+    chosen = {inner, *order}
     reach: dict[Node, Cond] = {root: TRUE}
     for node in reversed(order):
         for child in node.children:
-            if child in found:
-                here = reach[node]
+            if child in chosen:
+                path = reach[node]
                 if isinstance(node, Where) and not node.condition.free and child is not node.condition:
-                    here = conjunction(here, node.condition if child is node.then else negation(node.condition))
-                reach[child] = disjunction(reach.get(child, FALSE), here)
+                    path = conjunction(path, node.condition if child is node.then else negation(node.condition))
+                reach[child] = disjunction(reach.get(child, FALSE), path)
     return reach[inner]

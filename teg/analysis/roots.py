@@ -215,15 +215,15 @@ def _not_zero(e: Expr) -> Cond:
 
 def _parts(g: Expr, x: Var) -> tuple[Expr, Expr, Expr] | None:
     """Returns P, Q, D of g = P + Q·√D, where √D is the only square root that depends on x."""
-    found = [n for n in _functions(g, x) if isinstance(n, Call) and n.name in ("sqrt", "root")]
-    if len(found) != 1:
+    square_roots = [n for n in _functions(g, x) if isinstance(n, Call) and n.name in ("sqrt", "root")]
+    if len(square_roots) != 1:
         return None
     s = fresh("√", g.free)
-    affine = cast(Expr, replace_node(g, found[0], s))
+    affine = cast(Expr, replace_node(g, square_roots[0], s))
     if Shadow((s,)).degree(affine) != 1:
         return None
     at_zero, rate = (cast(Expr, substitute(e, {s: ZERO})) for e in (affine, slope(affine, s)))
-    return at_zero, rate, found[0].children[0]
+    return at_zero, rate, square_roots[0].children[0]
 
 
 def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
@@ -236,12 +236,12 @@ def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | No
     roots = solve(tidy(square), x, lo, hi, depth - 1)
     if roots is None:
         return None
-    found = []
+    kept = []
     for r in roots.found:
         at = {x: r.point}
         opposite = positive(cast(Expr, substitute(mul(MINUS_ONE, p, q), at)), strict=False)
-        found.append(Root(r.point, conjunction(r.exists, opposite)))
-    return Roots(tuple(found), roots.certain)
+        kept.append(Root(r.point, conjunction(r.exists, opposite)))
+    return Roots(tuple(kept), roots.certain)
 
 
 # -- f(u) = c ------------------------------------------------------------------------------------------------------------
@@ -249,7 +249,7 @@ def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | No
 
 def _functions(g: Expr, x: Var) -> list[Call | Pow]:
     """Returns the outermost functions and higher powers that depend on x."""
-    found: dict[Call | Pow, None] = {}
+    functions: dict[Call | Pow, None] = {}
     stack: list[Expr] = [g]
     seen: set[Expr] = set()
     while stack:
@@ -258,12 +258,12 @@ def _functions(g: Expr, x: Var) -> list[Call | Pow]:
             continue
         seen.add(e)
         if isinstance(e, Call) or (isinstance(e, Pow) and not 0 < e.exponent <= 2):
-            found[e] = None
+            functions[e] = None
         elif isinstance(e, Where):
             stack += [e.then, e.otherwise]
         elif isinstance(e, Add | Mul | Pow):
             stack.extend(cast("tuple[Expr, ...]", e.children))
-    return list(found)
+    return list(functions)
 
 
 def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
@@ -282,7 +282,7 @@ def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
     levels = solve(outer, z, ZERO, ONE, depth - 1)
     if levels is None:
         return None
-    found: list[Root] = []
+    solutions: list[Root] = []
     certain = levels.certain
     for level in levels.found:
         inner = _preimages(f, level.point, x, lo, hi)
@@ -297,8 +297,8 @@ def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
             certain &= deeper.certain
             for r in deeper.found:
                 there = cast(Cond, substitute(exists, {x: r.point}))
-                found.append(Root(r.point, conjunction(level.exists, there, r.exists)))
-    return Roots(tuple(found), certain)
+                solutions.append(Root(r.point, conjunction(level.exists, there, r.exists)))
+    return Roots(tuple(solutions), certain)
 
 
 def _harmonic(g: Expr, x: Var, functions: list[Call | Pow]) -> tuple[Expr, list[Call | Pow]] | None:
@@ -311,10 +311,10 @@ def _harmonic(g: Expr, x: Var, functions: list[Call | Pow]) -> tuple[Expr, list[
     if Shadow((s, c)).degree(linear) != 1 or x in linear.free:
         return None
     parts = slope(linear, s), slope(linear, c), linear
-    a, b, rest = (cast(Expr, substitute(e, {s: ZERO, c: ZERO})) for e in parts)
+    a, b, constant = (cast(Expr, substitute(e, {s: ZERO, c: ZERO})) for e in parts)
     wave = call("sin", add(by_name["sin"].children[0], call("atan2", b, a)))
     radius = call("sqrt", add(integer_power(a, 2), integer_power(b, 2)))
-    return add(mul(radius, wave), rest), [cast(Call, wave)]
+    return add(mul(radius, wave), constant), [cast(Call, wave)]
 
 
 def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[tuple[Expr, Cond]], bool] | None:

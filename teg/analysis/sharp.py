@@ -68,12 +68,12 @@ def sharp_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var], degrees:
 
     `poles` is the number of known poles near pieces: a single one has its own treatment.
     """
-    found: dict[Expr, Sharp] = {}
+    values: dict[Expr, Sharp] = {}
     for node in _in_values(bodies, x, inner):
         sharp = sharp_value(node, x, degrees, poles) if not node.free & inner else None
         if sharp is not None:
-            found.setdefault(sharp.argument if sharp.wave else sharp.value, sharp)
-    return list(found.values())
+            values.setdefault(sharp.argument if sharp.wave else sharp.value, sharp)
+    return list(values.values())
 
 
 def _in_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var]) -> list[Expr]:
@@ -174,8 +174,8 @@ def _at_points(value: Expr, box: Mapping[Var, Interval]) -> tuple[Expr, Expr] | 
 
 def sizes(bodies: Sequence[Expr], boxed: Enclosure) -> list[Expr]:
     """Returns bounds of |integrand| over a box, infinite if none are known."""
-    found = [size_of(body, boxed) for body in bodies]
-    return found if len(postorder(found)) <= MAX_NODES else [_INFINITY] * len(found)
+    largest = [size_of(body, boxed) for body in bodies]
+    return largest if len(postorder(largest)) <= MAX_NODES else [_INFINITY] * len(largest)
 
 
 def size_of(body: Expr, boxed: Enclosure) -> Expr:
@@ -255,12 +255,12 @@ def tame_ones(known: Sequence[Sharp], ranges: Mapping[Var, Interval], x: Var, ga
     nothing = (_NO_NUMBER, _NO_NUMBER)
     ends = _numbers([b for s in known for b in bounds(s, boxed) or nothing])
     tame = [lower > 0.0 and upper <= UNSEEN * lower < math.inf for upper, lower in zip(ends[::2], ends[1::2], strict=True)]
-    rest = [i for i, settled in enumerate(tame) if not settled and known[i].factor is not None]
-    if gap is None or not rest:
+    undecided = [i for i, settled in enumerate(tame) if not settled and known[i].factor is not None]
+    if gap is None or not undecided:
         return tame
-    rates = _numbers([b for i in rest for b in _rate(known[i], x, boxed) or nothing])
+    rates = _numbers([b for i in undecided for b in _rate(known[i], x, boxed) or nothing])
     lo, hi = _numbers(ranges[x])
-    for i, slowest, fastest in zip(rest, rates[::2], rates[1::2], strict=True):
+    for i, slowest, fastest in zip(undecided, rates[::2], rates[1::2], strict=True):
         change = max(abs(slowest), abs(fastest)) * (hi - lo) * gap
         tame[i] = not math.isnan(slowest + fastest) and change <= math.log(UNSEEN)
     return tame
@@ -287,11 +287,11 @@ def _numbers(expressions: Sequence[Expr]) -> list[float]:
 
 def numeric_range(node: Integral, ranges: Mapping[Var, Interval]) -> dict[Var, Interval]:
     """Returns the ranges with that of an integral's variable added; if it is infinite or not known in numbers, without that variable."""
-    rest = {v: ends for v, ends in ranges.items() if v is not node.var}
-    low, high = range_of(node, rest)
+    others = {v: ends for v, ends in ranges.items() if v is not node.var}
+    low, high = range_of(node, others)
     if low is None or high is None:
-        return rest
+        return others
     low, high = folded(low), folded(high)
     if not (isinstance(low, Const) and isinstance(high, Const) and math.isfinite(low.data) and math.isfinite(high.data)):
-        return rest
-    return {**rest, node.var: (low, high)}
+        return others
+    return {**others, node.var: (low, high)}

@@ -191,7 +191,7 @@ def fades_at(e: Expr, g: Expr) -> bool:
 
 def singular_arguments(e: Expr) -> list[Expr]:
     """Returns the surfaces on which functions in value position of e may be singular: the factors of their arguments."""
-    found: dict[Expr, None] = {}
+    arguments: dict[Expr, None] = {}
     seen: set[Node] = set()
     stack: list[Node] = [e]
     while stack:
@@ -202,9 +202,9 @@ def singular_arguments(e: Expr) -> list[Expr]:
         if isinstance(node, Call) and is_singular(node):
             argument = node.children[0]
             whole = sub(ONE, integer_power(argument, 2)) if node.name in ("asin", "acos") else argument
-            found.update(dict.fromkeys(_factors(whole)))
+            arguments.update(dict.fromkeys(_factors(whole)))
         stack.extend(node.children[1:] if isinstance(node, Where) else node.children)
-    return list(found)
+    return list(arguments)
 
 
 def _factors(argument: Expr) -> list[Expr]:
@@ -328,9 +328,9 @@ def _is_infinite(bound: Expr) -> bool:
 
 def field_of(surfaces: Sequence[Surface], chain: Chain, keys: Keys) -> Field:
     """Returns a velocity that carries the surfaces along."""
-    found = Field(keys, tuple(surfaces), {}, {})
-    metric = {b.var: _metric(b, chain[i + 1 :], found) for i, b in enumerate(chain) if any(b.var in s.slopes for s in surfaces)}
-    inside = [s for s in surfaces if not _is_side(s, chain, found)]
+    velocity = Field(keys, tuple(surfaces), {}, {})
+    metric = {b.var: _metric(b, chain[i + 1 :], velocity) for i, b in enumerate(chain) if any(b.var in s.slopes for s in surfaces)}
+    inside = [s for s in surfaces if not _is_side(s, chain, velocity)]
     squares = [integer_power(s.g, 2) for s in inside]
     count = range(len(inside))
 
@@ -348,34 +348,34 @@ def field_of(surfaces: Sequence[Surface], chain: Chain, keys: Keys) -> Field:
     for v in metric:
         terms = [mul(s.rate, s.slopes[v], product(i)) for i, s in enumerate(inside) if v in s.slopes]
         speed[v] = mul(MINUS_ONE, add(*terms), inverse)
-        found.velocity[v] = mul(metric[v], speed[v])
+        velocity.velocity[v] = mul(metric[v], speed[v])
     for i, s in enumerate(inside):
         terms = [mul(s.rate, product(i))]
         for j in count:
             if j != i:
                 terms.append(mul(s.rate, along(j, j), product(i, j)))
                 terms.append(mul(MINUS_ONE, inside[j].rate, along(i, j), product(i, j)))
-        found.rates[keys.of(s.g)] = mul(s.g, add(*terms), inverse)
+        velocity.rates[keys.of(s.g)] = mul(s.g, add(*terms), inverse)
     for s in surfaces:
         if s not in inside:  # the velocity vanishes there like m
             change = (mul(metric[v], integer_power(s.g, -1), rate, speed[v]) for v, rate in s.slopes.items())
-            found.rates[keys.of(s.g)] = add(*change)
-    return found
+            velocity.rates[keys.of(s.g)] = add(*change)
+    return velocity
 
 
-def _metric(b: Binder, inside: Chain, found: Field) -> Expr:
+def _metric(b: Binder, inside: Chain, velocity: Field) -> Expr:
     """Returns m of one variable, which vanishes on the sides that stay. `inside` are the integrals inside the integral
     over the variable."""
-    keys = found.keys
+    keys = velocity.keys
     factors: list[Expr] = []
     for bound in (b.lo, b.hi):
         if _is_infinite(bound):
             continue
         empty = any(keys.vanishes(_at(sub(c.hi, c.lo), b.var, bound)) for c in inside)
-        if empty or any(s.moves and b.var in s.slopes and keys.vanishes(_at(s.g, b.var, bound)) for s in found.surfaces):
-            found.kept.add((b.var, bound))
+        if empty or any(s.moves and b.var in s.slopes and keys.vanishes(_at(s.g, b.var, bound)) for s in velocity.surfaces):
+            velocity.kept.add((b.var, bound))
             continue
-        factors.append(_distance(b.var, bound, found))
+        factors.append(_distance(b.var, bound, velocity))
     squares = [integer_power(f, 2) for f in factors]
     if _is_infinite(b.lo) or _is_infinite(b.hi):
         return mul(*squares, *(integer_power(add(ONE, s), -1) for s in squares))
@@ -385,24 +385,24 @@ def _metric(b: Binder, inside: Chain, found: Field) -> Expr:
     return squares[0] if factors else ONE if size.free else integer_power(size, 2)
 
 
-def _distance(var: Var, bound: Expr, found: Field) -> Expr:
+def _distance(var: Var, bound: Expr, velocity: Field) -> Expr:
     """Returns the distance from a side. If a fixed surface is the side, it is written with that surface: its powers cancel in the
     integrand."""
     distance = sub(var, bound)
-    key = found.keys.of(distance)
-    for s in found.surfaces:
-        if not s.moves and found.keys.of(s.g) == key:
+    key = velocity.keys.of(distance)
+    for s in velocity.surfaces:
+        if not s.moves and velocity.keys.of(s.g) == key:
             return mul(s.g, integer_power(s.slopes[var], -1))
     return distance
 
 
-def _is_side(s: Surface, chain: Chain, found: Field) -> bool:
+def _is_side(s: Surface, chain: Chain, velocity: Field) -> bool:
     """Returns whether a fixed surface lies on a side of the domain that stays, and nowhere else."""
     if s.moves or len(s.slopes) != 1:
         return False
     (v,) = s.slopes
     (b,) = (b for b in chain if b.var is v)
-    sides = [bound for bound in (b.lo, b.hi) if (v, bound) not in found.kept and found.keys.vanishes(_at(s.g, v, bound))]
+    sides = [bound for bound in (b.lo, b.hi) if (v, bound) not in velocity.kept and velocity.keys.vanishes(_at(s.g, v, bound))]
     return bool(sides) and (s.one_sided or Shadow((v,)).degree(s.g) == 1)
 
 

@@ -35,6 +35,7 @@ from teg.ir.expr import (
     Mul,
     Param,
     Pow,
+    UncountedFloor,
     Var,
     Where,
     add,
@@ -107,20 +108,7 @@ class Steps:
 
 def is_step(node: Node) -> bool:
     """Returns whether a node is a floor with variables in it whose steps may be counted."""
-    return isinstance(node, Call) and node.name == "floor" and bool(node.free) and not is_uncounted(node)
-
-
-def is_uncounted(node: Node) -> bool:
-    """Returns whether a node is a floor made by `uncounted`."""
-    if not (isinstance(node, Call) and node.name == "floor" and isinstance(node.children[0], Call)):
-        return False
-    inner = node.children[0]
-    return inner.name == "max" and inner.children[0] is inner.children[1]
-
-
-def uncounted(u: Expr) -> Expr:
-    """Returns floor(u) for a u with too many steps, written floor(max(u, u)), which marks it as not to be counted again."""
-    return call("floor", call("max", u, u))
+    return isinstance(node, Call) and node.name == "floor" and bool(node.free) and not isinstance(node, UncountedFloor)
 
 
 def with_floors(root: Expr) -> Expr:
@@ -300,9 +288,9 @@ def _related_extent(u: Expr, v: Expr, level: Expr, ranges: Mapping[Var, Range]) 
     start = {x: ranges[x].start for x in u.free}
     first = min(u.free, key=lambda x: str(x.name))
     rate = number(tidy(cast(Expr, substitute(div(slope(u, first), slope(v, first)), start))))
-    if rate is None or not math.isfinite(rate) or shadow.degree(rest := sub(u, mul(const(rate), v))) != 0:
+    if rate is None or not math.isfinite(rate) or shadow.degree(difference := sub(u, mul(const(rate), v))) != 0:
         return None
-    least = add(mul(const(rate), level), cast(Expr, substitute(rest, start)))
+    least = add(mul(const(rate), level), cast(Expr, substitute(difference, start)))
     return add(least, const(min(rate, 0.0))), add(least, const(max(rate, 0.0))), const(abs(rate))
 
 

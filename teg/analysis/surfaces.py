@@ -42,7 +42,7 @@ from teg.ir.traverse import substitute
 
 def atoms_of(root: Node, var: Var | None = None) -> list[Compare]:
     """Returns the atoms below a node (those with `var` in them), in order; atoms inside resolutions are left out."""
-    found: dict[Compare, None] = {}
+    atoms: dict[Compare, None] = {}
     seen: set[Node] = set()
     stack: list[Node] = [root]
     while stack:
@@ -51,16 +51,16 @@ def atoms_of(root: Node, var: Var | None = None) -> list[Compare]:
             continue
         seen.add(node)
         if isinstance(node, Compare):
-            found[node] = None
+            atoms[node] = None
             stack.append(node.g)
         else:
             stack.extend(reversed(node.children))
-    return list(found)
+    return list(atoms)
 
 
 def binders_inside(root: Node) -> frozenset[Var]:
     """Returns the variables bound by the integrals below a node."""
-    found: set[Var] = set()
+    bound: set[Var] = set()
     seen: set[Node] = set()
     stack: list[Node] = [root]
     while stack:
@@ -69,9 +69,9 @@ def binders_inside(root: Node) -> frozenset[Var]:
             continue
         seen.add(node)
         if isinstance(node, Integral):
-            found.add(node.var)
+            bound.add(node.var)
         stack.extend(node.children)
-    return frozenset(found)
+    return frozenset(bound)
 
 
 def owned_surfaces(body: Expr, var: Var) -> list[Expr]:

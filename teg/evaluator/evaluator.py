@@ -10,6 +10,7 @@ from teg.analysis.bodies import write_all_out
 from teg.analysis.settings import Integration
 from teg.errors import ArrayIndexError, OptionError, ParameterError
 from teg.evaluator.arguments import Call, as_entries, name_of, plain_numbers, read_call, rounded, values_by_name, with_rounding
+from teg.evaluator.explain import checked_derivatives, explained
 from teg.evaluator.kernels import Kernels, Key, dimensions_of
 from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, directions_of
@@ -25,7 +26,8 @@ from teg.pipeline import flatten, normal_form
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 from teg.report.diagnose import Diagnosis, LoopWatch, NumberWatch, Watch, diagnose, probes_of
-from teg.report.explain import Explanation, explain
+from teg.report.explain import Asked
+from teg.report.explanation import Explanation
 
 if TYPE_CHECKING:
     import numpy as np
@@ -168,19 +170,9 @@ class Evaluator:
     def explain(self, derivatives: int = 0) -> Explanation:
         """What the compiler found and did: loops, surfaces, reparameterisations, rules and nodes; `derivatives` as of `teg.explain`. A
         program that is compiled for lengths of arrays is explained for those of the first call."""
-        how, made = self._options.integration, self._kernels or self._made.first()
-        return explain(
-            self._program if made is None else made.plan.expression,
-            self.wrt,
-            how.tol,
-            rule=how.rule,
-            order=how.order,
-            seed=how.seed,
-            discontinuities=self._options.discontinuities,
-            derivatives=derivatives,
-            maps=self._options.maps,
-            max_roots=how.max_roots,
-        )
+        options, made = self._options, self._kernels or self._made.first()
+        asked = Asked(options.integration, options.discontinuities, options.maps, checked_derivatives(derivatives))
+        return explained(self._program if made is None else made.plan.expression, self.wrt, asked)
 
     def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:
         """Where and why the expression is not differentiable at these values, and in which iteration of its sums; an empty list where it

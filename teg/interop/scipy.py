@@ -100,26 +100,26 @@ class VectorFunction:
         """Returns the vector of values of the moving parameters, given by parameter or name."""
         import numpy as np
 
-        given = _by_name(values)
-        if missing := [name for name in self.shapes if name not in given]:
+        by_name = _by_name(values)
+        if missing := [name for name in self.shapes if name not in by_name]:
             raise ParameterError(f"no value for {', '.join(map(repr, missing))}", None, "the vector holds " + ", ".join(self.shapes))
         for name, shape in self.shapes.items():
-            refuse_masked(name, given[name])
-            if np.shape(given[name]) != shape:
-                raise ParameterError(f"{name!r} has the shape {shape}, not {np.shape(given[name])}")
-        return np.concatenate([np.ravel(np.asarray(given[name], dtype=np.float64)) for name in self.shapes])
+            refuse_masked(name, by_name[name])
+            if np.shape(by_name[name]) != shape:
+                raise ParameterError(f"{name!r} has the shape {shape}, not {np.shape(by_name[name])}")
+        return np.concatenate([np.ravel(np.asarray(by_name[name], dtype=np.float64)) for name in self.shapes])
 
     def unpack(self, x: Any) -> dict[str, Any]:
         """Returns the values of the moving parameters, floats and arrays, by name."""
         vector = self._checked(x)
-        found: dict[str, Any] = {}
+        parts: dict[str, Any] = {}
         first = 0
         for name, shape in self.shapes.items():
             size = math.prod(shape)
             part = vector[first : first + size]
-            found[name] = part.reshape(shape) if shape or size != 1 else float(part[0])
+            parts[name] = part.reshape(shape) if shape or size != 1 else float(part[0])
             first += size
-        return found
+        return parts
 
     def __reduce__(self) -> tuple[object, ...]:
         return (VectorFunction, (self.evaluator, self._moving, self.fixed, self._given_shapes))
@@ -138,8 +138,8 @@ class VectorFunction:
         values = self._values(vector)
         slopes: np.ndarray | None = None
         if gradient:
-            found, by_name = self.evaluator.value_and_grad(values)
-            value = _flat(found)
+            result, by_name = self.evaluator.value_and_grad(values)
+            value = _flat(result)
             columns = [np.reshape(_flat(by_name[name]), (np.size(value), -1)) for name in self.shapes]
             slopes = np.concatenate(columns, axis=1)
             slopes = slopes if isinstance(value, np.ndarray) else slopes[0]
@@ -153,10 +153,10 @@ class VectorFunction:
 
         refuse_masked("x", x)
         try:
-            given = np.asarray(x)
-            if given.dtype.kind not in "fiub":
+            array = np.asarray(x)
+            if array.dtype.kind not in "fiub":
                 raise TypeError
-            vector = np.asarray(given, dtype=np.float64)
+            vector = np.asarray(array, dtype=np.float64)
         except (TypeError, ValueError):
             raise ParameterError(f"this is no vector of real numbers: {x!r:.80}") from None
         if vector.shape != (self.size,) and not (self.size == 1 and vector.shape == ()):
@@ -177,10 +177,10 @@ def _shape_of(p: Parameter, shapes: Mapping[str, int | Sequence[int]]) -> tuple[
         return ()
     if p.name not in shapes:
         raise ParameterError(f"the shape of the array {p.name!r} is not known", None, f"shapes={{{p.name!r}: (…)}}")
-    given = shapes[p.name]
-    shape = (given,) if isinstance(given, int) else tuple(given)
+    stated = shapes[p.name]
+    shape = (stated,) if isinstance(stated, int) else tuple(stated)
     if len(shape) != p.dimensions or not all(isinstance(n, int) and n >= 0 for n in shape):
-        raise ParameterError(f"{given!r} is no shape of an array of {p.dimensions} dimensions", p.name)
+        raise ParameterError(f"{stated!r} is no shape of an array of {p.dimensions} dimensions", p.name)
     return shape
 
 

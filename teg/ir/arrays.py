@@ -191,38 +191,38 @@ def integers_of(node: Node) -> tuple[Index, ...]:
 
 def arrays_of(root: Node) -> list[ArrayName]:
     """Returns the arrays of a program, in order of first appearance."""
-    found: dict[ArrayName, None] = {}
+    arrays: dict[ArrayName, None] = {}
     for node in postorder([root]):
         for leaf in index_leaves(integers_of(node)):
             if isinstance(leaf, Length):
-                found[leaf.array] = None
+                arrays[leaf.array] = None
             elif leaf.data.__class__ is IndexArray:
-                found[leaf.data] = None
+                arrays[leaf.data] = None
         if isinstance(node, Gather | Unit):
-            found[node.array] = None
-    return list(found)
+            arrays[node.array] = None
+    return list(arrays)
 
 
 def integer_parameters(root: Node) -> list[Param]:
     """Returns the parameters of a program that are used as integers, in order of first appearance."""
-    found: dict[Param, None] = {}
+    parameters: dict[Param, None] = {}
     for node in postorder([root]):
-        found.update((leaf.param, None) for leaf in index_leaves(integers_of(node)) if isinstance(leaf, IndexParam))
-    return list(found)
+        parameters.update((leaf.param, None) for leaf in index_leaves(integers_of(node)) if isinstance(leaf, IndexParam))
+    return list(parameters)
 
 
 def open_indices(root: Node) -> dict[Node, frozenset[IndexVar]]:
     """Returns, for every node below, the indices of sums that occur free in it."""
-    found: dict[Node, frozenset[IndexVar]] = {}
+    opened: dict[Node, frozenset[IndexVar]] = {}
     for node in postorder([root]):
-        here = frozenset(leaf for leaf in index_leaves(integers_of(node)) if isinstance(leaf, IndexVar))
+        own = frozenset(leaf for leaf in index_leaves(integers_of(node)) if isinstance(leaf, IndexVar))
         inner: frozenset[IndexVar] = frozenset()
         for c in node.children:
-            inner = inner if found[c] <= inner else inner | found[c]
+            inner = inner if opened[c] <= inner else inner | opened[c]
         if isinstance(node, Sum):
             inner = inner - {node.index}
-        found[node] = inner | here if here else inner
-    return found
+        opened[node] = inner | own if own else inner
+    return opened
 
 
 def show_leaf(node: Expr) -> str:

@@ -28,7 +28,7 @@ APART = "\0"
 
 def cell_leaves(roots: Sequence[Node], known: Mapping[Node, object] | None = None) -> list[Expr]:
     """Returns the leaves of a cell, in order: entries, integers, units, sums (which are not entered), and nodes that are `known`."""
-    found: dict[Expr, None] = {}
+    leaves: dict[Expr, None] = {}
     seen: set[Node] = set()
     stack: list[Node] = list(reversed(roots))
     while stack:
@@ -37,10 +37,10 @@ def cell_leaves(roots: Sequence[Node], known: Mapping[Node, object] | None = Non
             continue
         seen.add(node)
         if isinstance(node, (*LEAVES, Sum)) or (known is not None and node in known):
-            found[cast(Expr, node)] = None
+            leaves[cast(Expr, node)] = None
         else:
             stack.extend(reversed(node.children))
-    return list(found)
+    return list(leaves)
 
 
 class Symbols:
@@ -101,21 +101,21 @@ def _on_cell(cell: Expr, step: Callable[[Expr], Expr]) -> Expr:
 
 def cells_of(e: Expr) -> list[tuple[tuple[Sum, ...], Expr]]:
     """Returns every cell with the sums around it, outermost first. A cell comes before the cells in its sums."""
-    found: dict[Expr, tuple[Sum, ...]] = {}
+    around: dict[Expr, tuple[Sum, ...]] = {}
     entries: list[Expr] = [e]
     while entries:
         entry = entries.pop(0)
         if isinstance(entry, Tuple):
             entries = [*entry.children, *entries]
         else:
-            found[entry] = ()
-    waiting = list(found)
+            around[entry] = ()
+    waiting = list(around)
     for body in waiting:
         for leaf in cell_leaves([body]):
-            if isinstance(leaf, Sum) and leaf.body not in found:
-                found[leaf.body] = (*found[body], leaf)
+            if isinstance(leaf, Sum) and leaf.body not in around:
+                around[leaf.body] = (*around[body], leaf)
                 waiting.append(leaf.body)
-    return [(path, body) for body, path in found.items()]
+    return [(path, body) for body, path in around.items()]
 
 
 def with_integers(node: Node, children: tuple[Node, ...], change: Callable[[Index], Index]) -> Node:

@@ -211,6 +211,12 @@ class Call(Expr):
         return self.data  # type: ignore[no-any-return]
 
 
+class UncountedFloor(Call):
+    """floor(u) with more steps than are written out one by one."""
+
+    __slots__ = ()
+
+
 class Where(Expr):
     """`then` where the condition holds, else `otherwise`. The other value never matters, even if it is NaN."""
 
@@ -360,8 +366,8 @@ _SINGULAR = frozenset(("sqrt", "log", "pow", "asin", "acos"))
 
 def const(value: float) -> Const:
     """Returns a number as an expression."""
-    found = _UNITS.get(value)
-    return Const.make(float(value) + 0.0, ()) if found is None else found
+    shared = _UNITS.get(value)
+    return Const.make(float(value) + 0.0, ()) if shared is None else shared
 
 
 ZERO, ONE, MINUS_ONE = (Const.make(value, ()) for value in (0.0, 1.0, -1.0))
@@ -441,8 +447,8 @@ def _split(term: Mul) -> tuple[float, Expr]:
     number = term.children[0]
     if not isinstance(number, Const):
         return 1.0, term
-    rest = term.children[1:]
-    return number.data, rest[0] if len(rest) == 1 else Mul.make(None, rest)
+    others = term.children[1:]
+    return number.data, others[0] if len(others) == 1 else Mul.make(None, others)
 
 
 def add(*terms: Expr) -> Expr:
@@ -454,8 +460,8 @@ def add(*terms: Expr) -> Expr:
         if isinstance(term, Const):
             constant += term.data
         elif isinstance(term, Mul):
-            coefficient, rest = _split(term)
-            parts[rest] = parts.get(rest, 0.0) + coefficient
+            coefficient, product = _split(term)
+            parts[product] = parts.get(product, 0.0) + coefficient
         else:
             parts[term] = parts.get(term, 0.0) + 1.0
             if isinstance(term, Where):
@@ -467,7 +473,7 @@ def add(*terms: Expr) -> Expr:
             merged = where(condition, add(*(w.then for w in same)), add(*(w.otherwise for w in same)))
             if merged is not ZERO:
                 parts[merged] = parts.get(merged, 0.0) + 1.0
-    kept = [mul(const(c), rest) if c != 1.0 else rest for rest, c in parts.items() if c != 0.0]
+    kept = [mul(const(c), product) if c != 1.0 else product for product, c in parts.items() if c != 0.0]
     if constant != 0.0:
         kept.append(const(constant))
     if not kept:
@@ -609,8 +615,8 @@ def call(name: str, *arguments: Expr) -> Expr:
     if name == "exp" and isinstance(arguments[0], Call) and arguments[0].name == "log":
         return arguments[0].children[0]
     if name in _SINGULAR and isinstance(arguments[0], Where):
-        rest = arguments[1:]
-        return _into_branches(arguments[0], lambda u: call(name, u, *rest))
+        others = arguments[1:]
+        return _into_branches(arguments[0], lambda u: call(name, u, *others))
     if any(a.has_delta for a in arguments):
         raise DeltaError(
             f"a Dirac delta inside {name} has no meaning",
@@ -618,6 +624,12 @@ def call(name: str, *arguments: Expr) -> Expr:
             "a delta may only be added and multiplied",
         )
     return Call.make(name, arguments)
+
+
+def uncounted_floor(u: Expr) -> Expr:
+    """floor(u) whose steps are not written out; of a number a number."""
+    e = call("floor", u)
+    return UncountedFloor.make("floor", (u,)) if isinstance(e, Call) else e
 
 
 def _into_branches(outer: Where, f: Callable[[Expr], Expr]) -> Expr:

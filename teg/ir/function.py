@@ -62,15 +62,11 @@ class Slot(Node):
 
 
 class Function(Node):
-    """A function of the language. Data are (name, formals, inline), the child is the body. Call it with one argument for each formal.
+    """A function of the language; data is (name, formals, inline), the child is the body. Call it with one argument a formal."""
 
-    Derived data (bodies of derivatives, their programs) are kept in `kept`, and live as long as the function does.
-    """
-
-    __slots__ = ("_facts", "_kept")
+    __slots__ = ("_facts",)
 
     _facts: _Facts
-    _kept: dict[Any, Any]
 
     @property
     def title(self) -> str:
@@ -113,12 +109,6 @@ class Function(Node):
         return self._facts
 
     @property
-    def kept(self) -> dict[Any, Any]:
-        if not hasattr(self, "_kept"):
-            object.__setattr__(self, "_kept", {})
-        return self._kept
-
-    @property
     def obstacle(self) -> str:
         """Returns the reason why the body has to be written out; "" if it is opaque."""
         if self.inline is None:
@@ -130,10 +120,10 @@ class Function(Node):
         if len(arguments) != len(self.formals):
             names = ", ".join(f.name for f in self.formals)
             raise OperandError(f"{self.title}({names}) takes {len(self.formals)} arguments, and was given {len(arguments)}", self)
-        given = tuple(as_number(a) for a in arguments)
-        if deltas := [a for a in given if a.has_delta]:
+        inputs = tuple(as_number(a) for a in arguments)
+        if deltas := [a for a in inputs if a.has_delta]:
             raise OperandError(f"a Dirac delta inside {self.title} has no meaning", deltas[0], "a delta may only be added and multiplied")
-        return Apply.make((self, (0,) * self.arity), (*given, *self.inputs[self.formal :]))
+        return Apply.make((self, (0,) * self.arity), (*inputs, *self.inputs[self.formal :]))
 
     def __str__(self) -> str:
         return f"{self.title}({', '.join(f.name for f in self.formals)}) = {self.body}"

@@ -168,19 +168,19 @@ class ArrayName(Node):
 
     def subscripts(self, places: object) -> tuple[Index, ...]:
         """Returns the integers in the square brackets, one for each dimension."""
-        given = places if isinstance(places, tuple) else (places,)
-        if len(given) != self.dimensions:
-            shown = ", ".join(map(str, given))
+        entries = places if isinstance(places, tuple) else (places,)
+        if len(entries) != self.dimensions:
+            shown = ", ".join(map(str, entries))
             hint = f"write {self.name}[{', '.join('ijklmn'[: self.dimensions])}]"
             raise ArrayIndexError(
-                f"{self.name} has {self.dimensions} dimensions and is indexed by {len(given)}: {self.name}[{shown:.80}]", self, hint
+                f"{self.name} has {self.dimensions} dimensions and is indexed by {len(entries)}: {self.name}[{shown:.80}]", self, hint
             )
-        found = tuple(as_index(place, self) for place in given)
-        for place in found:
+        subscripts = tuple(as_index(place, self) for place in entries)
+        for place in subscripts:
             if isinstance(place, IndexConst) and place.data < 0:
                 hint = f"count from the front, or write teg.length({self.name}, axis) - 1"
                 raise ArrayIndexError(f"the index {place.data} of {self.name} is negative", self, hint)
-        return found
+        return subscripts
 
     def _no_arithmetic(self, *_: object) -> NoReturn:
         zeros = ", ".join("0" * self.dimensions)

@@ -38,22 +38,22 @@ class Node:
         """Returns the one node of this class with this data and these children."""
         key = (cls, data, children)
         with _lock:
-            found = _table.get(key)
-            if found is None:
-                found = object.__new__(cls)
+            node = _table.get(key)
+            if node is None:
+                node = object.__new__(cls)
                 has_delta, has_integral = cls.is_delta, cls.is_integral
                 for c in children:
                     has_delta |= c.has_delta
                     has_integral |= c.has_integral
                 fix = object.__setattr__
-                fix(found, "data", data)
-                fix(found, "children", children)
-                fix(found, "_digest", None)
-                fix(found, "free", found._free_variables())
-                fix(found, "has_delta", has_delta)
-                fix(found, "has_integral", has_integral)
-                _table[key] = found
-        return found  # type: ignore[return-value]
+                fix(node, "data", data)
+                fix(node, "children", children)
+                fix(node, "_digest", None)
+                fix(node, "free", node._free_variables())
+                fix(node, "has_delta", has_delta)
+                fix(node, "has_integral", has_integral)
+                _table[key] = node
+        return node  # type: ignore[return-value]
 
     def _free_variables(self) -> frozenset[Any]:
         return union([c.free for c in self.children])
@@ -90,7 +90,7 @@ def postorder(roots: Iterable[Node]) -> list[Node]:
     order: list[Node] = []
     seen: set[Node] = set()
     path: list[Node] = []  # from a root to the current node
-    rest: list[Iterator[Node]] = []  # the nodes still to visit, for each node on the path and for the roots
+    unvisited: list[Iterator[Node]] = []  # the nodes still to visit, for each node on the path and for the roots
     waiting = iter(roots)
     while True:
         for node in waiting:
@@ -98,15 +98,15 @@ def postorder(roots: Iterable[Node]) -> list[Node]:
                 seen.add(node)
                 if node.children:
                     path.append(node)
-                    rest.append(waiting)
+                    unvisited.append(waiting)
                     waiting = iter(node.children)
                     break
                 order.append(node)
         else:
-            if not rest:
+            if not unvisited:
                 return order
             order.append(path.pop())
-            waiting = rest.pop()
+            waiting = unvisited.pop()
 
 
 def postorder_through(
@@ -119,21 +119,21 @@ def postorder_through(
     order: list[Node] = []
     seen: set[Node] = set()
     path: list[Node] = []
-    rest: list[Iterator[Node]] = []
+    unvisited: list[Iterator[Node]] = []
     waiting = iter((root,))
     while True:
         for node in waiting:
             if node not in seen and not node.free.isdisjoint(variables):
                 seen.add(node)
                 path.append(node)
-                rest.append(waiting)
+                unvisited.append(waiting)
                 waiting = iter(below(node))
                 break
         else:
-            if not rest:
+            if not unvisited:
                 return order
             order.append(path.pop())
-            waiting = rest.pop()
+            waiting = unvisited.pop()
 
 
 def digest(node: Node) -> int:

@@ -42,8 +42,8 @@ def verify_covered(chain: Chain, m: Diffeomorphism, values: Mapping[Param, Any],
     radius = 0.1
     for _ in range(rounds + 1):
         with np.errstate(all="ignore"):
-            here, room = _verify_points(chain, m, values, places, body)
-        reached &= here
+            all_reached, room = _verify_points(chain, m, values, places, body)
+        reached &= all_reached
         nearest = np.argsort(room, kind="stable")[:NEAREST]
         around = np.clip(places[nearest][:, None, :] + radius * (2.0 * _places(AROUND, len(chain)) - 1.0), NEAR_END, 1.0 - NEAR_END)
         places, radius = around.reshape(-1, len(chain)), radius / 4.0
@@ -73,15 +73,15 @@ def _verify_points(chain: Chain, m: Diffeomorphism, values: Mapping[Param, Any],
     for b in chain:
         for bound in values_of([b.lo, b.hi], at):
             hold(Samples(m, True, at), ~np.isinf(bound), (bound, bound), f"the bound of {b.var.name} is {{1}}", _LEAVE_OUT)
-    for x, given, found in zip(m.old, old, values_of(list(m.forward.values()), there), strict=True):
-        same = np.abs(found - given) <= TOLERANCE * np.maximum(1.0, np.abs(given))
-        covered(same, given, found, f"forward(inverse) gives {x.name} = {{1}} instead of {{0}}")
-    for u, found in zip(m.new, new, strict=True):
+    for x, old_value, value in zip(m.old, old, values_of(list(m.forward.values()), there), strict=True):
+        same = np.abs(value - old_value) <= TOLERANCE * np.maximum(1.0, np.abs(old_value))
+        covered(same, old_value, value, f"forward(inverse) gives {x.name} = {{1}} instead of {{0}}")
+    for u, value in zip(m.new, new, strict=True):
         for kind, interval in (("domain", m.domain[u]), ("bounds", m.bounds.get(u, m.domain[u]))):
             lo, hi = values_of(interval, there)
-            for end, room in ((lo, found - lo), (hi, hi - found)):
+            for end, room in ((lo, value - lo), (hi, hi - value)):
                 enough = room >= -TOLERANCE * np.maximum(1.0, np.abs(end))
-                covered(enough, end, found, f"{u.name} = {{1}} is beyond its {kind}, which end at {{0}}")
+                covered(enough, end, value, f"{u.name} = {{1}} is beyond its {kind}, which end at {{0}}")
                 share = np.broadcast_to(np.where(np.isfinite(room), room / np.maximum(1.0, np.abs(end)), np.inf), shape)
                 least = np.minimum(least, share.reshape(len(places), -1).min(axis=1))
     return reached, least

@@ -83,8 +83,8 @@ class Diffeomorphism:
             )
         self._set("forward", {v: _smooth(e, new, f"forward[{v.name}]") for v, e in forward.items()})
         self._set("inverse", {v: _smooth(e, old, f"inverse[{v.name}]") for v, e in inverse.items()})
-        given = _intervals(domain, new, "domain")
-        self._set("domain", {v: given.get(v, (MINUS_INFINITY, INFINITY)) for v in new})
+        stated = _intervals(domain, new, "domain")
+        self._set("domain", {v: stated.get(v, (MINUS_INFINITY, INFINITY)) for v in new})
         self._set("bounds", _finite(_intervals(bounds, new, "bounds"), self.domain))
         self._set("within", ())
         self._set("image", {v: _values_of(e, self.domain) for v, e in self.forward.items()})
@@ -316,7 +316,7 @@ def _smooth(value: object, allowed: Sequence[Var], what: str) -> Expr:
 
 def _intervals(pairs: Mapping[Var, tuple[object, object]] | None, new: Sequence[Var], what: str) -> dict[Var, Interval]:
     """Returns checked (lower, upper) pairs; None is infinite."""
-    found: dict[Var, Interval] = {}
+    intervals: dict[Var, Interval] = {}
     for v, pair in (pairs or {}).items():
         if v not in new or not isinstance(pair, tuple | list) or len(pair) != 2:
             raise ScopeError(
@@ -325,8 +325,8 @@ def _intervals(pairs: Mapping[Var, tuple[object, object]] | None, new: Sequence[
         allowed = new[new.index(v) + 1 :] if what == "bounds" else ()
         lo = MINUS_INFINITY if pair[0] is None else _smooth(pair[0], allowed, what)
         hi = INFINITY if pair[1] is None else _smooth(pair[1], allowed, what)
-        found[v] = lo, hi
-    return found
+        intervals[v] = lo, hi
+    return intervals
 
 
 def _finite(bounds: dict[Var, Interval], domain: Mapping[Var, Interval]) -> dict[Var, Interval]:
@@ -346,14 +346,14 @@ def _finite(bounds: dict[Var, Interval], domain: Mapping[Var, Interval]) -> dict
 
 def _check_values(given: Mapping[Any, float] | None, known: Sequence[Param]) -> dict[Param, float]:
     names = {p.name: p for p in known}
-    found: dict[Param, float] = {}
+    numbers: dict[Param, float] = {}
     for k, v in (given or {}).items():
         if not isinstance(k, Param) and k not in names:
             raise ParameterError(
                 f"check_at names {k!r}, which is no parameter of the map", None, f"parameters: {', '.join(names) or 'none'}"
             )
-        found[k if isinstance(k, Param) else names[k]] = float(v)
-    return found
+        numbers[k if isinstance(k, Param) else names[k]] = float(v)
+    return numbers
 
 
 def _is_finite(end: Expr) -> bool:

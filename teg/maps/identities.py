@@ -168,17 +168,17 @@ def _pairs(e: Add) -> list[tuple[Call, Call, float]]:
 def _without_squares(normal: Expr, base: Call, square: Expr) -> Expr:
     """Returns a sum of monomials with `base`² replaced; the sum itself if it does not occur."""
     terms = []
-    found = False
+    replaced = False
     for term in normal.children if isinstance(normal, Add) else (normal,):
         factors: list[Expr] = []
         for f in term.children if isinstance(term, Mul) else (term,):
             if isinstance(f, Pow) and f.base is base and f.exponent >= 2:
                 factors += [integer_power(square, f.exponent // 2), integer_power(base, f.exponent % 2)]
-                found = True
+                replaced = True
             else:
                 factors.append(f)
         terms.append(mul(*factors))
-    return add(*terms) if found else normal
+    return add(*terms) if replaced else normal
 
 
 # -- products ------------------------------------------------------------------------------------------------------------
@@ -187,17 +187,17 @@ def _without_squares(normal: Expr, base: Call, square: Expr) -> Expr:
 def _joined(e: Mul) -> Expr:
     """Returns exp u·exp v with a simpler exponent."""
     exponents: list[Expr] = []
-    rest: list[Expr] = []
+    others: list[Expr] = []
     for f in e.children:
         base, k = (f.base, f.exponent) if isinstance(f, Pow) else (f, 1)
         if isinstance(base, Call) and base.name == "exp":
             exponents.append(mul(ex.const(k), base.children[0]))
         else:
-            rest.append(f)
+            others.append(f)
     if len(exponents) < 2:
         return e
     total = expanded(add(*exponents))
-    return mul(*rest, call("exp", total)) if total is not None and _length(total) < sum(map(_length, exponents)) else e
+    return mul(*others, call("exp", total)) if total is not None and _length(total) < sum(map(_length, exponents)) else e
 
 
 def _cartesian(e: Expr) -> Expr:

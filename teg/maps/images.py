@@ -170,12 +170,12 @@ def _at(e: Expr, at: dict[Var, Expr]) -> Expr:
 def _depending(binders: Sequence[Binder], variables: Sequence[Var]) -> list[Binder]:
     """Returns the integral signs whose bounds depend on these variables, or on one another."""
     moved = set(variables)
-    found = []
+    depending = []
     for b in binders:
         if (b.lo.free | b.hi.free) & moved:
             moved.add(b.var)
-            found.append(b)
-    return found
+            depending.append(b)
+    return depending
 
 
 def _may_be_finite(e: Expr) -> bool:
@@ -221,7 +221,7 @@ def _enclosure(m: Diffeomorphism, u: Var, ranges: dict[Var, Interval]) -> Interv
                 ends[i] = const(tighter(end.data, value))
         return ends[0], ends[1]
     unbounded = [not _may_be_finite(e) for e in ends]
-    ends = [mine if free else given for mine, free, given in zip(derived, unbounded, ends, strict=True)]
+    ends = [mine if free else stated for mine, free, stated in zip(derived, unbounded, ends, strict=True)]
     if not all(_may_be_finite(e) and _is_finite_somewhere(e, m) for e in ends):
         raise BoundError(
             f"finite bounds of {u.name} = {m.inverse[u]} cannot be derived from those of the integrals",

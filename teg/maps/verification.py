@@ -142,14 +142,14 @@ def _points(domain: Mapping[Var, Interval], at: Mapping[Any, Any], samples: int)
     """Returns points of a domain; unbounded intervals are sampled up to 100 units, or 5 on both sides."""
     import numpy as np
 
-    found: dict[Any, Any] = {}
+    points: dict[Any, Any] = {}
     for i, (v, ends) in enumerate(domain.items()):
         share = shares(samples, i, at)
         lo, hi = values_of(ends, at)
         odds = share / (1.0 - share)
         above = np.where(np.isfinite(hi), hi - 1.0 / odds, np.log(odds))
-        found[v] = np.where(np.isfinite(lo), np.where(np.isfinite(hi), lo + share * (hi - lo), lo + odds), above)
-    return found
+        points[v] = np.where(np.isfinite(lo), np.where(np.isfinite(hi), lo + share * (hi - lo), lo + odds), above)
+    return points
 
 
 def shares(count: int, axis: int, at: Mapping[Any, Any]) -> np.ndarray:

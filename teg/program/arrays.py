@@ -27,7 +27,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
-from teg.program.fields import INTEGER, NUMBER, Block, Operand, Result, Variable
+from teg.program.fields import INTEGER, NUMBER, Block, Operand, Result, Variable, inner_blocks
 from teg.program.statements import Program
 from teg.program.walk import size
 
@@ -136,8 +136,8 @@ def steps(block: tuple[Step, ...]) -> Iterator[Step]:
     while stack:
         step = stack.pop()
         yield step
-        if isinstance(step, Loop):
-            stack.extend(reversed(step.body))
+        for _, _, inner in inner_blocks(step):
+            stack.extend(reversed(inner))
 
 
 def scattered(block: tuple[Step, ...]) -> list[int]:

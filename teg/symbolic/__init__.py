@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
-from teg import language as build
+from teg import language
 from teg.analysis.bodies import write_all_out
 from teg.analysis.calculus import slope
 from teg.errors import OperandError, OptionError, ParameterError, TegError
@@ -101,7 +101,7 @@ def from_sympy(s: Any, variables: Iterable[Any] = (), *, heaviside_at_zero: floa
     if not outside:
         return result
     _, names = names_of(order, wanted, outside)  # a symbol is bound in one place and free in another: ∫₀ˣ f(x) dx
-    places = {cast(Var, names[x]): cast(Expr, build.param(x.name)) for x in outside}
+    places = {cast(Var, names[x]): cast(Expr, language.param(x.name)) for x in outside}
     return substitute(Reader(names, at_zero, frozenset(places)).read(order), places)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, reduce
 from typing import Any, cast
 
-from teg import language as build
+from teg import language
 from teg.errors import BoundError, NameClashError, OperandError
 from teg.ir import expr as ex
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Cond, Const, Expr, Mul, Var
@@ -59,13 +59,13 @@ def names_of(order: list[Any], wanted: frozenset[str], outside: frozenset[Any]) 
     for symbol in free:
         if taken.setdefault(symbol.name, symbol) != symbol:
             raise NameClashError(f"two symbols are called {symbol.name!r}", symbol.name, "rename one, or give both the same assumptions")
-        names[symbol] = build.var(symbol.name) if symbol.name in wanted else build.param(symbol.name)
+        names[symbol] = language.var(symbol.name) if symbol.name in wanted else language.param(symbol.name)
     for symbol in bound:
         name = symbol.name
         while name in taken:
             name += "′"
         taken[name] = symbol
-        names[symbol] = build.var(name)
+        names[symbol] = language.var(name)
     return bound, names
 
 
@@ -97,7 +97,7 @@ class Reader:
         if kind is sympy.Piecewise:
             result: Expr = ex.const(math.nan)
             for then, condition in zip(parts[-2::-2], parts[::-2], strict=True):
-                result = build.where(condition, then, result)
+                result = language.where(condition, then, result)
             return result
         if kind is sympy.Heaviside:
             return self.heaviside(node, *map(ex.as_number, parts))
@@ -109,7 +109,7 @@ class Reader:
 
     def integral(self, node: Any, body: Expr, *bounds: Expr) -> Expr:
         for i, limit in enumerate(node.limits):
-            body = build.integral(body, (self.names[limit[0]], bounds[2 * i], bounds[2 * i + 1]))
+            body = language.integral(body, (self.names[limit[0]], bounds[2 * i], bounds[2 * i + 1]))
         return body
 
     def heaviside(self, node: Any, u: Expr, at_zero: Expr) -> Expr:
@@ -118,9 +118,11 @@ class Reader:
         if at_zero is ZERO or at_zero is ONE:
             strict = at_zero is ZERO
             if isinstance(u, Mul) and len(u.children) == 2 and u.children[0] is MINUS_ONE and isinstance(u.children[1], Add):
-                return build.bracket(~ex.positive(u.children[1], not strict))  # -(a - b), which SymPy does not write: the original was a ~
-            return build.bracket(ex.positive(u, strict))
-        return build.where(u >= 0, build.where(u > 0, 1, at_zero), 0)
+                return language.bracket(
+                    ~ex.positive(u.children[1], not strict)
+                )  # -(a - b), which SymPy does not write: the original was a ~
+            return language.bracket(ex.positive(u, strict))
+        return language.where(u >= 0, language.where(u > 0, 1, at_zero), 0)
 
 
 def _nearest(number: Any) -> float:
@@ -153,46 +155,46 @@ def functions() -> dict[Any, Callable[..., Node]]:
         sympy.Add: _sum,
         sympy.Mul: _product,
         sympy.Pow: lambda base, exponent: base**exponent,
-        sympy.exp: build.exp,
-        sympy.log: lambda u, base=None: build.log(u) if base is None else build.log(u) / build.log(base),
-        sympy.sin: build.sin,
-        sympy.cos: build.cos,
-        sympy.tan: build.tan,
-        sympy.sec: lambda u: 1 / build.cos(u),
-        sympy.csc: lambda u: 1 / build.sin(u),
-        sympy.cot: lambda u: build.cos(u) / build.sin(u),
-        sympy.sinc: lambda u: build.where((u > 0) | (u < 0), build.sin(u) / u, 1),
-        sympy.asin: build.asin,
-        sympy.acos: build.acos,
-        sympy.atan: build.atan,
-        sympy.asec: lambda u: build.acos(1 / u),
-        sympy.acsc: lambda u: build.asin(1 / u),
-        sympy.acot: lambda u: build.atan(1 / u),
-        sympy.atan2: build.atan2,
-        sympy.sinh: build.sinh,
-        sympy.cosh: build.cosh,
-        sympy.tanh: build.tanh,
-        sympy.sech: lambda u: 1 / build.cosh(u),
-        sympy.csch: lambda u: 1 / build.sinh(u),
-        sympy.coth: lambda u: 1 / build.tanh(u),
+        sympy.exp: language.exp,
+        sympy.log: lambda u, base=None: language.log(u) if base is None else language.log(u) / language.log(base),
+        sympy.sin: language.sin,
+        sympy.cos: language.cos,
+        sympy.tan: language.tan,
+        sympy.sec: lambda u: 1 / language.cos(u),
+        sympy.csc: lambda u: 1 / language.sin(u),
+        sympy.cot: lambda u: language.cos(u) / language.sin(u),
+        sympy.sinc: lambda u: language.where((u > 0) | (u < 0), language.sin(u) / u, 1),
+        sympy.asin: language.asin,
+        sympy.acos: language.acos,
+        sympy.atan: language.atan,
+        sympy.asec: lambda u: language.acos(1 / u),
+        sympy.acsc: lambda u: language.asin(1 / u),
+        sympy.acot: lambda u: language.atan(1 / u),
+        sympy.atan2: language.atan2,
+        sympy.sinh: language.sinh,
+        sympy.cosh: language.cosh,
+        sympy.tanh: language.tanh,
+        sympy.sech: lambda u: 1 / language.cosh(u),
+        sympy.csch: lambda u: 1 / language.sinh(u),
+        sympy.coth: lambda u: 1 / language.tanh(u),
         sympy.asinh: _asinh,
         sympy.acosh: _acosh,
-        sympy.atanh: lambda u: 0.5 * build.log((1 + u) / (1 - u)),
+        sympy.atanh: lambda u: 0.5 * language.log((1 + u) / (1 - u)),
         sympy.asech: lambda u: _acosh(1 / u),
         sympy.acsch: lambda u: _asinh(1 / u),
-        sympy.acoth: lambda u: 0.5 * build.log((u + 1) / (u - 1)),
-        sympy.Abs: build.abs_,
-        sympy.sign: build.sign,
-        sympy.Min: build.minimum,
-        sympy.Max: build.maximum,
-        sympy.floor: build.floor,
+        sympy.acoth: lambda u: 0.5 * language.log((u + 1) / (u - 1)),
+        sympy.Abs: language.abs_,
+        sympy.sign: language.sign,
+        sympy.Min: language.minimum,
+        sympy.Max: language.maximum,
+        sympy.floor: language.floor,
         sympy.ceiling: lambda u: ex.call("ceil", u),
-        sympy.frac: lambda u: build.mod(u, 1),
-        sympy.Mod: build.mod,
+        sympy.frac: lambda u: language.mod(u, 1),
+        sympy.Mod: language.mod,
         sympy.re: lambda u: u,
         sympy.conjugate: lambda u: u,
         sympy.UnevaluatedExpr: lambda u: u,
-        sympy.DiracDelta: lambda u, order=None: build.delta(u),
+        sympy.DiracDelta: lambda u, order=None: language.delta(u),
         sympy.Lt: lambda a, b: a < b,
         sympy.Le: lambda a, b: a <= b,
         sympy.Gt: lambda a, b: a > b,
@@ -211,12 +213,12 @@ def functions() -> dict[Any, Callable[..., Node]]:
         sympy.Equivalent: lambda *c: ex.conjunction(*c) | ~ex.disjunction(*c),
         sympy.ITE: lambda c, a, b: (c & a) | (~c & b),
     }
-    table: dict[Any, Callable[..., Node]] = {sympy.Tuple: build.tuple_}
+    table: dict[Any, Callable[..., Node]] = {sympy.Tuple: language.tuple_}
     for kinds, check in ((of_numbers, ex.as_number), (of_conditions, ex.as_condition)):
         for kind, f in kinds.items():
             table[kind] = lambda *parts, f=f, check=check: f(*map(check, parts))
     by_hand = (sympy.Integral, sympy.Piecewise, sympy.Heaviside)  # handled by the reader itself
-    return table | dict.fromkeys(by_hand, build.tuple_)
+    return table | dict.fromkeys(by_hand, language.tuple_)
 
 
 def _sum(*terms: Expr) -> Expr:
@@ -236,9 +238,9 @@ def _remembering(kind: type[Add | Mul], result: Expr, parts: tuple[Expr, ...]) -
 
 def _asinh(u: Expr) -> Expr:
     """Returns log(u + √(u² + 1)), computed from |u|: for u < 0 the terms would cancel."""
-    root = build.sqrt(u**2 + 1)
-    return build.where(u > 0, build.log(u + root), -build.log(root - u))
+    root = language.sqrt(u**2 + 1)
+    return language.where(u > 0, language.log(u + root), -language.log(root - u))
 
 
 def _acosh(u: Expr) -> Expr:
-    return build.log(u + build.sqrt(u - 1) * build.sqrt(u + 1))
+    return language.log(u + language.sqrt(u - 1) * language.sqrt(u + 1))

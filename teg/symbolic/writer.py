@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, cast
 
-from teg import language as build
+from teg import language
 from teg.errors import NameClashError, OperandError
 from teg.ir import expr as ex
 from teg.ir.arrays import LEAVES, Sum
@@ -40,17 +40,17 @@ _FLATTEN = 8  # so many nested integrals, and factors, are written as one node: 
 def symbols_of(root: Node, given: Mapping[Any, Any]) -> dict[Node, Any]:
     """Returns a distinct symbol for every parameter and variable: the one given, or the real one of the same name."""
     symbol = sympy_package().Symbol
-    found: dict[Node, Any] = {}
+    symbols: dict[Node, Any] = {}
     stands_for: dict[Any, Node] = {}
     for node in postorder([root]):
         leaf = node.var if isinstance(node, Integral) else node
-        if isinstance(leaf, Param | Var) and leaf not in found:
-            found[leaf] = given[leaf] if leaf in given else symbol(leaf.name, real=True)
-            if stands_for.setdefault(found[leaf], leaf) is not leaf:
+        if isinstance(leaf, Param | Var) and leaf not in symbols:
+            symbols[leaf] = given[leaf] if leaf in given else symbol(leaf.name, real=True)
+            if stands_for.setdefault(symbols[leaf], leaf) is not leaf:
                 raise NameClashError(
                     f"{leaf.name!r} would stand for a parameter and a variable", root, "rename one of them, or give symbols="
                 )
-    return found
+    return symbols
 
 
 def written_out(root: Node) -> int:
@@ -268,7 +268,7 @@ def _named(node: Where) -> tuple[Any, ...] | None:
         return None
     if then is condition.g and otherwise is ex.mul(MINUS_ONE, then):
         return "Abs", then
-    if then is ONE and node is build.sign(condition.g):
+    if then is ONE and node is language.sign(condition.g):
         return "sign", condition.g
     if condition is ex.less(then, otherwise, strict=True):
         return "Min", then, otherwise

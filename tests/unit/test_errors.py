@@ -22,11 +22,14 @@ OPTIONAL = {"BackendError": "jax"}
 def _settings_restored(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Restores the environment, the loaded modules and JAX's 64-bit mode, which some examples change."""
     monkeypatch.setenv("CC", "cc")
-    monkeypatch.setitem(sys.modules, "sympy", sys.modules.get("sympy", None))
-    wide = "jax" in sys.modules and sys.modules["jax"].config.jax_enable_x64
+    jax = sys.modules.get("jax")
+    wide = jax is not None and jax.config.jax_enable_x64
     yield
-    if "jax" in sys.modules:
-        sys.modules["jax"].config.update("jax_enable_x64", wide)
+    if sys.modules.get("jax") is None:
+        sys.modules.pop("jax", None)
+    if jax is not None:
+        sys.modules["jax"] = jax
+        jax.config.update("jax_enable_x64", wide)
 
 
 @pytest.mark.parametrize("kind", CLASSES, ids=lambda kind: kind.__name__)

@@ -185,7 +185,7 @@ def _tangent(node: Expr, direction: Direction, tangent: dict[Expr, Expr]) -> Exp
             moving = [c for c in node.children if tangent[c] is not ZERO]
             if not moving:
                 return ZERO
-            return add(*(mul(tangent[c], rest) for c, rest in zip(node.children, factor_cofactors(node), strict=True)))
+            return add(*(mul(tangent[c], cofactor) for c, cofactor in zip(node.children, factor_cofactors(node), strict=True)))
         case Pow():
             t = tangent[node.base]
             return ZERO if t is ZERO else mul(const(node.exponent), t, integer_power(node.base, node.exponent - 1))
@@ -269,12 +269,12 @@ class Transport:
             condition, e = stack.pop()
             whole, surfaces = where(condition, e, ZERO), self._surfaces(e, chain)
             pieces = e.children if isinstance(e, Add) else (e.then, e.otherwise) if isinstance(e, Where) else ()
-            found = [self._surfaces(c, chain) for c in pieces] if surfaces else []
-            if not surfaces or None in found:
+            surfaces_of = [self._surfaces(c, chain) for c in pieces] if surfaces else []
+            if not surfaces or None in surfaces_of:
                 parts.append((whole, surfaces or []))
                 continue
             groups: dict[frozenset[object], list[Expr]] = {}
-            for c, inside in zip(pieces, found, strict=True):
+            for c, inside in zip(pieces, surfaces_of, strict=True):
                 groups.setdefault(frozenset(self._keys.of(s.g) for s in inside or ()), []).append(c)
             if len(groups) < 2:
                 parts.append((whole, surfaces))
@@ -288,7 +288,7 @@ class Transport:
 
 def _integrands(node: Integral, sharp: Container[Node]) -> list[tuple[Chain, Expr]]:
     """Returns a nest as a sum of nests. No integrand holds an integral with singular functions in a linear position."""
-    found: list[tuple[Chain, Expr]] = []
+    nests: list[tuple[Chain, Expr]] = []
     stack: list[tuple[Expr, Chain, Expr]] = [(node, (), ex.ONE)]
     while stack:
         e, chain, factor = stack.pop()
@@ -304,8 +304,8 @@ def _integrands(node: Integral, sharp: Container[Node]) -> list[tuple[Chain, Exp
             stack.append((e.then, chain, mul(factor, where(e.condition, ex.ONE, ZERO))))
             stack.append((e.otherwise, chain, mul(factor, where(e.condition, ZERO, ex.ONE))))
         else:
-            found.append((chain, mul(factor, e)))
-    return [(chain, weight) for chain, weight in found if weight is not ZERO]
+            nests.append((chain, mul(factor, e)))
+    return [(chain, weight) for chain, weight in nests if weight is not ZERO]
 
 
 def _moved(chain: Chain, weight: Expr, field: Field, direction: Direction) -> Expr:
@@ -332,8 +332,8 @@ def carried(node: Integral, direction: Direction) -> Expr:
     deltas = deltas_of(node.body)
     if node.lo.has_delta or node.hi.has_delta:
         raise DeltaError("a delta in a bound has no meaning", node)
-    rest = integral_over(without(node.body, set(deltas)), node.var, node.lo, node.hi)
-    terms = [_tangents(rest, direction)[rest]]
+    smooth = integral_over(without(node.body, set(deltas)), node.var, node.lo, node.hi)
+    terms = [_tangents(smooth, direction)[smooth]]
     for d in deltas:
         for chain, weight in linear_part(node.body, d).items():
             terms.append(_transported((Binder(node.var, node.lo, node.hi), *chain), weight, d, direction))

@@ -144,7 +144,7 @@ class _Sweep:
                     child = self._moving(node)[0]
                     others = [c for c in node.children if c is not child]
                     return [(child, mul(w, *others))]
-                return [(c, mul(w, rest)) for c, rest in zip(node.children, factor_cofactors(node), strict=True)]
+                return [(c, mul(w, cofactor)) for c, cofactor in zip(node.children, factor_cofactors(node), strict=True)]
             case Pow():
                 return [(node.base, mul(const(node.exponent), w, integer_power(node.base, node.exponent - 1)))]
             case Call():

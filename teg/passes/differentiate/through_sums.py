@@ -47,8 +47,8 @@ def on_cells(e: Expr, step: Callable[[Expr], Expr]) -> Expr:
 
 def gradient(e: Expr, wrt: Sequence[Parameter], derive: Derive) -> list[Expr]:
     """Returns the derivatives of an outlined expression by parameters and arrays. The derivative by an array holds `Unit`s."""
-    found = _Gradient(e, frozenset(wrt), derive).of(e, None)
-    return [found.get(p, ZERO) for p in wrt]
+    derivatives = _Gradient(e, frozenset(wrt), derive).of(e, None)
+    return [derivatives.get(p, ZERO) for p in wrt]
 
 
 class _Gradient:
@@ -105,8 +105,8 @@ class _Gradient:
         wanted = [s for leaf, s in symbols.of.items() if leaf in self.active]
         wanted += [n for n in postorder([cell]) if isinstance(n, Param) and n in self.wrt]
         slopes = symbols.out_of(list(self.derive(cell, wanted))) if wanted else []
-        found = {symbols.meaning.get(s, s): [slope] for s, slope in zip(wanted, slopes, strict=True) if slope is not ZERO}
-        return cast("dict[Node, list[Expr]]", found)
+        by_leaf = {symbols.meaning.get(s, s): [slope] for s, slope in zip(wanted, slopes, strict=True) if slope is not ZERO}
+        return cast("dict[Node, list[Expr]]", by_leaf)
 
 
 def tangent(e: Expr, direction: Mapping[Parameter, object], along: Along) -> Expr:
@@ -150,14 +150,14 @@ def _direction_of(p: Array, direction: object) -> Array:
 
 def parameters_and_arrays(wrt: object) -> list[Parameter]:
     """Returns a user's list of parameters and arrays, one or several, each once. Raises ParameterError."""
-    found: dict[Parameter, None] = {}
+    chosen: dict[Parameter, None] = {}
     for p in [wrt] if isinstance(wrt, Expr | ArrayName) or not isinstance(wrt, Iterable) else wrt:
         if isinstance(p, ArrayName) and not isinstance(p, Array):
             raise ParameterError(f"{p.name} is an array of indices: nothing is differentiable by it", None, "arrays of numbers: teg.array")
         if not isinstance(p, Param | Array):
             shown = show(p, 80) if isinstance(p, Expr) else repr(p)[:80]
             raise ParameterError(f"one differentiates by parameters and arrays, not by {shown}", None, 'teg.param("t"), teg.array("V", 2)')
-        if p in found:
+        if p in chosen:
             raise ParameterError(f"the parameter {p.name!r} is listed twice")
-        found[p] = None
-    return list(found)
+        chosen[p] = None
+    return list(chosen)

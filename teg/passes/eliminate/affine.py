@@ -144,15 +144,15 @@ def _is_affine(g: Expr, variables: Sequence[Var]) -> bool:
 def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Expr | None:
     """Returns ∫ over the chain (outermost first) of coefficient·δ(g), without δ; None if the ranges of the variables are not known."""
     chosen = [b for b in chain if b.var in data.variables]
-    rest = tuple(b for b in chain if b.var not in data.variables)
+    others = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of(chosen)
     if ranges is not None and any(isinstance(e, Const) and math.isinf(e.data) for ends in ranges for e in ends):
         return None  # of one variable only; for several variables the bounds are finite already
-    if ranges is None or not all(free_of(e, [r.var for r in rest]) for b in chosen for e in (b.lo, b.hi)):
+    if ranges is None or not all(free_of(e, [r.var for r in others]) for b in chosen for e in (b.lo, b.hi)):
         return None
     corner = {b.var: lo for b, (lo, _) in zip(chosen, ranges, strict=True)}
     extents = [sub(hi, lo) for lo, hi in ranges]
-    if len(chosen) == 2 and not rest:
+    if len(chosen) == 2 and not others:
         side = match_side(g, support(coefficient), (chosen[1].var, chosen[0].var))
         if side is not None:
             met = conjunction(*_meeting(g, coefficient, corner, extents))
@@ -166,17 +166,17 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     at = {b.var: p for b, p in zip(chosen, point, strict=True)}
     directions = tuple(reversed([b.var for b in chosen]))
     value = mul(weight, restrict(coefficient, at, g, directions))
-    for b in rest:
+    for b in others:
         if not free_of(b.lo, at) or not free_of(b.hi, at):
-            if any(r.var in g.free for r in rest):
+            if any(r.var in g.free for r in others):
                 return None
-            rest = tuple(Binder(r.var, cast(Expr, substitute(r.lo, at)), cast(Expr, substitute(r.hi, at))) for r in rest)
+            others = tuple(Binder(r.var, cast(Expr, substitute(r.lo, at)), cast(Expr, substitute(r.hi, at))) for r in others)
             break
     value = _inside_bounds(value, g, chosen, ranges, point, pivots)
-    if len(chosen) > 1 and not rest:
+    if len(chosen) > 1 and not others:
         guard = conjunction(guard, *_meeting(g, coefficient, corner, extents))
     value = where(guard, value, ZERO)
-    return nest(value, (*(Binder(s, ZERO, ONE) for s in unit), *rest))
+    return nest(value, (*(Binder(s, ZERO, ONE) for s in unit), *others))
 
 
 def _between_vertices(

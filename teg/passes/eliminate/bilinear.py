@@ -63,19 +63,19 @@ def match_bilinear(g: Expr, variables: Sequence[Var]) -> Bilinear | None:
 def rewrite_bilinear(g: Expr, coefficient: Expr, chain: Chain, data: Bilinear) -> Expr | None:
     """Returns ∫∫ coefficient·δ(g) by the two charts. None if the range of one variable is not known."""
     outer, inner = (b for b in chain if b.var in data.variables)
-    rest = tuple(b for b in chain if b.var not in data.variables)
+    outside = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of((outer, inner))
-    if ranges is None or not all(free_of(e, data.variables) for b in rest for e in (b.lo, b.hi)):
+    if ranges is None or not all(free_of(e, data.variables) for b in outside for e in (b.lo, b.hi)):
         return None
-    if not all(free_of(e, [b.var for b in rest]) for c in (outer, inner) for e in (c.lo, c.hi)):
+    if not all(free_of(e, [b.var for b in outside]) for c in (outer, inner) for e in (c.lo, c.hi)):
         return None
     boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip((outer, inner), ranges, strict=True)]
-    curve = _Curve(g, coefficient, (outer, inner), tuple(boxes), _invariant(g, boxes), rest)
+    curve = _Curve(g, coefficient, (outer, inner), tuple(boxes), _invariant(g, boxes), outside)
     first, second = (_is_even(g, boxes[pivot], boxes[1 - pivot]) for pivot in (1, 0))
     total = []
     for pivot, mine, others in ((1, first, conjunction(negation(first), second)), (0, conjunction(negation(first), second), first)):
         total.append(_chart(curve, pivot, mine, others))
-    if not rest:
+    if not outside:
         total.append(infinite_at_saddle(g, coefficient, boxes))
     return add(*total)
 

@@ -51,11 +51,11 @@ def match_curve(g: Expr, variables: Sequence[Var]) -> Curve | None:
 def rewrite_curve(g: Expr, coefficient: Expr, chain: Chain, data: Curve) -> Expr | None:
     """Returns ∫∫ coefficient·δ(g) by both charts. None if the range of one variable is not known."""
     outer, inner = (b for b in chain if b.var in data.variables)
-    rest = tuple(b for b in chain if b.var not in data.variables)
+    others = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of((outer, inner))
-    if ranges is None or not all(free_of(e, data.variables) for b in rest for e in (b.lo, b.hi)):
+    if ranges is None or not all(free_of(e, data.variables) for b in others for e in (b.lo, b.hi)):
         return None
-    if not all(free_of(e, [b.var for b in rest]) for c in (outer, inner) for e in (c.lo, c.hi)):
+    if not all(free_of(e, [b.var for b in others]) for c in (outer, inner) for e in (c.lo, c.hi)):
         return None
     boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip((outer, inner), ranges, strict=True)]
     total: list[Expr] = []
@@ -65,7 +65,7 @@ def rewrite_curve(g: Expr, coefficient: Expr, chain: Chain, data: Curve) -> Expr
         if roots is None or not roots.certain:
             return None
         branches = [_branch(g, coefficient, (outer, inner), boxes, pivot, root) for root in roots.found]
-        total.append(nest(add(*branches), (boxes[other], *rest)))
+        total.append(nest(add(*branches), (boxes[other], *others)))
     return add(*total)
 
 

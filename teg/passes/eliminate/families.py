@@ -147,18 +147,18 @@ class _Elimination:
                     g,
                     "it needs a variable of integration",
                 )
-            found = find_family(g, mine, self.families)
-            if found is None:
+            family = find_family(g, mine, self.families)
+            if family is None:
                 raise NoReparameterisationError(
                     f"no reparameterisation is known for the surface {_describe(g, mine)}",
                     g,
                     "its value, and derivatives that do not move it, work. Moving it needs a formula for one variable: write the condition "
                     "so that a variable stands alone, y < f(x, t), or without an integral over its own variable",
                 )
-            steep = without_steep_graphs(g, found[0], [self.binders[v] for v in reversed(mine)])
+            steep = without_steep_graphs(g, family[0], [self.binders[v] for v in reversed(mine)])
             if steep is not None and not (self.keep_moving and isinstance(steep[0], Graph)):
-                found = steep
-            self.decisions[g] = found
+                family = steep
+            self.decisions[g] = family
         return self.decisions[g]
 
     def _integral(self, node: Integral) -> Expr:
@@ -173,9 +173,9 @@ class _Elimination:
         if not any(not self._is_kept(node.body, d, data) for d, data, _ in ready):
             return node
         terms: list[Expr] = []
-        rest = node.body
+        body = node.body
         for d, data, rewrite in ready:  # a product of two deltas goes with the first one
-            for chain, coefficient in linear_part(rest, d).items():
+            for chain, coefficient in linear_part(body, d).items():
                 whole = (Binder(x, node.lo, node.hi), *chain)
                 others = deltas_of(coefficient) if data.moves else []
                 for other in others:
@@ -189,8 +189,8 @@ class _Elimination:
                     if (d, weight, whole) not in self.sifted:  # the derivatives by many parameters differ in the factor only
                         self.sifted[d, weight, whole] = self._sifted(d, weight, whole, data, rewrite)
                     terms.append(mul(factor, self.sifted[d, weight, whole]))
-            rest = without(rest, {d})
-        return add(integral_over(rest, x, node.lo, node.hi), *terms)
+            body = without(body, {d})
+        return add(integral_over(body, x, node.lo, node.hi), *terms)
 
     def _is_kept(self, body: Expr, d: Delta, data: Any) -> bool:
         """Returns whether a δ is to be carried along, and is not multiplied with another one."""
@@ -248,8 +248,8 @@ def _apart(coefficient: Expr, variables: set[Var]) -> tuple[Expr, Expr]:
         coefficient = coefficient.then
     factors = coefficient.children if isinstance(coefficient, Mul) else (coefficient,)
     outside = [f for f in factors if f.free.isdisjoint(variables) and not f.has_delta and not isinstance(f, Const)]
-    rest = mul(*(f for f in factors if f not in outside))
-    return mul(*outside), where(conjunction(*conditions), rest, ZERO)
+    inside = mul(*(f for f in factors if f not in outside))
+    return mul(*outside), where(conjunction(*conditions), inside, ZERO)
 
 
 def _describe(g: Expr, variables: Sequence[Var]) -> str:

@@ -68,11 +68,11 @@ def match_implicit(g: Expr, variables: Sequence[Var]) -> Implicit | None:
 def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit) -> Expr | None:
     """Returns the sum over the charts of the surface. None if the range of a variable is not known."""
     mine = tuple(b for b in chain if b.var in data.variables)
-    rest = tuple(b for b in chain if b.var not in data.variables)
+    others = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of(mine)
-    if ranges is None or not all(free_of(e, data.variables) for b in rest for e in (b.lo, b.hi)):
+    if ranges is None or not all(free_of(e, data.variables) for b in others for e in (b.lo, b.hi)):
         return None
-    if not all(free_of(e, [b.var for b in rest]) for b in mine for e in (b.lo, b.hi)):
+    if not all(free_of(e, [b.var for b in others]) for b in mine for e in (b.lo, b.hi)):
         return None
     try:
         slopes = [slope(g, b.var) for b in mine]
@@ -90,8 +90,8 @@ def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit) -
             if b.var is box.var or (limits.lo, limits.hi) != (b.lo, b.hi):
                 inside = signed_inside(b.var, b.lo, b.hi, g, b, inside)
         summed = integral_over(inside, box.var, *widened(box.lo, box.hi))
-        charts.append(nest(summed, (*(b for b in boxes if b is not box), *rest)))
-    if not rest:
+        charts.append(nest(summed, (*(b for b in boxes if b is not box), *others)))
+    if not others:
         charts.append(infinite_at_saddle(g, coefficient, boxes))
     return add(*charts)
 

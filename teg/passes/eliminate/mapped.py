@@ -89,15 +89,15 @@ def match_user(g: Expr, variables: Sequence[Var], m: Diffeomorphism, families: t
     """Returns a match for a surface of all old variables that is simpler, or that one of the families matches, in the new variables."""
     if not set(m.old) <= g.free & set(variables):
         return None
-    here = m.renamed(_names_in([g], variables))
-    _, surface = _pulled_back(g, here)
-    mine = [v for v in here.new if v in surface.free]
+    renamed = m.renamed(_names_in([g], variables))
+    _, surface = _pulled_back(g, renamed)
+    mine = [v for v in renamed.new if v in surface.free]
     if not mine or (alone and len(mine) > 1):
         return None
-    found = _first(surface, mine, families)
-    if found is None:
+    family = _first(surface, mine, families)
+    if family is None:
         return None
-    return Mapped(tuple(v for v in reversed(variables) if v in m.forward), m, families, found[0])
+    return Mapped(tuple(v for v in reversed(variables) if v in m.forward), m, families, family[0])
 
 
 def rewrite_user(g: Expr, coefficient: Expr, chain: Chain, data: Mapped) -> Expr | None:
@@ -105,11 +105,11 @@ def rewrite_user(g: Expr, coefficient: Expr, chain: Chain, data: Mapped) -> Expr
     m = data.map.renamed(_names_in([g, coefficient], [b.var for b in chain], chain))
     value, image = _carried(coefficient, chain, m)
     factor, surface = _pulled_back(g, m)
-    found = _first(surface, [v for v in m.new if v in surface.free], data.families)
-    if found is None:
+    family = _first(surface, [v for v in m.new if v in surface.free], data.families)
+    if family is None:
         return None
     value = simplified(mul(value, integer_power(factor, -1)), m.domain)
-    return found[1](surface, value, image.chain, found[0])
+    return family[1](surface, value, image.chain, family[0])
 
 
 def _first(surface: Expr, variables: Sequence[Var], families: Sequence[Family]) -> tuple[Any, Callable[..., Expr | None]] | None:
@@ -268,9 +268,9 @@ def _terms_of(node: Expr, parts: dict[Node, dict[Chain, Expr]], wanted: set[Var]
         others = [c for c in node.children if c is not carriers[0]]
         return {chain: mul(k, *others) for chain, k in parts[carriers[0]].items()}
     if isinstance(node, Where):
-        found: dict[Chain, Expr] = {}
+        terms: dict[Chain, Expr] = {}
         for condition, branch in ((node.condition, node.then), (negation(node.condition), node.otherwise)):
             for chain, k in parts[branch].items():
-                found[chain] = add(found.get(chain, ZERO), where(condition, k, ZERO))
-        return found
+                terms[chain] = add(terms.get(chain, ZERO), where(condition, k, ZERO))
+        return terms
     return plain

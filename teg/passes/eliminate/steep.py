@@ -94,10 +94,10 @@ def _samples(above: Expr, below: Expr) -> list[float] | None:
         sizes = [residue("size", p.name, k) % 2**32 / 2**32 for k in range(SAMPLES)]
         values[p] = [(10.0 ** (2.0 * s - 1.0)) * (1.0 if residue("sign", p.name, k) % 2 else -1.0) for k, s in enumerate(sizes)]
     try:
-        found = [values_of([above, below], {p: numbers[k] for p, numbers in values.items()}) for k in range(SAMPLES if values else 1)]
+        pairs = [values_of([above, below], {p: numbers[k] for p, numbers in values.items()}) for k in range(SAMPLES if values else 1)]
     except OperandError:
         return None
-    ratios = [STEEPEST * float(a) / float(b) if b else math.inf for a, b in found]
+    ratios = [STEEPEST * float(a) / float(b) if b else math.inf for a, b in pairs]
     return None if any(math.isnan(r) for r in ratios) else ratios
 
 

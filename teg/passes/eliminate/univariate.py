@@ -60,11 +60,11 @@ def match_solvable(g: Expr, variables: Sequence[Var]) -> Solvable | None:
 def rewrite_solvable(g: Expr, coefficient: Expr, chain: Chain, data: Solvable) -> Expr | None:
     """Returns the sum over the roots inside the bounds."""
     (b,) = [b for b in chain if b.var is data.variable]
-    rest = tuple(c for c in chain if c.var is not data.variable)
-    if any(data.variable in e.free for c in rest for e in (c.lo, c.hi)):
+    others = tuple(c for c in chain if c.var is not data.variable)
+    if any(data.variable in e.free for c in others for e in (c.lo, c.hi)):
         return None
     total = sum_over_roots(g, coefficient, b, (b.var,))
-    return None if total is None else nest(total, rest)
+    return None if total is None else nest(total, others)
 
 
 def sum_over_roots(g: Expr, coefficient: Expr, b: Binder, directions: Sequence[Var]) -> Expr | None:

@@ -114,12 +114,12 @@ def match_side(g: Expr, support: Cond, variables: tuple[Var, Var]) -> Side | Non
     others = [line for line in map(plane.part, _conjuncts(support)) if line is not None and line.g is not g]
     if not 1 <= len(others) <= MAX_POINTS:
         return None
-    given = plane.distinct(dict.fromkeys(p for line in (mine, *others) for p in line.points), mine)
-    found = _between(plane, mine, others, given)
-    if found is not None and found.beyond and found.before:
-        return found
+    points = plane.distinct(dict.fromkeys(p for line in (mine, *others) for p in line.points), mine)
+    side = _between(plane, mine, others, points)
+    if side is not None and side.beyond and side.before:
+        return side
     ends = dict.fromkeys(p for line in (mine, *others) for p in (*line.points, *plane.ends(line)))
-    return _between(plane, mine, others, plane.distinct(ends, mine)) or found
+    return _between(plane, mine, others, plane.distinct(ends, mine)) or side
 
 
 def _between(plane: Plane, mine: Line, others: Sequence[Line], points: Sequence[Point]) -> Side | None:
@@ -143,8 +143,8 @@ def _between(plane: Plane, mine: Line, others: Sequence[Line], points: Sequence[
 
 def ratio(value: int, other: int) -> float:
     """Returns the quotient of two elements of the field if it is a small fraction; else NaN."""
-    found = SMALL.get(divided(value, other))
-    return math.nan if found is None else found
+    fraction = SMALL.get(divided(value, other))
+    return math.nan if fraction is None else fraction
 
 
 @dataclass(frozen=True)
@@ -164,8 +164,8 @@ def match_triangle(halves: Sequence[tuple[Expr, bool]], variables: tuple[Var, Va
     if not 3 <= len(halves) <= MAX_SIDES:
         return None
     plane = Plane(variables)
-    found = [plane.line(g, -1 if negated else 1) for g, negated in halves]
-    lines = [line for line in found if line is not None]
+    candidates = [plane.line(g, -1 if negated else 1) for g, negated in halves]
+    lines = [line for line in candidates if line is not None]
     if len(lines) < len(halves):
         return None
     points = dict.fromkeys(p for line in lines for p in (*line.points, *plane.ends(line)))
@@ -209,8 +209,8 @@ class Plane:
             return None
         line = Line(g, sign, tuple(sign * c % P for c in coefficients), ())  # type: ignore[arg-type]
         columns = [_compared(g, v, self.variables) for v in self.variables]
-        found = [(p, q) for p in columns[0] for q in columns[1] if self.at(line, (p, q)) == 0]
-        return Line(g, sign, line.coefficients, tuple(found))
+        points = [(p, q) for p in columns[0] for q in columns[1] if self.at(line, (p, q)) == 0]
+        return Line(g, sign, line.coefficients, tuple(points))
 
     def coefficients(self, e: Expr) -> tuple[int, int, int] | None:
         """Returns a, b and c of a·x + b·y + c, or None for other expressions."""
@@ -252,11 +252,11 @@ class Plane:
 
     def distinct(self, points: Iterable[Point], line: Line) -> list[Point]:
         """Returns the distinct points on a line."""
-        found: dict[tuple[int | None, int | None], Point] = {}
+        kept: dict[tuple[int | None, int | None], Point] = {}
         for point in points:
-            if len(found) < MAX_POINTS and self.at(line, point) == 0:
-                found.setdefault((self.value(point[0]), self.value(point[1])), point)
-        return list(found.values())
+            if len(kept) < MAX_POINTS and self.at(line, point) == 0:
+                kept.setdefault((self.value(point[0]), self.value(point[1])), point)
+        return list(kept.values())
 
     def weight(self, line: Line, start: Point, end: Point) -> Expr:
         """Returns |end - start|/|∇g|, a number if the distance of the points is a multiple of the slope of g."""
@@ -272,15 +272,15 @@ class Plane:
 
 def _compared(g: Expr, v: Var, variables: tuple[Var, Var]) -> list[Expr]:
     """Returns the expressions p with which a variable is compared: those of v - p."""
-    found: dict[Expr, None] = {}
+    compared: dict[Expr, None] = {}
     for node in postorder([g]):
         if isinstance(node, Mul) and v in node.children:
-            found[ZERO] = None
+            compared[ZERO] = None
         if not isinstance(node, Add) or v not in node.free:
             continue
         for sign, term in ((MINUS_ONE, v), (ONE, mul(MINUS_ONE, v))):
             if term in node.children:
-                rest = add(*(c for c in cast("Sequence[Expr]", node.children) if c is not term))
-                if not any(w in rest.free for w in variables):
-                    found[mul(sign, rest)] = None
-    return list(found)
+                others = add(*(c for c in cast("Sequence[Expr]", node.children) if c is not term))
+                if not any(w in others.free for w in variables):
+                    compared[mul(sign, others)] = None
+    return list(compared)

@@ -190,8 +190,8 @@ class Canonical:
             result = rebuild(node, tuple([new[c] for c in node.children]))
             new[node] = changed.get(node, cast(Cond, result)) if isinstance(node, Compare) else result
             if node is integral and isinstance(new[node], Integral):
-                rest = cast(Integral, new[node])
-                new[node] = scaled_integral(rest.body, rest.var, rest.lo, rest.hi)
+                decided = cast(Integral, new[node])
+                new[node] = scaled_integral(decided.body, decided.var, decided.lo, decided.hi)
         return cast(Expr, new[e])
 
 
@@ -331,11 +331,11 @@ def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
         elif isinstance(e, Pow) and e.exponent % 2:
             stack.append(e.base)
         elif isinstance(e, Add):
-            common, rest = _common_factors(e)
+            common, cofactor = _common_factors(e)
             short = e if common else short_form(e)
             if common:
                 stack.extend(common)
-                stack.append(rest)
+                stack.append(cofactor)
             elif short is not e:
                 stack.append(short)
             else:

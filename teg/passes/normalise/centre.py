@@ -143,10 +143,10 @@ def _arguments(node: Integral, keys: Keys) -> list[_Argument]:
     box = {x: (min(extent(node.lo, {})[0], extent(node.hi, {})[0]), max(extent(node.lo, {})[1], extent(node.hi, {})[1]))}
     powers = [n for n in postorder([body]) if isinstance(n, Call) and n.name == "pow"]
     in_powers = {keys.of(g) for n in powers for g in singular_arguments(n)}
-    found: dict[object, _Argument] = {}
+    arguments: dict[object, _Argument] = {}
     for g in singular_arguments(body):
         key = keys.of(g)
-        if x not in g.free or key in found or g.has_integral or any(isinstance(n, Where) for n in postorder([g])):
+        if x not in g.free or key in arguments or g.has_integral or any(isinstance(n, Where) for n in postorder([g])):
             continue
         degree = Shadow((x,)).degree(g)
         least, most = extent(g, box)
@@ -164,11 +164,11 @@ def _arguments(node: Integral, keys: Keys) -> list[_Argument]:
             continue
         if len(ends) == degree:
             low, high, _ = _ascending(node.lo, node.hi)
-            found[key] = _Argument(g, (low, high) if degree == 2 else tuple(ends), TRUE)
+            arguments[key] = _Argument(g, (low, high) if degree == 2 else tuple(ends), TRUE)
         else:
             ascending = points if degree == 1 else [call("min", *points), call("max", *points)]
-            found[key] = _Argument(g, tuple(ascending), roots.found[0].exists)
-    return list(found.values())
+            arguments[key] = _Argument(g, tuple(ascending), roots.found[0].exists)
+    return list(arguments.values())
 
 
 def _is_surface(e: Expr) -> bool:

@@ -45,17 +45,17 @@ def with_local_boxes(root: Expr) -> Expr:
 
 def _axis(v: Var, order: Sequence[Node], polynomials: Mapping[Expr, Sequence[Group]]) -> frozenset[Expr]:
     """Returns the variable, the parameters that it is compared with, and those that move with it in a polynomial."""
-    found: set[Expr] = {v}
+    axis: set[Expr] = {v}
     for node in order:
         for sign in (ONE, MINUS_ONE):
             if isinstance(node, Add) and len(node.children) == 2 and mul(sign, v) in node.children:
                 (other,) = [c for c in node.children if c is not mul(sign, v)] or [ZERO]
                 p = mul(MINUS_ONE, sign, other)
-                found.update([p] if isinstance(p, Param) else [])
+                axis.update([p] if isinstance(p, Param) else [])
     for groups in polynomials.values():
         for group in groups:
-            found.update(s for s in group if v in group and isinstance(s, Param))
-    return frozenset(found)
+            axis.update(s for s in group if v in group and isinstance(s, Param))
+    return frozenset(axis)
 
 
 def _origins(order: Sequence[Node], root: Expr) -> dict[Var, Expr]:
@@ -64,14 +64,14 @@ def _origins(order: Sequence[Node], root: Expr) -> dict[Var, Expr]:
     Only polynomials may depend on these variables. A function may be singular, or have steps, somewhere else than at the origin; moved
     with the origin, it would have no derivative by it.
     """
-    found: dict[Var, Expr | None] = {}
+    origins: dict[Var, Expr | None] = {}
     for node in order:
         if isinstance(node, Integral):
             o = _origin(node)
-            found[node.var] = o if found.get(node.var, o) is o else None
+            origins[node.var] = o if origins.get(node.var, o) is o else None
         elif isinstance(node, Call) or (isinstance(node, Pow) and node.exponent < 0):
-            found.update(dict.fromkeys(node.free, None))
-    return {v: o for v, o in found.items() if o is not None and v not in root.free}
+            origins.update(dict.fromkeys(node.free, None))
+    return {v: o for v, o in origins.items() if o is not None and v not in root.free}
 
 
 def _origin(node: Integral) -> Expr | None:

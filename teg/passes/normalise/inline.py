@@ -53,36 +53,36 @@ def write_out(e: Expr) -> Expr:
 def reasons(root: Expr) -> dict[Apply, str]:
     """Returns the applications in an expression, each with the reason why it must be written out somewhere; "" if it need not be."""
     order = postorder([root])
-    found = _own_reasons(order)
+    why = _own_reasons(order)
     places: dict[Node, str] = {}
-    for place, child in _looked_into(order) if found else ():
+    for place, child in _looked_into(order) if why else ():
         places.setdefault(child, place)
     for node in reversed(order if places else ()):  # a node comes after all nodes that contain it
         if node in places:
             for child in node.children:
                 places.setdefault(child, places[node])
-            if isinstance(node, Apply) and node in found:
-                found[node] = found[node] or f"it stands in {places[node]}"
-    return found
+            if isinstance(node, Apply) and node in why:
+                why[node] = why[node] or f"it stands in {places[node]}"
+    return why
 
 
 def _own_reasons(order: list[Node]) -> dict[Apply, str]:
     """Returns the applications among nodes, each with the reason why it must be written out wherever it stands."""
-    found = {n: n.callee.obstacle for n in order if isinstance(n, Apply) and isinstance(n.callee, Function)}
-    for integral in order if found else ():
+    why = {n: n.callee.obstacle for n in order if isinstance(n, Apply) and isinstance(n.callee, Function)}
+    for integral in order if why else ():
         if isinstance(integral, Integral) and is_unbounded(integral):
             for node in postorder([integral.body]):
-                if isinstance(node, Apply) and node in found and integral.var in node.free:
-                    found[node] = found[node] or "it stands in an integral with an infinite bound"
-    steep = {n: f.facts.exponent for n in found if not found[n] and n.free and isinstance(f := n.callee, Function) and f.inline is None}
+                if isinstance(node, Apply) and node in why and integral.var in node.free:
+                    why[node] = why[node] or "it stands in an integral with an infinite bound"
+    steep = {n: f.facts.exponent for n in why if not why[n] and n.free and isinstance(f := n.callee, Function) and f.inline is None}
     if any(steep.values()):
         degrees = degrees_in(order, {n for n in order if isinstance(n, Var)})
         for node, exponent in steep.items():
             if exponent * max((degrees[c] or 0 for c in node.children), default=0) > 1:
-                found[node] = PEAKED if exponent == 2 and all(degrees[c] in (0, 1) for c in node.children) else STEEP
-    smooth = [n for n in found if not found[n] and n.free and isinstance(f := n.callee, Function) and f.inline is None and f.degree is None]
-    found.update(dict.fromkeys(_narrow_ones(smooth, order), NARROW))
-    return found
+                why[node] = PEAKED if exponent == 2 and all(degrees[c] in (0, 1) for c in node.children) else STEEP
+    smooth = [n for n in why if not why[n] and n.free and isinstance(f := n.callee, Function) and f.inline is None and f.degree is None]
+    why.update(dict.fromkeys(_narrow_ones(smooth, order), NARROW))
+    return why
 
 
 def _narrow_ones(smooth: list[Apply], order: list[Node]) -> Iterator[Apply]:

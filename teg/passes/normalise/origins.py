@@ -47,7 +47,7 @@ def with_differences(root: Expr) -> Expr:
     """Returns the program with differences in those polynomials that do not change when coordinates move together."""
     order = postorder([root])
     groups = {e: groups_of(e) for e in outermost_polynomials(order) if _may_cancel(e)}
-    axes = _axes([g for found in groups.values() for g in found])
+    axes = _axes([g for of_sum in groups.values() for g in of_sum])
     new: dict[Node, Node] = {}
     for node in order:
         unchanged = all(new[c] is c for c in node.children)
@@ -125,8 +125,8 @@ def _axes(groups: Sequence[Group]) -> list[set[Expr]]:
         for v in group:
             if isinstance(v, Var):
                 axes.setdefault(v, set()).update(group)
-    found = list(axes.values())
-    return [axis for k, axis in enumerate(found) if all(axis.isdisjoint(other) for other in found[:k])]
+    candidates = list(axes.values())
+    return [axis for k, axis in enumerate(candidates) if all(axis.isdisjoint(other) for other in candidates[:k])]
 
 
 def _of_coordinates(e: Expr, groups: Sequence[Group], axes: Sequence[set[Expr]]) -> list[Group]:
@@ -155,10 +155,10 @@ def groups_of(e: Expr) -> list[Group]:
         if row is None:
             return []
         rows.append([row[s] for s in symbols])
-    found: list[Group] = [
+    groups: list[Group] = [
         tuple(s for s, d in zip(symbols, v, strict=True) if d) for v in _null_space(rows) if all(d in (0, 1) for d in v) and sum(v) > 1
     ]
-    return found if len({s for group in found for s in group}) == sum(map(len, found)) else []
+    return groups if len({s for group in groups for s in group}) == sum(map(len, groups)) else []
 
 
 @lru_cache(maxsize=4096)
@@ -267,13 +267,13 @@ def _invariant(order: Sequence[Node], groups: Sequence[Group]) -> list[set[Node]
     """Returns, for each group, the nodes that do not change when its symbols move together."""
     symbols = [n for n in order if isinstance(n, Param | Var)]
     at: dict[Node, int] = {s: _random(s.name, type(s).__name__, 0) for s in symbols}
-    here = _values(order, at)
-    if here is None:
+    before = _values(order, at)
+    if before is None:
         return None
     result = []
     for group in groups:
         there = cast("dict[Node, int]", _values(order, {s: v + _random("shift") if s in group else v for s, v in at.items()}))
-        result.append({n for n in order if here[n] == there[n]})
+        result.append({n for n in order if before[n] == there[n]})
     return result
 
 

@@ -66,15 +66,15 @@ def _candidates(g: Expr, ranges: Ranges) -> list[tuple[Index, Index]]:
         if isinstance(leaf, Gather):
             for axis, i in enumerate(leaf.subscripts):
                 _note(at, (leaf.array, axis), i)
-    found: dict[tuple[Index, Index], None] = {}
+    pairs: dict[tuple[Index, Index], None] = {}
     for places in at.values():
         for a, b in combinations(places, 2):
             for pair in _meeting(a, b):
                 if not _are_apart(*pair, ranges):
-                    found[pair] = None
-            if len(found) >= MOST:
-                return list(found)
-    return list(found)
+                    pairs[pair] = None
+            if len(pairs) >= MOST:
+                return list(pairs)
+    return list(pairs)
 
 
 def _note(at: dict[object, dict[Index, None]], place: object, i: Index) -> None:

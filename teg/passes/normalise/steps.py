@@ -26,7 +26,7 @@ from typing import cast
 from teg.analysis.intervals import enclose
 from teg.analysis.jumps import jump
 from teg.analysis.places import holding, linear_places, reached
-from teg.analysis.staircase import Box, Range, Steps, between_integers, count_steps, is_step, uncounted, with_floors
+from teg.analysis.staircase import Box, Range, Steps, between_integers, count_steps, is_step, with_floors
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import (
     MINUS_ONE,
@@ -47,6 +47,7 @@ from teg.ir.expr import (
     mul,
     negation,
     positive,
+    uncounted_floor,
     where,
 )
 from teg.ir.integral import Integral
@@ -137,18 +138,18 @@ class _Walk:
 
     def _inside(self, node: Integral, env: Env) -> Env:
         """Returns the ranges inside an integral; its variable has none if its bounds have no enclosure."""
-        rest = tuple((v, r) for v, r in env if v is not node.var)
+        outer = tuple((v, r) for v, r in env if v is not node.var)
         if not node.lo.free and not node.hi.free:
-            return (*rest, (node.var, Range(node.lo, node.hi)))
+            return (*outer, (node.var, Range(node.lo, node.hi)))
         box = {v: r.interval for v, r in env}
         try:
             ends = [enclose(b, box) for b in (node.lo, node.hi)]
         except NotDifferentiableError:
-            return rest
+            return outer
         if any(e.free for pair in ends for e in pair):
-            return rest
+            return outer
         hull = Range(call("min", ends[0][0], ends[1][0]), call("max", ends[0][1], ends[1][1]))
-        return (*rest, (node.var, hull))
+        return (*outer, (node.var, hull))
 
 
 def _job(node: Node, env: Env, plain: bool) -> tuple[Node, Env, bool]:
@@ -206,7 +207,7 @@ class _Summands:
             return e
         for n, steps in cast("dict[Call, Steps]", counted).items():
             if steps.guard is not TRUE and self.plain:
-                e = cast(Expr, replace_node(e, n, uncounted(n.children[0])))
+                e = cast(Expr, replace_node(e, n, uncounted_floor(n.children[0])))
                 continue
             if steps.guard is not TRUE:
                 self.guards[steps.guard] = None
@@ -230,13 +231,13 @@ class _Summands:
 
     def _terms(self, e: Expr, box: Box, nested: bool) -> list[Term]:
         """Returns e as a sum of terms. Only the first floor in a linear place makes terms of its own."""
-        while (found := self._next(e, box)) is not None:
-            floor, is_linear = found
+        while (following := self._next(e, box)) is not None:
+            floor, is_linear = following
             steps = count_steps(_argument(floor), box)
             if steps is None:
                 self.given_up.add(_known(floor, box))
             elif steps.guard is not TRUE and self.plain:
-                e = cast(Expr, replace_node(e, floor, uncounted(_argument(floor))))
+                e = cast(Expr, replace_node(e, floor, uncounted_floor(_argument(floor))))
             elif not steps.over:
                 e = cast(Expr, replace_node(e, floor, steps.level(0)))
             else:
@@ -256,9 +257,9 @@ class _Summands:
         """Returns the terms of e = A + B·floor: from the step nearest to 0 (or from the base) brackets upwards and downwards."""
         mark = fresh("⌊⌋", e.free)
         rate = jump(cast(Expr, replace_node(e, floor, where(positive(mark), ONE, ZERO))), mark)
-        rest = cast(Expr, replace_node(e, floor, ZERO))
+        constant = cast(Expr, replace_node(e, floor, ZERO))
         origin = _nearest_to_zero(steps)
-        terms = self._terms(add(rest, mul(steps.level(origin), rate)), box, True)
+        terms = self._terms(add(constant, mul(steps.level(origin), rate)), box, True)
         inner = self._terms(rate, box, True)
         self._cells += len(inner) * (len(steps.over) - 1)
         for i, over in enumerate(steps.over):
