@@ -85,7 +85,6 @@ def run_triangulation(
     """
     require_packages("triangulation", PACKAGES, progress)
     from teg.examples.photo import read_target
-    from teg.examples.triangulation import pictures
 
     chosen = backend or ("jax" if shared_by else default_backend())
     name = None if photo is None else str(photo)
@@ -106,11 +105,7 @@ def run_triangulation(
     setup = time.perf_counter() - started
     interrupted = run.descend(steps, progress)
 
-    for picture, shown in (("before.png", run.start), ("after.png", run.state)):
-        pictures.draw_mesh(folder / picture, shown.vertices, mesh.triangles, shown.colours, size)
-    pictures.draw_target(folder / "target.png", target)
-    pictures.draw_loss(folder / "loss.png", run.losses)
-    pictures.write_svg(folder / "mesh.svg", run.state.vertices, mesh.triangles, run.state.colours, size)
+    _draw(folder, run, mesh.triangles, target)
     report = _outcome(run, mesh.triangles, discontinuities) | {
         "interrupted": interrupted,
         "seconds": {"setup": setup, "descent": run.seconds, "kernels": image.seconds},
@@ -125,6 +120,18 @@ def run_triangulation(
     }
     write_report(folder / "run.json", report)
     return report
+
+
+def _draw(folder: Path, run: RecordedDescent[State], triangles: np.ndarray, target: np.ndarray) -> None:
+    """Draws the mesh before and after, the target and the loss."""
+    from teg.examples.triangulation import pictures
+
+    size = len(target)
+    for picture, shown in (("before.png", run.start), ("after.png", run.state)):
+        pictures.draw_mesh(folder / picture, shown.vertices, triangles, shown.colours, size)
+    pictures.draw_target(folder / "target.png", target)
+    pictures.draw_loss(folder / "loss.png", run.losses)
+    pictures.write_svg(folder / "mesh.svg", run.state.vertices, triangles, run.state.colours, size)
 
 
 def _outcome(run: RecordedDescent[State], triangles: np.ndarray, discontinuities: str) -> dict[str, Any]:

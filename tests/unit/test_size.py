@@ -37,8 +37,6 @@ TOO_LONG = {
     "backends/jax/roots.py _search",
     "backends/jax/roots.py _search.step",
     "backends/jax/runtime.py _adaptive",
-    "examples/mesh_network/run.py run_mesh_network",
-    "examples/triangulation/run.py run_triangulation",
     "teg/evaluator/compile.py compile",
     "teg/passes/lower/integrals.py _Scheduler.integrate",
 }
