@@ -47,9 +47,9 @@ class Options:
     def check(self) -> None:
         """Raises InputError for numbers that make no picture."""
         if not CELLS[0] <= self.cells <= CELLS[1]:
-            raise InputError(f"a mesh of {self.cells} cells a side", None, f"between {CELLS[0]} and {CELLS[1]}")
+            raise InputError(f"a mesh of {self.cells} cells a side is not possible", None, f"between {CELLS[0]} and {CELLS[1]}")
         if self.epochs < 0:
-            raise InputError(f"{self.epochs} epochs", None, "0 or more")
+            raise InputError(f"{self.epochs} epochs are not possible", None, "0 or more")
         if self.seed < 0:
             raise InputError(f"the seed {self.seed} is negative", None, "0, 1, 2, …")
 

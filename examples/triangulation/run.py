@@ -49,15 +49,17 @@ class Options:
     def check(self) -> None:
         """Raises InputError for numbers that make no picture."""
         if not SIZES[0] <= self.size <= SIZES[1]:
-            raise InputError(f"a picture of {self.size} pixels a side", None, f"between {SIZES[0]} and {SIZES[1]}")
+            raise InputError(f"a picture of {self.size} pixels a side is not possible", None, f"between {SIZES[0]} and {SIZES[1]}")
         if not 2 <= self.triangles <= self.size**2:
-            raise InputError(f"{self.triangles} triangles for {self.size}² pixels", None, "at least 2, at most one a pixel")
+            raise InputError(
+                f"a mesh of {self.triangles} triangles for {self.size}² pixels is not possible", None, "at least 2, at most one a pixel"
+            )
         if self.steps < 0:
-            raise InputError(f"{self.steps} steps", None, "0 or more")
+            raise InputError(f"{self.steps} steps are not possible", None, "0 or more")
         if self.seed < 0:
             raise InputError(f"the seed {self.seed} is negative", None, "0, 1, 2, …")
         if self.shared_by and self.backend != "jax":
-            raise InputError(f"a picture is shared out between JAX's devices, not in the backend {self.backend!r}", None, "backend jax")
+            raise InputError(f"a picture is shared between JAX's devices, not in the backend {self.backend!r}", None, "backend jax")
 
 
 def run_triangulation(
@@ -155,7 +157,7 @@ def _outcome(run: RecordedDescent[State], triangles: np.ndarray, discontinuities
 def _loss(options: Options, target: np.ndarray, triangles: np.ndarray) -> PictureLoss:
     if options.shared_by:
         if util.find_spec("jax") is None:
-            raise MissingPackageError("a picture is shared out between the devices of JAX", None, 'pip install "teg[jax]"')
+            raise MissingPackageError("a picture is computed on the devices of JAX", None, 'pip install "teg[jax]"')
         from teg.examples.triangulation.sharded import ShardedLoss
 
         return ShardedLoss(options.shared_by, target, triangles, discontinuities=options.discontinuities)
