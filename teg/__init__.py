@@ -57,9 +57,10 @@ if TYPE_CHECKING:
     from teg import maps
     from teg.derivatives import diff, eliminate, grad, hessian, jvp
     from teg.evaluator.accuracy import AccuracyWarning
-    from teg.evaluator.array_evaluator import ArrayEvaluator
     from teg.evaluator.check import GradientReport, check_gradient
-    from teg.evaluator.compile import Evaluator, compile, evaluate
+    from teg.evaluator.compile import compile, evaluate
+    from teg.evaluator.evaluator import ArrayEvaluator, Evaluator
+    from teg.evaluator.explain import explain
     from teg.interop.jax import jax_function
     from teg.interop.scipy import scipy_function
     from teg.interop.torch import torch_function
@@ -67,15 +68,16 @@ if TYPE_CHECKING:
     from teg.maps.diffeomorphism import Diffeomorphism
     from teg.passes.eliminate.mapped import change_variables
     from teg.report.diagnose import Diagnosis
-    from teg.report.explain import Explanation, explain
+    from teg.report.explanation import Explanation
     from teg.symbolic import from_sympy, to_sympy
 
 _LOADED_ON_FIRST_USE = {
     "teg.derivatives": ("diff", "eliminate", "grad", "hessian", "jvp"),
     "teg.evaluator.accuracy": ("AccuracyWarning",),
-    "teg.evaluator.array_evaluator": ("ArrayEvaluator",),
     "teg.evaluator.check": ("GradientReport", "check_gradient"),
-    "teg.evaluator.compile": ("Evaluator", "compile", "evaluate"),
+    "teg.evaluator.compile": ("compile", "evaluate"),
+    "teg.evaluator.evaluator": ("ArrayEvaluator", "Evaluator"),
+    "teg.evaluator.explain": ("explain",),
     "teg.interop.jax": ("jax_function",),
     "teg.interop.scipy": ("scipy_function",),
     "teg.interop.torch": ("torch_function",),
@@ -83,7 +85,7 @@ _LOADED_ON_FIRST_USE = {
     "teg.maps.diffeomorphism": ("Diffeomorphism",),
     "teg.passes.eliminate.mapped": ("change_variables",),
     "teg.report.diagnose": ("Diagnosis",),
-    "teg.report.explain": ("Explanation", "explain"),
+    "teg.report.explanation": ("Explanation",),
     "teg.symbolic": ("from_sympy", "to_sympy"),
 }
 """Public names by module. Each module is imported when one of its names is first used, because importing the whole

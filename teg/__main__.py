@@ -1,4 +1,4 @@
-"""The command line: `teg demo`, `teg chart`, `teg explain`, `teg compile`."""
+"""The command line: `teg demo`, `teg chart`, `teg explain`, `teg compile`, `teg cache`."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import teg
 from teg.analysis.settings import DEFAULT_TOL
-from teg.errors import InputError, TegError
+from teg.errors import AccuracyError, InputError, TegError
 from teg.evaluator.options import BACKENDS, DTYPES
 from teg.ir.expr import Expr
 from teg.pipeline import ESTIMATORS
+from teg.program.arrays import ArrayProgram
 
 if TYPE_CHECKING:
     Demos = argparse._SubParsersAction[argparse.ArgumentParser]
 
-FAILED, INTERRUPTED = 2, 130
+MEGABYTE = 10**6
+FAILED, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; the exit code: 0, 2 for a mistake of the user, 130 after Ctrl-C."""
+    """Run one command; the exit code: 0, 2 for a mistake of the user, 3 if an integral did not converge, 130 after Ctrl-C."""
     for stream in (sys.stdout, sys.stderr):
         _never_fail_on_a_character(stream)
     options = _parser().parse_args(arguments)
@@ -35,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return code
     except TegError as problem:
         print(f"teg: error: {problem}", file=sys.stderr)
-        return FAILED
+        return NOT_CONVERGED if isinstance(problem, AccuracyError) else FAILED
     except KeyboardInterrupt:
         print("teg: interrupted", file=sys.stderr)
         return INTERRUPTED
@@ -229,7 +231,7 @@ def compile_file(options: argparse.Namespace) -> int:
             path.write_text(content, encoding="utf-8")
     except OSError as problem:
         raise InputError(f"cannot write {options.out!r}", None, str(problem.strerror)) from None
-    second = "Hessian" if isinstance(evaluator, teg.Evaluator) else "Hessian times a direction"
+    second = "Hessian times a direction" if isinstance(evaluator.program(0), ArrayProgram) else "Hessian"
     what = ("value", "value and gradient", f"value, gradient and {second}")[options.derivatives]
     print(f"{source} and {source.with_suffix('.h').name}: {what} of {source.stem}({', '.join(evaluator.parameters)})")
     return 0
@@ -237,16 +239,33 @@ def compile_file(options: argparse.Namespace) -> int:
 
 def _c_files(evaluator: Any, name: str, options: argparse.Namespace) -> tuple[str, str]:
     """The texts of the source and its header."""
-    from teg.backends.c.array_standalone import standalone_c_arrays
     from teg.backends.c.standalone import standalone_c
 
-    names = evaluator.output_names(options.derivatives)
-    program = evaluator.program(options.derivatives)
-    if isinstance(evaluator, teg.Evaluator):
-        return standalone_c(program, name, names, {"float64": "double", "float32": "float"}[options.dtype])
-    if options.dtype != "float64":
-        raise InputError("a program with arrays is written with arrays of double only", options.file, "leave --dtype out")
-    return standalone_c_arrays(program, name, names)
+    program, names = evaluator.program(options.derivatives), evaluator.output_names(options.derivatives)
+    return standalone_c(program, name, names, {"float64": "double", "float32": "float"}[options.dtype])
+
+
+def show_cache(options: argparse.Namespace) -> int:
+    """Where compiled C is kept, and what it takes."""
+    from teg.backends.c.cache import cache_folder, entries_of, size_limit
+
+    folder, limit = cache_folder(), size_limit()
+    print(f"{folder}: {_amount(entries_of(folder))} of at most {limit / MEGABYTE:g} MB (TEG_CACHE_DIR, TEG_CACHE_SIZE)")
+    return 0
+
+
+def clear_cache(options: argparse.Namespace) -> int:
+    """Remove all compiled C that is kept; it is compiled again when it is needed."""
+    from teg.backends.c.cache import cache_folder, clear
+
+    folder = cache_folder()
+    print(f"{folder}: removed {_amount(clear(folder))}")
+    return 0
+
+
+def _amount(entries: Sequence[Any]) -> str:
+    count = len(entries)
+    return f"{count} compiled {'file' if count == 1 else 'files'}, {sum(entry.size for entry in entries) / MEGABYTE:.1f} MB"
 
 
 def load_expression(place: str) -> Expr:
@@ -321,6 +340,10 @@ def _parser() -> argparse.ArgumentParser:
     write.add_argument("--dtype", choices=DTYPES, default="float64", help="of inputs and outputs (%(default)s)")
     write.add_argument("-o", "--out", required=True, metavar="OUT.c", help="the source; its name is the function's")
     write.set_defaults(run=compile_file)
+
+    cache = commands.add_parser("cache", help="compiled C that is kept on disk").add_subparsers(required=True, metavar="NAME")
+    for name, run in (("info", show_cache), ("clear", clear_cache)):
+        cache.add_parser(name, help=str(run.__doc__), description=run.__doc__).set_defaults(run=run)
     return parser
 
 

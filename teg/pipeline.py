@@ -44,6 +44,7 @@ from teg.passes.program.group import group
 from teg.passes.program.link import with_bodies
 from teg.passes.program.sink import sink
 from teg.program import Program
+from teg.program.verify import verified
 
 Pass = Callable[[Expr], Expr]
 Maps = Sequence[Diffeomorphism]
@@ -148,13 +149,17 @@ def compiled_outputs(
 
 def program_for(outputs: Sequence[Expr], names: Sequence[str], how: Integration, errors: bool = False) -> Program:
     """The scheduled program of flat outputs; with `errors`, an estimate of the error of each behind them."""
-    program = schedule(outputs, names, how)
-    return with_bodies(group(sink(with_error_estimates(program) if errors else program)))
+    program = verified(schedule(outputs, names, how), "after schedule")
+    if errors:
+        program = verified(with_error_estimates(program), "after error estimates")
+    program = verified(sink(program), "after sink")
+    return verified(with_bodies(verified(group(program), "after group")), "after link")
 
 
 def cell_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration) -> Program:
     """The same for a part of a program with arrays: branches are made when it has been cut into what each loop computes."""
-    return with_bodies(sink(schedule(outputs, names, how)))
+    program = verified(schedule(outputs, names, how), "after schedule")
+    return verified(with_bodies(verified(sink(program), "after sink")), "after link")
 
 
 def _expression(e: object) -> Expr:

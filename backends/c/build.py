@@ -1,21 +1,10 @@
-"""C text to a loaded shared library, through a cache on disk.
-
-    <cache>/<key>/<digest>.so      key: of text, compiler, its version, flags, CPU;   digest: of the library
-
-The digest in the name makes an entry one file: written elsewhere, renamed into place, and checked before it
-is loaded (loading a truncated library can end the process). Concurrent processes may build the same entry
-twice; each renames a whole library.
-
-The cache is `TEG_CACHE_DIR`, else `$XDG_CACHE_HOME/teg`, else `~/.cache/teg`, of mode 0700. A folder that
-cannot be written, that others could write, that is full, or from which no library may be loaded (noexec), is
-not used: a private temporary folder, removed at exit, replaces it.
+"""C text to a loaded shared library, through the cache on disk (see `cache`).
 
 The compiler is run without a shell, in a folder of its own that holds its temporary files too.
 """
 
 from __future__ import annotations
 
-import atexit
 import ctypes
 import hashlib
 import os
@@ -23,13 +12,12 @@ import platform
 import shlex
 import shutil
 import subprocess
-import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
+from teg.backends.c.cache import KEY_LENGTH, OBJECT, SUFFIX, cache_folder, digest_of, stored, temporary_folder, trim
 from teg.errors import CompilerError
 
 BASE_FLAGS = ("-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
@@ -46,10 +34,6 @@ LIGHT = (
     "-fira-algorithm=priority",
 )
 """With -O1: passes that take a third of the time of long straight-line texts, and make them 3 % faster."""
-ABANDONED = 24 * 3600
-"""Seconds after which a build is over: its process was killed."""
-SUFFIX = ".dll" if sys.platform == "win32" else ".so"
-OBJECT = ".o"
 OPTIMISE = ("-O3",)
 NO_COMPILER = (
     "install one (Debian, Ubuntu: apt install gcc; macOS: xcode-select --install; Windows: gcc of MSYS2), "
@@ -64,8 +48,8 @@ def load_library(text: str, *, optimise: Sequence[str] = ("-O3",), openmp: bool 
     key = _key(text, compiler, flags)
     folder = cache_folder() / key
     trouble: OSError | None = None
-    for place in (folder, folder, _temporary_folder(os.getpid()) / key):
-        path = _stored(place) or _store(place, text, compiler, flags)
+    for place in (folder, folder, temporary_folder(os.getpid()) / key):
+        path = stored(place) or _store(place, text, compiler, flags)
         try:
             return ctypes.CDLL(str(path))
         except OSError as error:
@@ -87,7 +71,7 @@ def _object(text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Pat
     """The object file of a text that is to be linked with others."""
     flags = tuple("-c" if flag == "-shared" else flag for flag in flags)
     folder = cache_folder() / _key(text, compiler, flags)
-    return _stored(folder, OBJECT) or _store(folder, text, compiler, flags, OBJECT)
+    return stored(folder, OBJECT) or _store(folder, text, compiler, flags, OBJECT)
 
 
 def find_compiler() -> tuple[str, ...]:
@@ -103,18 +87,6 @@ def find_compiler() -> tuple[str, ...]:
         if path is not None:
             return (os.path.abspath(path), *command[1:])
     raise CompilerError("no C compiler was found", hint=NO_COMPILER)
-
-
-def cache_folder() -> Path:
-    """The folder of the cache, made if it is missing, or a private temporary one if it cannot be used."""
-    try:
-        folder = Path(os.environ.get("TEG_CACHE_DIR") or Path(_user_cache(), "teg")).absolute()
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if _is_private(folder) and os.access(folder, os.R_OK | os.W_OK | os.X_OK):
-            return folder
-    except (OSError, RuntimeError):  # RuntimeError: there is no home
-        pass
-    return _temporary_folder(os.getpid())
 
 
 def compile_library(text: str, target: Path, compiler: tuple[str, ...], flags: tuple[str, ...]) -> None:
@@ -144,37 +116,9 @@ def _check_room(folder: Path) -> None:
         file.flush()
 
 
-def _user_cache() -> Path:
-    configured = os.environ.get("XDG_CACHE_HOME", "")
-    if not os.path.isabs(configured) and os.environ.get("HOME") == "":
-        raise RuntimeError("HOME is empty")  # which Python takes for the root folder
-    return Path(configured) if os.path.isabs(configured) else Path.home() / ".cache"
-
-
-def _is_private(folder: Path) -> bool:
-    """Whether nobody but this user can put a library there."""
-    if sys.platform == "win32":
-        return True
-    status = folder.stat()
-    return status.st_uid == os.getuid() and not status.st_mode & 0o022
-
-
-@lru_cache(maxsize=1)
-def _temporary_folder(process: int) -> Path:
-    """A private folder of this process (a forked child makes its own), removed at exit."""
-    folder = Path(tempfile.mkdtemp(prefix="teg-"))
-
-    def remove() -> None:
-        if os.getpid() == process:
-            shutil.rmtree(folder, ignore_errors=True)
-
-    atexit.register(remove)
-    return folder
-
-
 def _key(text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> str:
     parts = (text, *compiler, _version(compiler), *flags, _processor())
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:40]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:KEY_LENGTH]
 
 
 @lru_cache(maxsize=8)
@@ -198,55 +142,24 @@ def _processor() -> str:
     return "\n".join([name, *(line for line in first if line.startswith(("model name", "flags", "Features", "CPU part")))])
 
 
-def _stored(folder: Path, suffix: str = SUFFIX) -> Path | None:
-    """The entry of a key, if there is one and it is whole; damaged ones are removed."""
-    try:
-        entries = sorted(folder.glob("*" + suffix))
-    except OSError:
-        return None
-    for path in entries:
-        try:
-            if _digest(path) == path.stem:
-                return path
-            path.unlink()
-        except OSError:
-            continue
-    return None
-
-
 def _store(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...], suffix: str = SUFFIX) -> Path:
     """Build in a separate folder, rename into the cache; if that fails (a full disk) keep a private copy."""
     try:
         return _store_under(folder, text, compiler, flags, suffix)
     except OSError:
-        return _store_under(_temporary_folder(os.getpid()) / folder.name, text, compiler, flags, suffix)
+        return _store_under(temporary_folder(os.getpid()) / folder.name, text, compiler, flags, suffix)
 
 
 def _store_under(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...], suffix: str) -> Path:
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    _remove_abandoned(folder)
     with tempfile.TemporaryDirectory(prefix="build-", dir=folder, ignore_cleanup_errors=True) as workshop:
         library = Path(workshop, "kernel" + suffix)
         compile_library(text, library, compiler, flags)
-        path = folder / (_digest(library) + suffix)
+        path = folder / (digest_of(library) + suffix)
         try:
             os.replace(library, path)
         except PermissionError:  # Windows: another process has the same library open
             if not path.exists():
                 raise
+    trim(folder.parent)
     return path
-
-
-def _remove_abandoned(folder: Path) -> None:
-    """Remove what killed processes left."""
-    for left in folder.glob("build-*"):
-        try:
-            old = time.time() - left.stat().st_mtime > ABANDONED
-        except OSError:  # it was removed meanwhile
-            continue
-        if old:
-            shutil.rmtree(left, ignore_errors=True)
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:40]

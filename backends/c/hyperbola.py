@@ -1,4 +1,4 @@
-"""Moments of hyperbolas in C: `Hyperbola` of `teg.program`; what they have in common is in teg_runtime.h."""
+"""Moments of hyperbolas in C: `Hyperbola` of `teg.program`; what they have in common is in runtime/hyperbola.h."""
 
 from __future__ import annotations
 

@@ -31,6 +31,7 @@ from teg.backends.numpy.loops import Results
 from teg.errors import BackendError
 from teg.program import Integrate, compound, has_ties
 from teg.program.arrays import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, scattered, steps, work
+from teg.program.fields import operands, result_names
 
 BY_VALUE = 120
 """Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""
@@ -66,6 +67,11 @@ class CArrayKernel:
 
     def __reduce__(self) -> tuple[object, ...]:
         return (CArrayKernel, (self.program, self.threads))
+
+    @property
+    def address(self) -> int:
+        """Where the kernel that can be watched (`teg_kernel_watched`) lies in this process."""
+        return self._call.address
 
     def results(self, columns: Sequence[npt.NDArray[Any]], arrays: Sequence[npt.NDArray[Any]], n: int) -> Results:
         """The outputs of a batch of n, as `LaneKernel.results` gives them. Subscripts have been checked."""
@@ -125,7 +131,7 @@ class _ArrayPrinter:
         self.straights: dict[int, Straight] = {}  # of the only flat program of an innermost loop
         for step in steps(program.body):
             if isinstance(step, Loop) and (only := _only_run(step)):
-                inside = {name for s in step.body for name in _given_by(s)}
+                inside = {name for s in step.body for name in result_names(s)}
                 varying = {i for i, arg in enumerate(only.inputs) if arg in inside}
                 if varying and (found := self.printer.packed(only.program, varying, SIDE)):
                     self.straights[id(only)] = found
@@ -280,7 +286,7 @@ class _ArrayPrinter:
         at, lanes = f"{step.index}_first", f"{step.index}_count"
         cut = step.body.index(run)
         before, after = step.body[:cut], step.body[cut + 1 :]
-        inside = {name for s in before for name in _given_by(s)} | {step.index}
+        inside = {name for s in before for name in result_names(s)} | {step.index}
 
         def gathered(wanted: Sequence[int]) -> list[str]:
             """The inputs that vary, at the iterations; the last one is repeated."""
@@ -504,40 +510,12 @@ def _only_run(loop: Loop) -> Run | None:
     return runs[0] if len(runs) == 1 and not any(isinstance(s, Loop) for s in loop.body) else None
 
 
-def _given_by(step: Step) -> tuple[str, ...]:
-    """The names that a step gives."""
-    match step:
-        case Run() | Loop():
-            return step.results
-        case Scatter():
-            return ()
-        case _:
-            return (step.name,)
-
-
-def _used_by(step: Step) -> tuple[Arg, ...]:
-    """What a step that is no loop uses."""
-    match step:
-        case Integers():
-            return step.args
-        case Number():
-            return (step.integer,)
-        case Load():
-            return step.subscripts
-        case Run():
-            return step.inputs
-        case Scatter():
-            return (*step.subscripts, step.value)
-        case Loop():
-            raise AssertionError(step)
-
-
 def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
     """The steps of a block without loops that matter for these names."""
     live, kept = set(wanted), []
     for step in reversed(block):
-        if live.intersection(_given_by(step)):
-            live.update(_used_by(step))
+        if not live.isdisjoint(result_names(step)):
+            live.update(operands(step))
             kept.append(step)
     return kept[::-1]
 

@@ -3,7 +3,7 @@
     Program -> steps           an assignment or a few C lines each, with the names they define and use
     steps   -> Frame           a C function; a long block is cut into parts, functions of their own (see `c_frame`)
     Frame   -> Routine         its text; statements of equal text share one routine with different arguments
-    routines + batch loop      the translation unit, with what it needs of teg_runtime.h (see `c_runtime`)
+    routines + batch loop      the translation unit, with what it needs of the headers in `runtime`
 
 Names. In a routine the variable is `x` (of a box `left`, `right`, of a rectangle `bottom`, `top` too), what it captures
 `c0, c1, …`, its own values `v1, b2, …` in order: the text is canonical, so a sum of 10 000 similar integrals is 10 000 calls

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from teg.backends.c.text import each, indent, literal
+from teg.backends.c.text import each, identifiers, indent, literal
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import INSIDE, Adaptive, Bend, Isolate, assigned
 
@@ -312,8 +311,8 @@ def location(enclosure: Sequence[str], v: tuple[str, str], u: tuple[str, str], c
 
 def _used(lines: Sequence[str], **variables: str) -> list[str]:
     """Declarations of the variables that are in these lines."""
-    text = "\n".join(lines)
-    return [f"const double {name} = {value};" for name, value in variables.items() if re.search(rf"\b{name}\b", text)]
+    used = identifiers("\n".join(lines))
+    return [f"const double {name} = {value};" for name, value in variables.items() if name in used]
 
 
 def sum_over(block: Sequence[str], points: int, count: int) -> list[str]:

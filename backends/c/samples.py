@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
-from teg.backends.c.text import each, indent, packed
+from teg.backends.c.text import each, identifiers, indent, packed
 from teg.numerics.sobol import BITS, replicated, reversed_directions
 from teg.program import Sample
 
 
 def used_points(block: Sequence[str], names: Sequence[str]) -> list[int]:
     """Which coordinates the lines of a body use; `names` are what they are called there."""
-    text = "\n".join(block)
-    return [d for d, name in enumerate(names) if re.search(rf"\b{name}\b", text)]
+    used = identifiers("\n".join(block))
+    return [d for d, name in enumerate(names) if name in used]
 
 
 def sample_loop(stmt: Sample, block: Sequence[str], names: Sequence[str], counted: bool, stop: str) -> list[str]:

@@ -1,7 +1,7 @@
 """Calls of compiled kernels that Ctrl-C can stop: a small library between Python and the kernels, the same for all of them.
 
 A call gives Python's lock away, and runs the kernel in the thread that called. The kernel counts its work, and after some of it asks
-`poll` (see `teg_watch` in teg_runtime.h), which looks at a clock. Every 50 ms, if the thread is Python's main one, it takes the lock and
+`poll` (see `teg_watch` in runtime/calls.h), which looks at a clock. Every 50 ms, if the thread is Python's main one, it takes the lock and
 lets Python handle the signals that came in the meantime; if a handler raised an exception, as that of Ctrl-C does, the kernel is told to
 stop, and the exception is found pending when the call returns. A call shorter than that costs nothing more than its counting.
 
@@ -130,6 +130,7 @@ class Caller:
     def __init__(self, library: ctypes.CDLL, name: str = "teg_kernel") -> None:
         self._library = library  # it stays loaded
         kernel = ctypes.cast(getattr(library, f"{name}_watched"), ctypes.c_void_p)
+        self.address = kernel.value or 0
         callers, python = _library()
         address = ctypes.c_void_p(ctypes.addressof(python))
         pointer = ctypes.c_void_p

@@ -103,6 +103,14 @@ def harmless(name: str, most: int = 60) -> str:
     return shown
 
 
+def identifiers(text: str) -> set[str]:
+    """The words in a text of C: names, keywords, and numbers without their signs and points."""
+    return set(text.translate(_APART).split())
+
+
+_APART = {code: " " for code in range(128) if not (chr(code).isalnum() or chr(code) == "_")}
+
+
 def each(count: int, line: str) -> str:
     """A line for every j below `count`."""
     return line.replace("[j]", "[0]") if count == 1 else f"for (int j = 0; j < {count}; j++) {line}"

@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from teg.backends.jax.bends import Substitution, place
-from teg.program import FAINT, GUARD_DEPTH, HIDDEN, UNSEEN
+from teg.backends.jax.arrays import JAX
+from teg.backends.shared.bends import Substitution, place
+from teg.backends.shared.rules import is_unseen
+from teg.program import GUARD_DEPTH
 
 Scalar = Any
 
@@ -33,7 +35,7 @@ class Guard(NamedTuple):
         """Whether something is hidden in the interval (u0, u1) = `ends`: `at` are the nodes in u, `seen` the sharp values there, (nodes,
         sharp), `enough` what does not matter, (tested,)."""
         u = jnp.concatenate([jnp.stack([ends[0]]), at, jnp.stack([ends[1]])])
-        x = place(places, possible, u)[0]
+        x = place(JAX, places, possible, u)[0]
         x = jnp.where(u <= 0.0, places.p, jnp.where(u >= 1.0, places.q, x))
         left, right = jnp.concatenate([x[:1], x[:-1]]), jnp.concatenate([x[-1:], x[1:]])  # the whole interval, then the gaps
         found = jax.vmap(lambda a, b: jnp.stack([jnp.asarray(v, jnp.float64) for v in self.block(a, b)[0]]))(left, right)
@@ -45,7 +47,7 @@ class Guard(NamedTuple):
         beside = jnp.fmax(jnp.concatenate([seen[:1], seen]), jnp.concatenate([seen, seen[-1:]]))
         known = jnp.concatenate([_least(seen)[None], beside])
         upper, lower = found[:, tested : tested + self.sharp], found[:, tested + self.sharp :]
-        large = (upper > UNSEEN * jnp.fmax(known, FAINT)) | (upper > HIDDEN * jnp.fmax(lower, FAINT))
+        large = is_unseen(jnp, upper, lower, known)
         inside = (u[jnp.maximum(gap, 0)] > 0.0) & (u[gap + 1] < 1.0) & (depth < GUARD_DEPTH)
         counts = ~jnp.isposinf(upper) | (inside | whole)[:, None]
         unseen = jnp.any(large & counts, axis=1) & matters

@@ -8,11 +8,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from teg.backends.jax.bends import Substitution
-from teg.backends.jax.runtime import MISSED, Note, Pieces, Scalar, integrate, rounding, union, where
-from teg.backends.shared.poles import pole_weights
+from teg.backends.jax.runtime import MISSED, Note, Pieces, Scalar, integrate, union, where
+from teg.backends.shared.bends import Substitution
+from teg.backends.shared.poles import pole_at, pole_weights
+from teg.backends.shared.rules import rounding
 from teg.numerics.quadrature import gauss_legendre, null_rules
-from teg.program import EDGE, POLE, RESIDUE
+from teg.program import RESIDUE
 
 
 def rational(pieces: Pieces, nodes: int, power: int, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
@@ -21,24 +22,18 @@ def rational(pieces: Pieces, nodes: int, power: int, *integral: Any, when: Scala
     def rule(places: Substitution, bends: Sequence[Any], active: Scalar, values: Callable[[Scalar], Any]) -> tuple[Any, Note]:
         base, ((_, c0, c1, _, counts),) = bends
         p, q = places.p, places.q
-        first, last = p - base, q - base
-        low, high = c0 + c1 * first, c0 + c1 * last
-        counts = counts & jnp.isfinite(c0) & jnp.isfinite(c1)
-        least = jnp.minimum(jnp.abs(low), jnp.abs(high))
-        clear = counts & (low * high > 0.0) & (least > POLE * jnp.maximum(jnp.abs(p), jnp.abs(q)) * jnp.abs(c1))
+        pole = pole_at(jnp, power, p, q, base, c0, c1, counts)
         at, plain = map(jnp.float64, gauss_legendre(nodes))
-        w = jnp.where(clear, pole_weights(jnp, nodes, power, low, high), plain)[:, None]
+        w = jnp.where(pole.clear, pole_weights(jnp, nodes, power, pole.low, pole.high), plain)[:, None]
         half = 0.5 * (q - p)
         found, notes = jax.vmap(values)(0.5 * (p + q) + half * at)
         sums = half * jnp.sum(w * found, axis=0)
         highest = jnp.abs(jnp.sum(jnp.float64(null_rules(nodes)[0])[:, None] * found, axis=0))
-        endless = counts & ~clear & (highest > RESIDUE * jnp.sum(plain[:, None] * jnp.abs(found), axis=0))
+        endless = pole.met & (highest > RESIDUE * jnp.sum(plain[:, None] * jnp.abs(found), axis=0))
         sums = jnp.where(endless, jnp.copysign(jnp.inf, sums), sums)
         if pieces.estimated:
-            size = jnp.abs(c0) + jnp.abs(c1) * jnp.maximum(jnp.abs(first), jnp.abs(last))
-            loss = jnp.where(clear, power * EDGE * size / least, 0.0)
             whole = half * jnp.sum(jnp.abs(w * found[:, : pieces.tested]), axis=0)
-            sums = jnp.concatenate([sums, (rounding(places) + loss) * whole])
+            sums = jnp.concatenate([sums, (rounding(jnp, p, q) + pole.loss) * whole])
         return jnp.where(active, sums, 0.0), where(active, union(notes) | where(jnp.any(endless), MISSED))
 
     return integrate(pieces, rule, *integral, when=when)

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from teg.backends.jax.runtime import TIED, Note, Scalar, union, where
+from teg.backends.shared import polygons as half_planes
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import NEARLY, THIN, TIE_EPS
 
@@ -39,10 +40,8 @@ def polygon(
     fails, known = jnp.bool_(False), jnp.isfinite(width) & jnp.isfinite(height)
     least, swing = [], jnp.float64(0.0)
     for i, (a, b, c, closed) in enumerate(planes):
-        u, v = a * width + zero, b * height + zero
-        most = c + jnp.where(u <= 0.0, 0.0, u) + jnp.where(v <= 0.0, 0.0, v)
-        low = c + jnp.where(u >= 0.0, 0.0, u) + jnp.where(v >= 0.0, 0.0, v)
-        fails |= (most <= 0.0) & ~((low >= 0.0) & closed)
+        low, most = half_planes.least_and_most(jnp, a, b, c, width, height, zero)
+        fails |= half_planes.fails(jnp, low, most, closed)
         known &= jnp.isfinite(most - low)
         least.append(low)
         swing = jnp.maximum(swing, most - low) if i < 3 else swing
@@ -149,20 +148,16 @@ def segment(
     outside, undefined, met = jnp.bool_(False), jnp.bool_(False), jnp.bool_(False)
     for first, last, closed, may_tie, resolution, size, scale in lines:
         first, last = jnp.asarray(first, jnp.float64), jnp.asarray(last, jnp.float64)
-        difference = first - last
-        known = jnp.isfinite(difference)
+        known = jnp.isfinite(first - last)
         ties, holds = jnp.bool_(False), jnp.bool_(False)
         if may_tie:
             most = jnp.maximum(jnp.abs(first), jnp.abs(last))
             ties = known & (most <= NEARLY * size) & (most <= TIE_EPS * scale)
             holds = jnp.where(order > 0, resolution, jnp.logical_not(resolution))
             met |= ties
-        root = first / jnp.where(difference == 0.0, 1.0, difference)
-        out = (first <= 0.0) & (last <= 0.0) & ~((first == 0.0) & (last == 0.0) & closed)
-        outside |= jnp.where(ties, ~holds, out)
+        outside |= jnp.where(ties, ~holds, half_planes.misses(jnp, first, last, closed))
         undefined |= ~known & ~ties
-        start = jnp.where(~ties & (first < 0.0) & (last > 0.0), jnp.maximum(start, root), start)
-        stop = jnp.where(~ties & (first > 0.0) & (last < 0.0), jnp.minimum(stop, root), stop)
+        start, stop = half_planes.cut(jnp, start, stop, first, last, ties)
     there = when & ~outside & ~undefined & (start < stop)
     at, weights = (0.5 * jnp.array(column) for column in gauss_legendre(nodes))
     length = jnp.where(there, stop - start, 0.0)

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from teg.backends.jax.runtime import CROWDED, MISSED, Note, Scalar, union, vector, where
+from teg.backends.shared.roots import Halving, examined, excluded, newton_step, next_halving, plane_step, refuted, touches
 from teg.program import (
     ISOLATE_DEPTH,
     ISOLATE_STEPS,
@@ -125,24 +126,14 @@ def _search(active: Scalar, p: Scalar, q: Scalar, signs: Any, enclosure: Block, 
 
     def step(at: _Search) -> _Search:
         m, h = 0.5 * (at.p + at.q), 0.5 * (at.q - at.p)
-        (least, most, slowest, fastest, bent_down, bent_up, noise), note_box = vector(enclosure(at.p, at.q))
+        bounds, note_box = vector(enclosure(at.p, at.q))
         (g, slope, _), note_middle = vector(point(m))
-        reach = h * jnp.maximum(jnp.abs(slowest), jnp.abs(fastest))
-        bounded = jnp.isfinite(slowest) & jnp.isfinite(fastest)
-        away = (least > 0.0) | (most < 0.0) | (bounded & ((g - reach > 0.0) | (g + reach < 0.0)))
-        away |= jnp.isnan(least) & jnp.isnan(most) & jnp.isnan(g)
         changes, turns = at.signs_p * at.signs_q < 0
         known, sloped = at.signs_p * at.signs_q != 0
-        flat = (slowest == 0.0) & (fastest == 0.0)
-        inside = (changes | ~away) & ~flat
-        monotone = inside & ((slowest > 0.0) | (fastest < 0.0)) & known
-        bent = inside & ~monotone & ((bent_down > 0.0) | (bent_up < 0.0)) & known & sloped
-        turning = bent & ~changes & turns & ((at.signs_p[0] > 0) == (bent_down > 0.0))
+        monotone, bent, left, blurred = examined(jnp, bounds, g, slope, h, changes, known, sloped)
+        turning = bent & ~changes & turns & ((at.signs_p[0] > 0) == (bounds[4] > 0.0))
         _, touch, two, turn, error, note_turn = _turn(enclosure, point, turning & (at.start < END), at)
-        bend = jnp.maximum(jnp.abs(bent_down), jnp.abs(bent_up))
-        blurred = (jnp.abs(g) + h * jnp.abs(slope) + 0.5 * h * h * bend <= noise) & jnp.isfinite(noise)
         whole = (m <= at.p) | (m >= at.q)
-        left = inside & ~monotone & ~bent
         undecided = left & (whole | (at.level == ISOLATE_DEPTH) | blurred)
         halve = left & ~undecided
 
@@ -235,9 +226,9 @@ def _turn(enclosure: Block, point: Block, turning: Scalar, at: _Search) -> _Turn
         turn, note_steps = _crossing(point, 1, turning, at.p, at.q, at.signs_q[1])
         (g, _, curvature), note = vector(point(turn))
         *_, noise = vector(enclosure(turn, turn))[0]
-        touch = (jnp.abs(g) <= noise) & jnp.isfinite(noise)
+        touch, error = touches(jnp, g, curvature, noise)
         two = ~touch & ((g > 0.0) != (at.signs_p[0] > 0))
-        return _Turned(jnp.bool_(False), touch, two, turn, jnp.sqrt(2.0 * noise / jnp.abs(curvature)), note_steps | note)
+        return _Turned(jnp.bool_(False), touch, two, turn, error, note_steps | note)
 
     no = jnp.bool_(False)
     return lax.while_loop(lambda found: found.waits, look, _Turned(turning, no, no, at.p, jnp.float64(0.0), jnp.int32(0)))
@@ -267,13 +258,7 @@ def _crossing(point: Block, order: int, active: Scalar, p: Scalar, q: Scalar, si
     def step(at: _Newton) -> _Newton:
         values, note = vector(point(at.v))
         g, slope = values[order], values[order + 1]
-        at_right = (g > 0.0) == (sign_q > 0)
-        p, q = jnp.where(at_right, at.p, at.v), jnp.where(at_right, at.v, at.q)
-        step, middle = -g / slope, 0.5 * (p + q)
-        newton = (at.v + step >= p) & (at.v + step <= q) & (step != 0.0) & ~(jnp.abs(step) > 0.5 * at.before)
-        v = jnp.where(g == 0.0, at.v, jnp.where(newton, at.v + step, middle))
-        size = jnp.abs(jnp.where(newton, step, middle - at.v))
-        done = (g == 0.0) | (size <= 2.0**-52 * jnp.abs(v))
+        v, p, q, size, done = newton_step(jnp, g, slope, at.v, at.p, at.q, sign_q > 0, at.before)
         return _Newton(v, p, q, at.last, size, at.steps + 1, done, at.note | note)
 
     infinite = jnp.float64(jnp.inf)
@@ -286,15 +271,11 @@ class _Level(NamedTuple):
     """A search that is at the rectangle number `taken` of `number` on a level: halves of those that were left of the level before.
 
     What is left of a level and of the next one are two rows of `corners`, in parts of the whole, (2, LOCATE_WIDTH + ROW, 2), by turns.
-    `zeros` are the middles of rectangles that hold one zero, `found` of them. The rectangles were halved so many `times` in v and in u, the
-    `last` time in v (0), u (1) or not at all (-1); which direction was useless and useful when it was last halved is known.
+    `zeros` are the middles of rectangles that hold one zero, `found` of them.
     """
 
     level: Any
-    times: Any
-    last: Any
-    useless: Any
-    useful: Any
+    halving: Any
     number: Any
     taken: Any
     left: Any
@@ -316,7 +297,7 @@ def locate(
     bounds = jax.vmap(lambda near, far: vector(enclosure(near[0], far[0], near[1], far[1])))
     end = _levels(active, origin, extent, bounds)
     zeros, note = _settled(end.zeros, end.found, bounds)
-    width = _widths(end.times)
+    width = _widths(end.halving.times)
     waiting = jnp.arange(LOCATE_WIDTH) < end.left
     across = jnp.where(waiting, end.corners[(end.level % 2).astype(jnp.int32), :LOCATE_WIDTH, 0], jnp.inf)
     same = LOCATE_SAME * extent[0]
@@ -338,35 +319,24 @@ def _widths(times: Any) -> Any:
     return jnp.asarray([0.5**i for i in range(LOCATE_HALVINGS + 1)])[times]  # `exp2` is not exact
 
 
-def _direction(at: _Level, left: Scalar) -> tuple[Scalar, Any, Any]:
-    """In which direction the rectangles that are left are halved: by turns, but in one again that is of use while the other is not; and
-    which directions are useless and useful."""
-    judged = jnp.arange(2) == at.last
-    useless = jnp.where(judged, 50 * left >= 49 * at.number, at.useless)
-    useful = jnp.where(judged, 20 * left <= 11 * at.number, at.useful)
-    along = jnp.where(useless[1] & useful[0], False, jnp.where(useless[0] & useful[1], True, at.times[0] > at.times[1]))
-    chosen = along.astype(jnp.int32)
-    return jnp.where(at.times[chosen] < LOCATE_HALVINGS, chosen, 1 - chosen), useless, useful
-
-
 def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any], tuple[Any, Note]]) -> _Level:
     """The search, at its end: ROW rectangles at a time, level by level."""
     lanes, nothing = jnp.arange(ROW, dtype=jnp.int32), jnp.int32(0)
 
     def step(at: _Level) -> _Level:
-        width, now = _widths(at.times), at.level % 2
+        width, now = _widths(at.halving.times), at.level % 2
         parents = lax.dynamic_slice(at.corners, (1 - now, at.taken // 2, nothing), (1, ROW // 2, 2))[0]
-        half = jnp.where(jnp.arange(2) == at.last, width, 0.0)
+        half = jnp.where(jnp.arange(2) == at.halving.last, width, 0.0)
         corner = jnp.repeat(parents, 2, axis=0) + jnp.where(lanes[:, None] % 2 == 1, half, 0.0)
         there = at.taken + lanes < at.number
         near, far = origin + extent * corner, origin + extent * (corner + width)
         over, note = bounds(near, far)
-        kept = there & ~_excluded(over)
+        kept = there & ~excluded(jnp, over.T[:4])
         middle = 0.5 * (near + far)
         single = jnp.zeros(ROW, jnp.bool_)
         if over.shape[1] > 4:
             values, more = bounds(middle, middle)
-            away, single = _refuted(over, values[:, ::2], 0.5 * (far - near))
+            away, single = refuted(jnp, over.T, values[:, ::2].T, 0.5 * (far - near).T)
             note, kept, single = jnp.where(kept, note | more, note), kept & ~away & ~single, kept & single
         packed = corner[jnp.argsort(~kept, stable=True)]
         zeros = jnp.where(jnp.arange(ROW)[:, None] < jnp.sum(single), middle[jnp.argsort(~single, stable=True)], jnp.inf)
@@ -374,14 +344,12 @@ def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any
         last = at.taken + ROW >= at.number
         twice = 2 * left
         full = (twice > LOCATE_WIDTH) | (at.examined + twice > LOCATE_MOST) | (found > LOCATE_ZEROS)
-        goes_on = last & (twice > 0) & ~full & jnp.any(at.times < LOCATE_HALVINGS)
-        direction, useless, useful = _direction(at, left)
+        goes_on = last & (twice > 0) & ~full & jnp.any(at.halving.times < LOCATE_HALVINGS)
+        halving = next_halving(jnp, at.halving, at.number, left)
+        halving = halving._replace(times=at.halving.times + (jnp.arange(2) == halving.last))
         return _Level(
             level=jnp.where(goes_on, at.level + 1, at.level),
-            times=jnp.where(goes_on, at.times + (jnp.arange(2) == direction), at.times),
-            last=jnp.where(goes_on, direction, at.last),
-            useless=jnp.where(goes_on, useless, at.useless),
-            useful=jnp.where(goes_on, useful, at.useful),
+            halving=Halving(*(jnp.where(goes_on, new, old) for new, old in zip(halving, at.halving, strict=True))),
             number=jnp.where(goes_on, twice, jnp.where(last, 0, at.number)),
             taken=jnp.where(last, 0, at.taken + ROW),
             left=jnp.where(goes_on, 0, left),
@@ -394,10 +362,7 @@ def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any
 
     beginning = _Level(
         level=nothing,
-        times=jnp.zeros(2, jnp.int32),
-        last=jnp.int32(-1),
-        useless=jnp.zeros(2, jnp.bool_),
-        useful=jnp.zeros(2, jnp.bool_),
+        halving=Halving(jnp.zeros(2, jnp.int32), jnp.int32(-1), jnp.zeros(2, jnp.bool_), jnp.zeros(2, jnp.bool_)),
         number=jnp.where(active, jnp.int32(1), nothing),
         taken=nothing,
         left=nothing,
@@ -410,32 +375,6 @@ def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any
     return lax.while_loop(lambda at: at.number > 0, step, beginning)
 
 
-def _excluded(bounds: Any) -> Any:
-    """Where bounds f-, f+, g-, g+, (·, 4), leave no common zero."""
-    f_least, f_most, g_least, g_most = (bounds[:, i] for i in range(4))
-    away = (f_least > 0.0) | (f_most < 0.0) | (g_least > 0.0) | (g_most < 0.0)
-    return away | (jnp.isnan(f_least) & jnp.isnan(f_most)) | (jnp.isnan(g_least) & jnp.isnan(g_most))
-
-
-def _refuted(bounds: Any, at: Any, reach: Any) -> tuple[Any, Any]:
-    """Where there is no common zero by the mean value theorem, and where Krawczyk's test says that there is exactly one. `bounds` are those
-    over rectangles with half the sides `reach`, `at` the values and slopes in their middles."""
-    f, g, h, k = at[:, 0], at[:, 1], reach[:, 0], reach[:, 1]
-    least, most = bounds[:, 4::2].T, bounds[:, 5::2].T
-    middle, radius, size = 0.5 * (least + most), 0.5 * (most - least), jnp.maximum(jnp.abs(least), jnp.abs(most))
-    away = (jnp.abs(f) > size[0] * h + size[1] * k) | (jnp.abs(g) > size[2] * h + size[3] * k)
-    (a, b, c, d), (ra, rb, rc, rd) = middle, radius
-    det = jnp.abs(a * d - b * c)
-    a, b, c, d = a / det, b / det, c / det, d / det
-    v, u = jnp.abs(d * f - b * g), jnp.abs(a * g - c * f)
-    a, b, c, d = jnp.abs(a), jnp.abs(b), jnp.abs(c), jnp.abs(d)
-    wide = (d * ra + b * rc) * h + (d * rb + b * rd) * k
-    high = (c * ra + a * rc) * h + (c * rb + a * rd) * k
-    away |= (v > h + wide) | (u > k + high)
-    single = (wide <= 0.25 * h) & (high <= 0.25 * k) & (v + wide < h) & (u + high < k) & ~away
-    return away, single
-
-
 def _settled(zeros: Any, found: Scalar, bounds: Callable[[Any, Any], tuple[Any, Note]]) -> tuple[Any, Note]:
     """The v of zeros near points (v, u), by Newton's method, ROW at a time, +inf for those that are not there; and the note."""
 
@@ -445,9 +384,7 @@ def _settled(zeros: Any, found: Scalar, bounds: Callable[[Any, Any], tuple[Any, 
         there = jnp.isfinite(near[:, 0])
         for _ in range(LOCATE_STEPS):
             values, more = bounds(near, near)
-            f, g, f_v, f_u, g_v, g_u = (values[:, i] for i in range(0, 12, 2))
-            det = f_v * g_u - f_u * g_v
-            near = near - jnp.stack([(g_u * f - f_u * g) / det, (f_v * g - g_v * f) / det], axis=1)
+            near = near - plane_step(jnp, values[:, ::2].T).T
             note = note | union(where(there, more))
         return row + ROW, lax.dynamic_update_slice(placed, jnp.where(there, near[:, 0], jnp.inf), (row,)), note
 

@@ -15,25 +15,12 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.backends.jax.bends import Substitution, inside, place, substitution, ways
+from teg.backends.jax.arrays import JAX
 from teg.backends.jax.guard import Guard
-from teg.backends.shared.substitutions import POWER
-from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
-from teg.program import (
-    ABSOLUTE_FLOOR,
-    DEEP,
-    DIVERGENT,
-    EDGE,
-    INSIDE,
-    MAX_DEPTH,
-    MAX_INTERVALS,
-    NOISE,
-    PIECE_EPS,
-    ROUNDING,
-    SPENT,
-    TIE_EPS,
-    WATCH_WIDTH,
-)
+from teg.backends.shared import rules
+from teg.backends.shared.bends import POWER, Substitution, inside, place, possible_kinds, substitution
+from teg.numerics.quadrature import gauss_legendre, null_rules
+from teg.program import DEEP, DIVERGENT, INSIDE, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
 
 Scalar = Any  # a traced scalar, float64 or boolean, or a Python literal
 Note = Any  # an int32: TIED where a tie was met, MISSED where a tolerance was, CROWDED where a search has too little room
@@ -51,23 +38,14 @@ END = 2**MAX_DEPTH
 
 
 def powi(x: Scalar, n: int) -> Scalar:
-    """x to an integer power, by squaring; 1/powi(x, -n) where n is negative."""
-    if n < 0:
-        return 1.0 / powi(x, -n)
-    power = jnp.float64(1.0)
-    while n:
-        if n & 1:
-            power = power * x
-        n >>= 1
-        if n:
-            x = x * x
-    return power
+    """x to an integer power."""
+    return rules.powi(jnp, x, n)
 
 
 def tie(order: Scalar, g: Scalar, scale: Scalar, r: Scalar) -> tuple[Scalar, Note]:
     """g > 0, but where g vanishes to rounding the order decides; and whether it did."""
-    near = (jnp.abs(g) <= TIE_EPS * scale) & jnp.isfinite(g)
-    return jnp.where(near, jnp.where(order > 0, r, jnp.logical_not(r)), g > 0.0), jnp.where(near, jnp.int32(TIED), jnp.int32(0))
+    near = rules.ties(jnp, g, scale)
+    return rules.resolved(jnp, near, g, r, order), jnp.where(near, jnp.int32(TIED), jnp.int32(0))
 
 
 def union(notes: Note) -> Note:
@@ -92,7 +70,7 @@ class Pieces(NamedTuple):
 
     @property
     def ways(self) -> tuple[int, ...]:
-        return ways(self.kinds, self.cubic, self.infinite)
+        return possible_kinds(self.kinds, self.cubic, self.infinite)
 
 
 def gauss(pieces: Pieces, nodes: int, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
@@ -131,21 +109,18 @@ def integrate(
     lo, hi = jnp.asarray(lo, jnp.float64), jnp.asarray(hi, jnp.float64)
     ends = jnp.stack([lo, hi])
     broken = jnp.any(jnp.isnan(ends) if pieces.infinite else ~jnp.isfinite(ends))
-    low, high = jnp.minimum(lo, hi), jnp.maximum(lo, hi)
-    clamped = [jnp.where(jnp.isnan(b), low, jnp.clip(b, low, high)) for b in breaks]
-    points = jnp.stack([low, *clamped, high])
+    points = jnp.stack(rules.ends_of_pieces(jnp, lo, hi, breaks))
     if len(breaks) > 1:
         points = jnp.sort(points)
     base, scale, *coefficients = bends or (0.0, 1.0)
 
     def piece(p: Scalar, q: Scalar) -> tuple[Any, Note]:
-        wide = q - p > PIECE_EPS * jnp.maximum(jnp.abs(p), jnp.abs(q))
-        active = when & ~broken & (wide | jnp.isposinf(q - p))
+        active = when & ~broken & rules.is_wide(jnp, p, q)
         need, counts, flagged, note = True, (), (), jnp.int32(0)
         if flags is not None:
-            need, counts, flagged, note = flags(inside(p, q, INSIDE, pieces.infinite, scale), p, q)
+            need, counts, flagged, note = flags(inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q)
         bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
-        places = substitution(p, q, base, bent, pieces.cubic, pieces.infinite, scale)
+        places = substitution(JAX, p, q, base, bent, pieces.cubic, pieces.infinite, scale)
         sums, note_body = rule(places, (base, bent), active & need, lambda x: vector(body(x, flagged)))
         return sums, where(active, note) | note_body
 
@@ -168,22 +143,9 @@ def _measure(nodes: int, tested: int, found: Any, smooth: Scalar) -> tuple[Any, 
     """K of every value, A and E of those tested (see `teg.program`), of values at Gauss nodes by dv/du, (nodes, values); where they
     are not known to be `smooth` no decay is counted on."""
     weights = jnp.array(gauss_legendre(nodes)[1], jnp.float64)[:, None]
-    rules = jnp.array(null_rules(nodes), jnp.float64)
     total, size = jnp.sum(weights * found, axis=0), jnp.sum(weights * jnp.abs(found[:, :tested]), axis=0)
-    e = jnp.abs(jnp.sum(rules[:, :, None] * found[None, :, :tested], axis=1))
-    a, b, c = (jnp.maximum(e[i], e[i + 1]) for i in (0, 2, 4))
-    tail = jnp.where(b > c, jnp.maximum(a, b), a)
-    last, before = a / b, b / c
-    ratio = jnp.maximum(last, before) * jnp.maximum(1.0, last / before) ** 3
-    ratio = jnp.maximum(ratio, (15.0 * ratio - 2.0) / 7.0)
-    error = 4.0 * tail * powi(jnp.where((ratio < 1.0) & smooth, ratio, 1.0), decay_power(nodes))
-    return total, size, jnp.where(tail <= NOISE * size, 0.0, error)
-
-
-def rounding(places: Substitution) -> Scalar:
-    """What rounding does to the integral over a piece, relative to that of |values|: theirs, and that of the ends."""
-    length = places.q - places.p
-    return 0.5 * ROUNDING + jnp.where(jnp.isfinite(length), EDGE * jnp.maximum(jnp.abs(places.p), jnp.abs(places.q)) / length, 0.0)
+    sums = jnp.sum(jnp.array(null_rules(nodes), jnp.float64)[:, :, None] * found[None, :, :tested], axis=1)
+    return total, size, rules.null_rule_error(jnp, nodes, sums, size, smooth)
 
 
 def _gauss(
@@ -196,7 +158,7 @@ def _gauss(
     sums = half * jnp.sum(weights[:, None] * found, axis=0)
     if pieces.estimated:
         size = half * jnp.sum(weights[:, None] * jnp.abs(found[:, : pieces.tested]), axis=0)
-        sums = jnp.concatenate([sums, rounding(places) * size])
+        sums = jnp.concatenate([sums, rules.rounding(jnp, places.p, places.q) * size])
     return jnp.where(active, sums, 0.0), where(active, union(notes))
 
 
@@ -236,7 +198,6 @@ class _Progress(NamedTuple):
     start: Any
     width: Any
     used: Any
-    enough: Any
     whole: Any
     spent: Any
     sums: Any
@@ -281,7 +242,7 @@ def _adaptive(
         inner = left + 0.5 * width * (1.0 + at)
         if watched:
             at = jnp.concatenate([at, jnp.array([-1.0, 1.0])])
-        x, rate = place(places, possible, left + 0.5 * width * (1.0 + at))
+        x, rate = place(JAX, places, possible, left + 0.5 * width * (1.0 + at))
         found, notes = jax.vmap(values)(x)
         changed = jnp.bool_(False)
         if watched:  # at the ends, the last two rows, only the conditions count
@@ -293,14 +254,13 @@ def _adaptive(
         return _Measured(total, size, error, changed, union(notes), inner, found[:, behind : behind + sharp])
 
     def listed(total: Any, size: Any, error: Any) -> Any:
-        return jnp.concatenate([total, error + rounding(places) * size]) if pieces.estimated else total
+        return jnp.concatenate([total, error + rules.rounding(jnp, places.p, places.q) * size]) if pieces.estimated else total
 
-    def fine(size: Any, error: Any, enough: Any) -> Scalar:
-        return jnp.all((error <= jnp.maximum(enough, ROUNDING * size)) | ~jnp.isfinite(error))
+    def is_fine(error: Any, enough: Any) -> Scalar:
+        return jnp.all((error <= enough) | ~jnp.isfinite(error))
 
-    def hidden(found: _Measured, left: Scalar, width: Scalar, above: Any, depth: Scalar) -> Scalar:
+    def hidden(found: _Measured, left: Scalar, width: Scalar, enough: Any, depth: Scalar) -> Scalar:
         assert guard is not None
-        enough = jnp.maximum(tol * (above + ABSOLUTE_FLOOR), ROUNDING * found.size)
         asked = ~found.changed & jnp.all(jnp.isfinite(found.error))
         return asked & guard.hides(places, possible, (left, left + width), found.at, found.seen, enough, depth)
 
@@ -309,7 +269,6 @@ def _adaptive(
         found = measured(orders[1], at.start / END, width)
         total, size, error, changed = found.total, found.size, found.error, found.changed
         whole = jnp.where(at.used == 0, size, at.whole)
-        enough = jnp.where(at.used == 0, tol * (size + ABSOLUTE_FLOOR), at.enough)
         reference, above = whole, at.above
         if guard is not None:
             depth = MAX_DEPTH - lax.population_count(at.width - 1)
@@ -317,11 +276,10 @@ def _adaptive(
             reference = jnp.fmax(above[row], size)
             above = above.at[depth].set(reference)
             whole = jnp.fmax(whole, size)
-            enough = tol * (reference + ABSOLUTE_FLOOR)
-        good = fine(size, error, enough)
+        enough = rules.tolerated(jnp, tol, reference, size)
+        good = is_fine(error, enough)
         if guard is not None:
-            good &= ~hidden(found, at.start / END, width, reference, depth)
-            enough = tol * (whole + ABSOLUTE_FLOOR)
+            good &= ~hidden(found, at.start / END, width, enough, depth)
         good = jnp.where(changed, width <= WATCH_WIDTH, good)
         deepest = at.width == 1
         done = good | deepest | (at.used + 1 >= MAX_INTERVALS)
@@ -333,7 +291,6 @@ def _adaptive(
             start=start,
             width=jnp.where(done, start & -start, at.width // 2),
             used=at.used + 1,
-            enough=enough,
             whole=whole,
             spent=jnp.where(done & ~changed, at.spent + error, at.spent),
             sums=jnp.where(done, at.sums + listed(total, size, error), at.sums),
@@ -346,7 +303,6 @@ def _adaptive(
         start=jnp.where(active, jnp.int64(0), END),
         width=jnp.int64(END),
         used=jnp.int64(0),
-        enough=zeros,
         whole=zeros,
         spent=zeros,
         sums=jnp.zeros(pieces.values + (pieces.tested if pieces.estimated else 0)),
@@ -356,14 +312,13 @@ def _adaptive(
     if not watched:
         found = measured(orders[0], 0.0, 1.0)
         total, size, error = found.total, found.size, found.error
-        enough = tol * (size + ABSOLUTE_FLOOR)
-        done = active & fine(size, error, enough)
+        enough = rules.tolerated(jnp, tol, size, size)
+        done = active & is_fine(error, enough)
         if guard is not None:
-            done &= ~hidden(found, jnp.float64(0.0), 1.0, size, 0)
+            done &= ~hidden(found, jnp.float64(0.0), 1.0, enough, 0)
         beginning = beginning._replace(
             start=jnp.where(done, END, beginning.start),
             used=jnp.int64(1),
-            enough=enough,
             whole=size,
             spent=jnp.where(done, error, 0.0),
             sums=jnp.where(done, listed(total, size, error), 0.0),
@@ -371,5 +326,5 @@ def _adaptive(
             above=beginning.above.at[0].set(size) if guard is not None else beginning.above,
         )
     end = lax.while_loop(lambda at: at.start < END, step, beginning)
-    overspent = jnp.any(end.spent > SPENT * jnp.maximum(end.enough, ROUNDING * end.whole))
+    overspent = jnp.any(end.spent > SPENT * rules.tolerated(jnp, tol, end.whole, end.whole))
     return end.sums, end.note | where(active & overspent, MISSED)

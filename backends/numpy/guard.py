@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy.bends import Substitution
-from teg.program import FAINT, GUARD_DEPTH, HIDDEN, UNSEEN
+from teg.backends.numpy.arrays import places_of
+from teg.backends.shared.bends import Substitution
+from teg.backends.shared.rules import is_unseen
+from teg.program import GUARD_DEPTH
 
 Array = npt.NDArray[Any]
 
@@ -44,7 +46,7 @@ class Guard:
             return hidden
         places, seen, enough = places.part(asked), seen[:, :, asked], enough[:, asked]
         values = [v[asked] if np.ndim(v) else v for v in values]
-        inside = places(at[:, asked])[0]
+        inside = places_of(places, at[:, asked])[0]
         points = np.concatenate([left[asked][None], inside, right[asked][None]])
         padded = np.concatenate([seen[:, :1], seen, seen[:, -1:]], axis=1)
         largest = np.fmax(padded[:, :-1], padded[:, 1:])
@@ -63,8 +65,9 @@ class Guard:
 
     def _place(self, places: Substitution, u: Array) -> Array:
         """The place of u; the ends of a piece are its own."""
-        inside = places(u[None])[0][0]
-        return np.where(u <= 0.0, places.p, np.where(u >= 1.0, places.q, inside))
+        inside = places_of(places, u[None])[0][0]
+        at: Array = np.where(u <= 0.0, places.p, np.where(u >= 1.0, places.q, inside))
+        return at
 
     def _unseen(
         self, run: Any, values: Sequence[Any], left: Array, right: Array, seen: Array, enough: Array, gaps: bool = False
@@ -83,7 +86,7 @@ class Guard:
         first = len(enough)
         for i in range(self.sharp):
             upper, lower = found[first + i], found[first + self.sharp + i]
-            large = (upper > UNSEEN * np.fmax(seen[i], FAINT)) | (upper > HIDDEN * np.fmax(lower, FAINT))
+            large = is_unseen(np, upper, lower, seen[i])
             infinite = np.isposinf(upper) if gaps else np.False_
             unseen |= large & ~infinite
             endless |= large & infinite

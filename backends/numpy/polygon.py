@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy.runtime import Block, Run, Value, gather, on_lanes, parts, scatter
+from teg.backends.shared import polygons as half_planes
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import NEARLY, THIN, TIE_EPS
 
@@ -94,10 +95,8 @@ class PolygonIntegral(Domain):
         swings: list[Array] = []
         for i, closed in enumerate(self.closed):
             a, b, c = planes[3 * i : 3 * i + 3]
-            u, v = a * width, b * height
-            most = c + np.where(u <= 0.0, 0.0, u) + np.where(v <= 0.0, 0.0, v)
-            low = c + np.where(u >= 0.0, 0.0, u) + np.where(v >= 0.0, 0.0, v)
-            fails |= (most <= 0.0) & np.logical_not((low >= 0.0) & closed)
+            low, most = half_planes.least_and_most(np, a, b, c, width, height)
+            fails |= half_planes.fails(np, low, most, closed)
             known &= np.isfinite(most - low)
             least.append(low)
             swings.append(most - low)
@@ -227,13 +226,9 @@ class SegmentIntegral(Domain):
         for i, (closed, _) in enumerate(self.lines):
             first, last = lines[4 * i], lines[4 * i + 1]
             ties, holds = tied[i]
-            root = first / np.asarray(first - last)
-            out = (first <= 0.0) & (last <= 0.0) & np.logical_not((first == 0.0) & (last == 0.0) & closed)
-            outside |= np.where(ties, ~np.asarray(holds, bool), out)
+            outside |= np.where(ties, ~np.asarray(holds, bool), half_planes.misses(np, first, last, closed))
             undefined |= ~np.isfinite(first - last) & ~np.asarray(ties)
-            cuts = ~np.asarray(ties) & np.isfinite(first - last)
-            start = np.where(cuts & (first < 0.0) & (last > 0.0), np.maximum(start, root), start)
-            stop = np.where(cuts & (first > 0.0) & (last < 0.0), np.minimum(stop, root), stop)
+            start, stop = half_planes.cut(np, start, stop, first, last, ties)
         sums = np.where(undefined & ~outside, np.nan, 0.0) * np.ones((self.values, 1))
         active = np.flatnonzero(~outside & ~undefined & (start < stop))
         if not active.size:

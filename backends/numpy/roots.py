@@ -13,6 +13,7 @@ from typing import cast
 import numpy as np
 
 from teg.backends.numpy.runtime import Array, Block, Run, Value, gather, on_lanes, parts, scatter
+from teg.backends.shared.roots import Halving, examined, excluded, newton_step, next_halving, plane_step, refuted, touches
 from teg.program import (
     ISOLATE_DEPTH,
     ISOLATE_STEPS,
@@ -163,22 +164,12 @@ class _Search:
             if not boxes.lane.size:
                 break
             m, h = 0.5 * (boxes.p + boxes.q), 0.5 * (boxes.q - boxes.p)
-            least, most, slowest, fastest, bent_down, bent_up, noise = self._enclosed(boxes)
+            bounds = self._enclosed(boxes)
             g, slope, _ = self._at(boxes.lane, m)
-            changes = boxes.changes
-            reach = h * np.maximum(np.abs(slowest), np.abs(fastest))
-            bounded = np.isfinite(slowest) & np.isfinite(fastest)
-            away = (least > 0.0) | (most < 0.0) | (bounded & ((g - reach > 0.0) | (g + reach < 0.0)))
-            away |= np.isnan(least) & np.isnan(most) & np.isnan(g)
-            open_ = (changes | ~away) & ~((slowest == 0.0) & (fastest == 0.0))
-            monotone = open_ & ((slowest > 0.0) | (fastest < 0.0)) & boxes.known
-            bent = open_ & ~monotone & ((bent_down > 0.0) | (bent_up < 0.0)) & boxes.known
-            bent &= ~(np.isnan(boxes.slope_p) | np.isnan(boxes.slope_q))
+            changes, sloped = boxes.changes, ~(np.isnan(boxes.slope_p) | np.isnan(boxes.slope_q))
+            monotone, bent, left, blurred = examined(np, bounds, g, slope, h, changes, boxes.known, sloped)
             crossing.append(boxes[(monotone | bent) & changes])
-            turning.append(boxes[bent & ~changes & boxes.turns & ((boxes.at_p > 0.0) == (bent_down > 0.0))])
-            bend = np.maximum(np.abs(bent_down), np.abs(bent_up))
-            blurred = (np.abs(g) + h * np.abs(slope) + 0.5 * h * h * bend <= noise) & np.isfinite(noise)
-            left = open_ & ~monotone & ~bent
+            turning.append(boxes[bent & ~changes & boxes.turns & ((boxes.at_p > 0.0) == (bounds[4] > 0.0))])
             lost.append(boxes[left if level == ISOLATE_DEPTH else left & blurred])
             left = np.flatnonzero(left & ~blurred)
             boxes = boxes[left].halved(m[left], g[left], slope[left])
@@ -194,12 +185,11 @@ class _Search:
         turn = self._newton(boxes.lane, boxes.p, boxes.q, boxes.slope_q > 0.0, 1)
         g, slope, curvature = self._at(boxes.lane, turn)
         noise = self._enclosed(_Boxes(boxes.lane, turn, turn, g, g, slope, slope))[6]
-        touch = (np.abs(g) <= noise) & np.isfinite(noise)
+        touch, error = touches(np, g, curvature, noise)
         two = ~touch & ((g > 0.0) != (boxes.at_p > 0.0))
         lane, p, q, at_p, at_q, slope_p, slope_q = (v[two] for v in boxes.columns)
         t, at_t, at_slope = turn[two], g[two], slope[two]
         halves = (lane, lane), (p, t), (t, q), (at_p, at_t), (at_t, at_q), (slope_p, at_slope), (at_slope, slope_q)
-        error = np.sqrt(2.0 * noise / np.abs(curvature))
         twice = (np.repeat(v[touch], 2) for v in (boxes.lane, turn, error))
         return _Boxes(*map(np.concatenate, halves)), cast("tuple[Array, Array, Array]", tuple(twice))
 
@@ -218,15 +208,10 @@ class _Search:
             if not v.size:
                 break
             g, slope = self._at(lane, v)[order : order + 2]
-            at_right = (g > 0.0) == above
-            p, q = np.where(at_right, p, v), np.where(at_right, v, q)
-            step, middle = -g / slope, 0.5 * (p + q)
-            newton = (v + step >= p) & (v + step <= q) & (step != 0.0) & ~(np.abs(step) > 0.5 * before)
-            step = np.where(newton, step, middle - v)
-            v = np.where(g == 0.0, v, np.where(newton, v + step, middle))
+            v, p, q, size, done = newton_step(np, g, slope, v, p, q, above, before)
             root[where] = v
-            going = np.flatnonzero((g != 0.0) & ~(np.abs(step) <= 2.0**-52 * np.abs(v)))
-            before, last = last[going], np.abs(step)[going]
+            going = np.flatnonzero(~done)
+            before, last = last[going], size[going]
             where, lane, above = where[going], lane[going], above[going]
             p, q, v = p[going], q[going], v[going]
         return root
@@ -344,19 +329,20 @@ class _Locating:
     def _rectangles(self, lane: Array, origin: Array, extent: Array, lanes: int) -> tuple[_Places, Array, Array]:
         """Intervals that hold a place; of each lane how often its rectangles were halved in v and in u, and if it has too many zeros."""
         found: list[tuple[Array, Array, Array, Array]] = [(lane[:0], origin[0, :0], origin[0, :0], origin[0, :0])]
-        corner, halving = np.zeros((2, lane.size)), _Halving(lanes)
+        corner, never = np.zeros((2, lane.size)), np.zeros((2, lanes), dtype=np.bool_)
+        halving = Halving(np.zeros((2, lanes), dtype=np.int64), np.full(lanes, -1), never, never)
         here = examined = np.bincount(lane, minlength=lanes)
         zeros = np.zeros(lanes, dtype=np.int64)
         while lane.size:
             width = 0.5**halving.times
             near, far = (origin[:, lane] + extent[:, lane] * at for at in (corner, corner + width[:, lane]))
             bounds = self._bounds(lane, near, far)
-            kept = np.flatnonzero(~_excluded(bounds[:4]))
+            kept = np.flatnonzero(~excluded(np, bounds[:4]))
             lane, corner, near, far = lane[kept], corner[:, kept], near[:, kept], far[:, kept]
             if len(bounds) > 4 and lane.size:
                 middle = 0.5 * (near + far)
                 at = self._bounds(lane, middle, middle)[::2]
-                away, single = _refuted(bounds[:, kept], at, 0.5 * (far - near))
+                away, single = refuted(np, bounds[:, kept], at, 0.5 * (far - near))
                 if single.any():
                     v, same = self._newton(lane[single], middle[:, single], at[:, single]), LOCATE_SAME * extent[0, lane[single]]
                     found.append((lane[single], v - same, v + same, np.zeros(v.size)))
@@ -369,7 +355,10 @@ class _Locating:
             over = ends[lane]
             found.append((lane[over], near[0, over], far[0, over], np.ones(np.count_nonzero(over))))
             lane, corner = lane[~over], corner[:, ~over]
-            offset = halving.next(here, left, (left > 0) & ~ends)
+            halving = next_halving(np, halving, here, left)
+            chosen = np.array([halving.last == 0, halving.last == 1]) & (left > 0) & ~ends
+            halving = halving._replace(times=halving.times + chosen)
+            offset = np.where(chosen, 0.5**halving.times, 0.0)
             lane, corner, here = np.concatenate([lane, lane]), np.concatenate([corner, corner + offset[:, lane]], axis=1), 2 * left
         columns = [np.concatenate(column) for column in zip(*found, strict=True)]
         many = zeros > LOCATE_ZEROS
@@ -379,9 +368,7 @@ class _Locating:
     def _newton(self, lane: Array, at: Array, values: Array) -> Array:
         """The v of the zeros near points (v, u), by Newton's method; `values` are f, g and their slopes there."""
         for step in range(LOCATE_STEPS):
-            f, g, f_v, f_u, g_v, g_u = values
-            det = f_v * g_u - f_u * g_v
-            at = at - np.array([(g_u * f - f_u * g) / det, (f_v * g - g_v * f) / det])
+            at = at - plane_step(np, values)
             if step < LOCATE_STEPS - 1:
                 values = self._bounds(lane, at, at)[::2]
         return cast(Array, at[0])
@@ -390,57 +377,6 @@ class _Locating:
         """Bounds over rectangles between two corners."""
         sides = near[0], far[0], near[1], far[1]
         return _evaluated(self.run, self.location.enclosure, self.location.width, self.location.bounds, lane, sides, self.given)
-
-
-def _excluded(bounds: Array) -> Array:
-    """Where bounds f-, f+, g-, g+ leave no common zero."""
-    f_least, f_most, g_least, g_most = bounds
-    away = (f_least > 0.0) | (f_most < 0.0) | (g_least > 0.0) | (g_most < 0.0)
-    excluded: Array = away | (np.isnan(f_least) & np.isnan(f_most)) | (np.isnan(g_least) & np.isnan(g_most))
-    return excluded
-
-
-def _refuted(bounds: Array, at: Array, reach: Array) -> tuple[Array, Array]:
-    """Where there is no common zero by the mean value theorem, and where Krawczyk's test says that there is exactly one. `bounds` are those
-    over rectangles with half the sides `reach`, `at` the values and slopes in their middles."""
-    (f, g), (h, k) = at[:2], reach
-    middle, radius = 0.5 * (bounds[4::2] + bounds[5::2]), 0.5 * (bounds[5::2] - bounds[4::2])
-    sizes = np.maximum(np.abs(bounds[4::2]), np.abs(bounds[5::2]))
-    away = (np.abs(f) > sizes[0] * h + sizes[1] * k) | (np.abs(g) > sizes[2] * h + sizes[3] * k)
-    (a, b, c, d), (ra, rb, rc, rd) = middle, radius
-    det = a * d - b * c
-    size = np.abs(det)
-    a, b, c, d = a / size, b / size, c / size, d / size
-    v, u = np.abs(d * f - b * g), np.abs(a * g - c * f)
-    a, b, c, d = np.abs(a), np.abs(b), np.abs(c), np.abs(d)
-    wide = (d * ra + b * rc) * h + (d * rb + b * rd) * k
-    high = (c * ra + a * rc) * h + (c * rb + a * rd) * k
-    away |= (v > h + wide) | (u > k + high)
-    single = (wide <= 0.25 * h) & (high <= 0.25 * k) & (v + wide < h) & (u + high < k) & ~away
-    return away, single
-
-
-class _Halving:
-    """In which direction the rectangles of each lane are halved: v and u by turns, but one again that is of use while the other is not."""
-
-    def __init__(self, lanes: int) -> None:
-        self.times = np.zeros((2, lanes), dtype=np.int64)
-        self.last = np.full(lanes, -1)
-        self.useless, self.useful = np.zeros((2, 2, lanes), dtype=np.bool_)
-
-    def next(self, before: Array, left: Array, goes_on: Array) -> Array:
-        """From the corner of a rectangle to that of its second half; `left` rectangles were left of so many `before`, by lane."""
-        for direction in (0, 1):
-            judged = self.last == direction
-            self.useless[direction] = np.where(judged, 50 * left >= 49 * before, self.useless[direction])
-            self.useful[direction] = np.where(judged, 20 * left <= 11 * before, self.useful[direction])
-        across = self.times[0] <= self.times[1]
-        across = np.where(self.useless[1] & self.useful[0], True, np.where(self.useless[0] & self.useful[1], False, across))
-        across = (across & (self.times[0] < LOCATE_HALVINGS)) | (self.times[1] == LOCATE_HALVINGS)
-        self.last = np.where(across, 0, 1)
-        chosen = np.array([across, ~across]) & goes_on
-        self.times = self.times + chosen
-        return np.where(chosen, 0.5**self.times, 0.0)
 
 
 def _joined(found: _Places, extent: Array, area: Array) -> tuple[Array, Array, Array]:

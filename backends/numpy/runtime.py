@@ -19,25 +19,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy.bends import Substitution, inside, substitution
+from teg.backends.numpy.arrays import NUMPY, places_of
 from teg.backends.numpy.guard import Guard
-from teg.backends.shared.substitutions import POWER
-from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
-from teg.program import (
-    ABSOLUTE_FLOOR,
-    DEEP,
-    DIVERGENT,
-    EDGE,
-    INSIDE,
-    MAX_DEPTH,
-    MAX_INTERVALS,
-    NOISE,
-    PIECE_EPS,
-    ROUNDING,
-    SPENT,
-    TIE_EPS,
-    WATCH_WIDTH,
-)
+from teg.backends.shared import rules
+from teg.backends.shared.bends import POWER, Bend, Substitution, inside, substitution
+from teg.backends.shared.rules import null_rule_error, rounding, tolerated
+from teg.numerics.quadrature import gauss_legendre, null_rules
+from teg.program import DEEP, DIVERGENT, INSIDE, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
 
 Array = npt.NDArray[Any]
 Value = Any  # an Array of lanes, or a scalar: numpy.float64, numpy.bool_, float, bool
@@ -72,26 +60,17 @@ class Run:
 
 
 def powi(x: Value, n: int) -> Value:
-    """x to an integer power, by squaring; 1/powi(x, -n) where n is negative."""
-    if n < 0:
-        return 1.0 / powi(x, -n)
-    power: Value = np.float64(1.0)
-    while n:
-        if n & 1:
-            power = power * x
-        n >>= 1
-        if n:
-            x = x * x
-    return power
+    """x to an integer power."""
+    return rules.powi(np, x, n)
 
 
 def tie(run: Run, g: Value, scale: Value, r: Value, k: int) -> Value:
     """g > 0, but where g vanishes to rounding the order of the run decides."""
-    near = (np.abs(g) <= TIE_EPS * scale) & np.isfinite(g)
+    near = rules.ties(np, g, scale)
     if not near.any():
         return g > 0.0
     run.met.add(k)
-    return np.where(near, r if run.order > 0 else np.logical_not(r), g > 0.0)
+    return rules.resolved(np, near, g, r, run.order)
 
 
 def gather(value: Value, index: Array | None) -> Value:
@@ -202,18 +181,16 @@ class Integral:
     def _lanes(self, run: Run, given: Sequence[Array], counts: tuple[int, int, int], lanes: int) -> Array:
         """The results on flat lanes, (results, lanes); `given`: lo, hi, breaks, of bends, for flags, for body."""
         lo, hi = given[0], given[1]
-        first, low, high = 2 + counts[0], np.minimum(lo, hi), np.maximum(lo, hi)
+        first = 2 + counts[0]
         points = np.empty((counts[0] + 2, lanes))
-        points[0], points[-1] = low, high
-        for i in range(2, first):
-            points[i - 1] = np.minimum(np.fmax(given[i], low), high)  # fmax: a break that is NaN is put at low
+        for row, values in zip(points, rules.ends_of_pieces(np, lo, hi, given[2:first]), strict=True):
+            row[:] = values
         if counts[0] > 1:
             points[1:-1].sort(axis=0)
         p, q = points[:-1].reshape(-1), points[1:].reshape(-1)
-        length, not_a_bound = q - p, np.isnan if self.infinite else _not_finite
+        not_a_bound = np.isnan if self.infinite else _not_finite
         broken = np.broadcast_to(not_a_bound(lo) | not_a_bound(hi), (lanes,))
-        wide = (length > PIECE_EPS * np.maximum(np.abs(p), np.abs(q))) | np.isposinf(length)
-        kept = np.flatnonzero(wide & ~np.tile(broken, counts[0] + 1))
+        kept = np.flatnonzero(rules.is_wide(np, p, q) & ~np.tile(broken, counts[0] + 1))
         second, third = first + counts[1], first + counts[1] + counts[2]
         sums = self._pieces(run, p[kept], q[kept], kept % lanes, lanes, given[first:second], given[second:third], given[third:])
         sums[: self.values] *= np.where(lo <= hi, 1.0, -1.0)
@@ -236,7 +213,7 @@ class Integral:
         base, scale, *coefficients = (gather(v, lane) for v in of_bends) if of_bends else (0.0, 1.0)
         if self.flags is not None and p.size:
             ends = (p, q) if self.ends else ()
-            need, *flagged = self.flags(run, inside(p, q, INSIDE, scale), *ends, *(gather(v, lane) for v in for_flags))
+            need, *flagged = self.flags(run, inside(np, p, q, INSIDE, self.infinite, scale), *ends, *(gather(v, lane) for v in for_flags))
             if not np.all(need):
                 kept = np.flatnonzero(np.broadcast_to(need, p.shape))
                 p, q, lane, base, scale, *coefficients = (gather(v, kept) for v in (p, q, lane, base, scale, *coefficients))
@@ -246,12 +223,12 @@ class Integral:
         active, flagged = flagged[: len(self.bends)], flagged[len(self.bends) :]
         values = [*(gather(v, lane) for v in for_body), *flagged]
         bends = [(kind, *coefficients[3 * i : 3 * i + 3], active[i]) for i, kind in enumerate(self.bends)]
-        return scatter(self._rule(run, self._places(p, q, base, bends, scale), values), lane, lanes)
+        return scatter(self._rule(run, self._places(p, q, base, bends, scale), (base, bends), values), lane, lanes)
 
-    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Any], scale: Value) -> Substitution:
-        return substitution(p, q, base, bends, False, scale)
+    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Bend], scale: Value, cubic: bool = False) -> Substitution:
+        return substitution(NUMPY, p, q, base, bends, cubic, not np.isfinite(q - p).all(), scale)
 
-    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
+    def _rule(self, run: Run, places: Substitution, bends: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
         """The integrals over the pieces, and the estimates of their errors, (results, pieces)."""
         raise NotImplementedError
 
@@ -266,7 +243,7 @@ class GaussIntegral(Integral):
 
     nodes: int = 1
 
-    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
+    def _rule(self, run: Run, places: Substitution, _: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
         nodes, weights = (np.array(column) for column in gauss_legendre(self.nodes))
         p, q = places.p, places.q
         middle, half = 0.5 * (p + q), 0.5 * (q - p)
@@ -279,7 +256,7 @@ class GaussIntegral(Integral):
                 total[part] = weights @ value if np.ndim(value) == 2 else 2.0 * value
             if self.estimated:
                 for total, value in zip(sums[self.values :], found, strict=False):
-                    total[part] = rounding(p[part], q[part]) * (weights @ np.abs(np.broadcast_to(value, x.shape)))
+                    total[part] = rounding(np, p[part], q[part]) * (weights @ np.abs(np.broadcast_to(value, x.shape)))
         sums *= half
         return sums
 
@@ -288,27 +265,12 @@ def _not_finite(x: Array) -> Array:
     return ~np.isfinite(x)
 
 
-def rounding(p: Array, q: Array) -> Array:
-    """What rounding does to the integral over (p, q), relative to that of |values|: theirs, and that of the ends."""
-    length = q - p
-    return 0.5 * ROUNDING + np.where(np.isfinite(length), EDGE * np.maximum(np.abs(p), np.abs(q)) / length, 0.0)
-
-
 def measure(values: Array, nodes: int, smooth: Array | bool = True) -> tuple[Array, Array, Array]:
     """Sum, sum of sizes, and error (see `teg.program`) of the values at Gauss nodes, (nodes, lanes), each (lanes,); where they are not
     known to be `smooth` no decay is counted on."""
     weights = np.array(gauss_legendre(nodes)[1])
-    rules = np.array(null_rules(nodes))
     total, size = weights @ values, weights @ np.abs(values)
-    found = np.abs(rules @ values)
-    a, b, c = (np.maximum(found[i], found[i + 1]) for i in (0, 2, 4))
-    tail = np.where(b > c, np.maximum(a, b), a)
-    last, before = a / b, b / c
-    ratio = np.maximum(last, before) * np.maximum(1.0, last / before) ** 3
-    ratio = np.maximum(ratio, (15.0 * ratio - 2.0) / 7.0)
-    growth = np.where((ratio < 1.0) & smooth, ratio, 1.0)
-    error = 4.0 * tail * powi(growth, decay_power(nodes))
-    return total, size, np.where(tail <= NOISE * size, 0.0, error)
+    return total, size, null_rule_error(np, nodes, np.array(null_rules(nodes)) @ values, size, smooth)
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,7 +279,7 @@ class MidpointIntegral(Integral):
 
     nodes: int = 1
 
-    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
+    def _rule(self, run: Run, places: Substitution, _: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
         p, q = places.p, places.q
         sums = np.zeros((self.results, p.size))
         self._count(run, p.size * self.nodes)
@@ -365,10 +327,10 @@ class AdaptiveIntegral(Integral):
     watched: int = 0
     guard: Guard | None = None
 
-    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Any], scale: Value) -> Substitution:
-        return substitution(p, q, base, bends, self.cubic, scale)
+    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Bend], scale: Value, cubic: bool = False) -> Substitution:
+        return Integral._places(self, p, q, base, bends, scale, self.cubic)
 
-    def _rule(self, run: Run, places: Substitution, values: Sequence[Value]) -> Array:
+    def _rule(self, run: Run, places: Substitution, _: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
         pieces = places.p.size
         sums = np.zeros((self.results, pieces))
         piece, left, width = np.arange(pieces), np.zeros(pieces), 1.0
@@ -388,7 +350,7 @@ class AdaptiveIntegral(Integral):
                 keep_largest(whole, piece, size)
             largest = whole[:, piece] if self.guard is None else above
             used += np.bincount(piece, minlength=pieces)
-            enough = np.maximum(self.tol * (largest + ABSOLUTE_FLOOR), ROUNDING * size)
+            enough = tolerated(np, self.tol, largest, size)
             fine = (error <= enough) | ~np.isfinite(error)
             accepted = np.where(changed, width <= WATCH_WIDTH, fine.all(axis=0))
             if self.guard is not None:
@@ -405,11 +367,10 @@ class AdaptiveIntegral(Integral):
             spent += scatter(np.where(changed, 0.0, error)[:, done], piece[done], pieces)
             sums[: self.values] += scatter(total[:, done], piece[done], pieces)
             if self.estimated:
-                estimate = error[:, done] + rounding(places.p, places.q)[piece[done]] * size[:, done]
+                estimate = error[:, done] + rounding(np, places.p, places.q)[piece[done]] * size[:, done]
                 sums[self.values :] += scatter(estimate, piece[done], pieces)
             if not again.any():
-                most = np.maximum(self.tol * (whole + ABSOLUTE_FLOOR), ROUNDING * whole)
-                run.missed |= bool((spent > SPENT * most).any())
+                run.missed |= bool((spent > SPENT * tolerated(np, self.tol, whole, whole)).any())
                 return sums
             if first:
                 piece, left, above, first = piece[again], left[again], above[:, again], False
@@ -464,7 +425,7 @@ class AdaptiveIntegral(Integral):
             index = piece[part]
             given = [gather(v, index) for v in values]
             here = places.part(index)
-            x, rate = here(left[part] + (0.5 * width) * (1.0 + at[:, None]))
+            x, rate = places_of(here, left[part] + (0.5 * width) * (1.0 + at[:, None]))
             rate *= 0.5 * width
             found = self.body(run, x, *given)
             for i, value in enumerate(found[: self.values]):
@@ -478,7 +439,7 @@ class AdaptiveIntegral(Integral):
                 row[:, part] = value
             if self.watched:
                 aside = Run(run.order, run.room)  # ties at the ends do not count
-                ends = here(np.array([left[part], left[part] + width]))[0]
+                ends = places_of(here, np.array([left[part], left[part] + width]))[0]
                 at_ends = self.body(aside, ends, *given)
                 run.evaluations += aside.evaluations
                 watched = slice(self.values, behind)

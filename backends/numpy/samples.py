@@ -10,10 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy.runtime import Array, Block, Run, Value, on_lanes, parts
-from teg.numerics.sobol import BITS, GAMMA, LOW_BITS, MIX, SCRAMBLE, key, replicated, reversed_directions
-
-Words = npt.NDArray[np.uint64]
-Halves = npt.NDArray[np.uint32]
+from teg.backends.shared.samples import coordinate
+from teg.numerics.sobol import replicated
 
 STRETCH = 2**14
 """Points that are made at a time."""
@@ -24,61 +22,14 @@ ABREAST = 64
 @lru_cache(maxsize=16)  # every chunk of a batch wants the same ones
 def points(kind: str, seed: int, dimensions: int, count: int, first: int, last: int) -> npt.NDArray[np.float64]:
     """The coordinates of points first … last - 1 of a rule, (dimensions, last - first), in (0, 1): replicate after replicate."""
-    replicates, each = replicated(kind, count)
+    _, each = replicated(kind, count)
     numbers = np.arange(first, last, dtype=np.uint64)
     found = np.empty((dimensions, numbers.size))
     replicate, index = np.divmod(numbers, np.uint64(each))
     for d in range(dimensions):
-        keys = np.array([key(seed, r, d) for r in range(replicates)], dtype=np.uint64)[replicate]
-        found[d] = random_coordinate(keys, index) if kind == "montecarlo" else sobol_coordinate(keys, index, d)
+        found[d] = coordinate(np, kind, seed, d, count, replicate, index)
     found.flags.writeable = False
     return found
-
-
-def mix(z: Words) -> Words:
-    """64 bits well mixed, of each."""
-    for shift, factor in MIX:
-        z = (z ^ z >> np.uint64(shift)) * np.uint64(factor)
-    return z
-
-
-def random_coordinate(keys: Words, index: Words) -> npt.NDArray[np.float64]:
-    """Coordinates of pseudo-random points."""
-    return _unit(mix(keys + index * np.uint64(GAMMA)) >> np.uint64(12))
-
-
-def sobol_coordinate(keys: Words, index: Words, dimension: int) -> npt.NDArray[np.float64]:
-    """Coordinates of scrambled Sobol' points."""
-    gray = (index ^ index >> np.uint64(1)).astype(np.uint32)
-    x = np.zeros(index.shape, np.uint32)
-    columns = reversed_directions(dimension)
-    for j in range(min(BITS, int(gray.max(initial=0)).bit_length())):
-        x ^= (gray >> np.uint32(j) & np.uint32(1)) * np.uint32(columns[j])
-    y = _reverse(_scramble(x, keys)).astype(np.uint64)
-    low = mix(keys + y * np.uint64(GAMMA)) >> np.uint64(64 - LOW_BITS)
-    return _unit(y << np.uint64(LOW_BITS) | low)
-
-
-def _unit(cell: Words) -> npt.NDArray[np.float64]:
-    """The centre of a cell of width 2⁻⁵²."""
-    return (2 * cell + 1).astype(np.float64) * 2.0**-53
-
-
-def _scramble(x: Halves, keys: Words) -> Halves:
-    """A nested uniform scramble of reversed bits."""
-    before, *after = SCRAMBLE
-    x = x ^ x * np.uint32(before)
-    x = (x + keys.astype(np.uint32)) * ((keys >> np.uint64(32)).astype(np.uint32) | np.uint32(1))
-    for factor in after:
-        x = x ^ x * np.uint32(factor)
-    return x
-
-
-def _reverse(x: Halves) -> Halves:
-    """32 bits in reverse: halves, then quarters of them, and so on, change places."""
-    for shift, mask in ((16, 0x0000FFFF), (8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
-        x = (x >> np.uint32(shift) & np.uint32(mask)) | (x & np.uint32(mask)) << np.uint32(shift)
-    return x
 
 
 @dataclass(frozen=True, slots=True)

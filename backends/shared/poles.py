@@ -1,16 +1,39 @@
-"""Weights of Gauss nodes for rational integrands with one pole, by NumPy or JAX: `Rational` of `teg.program`."""
+"""Integrals of rational functions with one pole, for NumPy and JAX: `Rational` of `teg.program`."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from teg.numerics.quadrature import gauss_legendre, pole_table
+from teg.program import EDGE, POLE
+
+
+class Pole(NamedTuple):
+    """The values `low` and `high` of D at the ends of pieces; whether the pole is `clear` of a piece, or `met` there; and the part of an
+    integral of |values| that is lost because D is known to rounding only."""
+
+    low: Any
+    high: Any
+    clear: Any
+    met: Any
+    loss: Any
+
+
+def pole_at(xp: Any, power: int, p: Any, q: Any, base: Any, c0: Any, c1: Any, when: Any) -> Pole:
+    """The pole of D = c0 + c1·(v - base), to a power, and pieces (p, q) where it counts `when`."""
+    first, last = p - base, q - base
+    low, high = c0 + c1 * first, c0 + c1 * last
+    counts = when & xp.isfinite(c0) & xp.isfinite(c1)
+    least = xp.minimum(xp.abs(low), xp.abs(high))
+    clear = counts & (low * high > 0.0) & (least > POLE * xp.maximum(xp.abs(p), xp.abs(q)) * xp.abs(c1))
+    size = xp.abs(c0) + xp.abs(c1) * xp.maximum(xp.abs(first), xp.abs(last))
+    return Pole(low, high, clear, counts & ~clear, xp.where(clear, power * EDGE * size / least, 0.0))
 
 
 def pole_weights(xp: Any, nodes: int, power: int, low: Any, high: Any) -> Any:
     """The weights for polynomials over a power of a function that goes from low to high, (nodes, …) for low and high of shape (…).
 
-    `xp` is numpy or jax.numpy. Moments of 1/(1 + zu)^m: downwards from a series for small z, upwards from a logarithm else.
+    Moments of 1/(1 + zu)^m: downwards from a series for small z, upwards from a logarithm else.
     """
     table, at = pole_table(nodes, power), gauss_legendre(nodes)[0]
     z = (high - low) / (high + low)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import teg
-from teg.evaluator.compile import Evaluator
+from teg.evaluator.evaluator import Evaluator
 from teg.ir.expr import Expr, Param, as_number
 
 GIVEN = ("duration", "start", "end", "speed", "room", "mass", "gravity")

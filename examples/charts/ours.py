@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import teg
-from teg.evaluator.compile import Evaluator
+from teg.evaluator.evaluator import Evaluator
 from teg.examples.charts.problem import Problem, expression
 
 BATCH = 256

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import teg
-from teg.evaluator.compile import Evaluator
+from teg.evaluator.evaluator import Evaluator
 from teg.ir.expr import Cond, Expr, Param, Var
 
 CORNERS = ("top_left", "top_right", "bottom_left", "bottom_right")

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import teg
-from teg.evaluator.compile import Evaluator
+from teg.evaluator.evaluator import Evaluator
 from teg.ir.expr import Cond, Expr
 from teg.ir.index import Index
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import TypeVar, cast
 
 from teg.analysis.calculus import slope
@@ -15,6 +16,8 @@ from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, rebuild, substitute
 
 N = TypeVar("N", bound=Node)
+KEPT = 256
+"""Bodies that are remembered: every application of a function asks for the same ones."""
 
 
 def write_all_out(e: N) -> N:
@@ -51,9 +54,7 @@ def with_peaks_outside(node: Apply, children: tuple[Node, ...]) -> Expr | None:
     function = cast(Function, node.callee)
     if any(node.derivative):
         return None
-    if "peaks" not in function.kept:
-        function.kept["peaks"] = _without_peaks(function)
-    outer, exponents = cast("tuple[Function, list[Function]]", function.kept["peaks"])
+    outer, exponents = _without_peaks(function)
     inputs: dict[Expr, Node] = dict(zip(function.inputs, children, strict=True))
     none = (0,) * max(f.arity for f in (outer, *exponents))
     for formal, q in zip(outer.formals[function.formal :], exponents, strict=True):
@@ -61,6 +62,7 @@ def with_peaks_outside(node: Apply, children: tuple[Node, ...]) -> Expr | None:
     return Apply.make((outer, none[: outer.arity]), tuple(inputs[p] for p in outer.inputs))
 
 
+@lru_cache(maxsize=KEPT)
 def _without_peaks(function: Function) -> tuple[Function, list[Function]]:
     """Returns a function with one more argument for each exponential of a quadratic polynomial, and the exponents as functions."""
     body = write_all_out(function.body)
@@ -77,16 +79,14 @@ def _without_peaks(function: Function) -> tuple[Function, list[Function]]:
     return Function.make((function.title, (*function.formals, *formals), function.inline), (outer,)), exponents
 
 
+@lru_cache(maxsize=KEPT)
 def body_of(function: Function, derivative: tuple[int, ...]) -> tuple[tuple[Var, ...], Expr]:
-    """Returns the inputs of a derivative as variables, and its body. The body is computed once, from that of one order less."""
-    if ("body", derivative) not in function.kept:
-        if not any(derivative):
-            function.kept["body", derivative] = _in_variables(function)
-        else:
-            i = max(j for j, k in enumerate(derivative) if k)
-            variables, lower = body_of(function, (*derivative[:i], derivative[i] - 1, *derivative[i + 1 :]))
-            function.kept["body", derivative] = variables, slope(lower, variables[i])
-    return cast("tuple[tuple[Var, ...], Expr]", function.kept["body", derivative])
+    """Returns the inputs of a derivative as variables, and its body, computed from that of one order less."""
+    if not any(derivative):
+        return _in_variables(function)
+    i = max(j for j, k in enumerate(derivative) if k)
+    variables, lower = body_of(function, (*derivative[:i], derivative[i] - 1, *derivative[i + 1 :]))
+    return variables, slope(lower, variables[i])
 
 
 def _in_variables(function: Function) -> tuple[tuple[Var, ...], Expr]:

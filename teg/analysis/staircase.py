@@ -35,6 +35,7 @@ from teg.ir.expr import (
     Mul,
     Param,
     Pow,
+    UncountedFloor,
     Var,
     Where,
     add,
@@ -107,20 +108,7 @@ class Steps:
 
 def is_step(node: Node) -> bool:
     """Returns whether a node is a floor with variables in it whose steps may be counted."""
-    return isinstance(node, Call) and node.name == "floor" and bool(node.free) and not is_uncounted(node)
-
-
-def is_uncounted(node: Node) -> bool:
-    """Returns whether a node is a floor made by `uncounted`."""
-    if not (isinstance(node, Call) and node.name == "floor" and isinstance(node.children[0], Call)):
-        return False
-    inner = node.children[0]
-    return inner.name == "max" and inner.children[0] is inner.children[1]
-
-
-def uncounted(u: Expr) -> Expr:
-    """Returns floor(u) for a u with too many steps, written floor(max(u, u)), which marks it as not to be counted again."""
-    return call("floor", call("max", u, u))
+    return isinstance(node, Call) and node.name == "floor" and bool(node.free) and not isinstance(node, UncountedFloor)
 
 
 def with_floors(root: Expr) -> Expr:

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration
 from teg.errors import ArrayIndexError, MissingPackageError, OptionError, ParameterError
+from teg.evaluator.arguments import batch_shape
 from teg.evaluator.framework import (
+    KEPT,
     FrameworkFunction,
     Parameter,
-    batch_shape,
     check_entries,
     checked_expression,
-    dimensions_of,
     nested,
 )
-from teg.evaluator.kernels import DerivativeKernels
+from teg.evaluator.kernels import DerivativeKernels, dimensions_of
 from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.evaluator.plan import Kept, Plan
 from teg.ir.expr import Expr, Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.passes.differentiate.through_sums import parameters_and_arrays
@@ -98,7 +99,7 @@ class TorchFunction(FrameworkFunction):
     def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options, dtype: str | None, indices: Mapping[Any, Any]) -> None:
         _import_torch()
         super().__init__(e, wrt, options, dtype, indices)
-        self._compiled: dict[Hashable, DerivativeKernels] = {}
+        self._compiled: Kept[Plan, DerivativeKernels] = Kept(KEPT)
         if self._plan is not None:
             self._kernels_of(self._plan)
 
@@ -124,8 +125,8 @@ class TorchFunction(FrameworkFunction):
         found = backend.values(kernels, call.front, call.dtype, call.operands)
         return nested(self.expression, iter([v.to(call.device) for v in found]))
 
-    def _kernels_of(self, plan: Any) -> DerivativeKernels:
-        return self._kept(self._compiled, id(plan), lambda: DerivativeKernels(plan))
+    def _kernels_of(self, plan: Plan) -> DerivativeKernels:
+        return self._compiled.get(plan, lambda: DerivativeKernels(plan))
 
     def _arguments(self, given: Mapping[str, Any]) -> _Call:
         """Returns the arguments of a call in the form of `teg.backends.torch.derivative`: on the CPU, of one type, with the batch's axes in
@@ -138,7 +139,7 @@ class TorchFunction(FrameworkFunction):
         dtype = getattr(torch, self._dtype) if self._dtype else _common_type(real)
         device = _common_device([v for v, _ in real])
         fronts = [tuple(v.shape[: v.ndim - dimensions_of(p)]) for p, v in zip(names, tensors, strict=True)]
-        batch = batch_shape(names, fronts)
+        batch = batch_shape([p.name for p in names], fronts)
         operands = []
         for i, (p, v, front) in enumerate(zip(names, tensors, fronts, strict=True)):
             kind = torch.int64 if isinstance(p, IndexArray) else dtype if i < len(self._leaves) else torch.float64

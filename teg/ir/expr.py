@@ -211,6 +211,12 @@ class Call(Expr):
         return self.data  # type: ignore[no-any-return]
 
 
+class UncountedFloor(Call):
+    """floor(u) with more steps than are written out one by one."""
+
+    __slots__ = ()
+
+
 class Where(Expr):
     """`then` where the condition holds, else `otherwise`. The other value never matters, even if it is NaN."""
 
@@ -618,6 +624,12 @@ def call(name: str, *arguments: Expr) -> Expr:
             "a delta may only be added and multiplied",
         )
     return Call.make(name, arguments)
+
+
+def uncounted_floor(u: Expr) -> Expr:
+    """floor(u) whose steps are not written out; of a number a number."""
+    e = call("floor", u)
+    return UncountedFloor.make("floor", (u,)) if isinstance(e, Call) else e
 
 
 def _into_branches(outer: Where, f: Callable[[Expr], Expr]) -> Expr:

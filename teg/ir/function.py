@@ -62,15 +62,11 @@ class Slot(Node):
 
 
 class Function(Node):
-    """A function of the language. Data are (name, formals, inline), the child is the body. Call it with one argument for each formal.
+    """A function of the language; data is (name, formals, inline), the child is the body. Call it with one argument a formal."""
 
-    Derived data (bodies of derivatives, their programs) are kept in `kept`, and live as long as the function does.
-    """
-
-    __slots__ = ("_facts", "_kept")
+    __slots__ = ("_facts",)
 
     _facts: _Facts
-    _kept: dict[Any, Any]
 
     @property
     def title(self) -> str:
@@ -111,12 +107,6 @@ class Function(Node):
         if not hasattr(self, "_facts"):
             object.__setattr__(self, "_facts", _Facts(self))
         return self._facts
-
-    @property
-    def kept(self) -> dict[Any, Any]:
-        if not hasattr(self, "_kept"):
-            object.__setattr__(self, "_kept", {})
-        return self._kept
 
     @property
     def obstacle(self) -> str:

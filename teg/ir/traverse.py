@@ -22,6 +22,7 @@ from teg.ir.expr import (
     Pow,
     Truth,
     Tuple,
+    UncountedFloor,
     Var,
     Where,
 )
@@ -62,6 +63,8 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
             return Apply.make(node.data, c)
         case Border():
             return Border.make(node.data, c)
+        case UncountedFloor():
+            return ex.uncounted_floor(*c)
         case Call():
             return ex.call(node.name, *c)
         case Where():

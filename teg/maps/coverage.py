@@ -5,17 +5,15 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from teg.analysis.evaluate import values_of
-from teg.analysis.nest import Binder, Chain
+from teg.analysis.nest import Chain
 from teg.ir.expr import Const, Expr, Param, Var
-from teg.ir.integral import Integral
-from teg.ir.node import Node
 from teg.ir.traverse import parameters
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.maps.verification import BATCH_SAMPLES, SAMPLES, SAMPLES_A_CALL, TOLERANCE, TRIALS, Samples, halton, hold
+from teg.maps.verification import SAMPLES, TOLERANCE, TRIALS, Samples, halton, hold
 
 if TYPE_CHECKING:
     import numpy as np
@@ -161,78 +159,3 @@ def _places(count: int, dimensions: int) -> np.ndarray:
         return inside
     corners = np.array(list(itertools.product((NEAR_END, 1.0 - NEAR_END), repeat=dimensions)))
     return np.concatenate([inside, corners])
-
-
-def nests_over(e: Expr, variables: Sequence[Var]) -> list[tuple[Chain, Expr]]:
-    """Returns the nests of integrals that bind all these variables, from the outermost of the program inwards, and their integrands."""
-    wanted = set(variables)
-    nests: dict[tuple[Chain, Expr], None] = {}
-    seen: set[tuple[Node, frozenset[Var]]] = set()
-    stack: list[tuple[Node, Chain]] = [(e, ())]
-    while stack:
-        node, chain = stack.pop()
-        key = (node, frozenset(b.var for b in chain) & wanted)
-        if not node.has_integral or key in seen:
-            continue
-        seen.add(key)
-        if isinstance(node, Integral):
-            stack += [(node.lo, chain), (node.hi, chain)]
-            inner = (*chain, Binder(node.var, node.lo, node.hi))
-            if wanted <= {b.var for b in inner}:
-                nests[inner, node.body] = None
-            else:
-                stack.append((node.body, inner))
-        else:
-            stack.extend((c, chain) for c in node.children)
-    return list(nests)
-
-
-class _Case(NamedTuple):
-    """A map with the nests that it, or its inverse, applies to; its parameters and those of the bounds; and these with the integrand's."""
-
-    map: Diffeomorphism
-    nests: list[tuple[Diffeomorphism, Chain, Expr]]
-    deciding: list[Param]
-    every: list[Param]
-
-
-class MapChecks:
-    """The maps of a compiled program, verified for the parameter values of each call. The last verified values are not verified again."""
-
-    def __init__(self, e: Expr, maps: Sequence[Diffeomorphism]) -> None:
-        self.cases: list[_Case] = []
-        for m in maps:
-            nests = [(way, *found) for way in (m, m.inverse_map()) for found in nests_over(e, way.old)]
-            ends = parameters(*(end for _, chain, _ in nests for b in chain for end in (b.lo, b.hi)))
-            deciding = list(dict.fromkeys([*m.parameters, *ends]))
-            every = list(dict.fromkeys([*deciding, *parameters(*(body for _, _, body in nests))]))
-            self.cases.append(_Case(m, nests, deciding, every))
-        self.verified: dict[int, object] = {}
-        self.looked_at: set[int] = set()  # maps that had their first, closer check
-
-    def run(self, values: Mapping[str, Any]) -> None:
-        """Checks the maps at parameter values: arrays of shape () or (n,).
-
-        Raises DiffeomorphismError if a map is not a diffeomorphism, or does not reach a nest.
-        """
-        import numpy as np
-
-        for i, case in enumerate(self.cases):
-            n = max((len(values[p.name]) for p in case.every if values[p.name].ndim), default=1)
-            chosen = np.unique(np.linspace(0, n - 1, min(n, BATCH_SAMPLES)).astype(int)) if n else np.zeros(0, dtype=int)
-            columns = {p: np.broadcast_to(values[p.name], (n,))[chosen] for p in case.every}
-            key = tuple(columns[p].tobytes() for p in case.deciding)
-            if self.verified.get(i) == key:
-                continue
-            numbers = np.ones(len(chosen), dtype=bool)  # NaN in gives NaN out, and no error
-            for column in columns.values():
-                numbers &= np.isfinite(column)
-            if not numbers.any():
-                continue
-            at = {p: column[numbers] for p, column in columns.items()}
-            case.map.verify({p: at[p] for p in case.map.parameters}, SAMPLES_A_CALL)
-            samples, rounds = (SAMPLES_LATER, 0) if i in self.looked_at else (SAMPLES_ONCE, ROUNDS)
-            reached = [verify_covered(chain, way, at, samples, body, rounds) for way, chain, body in case.nests]
-            self.looked_at.add(i)
-            if all(reached) and numbers.all():
-                self.verified[i] = key

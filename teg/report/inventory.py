@@ -10,13 +10,13 @@ from teg.analysis.jumps import jump, vanishes_on
 from teg.analysis.nest import Binder
 from teg.analysis.polynomial import P, Point, Shadow, divided, residue
 from teg.analysis.roots import solve
-from teg.analysis.staircase import is_step, is_uncounted, with_floors
+from teg.analysis.staircase import is_step, with_floors
 from teg.analysis.surfaces import atoms_of, binders_inside, owned_surfaces
-from teg.ir.expr import ONE, ZERO, Call, Compare, Expr, Param, Tuple, Var, call, tuple_of, where
+from teg.ir.expr import ONE, ZERO, Call, Compare, Expr, Param, Tuple, UncountedFloor, Var, tuple_of, where
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
-from teg.ir.traverse import parameters, rename_apart, rewrite, substitute
+from teg.ir.traverse import parameters, rename_apart, substitute
 from teg.passes.eliminate.affine import Affine
 from teg.passes.eliminate.bilinear import Bilinear
 from teg.passes.eliminate.families import Families, find_family
@@ -41,15 +41,8 @@ def text_of(e: Expr) -> str:
     long = f"an expression of {len(order)} nodes"
     if len(order) > LARGEST:
         return long
-    if any(is_uncounted(n) for n in order):
-        e = cast(Expr, rewrite([e], lambda _, new: _as_written(new) if is_uncounted(new) else new)[e])
     text = show(e, LONGEST)
     return text if "\n" not in text else long
-
-
-def _as_written(floor: Node) -> Expr:
-    """floor(max(u, u)), by which the compiler marks a floor whose steps it does not count, as floor(u)."""
-    return call("floor", cast(Expr, floor.children[0].children[0]))
 
 
 def nests(root: Node) -> dict[Node, Nest]:
@@ -126,7 +119,7 @@ class Inventory:
         if not self._moves(g):
             what = "no parameter" if not parameters(g) else "no parameter that is differentiated by"
             return entry_of(g, owner, "fixed", f"does not move: {what} in it")
-        if any(is_uncounted(n) for n in postorder([g])):
+        if any(isinstance(n, UncountedFloor) for n in postorder([g])):
             return entry_of(g, owner, "uncounted", "beyond the steps that are counted: the value is right, derivatives are NaN")
         j = jump(node.body, g)
         if j is ZERO or vanishes_on(j, g):

@@ -20,10 +20,7 @@ from teg.backends.c.text import literal
 from teg.program import Program
 from tests.backends.programs import Case, columns, expected
 
-in_c = [
-    pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler"),
-    pytest.mark.usefixtures("one_cache"),
-]
+in_c = [pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")]
 """The marks of a module of tests that compile C."""
 
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wshadow", "-Werror", "-pedantic"]

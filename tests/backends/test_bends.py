@@ -42,7 +42,6 @@ from tests.backends.c_checks import (
 )
 from tests.backends.programs import CASES, TIGHT, Case, columns, expected, integrate, let, program
 
-pytestmark = pytest.mark.usefixtures("one_cache")
 needs_c = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
 QUICK = (*(PLACES[i][0] for i in (0, 2, 6, 7)), TWO_BENDS, TAILS[0], MISSED[1])
 """Those that JAX compiles in the quick run."""

@@ -14,16 +14,17 @@ from pathlib import Path
 import pytest
 
 from teg.backends.c import build as c_build
-from teg.errors import CompilerError
+from teg.backends.c import cache as c_cache
+from teg.errors import CompilerError, OptionError
 
 pytestmark = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
 ROOT = Path(__file__).resolve().parents[2]
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="POSIX")
 SCRIPT = """
-import sys, teg.backends.c.build as c_build
+import sys, teg.backends.c.build as c_build, teg.backends.c.cache as c_cache
 for k in map(int, sys.argv[1].split(",")):
     assert c_build.load_library("int answer(void) { return %d; }" % k).answer() == k
-print(c_build.cache_folder())
+print(c_cache.cache_folder())
 """
 
 
@@ -36,7 +37,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def entries(cache: Path) -> list[Path]:
-    return sorted(cache.glob("*/*" + c_build.SUFFIX))
+    return sorted(cache.glob("*/*" + c_cache.SUFFIX))
 
 
 def answer(number: int) -> int:
@@ -112,16 +113,16 @@ def test_a_damaged_entry_is_rebuilt(cache: Path, damage: str) -> None:
     entry.write_bytes({"empty": b"", "text": b"not a library", "half": whole[:middle], "one byte": changed}[damage])
     run()
     (entry,) = entries(cache)
-    assert c_build._digest(entry) == entry.stem
+    assert c_cache.digest_of(entry) == entry.stem
 
 
 def test_an_entry_of_the_right_digest_that_cannot_be_loaded_is_rebuilt(cache: Path) -> None:
     run()
     (entry,) = entries(cache)
     entry.unlink()
-    fake = entry.with_name("fake" + c_build.SUFFIX)
+    fake = entry.with_name("fake" + c_cache.SUFFIX)
     fake.write_bytes(b"not a library")
-    fake.rename(entry.with_name(c_build._digest(fake) + c_build.SUFFIX))
+    fake.rename(entry.with_name(c_cache.digest_of(fake) + c_cache.SUFFIX))
     run()
     assert [path.name for path in entries(cache)] == [entry.name]
 
@@ -134,7 +135,7 @@ def test_what_a_killed_build_left_is_removed_after_a_day(cache: Path) -> None:
     for folder in (old, new):
         folder.mkdir()
         (folder / "kernel.c").touch()
-    os.utime(old, (time.time() - 2 * c_build.ABANDONED,) * 2)
+    os.utime(old, (time.time() - 2 * c_cache.ABANDONED,) * 2)
     answer(3)
     assert not old.exists()
     assert new.exists()
@@ -149,7 +150,7 @@ def test_processes_that_build_the_same_at_once_share_it(cache: Path) -> None:
     assert [process.wait() for process in running] == [0] * 4
     assert len(list(cache.iterdir())) == 3
     assert not list(cache.glob("*/build-*"))
-    assert {c_build._digest(entry) for entry in entries(cache)} == {entry.stem for entry in entries(cache)}
+    assert {c_cache.digest_of(entry) for entry in entries(cache)} == {entry.stem for entry in entries(cache)}
 
 
 @POSIX
@@ -168,7 +169,67 @@ def test_two_builds_that_end_at_the_same_time_leave_one_whole_entry(cache: Path,
     assert [process.wait() for process in running] == [0, 0]
     assert len(list(meeting.iterdir())) == 2
     assert len(entries(cache)) == 1
-    assert c_build._digest(entries(cache)[0]) == entries(cache)[0].stem
+    assert c_cache.digest_of(entries(cache)[0]) == entries(cache)[0].stem
+
+
+# What is removed
+
+
+def aged(path: Path, hours: float) -> float:
+    """Make an entry one that was used so long ago; its size in MB."""
+    then = time.time() - 3600 * hours
+    os.utime(path, (then, then))
+    return path.stat().st_size / c_cache.MEGABYTE
+
+
+def made(cache: Path, number: int) -> Path:
+    """The entry of a new library."""
+    before = set(entries(cache))
+    assert answer(number) == number
+    (new,) = set(entries(cache)) - before
+    return new
+
+
+def test_what_was_used_longest_ago_is_removed(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second, third = (made(cache, number) for number in (1, 2, 3))
+    sizes = [aged(path, hours) for path, hours in ((first, 5), (second, 4), (third, 3))]
+    assert answer(1) == 1  # which makes it the one used last
+    monkeypatch.setenv("TEG_CACHE_SIZE", str(sum(sizes) + 0.5 * sizes[0]))
+    fourth = made(cache, 4)
+    assert set(entries(cache)) == {first, third, fourth}
+    assert not second.parent.exists()
+    assert answer(2) == 2
+
+
+def test_what_may_be_in_use_is_kept(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEG_CACHE_SIZE", "0")
+    first, second = made(cache, 1), made(cache, 2)
+    assert entries(cache) == sorted([first, second])
+    aged(first, 1)
+    third = made(cache, 3)
+    assert entries(cache) == sorted([second, third])
+
+
+def test_objects_count_and_other_files_are_left_alone(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    c_build.load_linked("int f(void); int g(void) { return f(); }", ["int f(void) { return 7; }"], "int h;", optimise=("-O1",))
+    assert {entry.path.suffix for entry in c_cache.entries_of(cache)} == {c_cache.SUFFIX, c_cache.OBJECT}
+    for entry in c_cache.entries_of(cache):
+        aged(entry.path, 1)
+    (cache / "notes").mkdir()
+    (cache / "notes" / "mine.o").touch()
+    monkeypatch.setenv("TEG_CACHE_SIZE", "0")
+    last = made(cache, 1)
+    assert [entry.path for entry in c_cache.entries_of(cache)] == [last]
+    assert [entry.path for entry in c_cache.clear(cache)] == [last]
+    assert [path.name for path in cache.iterdir()] == ["notes"]
+    assert (cache / "notes" / "mine.o").exists()
+
+
+@pytest.mark.parametrize("size", ["many", "-1", "nan"])
+def test_a_size_that_is_none_is_named(size: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TEG_CACHE_SIZE", size)
+    with pytest.raises(OptionError, match="TEG_CACHE_SIZE"):
+        c_cache.size_limit()
 
 
 # Where nothing can be kept
@@ -203,7 +264,7 @@ def test_a_folder_that_others_can_write_is_not_used(cache: Path, mode: int) -> N
     cache.chmod(mode)
     assert answer(4) == 4
     assert not list(cache.iterdir())
-    assert stat.S_IMODE(c_build.cache_folder().stat().st_mode) == 0o700
+    assert stat.S_IMODE(c_cache.cache_folder().stat().st_mode) == 0o700
 
 
 @POSIX

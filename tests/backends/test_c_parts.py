@@ -107,7 +107,9 @@ SCENE = {scene.name: scene for scene in SCENES}
 
 def program_of(scene: Scene, errors: bool = False) -> Program:
     f = teg.compile(scene.build(), backend="numpy", rule=scene.rule, order=scene.order)
-    return f._derived.program(scene.orders, errors=True) if errors else f.program(scene.orders)
+    program = f.program(scene.orders, errors)
+    assert isinstance(program, Program)
+    return program
 
 
 def has(program: Program, kind: type | tuple[type, type]) -> bool:

@@ -55,7 +55,10 @@ CASES = (
     Case("a hyperbola", teg.integral(teg.bracket(x * y < t) * (a + x), *unit), 0.3, 0.7),
     Case("two roots", teg.integral(teg.bracket(x * x + a * x < t) * teg.exp(x), (x, -2, 1)), 0.5, 1.1),
 )
-EVERY = [pytest.param(c, marks=[] if c.fast else [pytest.mark.slow], id=c.name) for c in CASES]
+BY_XLA = {"a half-plane": False, "a kink": True, "a step at an integral": True, "a hyperbola": True}
+"""Whether it is slow as a program of XLA."""
+EVERY = [pytest.param(c, "c", marks=[] if c.fast else [pytest.mark.slow], id=f"{c.name}-c") for c in CASES]
+EVERY += [pytest.param(c, "xla", marks=[pytest.mark.slow] if BY_XLA[c.name] else [], id=f"{c.name}-xla") for c in CASES if c.name in BY_XLA]
 x64 = pytest.mark.usefixtures("x64")
 
 
@@ -63,9 +66,9 @@ def close(found: Any, wanted: Any, tolerance: float = 1e-12) -> None:
     np.testing.assert_allclose(found, wanted, rtol=tolerance, atol=tolerance)
 
 
-def transformations(case: Case, tolerance: float) -> None:
+def transformations(case: Case, tolerance: float, kernel: str = "auto") -> None:
     """Value, gradient, Hessian, and both along a batch, in one compilation."""
-    f, exact = teg.jax_function(case.e, [t, a]), teg.compile(case.e, [t, a], backend=EXACT)
+    f, exact = teg.jax_function(case.e, [t, a], kernel=kernel), teg.compile(case.e, [t, a], backend=EXACT)
     at, many = {"t": case.t, "a": case.a}, case.t + 0.01 * np.arange(3)
 
     @jax.jit
@@ -86,9 +89,9 @@ def transformations(case: Case, tolerance: float) -> None:
 
 
 @x64
-@pytest.mark.parametrize("case", EVERY)
-def test_against_c(case: Case) -> None:
-    transformations(case, 1e-12)
+@pytest.mark.parametrize(("case", "kernel"), EVERY)
+def test_against_c(case: Case, kernel: str) -> None:
+    transformations(case, 1e-12, "auto" if kernel == "c" else kernel)
 
 
 @pytest.mark.slow

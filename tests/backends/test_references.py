@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from math import inf
+
+import numpy as np
 import pytest
 
 import teg
+from teg.backends.c import kernel
 from tests.references import REFERENCES, Reference
 
 KNOWN = REFERENCES
@@ -69,6 +73,18 @@ def test_numpy(reference: Reference) -> None:
 @pytest.mark.parametrize("reference", [r for r in KNOWN if "slow" not in r.tags], ids=name)
 def test_c(reference: Reference) -> None:
     check(reference, compiled(reference, "c"), hessian=reference.id in HESSIANS_FAST)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reference", [r for r in KNOWN if "slow" not in r.tags][::8], ids=name)
+def test_flags_of_the_c_compiler_change_no_bit(reference: Reference, monkeypatch: pytest.MonkeyPatch) -> None:
+    program = compiled(reference, "numpy").program(1)
+    columns = [np.array([reference.params[k]]) for k in program.parameters]
+    results = []
+    for flag in ("-O0", "-O1", "-O3"):
+        monkeypatch.setattr(kernel, "OPTIMISATION", ((inf, (flag,)),))
+        results.append(kernel.compile_c(program)(columns, 1).tobytes())
+    assert results == [results[0]] * 3
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ from tests.backends.c_checks import in_c, text_compiles_without_warnings
 from tests.backends.programs import Case
 from tests.bench.scenes import bilinear_pixel, half_planes, picture, triangle_pixel
 
-pytestmark = [*in_c, pytest.mark.filterwarnings("error")]
+pytestmark = [*in_c, pytest.mark.usefixtures("as_users_compile"), pytest.mark.filterwarnings("error")]
 
 Array = npt.NDArray[np.float64]
 x, y = teg.vars("x y")

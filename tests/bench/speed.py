@@ -19,7 +19,7 @@ from teg.analysis.settings import Integration
 from teg.backends.c.build import BASE_FLAGS, NATIVE, find_compiler, load_library
 from teg.backends.c.kernel import optimisation
 from teg.backends.c.standalone import standalone_c
-from teg.evaluator.compile import Evaluator
+from teg.evaluator.evaluator import Evaluator
 from teg.ir.traverse import parameters
 from teg.pipeline import compiled_outputs, flatten, program_for
 from tests.bench.handwritten import FUNCTIONS, BilinearPixels, Picture, Triangles, address

@@ -13,10 +13,11 @@ import pytest
 
 import teg
 from teg.analysis.places import linear_places
-from teg.analysis.staircase import Box, Range, count_steps, is_step, is_uncounted
+from teg.analysis.staircase import Box, Range, count_steps, is_step
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
 from teg.evaluator.accuracy import AccuracyWarning
+from teg.ir.expr import UncountedFloor, call
 from teg.ir.node import postorder
 from teg.passes.normalise.steps import enumerate_steps
 from teg.pipeline import compiled_outputs, normal_form
@@ -568,8 +569,15 @@ def test_a_branch_that_is_not_taken_needs_no_steps() -> None:
 
 def test_what_stays_a_floor_is_left_alone() -> None:
     once = normal_form(INT(teg.floor(x * t), (x, 0, 1)))
-    assert sum(is_uncounted(n) for n in postorder([once])) == 1
+    assert sum(isinstance(n, UncountedFloor) for n in postorder([once])) == 1
     assert normal_form(once) is once
+
+
+def test_a_floor_of_a_maximum_is_one_like_any_other() -> None:
+    u = 3 * x + t
+    f, same = (teg.compile(INT(teg.floor(v) * x, (x, 0, 1)), [t]) for v in (u, call("max", u, u)))
+    assert same(t=0.3) == pytest.approx(f(t=0.3), rel=1e-13)
+    assert same.grad(t=0.3)["t"] == pytest.approx(f.grad(t=0.3)["t"], rel=1e-13)
 
 
 @pytest.mark.parametrize(

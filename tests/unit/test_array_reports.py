@@ -357,7 +357,7 @@ def test_the_rest(backend: str) -> None:
     f = evaluator(CUT, backend)
     copy = pickle.loads(pickle.dumps(f))
     assert copy(given(f)) == f(given(f)) == teg.evaluate(CUT, {V: HERE["V"], F: HERE["F"], t: 2.0}, backend=backend)
-    assert repr(f).startswith("<teg.ArrayEvaluator(V, t, F) of Σ[k: 0..length(F, 0)]")
+    assert repr(f).startswith("<teg.Evaluator(V, t, F) of Σ[k: 0..length(F, 0)]")
     assert len(f.source) > 500
     assert f.dimensions == {"V": 2, "t": 0, "F": 2}
 

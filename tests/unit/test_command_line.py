@@ -140,3 +140,28 @@ def test_importing_loads_no_optional_package() -> None:
     heavy = ["matplotlib", "skimage", "PIL", "scipy", "jax", "sympy", "tqdm"]
     check = f"import sys, teg.__main__; print([m for m in {heavy} if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+@pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
+def test_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    from teg.backends.c.build import load_library
+
+    monkeypatch.setenv("TEG_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("TEG_CACHE_SIZE", "20")
+    load_library("int f(void) { return 1; }")
+    assert main(["cache", "info"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith(f"{tmp_path}: 1 compiled file, 0.0 MB of at most 20 MB")
+    assert main(["cache", "clear"]) == 0
+    assert capsys.readouterr().out.startswith(f"{tmp_path}: removed 1 compiled file")
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setenv("TEG_CACHE_SIZE", "large")
+    assert main(["cache", "info"]) == 2
+    assert "TEG_CACHE_SIZE" in capsys.readouterr().err
+
+
+def test_an_integral_that_does_not_converge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "endless.py"
+    path.write_text("import teg\nx = teg.var('x')\nteg.evaluate(teg.integral(1 / x**2, (x, 0, 1)), {}, inaccurate='raise')\n")
+    assert main(["explain", str(path)]) == 3
+    assert "error" in capsys.readouterr().err

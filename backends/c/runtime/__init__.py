@@ -1,12 +1,12 @@
-"""What a kernel needs of teg_runtime.h: its paragraphs and its numbered constants, no more of them than are used."""
+"""What a kernel needs of the headers beside this file: their units and numbered constants, no more of them than are used."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+from teg.backends.c.text import identifiers
 from teg.program import (
     ABSOLUTE_FLOOR,
     DEEP,
@@ -102,32 +102,31 @@ LIMITS = {
 }
 
 
+TOPICS = ("core", "calls", "lanes", "polygon", "quadrature", "bends", "hyperbola", "roots", "places", "samples")
+"""The headers, in the order in which they build on one another."""
+UNIT = "//: "
+"""What begins the line before a unit, a type or a function that is printed if it is used; its name follows."""
+
+
 def runtime(texts: Sequence[str]) -> list[str]:
     """The part of the runtime that these texts need, directly or through other parts, and its constants."""
-    needed = {word for text in texts for word in _words(text)}
-    always, rest = _paragraphs()
+    needed = {name for text in texts for name in identifiers(text)}
+    always, units = read_headers()
     parts: list[str] = []
-    for name, paragraph in reversed(rest):
+    for name, unit in reversed(units):
         if name in needed:
-            parts.insert(0, paragraph)
-            needed.update(_words(paragraph))
+            parts.insert(0, unit)
+            needed.update(identifiers(unit))
     defines = [f"#define {name} {value!r}" for name, value in LIMITS.items() if name in needed]
     return [always, *(["\n".join(defines)] if defines else []), *parts]
 
 
-def _words(text: str) -> list[str]:
-    """The names of the runtime in a text. Two patterns that begin with letters are found ten times as fast as one that does not."""
-    return [*re.findall(r"teg_\w+", text), *re.findall(r"TEG_\w+", text)]
-
-
 @cache
-def _paragraphs() -> tuple[str, list[tuple[str, str]]]:
-    """What every kernel needs of teg_runtime.h, and the rest of it: the texts with the names they define."""
-    text = Path(__file__).with_name("teg_runtime.h").read_text(encoding="ascii").rstrip()
-    always, rest = text.split("/* As needed. */\n\n")
-    named = []
-    for paragraph in rest.split("\n\n"):
-        name = re.search(r"\b(teg_\w+)(?=\(|\[\d+\] = |;)", re.sub(r"/\*.*?\*/", "", paragraph, flags=re.DOTALL))
-        assert name is not None
-        named.append((name[1], paragraph))
-    return always.rstrip(), named
+def read_headers() -> tuple[str, list[tuple[str, str]]]:
+    """What every kernel needs, and the units of all headers: their names and texts. A unit needs only units before it."""
+    units: list[tuple[str, str]] = []
+    for topic in reversed(TOPICS):
+        always, *parts = Path(__file__).with_name(f"{topic}.h").read_text(encoding="ascii").split(UNIT)
+        named = [part.split("\n", 1) for part in parts]
+        units = [*((name, text.strip()) for name, text in named), *units]
+    return always.strip(), units

@@ -26,7 +26,7 @@ from typing import cast
 from teg.analysis.intervals import enclose
 from teg.analysis.jumps import jump
 from teg.analysis.places import holding, linear_places, reached
-from teg.analysis.staircase import Box, Range, Steps, between_integers, count_steps, is_step, uncounted, with_floors
+from teg.analysis.staircase import Box, Range, Steps, between_integers, count_steps, is_step, with_floors
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import (
     MINUS_ONE,
@@ -47,6 +47,7 @@ from teg.ir.expr import (
     mul,
     negation,
     positive,
+    uncounted_floor,
     where,
 )
 from teg.ir.integral import Integral
@@ -206,7 +207,7 @@ class _Summands:
             return e
         for n, steps in cast("dict[Call, Steps]", counted).items():
             if steps.guard is not TRUE and self.plain:
-                e = cast(Expr, replace_node(e, n, uncounted(n.children[0])))
+                e = cast(Expr, replace_node(e, n, uncounted_floor(n.children[0])))
                 continue
             if steps.guard is not TRUE:
                 self.guards[steps.guard] = None
@@ -236,7 +237,7 @@ class _Summands:
             if steps is None:
                 self.given_up.add(_known(floor, box))
             elif steps.guard is not TRUE and self.plain:
-                e = cast(Expr, replace_node(e, floor, uncounted(_argument(floor))))
+                e = cast(Expr, replace_node(e, floor, uncounted_floor(_argument(floor))))
             elif not steps.over:
                 e = cast(Expr, replace_node(e, floor, steps.level(0)))
             else:

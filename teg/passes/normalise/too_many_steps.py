@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from typing import cast
 
 from teg.analysis.calculus import steps_error
-from teg.analysis.staircase import is_step, is_uncounted
-from teg.ir.expr import Call, Compare, Expr, Param, Var, Where, add, call, const, mul
+from teg.analysis.staircase import is_step
+from teg.ir.expr import Call, Compare, Expr, Param, UncountedFloor, Var, Where, add, call, const, mul
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder, union
 from teg.ir.traverse import parameters, rebuild
@@ -25,7 +25,7 @@ def without_uncounted(e: Expr, wrt: Sequence[Param]) -> Expr:
     Its derivatives of any order are then NaN too.
     """
     order = postorder([e])
-    if not any(node.free and is_uncounted(node) for node in order):
+    if not any(node.free and isinstance(node, UncountedFloor) for node in order):
         return e
     moving = frozenset(wrt)
     new: dict[Node, Node] = {}
@@ -39,7 +39,7 @@ def without_uncounted(e: Expr, wrt: Sequence[Param]) -> Expr:
         result = rebuild(node, tuple(children))
         new[node] = result
         held = [loose[c] for c in result.children if c in loose]
-        if result.free and is_uncounted(result):
+        if result.free and isinstance(result, UncountedFloor):
             loose[result] = result.free
         elif held:
             bound = {result.var} if isinstance(result, Integral) else set()
@@ -54,9 +54,9 @@ def _moves(e: Expr, wrt: frozenset[Param]) -> bool:
     for node in postorder([e]):
         if node in wrt or any([c in active for c in node.children]):
             active.add(node)
-        if (is_uncounted(node) and node.free) or any([c in marked for c in node.children]):
+        if (isinstance(node, UncountedFloor) and node.free) or any([c in marked for c in node.children]):
             marked.add(node)
-        if node in active and node in marked and (is_uncounted(node) or isinstance(node, Compare)):
+        if node in active and node in marked and isinstance(node, UncountedFloor | Compare):
             return True
     return False
 

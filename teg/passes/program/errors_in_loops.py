@@ -21,6 +21,8 @@ from teg.program import Arg as FlatArg
 from teg.program import Assign, Program
 from teg.program.arrays import Arg, ArrayProgram, Loop, Number, Run, Scatter, Step, steps
 from teg.program.dce import without_dead_code
+from teg.program.fields import result_names, variables
+from teg.program.verify import verified_arrays
 
 EPSILON = 2.0**-52
 
@@ -28,7 +30,7 @@ EPSILON = 2.0**-52
 def with_array_error_estimates(program: ArrayProgram) -> ArrayProgram:
     """The program with twice the outputs: the old ones, then an error estimate of each, of the same shape. Its flat programs are as they
     were scheduled; those of the result are finished."""
-    return _ArrayEstimator(program).run()
+    return verified_arrays(_ArrayEstimator(program).run(), "after array error estimates")
 
 
 class _ArrayEstimator:
@@ -152,15 +154,5 @@ _ROUNDINGS_OF_A_LOOP = _roundings_of_a_loop()
 
 def _last_number(program: ArrayProgram) -> int:
     """The largest number in the names of a program."""
-    names: list[str] = []
-    for step in steps(program.body):
-        match step:
-            case Run():
-                names += step.results
-            case Loop():
-                names += [step.index, *step.results]
-            case Scatter():
-                pass
-            case _:
-                names.append(step.name)
+    names = [name for step in steps(program.body) for name in (*result_names(step), *variables(step))]
     return max((int(name[1:]) for name in names), default=0)

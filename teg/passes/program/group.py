@@ -14,7 +14,7 @@ size of the block times the number of its half-planes; where that is much for al
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import count
 
 from teg.program import (
@@ -29,11 +29,12 @@ from teg.program import (
     SumOver,
     When,
     assigned,
-    blocks,
     compound,
+    free_names,
     statements,
 )
 from teg.program.dce import without_dead_code
+from teg.program.fields import inner_blocks, with_blocks
 
 OPPOSITE = {"gt0": "le0", "le0": "gt0", "ge0": "lt0", "lt0": "ge0", "and": "or", "or": "and"}
 IMPLIED = {"lt0": ("le0",), "gt0": ("ge0",)}
@@ -258,50 +259,23 @@ def _follow(stmt: Assign, truth: dict[str, bool], zeros: set[str], opposites: Ma
 
 
 class _Uses:
-    """The names that statements, and those inside them, mention; `met` is a hint for this pass only."""
+    """The names that statements, and those inside them, read; hints are for this pass only."""
 
     def __init__(self) -> None:
         self._known: dict[int, tuple[Stmt, set[str]]] = {}  # by id, with the statement, which keeps it alive
 
     def of(self, stmt: Stmt) -> set[str]:
         if id(stmt) not in self._known:
-            self._known[id(stmt)] = stmt, _names(stmt)
+            self._known[id(stmt)] = stmt, set(free_names(stmt, hints=False))
         return self._known[id(stmt)][1]
-
-
-def _names(stmt: Stmt) -> set[str]:
-    if isinstance(stmt, Assign):
-        return {a for a in stmt.args if isinstance(a, str)}
-    found: set[str] = set()
-    for s in statements((stmt,)):
-        inner = {id(b) for b in blocks(s)}
-        for field in fields(s):
-            value = getattr(s, field.name)
-            if id(value) not in inner and field.name != "met":
-                found.update(_flat(value))
-    return found.difference(assigned(stmt))
-
-
-def _flat(value: object) -> Iterator[str]:
-    stack = [value]
-    while stack:
-        item = stack.pop()
-        if isinstance(item, str):
-            yield item
-        elif isinstance(item, tuple):
-            stack.extend(item)
-        elif hasattr(item, "__dataclass_fields__"):
-            stack.extend(getattr(item, field.name) for field in fields(item))  # type: ignore[arg-type]
 
 
 def _without_hints(block: Iterable[Stmt]) -> tuple[Stmt, ...]:
     result: list[Stmt] = []
     for stmt in block:
-        match stmt:
-            case Polygon():
-                result.append(replace(stmt, met=True))
-            case When() | Integrate() | SumOver() | Sample():
-                result.append(replace(stmt, body=_without_hints(stmt.body)))
-            case _:
-                result.append(stmt)
+        if isinstance(stmt, Polygon):
+            stmt = replace(stmt, met=True)
+        if not isinstance(stmt, Assign):
+            stmt = with_blocks(stmt, {name: _without_hints(inner) for name, _, inner in inner_blocks(stmt)})
+        result.append(stmt)
     return tuple(result)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import cast
 
 from teg.analysis.bodies import body_of, write_all_out
@@ -32,17 +33,15 @@ def with_bodies(program: Program, functions: Sequence[Function] = ()) -> Program
     return linked
 
 
+@lru_cache(maxsize=256)
 def body_program(function: Function, derivative: tuple[int, ...]) -> Program:
-    """The flat program of a derivative of a function, made once: a parameter an input, one output."""
-    key = "program", derivative
-    if key not in function.kept:
-        variables, body = body_of(function, derivative)
-        names = [str(i) for i in range(len(variables))]
-        inputs = [Param.make(name, ()) for name in names]
-        closed = cast(Expr, substitute(write_all_out(body), dict(zip(variables, inputs, strict=True))))
-        program = schedule([closed], names, Integration())
-        value = program.outputs[0]
-        if not isinstance(value, str):  # a number
-            program = replace(program, body=(*program.body, Assign("v0", "const", (value,))), outputs=("v0",))
-        function.kept[key] = program
-    return cast(Program, function.kept[key])
+    """The flat program of a derivative of a function: a parameter an input, one output."""
+    variables, body = body_of(function, derivative)
+    names = [str(i) for i in range(len(variables))]
+    inputs = [Param.make(name, ()) for name in names]
+    closed = cast(Expr, substitute(write_all_out(body), dict(zip(variables, inputs, strict=True))))
+    program = schedule([closed], names, Integration())
+    value = program.outputs[0]
+    if not isinstance(value, str):  # a number
+        program = replace(program, body=(*program.body, Assign("v0", "const", (value,))), outputs=("v0",))
+    return program

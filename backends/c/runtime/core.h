@@ -1,0 +1,120 @@
+/* What generated kernels stand on: C99, no global state, nothing on the heap. */
+
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+#ifdef __clang__
+#pragma STDC FP_CONTRACT OFF
+#endif
+
+#if defined(_WIN32)
+#define TEG_EXPORT __declspec(dllexport)
+#else
+#define TEG_EXPORT
+#endif
+
+#ifdef __GNUC__
+#define TEG_INLINE static inline __attribute__((always_inline))
+#else
+#define TEG_INLINE static inline
+#endif
+
+//: teg_floordiv
+/* The integer quotient, rounded down. */
+static inline int64_t teg_floordiv(int64_t a, int64_t b)
+{
+    const int64_t q = a / b;
+    return q * b != a && (a < 0) != (b < 0) ? q - 1 : q;
+}
+
+//: teg_mod
+/* x - y*floor(x/y): the remainder with the sign of y. */
+static inline double teg_mod(double x, double y)
+{
+    return x - y * floor(x / y);
+}
+
+//: teg_min
+/* The smaller of two numbers, NaN if one is. */
+static inline double teg_min(double x, double y)
+{
+    return x < y || x != x ? x : y;
+}
+
+//: teg_max
+/* The larger of two numbers, NaN if one is. */
+static inline double teg_max(double x, double y)
+{
+    return x > y || x != x ? x : y;
+}
+
+//: teg_powi
+/* x to an integer power, by squaring. */
+static inline double teg_powi(double x, int n)
+{
+    double power = 1.0;
+    unsigned left = n < 0 ? 0u - (unsigned)n : (unsigned)n;
+    while (left) {
+        if (left & 1u) power *= x;
+        x *= x;
+        left >>= 1;
+    }
+    return n < 0 ? 1.0 / power : power;
+}
+
+//: teg_clamp
+/* A break moved into [a, b]; a break that is NaN is absent and moves to a. */
+static inline double teg_clamp(double x, double a, double b)
+{
+    return x > a ? (x < b ? x : b) : a;
+}
+
+//: teg_is_piece
+/* Whether (p, q) is wide enough to be integrated over. */
+static inline int teg_is_piece(double p, double q)
+{
+    const double left = fabs(p), right = fabs(q);
+    return q - p > TEG_PIECE_EPS * (left > right ? left : right) || (isinf(q - p) && p < q);
+}
+
+//: teg_fill
+static inline void teg_fill(double *values, int n, double x)
+{
+    for (int i = 0; i < n; i++) values[i] = x;
+}
+
+//: teg_sink
+/* Sink the root of a heap of n numbers to its place. */
+static inline void teg_sink(double *heap, int root, int n)
+{
+    const double x = heap[root];
+    for (int child; (child = 2 * root + 1) < n; root = child) {
+        if (child + 1 < n && heap[child] < heap[child + 1]) child++;
+        if (heap[child] <= x) break;
+        heap[root] = heap[child];
+    }
+    heap[root] = x;
+}
+
+//: teg_sort
+/* Sort without NaNs: insertion for few, a heap for many. */
+static inline void teg_sort(double *t, int n)
+{
+    if (n <= 48) {
+        for (int i = 1; i < n; i++) {
+            const double x = t[i];
+            int j = i;
+            for (; j > 0 && t[j - 1] > x; j--) t[j] = t[j - 1];
+            t[j] = x;
+        }
+        return;
+    }
+    for (int i = n / 2 - 1; i >= 0; i--) teg_sink(t, i, n);
+    for (int i = n - 1; i > 0; i--) {
+        const double x = t[0];
+        t[0] = t[i];
+        t[i] = x;
+        teg_sink(t, 0, i);
+    }
+}

@@ -1,0 +1,79 @@
+/* Numbers side by side. */
+
+//: teg_lanes_2
+/* Numbers side by side. */
+#ifdef __GNUC__
+typedef double __attribute__((vector_size(16), aligned(8), may_alias)) teg_lanes_2;
+#else
+typedef double teg_lanes_2;
+#endif
+
+//: teg_lanes_4
+/* Numbers side by side. */
+#ifdef __GNUC__
+typedef double __attribute__((vector_size(32), aligned(8), may_alias)) teg_lanes_4;
+#else
+typedef double teg_lanes_4;
+#endif
+
+//: teg_lanes_8
+/* Numbers side by side. */
+#ifdef __GNUC__
+typedef double __attribute__((vector_size(64), aligned(8), may_alias)) teg_lanes_8;
+#else
+typedef double teg_lanes_8;
+#endif
+
+//: teg_flags_8
+/* Flags side by side: all bits of a number, or none. */
+#ifdef __GNUC__
+typedef long long __attribute__((vector_size(64), aligned(8), may_alias)) teg_flags_8;
+#else
+typedef int teg_flags_8;
+#endif
+
+//: teg_choose_8
+/* Of numbers side by side those of x where g > 0, else those of y. */
+static inline void teg_choose_8(teg_lanes_8 *chosen, const teg_lanes_8 *g, const teg_lanes_8 *x, const teg_lanes_8 *y)
+{
+    const teg_flags_8 above = (teg_flags_8)(*g > 0.0);
+#ifdef __GNUC__
+    *chosen = (teg_lanes_8)((above & (teg_flags_8)*x) | (~above & (teg_flags_8)*y));
+#else
+    *chosen = above ? *x : *y;
+#endif
+}
+
+//: teg_total_2
+static inline double teg_total_2(const teg_lanes_2 *lanes)
+{
+#ifdef __GNUC__
+    const teg_lanes_2 x = *lanes;
+    return x[0] + x[1];
+#else
+    return *lanes;
+#endif
+}
+
+//: teg_total_4
+static inline double teg_total_4(const teg_lanes_4 *lanes)
+{
+#ifdef __GNUC__
+    const teg_lanes_2 *const halves = (const teg_lanes_2 *)lanes, x = halves[0] + halves[1];
+    return x[0] + x[1];
+#else
+    return *lanes;
+#endif
+}
+
+//: teg_total_8
+static inline double teg_total_8(const teg_lanes_8 *lanes)
+{
+#ifdef __GNUC__
+    const teg_lanes_4 *const halves = (const teg_lanes_4 *)lanes, x = halves[0] + halves[1];
+    const teg_lanes_2 *const quarters = (const teg_lanes_2 *)&x, y = quarters[0] + quarters[1];
+    return y[0] + y[1];
+#else
+    return *lanes;
+#endif
+}

@@ -1,0 +1,105 @@
+/* Adaptive quadrature: errors by null rules, and sharp values that no node saw. */
+
+//: teg_interval
+/* An interval of u in (0, 1) that waits for its turn; the longest queue is TEG_MAX_DEPTH + 1. */
+typedef struct {
+    double from, to;
+    int depth;
+} teg_interval;
+
+//: teg_node
+/* A node of Gauss-Legendre on (-1, 1): its weight and its weights in the six null rules. */
+typedef struct {
+    double node, rule[7];
+} teg_node;
+
+//: teg_assess
+/* The errors of n values from their sums: 8 numbers each, the sum, the six null rules, and the sum of sizes. The error of a
+   value is written in the place of its first null rule. Whether all are small enough, or not finite. */
+static inline int teg_assess(int n, double *sums, const double *whole, double tol, int power)
+{
+    int good = 1;
+    for (int j = 0; j < n; j++, sums += 8) {
+        const double e1 = fabs(sums[1]), e2 = fabs(sums[2]), e3 = fabs(sums[3]), e4 = fabs(sums[4]);
+        const double e5 = fabs(sums[5]), e6 = fabs(sums[6]);
+        const double a = e1 > e2 ? e1 : e2, b = e3 > e4 ? e3 : e4, c = e5 > e6 ? e5 : e6;
+        const double tail = b > c && b > a ? b : a;
+        const double last = a / b, before = b / c, slowing = last / before;
+        double ratio = last > before ? last * (slowing * slowing * slowing) : before;
+        if (ratio > 0.25) ratio = (15.0 * ratio - 2.0) / 7.0;
+        double error = 4.0 * tail;
+        if (tail <= TEG_NOISE * sums[7]) error = 0.0;
+        else if (ratio < 1.0 && last == last) for (int k = 0; k < power; k++) error *= ratio;
+        const double rounding = TEG_ROUNDING * sums[7], wanted = tol * (whole[j] + TEG_ABSOLUTE_FLOOR);
+        if (error > (wanted > rounding ? wanted : rounding) && isfinite(error)) good = 0;
+        sums[1] = error;
+    }
+    return good;
+}
+
+//: teg_overspent
+/* Whether the errors of a piece add up to more than one of them may be. */
+static inline int teg_overspent(int n, const double *spent, const double *whole, double tol)
+{
+    for (int j = 0; j < n; j++) {
+        const double rounding = TEG_ROUNDING * whole[j], wanted = tol * (whole[j] + TEG_ABSOLUTE_FLOOR);
+        if (spent[j] > TEG_SPENT * (wanted > rounding ? wanted : rounding)) return 1;
+    }
+    return 0;
+}
+
+//: teg_largest
+/* The largest sums of sizes that were measured: of the whole piece, and of an interval and those it came from, a row a depth. */
+static inline void teg_largest(int n, const double *sums, double *whole, double *above, int depth, int used)
+{
+    double *const row = above + depth * n;
+    for (int j = 0; j < n; j++) {
+        const double size = sums[8 * j + 7], before = depth ? row[j - n] : used > 1 ? row[j] : 0.0;
+        whole[j] = fmax(whole[j], size);
+        row[j] = fmax(before, size);
+    }
+}
+
+//: teg_settled
+/* Whether all errors are finite. */
+static inline int teg_settled(int n, const double *sums)
+{
+    for (int j = 0; j < n; j++) if (!isfinite(sums[8 * j + 1])) return 0;
+    return 1;
+}
+
+//: teg_matters
+/* Whether a box of this length may hold more of a value than its error may be. */
+static inline int teg_matters(int n, const double *sizes, double length, const double *sums, const double *above, double tol)
+{
+    if (!isfinite(length)) return 1;
+    for (int j = 0; j < n; j++) {
+        const double rounding = TEG_ROUNDING * sums[8 * j + 7], wanted = tol * (above[j] + TEG_ABSOLUTE_FLOOR);
+        if (!(sizes[j] * length <= (wanted > rounding ? wanted : rounding))) return 1;
+    }
+    return 0;
+}
+
+//: teg_unseen
+/* Whether one of n sharp values can be large in a gap, or in all of an interval (gap -1), and was not seen to be at the nodes, (nodes, n).
+   Bounds are the n upper ones, then the lower ones; an infinite one counts in gaps that are inside only. */
+static inline int teg_unseen(int n, const double *bounds, const double *seen, int nodes, int gap, int inside)
+{
+    for (int i = 0; i < n; i++) {
+        const double upper = bounds[i], lower = bounds[n + i];
+        double s = NAN;
+        if (gap < 0) for (int k = 0; k < nodes; k++) s = fmin(s, seen[n * k + i]);
+        else s = fmax(gap > 0 ? seen[n * (gap - 1) + i] : NAN, gap < nodes ? seen[n * gap + i] : NAN);
+        if (gap >= 0 && !inside && isinf(upper)) continue;
+        if (upper > TEG_UNSEEN * fmax(s, TEG_FAINT) || upper > TEG_HIDDEN * fmax(lower, TEG_FAINT)) return 1;
+    }
+    return 0;
+}
+
+//: teg_rounding
+/* What rounding does to an integral over (p, q), relative to that of |values|: theirs, and that of the ends. */
+static inline double teg_rounding(double p, double q)
+{
+    const double left = fabs(p), right = fabs(q);
+    return 0.5 * TEG_ROUNDING + (isfinite(q - p) ? TEG_EDGE * (left > right ? left : right) / (q - p) : 0.0);
+}

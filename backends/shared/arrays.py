@@ -1,0 +1,20 @@
+"""What NumPy and JAX do differently where they compute the same: whether elements that are not chosen are computed at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+Values = Sequence[Any]
+
+
+class Arrays(NamedTuple):
+    """An array module, and the operations for which NumPy and JAX need different code.
+
+    `xp`: numpy or jax.numpy. `choose(mask, compute, operands, otherwise)`: arrays that are `compute(*operands)` where the mask, along the
+    last axis, is true, and `otherwise` elsewhere. `towards(p, q)`: the number next to p on the side of q.
+    """
+
+    xp: Any
+    choose: Callable[[Any, Callable[..., Values], Values, Values], Values]
+    towards: Callable[[Any, Any], Any]

@@ -1,0 +1,52 @@
+"""Points of `teg.numerics.sobol`, for NumPy and JAX: coordinates in (0, 1) by 64-bit arithmetic."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from teg.numerics.sobol import BITS, GAMMA, LOW_BITS, MIX, SCRAMBLE, key, replicated, reversed_directions
+
+
+def coordinate(xp: Any, kind: str, seed: int, dimension: int, count: int, replicate: Any, index: Any) -> Any:
+    """A coordinate of points of a rule of `count` points; their numbers `index` in their replicates are 64-bit, without a sign."""
+    replicates, each = replicated(kind, count)
+    keys = xp.asarray([key(seed, r, dimension) for r in range(replicates)], dtype=xp.uint64)[replicate]
+    if kind == "montecarlo":
+        return _unit(xp, mix(xp, keys + index * xp.uint64(GAMMA)) >> xp.uint64(12))
+    gray = (index ^ index >> xp.uint64(1)).astype(xp.uint32)
+    x = xp.zeros(index.shape, xp.uint32)
+    columns = reversed_directions(dimension)
+    for j in range(min(BITS, (each - 1).bit_length())):
+        x = x ^ (gray >> xp.uint32(j) & xp.uint32(1)) * xp.uint32(columns[j])
+    y = _reverse(xp, _scramble(xp, x, keys)).astype(xp.uint64)
+    low = mix(xp, keys + y * xp.uint64(GAMMA)) >> xp.uint64(64 - LOW_BITS)
+    return _unit(xp, y << xp.uint64(LOW_BITS) | low)
+
+
+def mix(xp: Any, z: Any) -> Any:
+    """64 bits well mixed, of each."""
+    for shift, factor in MIX:
+        z = (z ^ z >> xp.uint64(shift)) * xp.uint64(factor)
+    return z
+
+
+def _unit(xp: Any, cell: Any) -> Any:
+    """The centre of a cell of width 2⁻⁵²."""
+    return (xp.uint64(2) * cell + xp.uint64(1)).astype(xp.float64) * 2.0**-53
+
+
+def _scramble(xp: Any, x: Any, keys: Any) -> Any:
+    """A nested uniform scramble of reversed bits."""
+    before, *after = SCRAMBLE
+    x = x ^ x * xp.uint32(before)
+    x = (x + keys.astype(xp.uint32)) * ((keys >> xp.uint64(32)).astype(xp.uint32) | xp.uint32(1))
+    for factor in after:
+        x = x ^ x * xp.uint32(factor)
+    return x
+
+
+def _reverse(xp: Any, x: Any) -> Any:
+    """32 bits in reverse: halves, then quarters of them, and so on, change places."""
+    for shift, mask in ((16, 0x0000FFFF), (8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
+        x = (x >> xp.uint32(shift) & xp.uint32(mask)) | (x & xp.uint32(mask)) << xp.uint32(shift)
+    return x
