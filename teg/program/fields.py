@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal, TypeVar, get_args, get_type_hints
+from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_type_hints
 
 Kind = Literal["number", "condition", "integer", "any"]
 """What a name or a literal stands for; "any" where the operation of the statement says it."""
@@ -87,8 +87,7 @@ CONDITION = Operand("condition")
 INTEGER = Operand("integer")
 
 
-@dataclass(frozen=True, slots=True)
-class Declared:
+class Declared(NamedTuple):
     """A field and its role."""
 
     name: str
