@@ -23,13 +23,10 @@ from itertools import count
 from teg.program import (
     Arg,
     Assign,
-    Integrate,
     Polygon,
     Program,
-    Sample,
     Segment,
     Stmt,
-    SumOver,
     When,
     assigned,
     compound,
@@ -39,7 +36,7 @@ from teg.program import (
 )
 from teg.program.arrays import ArrayProgram, Loop, Run, Step
 from teg.program.dce import without_dead_code
-from teg.program.fields import inner_blocks, with_blocks
+from teg.program.fields import absent, inner_blocks, with_blocks
 
 OPPOSITE = {"gt0": "le0", "le0": "gt0", "ge0": "lt0", "lt0": "ge0", "and": "or", "or": "and"}
 IMPLIED = {"lt0": ("le0",), "gt0": ("ge0",)}
@@ -245,7 +242,7 @@ def _zeros(block: Sequence[Stmt], facts: Mapping[str, bool], opposites: Mapping[
     for stmt in block:  # and upwards
         if isinstance(stmt, Assign):
             _follow(stmt, truth, zeros, opposites)
-        elif isinstance(stmt, Polygon | Segment | Integrate | SumOver | Sample) and (
+        elif not any(absent(stmt).values()) and (
             (stmt.when is not None and truth.get(stmt.when) is False)
             or (isinstance(stmt, Polygon) and isinstance(stmt.met, str) and truth.get(stmt.met) is False)
         ):

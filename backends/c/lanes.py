@@ -17,7 +17,6 @@ import re
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
-from math import inf
 from typing import Any
 
 from teg.backends.c.frame import Frame, Scope, Step, assignments, captured_by
@@ -31,8 +30,6 @@ from teg.program import (
     Arg,
     Assign,
     Hyperbola,
-    Isolate,
-    Locate,
     Polygon,
     Program,
     Stmt,
@@ -41,6 +38,7 @@ from teg.program import (
     statements,
 )
 from teg.program.dce import without_dead_code
+from teg.program.fields import absent
 
 SIDE = 8
 """Points side by side."""
@@ -158,9 +156,7 @@ class _Line:
                     if stmt.when is None:
                         return False
                     self.conditions.append(self.assign("b", "not", stmt.when))
-                    self.absent |= dict.fromkeys(assigned(stmt), 0.0)
-                    if isinstance(stmt, Isolate | Locate):
-                        self.absent |= dict.fromkeys(stmt.results, inf)
+                    self.absent.update(absent(stmt))
         return True
 
     def plain(self, stmt: Assign) -> list[Assign]:
