@@ -79,10 +79,10 @@ from teg.program import (
     SumOver,
     When,
     assigned,
-    clipped_by,
     compound,
     has_ties,
 )
+from teg.program.fields import Operand, leaves
 
 BREAKS_ON_STACK = 256
 SHORT = 40  # statements of an integral that is compared with others
@@ -338,9 +338,7 @@ class Printer:
             bounds = (*stmt.guard.sizes, *stmt.guard.upper, *stmt.guard.lower)
             blocks.append([*self._steps(stmt.guard.block), *_yields(bounds)])
             variables |= {stmt.guard.left: "left", stmt.guard.right: "right"}
-        decided = (*(() if stmt.need is None else (stmt.need,)), *(b.when for b in stmt.bends))
-        of_bends = (stmt.base, *(c for b in stmt.bends for c in b.coefficients)) if stmt.bends else ()
-        own = (stmt.lo, stmt.hi, *stmt.breaks, *decided, *of_bends, *((stmt.scale,) if stmt.infinite else ()))
+        own = _spelled(stmt, "flags")
         variables |= dict(zip(stmt.ends, "pq", strict=False))
         captured = captured_by(own, [step for block in blocks for step in block], variables)
         values, count, pieces = len(stmt.values), len(assigned(stmt)), len(stmt.breaks) + 1
@@ -442,7 +440,7 @@ class Printer:
         side_by_side = runs_side_by_side(stmt.body) and not (isinstance(stmt, Polygon) and not stmt.degree)
         distinct, adding = sums(stmt.values)
         body = [*self._steps(stmt.body), *adding]
-        own = (*clipped_by(stmt), *stmt.factors, *(() if isinstance(stmt, Polygon) else (g.scale for g in stmt.half_lines)))
+        own = _spelled(stmt, "setup", "scales")
         context = needs_context((stmt,), self.counted)
         if isinstance(stmt, Polygon):
             blocks, variables = [list(self._steps(stmt.setup)), body], dict(zip(stmt.variables, COORDINATES, strict=False))
@@ -469,7 +467,7 @@ class Printer:
         """The routine of the moments of a hyperbola."""
         self.branches.add(along_a_branch(stmt))
         scales = list(self._steps(stmt.scales))
-        own = (*stmt.corners, *(c for m in stmt.moments for _, _, c in m.terms), *stmt.scale)
+        own = _spelled(stmt, "scales")
         captured = captured_by(own, scales, ())
         frame = Frame(captured, [scales], own, bool(stmt.ties), by_value=WHOLE if self.inlined else BY_VALUE)
         inside = [*frame.opening(), *hyperbola(stmt, frame)]
@@ -493,7 +491,7 @@ class Printer:
         """The routine of an isolation: `f` holds g, g', g", then the six bounds and the noise."""
         enclosure = [*self._steps(stmt.enclosure), *_yields((*stmt.bounds, *stmt.curving, stmt.noise), 3)]
         point = [*self._steps(stmt.point), *_yields((stmt.value, stmt.slope, stmt.curvature))]
-        own, variables = (stmt.lo, stmt.hi), {stmt.var: "x", stmt.left: "left", stmt.right: "right"}
+        own, variables = _spelled(stmt), {stmt.var: "x", stmt.left: "left", stmt.right: "right"}
         captured = captured_by(own, [*enclosure, *point], variables)
         frame = Frame(captured, [enclosure, point], own, needs_context((stmt,), self.counted), variables)
         spell = frame.scope()
@@ -507,7 +505,7 @@ class Printer:
     def _location(self, stmt: Locate) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of a location: `f` holds the bounds."""
         enclosure = [*self._steps(stmt.enclosure), *_yields(stmt.bounds)]
-        own = (stmt.lo, stmt.hi, stmt.low, stmt.high)
+        own = _spelled(stmt)
         variables = {stmt.left: "left", stmt.right: "right", stmt.bottom: "bottom", stmt.top: "top"}
         captured = captured_by(own, enclosure, variables)
         frame = Frame(captured, [enclosure], own, needs_context((stmt,), self.counted), variables)
@@ -520,8 +518,8 @@ class Printer:
     def _sum(self, stmt: SumOver) -> tuple[Routine, tuple[Arg, ...]]:
         """The routine of a sum over points."""
         body = [*self._steps(stmt.body), *_yields(stmt.values)]
-        captured = captured_by(stmt.points, body, (stmt.var,))
-        frame = Frame(captured, [body], stmt.points, needs_context((stmt,), self.counted), {stmt.var: "x"})
+        captured = captured_by(_spelled(stmt), body, (stmt.var,))
+        frame = Frame(captured, [body], _spelled(stmt), needs_context((stmt,), self.counted), {stmt.var: "x"})
         count = len(stmt.values)
         arrays = [*frame.array("f", count), *frame.array("points", max(1, len(stmt.points)), BREAKS_ON_STACK)]
         spell = frame.scope()
@@ -565,6 +563,13 @@ def _gathered(captured: Sequence[Arg], place: int, scope: Scope) -> list[str]:
     literals = packed(f"w[{place + i}] = {scope(arg)};" for i, arg in enumerate(captured) if not isinstance(arg, str))
     copy = f"for (int i = 0; i < {len(slots)}; i++) w[{place} + i] = w[from[i]];"
     return ["{", *indent(f"static const int from[{len(slots)}] = {{", *indent(*rows), "};", copy, *literals), "}"]
+
+
+def _spelled(stmt: Stmt, *blocks: str) -> tuple[Arg, ...]:
+    """The arguments that a routine spells between its blocks: the numbers that a statement reads around it, and what it reads in some
+    blocks. Its condition is spelled where the routine is called."""
+    roles = ((role, arg) for role, arg in leaves(stmt) if isinstance(role, Operand))
+    return tuple(arg for role, arg in roles if role.at in blocks or (not role.at and role.kind == "number"))
 
 
 def _with_resolutions_passed(stmt: Segment) -> tuple[Segment, dict[Arg, Arg]]:

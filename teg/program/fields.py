@@ -49,17 +49,17 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """Names that the statement gives values, known after it.
+    """Names that the statement gives values, known after it. Those of a statement with blocks are in a field called `results`.
 
-    Of the entries of a field that nobody uses are left out, unless the results are `fixed`: then their number is part of the meaning.
-    With `of`, the name of another field, entry k belongs to entry k of that field: all of them are left out, or none but with those.
-    With `made_in`, the name of a block, the names are those of results of statements in that block. Where the condition `when` of the
-    statement fails nothing is run, and the results are `absent`.
+    Results that nobody uses are left out, unless they are `fixed`: then their number is part of the meaning. `each`: a field of names that
+    belong to the results, or to the first ones, entry by entry; it is empty if nobody uses any of them. With `made_in`, the name of a
+    block, the names are those of results of statements in that block. Where the condition `when` of the statement fails nothing is run,
+    and the results are `absent`.
     """
 
     kind: Kind = "number"
     fixed: bool = False
-    of: str = ""
+    each: bool = False
     made_in: str = ""
     absent: float = 0.0
 
@@ -200,29 +200,26 @@ def renamed(node: T, names: Mapping[str, Any]) -> T:
 
 def selected(node: T, live: Set[Any]) -> T:
     """The statement without those results that are not among the live names, as far as they can be left out, and what belongs to them."""
-    own = [f for f in declared(type(node)) if isinstance(f.role, Result) and isinstance(getattr(node, f.name), tuple)]
-    kept: dict[str, list[int]] = {}
-    for field in own:
-        names, role = getattr(node, field.name), field.role
-        assert isinstance(role, Result)
-        if not role.of:
-            companions = [getattr(node, f.name) for f in own if f.role.of == field.name]  # type: ignore[union-attr]
-            also = {i for names_of in companions for i, name in enumerate(names_of) if name in live}
-            kept[field.name] = [i for i, name in enumerate(names) if role.fixed or name in live or i in also]
+    own = declared(type(node))
+    fixed = any(isinstance(f.role, Result) and f.role.fixed for f in own)
+    beside = [getattr(node, f.name) for f in own if isinstance(f.role, Result) and f.role.each]
+    also = {i for names in beside for i, name in enumerate(names) if name in live}
+    results: tuple[str, ...] = node.results  # type: ignore[attr-defined]
+    kept = [i for i, name in enumerate(results) if fixed or name in live or i in also]
 
     def change(field: Declared, old: Any) -> Any:
-        role = field.role
-        if isinstance(role, Result) and field in own:
-            if role.of and live.isdisjoint(old):
+        match field.role:
+            case Result(each=True) if live.isdisjoint(old):
                 return ()
-            return _entries(old, kept[role.of or field.name])
-        if isinstance(role, Operand) and role.each:
-            return _entries(old, kept["results"])
-        return old
+            case Result(each=True) | Operand(each=True):
+                return _entries(old, kept)
+            case Result() if field.name == "results":
+                return _entries(old, kept)
+            case _:
+                return old
 
-    node = rebuilt(node, change)
-    parts = [f.name for f in declared(type(node)) if isinstance(f.role, Part) and f.role.each]
-    return replace(node, **{name: _entries(getattr(node, name), kept["results"]) for name in parts}) if parts else node  # type: ignore[type-var]
+    parts = {f.name: _entries(getattr(node, f.name), kept) for f in own if isinstance(f.role, Part) and f.role.each}
+    return rebuilt(replace(node, **parts) if parts else node, change)  # type: ignore[type-var]
 
 
 def _entries(values: tuple[Any, ...], kept: list[int]) -> tuple[Any, ...]:

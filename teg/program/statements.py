@@ -197,7 +197,7 @@ class Integrate:
     base: Annotated[Arg, NUMBER] = 0.0
     infinite: bool = False
     scale: Annotated[Arg, NUMBER] = 1.0
-    estimates: Annotated[tuple[str, ...], Result(of="results")] = ()
+    estimates: Annotated[tuple[str, ...], Result(each=True)] = ()
     guard: Annotated[Guard | None, Part()] = None
     ends: Annotated[tuple[str, ...], Variable(("flags",))] = ()
 
@@ -253,7 +253,7 @@ class Isolate:
     curvature: Annotated[Arg, Operand(at="point")] = math.nan
     tol: float = math.inf
     width: int = ISOLATE_WIDTH
-    errors: Annotated[tuple[str, ...], Result(of="results", absent=math.inf)] = ()
+    errors: Annotated[tuple[str, ...], Result(each=True, absent=math.inf)] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,7 +322,7 @@ class Sample:
     body: Annotated[tuple[Stmt, ...], Block()]
     values: Annotated[tuple[Arg, ...], Operand(at="body", each=True)]
     results: Annotated[tuple[str, ...], Result()]
-    estimates: Annotated[tuple[str, ...], Result(of="results")] = ()
+    estimates: Annotated[tuple[str, ...], Result(each=True)] = ()
     when: Annotated[str | None, CONDITION] = None
 
 

@@ -153,7 +153,7 @@ class _Verifier:
             elif isinstance(role, Operand) and role.each:
                 fits = len(value) == results if hasattr(node, "results") else len(value) <= results
                 self.check(fits, f"{field.name}: {len(value)} for {results} results", node)
-            elif isinstance(role, Result) and role.of:
+            elif isinstance(role, Result) and role.each:
                 self.check(len(value) <= results, f"{field.name}: {len(value)} for {results} results", node)
 
 

@@ -73,7 +73,7 @@ class Smallest:
     values: Annotated[tuple[Arg, ...], Operand(at="body", each=True)]
     weights: Annotated[tuple[Weight, ...], Part(each=True)]
     results: Annotated[tuple[str, ...], Result()]
-    places: Annotated[tuple[str, ...], Result(of="results")] = ()
+    places: Annotated[tuple[str, ...], Result(each=True)] = ()
     when: Annotated[str | None, CONDITION] = None
 
 

@@ -169,8 +169,7 @@ class _Piece:
             fine = all(e <= w or not math.isfinite(e) for e, w in zip(found.error, wanted, strict=True))
             good = right - left <= WATCH_WIDTH if found.changed else fine
             if good and stmt.guard is not None and not found.changed and all(map(math.isfinite, found.error)):
-                nodes = rule.first if first else rule.order
-                good = not self._hides(stmt.guard, way, (left, right), nodes, found.seen, wanted, depth)
+                good = not self._hides(stmt.guard, way, (left, right, depth), found.seen, wanted)
             if not good and depth < MAX_DEPTH and used < MAX_INTERVALS:
                 middle = 0.5 * (left + right)
                 if first:
@@ -218,11 +217,12 @@ class _Piece:
         return _Measured(totals, sizes, errors, changed, seen)
 
     def _hides(
-        self, guard: Guard, way: Substitution, ends: tuple[float, float], n: int, seen: list[list[float]], wanted: list[float], depth: int
+        self, guard: Guard, way: Substitution, interval: tuple[float, float, int], seen: list[list[float]], wanted: list[float]
     ) -> bool:
-        """Whether something may be hidden between the nodes of an interval."""
-        sharp = range(len(guard.seen))
-        at = [ends[0], *(ends[0] + 0.5 * (ends[1] - ends[0]) * (1.0 + node) for node in gauss_legendre(n)[0]), ends[1]]
+        """Whether something may be hidden between the nodes of an interval (from, to), halved so often; `seen` are the sharp values there,
+        `wanted` what the error of each tested value may be."""
+        (start, stop, depth), n, sharp = interval, len(seen), range(len(guard.seen))
+        at = [start, *(start + 0.5 * (stop - start) * (1.0 + node) for node in gauss_legendre(n)[0]), stop]
         points = [way.p if u <= 0.0 else way.q if u >= 1.0 else way(u)[0] for u in at]
 
         def unseen(left: float, right: float, largest_seen: list[float], endless_counts: bool) -> bool:
@@ -243,7 +243,7 @@ class _Piece:
             if not math.isfinite(right - left):
                 continue
             nodes = [seen[k] for k in (gap - 1, gap) if 0 <= k < n]
-            at_end = (gap == 0 and ends[0] <= 0.0) or (gap == n and ends[1] >= 1.0)
+            at_end = (gap == 0 and start <= 0.0) or (gap == n and stop >= 1.0)
             most = [_larger(nodes[0][i], nodes[-1][i]) for i in sharp]
             if unseen(left, right, most, not at_end and depth < GUARD_DEPTH):
                 return True
