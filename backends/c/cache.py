@@ -115,14 +115,14 @@ class Entry(NamedTuple):
 
 def entries_of(cache: Path) -> list[Entry]:
     """All entries, the one used longest ago first."""
-    found = []
+    entries = []
     for key in _keys(cache):
         for path in key.glob("*.*"):
             if path.suffix in (SUFFIX, OBJECT):
                 with suppress(OSError):  # it was removed meanwhile
                     status = path.stat()
-                    found.append(Entry(path, status.st_size, status.st_mtime))
-    return sorted(found, key=lambda entry: entry.used)
+                    entries.append(Entry(path, status.st_size, status.st_mtime))
+    return sorted(entries, key=lambda entry: entry.used)
 
 
 def trim(cache: Path) -> None:
