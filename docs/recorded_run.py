@@ -13,8 +13,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from teg.backends import numpy_bends, numpy_roots, numpy_runtime
-from teg.backends.pole_weights import pole_weights
+from teg.backends.numpy import bends as numpy_bends
+from teg.backends.numpy import roots as numpy_roots
+from teg.backends.numpy import runtime as numpy_runtime
+from teg.backends.shared.poles import pole_weights
+from teg.numerics.quadrature import gauss_legendre
 from teg.program import (
     ABSOLUTE_FLOOR,
     INSIDE,
@@ -38,7 +41,6 @@ from teg.program import (
     assigned,
     statements,
 )  # fmt: skip
-from teg.quadrature import gauss_legendre
 
 SHIFT = 64.0
 """The mark of a point (x, y) in an integrand is atan2(y + SHIFT, x + SHIFT)."""

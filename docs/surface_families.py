@@ -14,7 +14,7 @@ import numpy as np
 from mpmath import mp, mpf
 
 import teg
-from teg.expr import Expr
+from teg.ir.expr import Expr
 
 DIGITS = 30
 x, y, z = teg.vars("x y z")

@@ -12,7 +12,7 @@ from recorded_run import SHIFT, RecordedRun, integrals_of
 from surface_families import FAMILIES, LINES, Family, x, y
 
 import teg
-from teg.integration import Integration
+from teg.analysis.settings import Integration
 from teg.pipeline import flatten, normal_form, program_for
 from teg.program import Program, Stmt, blocks
 

@@ -1,4 +1,4 @@
-"""A run on disk: written whole or not at all, and continued only by the run that wrote it."""
+"""Checkpoints of a run: written whole or not at all, and resumed only by a run with the same identity."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ S = TypeVar("S")
 
 
 def save_checkpoint(path: Path, identity: Mapping[str, Any], state: Any, losses: list[float], seconds: float) -> None:
-    """Replace the checkpoint in one step: a crash leaves the old one or the new one.
+    """Replaces the checkpoint in one step: a crash leaves the old one or the new one.
 
     `state` is a dataclass of arrays, numbers and booleans.
     """
@@ -30,7 +30,7 @@ def save_checkpoint(path: Path, identity: Mapping[str, Any], state: Any, losses:
 
 
 def load_checkpoint(path: Path, identity: Mapping[str, Any], kind: type[S]) -> tuple[S, list[float], float]:
-    """The state, of the dataclass `kind`, the losses so far and the seconds they took. `identity` is what must be as it was.
+    """Returns the state (of the dataclass `kind`), the losses so far and the seconds they took. `identity` must equal the stored one.
 
     Raises InputError if there is no checkpoint, it is damaged, or belongs to another run.
     """

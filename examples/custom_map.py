@@ -1,16 +1,17 @@
-"""A map of one's own: a disk that has been stirred.
+"""A user-defined map: a disk that has been stirred.
 
     python -m teg.examples.custom_map
 
-The region is (x + ½·sin 2y)² + (y + k·(x + ½·sin 2y)²)² < t, a bean. Neither x nor y stands alone in that, and no formula solves it for one
-of them. But it is a disk, u² + v² < t, in the coordinates
+The region is (x + ½·sin 2y)² + (y + k·(x + ½·sin 2y)²)² < t, a bean. Neither x nor y stands alone in it, and no formula solves it for
+one of them. But it is a disk, u² + v² < t, in the coordinates
 
     u = x + ½·sin 2y      v = y + k·u²      that is      y = v - k·u²      x = u - ½·sin 2y      dx dy = du dv
 
-each step of which is undone at once, and r² < t in polar coordinates of these. The map has the parameter k, by which the integral is
-differentiated too. There are two ways to use it: `change_variables` writes the whole integral in r and φ; `compile(maps=…)` leaves the
-value as it is and uses the map where the boundary moves. Without the map the compiler has to search for the boundary. All are compared
-with a reference that shares nothing with the compiler: the trapezoidal rule around the disk times Gauss's rule along its radius.
+each step of which has an explicit inverse, and r² < t in polar coordinates of these. The map has the parameter k, by which the integral
+is differentiated too. There are two ways to use it: `change_variables` writes the whole integral in r and φ; `compile(maps=…)` leaves
+the value as it is and uses the map where the boundary moves. Without the map the compiler has to search for the boundary. All are
+compared with a reference that shares nothing with the compiler: the trapezoidal rule around the disk times Gauss's rule along its
+radius.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ from teg.ir.expr import Expr
 x, y, u, v, r, phi = teg.vars("x y u v r φ")
 t, k = teg.params("t k")
 DISK = {r: (0, 1), phi: (-math.pi, math.pi)}
-"""For t < 1 this holds the region, and it lies inside the square: the bounds of x and y need not become brackets."""
+"""For t < 1 this contains the region, and lies inside the square: the bounds of x and y need not become brackets."""
 
 
 def stirring() -> teg.Diffeomorphism:
-    """From (u, v), where the region is a disk, to (x, y); then from polar coordinates to (u, v)."""
+    """Returns the map from (u, v), where the region is a disk, to (x, y), composed with polar coordinates of (u, v)."""
     down = v - k * u**2
     first = x + teg.sin(2 * y) / 2
     forward = {x: u - teg.sin(2 * down) / 2, y: down}
@@ -39,17 +40,17 @@ def stirring() -> teg.Diffeomorphism:
 
 
 def bean() -> Expr:
-    """∫∫ exp(x + y/2) over the region."""
+    """Returns ∫∫ exp(x + y/2) over the region."""
     first = x + teg.sin(2 * y) / 2
     inside = first**2 + (y + k * first**2) ** 2 < t
     return teg.integral(teg.bracket(inside) * teg.exp(x + y / 2), (x, -2, 2), (y, -2, 2))
 
 
 def reference(area: float, stir: float) -> tuple[float, float, float]:
-    """The integral, its derivative by t, its derivative by k."""
+    """Returns the integral, its derivative by t, and its derivative by k."""
     angle = np.linspace(-math.pi, math.pi, 200, endpoint=False)
     nodes, weights = np.polynomial.legendre.leggauss(60)
-    radius = math.sqrt(area) * np.append(0.5 * (nodes + 1.0), 1.0)[:, None]  # the last one is the circle
+    radius = math.sqrt(area) * np.append(0.5 * (nodes + 1.0), 1.0)[:, None]  # the last radius is the circle
     uu, vv = radius * np.cos(angle), radius * np.sin(angle)
     yy = vv - stir * uu**2
     density = np.exp(uu - 0.5 * np.sin(2.0 * yy) + 0.5 * yy)
@@ -60,7 +61,7 @@ def reference(area: float, stir: float) -> tuple[float, float, float]:
 
 
 def compare(area: float, stir: float, backend: str = "numpy") -> list[tuple[str, tuple[float, float, float], float]]:
-    """Rows: what it is, (integral, ∂/∂t, ∂/∂k), seconds of one evaluation."""
+    """Returns rows: a title, (integral, ∂/∂t, ∂/∂k), seconds of one evaluation."""
     m = stirring()
     ways = {
         "without the map": teg.compile(bean(), [t, k], backend=backend),
@@ -77,7 +78,7 @@ def compare(area: float, stir: float, backend: str = "numpy") -> list[tuple[str,
 
 
 def main() -> None:
-    """Print the comparison."""
+    """Prints the comparison."""
     area, stir = 0.5, 0.4
     print(f"t = {area}, k = {stir}: integral, ∂/∂t, ∂/∂k, largest error, time")
     rows = compare(area, stir)

@@ -1,4 +1,4 @@
-"""A descent with its record: what every step cost and gained, checkpoints, an interrupt that loses nothing."""
+"""A descent with its record: cost and gain of every step, checkpoints, interrupts without loss."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CHECKPOINT_SECONDS = 5.0
 
 
 class State(Protocol):
-    """Where a descent stands, a dataclass: all that its next step depends on. `stuck` says that no step lowers the loss."""
+    """The state of a descent, a dataclass with all data that its next step depends on. `stuck` says that no step lowers the loss."""
 
     @property
     def loss(self) -> float: ...
@@ -29,8 +29,8 @@ S = TypeVar("S", bound=State)
 class RecordedDescent(Generic[S]):
     """Start, present state, the losses from the start on, and the seconds of all parts of the run.
 
-    `advance` makes one step. `identity` is what must be the same for `resume`, which goes on from the checkpoint;
-    raises InputError where it cannot.
+    `advance` makes one step. `identity` must be the same for `resume`, which continues from the checkpoint. Raises InputError if it
+    cannot.
     """
 
     def __init__(self, start: S, advance: Callable[[S], S], checkpoint: Path, identity: Mapping[str, Any], resume: bool) -> None:
@@ -41,7 +41,7 @@ class RecordedDescent(Generic[S]):
             self.state, self.losses, self.seconds = load_checkpoint(checkpoint, identity, type(start))
 
     def descend(self, steps: int, progress: bool, label: str = "") -> bool:
-        """Step until `steps` are done in all or none lowers the loss; True if Ctrl-C came before that."""
+        """Steps until `steps` are done in all or no step lowers the loss. Returns True if Ctrl-C came before that."""
         saved = begun = time.perf_counter()
         before = self.seconds
         try:
@@ -65,5 +65,5 @@ class RecordedDescent(Generic[S]):
         return False
 
     def save(self) -> None:
-        """Write the checkpoint."""
+        """Writes the checkpoint."""
         save_checkpoint(self.checkpoint, self.identity, self.state, self.losses, self.seconds)

@@ -1,4 +1,4 @@
-"""What every demonstration needs around its computation: packages, a backend, a folder, a progress bar, a report."""
+"""Common parts of the demonstrations: packages, a backend, a folder, a progress bar, a report."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ REPORTED = ("teg", "numpy", "scipy", "jax", "optax", "pillow", "scikit-image", "
 
 
 def require_packages(demonstration: str, packages: Mapping[str, str], progress: bool, extra: str = "demo") -> None:
-    """Raise MissingPackageError unless all can be imported; `packages` is import name -> name to install, `extra` has them all."""
+    """Raises MissingPackageError unless all packages can be imported.
+
+    `packages` maps import names to names to install; `extra` is the option of this package that installs them all.
+    """
     wanted = [k for k in packages if k != "tqdm" or progress]
     missing = [packages[k] for k in wanted if util.find_spec(k) is None]
     if missing:
@@ -28,7 +31,7 @@ def require_packages(demonstration: str, packages: Mapping[str, str], progress: 
 
 
 def default_backend() -> str:
-    """ "c" if there is a C compiler, else "numpy"."""
+    """Returns "c" if there is a C compiler, else "numpy"."""
     from teg.backends.c.build import find_compiler
 
     try:
@@ -39,7 +42,7 @@ def default_backend() -> str:
 
 
 def result_folder(path: Path) -> Path:
-    """The folder, made if need be. Raises InputError if it cannot be written to."""
+    """Returns the folder, made if it does not exist. Raises InputError if it cannot be written to."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         TemporaryFile(dir=path).close()
@@ -49,7 +52,7 @@ def result_folder(path: Path) -> Path:
 
 
 def write_report(path: Path, report: Mapping[str, Any]) -> None:
-    """Write a report as JSON, whole or not at all."""
+    """Writes a report as JSON, whole or not at all."""
     partial = path.with_name(path.name + ".partial")
     partial.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     os.replace(partial, path)
@@ -57,7 +60,7 @@ def write_report(path: Path, report: Mapping[str, Any]) -> None:
 
 @contextmanager
 def progress_bar(shown: bool, total: int, done: int, label: str = "") -> Iterator[Any]:
-    """A bar on the standard error, or None."""
+    """Yields a bar on the standard error, or None."""
     if not shown:
         yield None
         return
@@ -68,12 +71,12 @@ def progress_bar(shown: bool, total: int, done: int, label: str = "") -> Iterato
 
 
 def ratio(end: float, start: float) -> float:
-    """end / start, 1 where nothing was to be gained."""
+    """Returns end / start; 1 if start is 0."""
     return end / start if start > 0 else 1.0
 
 
 def demo_command(name: str, photo: str | None, values: Mapping[str, object], out: str | Path, *flags: str) -> str:
-    """The command line that repeats a demonstration: its photo, a value for each option, and flags."""
+    """Returns the command line that repeats a demonstration: its photo, a value for each option, and flags."""
     words = ["teg", "demo", name, *([photo] if photo else [])]
     for option, value in values.items():
         words += ["--" + option.replace("_", "-"), str(value)]
@@ -81,16 +84,16 @@ def demo_command(name: str, photo: str | None, values: Mapping[str, object], out
 
 
 def versions() -> dict[str, str]:
-    """The versions of Python and of the packages that take part."""
-    found = {"python": platform.python_version()}
+    """Returns the versions of Python and of the packages used."""
+    installed = {"python": platform.python_version()}
     for package in REPORTED:
         try:
-            found[package] = metadata.version(package)
+            installed[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+            installed[package] = "not installed"
+    return installed
 
 
 def machine() -> dict[str, Any]:
-    """What the run ran on."""
+    """Returns a description of the machine."""
     return {"platform": platform.platform(), "processors": os.cpu_count()}

@@ -12,10 +12,10 @@ from teg.errors import InputError, MissingPackageError
 
 
 def read_target(photo: str | Path | None, size: int, bundled: str = "astronaut") -> np.ndarray:
-    """The picture as an array of shape (size, size, 3), sRGB values in [0, 1]; `None` is scikit-image's `bundled` one.
+    """Returns the picture as an array of shape (size, size, 3), sRGB values in [0, 1]; `None` is scikit-image's `bundled` one.
 
-    Any file that Pillow reads (of an animation the first frame): turned as its EXIF data say, transparency on
-    white, cropped to the square in its middle. Raises InputError if the file is missing or not a picture.
+    Any file that Pillow reads (of an animation the first frame): turned according to its EXIF data, transparency on white, cropped to
+    the square in its middle. Raises InputError if the file is missing or not a picture.
     """
     image = _bundled(bundled) if photo is None else _read(Path(photo))
     side = min(image.size)
@@ -38,7 +38,7 @@ def _bundled(name: str) -> Image.Image:
 
 
 def _read(path: Path) -> Image.Image:
-    """The picture in a file, 8 bits a channel."""
+    """Returns the picture in a file, 8 bits a channel."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
@@ -51,7 +51,7 @@ def _read(path: Path) -> Image.Image:
         raise InputError(what, None, "use a PNG or JPEG file") from None
     except Image.DecompressionBombError as problem:
         raise InputError(f"{str(path)!r} is too large", None, f"make it smaller first ({problem})") from None
-    except (OSError, SyntaxError, ValueError, EOFError) as problem:  # what Pillow raises for damaged files
+    except (OSError, SyntaxError, ValueError, EOFError) as problem:  # raised by Pillow for damaged files
         raise InputError(f"{str(path)!r} cannot be read", None, f"Pillow says: {problem}") from None
 
 

@@ -1,14 +1,14 @@
-"""One window, several lights: what a shader costs when the geometry is known.
+"""One window, several lights: the cost of a new shader when the geometry is compiled already.
 
     python -m teg.examples.shaders          or      teg demo shaders
 
 A window, turned by an angle and 2·width wide, is lit from behind: E = ∫∫ [|x′| < w]·[|y′| < h]·light(x, y) dx dy with (x′, y′) the
 coordinates of the window. The light is a `teg.function`, so the compiler finds the edges of the window, their δ and the breaks of the
-integrals once: for the second light it differentiates and compiles no more than its formula. The first column of times is that, the second
-one the same with every light written out by hand. (A light that is quadratic is integrated by another rule, and starts anew.)
+integrals once. For the second light it differentiates and compiles the light's formula only. The first column of times shows this, the
+second one the same with every light written out by hand. (A quadratic light is integrated by another rule, and is compiled anew.)
 
-The numbers are compared with a reference that shares nothing with the compiler: Gauss's rule in the coordinates of the window, where it is
-a rectangle, differentiated by the complex step.
+The numbers are compared with a reference that shares nothing with the compiler: Gauss's rule in the coordinates of the window, where it
+is a rectangle, differentiated by the complex step.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ x, y, u, v = teg.vars("x y u v")
 angle, width, contrast = teg.params("angle width contrast")
 HEIGHT = 0.4
 STEP = 1e-100
-"""Of the complex step: nothing is subtracted, so it may be as small as one likes."""
+"""The complex step. Nothing is subtracted, so it may be arbitrarily small."""
 
 Light = Callable[[Any, Any, Any], Any]
 
 
 @dataclass(frozen=True)
 class Row:
-    """Brightness and its derivatives by angle, width and contrast; the largest error of these; seconds until a kernel was there."""
+    """Brightness and its derivatives by angle, width and contrast; their largest error; seconds until the kernel was ready."""
 
     name: str
     numbers: tuple[float, float, float, float]
@@ -47,7 +47,7 @@ class Row:
 
 
 def lights(of: Any) -> dict[str, Light]:
-    """Formulas, in the functions of a module: `teg` or `numpy`."""
+    """Returns the formulas of the lights, written with the functions of a module: `teg` or `numpy`."""
     return {
         "waves": lambda p, q, k: 1 + k * of.sin(3 * p + 1) * of.cos(2 * q),
         "lamp": lambda p, q, k: k / (1 + 4 * p * p + 4 * q * q) ** 2,
@@ -57,7 +57,7 @@ def lights(of: Any) -> dict[str, Light]:
 
 
 def brightness(light: Function) -> Expr:
-    """The integral, over a square that holds the window."""
+    """Returns the integral, over a square that contains the window."""
     across = x * teg.cos(angle) + y * teg.sin(angle)
     along = y * teg.cos(angle) - x * teg.sin(angle)
     inside = (across < width) & (across > -width) & (along < HEIGHT) & (along > -HEIGHT)
@@ -65,7 +65,7 @@ def brightness(light: Function) -> Expr:
 
 
 def reference(light: Light, at: dict[str, float], nodes: int = 60) -> tuple[float, float, float, float]:
-    """The value and three derivatives."""
+    """Returns the value and three derivatives."""
     points, weights = np.polynomial.legendre.leggauss(nodes)
 
     def value(turn: complex, half: complex, k: complex) -> complex:
@@ -74,13 +74,13 @@ def reference(light: Light, at: dict[str, float], nodes: int = 60) -> tuple[floa
         q = across * cmath.sin(turn) + along * cmath.cos(turn)
         return complex(half * HEIGHT * (weights @ (light(p, q, k) + 0 * p) @ weights))
 
-    given = at["angle"], at["width"], at["contrast"]
-    slopes = [value(*(g + STEP * 1j * (i == j) for j, g in enumerate(given))).imag / STEP for i in range(3)]
-    return value(*given).real, slopes[0], slopes[1], slopes[2]
+    point = at["angle"], at["width"], at["contrast"]
+    slopes = [value(*(g + STEP * 1j * (i == j) for j, g in enumerate(point))).imag / STEP for i in range(3)]
+    return value(*point).real, slopes[0], slopes[1], slopes[2]
 
 
 def compare(at: dict[str, float], backend: str = "numpy") -> list[Row]:
-    """A row a light, in the order of `lights`."""
+    """Returns a row for each light, in the order of `lights`."""
     rows, kept = [], []
     written, plain = lights(teg), lights(np)
     for name, light in written.items():
@@ -91,7 +91,7 @@ def compare(at: dict[str, float], backend: str = "numpy") -> list[Row]:
             f = teg.compile(e, [angle, width, contrast], backend=backend, functions=kind)
             value, gradient = f.value_and_grad(at)
             times.append(time.perf_counter() - start)
-        kept.append(f)  # what was done for the window lives as long as one of these
+        kept.append(f)  # the compiled geometry is kept as long as one of these evaluators
         numbers = (float(value), *(float(gradient[p]) for p in ("angle", "width", "contrast")))
         error = max(abs(a - b) for a, b in zip(numbers, reference(plain[name], at), strict=True))
         rows.append(Row(name, numbers, error, linked=times[1], inlined=times[0]))  # type: ignore[arg-type]
@@ -99,7 +99,7 @@ def compare(at: dict[str, float], backend: str = "numpy") -> list[Row]:
 
 
 def main(backend: str = "numpy") -> None:
-    """Print the comparison."""
+    """Prints the comparison."""
     at = {"angle": math.pi / 7, "width": 0.7, "contrast": 0.5}
     print(", ".join(f"{name} = {value:.4g}" for name, value in at.items()) + f", backend {backend}")
     heads = ("brightness", "∂/∂angle", "∂/∂width", "∂/∂contrast")

@@ -8,16 +8,11 @@ f = teg.compile(area, [t])
 value, gradient = f.value_and_grad(t=0.5)          # 0.125, {"t": 0.5}
 """
 
-from teg import maps
-from teg.derivatives import diff, eliminate, grad, hessian, jvp
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from teg import errors
 from teg.errors import AccuracyError, ArrayIndexError, DiffeomorphismError, TegError
-from teg.evaluator.accuracy import AccuracyWarning
-from teg.evaluator.array_evaluator import ArrayEvaluator
-from teg.evaluator.check import GradientReport, check_gradient
-from teg.evaluator.compile import Evaluator, compile, evaluate
-from teg.interop.jax import jax_function
-from teg.interop.scipy import scipy_function
-from teg.interop.torch import torch_function
 from teg.ir.arrays import array, index, indices, length
 from teg.ir.arrays import sum_ as sum
 from teg.ir.expr import Cond, Expr
@@ -57,20 +52,70 @@ from teg.language import (
 )
 from teg.language import round_ as round
 from teg.language import tuple_ as tuple
-from teg.maps import polar
-from teg.maps.diffeomorphism import Diffeomorphism
-from teg.passes.eliminate.mapped import change_variables
-from teg.report.diagnose import Diagnosis
-from teg.report.explain import Explanation, explain
-from teg.symbolic import from_sympy, to_sympy
+
+if TYPE_CHECKING:
+    from teg import maps
+    from teg.derivatives import diff, eliminate, grad, hessian, jvp
+    from teg.evaluator.accuracy import AccuracyWarning
+    from teg.evaluator.check import GradientReport, check_gradient
+    from teg.evaluator.compile import compile, evaluate
+    from teg.evaluator.evaluator import ArrayEvaluator, Evaluator
+    from teg.evaluator.explain import explain
+    from teg.interop.jax import jax_function
+    from teg.interop.scipy import scipy_function
+    from teg.interop.torch import torch_function
+    from teg.maps import polar
+    from teg.maps.diffeomorphism import Diffeomorphism
+    from teg.passes.eliminate.mapped import change_variables
+    from teg.report.diagnose import Diagnosis
+    from teg.report.explanation import Explanation
+    from teg.symbolic import from_sympy, to_sympy
+
+_LOADED_ON_FIRST_USE = {
+    "teg.derivatives": ("diff", "eliminate", "grad", "hessian", "jvp"),
+    "teg.evaluator.accuracy": ("AccuracyWarning",),
+    "teg.evaluator.check": ("GradientReport", "check_gradient"),
+    "teg.evaluator.compile": ("compile", "evaluate"),
+    "teg.evaluator.evaluator": ("ArrayEvaluator", "Evaluator"),
+    "teg.evaluator.explain": ("explain",),
+    "teg.interop.jax": ("jax_function",),
+    "teg.interop.scipy": ("scipy_function",),
+    "teg.interop.torch": ("torch_function",),
+    "teg.maps": ("polar",),
+    "teg.maps.diffeomorphism": ("Diffeomorphism",),
+    "teg.passes.eliminate.mapped": ("change_variables",),
+    "teg.report.diagnose": ("Diagnosis",),
+    "teg.report.explanation": ("Explanation",),
+    "teg.symbolic": ("from_sympy", "to_sympy"),
+}
+"""Public names by module. Each module is imported when one of its names is first used, because importing the whole
+compiler takes 0.2 s."""
 
 __version__ = "0.1.0"
 
 __all__ = [
-    "AccuracyError", "AccuracyWarning", "ArrayEvaluator", "ArrayIndexError", "Cond", "Diagnosis", "Diffeomorphism", "DiffeomorphismError",
-    "Evaluator", "Explanation", "Expr", "Function", "GradientReport", "TegError", "abs", "acos", "array", "asin", "atan", "atan2",
-    "bracket", "ceil", "change_variables", "check_gradient", "compile", "cos", "cosh", "delta", "diff", "dump", "eliminate", "evaluate",
-    "exp", "explain", "floor", "from_sympy", "function", "grad", "hessian", "index", "indices", "integral", "jax_function", "jvp", "latex",
-    "length", "log", "maps", "maximum", "minimum", "mod", "param", "params", "polar", "round", "scipy_function", "sign", "sin", "sinh",
-    "size", "sqrt", "sum", "tan", "tanh", "to_sympy", "torch_function", "tuple", "var", "vars", "where",
+    "AccuracyError", "AccuracyWarning", "ArrayEvaluator", "ArrayIndexError", "Cond", "Diagnosis", "Diffeomorphism",
+    "DiffeomorphismError", "Evaluator", "Explanation", "Expr", "Function", "GradientReport", "TegError", "abs", "acos", "array", "asin",
+    "atan", "atan2", "bracket", "ceil", "change_variables", "check_gradient", "compile", "cos", "cosh", "delta", "diff", "dump",
+    "eliminate", "errors", "evaluate", "exp", "explain", "floor", "from_sympy", "function", "grad", "hessian", "index", "indices",
+    "integral", "jax_function", "jvp", "latex", "length", "log", "maps", "maximum", "minimum", "mod", "param", "params", "polar",
+    "round", "scipy_function", "sign", "sin", "sinh", "size", "sqrt", "sum", "tan", "tanh", "to_sympy", "torch_function", "tuple",
+    "var", "vars", "where",
 ]  # fmt: skip
+
+_MODULE_OF = {name: module for module, names in _LOADED_ON_FIRST_USE.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    """Returns the public object `name`, imported now."""
+    if name == "maps":
+        return import_module("teg.maps")
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'teg' has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    """Returns the public names: those of `__all__`, the module `errors` and the version."""
+    return sorted([*__all__, "__version__"])

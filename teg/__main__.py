@@ -17,6 +17,7 @@ from teg.errors import AccuracyError, InputError, TegError
 from teg.evaluator.options import BACKENDS, DTYPES
 from teg.ir.expr import Expr
 from teg.pipeline import ESTIMATORS
+from teg.program.arrays import ArrayProgram
 
 if TYPE_CHECKING:
     Demos = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -230,7 +231,7 @@ def compile_file(options: argparse.Namespace) -> int:
             path.write_text(content, encoding="utf-8")
     except OSError as problem:
         raise InputError(f"cannot write {options.out!r}", None, str(problem.strerror)) from None
-    second = "Hessian" if isinstance(evaluator, teg.Evaluator) else "Hessian times a direction"
+    second = "Hessian times a direction" if isinstance(evaluator.program(0), ArrayProgram) else "Hessian"
     what = ("value", "value and gradient", f"value, gradient and {second}")[options.derivatives]
     print(f"{source} and {source.with_suffix('.h').name}: {what} of {source.stem}({', '.join(evaluator.parameters)})")
     return 0
@@ -238,16 +239,10 @@ def compile_file(options: argparse.Namespace) -> int:
 
 def _c_files(evaluator: Any, name: str, options: argparse.Namespace) -> tuple[str, str]:
     """The texts of the source and its header."""
-    from teg.backends.c.array_standalone import standalone_c_arrays
     from teg.backends.c.standalone import standalone_c
 
-    names = evaluator.output_names(options.derivatives)
-    program = evaluator.program(options.derivatives)
-    if isinstance(evaluator, teg.Evaluator):
-        return standalone_c(program, name, names, {"float64": "double", "float32": "float"}[options.dtype])
-    if options.dtype != "float64":
-        raise InputError("a program with arrays is written with arrays of double only", options.file, "leave --dtype out")
-    return standalone_c_arrays(program, name, names)
+    program, names = evaluator.program(options.derivatives), evaluator.output_names(options.derivatives)
+    return standalone_c(program, name, names, {"float64": "double", "float32": "float"}[options.dtype])
 
 
 def show_cache(options: argparse.Namespace) -> int:

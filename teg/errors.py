@@ -1,10 +1,19 @@
-"""Everything a user can do wrong, one class a mistake, all below `TegError`."""
+"""The error classes, one for each kind of mistake, all derived from `TegError`.
+
+The docstring of each class says what is wrong, why, and what to do about it. Its example raises the error.
+"""
 
 from __future__ import annotations
 
 
 class TegError(Exception):
-    """A mistake in a program or a call: `what` is wrong, the expression at fault (`where`), and a `hint` at the way out."""
+    """The base class of all errors that a user can cause.
+
+    `what` says what is wrong, `where` is the expression or object at fault (None: the whole call), and `hint` says what to do about it (may
+    be empty). The printed message holds all three.
+
+    >>> teg.compile("x + 1")
+    """
 
     def __init__(self, what: str, where: object = None, hint: str = "") -> None:
         self.what = what
@@ -26,47 +35,117 @@ class TegError(Exception):
 
 
 class OperandError(TegError, TypeError):
-    """A value that the language has no operation for."""
+    """A value for which the language has no operation.
+
+    Programs are built from numbers, parameters, variables and expressions; arrays of values are given when the compiled function is
+    called. Way out: replace text, None or an array by an expression, and NumPy's functions by those of `teg`.
+
+    >>> teg.sin("x")
+    """
 
 
 class ConditionError(TegError, TypeError):
-    """A condition used as a Python truth value, or a number where a condition belongs (and the reverse)."""
+    """A condition used as a Python truth value or as a number, or a number used as a condition.
+
+    Whether a condition holds is not known while the program is written, so Python's `if`, `and`, `or`, `not` and `a < x < b` cannot ask
+    for it. Way out: `teg.where(c, a, b)` for `if`, `& | ~` for `and`, `or`, `not`, and `teg.bracket(c)` for the number 1 or 0.
+
+    >>> 1 if teg.var("x") < 2 else 0
+    """
 
 
 class ScopeError(TegError, ValueError):
-    """A variable outside its integral, or an integral over something that is not a variable."""
+    """A variable or an index outside of its integral or sum, or an integral over something that is not a variable.
+
+    A variable has a value only inside the integral over it. Way out: integrate over the variable, or make it a parameter.
+
+    >>> teg.compile(teg.var("x") ** 2)
+    """
 
 
 class BoundError(TegError, ValueError):
-    """A bound of an integral that cannot be used."""
+    """A bound of an integral that is not a number.
+
+    A bound is a number, an expression of parameters and outer variables, or ±`math.inf`; NaN and conditions are none of these.
+
+    >>> teg.integral(1, (teg.var("x"), 0, float("nan")))
+    """
 
 
 class NameClashError(TegError, ValueError):
-    """One name for two different things."""
+    """One name for two different things in one program.
+
+    Values are given by name when a program is called, so a name must be clear. Way out: rename one of the two.
+
+    >>> x = teg.var("x")
+    >>> teg.compile(teg.param("x") * teg.integral(x, (x, 0, 1)))
+    """
 
 
 class ParameterError(TegError, ValueError):
-    """A missing, unknown or repeated parameter, or a value that does not fit."""
+    """A parameter that is missing, unknown or repeated, or a value that does not fit it.
+
+    Derivatives are taken by parameters only, not by variables of integration. Way out: give each parameter in `f.parameters` one value, a
+    number or an array; the arrays of a batch have shapes that broadcast.
+
+    >>> teg.compile(teg.param("t") ** 2)(s=1.0)
+    """
 
 
 class ArrayIndexError(TegError, IndexError):
-    """An array indexed by something that is no integer, by too few or too many, or out of its range; a sum of negative length."""
+    """An index that is not an integer or is out of range, a wrong number of indices, or a sum of negative length.
+
+    Ranges are checked in each call before anything is read, also where a condition drops the value. Way out: keep indices inside by `%` or
+    `teg.minimum`, and compare with `teg.length`.
+
+    >>> V = teg.array("V")
+    >>> teg.evaluate(V[3], {V: [1.0, 2.0]})
+    """
 
 
 class NotDifferentiableError(TegError, ValueError):
-    """A derivative that the language does not have."""
+    """A derivative that the language does not have.
+
+    The jumps of a floor are differentiated as conditions, one a step, and that takes bounds between which the steps can be enumerated. A
+    condition on an integral over the condition's own variable has no slope that is known. Way out: finite or narrower bounds, fewer steps.
+
+    >>> x, t = teg.var("x"), teg.param("t")
+    >>> teg.diff(teg.floor(x * t), t)
+    """
 
 
 class DeltaError(TegError, ValueError):
-    """A Dirac delta where it has no meaning: inside a non-linear function, or in no integral."""
+    """A Dirac delta where it has no meaning.
+
+    A delta is defined by its integral, and that is linear in it. A delta may be added and multiplied. It may
+    not stand inside a function, a condition or a denominator, and an integral over one of its variables must stand around it.
+
+    >>> teg.sin(teg.delta(teg.var("x")))
+    """
 
 
 class NoReparameterisationError(TegError, ValueError):
-    """A Dirac delta on a surface that no family reduces to one variable."""
+    """A Dirac delta on a surface for which no change of variables is known.
+
+    The value of the program, and derivatives that do not move this surface, work. Way out: write the condition so that a variable stands
+    alone on one side, or give coordinates in which it does (`teg.Diffeomorphism`, `maps=`).
+
+    >>> x, s, t = teg.var("x"), teg.var("s"), teg.param("t")
+    >>> inner = teg.integral(teg.bracket(teg.sin(x) * s < t), (s, 0, x))
+    >>> teg.compile(teg.integral(teg.bracket(inner < t), (x, 0, 1)), [t]).grad(t=0.5)
+    """
 
 
 class DiffeomorphismError(TegError, ValueError):
-    """A change of variables that is none: `point` (names and numbers) is where, and `values` are what should be there and what is."""
+    """A change of variables that is not one-to-one, does not invert as stated, or misses a part of the integral.
+
+    Each map is checked at sample points, because an integral in wrong coordinates has a wrong value. `point` (names and numbers) is the
+    sample point where the check failed; `values` holds the expected number and the computed one. Way out: correct `inverse=` or
+    `jacobian=`, or narrow `domain=` to where the map is one-to-one.
+
+    >>> x, r = teg.vars("x r")
+    >>> teg.Diffeomorphism({x: 2 * r}, inverse={r: x / 3})
+    """
 
     def __init__(
         self,
@@ -85,24 +164,64 @@ class DiffeomorphismError(TegError, ValueError):
 
 
 class AccuracyError(TegError, ArithmeticError):
-    """An integral that did not reach its tolerance, or diverges, where the evaluator was told to raise (`inaccurate="raise"`)."""
+    """A result that missed its tolerance or does not converge, in an evaluator made with `inaccurate="raise"`.
+
+    Without that option the call returns the result and warns (`teg.AccuracyWarning`). Way out: a larger `tol=`, or an integrand whose
+    singularities stand at bounds.
+
+    >>> x = teg.var("x")
+    >>> teg.compile(teg.integral(1 / x, (x, 0, 1)), inaccurate="raise")()
+    """
 
 
 class BackendError(TegError, RuntimeError):
-    """A backend that is missing, or cannot do what was asked."""
+    """A backend that cannot run as it is configured; also the base of `MissingPackageError` and `CompilerError`.
+
+    The backend of JAX needs 64-bit numbers, for instance. Way out: the message names the setting to change.
+
+    >>> import jax
+    >>> jax.config.update("jax_enable_x64", False)
+    >>> teg.compile(teg.param("t") ** 2, backend="jax")(t=1.0)
+    """
 
 
 class MissingPackageError(BackendError, ImportError):
-    """An optional package that is not installed."""
+    """An optional package that is not installed, or is too old.
+
+    Way out: the command in the hint, such as `pip install "teg[jax]"`.
+
+    >>> import sys
+    >>> sys.modules["jax"] = None  # as if JAX were not installed
+    >>> teg.jax_function(teg.param("t") ** 2)
+    """
 
 
 class CompilerError(BackendError):
-    """The C compiler is missing or rejected the generated text; its own message is in `hint`."""
+    """The C compiler is missing, cannot be run, or rejects the generated text.
+
+    `hint` holds the compiler's own message. Way out: install a C compiler, name one in the environment variable CC, or take
+    `backend="numpy"`.
+
+    >>> import os
+    >>> os.environ["CC"] = "'a quote that is not closed"
+    >>> teg.compile(teg.param("t") ** 2, backend="c")(t=1.0)
+    """
 
 
 class OptionError(TegError, ValueError):
-    """An unknown option, or a value outside what the option admits."""
+    """An unknown option, or a value that the option does not take.
+
+    Way out: one of the values that the hint lists.
+
+    >>> teg.compile(teg.param("t") ** 2, backend="fortran")
+    """
 
 
 class InputError(TegError, ValueError):
-    """A file, photo or command-line argument that cannot be used."""
+    """A file, photo or command-line argument that cannot be used.
+
+    Commands print the message and end with exit code 2. Way out: the message names the file and what is expected of it.
+
+    >>> from teg.__main__ import load_expression
+    >>> load_expression("no_such_file.py:e")
+    """

@@ -1,4 +1,4 @@
-"""What users write programs with: variables, parameters, functions, conditions, integrals. Checks what they write."""
+"""The functions with which users write programs: variables, parameters, functions, conditions, integrals. They check their arguments."""
 
 from __future__ import annotations
 
@@ -34,30 +34,33 @@ def _name(text: str, what: str) -> str:
 
 
 def var(name: str) -> Var:
-    """A variable of integration; the same name is the same variable."""
+    """Returns a variable of integration. The same name is the same variable."""
     return Var.make(_name(name, "variable"), ())
 
 
 def vars(names: str) -> tuple[Var, ...]:
-    """Variables of integration, named in one string: ``x, y = teg.vars("x y")``."""
+    """Returns variables of integration, named in one string: ``x, y = teg.vars("x y")``."""
     return tuple(var(n) for n in _names(names, "vars"))
 
 
 def param(name: str) -> Param:
-    """A parameter, what one differentiates by; the same name is the same parameter."""
+    """Returns a parameter, by which derivatives are taken. The same name is the same parameter."""
     return Param.make(_name(name, "parameter"), ())
 
 
 def params(names: str) -> tuple[Param, ...]:
-    """Parameters, named in one string: ``t, a = teg.params("t a")``."""
+    """Returns parameters, named in one string: ``t, a = teg.params("t a")``."""
     return tuple(param(n) for n in _names(names, "params"))
 
 
 def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
-    """∫ … ∫ integrand over the triples (variable, lower bound, upper bound), the first one innermost.
+    """Returns ∫ … ∫ integrand over the triples (variable, lower bound, upper bound), the first triple innermost.
 
-    A bound may be a number (also ±math.inf) or an expression of parameters and of the variables of the triples after it; lower > upper is
-    the signed integral. Raises ScopeError for a triple that is none, or whose first entry is not a variable.
+    A bound may be a number (also ±math.inf) or an expression of parameters and of the variables of later triples; lower > upper is the
+    signed integral. Raises ScopeError for a malformed triple, or one whose first entry is not a variable.
+
+        x, y = teg.vars("x y")
+        teg.integral(x * y, (x, 0, y), (y, 0, 1))       # ∫₀¹ ∫₀ʸ x·y dx dy = 1/8
     """
     e = integrand if isinstance(integrand, Tuple) else as_number(integrand)
     if not domain:
@@ -72,7 +75,7 @@ def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
         v, lo, hi = triple
         if not isinstance(v, Var):
             kind = "a parameter" if isinstance(v, Param) else f"{type(v).__name__}"
-            raise ScopeError(f"one integrates over a variable, not over {kind}", v, 'make one with x = teg.var("x")')
+            raise ScopeError(f"an integral runs over a variable, not over {kind}", v, 'make one with x = teg.var("x")')
         bounds = as_number(lo), as_number(hi)
         for bound in bounds:
             if isinstance(bound, Const) and math.isnan(bound.data):
@@ -87,137 +90,139 @@ def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
 
 
 def bracket(condition: object) -> Expr:
-    """Iverson's bracket: 1 where the condition holds, else 0."""
+    """Returns Iverson's bracket: 1 where the condition holds, else 0."""
     return ex.bracket(as_condition(condition))
 
 
 def where(condition: object, then: object, otherwise: object) -> Expr:
-    """`then` where the condition holds, else `otherwise`; the value not taken never matters, be it NaN."""
+    """Returns `then` where the condition holds, else `otherwise`. The value not taken never matters, even if it is NaN."""
     c, a, b = as_condition(condition), as_number(then), as_number(otherwise)
     return ex.Where.make(None, (c, a, b)) if a is b and not isinstance(c, ex.Truth) else ex.where(c, a, b)
 
 
 def tuple_(*entries: object) -> Tuple:
-    """Several expressions evaluated together; nested Python tuples of expressions become nested tuples."""
+    """Returns several expressions to be evaluated together. Nested Python tuples of expressions become nested tuples."""
     return ex.tuple_of(*(tuple_(*e) if isinstance(e, list | tuple) else e if isinstance(e, Tuple) else as_number(e) for e in entries))
 
 
 def delta(argument: object) -> Expr:
-    """Dirac's δ(argument). It may be added and multiplied, under an integral that binds one of its variables."""
+    """Returns Dirac's δ(argument). It may be added and multiplied, under an integral that binds one of its variables."""
     return _delta(as_number(argument))
 
 
 def sin(u: object) -> Expr:
-    """The sine; radians."""
+    """Returns the sine of u, in radians."""
     return ex.call("sin", as_number(u))
 
 
 def cos(u: object) -> Expr:
-    """The cosine; radians."""
+    """Returns the cosine of u, in radians."""
     return ex.call("cos", as_number(u))
 
 
 def tan(u: object) -> Expr:
-    """The tangent; radians."""
+    """Returns the tangent of u, in radians."""
     return ex.call("tan", as_number(u))
 
 
 def asin(u: object) -> Expr:
-    """The inverse sine, in [-π/2, π/2]."""
+    """Returns the inverse sine, in [-π/2, π/2]."""
     return ex.call("asin", as_number(u))
 
 
 def acos(u: object) -> Expr:
-    """The inverse cosine, in [0, π]."""
+    """Returns the inverse cosine, in [0, π]."""
     return ex.call("acos", as_number(u))
 
 
 def atan(u: object) -> Expr:
-    """The inverse tangent, in (-π/2, π/2)."""
+    """Returns the inverse tangent, in (-π/2, π/2)."""
     return ex.call("atan", as_number(u))
 
 
 def atan2(y: object, x: object) -> Expr:
-    """The angle of the point (x, y), in (-π, π]."""
+    """Returns the angle of the point (x, y), in (-π, π]."""
     return ex.call("atan2", as_number(y), as_number(x))
 
 
 def sinh(u: object) -> Expr:
-    """The hyperbolic sine."""
+    """Returns the hyperbolic sine."""
     return ex.call("sinh", as_number(u))
 
 
 def cosh(u: object) -> Expr:
-    """The hyperbolic cosine."""
+    """Returns the hyperbolic cosine."""
     return ex.call("cosh", as_number(u))
 
 
 def tanh(u: object) -> Expr:
-    """The hyperbolic tangent."""
+    """Returns the hyperbolic tangent."""
     return ex.call("tanh", as_number(u))
 
 
 def exp(u: object) -> Expr:
-    """The exponential."""
+    """Returns the exponential."""
     return ex.call("exp", as_number(u))
 
 
 def log(u: object) -> Expr:
-    """The natural logarithm."""
+    """Returns the natural logarithm."""
     return ex.call("log", as_number(u))
 
 
 def sqrt(u: object) -> Expr:
-    """The square root."""
+    """Returns the square root; NaN for u < 0."""
     return ex.call("sqrt", as_number(u))
 
 
 def floor(u: object) -> Expr:
-    """The largest integer not above u."""
+    """Returns the largest integer not above u."""
     return ex.call("floor", as_number(u))
 
 
 def ceil(u: object) -> Expr:
-    """The smallest integer not below u."""
+    """Returns the smallest integer not below u."""
     return ex.call("ceil", as_number(u))
 
 
 def round_(u: object) -> Expr:
-    """The nearest integer. A half goes to the even side, as in Python and NumPy; of an u with variables of integration it goes up, which
-    no integral sees."""
+    """Returns the nearest integer.
+
+    A half goes to the even side, as in Python and NumPy. If u has variables of integration a half goes up, which changes no integral.
+    """
     return ex.call("round", as_number(u))
 
 
 def mod(u: object, period: object) -> Expr:
-    """u - period·floor(u/period): of the sign of the period, as in Python."""
+    """Returns u - period·floor(u/period). It has the sign of the period, as in Python."""
     return ex.call("mod", as_number(u), as_number(period))
 
 
 def abs_(u: object) -> Expr:
-    """|u|."""
+    """Returns |u|."""
     return ex.absolute(as_number(u))
 
 
 def sign(u: object) -> Expr:
-    """-1, 0 or 1."""
+    """Returns -1, 0 or 1."""
     v = as_number(u)
     return ex.where(ex.positive(v), ex.ONE, ex.where(ex.less(v, 0, True), ex.MINUS_ONE, ex.ZERO))
 
 
 def minimum(first: object, *others: object) -> Expr:
-    """The smallest of two or more; of indices, which then is one."""
+    """Returns the smallest of two or more numbers or indices. The minimum of indices is an index."""
     return _extremum(first, others, "min", lambda a, b: ex.less(a, b, True))
 
 
 def maximum(first: object, *others: object) -> Expr:
-    """The largest of two or more; of indices, which then is one."""
+    """Returns the largest of two or more numbers or indices. The maximum of indices is an index."""
     return _extremum(first, others, "max", lambda a, b: ex.less(b, a, True))
 
 
 def _extremum(first: object, others: tuple[object, ...], name: str, wins: object) -> Expr:
-    given = (first, *others)
-    if any(isinstance(i, Index) for i in given) and all(isinstance(i, Index | int) for i in given):
-        return cast(Expr, functools.reduce(lambda a, b: index_call(name, a, b), map(as_index, given)))
+    arguments = (first, *others)
+    if any(isinstance(i, Index) for i in arguments) and all(isinstance(i, Index | int) for i in arguments):
+        return cast(Expr, functools.reduce(lambda a, b: index_call(name, a, b), map(as_index, arguments)))
     best = as_number(first)
     for other in others:
         u = as_number(other)
@@ -226,7 +231,7 @@ def _extremum(first: object, others: tuple[object, ...], name: str, wins: object
 
 
 def check_program(e: Expr) -> None:
-    """A program to compile is closed and gives each name to one thing; raises ScopeError or NameClashError."""
+    """Checks that a program is closed and gives each name to one thing. Raises ScopeError or NameClashError."""
     if e.free:
         names = ", ".join(sorted(v.name for v in e.free))
         one = next(iter(e.free))
@@ -246,16 +251,16 @@ def check_program(e: Expr) -> None:
 
 
 def check_parameters(wrt: object) -> list[Param]:
-    """A list of parameters as users write it: one, or several, each once."""
+    """Returns a user's list of parameters, one or several, each once. Raises ParameterError."""
     if isinstance(wrt, Param):
         return [wrt]
     if isinstance(wrt, Expr) or not isinstance(wrt, Iterable):
-        raise ParameterError("one differentiates by parameters", wrt, 'make one with t = teg.param("t")')
-    found: dict[Param, None] = {}
+        raise ParameterError("derivatives are taken by parameters", wrt, 'make one with t = teg.param("t")')
+    chosen: dict[Param, None] = {}
     for p in wrt:
         if not isinstance(p, Param):
-            raise ParameterError("one differentiates by parameters", p, 'make one with t = teg.param("t")')
-        if p in found:
+            raise ParameterError("derivatives are taken by parameters", p, 'make one with t = teg.param("t")')
+        if p in chosen:
             raise ParameterError(f"the parameter {p.name!r} is listed twice")
-        found[p] = None
-    return list(found)
+        chosen[p] = None
+    return list(chosen)

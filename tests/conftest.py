@@ -1,13 +1,25 @@
-"""What every test shares: the IR is verified between passes."""
+"""Fixtures of all tests: the IR is verified between passes; C is compiled without optimisation, into one cache for all workers.
+
+Compilers take most of the time of a test run, and most programs in tests are called for a few points. No result depends on the
+flags. Tests of the C backend itself, of its lanes and of its threads compile as users do: the fixture `as_users_compile`.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from math import inf
 
 import pytest
 
-QUICK_IN_JAX = ("test_jax_backend.py", "test_floors.py")
+from teg.backends.c import build, kernel
+
+os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")  # read when JAX is imported
+QUICK_IN_JAX = ("test_jax_backend.py", "test_jax_function.py", "test_references.py::test_jax[", "test_floors.py")
 """Where JAX is tested in the quick run too: XLA takes half a second to some seconds for each program."""
+
+AS_RELEASED = kernel.OPTIMISATION, build.OPTIMISE
+"""The C compiler's flags when no test has changed them."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -22,6 +34,36 @@ def verified() -> Iterator[None]:
     """TEG_VERIFY=1 in all tests (for the session, as property tests allow no fixtures of one function)."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TEG_VERIFY", "1")
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def one_cache(pytestconfig: pytest.Config, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """One cache of compiled C for all workers and runs: TEG_CACHE_DIR, or a folder in pytest's cache, which `--cache-clear` empties."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not os.environ.get("TEG_CACHE_DIR"):
+            cache = getattr(pytestconfig, "cache", None)  # None: pytest runs without its cache
+            folder = cache.mkdir("kernels") if cache else tmp_path_factory.mktemp("kernels")
+            folder.chmod(0o700)
+            patch.setenv("TEG_CACHE_DIR", str(folder))
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def quickly_compiled() -> Iterator[None]:
+    """C without optimisation."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernel, "OPTIMISATION", ((inf, ("-O0",)),))
+        patch.setattr(build, "OPTIMISE", ("-O0",))
+        yield
+
+
+@pytest.fixture(scope="module")
+def as_users_compile(quickly_compiled: None) -> Iterator[None]:
+    """The flags that users' programs are compiled with, for the tests of a module."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernel, "OPTIMISATION", AS_RELEASED[0])
+        patch.setattr(build, "OPTIMISE", AS_RELEASED[1])
         yield
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Sequence
+from math import inf
 from typing import Any, cast
 
 import numpy as np
@@ -24,6 +25,9 @@ from teg.program import Outcome, Program
 LONG = np.dtype(ctypes.c_long)
 REALS = {"float64": ("double", ctypes.c_double), "float32": ("float", ctypes.c_float)}
 """The types of C of parameters and outputs."""
+OPTIMISATION = ((280_000, ("-O3",)), (480_000, ("-O1",)), (7_000_000, ("-O1", *LIGHT)), (inf, ("-O0",)))
+"""The compiler's flags for texts of up to this length: on long ones gcc 12 needs 8, 4, 3 and 1 seconds a megabyte. Loops, which short
+texts are about, run faster after -O3 than after -O1; long straight lines do not. No result depends on the flags."""
 
 
 class CKernel:
@@ -43,7 +47,13 @@ class CKernel:
         self._call = Caller(library)
         self._noted = needs_context(program.body, counted)
         self._type, self._inputs, self._outputs = np.dtype(dtype), len(program.parameters), len(program.outputs)
+        self._rows = np.arange(self._outputs, dtype=np.uintp)
         self._values: Any = element * (self._inputs + self._outputs)
+
+    @property
+    def address(self) -> int:
+        """Where the kernel that can be watched (`teg_kernel_watched`) lies in this process."""
+        return self._call.address
 
     def __call__(self, columns: Sequence[np.ndarray], n: int) -> np.ndarray:
         """The outputs on a batch of n, shape (outputs, n), of the kernel's dtype.
@@ -66,7 +76,8 @@ class CKernel:
         notes = np.empty(n, dtype=LONG) if self._noted else None
         threads = min(self.threads or os.cpu_count() or 1, n)
         told = None if notes is None else _address(notes)
-        if self._call.batch(n, _address(pointers), _address(strides), _address(out), told, threads):
+        rows = self._rows * np.uintp(n * size) + np.uintp(_address(out))
+        if self._call.batch(n, _address(pointers), _address(strides), None, _address(rows), told, threads):
             raise BackendError("there is no memory for the kernel's workspace")
         if notes is None:
             return Outcome(out, False, 0)
@@ -76,7 +87,7 @@ class CKernel:
     def at_point(self, values: Sequence[float]) -> Outcome:
         """The outcome of one point, given as plain numbers in the order of the parameters; quicker than a batch of one."""
         array = self._values(*values)
-        note = self._call.once(array, self._inputs)
+        note = self._call.once(array, self._inputs, self._outputs)
         if note < 0:
             raise BackendError("there is no memory for the kernel's workspace")
         out = np.frombuffer(array, dtype=self._type)[self._inputs :].reshape(self._outputs, 1)
@@ -103,10 +114,8 @@ def _built(program: Program, counted: bool, real: str, openmp: bool) -> tuple[st
 
 
 def optimisation(source: str) -> tuple[str, ...]:
-    """How hard the compiler should try, so that long texts do not take it minutes: gcc 12 needs 8, 4, 3, 1 seconds a megabyte. Loops, which
-    short texts are about, run faster after -O3 than after -O1; long straight lines do not."""
-    size = len(source)
-    return ("-O3",) if size <= 280_000 else ("-O1",) if size <= 480_000 else ("-O1", *LIGHT) if size <= 7_000_000 else ("-O0",)
+    """The flags of `OPTIMISATION` for a text of this length."""
+    return next(flags for longest, flags in OPTIMISATION if len(source) <= longest)
 
 
 def _address(array: np.ndarray) -> int:

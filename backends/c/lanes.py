@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Collection, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
-from math import inf
 from typing import Any
 
 from teg.backends.c.frame import Frame, Scope, Step, assignments, captured_by
@@ -30,8 +29,6 @@ from teg.program import (
     Arg,
     Assign,
     Hyperbola,
-    Isolate,
-    Locate,
     Polygon,
     Program,
     Stmt,
@@ -40,6 +37,7 @@ from teg.program import (
     statements,
 )
 from teg.program.dce import without_dead_code
+from teg.program.fields import absent
 
 SIDE = 8
 """Points side by side."""
@@ -155,9 +153,7 @@ class _Line:
                     if stmt.when is None:
                         return False
                     self.conditions.append(self.assign("b", "not", stmt.when))
-                    self.absent |= dict.fromkeys(assigned(stmt), 0.0)
-                    if isinstance(stmt, Isolate | Locate):
-                        self.absent |= dict.fromkeys(stmt.results, inf)
+                    self.absent.update(absent(stmt))
         return True
 
     def plain(self, stmt: Assign) -> list[Assign]:

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends.branches import with_branches_in_loops
+from teg.backends.c.batch import ABI, exported, unwatched
 from teg.backends.c.build import load_library
 from teg.backends.c.frame import Routine
 from teg.backends.c.kernel import LONG, optimisation
@@ -31,28 +33,16 @@ from teg.backends.numpy.loops import Results
 from teg.errors import BackendError
 from teg.program import Integrate, compound, has_ties
 from teg.program.arrays import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, scattered, steps, work
+from teg.program.fields import operands, result_names
 
 BY_VALUE = 120
 """Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""
 ON_STACK = 512
 """Numbers in a workspace that is on the C stack."""
 
-ABI = """\
-/* An array: its numbers, row by row (double; int64_t for arrays of indices), how many of them lie between two elements of the
-   batch (0: the batch shares one), and its shape. */
-typedef struct {
-    const void *data;
-    long stride;
-    const int64_t *shape;
-} teg_array;"""
-
 
 class _View(ctypes.Structure):
     _fields_ = [("data", ctypes.c_void_p), ("stride", ctypes.c_long), ("shape", ctypes.c_void_p)]
-
-
-class _Given(ctypes.Structure):
-    _fields_ = [("p", ctypes.c_void_p), ("a", ctypes.c_void_p)]
 
 
 class CArrayKernel:
@@ -66,6 +56,11 @@ class CArrayKernel:
 
     def __reduce__(self) -> tuple[object, ...]:
         return (CArrayKernel, (self.program, self.threads))
+
+    @property
+    def address(self) -> int:
+        """Where the kernel that can be watched (`teg_kernel_watched`) lies in this process."""
+        return self._call.address
 
     def results(self, columns: Sequence[npt.NDArray[Any]], arrays: Sequence[npt.NDArray[Any]], n: int) -> Results:
         """The outputs of a batch of n, as `LaneKernel.results` gives them. Subscripts have been checked."""
@@ -82,10 +77,9 @@ class CArrayKernel:
         strides = np.array([1 if c.ndim else 0 for c in kept] or [0], dtype=LONG)
         targets = np.array([o.ctypes.data for o in out] or [0], dtype=np.uintp)
         notes = np.zeros(n, dtype=LONG)
-        given = _Given(pointers.ctypes.data, ctypes.addressof(views))
         team = self.threads or os.cpu_count() or 1
         told = notes.ctypes.data
-        if n and self._call.batch(n, ctypes.addressof(given), strides.ctypes.data, targets.ctypes.data, told, team):
+        if n and self._call.batch(n, pointers.ctypes.data, strides.ctypes.data, ctypes.addressof(views), targets.ctypes.data, told, team):
             raise BackendError("there is no memory for the kernel's workspace")
         noted = int(np.bitwise_or.reduce(notes)) if n else 0
         return Results(out, bool(noted & 2), 0, bool(noted & 4))
@@ -118,7 +112,8 @@ def _title(program: ArrayProgram) -> str:
 
 class _ArrayPrinter:
     def __init__(self, program: ArrayProgram, name: str) -> None:
-        self.program, self.name = program, name
+        self.program, self.name = with_branches_in_loops(program), name
+        program = self.program
         self.printer = Printer()
         self.routines: dict[int, Routine] = {}
         self.space = 0
@@ -126,7 +121,7 @@ class _ArrayPrinter:
         self.straights: dict[int, Straight] = {}  # of the only flat program of an innermost loop
         for step in steps(program.body):
             if isinstance(step, Loop) and (only := _only_run(step)):
-                inside = {name for s in step.body for name in _given_by(s)}
+                inside = {name for s in step.body for name in result_names(s)}
                 varying = {i for i, arg in enumerate(only.inputs) if arg in inside}
                 if varying and (found := self.printer.packed(only.program, varying, SIDE)):
                     self.straights[id(only)] = found
@@ -282,7 +277,7 @@ class _ArrayPrinter:
         at, lanes = f"{step.index}_first", f"{step.index}_count"
         cut = step.body.index(run)
         before, after = step.body[:cut], step.body[cut + 1 :]
-        inside = {name for s in before for name in _given_by(s)} | {step.index}
+        inside = {name for s in before for name in result_names(s)} | {step.index}
 
         def gathered(wanted: Sequence[int]) -> list[str]:
             """The inputs that vary, at the iterations; the last one is repeated."""
@@ -438,18 +433,9 @@ class _ArrayPrinter:
     def _entry(self) -> Iterator[str]:
         """The exported functions. A single element is given all threads, elements of a batch one each."""
         yield from (
-            "typedef struct {",
-            "    const double *const *p;",
-            "    const teg_array *a;",
-            "} teg_given;",
-            "",
-            f"TEG_EXPORT int {self.name}_watched(",
-            "    long n, const void *values, const long *stride, void *results, long *notes, int threads,",
-            "    long (*poll)(void *data), void *data)",
+            *exported(self.name)[0],
             "{",
             *indent(
-                "const teg_given *const given = values;",
-                "double *const *const out = (double *const *)results;",
                 "const int team = threads > 1 && n > 1 ? threads : 1, inner = n > 1 ? 1 : threads;",
                 "teg_watch watch = {poll, data, 0};",
                 "int failed = 0, working = 0;",
@@ -474,7 +460,7 @@ class _ArrayPrinter:
                     *indent(
                         "long note;",
                         "if (teg_stopped(&pace)) continue;",
-                        "note = element(e, given->p, stride, given->a, out, &pace, inner);",
+                        "note = element(e, p, stride, a, out, &pace, inner);",
                         "if (note < 0) failed = 1;",
                         "if (notes) notes[e] = note;",
                     ),
@@ -488,14 +474,7 @@ class _ArrayPrinter:
             ),
             "}",
             "",
-            f"TEG_EXPORT int {self.name}(",
-            "    long n, const double *const *p, const long *stride, const teg_array *a, double *const *out, long *notes, int threads)",
-            "{",
-            *indent(
-                "const teg_given given = {p, a};",
-                f"return {self.name}_watched(n, &given, stride, (void *)out, notes, threads, NULL, NULL);",
-            ),
-            "}",
+            *unwatched(self.name),
         )
 
 
@@ -505,40 +484,12 @@ def _only_run(loop: Loop) -> Run | None:
     return runs[0] if len(runs) == 1 and not any(isinstance(s, Loop) for s in loop.body) else None
 
 
-def _given_by(step: Step) -> tuple[str, ...]:
-    """The names that a step gives."""
-    match step:
-        case Run() | Loop():
-            return step.results
-        case Scatter():
-            return ()
-        case _:
-            return (step.name,)
-
-
-def _used_by(step: Step) -> tuple[Arg, ...]:
-    """What a step that is no loop uses."""
-    match step:
-        case Integers():
-            return step.args
-        case Number():
-            return (step.integer,)
-        case Load():
-            return step.subscripts
-        case Run():
-            return step.inputs
-        case Scatter():
-            return (*step.subscripts, step.value)
-        case Loop():
-            raise AssertionError(step)
-
-
 def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
     """The steps of a block without loops that matter for these names."""
     live, kept = set(wanted), []
     for step in reversed(block):
-        if live.intersection(_given_by(step)):
-            live.update(_used_by(step))
+        if not live.isdisjoint(result_names(step)):
+            live.update(operands(step))
             kept.append(step)
     return kept[::-1]
 

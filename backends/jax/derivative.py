@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, cast
 
@@ -52,7 +53,8 @@ class Family:
 
     `programs(k)` gives the program of order k. Its parameters are the leaves of p, `moving` of which are differentiated by, and then those
     of each u, `moving` of them; numbers and arrays apart, both in this order (`arrays` says which leaves are arrays), and behind the
-    numbers `integers`, which are constants. `entries` are the families of the single values, if there are several.
+    numbers `integers`, which are constants. `entries` are the families of the single values, if there are several. With `native` a
+    program is a compiled C kernel on CPUs, and a program of XLA elsewhere.
     """
 
     def __init__(
@@ -63,11 +65,15 @@ class Family:
         integers: Sequence[int] = (),
         indices: Sequence[Any] = (),
         entries: Sequence[Family] = (),
+        native: Native | None = None,
     ) -> None:
         self.programs, self.arrays, self.moving = programs, tuple(arrays), moving
         self.integers, self.indices = tuple(integers), tuple(indices)
         self.entries: tuple[Family, ...] = tuple(entries) or (self,)
+        self.native = native
         self._kernels: dict[int, Callable[..., Any]] = {}
+        self._numbers: dict[int, int] = {}
+        self._eager: dict[tuple[int, Batch, str], Callable[..., list[Any]]] = {}
         self._functions: dict[tuple[int, Batch, str], Callable[..., tuple[Any, ...]]] = {}
         self._lock = threading.RLock()
 
@@ -114,6 +120,76 @@ class Family:
             mapped = jax.vmap(mapped, in_axes=axes, out_axes=0)
         return cast("Callable[..., tuple[Any, ...]]", jax.jit(mapped))
 
+    # -- compiled kernels ----------------------------------------------------------------------------------------------
+
+    def eager(self, order: int, batch: Batch, dtype: str) -> Callable[..., list[Any]]:
+        """The primitive, jitted: what it is lowered to depends on where its operands lie."""
+        key = order, batch, dtype
+        with self._lock:
+            if key not in self._eager:
+                self._eager[key] = jax.jit(partial(derivative_p.bind, family=self, order=order, batch=batch, dtype=dtype))
+            return self._eager[key]
+
+    def native_function(self, order: int, batch: Batch, dtype: str) -> Callable[..., tuple[Any, ...]]:
+        """What the primitive computes on CPUs with `native`: one call of the compiled kernel for the whole batch."""
+        assert self.native is not None
+        from teg.backends.jax.native import Call, call
+
+        program = self.programs(order)
+        with self._lock:
+            if order not in self._numbers:
+                self._numbers[order] = self.native.bind(program, order)
+            number = self._numbers[order]
+        inaccurate = self.native.inaccurate
+
+        def function(*operands: Any) -> tuple[Any, ...]:
+            lengths = _lengths(batch, operands)
+            own = [v.ndim - _front(batch, i) for i, v in enumerate(operands)]
+            flags = [*self.arrays, *self.arrays[: self.moving] * max(order, 0)]
+            columns = [_column(v, [axes[i] is not None for axes in batch], lengths) for i, v in enumerate(operands)]
+            kinds = [n if flag else -1 for n, flag in zip(own, flags, strict=True)]
+            columns += [jnp.asarray(float(k)) for k in self.integers]
+            kinds += [-1] * len(self.integers)
+            results = tuple(_own_shapes(self, order, batch, operands))
+            found = call(Call(number, tuple(kinds), results, inaccurate), columns, lengths)
+            return tuple(v.astype(dtype) for v in found)
+
+        return function
+
+
+@dataclass(frozen=True)
+class Native:
+    """How programs become compiled kernels: `bind` compiles one of an order and gives its number; `inaccurate` is what a missed tolerance
+    does, "ignore", "warn" or "raise"."""
+
+    bind: Callable[[Program | ArrayProgram, int], int]
+    inaccurate: str
+
+
+def _lengths(batch: Batch, operands: Operands) -> tuple[int, ...]:
+    """The shape of the batch."""
+    axes = [next((v, _front(batch, i, k)) for i, v in enumerate(operands) if level[i] is not None) for k, level in enumerate(batch)]
+    return tuple(v.shape[k] for v, k in axes)
+
+
+def _column(v: Any, has: Sequence[bool], lengths: Sequence[int]) -> Any:
+    """An operand as a compiled kernel reads it: double precision or 64-bit integers, with all axes of the batch or none."""
+    v = v.astype(jnp.float64 if jnp.issubdtype(v.dtype, jnp.floating) else jnp.int64)
+    if all(has) or not any(has):
+        return v
+    own = v.shape[sum(has) :]
+    front = iter(v.shape)
+    return jnp.broadcast_to(v.reshape(*(next(front) if h else 1 for h in has), *own), (*lengths, *own))
+
+
+def _own_shapes(family: Family, order: int, batch: Batch, operands: Operands) -> list[tuple[int, ...]]:
+    """The shapes of the results for one element of the batch."""
+    leaves = [tuple(v.shape[_front(batch, i) :]) for i, v in enumerate(operands[: family.moving])]
+    own: list[tuple[int, ...]] = [()] * len(family.entries) if order <= 0 else []
+    if order >= 0:
+        own += leaves * (len(family.entries) if order == 0 else 1)
+    return own
+
 
 def _numbers(program: Program) -> Callable[[Operands], list[Any]]:
     kernel: JaxKernel = compile_jax(program)
@@ -151,14 +227,12 @@ def _axes(kind: Any) -> frozenset[str]:
 
 def _run(*operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> list[Any]:
     with in_double_precision():
-        return list(family.function(order, batch, dtype)(*operands))
+        function = family.eager if family.native else family.function
+        return list(function(order, batch, dtype)(*operands))
 
 
 def _abstract(*operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> list[Any]:
-    leaves = [v.shape[_front(batch, i) :] for i, v in enumerate(operands[: family.moving])]
-    own: list[tuple[int, ...]] = [()] * len(family.entries) if order <= 0 else []
-    if order >= 0:
-        own += leaves * (len(family.entries) if order == 0 else 1)
+    own = _own_shapes(family, order, batch, operands)
     if not operands:
         return [jax.core.ShapedArray(shape, np.dtype(dtype)) for shape in own]
     axes = [next((v, _front(batch, i, k)) for i, v in enumerate(operands) if level[i] is not None) for k, level in enumerate(batch)]
@@ -187,6 +261,14 @@ def _lower(context: Any, *operands: Any, family: Family, order: int, batch: Batc
     plain = [jax.core.ShapedArray(v.shape, v.dtype) for v in context.avals_in]
     with in_double_precision(), jax.sharding.use_abstract_mesh(NOWHERE):
         return mlir.lower_fun(family.function(order, batch, dtype), multiple_results=True)(context.replace(avals_in=plain), *operands)
+
+
+def _lower_for_cpu(context: Any, *operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> Any:
+    """A call of the compiled kernel, for families that have one."""
+    if family.native is None or not operands:
+        return _lower(context, *operands, family=family, order=order, batch=batch, dtype=dtype)
+    with in_double_precision():
+        return mlir.lower_fun(family.native_function(order, batch, dtype), multiple_results=True)(context, *operands)
 
 
 def _jvp(primals: Operands, tangents: Operands, *, family: Family, order: int, batch: Batch, dtype: str) -> tuple[list[Any], list[Any]]:
@@ -285,6 +367,7 @@ def _batch(operands: Operands, dims: Sequence[Any], *, family: Family, order: in
 derivative_p.def_impl(_run)
 derivative_p.def_abstract_eval(_abstract)
 mlir.register_lowering(derivative_p, _lower)
+mlir.register_lowering(derivative_p, _lower_for_cpu, platform="cpu")
 ad.primitive_jvps[derivative_p] = _jvp
 ad.primitive_transposes[derivative_p] = _transpose
 batching.primitive_batchers[derivative_p] = _batch

@@ -31,6 +31,7 @@ from typing import Any, assert_never, cast
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends.branches import with_selects
 from teg.backends.numpy import guard as guards
 from teg.backends.numpy import hyperbola as hyperbolas
 from teg.backends.numpy import poles, roots
@@ -44,7 +45,6 @@ from teg.program import (
     Arg,
     Assign,
     Gauss,
-    Guard,
     Hyperbola,
     Integrate,
     Isolate,
@@ -61,8 +61,9 @@ from teg.program import (
     When,
     assigned,
     blocks,
-    clipped_by,
+    captured,
     compound,
+    free_in,
     without_branches,
 )
 
@@ -156,7 +157,7 @@ class NumpyKernel:
 def _printed(program: Program) -> tuple[str, int]:
     """The text of a program without the bodies of its functions, and how many doubles a lane it may hold."""
     if "numpy" not in program.printed:
-        printer = _Printer(without_branches(program))
+        printer = _Printer(with_selects(program))
         program.printed["numpy"] = "\n".join(printer.lines), printer.width
     return cast("tuple[str, int]", program.printed["numpy"])
 
@@ -178,115 +179,12 @@ def depth(block: tuple[Stmt, ...]) -> int:
     return max(inner, default=0)
 
 
-def used(stmt: Stmt) -> dict[str, None]:
-    """The names of its own or an enclosing block that a statement uses, in order."""
-    match stmt:
-        case Assign():
-            return _names(stmt.args)
-        case Integrate():
-            for_flags, for_body, _ = captured(stmt)
-            return _names((stmt.lo, stmt.hi, *stmt.breaks, *of_bends(stmt), *for_flags, *for_body, *_maybe(stmt.when)))
-        case Isolate():
-            for_enclosure, for_point = searched(stmt)
-            return _names((stmt.lo, stmt.hi, *for_enclosure, *for_point, *_maybe(stmt.when)))
-        case Locate():
-            return _names((stmt.lo, stmt.hi, stmt.low, stmt.high, *located(stmt), *_maybe(stmt.when)))
-        case SumOver():
-            return _names((*stmt.points, *summed(stmt), *_maybe(stmt.when)))
-        case Sample():
-            return _names((*sampled(stmt), *_maybe(stmt.when)))
-        case Polygon():
-            return _names((*clipped_by(stmt), *(name for part in clipped(stmt)[:3] for name in part), *_maybe(stmt.when)))
-        case Segment():
-            return _names((*(name for part in clipped(stmt)[:3] for name in part), *_maybe(stmt.when)))
-        case Hyperbola():
-            return _names((*stmt.corners, *_coefficients(stmt), *free(stmt.scales, stmt.scale), *_maybe(stmt.when)))
-        case When():
-            raise AssertionError("branches are written out")
-        case _:
-            assert_never(stmt)
-
-
-def _coefficients(stmt: Hyperbola) -> list[Arg]:
-    return [c for m in stmt.moments for _, _, c in m.terms]
-
-
-def free(block: tuple[Stmt, ...], results: Iterable[Arg]) -> dict[str, None]:
-    """The names from outside that a block with these results uses, in order."""
-    names: dict[str, None] = {}
-    inside: set[str] = set()
-    for stmt in block:
-        names |= used(stmt)
-        inside.update(assigned(stmt))
-    names |= _names(results)
-    return {name: None for name in names if name not in inside}
-
-
-def captured(stmt: Integrate) -> tuple[list[str], list[str], list[str]]:
-    """What an integral's blocks use: `flags` from outside, `body` from outside, `body` from `flags`."""
-    flagged = {name for s in stmt.flags for name in assigned(s)}
-    in_flags = free(stmt.flags, (*_maybe(stmt.need), *(b.when for b in stmt.bends)))
-    in_body = free(stmt.body, stmt.at_nodes)
-    if stmt.guard is not None:
-        in_body |= dict.fromkeys(name for name in guarded(stmt.guard) if name not in (stmt.guard.left, stmt.guard.right))
-    return (
-        [name for name in in_flags if name not in (stmt.var, *stmt.ends)],
-        [name for name in in_body if name != stmt.var and name not in flagged],
-        [name for name in in_body if name in flagged],
-    )
-
-
-def guarded(guard: Guard) -> dict[str, None]:
-    """The names that the block of a guard uses: its own variables, and from outside."""
-    return free(guard.block, (*guard.sizes, *guard.upper, *guard.lower))
-
-
 def of_bends(stmt: Integrate) -> list[Arg]:
     """What the bends and tails of an integral use from outside: its base and scale, and the coefficients of each bend; nothing if it has
     neither."""
     if not stmt.bends and not stmt.infinite:
         return []
     return [stmt.base, stmt.scale, *(c for b in stmt.bends for c in b.coefficients)]
-
-
-def searched(stmt: Isolate) -> tuple[list[str], list[str]]:
-    """What an isolation's blocks use from outside: `enclosure`, `point`."""
-    in_enclosure = free(stmt.enclosure, (*stmt.bounds, *stmt.curving, stmt.noise))
-    in_point = free(stmt.point, (stmt.value, stmt.slope, stmt.curvature))
-    return [name for name in in_enclosure if name not in (stmt.left, stmt.right)], [name for name in in_point if name != stmt.var]
-
-
-def located(stmt: Locate) -> list[str]:
-    """What the enclosure of two functions uses from outside."""
-    sides = (stmt.left, stmt.right, stmt.bottom, stmt.top)
-    return [name for name in free(stmt.enclosure, stmt.bounds) if name not in sides]
-
-
-def summed(stmt: SumOver) -> list[str]:
-    """What the body of a sum uses from outside."""
-    return [name for name in free(stmt.body, stmt.values) if name != stmt.var]
-
-
-def sampled(stmt: Sample) -> list[str]:
-    """What the body of a sample uses from outside."""
-    return [name for name in free(stmt.body, stmt.values) if name not in stmt.points]
-
-
-def clipped(stmt: Polygon | Segment) -> tuple[list[str], list[str], list[str], list[str], list[str]]:
-    """What the blocks of a polygon or a segment use: `setup`, `scales`, `body` from outside; `scales`, `body` from `setup`."""
-    variables = stmt.variables if isinstance(stmt, Polygon) else (stmt.var,)
-    lines = () if isinstance(stmt, Polygon) else tuple(g for g in stmt.half_lines if g.k is not None)
-    own = {name for s in stmt.setup for name in assigned(s)}
-    in_setup = free(stmt.setup, (*stmt.factors, *(() if isinstance(stmt, Polygon) else clipped_by(stmt))))
-    in_scales = free(stmt.scales, (g.scale for g in lines)) if isinstance(stmt, Segment) else {}
-    in_body = free(stmt.body, stmt.values)
-    return (
-        list(in_setup),
-        [name for name in in_scales if name not in own],
-        [name for name in in_body if name not in own and name not in variables],
-        [name for name in in_scales if name in own],
-        [name for name in in_body if name in own],
-    )
 
 
 class _Printer:
@@ -324,7 +222,7 @@ class _Printer:
                 assert_never(stmt)
 
     def integral(self, number: int, stmt: Integrate) -> None:
-        for_flags, for_body, flagged = captured(stmt)
+        for_flags, (for_body, flagged) = captured(stmt, "flags")[0], captured(stmt, "body", "block")
         flags, piece_width = "None", len(for_flags) + len(for_body) + 6
         if stmt.flags or stmt.need is not None or stmt.bends:
             flags = f"flags_{number}"
@@ -358,7 +256,7 @@ class _Printer:
         self.lines += ["", "", f"integral_{number} = {kind}(", f"    {fields},", f"    {bends}, {rule}", ")"]
 
     def isolation(self, number: int, stmt: Isolate) -> None:
-        for_enclosure, for_point = searched(stmt)
+        for_enclosure, for_point = captured(stmt, "enclosure")[0], captured(stmt, "point")[0]
         enclosure, point = f"enclosure_{number}", f"point_{number}"
         enclosed = (*stmt.bounds, *stmt.curving, stmt.noise)
         enclosure_width = self.function(enclosure, [stmt.left, stmt.right, *for_enclosure], stmt.enclosure, enclosed)
@@ -370,26 +268,27 @@ class _Printer:
     def location(self, number: int, stmt: Locate) -> None:
         enclosure = f"enclosure_{number}"
         sides = [stmt.left, stmt.right, stmt.bottom, stmt.top]
-        width = self.function(enclosure, [*sides, *located(stmt)], stmt.enclosure, stmt.bounds)
+        width = self.function(enclosure, [*sides, *captured(stmt, "enclosure")[0]], stmt.enclosure, stmt.bounds)
         fields = f"enclosure={enclosure}, results={len(stmt.results)}, width={width}"
         fields += f", bounds={len(stmt.bounds)}, counts={stmt.lost is not None}"
         self.lines += ["", "", f"location_{number} = roots.Location({fields})"]
 
     def sum(self, number: int, stmt: SumOver) -> None:
         body = f"body_{number}"
-        width = self.function(body, [stmt.var, *summed(stmt)], stmt.body, stmt.values)
+        width = self.function(body, [stmt.var, *captured(stmt, "body")[0]], stmt.body, stmt.values)
         self.lines += ["", "", f"sum_{number} = roots.PointSum(body={body}, results={len(stmt.results)}, width={width})"]
 
     def mean(self, number: int, stmt: Sample) -> None:
         body, tested = f"body_{number}", len(stmt.estimates)
-        width = self.function(body, [*stmt.points, *sampled(stmt)], stmt.body, stmt.values) + len(stmt.values)
+        width = self.function(body, [*stmt.points, *captured(stmt, "body")[0]], stmt.body, stmt.values) + len(stmt.values)
         rule = f"kind={stmt.kind!r}, seed={stmt.seed}, dimensions={len(stmt.points)}, count={stmt.count}"
         leaf = not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in compound(stmt.body))
         counts = f"values={len(stmt.values)}, tested={tested}, estimated={tested > 0!r}, width={width}, leaf={leaf!r}"
         self.lines += ["", "", f"mean_{number} = sampling.Mean(", f"    body={body}, {rule},", f"    {counts}", ")"]
 
     def domain(self, number: int, stmt: Polygon | Segment) -> None:
-        for_setup, for_scales, for_body, to_scales, to_body = clipped(stmt)
+        for_setup = captured(stmt, "setup")[0]
+        (for_scales, to_scales), (for_body, to_body) = captured(stmt, "scales"), captured(stmt, "body")
         setup, body = f"setup_{number}", f"body_{number}"
         variables = list(stmt.variables) if isinstance(stmt, Polygon) else [stmt.var]
         lines = [] if isinstance(stmt, Polygon) else [arg for g in stmt.half_lines for arg in (g.first, g.last, g.resolution, g.size)]
@@ -411,7 +310,7 @@ class _Printer:
         self.lines += [f"    scales={scales}, lines=({kinds}), nodes={stmt.nodes}, passed={len(to_scales)}", ")"]
 
     def hyperbola(self, number: int, stmt: Hyperbola) -> None:
-        scales, for_scales = f"scales_{number}", list(free(stmt.scales, stmt.scale))
+        scales, for_scales = f"scales_{number}", captured(stmt, "scales")[0]
         self.function(scales, for_scales, stmt.scales, stmt.scale)
         kinds = [repr((m.kind, tuple((j, k) for j, k, _ in m.terms))) for m in stmt.moments]
         self.lines += ["", "", f"hyperbola_{number} = hyperbolas.HyperbolaMoments("]
@@ -437,9 +336,9 @@ class _Printer:
     ) -> int:
         """Prints a long block as functions of PART statements, which share a dictionary `s`."""
         parts = [block[i : i + PART] for i in range(0, len(block), PART)]
-        uses = [list(free(part, ())) for part in parts]
+        uses = [list(free_in(part)) for part in parts]
         last = {n: i for i, part in enumerate(uses) for n in part}
-        last |= dict.fromkeys(_names(results), len(parts))
+        last |= dict.fromkeys((r for r in results if isinstance(r, str)), len(parts))
         shared = [[n for s in part for n in assigned(s) if last.get(n, i) > i] for i, part in enumerate(parts)]
         self.lines += ["", "", f"def {name}({signature}):"]
         self.lines.append("    s = {" + ", ".join(f"{p!r}: {p}" for p in parameters if p in last) + "}")
@@ -474,33 +373,33 @@ class _Printer:
         groups: list[Iterable[str]]
         match stmt:
             case Integrate():
-                for_flags, for_body, _ = captured(stmt)
+                for_flags, for_body = captured(stmt, "flags")[0], captured(stmt, "body", "block")[0]
                 listed_breaks, bends = map(_text, stmt.breaks), map(_text, of_bends(stmt))
                 name, limits, groups = "integral", [stmt.lo, stmt.hi], [listed_breaks, bends, for_flags, for_body]
             case Isolate():
-                name, limits, groups = "isolation", [stmt.lo, stmt.hi], [*searched(stmt)]
+                name, limits, groups = "isolation", [stmt.lo, stmt.hi], [captured(stmt, name)[0] for name in ("enclosure", "point")]
             case Locate():
-                name, limits, groups = "location", [stmt.lo, stmt.hi, stmt.low, stmt.high], [located(stmt)]
+                name, limits, groups = "location", [stmt.lo, stmt.hi, stmt.low, stmt.high], [captured(stmt, "enclosure")[0]]
             case SumOver():
-                name, limits, groups = "sum", [], [map(_text, stmt.points), summed(stmt)]
+                name, limits, groups = "sum", [], [map(_text, stmt.points), captured(stmt, "body")[0]]
             case Sample():
-                name, limits, groups = "mean", [], [sampled(stmt)]
+                name, limits, groups = "mean", [], [captured(stmt, "body")[0]]
             case Polygon():
                 planes = [_text(arg) for g in stmt.half_planes for arg in (g.a, g.b, g.c)]
                 planes += [_text(arg) for arg in (*(arg for p in stmt.corners for arg in p), stmt.across)] if stmt.corners else []
-                for_setup, _, for_body, *_ = clipped(stmt)
-                name, limits, groups = "polygon", [stmt.width, stmt.height], [planes, for_setup, for_body]
+                groups = [planes, *(captured(stmt, block)[0] for block in ("setup", "body"))]
+                name, limits = "polygon", [stmt.width, stmt.height]
             case Segment():
-                name, limits, groups = "segment", [], [*clipped(stmt)[:3]]
+                name, limits, groups = "segment", [], [captured(stmt, block)[0] for block in ("setup", "scales", "body")]
             case Hyperbola():
                 name, limits = "hyperbola", list(stmt.corners)
-                groups = [map(_text, _coefficients(stmt)), free(stmt.scales, stmt.scale)]
+                groups = [[_text(c) for m in stmt.moments for _, _, c in m.terms], captured(stmt, "scales")[0]]
             case When():
                 raise AssertionError("branches are written out")
             case _:
                 assert_never(stmt)
         listed = [list(group) for group in groups]
-        arguments = ["run", *map(_text, limits), *(f"({inside(group)})" for group in listed), *_maybe(stmt.when)]
+        arguments = ["run", *map(_text, limits), *(f"({inside(group)})" for group in listed), *(() if stmt.when is None else (stmt.when,))]
         self.lines.append(f"    {inside(assigned(stmt))} = {name}_{self.printed}({', '.join(arguments)})")
         self.waiting.append((self.printed, stmt))
         self.printed += 1
@@ -514,11 +413,3 @@ def _tie(stmt: Assign) -> str:
 
 def _text(arg: Arg) -> str:
     return value(arg, "np")
-
-
-def _names(args: Iterable[Arg]) -> dict[str, None]:
-    return {arg: None for arg in args if isinstance(arg, str)}
-
-
-def _maybe(name: str | None) -> tuple[str, ...]:
-    return () if name is None else (name,)

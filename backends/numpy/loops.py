@@ -17,6 +17,7 @@ import numpy.typing as npt
 from teg.backends.plan import apply
 from teg.program import Outcome, Program
 from teg.program.arrays import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, steps
+from teg.program.fields import operands
 
 Array = npt.NDArray[Any]
 BLOCK = 2**17
@@ -176,15 +177,5 @@ def _used(loop: Loop) -> frozenset[Arg]:
     """The names that the steps of a loop use, its own included."""
     names: set[Arg] = set(loop.values)
     for step in steps(loop.body):
-        match step:
-            case Integers():
-                names.update([f"p{step.args[0]}"] if step.op == "param" else step.args)
-            case Load() | Scatter():
-                names.update((*step.subscripts, *((step.value,) if isinstance(step, Scatter) else ())))
-            case Number():
-                names.add(step.integer)
-            case Run():
-                names.update(step.inputs)
-            case Loop():
-                names.update((step.lo, step.hi, *step.values))
+        names.update([f"p{step.args[0]}"] if isinstance(step, Integers) and step.op == "param" else operands(step))
     return frozenset(n for n in names if isinstance(n, str))

@@ -7,7 +7,7 @@
     k = 0     the values and the gradients ∂e/∂p, by one program: they share their loops
     k ≥ 1     Dᵏ⁺¹e(p)[u₁, …, uₖ, ·], of the structure of p; of a single e
 
-Its rules are closed under differentiation, as those of the primitive of JAX are (`jax_function.py`): with cotangents c of the values and
+Its rules are closed under differentiation, as those of the primitive of JAX are (`jax/derivative.py`): with cotangents c of the values and
 d of the gradients, or of what has the structure of p,
 
     backward of (e, ∂e)        p̄ = c·∂e + D(p; d)

@@ -1,9 +1,9 @@
-"""Descent of the action by the times of the contacts, the heights of the arcs always the best ones.
+"""Descent of the action by the times of the contacts; the heights of the arcs are always the best ones.
 
-With the heights eliminated, the gradient by the times is the one at the best heights (envelope theorem). The length of a step is that
-of Barzilai and Borwein (1988): it comes from the last two gradients and needs no value of the action. That matters for
-the comparison: what plain automatic differentiation gives is not the gradient of the action, so a descent that looked
-at the action would only stop somewhere; this one shows where that gradient leads.
+With the heights eliminated, the gradient by the times is the one at the best heights (envelope theorem). The length of a step is that of
+Barzilai and Borwein (1988): it comes from the last two gradients and needs no value of the action. That matters for the comparison: the
+gradient of plain automatic differentiation is not that of the action, so a descent that used the action would only stop somewhere; this
+one shows where that gradient leads.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 from teg.examples.bouncing_ball.scene import GIVEN, CompiledScene, contact_names, height_names
 from teg.examples.bouncing_ball.throw import Throw, straight
 
-FIRST = 0.05  # the first step, of the mean length of an arc
-SHORTEST = 0.5  # an arc keeps this part of its time in one step
-CONVERGED = 1e-12  # of m·g·room
+FIRST = 0.05  # the first step, as a fraction of the mean length of an arc
+SHORTEST = 0.5  # an arc keeps at least this fraction of its time in one step
+CONVERGED = 1e-12  # as a fraction of m·g·room
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class State:
 
 
 class ActionDescent:
-    """The descent of one throw with one compiled scene; `states` holds all it went through, from straight lines on."""
+    """The descent of one throw with one compiled scene. `states` holds all states, from straight lines on."""
 
     def __init__(self, throw: Throw, scene: CompiledScene) -> None:
         self.throw, self.scene = throw, scene
@@ -42,12 +42,12 @@ class ActionDescent:
 
     @property
     def converged(self) -> bool:
-        """Whether the gradient is zero to rounding."""
+        """Returns whether the gradient is zero to rounding."""
         throw = self.throw
         return bool(np.abs(self.states[-1].gradient).max() <= CONVERGED * throw.mass * throw.gravity * throw.room)
 
     def step(self) -> None:
-        """One step of the times, then the best heights; the first one is of the heights alone."""
+        """Makes one step of the times, then finds the best heights. The first step changes the heights only."""
         last = self.states[-1]
         times = last.times
         if len(self.states) > 1:
@@ -58,19 +58,19 @@ class ActionDescent:
         self.states.append(State(times, heights, gradient, action))
 
     def hessian(self) -> np.ndarray:
-        """All second derivatives at the last state, times first."""
+        """Returns all second derivatives at the last state, times first."""
         names = self.scene.action.parameters[: 2 * self.throw.contacts + 1]
         entries = self.scene.action.hessian(self._values(self.states[-1].times, self.states[-1].heights))
         return np.array([[entries[a, b] for b in names] for a in names])
 
     def _curvature(self, times: np.ndarray, heights: np.ndarray) -> np.ndarray:
-        """The second derivative by each height."""
+        """Returns the second derivative by each height."""
         values = self._values(times, heights)
         curvature = self.scene.curvature
         return np.array(curvature({name: values[name] for name in curvature.parameters}))
 
     def _change(self) -> np.ndarray:
-        """Down the gradient, by the length that the last change of the gradient suggests."""
+        """Returns a change down the gradient, with the length that the last change of the gradient suggests."""
         last, before = self.states[-1], self.states[-2]
         moved, turned = last.times - before.times, last.gradient - before.gradient
         if not moved.any():
@@ -79,7 +79,7 @@ class ActionDescent:
         return np.asarray(-last.gradient * (abs(moved @ turned) / (turned @ turned)))
 
     def _limited(self, times: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """As much of the change as leaves every arc half of its time: the contacts keep their order."""
+        """Returns the largest part of the change that leaves every arc half of its time: the contacts keep their order."""
         length = np.diff(self.throw.knots(times)[0])
         growth = np.diff(np.concatenate([[0.0], change, [0.0]]))
         shrinking = growth < 0
@@ -87,7 +87,7 @@ class ActionDescent:
         return change * most
 
     def _evaluate(self, times: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """The gradient by the heights and by the times, and the action."""
+        """Returns the gradient by the heights and by the times, and the action."""
         action, slopes = self.scene.action.value_and_grad(self._values(times, heights))
         by_height, by_time = (np.array([slopes[k] for k in names(len(times))]) for names in (height_names, contact_names))
         return by_height, by_time, float(action)

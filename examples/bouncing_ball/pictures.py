@@ -1,4 +1,4 @@
-"""What a run leaves to look at: the paths in space-time, and how far the contacts are from the true ones after each step."""
+"""Pictures of a run: the paths in space-time, and the distance of the contacts from the true ones after each step."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from teg.examples.bouncing_ball.throw import Throw
 
 BLUE, RED, GOLD, GREY, LIFT = "#2b6cb0", "#c2412d", "#f2c14e", "#666666", "#eef1f5"
 POINTS = 800
-LEAST = 1e-17  # an error of 0 is drawn here
+LEAST = 1e-17  # an error of 0 is drawn at this value
 
 Path_ = tuple[np.ndarray, np.ndarray]
 
@@ -20,7 +20,7 @@ Path_ = tuple[np.ndarray, np.ndarray]
 def draw_sheet(
     path: Path, throw: Throw, true: Path_, first: Path_, found: Mapping[str, Path_], errors: Mapping[str, Sequence[float]]
 ) -> None:
-    """A panel of space-time for each path found, and one of the errors; a path is (times of contacts, heights of arcs)."""
+    """Draws a panel of space-time for each path found, and one of the errors. A path is (times of contacts, heights of arcs)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -6,6 +6,7 @@ throw → straight lines → (times of contacts → best heights → compiled gr
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -50,22 +51,20 @@ def run_bouncing_ball(
     backend: str | None = None,
     progress: bool = True,
 ) -> dict[str, Any]:
-    """Find the path of a ball thrown in a rising lift; write a picture to `out`, return what run.json holds.
+    """Finds the path of a ball thrown in a rising lift; writes a picture to `out`, returns the contents of run.json.
 
-    The ball makes that many `contacts` with the lift's floor and ceiling, by turns; `speed` is the lift's, in m/s, and
-    `duration` in s (None: 0.7 of the longest that allows so many contacts). At most `steps` steps; the descent ends when
-    the gradient is zero to rounding. `backend` None is "c" if there is a C compiler, else "numpy".
-    `discontinuities="ignore"` differentiates as plain automatic differentiation does; unless that is asked for, the
-    same descent is run that way too and shown beside (`compare`). Ctrl-C ends it: the report says "interrupted".
+    The ball makes that many `contacts` with the lift's floor and ceiling, by turns; `speed` is the lift's, in m/s, and `duration` in s
+    (None: 0.7 of the longest that allows so many contacts). At most `steps` steps; the descent ends when the gradient is zero to
+    rounding. `backend` None is "c" if there is a C compiler, else "numpy". `discontinuities="ignore"` differentiates like plain
+    automatic differentiation; unless that is chosen, the same descent is run that way too and shown beside (`compare`). Ctrl-C ends it:
+    the report says "interrupted".
 
-    Raises InputError for a throw or folder that is not possible, MissingPackageError.
+    Raises InputError for an impossible throw or folder, MissingPackageError.
     """
     require_packages("bouncing ball", PACKAGES, progress)
-    from teg.examples.bouncing_ball import pictures
-
     throw = make_throw(contacts, speed, duration)
     if steps < 1:
-        raise InputError(f"{steps} steps", None, "1 or more")
+        raise InputError(f"{steps} steps are not possible", None, "1 or more")
     chosen = backend or default_backend()
     folder = result_folder(Path(out))
     times, heights, least = exact(throw)
@@ -78,15 +77,7 @@ def run_bouncing_ball(
         seconds = {"setup": setup, "descent": time.perf_counter() - begun - setup}
         runs[LABELS.get(kind, kind)] = descent.states
         reports.append(_report(descent, kind, times, least) | {"seconds": seconds})
-    first = next(iter(runs.values()))[0]
-    pictures.draw_sheet(
-        folder / SHEET,
-        throw,
-        (times, heights),
-        (first.times, first.heights),
-        {label: (states[-1].times, states[-1].heights) for label, states in runs.items()},
-        {label: [_error(s, times) for s in states] for label, states in runs.items()},
-    )
+    _draw(folder, throw, (times, heights), runs)
     report = reports[0] | {
         "beside": reports[1] if len(reports) > 1 else None,
         "interrupted": interrupted,
@@ -102,8 +93,23 @@ def run_bouncing_ball(
     return report
 
 
+def _draw(folder: Path, throw: Throw, true: tuple[np.ndarray, np.ndarray], runs: Mapping[str, Sequence[State]]) -> None:
+    """Draws the true path (times of contacts, heights of arcs), and those of the runs, with the errors of their contacts."""
+    from teg.examples.bouncing_ball import pictures
+
+    first = next(iter(runs.values()))[0]
+    pictures.draw_sheet(
+        folder / SHEET,
+        throw,
+        true,
+        (first.times, first.heights),
+        {label: (states[-1].times, states[-1].heights) for label, states in runs.items()},
+        {label: [_error(s, true[0]) for s in states] for label, states in runs.items()},
+    )
+
+
 def descend(descent: ActionDescent, steps: int, progress: bool, label: str = "") -> bool:
-    """Step until the gradient is zero to rounding, or all steps are done; True if Ctrl-C came before that."""
+    """Steps until the gradient is zero to rounding, or all steps are done. Returns True if Ctrl-C came before that."""
     try:
         with progress_bar(progress, steps, 0, label) as bar:
             while len(descent.states) <= steps and not (descent.converged and len(descent.states) > 1):
@@ -129,7 +135,7 @@ def _report(descent: ActionDescent, kind: str, times: np.ndarray, least: float) 
         "action": end.action,
         "action_above_exact": end.action - least,
         "largest_time_error": _error(end, times),
-        "speed_of_lift_by_rebounds": ((before + after) / 2).tolist(),  # of a wall that moves at (v₋ + v₊)/2
+        "speed_of_lift_by_rebounds": ((before + after) / 2).tolist(),  # for a wall that moves at (v₋ + v₊)/2
         "gradient": float(np.abs(end.gradient).max()),
         "errors": [_error(s, times) for s in states],
         "actions": [s.action for s in states],

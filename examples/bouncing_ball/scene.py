@@ -2,10 +2,10 @@
 
     S = ∫₀ᵀ (½m·v(t)² - m·g·h(t)) dt
 
-The path has an arc between any two contacts, a parabola through three points: its two ends and its height half-way in
-time. Which arc it is at time t is decided by brackets [t < contact]. The contacts are where the floor or the ceiling is
-at that time, so that h is continuous; v is not: the integrand jumps at every contact. Its derivative by the time of a
-contact has a boundary term there, which is the compiler's, as are all others.
+The path has an arc between any two contacts, a parabola through three points: its two ends and its height half-way in time. Brackets [t
+< contact] select the arc at time t. The contacts are where the floor or the ceiling is at that time, so h is continuous. v is not: the
+integrand jumps at every contact. Its derivative by the time of a contact has a boundary term there, which the compiler makes, like all
+others.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import teg
-from teg.evaluator.compile import Evaluator
+from teg.evaluator.evaluator import Evaluator
 from teg.ir.expr import Expr, Param, as_number
 
 GIVEN = ("duration", "start", "end", "speed", "room", "mass", "gravity")
 
 
 def contact_names(contacts: int) -> list[str]:
-    """The names of the contacts' times."""
+    """Returns the names of the contacts' times."""
     return [f"time_{k}" for k in range(1, contacts + 1)]
 
 
 def height_names(contacts: int) -> list[str]:
-    """The names of the arcs' heights half-way."""
+    """Returns the names of the arcs' heights half-way."""
     return [f"height_{k}" for k in range(contacts + 1)]
 
 
 def action(contacts: int) -> Expr:
-    """The action of a path with that many contacts: floor, ceiling, floor, …; the floor is at height speed·t."""
+    """Returns the action of a path with that many contacts: floor, ceiling, floor, …; the floor is at height speed·t."""
     t = teg.var("t")
     duration, start, end, speed, room, mass, gravity = (teg.param(name) for name in GIVEN)
     contact_times = [teg.param(name) for name in contact_names(contacts)]
@@ -61,7 +61,7 @@ class CompiledScene:
 
 
 def compile_scene(contacts: int, backend: str, discontinuities: str = "sift") -> CompiledScene:
-    """Compile the action. It is quadratic in the heights and has no mixed terms of them: one Newton step finds the best."""
+    """Returns the compiled action. It is quadratic in the heights without mixed terms: one Newton step finds the best heights."""
     path = action(contacts)
     heights = [teg.param(name) for name in height_names(contacts)]
     moving = [teg.param(name) for name in contact_names(contacts)] + heights

@@ -1,7 +1,7 @@
 """A throw: a ball between the floor and the ceiling of a lift that rises steadily, and its exact path.
 
-Seen from inside, the lift is at rest, and the ball bounces off floor and ceiling with its speed unchanged. With speed U at
-the floor it has √(U² - 2gz) at height z, so that all arcs are known from U, and U from the duration.
+Seen from inside, the lift is at rest, and the ball bounces off floor and ceiling with its speed unchanged. With speed U at the floor it
+has √(U² - 2gz) at height z, so U determines all arcs, and the duration determines U.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from teg.errors import InputError
 
 CONTACTS = (1, 12)
-LEISURE = 0.7  # the default duration, of the longest possible
+LEISURE = 0.7  # the default duration, as a fraction of the longest possible
 
 
 @dataclass(frozen=True)
@@ -36,20 +36,20 @@ class Throw:
 
     @property
     def arrival(self) -> float:
-        """The height of the end, not seen from inside."""
+        """Returns the height of the end, not seen from inside."""
         return self.end + self.speed * self.duration
 
     def walls(self, times: np.ndarray) -> np.ndarray:
-        """The heights of the contacts at these times, floor and ceiling by turns."""
+        """Returns the heights of the contacts at these times, floor and ceiling by turns."""
         return np.asarray(self.speed * times + self.room * (np.arange(len(times)) % 2))
 
     def knots(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Times and heights where arcs begin or end."""
+        """Returns times and heights where arcs begin or end."""
         heights = np.concatenate([[self.start], self.walls(times), [self.arrival]])
         return np.concatenate([[0.0], times, [self.duration]]), heights
 
     def path(self, times: np.ndarray, heights: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """The ball's height at the times t; `times` of the contacts, `heights` of the arcs half-way."""
+        """Returns the ball's height at the times t, given `times` of the contacts and `heights` of the arcs half-way."""
         knots, ends = self.knots(times)
         arc = np.searchsorted(times, t, side="right")
         u = (t - knots[arc]) / (knots[arc + 1] - knots[arc])
@@ -57,7 +57,7 @@ class Throw:
         return np.asarray(first * (1 - u) * (1 - 2 * u) + 4 * middle * u * (1 - u) + last * u * (2 * u - 1))
 
     def contact_speeds(self, times: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The ball's velocity just before and just after each contact."""
+        """Returns the ball's velocity just before and just after each contact."""
         knots, ends = self.knots(times)
         length, first, last = np.diff(knots), ends[:-1], ends[1:]
         into, out_of = (3 * last - 4 * heights + first) / length, (4 * heights - 3 * first - last) / length
@@ -65,11 +65,11 @@ class Throw:
 
 
 def make_throw(contacts: int, speed: float, duration: float | None = None) -> Throw:
-    """A throw of that many contacts. Raises InputError if there is none, or none in that time."""
+    """Returns a throw with that many contacts. Raises InputError if there is none, or none in that time."""
     if not CONTACTS[0] <= contacts <= CONTACTS[1]:
-        raise InputError(f"{contacts} contacts", None, f"between {CONTACTS[0]} and {CONTACTS[1]}")
+        raise InputError(f"{contacts} contacts are not possible", None, f"between {CONTACTS[0]} and {CONTACTS[1]}")
     if not math.isfinite(speed):
-        raise InputError(f"a lift with the speed {speed}", None, "a number of m/s")
+        raise InputError(f"a lift cannot have the speed {speed}", None, "a number of m/s")
     longest = _duration(Throw(contacts, speed, math.inf), _slowest(Throw(contacts, speed, math.inf)))
     if duration is None:
         return Throw(contacts, speed, LEISURE * longest)
@@ -80,14 +80,14 @@ def make_throw(contacts: int, speed: float, duration: float | None = None) -> Th
 
 
 def straight(throw: Throw) -> tuple[np.ndarray, np.ndarray]:
-    """Where the descent starts: contacts at equal distances of time, straight lines between them."""
+    """Returns the start of the descent: contacts at equal distances of time, straight lines between them."""
     times = np.linspace(0, throw.duration, throw.contacts + 2)[1:-1]
     _, ends = throw.knots(times)
     return times, (ends[:-1] + ends[1:]) / 2
 
 
 def exact(throw: Throw) -> tuple[np.ndarray, np.ndarray, float]:
-    """The true path: times of its contacts, heights of its arcs half-way, and its action."""
+    """Returns the true path: times of its contacts, heights of its arcs half-way, and its action."""
     from scipy.optimize import brentq
 
     slowest = _slowest(throw)
@@ -105,13 +105,13 @@ def exact(throw: Throw) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def _slowest(throw: Throw) -> float:
-    """The speed at the floor with which the ball just reaches all the heights it must."""
+    """Returns the speed at the floor with which the ball just reaches all the required heights."""
     highest = max(throw.start, throw.end, throw.room if throw.contacts > 1 else 0.0)
     return math.sqrt(2 * throw.gravity * highest)
 
 
 def _arcs(throw: Throw, at_floor: float) -> tuple[float, float, float]:
-    """The times from the start to the floor, between floor and ceiling, and from the last contact to the end."""
+    """Returns the times from the start to the floor, between floor and ceiling, and from the last contact to the end."""
     at = {z: math.sqrt(max(at_floor**2 - 2 * throw.gravity * z, 0.0)) for z in (throw.start, throw.room, throw.end)}
     down, across = at_floor - at[throw.start], at_floor - at[throw.room]
     last = at_floor - at[throw.end] if throw.contacts % 2 else at[throw.end] - at[throw.room]

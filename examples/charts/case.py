@@ -14,10 +14,11 @@ SYMMETRIC: tuple[Bound, Bound] = (-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Case:
-    """`exact(m, **parameters)` is the value near the parameters' values, m being mpmath; from it come the derivatives too.
+    """A difficult case of the stability table.
 
-    Where these differ from the two sides (`kinked`) the right one is their mean, and where one of them is infinite it is
-    given, in `infinite`. `scale` is the size that an error is measured by where the exact answer is 0.
+    `exact(m, **parameters)` is the value near the parameters' values, with m the module mpmath; the derivatives come from it too. Where
+    the one-sided derivatives differ (`kinked`) the right one is their mean, and where one of them is infinite it is given, in
+    `infinite`. `scale` is the size by which an error is measured where the exact answer is 0.
     """
 
     name: str
@@ -36,7 +37,7 @@ def case(
     exact: Callable[..., Any],
     **options: Any,
 ) -> Case:
-    """A case; the body is a function of (m, variables, parameters in their order), `exact` of (m, parameters)."""
+    """Returns a case. The body is a function of (m, variables, parameters in their order), `exact` of (m, parameters)."""
 
     def named(m: Any, *variables: Any, **values: Any) -> Any:
         return body(m, *variables, *(values[k] for k in parameters))

@@ -15,12 +15,12 @@ def _disk(x: Any, y: Any, c: Any, r: Any) -> Any:
 
 
 def _segment(m: Any, r: Any, h: Any) -> Any:
-    """Area of the part of a disk of radius r beyond a chord at distance h from the centre; 0 where that is more than r."""
+    """Returns the area of the part of a disk of radius r beyond a chord at distance h from the centre; 0 if h > r."""
     return r**2 * m.acos(h / r) - h * m.sqrt(r**2 - h**2) if h < r else 0 * r
 
 
 def _common(m: Any, d: Any, r: Any, s: Any) -> Any:
-    """Area common to two disks of radii r and s, at distance d."""
+    """Returns the area common to two disks of radii r and s, at distance d."""
     if d >= r + s:
         return 0 * r
     if d <= abs(r - s):
@@ -28,12 +28,13 @@ def _common(m: Any, d: Any, r: Any, s: Any) -> Any:
     return _segment(m, r, (d**2 + r**2 - s**2) / (2 * d)) + _segment(m, s, (d**2 + s**2 - r**2) / (2 * d))
 
 
-def _bilinear(m: Any, x: Any, y: Any, a: Any, b: Any, c: Any, d: Any, t: Any) -> Any:
+def _bilinear(m: Any, x: Any, y: Any, *parameters: Any) -> Any:
+    a, b, c, d, t = parameters
     return m.bracket(a * (1 - x) * (1 - y) + b * x * (1 - y) + c * (1 - x) * y + d * x * y > t)
 
 
 def _bilinear_area(m: Any, a: Any, b: Any, c: Any, d: Any, t: Any) -> Any:
-    """Of a saddle with a, d > t > b, c: two corners of the square are cut off by a hyperbola's branches, or the rest is.
+    """Returns the area above t of a saddle with a, d > t > b, c: a hyperbola's branches cut off two corners of the square, or leave them.
 
     The surface is y = (a - b)/slope + (t - saddle)/(slope·(x - pole)), slope = a - b - c + d.
     """
@@ -53,7 +54,7 @@ def _bilinear_area(m: Any, a: Any, b: Any, c: Any, d: Any, t: Any) -> Any:
 
 
 def _above_parabola(m: Any, t: Any) -> Any:
-    """∫ over (-1, 1) of t + x², kept between 0 and 1."""
+    """Returns ∫ over (-1, 1) of t + x², clamped to between 0 and 1."""
     if t < 0:
         return 2 * (t + m.mpf(1) / 3 + 2 * m.sqrt(-t) ** 3 / 3)
     s = m.sqrt(1 - t)

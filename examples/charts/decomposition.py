@@ -1,9 +1,9 @@
-"""Integrals to any number of digits, without this project's compiler: what the stored reference values are made with.
+"""Integrals to any number of digits, without this project's compiler. The stored reference values are computed with it.
 
-The conditions of a body are read off by evaluating it with numbers that record their comparisons. Those that are polynomials
-are interpolated; resultants of pairs, discriminants and values at the bounds, again polynomials in the outer variable by
-interpolation (determinants of Sylvester matrices), give the outer breaks, roots of the conditions the inner ones (cylindrical
-algebraic decomposition, Collins 1975). Between breaks Gauss-Legendre or tanh-sinh rules of mpmath. Slow: seconds an integral.
+The conditions of a body are found by evaluating it with numbers that record their comparisons. Polynomial conditions are interpolated;
+resultants of pairs, discriminants and values at the bounds, again polynomials in the outer variable by interpolation (determinants of
+Sylvester matrices), give the outer breaks, roots of the conditions the inner ones (cylindrical algebraic decomposition, Collins 1975).
+Between breaks Gauss-Legendre or tanh-sinh rules of mpmath. Slow: seconds an integral.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SCAN = 4000
 
 
 class Recorder:
-    """A number whose comparisons with others are noted down, as the difference of both sides."""
+    """A number that records its comparisons with others, as the difference of both sides."""
 
     def __init__(self, value: Any, notes: list[Any]) -> None:
         self.value, self.notes = mp.mpf(value) if not isinstance(value, mp.mpf) else value, notes
@@ -108,7 +108,7 @@ EXACT = SimpleNamespace(
 
 
 def evaluate(problem: Problem, parameters: Mapping[str, Any], point: Sequence[Any]) -> tuple[Any, list[Any]]:
-    """The body at a point, innermost variable first, and the differences whose signs its conditions are."""
+    """Returns the body at a point, innermost variable first, and the differences whose signs its conditions are."""
     notes: list[Any] = []
     value = problem.body(EXACT, *(Recorder(x, notes) for x in point), **parameters)
     return (value.value if isinstance(value, Recorder) else mp.mpf(value)), notes
@@ -118,7 +118,7 @@ def evaluate(problem: Problem, parameters: Mapping[str, Any], point: Sequence[An
 
 
 def interpolate(f: Callable[[Any], Any], degree: int) -> Polynomial | None:
-    """The polynomial of at most that degree which f is, or None. Highest coefficients that are rounding are dropped."""
+    """Returns the polynomial f of at most that degree, or None. Highest coefficients that are rounding errors are dropped."""
     nodes = [mp.cos(mp.pi * (2 * k + 1) / (2 * degree + 2)) for k in range(degree + 1)]
     values = [f(x) for x in nodes]
     # Chebyshev coefficients by the discrete cosine sum, then the three-term recurrence
@@ -146,12 +146,12 @@ def _trimmed(p: Polynomial, size: Any) -> Polynomial:
 
 
 def _rounding() -> Any:
-    """What is 0 but for rounding, of numbers of size 1."""
+    """Returns the rounding error of numbers of size 1."""
     return mp.mpf(10) ** (-mp.dps * 9 // 10)
 
 
 def real_roots(p: Polynomial, lo: Any, hi: Any, double: bool) -> list[Any]:
-    """The roots in [lo, hi], ascending: between those of the derivative p is monotone. `double`: also where p touches 0."""
+    """Returns the roots in [lo, hi], ascending: p is monotone between the roots of its derivative. `double`: also where p touches 0."""
     size = mp.fsum(abs(c) * max(abs(lo), abs(hi), 1) ** i for i, c in enumerate(p))
     p = _trimmed(p, size)
     if len(p) <= 1:
@@ -176,7 +176,7 @@ def real_roots(p: Polynomial, lo: Any, hi: Any, double: bool) -> list[Any]:
 
 
 def _bracketed(p: Polynomial, slope: Polynomial, a: Any, b: Any, at_a: Any) -> Any:
-    """The root between a and b, by Newton's method, halving where that leaves the interval."""
+    """Returns the root between a and b, by Newton's method, halving where that leaves the interval."""
     x, least = (a + b) / 2, (b - a) * mp.eps
     for _ in range(20 * mp.dps):
         value = mp.polyval(p[::-1], x)
@@ -194,7 +194,7 @@ def _bracketed(p: Polynomial, slope: Polynomial, a: Any, b: Any, at_a: Any) -> A
 
 
 def resultant_at(f: Polynomial, g: Polynomial) -> Any:
-    """The resultant of two polynomials, by the determinant of their Sylvester matrix."""
+    """Returns the resultant of two polynomials, by the determinant of their Sylvester matrix."""
     m, n = len(f) - 1, len(g) - 1
     if m < 1 or n < 1:
         return mp.mpf(1)
@@ -212,10 +212,10 @@ def resultant_at(f: Polynomial, g: Polynomial) -> Any:
 
 
 def conditions(problem: Problem, parameters: Mapping[str, Any], outer: Sequence[Any], degree: int) -> list[Polynomial] | None:
-    """The conditions as polynomials in the innermost variable, the others being fixed; None where one is not a polynomial."""
+    """Returns the conditions as polynomials in the innermost variable, the others being fixed; None if one is not a polynomial."""
     count = len(evaluate(problem, parameters, [mp.mpf("0.37"), *outer])[1])
-    found = [interpolate(partial(_condition, problem, parameters, outer, k), degree) for k in range(count)]
-    return None if None in found else [p for p in found if p is not None]
+    polynomials = [interpolate(partial(_condition, problem, parameters, outer, k), degree) for k in range(count)]
+    return None if None in polynomials else [p for p in polynomials if p is not None]
 
 
 def _condition(problem: Problem, parameters: Mapping[str, Any], outer: Sequence[Any], k: int, x: Any) -> Any:
@@ -223,14 +223,14 @@ def _condition(problem: Problem, parameters: Mapping[str, Any], outer: Sequence[
 
 
 def inner_breaks(problem: Problem, parameters: Mapping[str, Any], outer: Sequence[Any], degree: int) -> list[Any]:
-    """Bounds of the innermost integral and the roots of conditions between them, ascending."""
+    """Returns the bounds of the innermost integral and the roots of conditions between them, ascending."""
     lo, hi = (mp.mpf(_at(b, EXACT, outer, parameters)) for b in problem.bounds[0])
     lo, hi = min(lo, hi), max(lo, hi)
-    found = conditions(problem, parameters, outer, degree)
-    if found is None:
+    polynomials = conditions(problem, parameters, outer, degree)
+    if polynomials is None:
         roots = _scanned_roots(problem, parameters, outer, lo, hi)
     else:
-        roots = [r for p in found for r in real_roots(p, lo, hi, double=False)]
+        roots = [r for p in polynomials for r in real_roots(p, lo, hi, double=False)]
     return sorted({lo, hi, *(r for r in roots if lo < r < hi)})
 
 
@@ -256,7 +256,7 @@ def inner_integral(problem: Problem, parameters: Mapping[str, Any], outer: Seque
 
 
 def outer_breaks(problem: Problem, parameters: Mapping[str, Any], degree: int) -> list[Any]:
-    """Where the inner picture of a problem in two variables with polynomial conditions changes, with the outer bounds.
+    """Returns the outer bounds and the places where the roots of a problem in two variables with polynomial conditions change their order.
 
     Multiple roots lose digits; they are computed with four times as many.
     """
@@ -273,9 +273,9 @@ def _outer_breaks(problem: Problem, parameters: Mapping[str, Any], degree: int) 
         return mp.mpf(_at(problem.bounds[0][k], EXACT, (y,), parameters))
 
     def atoms_at(y: Any) -> list[Polynomial]:
-        found = conditions(problem, parameters, [y], degree)
-        assert found is not None, "a condition is not a polynomial"
-        return found
+        polynomials = conditions(problem, parameters, [y], degree)
+        assert polynomials is not None, "a condition is not a polynomial"
+        return polynomials
 
     degrees = [max(len(p) for p in column) for column in zip(*(atoms_at(lo + (hi - lo) * k / 7) for k in range(1, 7)), strict=True)]
 
@@ -315,7 +315,7 @@ def _scaled(f: Callable[[Any], Any], middle: Any, half: Any, s: Any) -> Any:
 
 
 def _merged(points: list[Any]) -> list[Any]:
-    """Without those that are the same but for rounding (multiple roots)."""
+    """Returns the points without repetitions up to rounding (multiple roots)."""
     least = (points[-1] - points[0]) * mp.mpf(10) ** (-mp.dps // 4)
     kept = points[:1]
     for p in points[1:-1]:
@@ -325,7 +325,7 @@ def _merged(points: list[Any]) -> list[Any]:
 
 
 def integrate(problem: Problem, parameters: Mapping[str, Any], degree: int = 4) -> Any:
-    """The value, in one or two variables; `degree` bounds that of the conditions in the inner variable."""
+    """Returns the value, in one or two variables; `degree` bounds that of the conditions in the inner variable."""
     if problem.dimension == 1:
         return inner_integral(problem, parameters, (), degree)
     lo, hi = (mp.mpf(_at(b, EXACT, (), parameters)) for b in problem.bounds[1])

@@ -1,5 +1,8 @@
-"""Cases in which an answer is easily wrong without a sign: one surface in two expressions, features narrower than any rule's nodes, powers
-and literals of extreme size, singularities that move, more roots than were provided for, coordinates far from the origin."""
+"""Cases in which an answer is easily wrong without a sign of it.
+
+One surface in two expressions, features narrower than the distance of nodes, powers and literals of extreme size, singularities that
+move, more roots than there is room for, coordinates far from the origin.
+"""
 
 from __future__ import annotations
 
@@ -166,7 +169,7 @@ ROOTS: tuple[Case, ...] = (
 
 
 def _determinants(x: Any, y: Any, corners: Any) -> Any:
-    """Inside of a polygon, each edge as x₀y₁ - x₁y₀ + (y₀ - y₁)x + (x₁ - x₀)y."""
+    """Returns the inside of a polygon, each edge written x₀y₁ - x₁y₀ + (y₀ - y₁)x + (x₁ - x₀)y."""
     inside = None
     for (x0, y0), (x1, y1) in zip(corners, corners[1:] + corners[:1], strict=True):
         edge = x0 * y1 - x1 * y0 + (y0 - y1) * x + (x1 - x0) * y > 0

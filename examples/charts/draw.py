@@ -13,7 +13,7 @@ import numpy as np
 from teg.examples.charts.measure import QUANTITIES, SERIES, Point
 from teg.examples.charts.regions import INSIDE, REGIONS
 
-STYLES: dict[str, tuple[str, str]] = {  # colours of Okabe and Ito, told apart by the colour-blind; marks
+STYLES: dict[str, tuple[str, str]] = {  # the colours of Okabe and Ito, distinguishable by the colour-blind; marks
     "auto": ("#0072B2", "o"),
     "gauss": ("#56B4E9", "s"),
     "midpoint": ("#5A5A5A", "x"),
@@ -25,7 +25,7 @@ STYLES: dict[str, tuple[str, str]] = {  # colours of Okabe and Ito, told apart b
 }
 INK, FAINT, REGION = "#333333", "#E6E8EB", "#B9C6D3"
 LEAST, MOST = 1e-17, 3.0
-"""Errors that the axis shows; smaller ones, and 0, are drawn at its foot."""
+"""The range of errors on the axis. Smaller ones, and 0, are drawn at its foot."""
 THUMBNAIL = 160
 AXES: dict[str, tuple[str, tuple[float, float], Callable[[Point], float | None]]] = {
     "time": ("time of one call from Python, s", (4e-7, 4.0), lambda p: p.seconds),
@@ -33,13 +33,13 @@ AXES: dict[str, tuple[str, tuple[float, float], Callable[[Point], float | None]]
 }
 BATCH = "Teg, to a tolerance, one of a batch"
 NEAR = 1e-9
-"""Curves that end below this are few, and have their names at their ends."""
+"""Curves that end below this have their names at their ends."""
 ROOM = 40
 """The axis is longer by this factor where names stand beside the curves."""
 
 
 def draw_all(folder: Path, points: Sequence[Point]) -> list[Path]:
-    """All pictures that there are points for."""
+    """Draws all pictures for which there are points, and returns their paths."""
     drawn = [folder / "summary.png"]
     draw_summary(drawn[0], points)
     for quantity in QUANTITIES:
@@ -51,7 +51,7 @@ def draw_all(folder: Path, points: Sequence[Point]) -> list[Path]:
 
 
 def draw_regions(path: Path, points: Sequence[Point], quantity: str, axis: str) -> None:
-    """Two rows of five panels."""
+    """Draws two rows of five panels."""
     figure = _figure((17, 8))
     panels = figure.subplots(2, 5, sharex=True, sharey=True)
     handles: dict[str, Any] = {}
@@ -79,7 +79,7 @@ def draw_regions(path: Path, points: Sequence[Point], quantity: str, axis: str) 
 
 
 def draw_summary(path: Path, points: Sequence[Point]) -> None:
-    """Medians over the regions of error and cost at each setting: value and gradient, against time and evaluations."""
+    """Draws the medians over the regions of error and cost at each setting: value and gradient, against time and evaluations."""
     figure = _figure((13, 9.5))
     panels = figure.subplots(2, 2, sharey=True)
     for row, quantity in zip(panels, QUANTITIES, strict=True):
@@ -107,21 +107,21 @@ def draw_summary(path: Path, points: Sequence[Point]) -> None:
 
 
 def _medians(points: Sequence[Point], axis: str) -> list[Point]:
-    """One point a setting that most of the regions have."""
-    found = []
+    """Returns one point for each setting that most of the regions have."""
+    medians = []
     settings = sorted({p.setting for p in points})
     regions = len({p.region for p in points})
     for setting in settings:
-        here = [p for p in points if p.setting == setting]
-        if 2 * len(here) < regions or any(AXES[axis][2](p) is None for p in here):
+        at_setting = [p for p in points if p.setting == setting]
+        if 2 * len(at_setting) < regions or any(AXES[axis][2](p) is None for p in at_setting):
             continue
-        counted = [p.evaluations for p in here if p.evaluations is not None]
-        error, seconds = (float(np.median([f(p) for p in here])) for f in (lambda p: p.error, lambda p: p.seconds))  # type: ignore[no-untyped-call]
+        counted = [p.evaluations for p in at_setting if p.evaluations is not None]
+        error, seconds = (float(np.median([f(p) for p in at_setting])) for f in (lambda p: p.error, lambda p: p.seconds))  # type: ignore[no-untyped-call]
         evaluations = round(float(np.median(counted))) if counted else None
-        batches = [p.batch_seconds for p in here if p.batch_seconds is not None]
+        batches = [p.batch_seconds for p in at_setting if p.batch_seconds is not None]
         batch = float(np.median(batches)) if batches else None
-        found.append(Point("", here[0].quantity, here[0].method, setting, error, seconds, evaluations, batch))
-    return found
+        medians.append(Point("", at_setting[0].quantity, at_setting[0].method, setting, error, seconds, evaluations, batch))
+    return medians
 
 
 def _figure(size: tuple[float, float]) -> Any:
@@ -151,7 +151,7 @@ def _axes(panel: Any, axis: str) -> None:
 
 
 def _curve(panel: Any, points: Sequence[Point], method: str, axis: str) -> Any:
-    """A method's points, joined in the order of effort; None where there are none."""
+    """Draws a method's points, joined in the order of effort, and returns the line; None if there are none."""
     colour, mark = STYLES[method]
     width = {"auto": 1.8, "gauss": 4.0}.get(method, 1.4)
     style = {"color": colour, "marker": mark, "markersize": 8 if method == "gauss" else 5, "linewidth": width}
@@ -159,7 +159,7 @@ def _curve(panel: Any, points: Sequence[Point], method: str, axis: str) -> Any:
 
 
 def _batch_curve(panel: Any, points: Sequence[Point]) -> Any:
-    """Ours, without the cost of a call from Python."""
+    """Draws our method without the cost of a call from Python."""
     colour, mark = STYLES["auto"]
     style = {"color": colour, "marker": mark, "markersize": 5, "markerfacecolor": "white", "linewidth": 1.2, "linestyle": (0, (2, 2))}
     return _line(panel, points, lambda p: p.batch_seconds, "time", zorder=4, **style)
@@ -174,12 +174,12 @@ def _line(panel: Any, points: Sequence[Point], cost: Callable[[Point], float | N
 
 
 def _effort(p: Point) -> float:
-    """Settings below 1 are tolerances, the others numbers of points."""
+    """Returns the effort of a point: settings below 1 are tolerances, the others numbers of points."""
     return 1 / p.setting if p.setting < 1 else p.setting
 
 
 def _direct_labels(panel: Any, ends: Sequence[tuple[str, str, float, float]]) -> None:
-    """Names beside the curves' ends; those that are close to each other in a column, moved apart, with lines to the ends."""
+    """Writes names beside the ends of curves. Names close to each other in a column are moved apart, with lines to the ends."""
     if not ends:
         return
     rise = math.log10(MOST) - math.log10(LEAST / 3)
@@ -205,7 +205,7 @@ def _bold(colour: str) -> dict[str, Any]:
 
 
 def _thumbnail(panel: Any, region: str) -> None:
-    """The region, small, in the corner where no curve goes."""
+    """Draws the region, small, in the corner without curves."""
     centres = (np.arange(THUMBNAIL) + 0.5) / THUMBNAIL
     x, y = np.meshgrid(centres, centres)
     inside = INSIDE[region](x, y, **REGIONS[region].parameters)

@@ -15,13 +15,13 @@ from teg.examples.charts.references import Reference
 from teg.examples.charts.regions import REGIONS
 
 SECONDS = 0.7
-"""For one point; a series ends when the next one would take longer."""
+"""The limit for one point. A series ends when the next point would take longer."""
 QUANTITIES = ("value", "gradient")
 
 
 @dataclass(frozen=True)
 class Series:
-    """A method at increasing effort: the settings, and those of a quick run. `rule` is that of ours, "" for a peer."""
+    """A method at increasing effort: the settings, and those of a quick run. `rule` names our rule, "" for another package."""
 
     label: str
     rule: str
@@ -81,7 +81,7 @@ class Task:
 
 
 def tasks(quick: bool) -> list[Task]:
-    """What there is to measure, region by region."""
+    """Returns the measurements to make, region by region."""
     return [
         Task(region, quantity, method, tuple(s.quick if quick else s.settings))
         for region in REGIONS
@@ -91,9 +91,9 @@ def tasks(quick: bool) -> list[Task]:
 
 
 def measure(task: Task, exact: Reference, backend: str, known: Callable[[str], float | None]) -> Iterator[Point]:
-    """Points of a task in the order of effort, but for those whose seconds are `known`; ends early when they take too long.
+    """Yields the points of a task in the order of effort, except those whose seconds are `known`; ends early when they take too long.
 
-    A rule that this version of the compiler does not have gives none.
+    A rule that this version of the compiler does not have yields none.
     """
     last = 0.0
     for setting in task.settings:
@@ -111,7 +111,7 @@ def measure(task: Task, exact: Reference, backend: str, known: Callable[[str], f
 
 
 def prepare(task: Task, backend: str) -> None:
-    """Compile what a task needs, so that the C compiler's cache has it."""
+    """Compiles the programs of a task, so that the C compiler's cache has them."""
     rule, problem = SERIES[task.method].rule, REGIONS[task.region]
     for setting in task.settings if rule else ():
         try:
@@ -142,11 +142,11 @@ def _point(task: Task, setting: float, exact: Reference, backend: str) -> Point:
 def _peer_point(task: Task, problem: Problem, setting: float, exact: Reference) -> Point:
     method = PEERS[task.method]
     begun = time.perf_counter()
-    found = method(problem, problem.parameters, setting, begun + SECONDS)
+    outcome = method(problem, problem.parameters, setting, begun + SECONDS)
     seconds = time.perf_counter() - begun
-    error = relative_error(found.value, exact.value)
+    error = relative_error(outcome.value, exact.value)
     if task.quantity == "value":
-        return Point(task.region, task.quantity, task.method, setting, error, seconds, found.evaluations)
+        return Point(task.region, task.quantity, task.method, setting, error, seconds, outcome.evaluations)
     step = best_step(task.method, setting, error)
     slopes, evaluations, seconds = differences(method, problem, setting, step, time.perf_counter() + SECONDS)
     error = gradient_error({k: o.value for k, o in slopes.items()}, exact.gradient)

@@ -1,7 +1,7 @@
-"""What one would use instead: the integrators of SciPy and vegas, and a uniform midpoint rule, on a plain integrand.
+"""Other integrators: those of SciPy and vegas, and a uniform midpoint rule, on a plain integrand.
 
-None of them is told where the integrand jumps. Each takes a problem, the values of its parameters, a setting and a deadline, and
-gives a value with whatever the method itself says about its error. Derivatives are central differences.
+None of them is told where the integrand jumps. Each takes a problem, the values of its parameters, a setting and a deadline, and returns
+a value with the method's own error estimate. Derivatives are central differences.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ import numpy as np
 from teg.examples.charts.problem import Integrand, Problem
 
 CHUNK = 2**20
-"""Points of the midpoint rule that are evaluated at a time."""
+"""The number of points of the midpoint rule that are evaluated at a time."""
 TRAINING, ITERATIONS = 5, 10
-"""Iterations in which vegas adapts, and those that count, as its documentation has it."""
+"""The number of iterations in which vegas adapts, and of those that count, as in its documentation."""
 SUBDIVISIONS = 1500
-"""Of cubature, after which it says that it has not converged (its default, 10 000, takes many seconds)."""
+"""The number of subdivisions of cubature before it reports no convergence (its default, 10 000, takes many seconds)."""
 SEED = 20210809
 SMALLEST_STEP, LARGEST_STEP = 1e-5, 0.05
-"""Of a central difference, relative to the parameter."""
+"""The range of steps of a central difference, relative to the parameter."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A number, the method's own estimate of its error (NaN: it gives none), a warning it gave, and how many evaluations it took."""
+    """A number, the method's own estimate of its error (NaN: none), a warning it gave, and the number of evaluations."""
 
     value: float
     error: float = math.nan
@@ -42,7 +42,7 @@ Method = Callable[[Problem, Mapping[str, float], float, float], Outcome]
 
 
 def midpoint(problem: Problem, parameters: Mapping[str, float], n: float, deadline: float = math.inf) -> Outcome:
-    """n points a variable."""
+    """Midpoint rule with n points a variable."""
     f, side = Integrand(problem, parameters, deadline), int(n)
     total, points = 0.0, side**problem.dimension
     for first in range(0, points, CHUNK):
@@ -58,13 +58,13 @@ def dblquad(problem: Problem, parameters: Mapping[str, float], tol: float, deadl
 
     f = Integrand(problem, parameters, deadline)
     limits = [f.limits(i) for i in range(problem.dimension)]
-    with warnings.catch_warnings(record=True) as given:
+    with warnings.catch_warnings(record=True) as recorded:
         warnings.simplefilter("always")
         if problem.dimension == 1:
             value, error = integrate.quad(f.scalar, limits[0][0](), limits[0][1](), epsabs=tol, epsrel=tol)[:2]
         else:
             value, error = integrate.dblquad(f.scalar, limits[1][0](), limits[1][1](), *limits[0], epsabs=tol, epsrel=tol)
-    said = [str(w.message) for w in given if issubclass(w.category, integrate.IntegrationWarning)]
+    said = [str(w.message) for w in recorded if issubclass(w.category, integrate.IntegrationWarning)]
     return Outcome(float(value), float(error), said[0] if said else "", f.evaluations)
 
 
@@ -74,9 +74,9 @@ def cubature(problem: Problem, parameters: Mapping[str, float], tol: float, dead
 
     f = Integrand(problem, parameters, deadline)
     d = problem.dimension
-    found = integrate.cubature(f.on_cube, np.zeros(d), np.ones(d), rtol=tol, atol=0.0, max_subdivisions=SUBDIVISIONS)
-    said = "" if found.status == "converged" else "not converged"
-    return Outcome(float(found.estimate), float(found.error), said, f.evaluations)
+    result = integrate.cubature(f.on_cube, np.zeros(d), np.ones(d), rtol=tol, atol=0.0, max_subdivisions=SUBDIVISIONS)
+    said = "" if result.status == "converged" else "not converged"
+    return Outcome(float(result.estimate), float(result.error), said, f.evaluations)
 
 
 def vegas(problem: Problem, parameters: Mapping[str, float], samples: float, deadline: float = math.inf) -> Outcome:
@@ -98,10 +98,10 @@ PACKAGES = {"scipy": "scipy>=1.15", "vegas": "vegas", "matplotlib": "matplotlib"
 
 
 def best_step(name: str, setting: float, relative_error: float) -> float:
-    """The step at which the error of a central difference, ε/h + h², is least: the cube root of the value's relative error ε.
+    """Returns the step at which the error of a central difference, ε/h + h², is least: the cube root of the value's relative error ε.
 
-    ε is the true error, which whoever uses the method does not know; but no less than the method can be trusted to reach at
-    this setting, as a value may be right by accident.
+    ε is the true error, which a user does not know, but at least the error that the method can be trusted to reach at this setting,
+    because a value may be right by accident.
     """
     trusted = {"midpoint": 1 / setting, "vegas": 1 / setting}.get(name, setting)
     known = relative_error if math.isfinite(relative_error) else 1.0
@@ -111,20 +111,20 @@ def best_step(name: str, setting: float, relative_error: float) -> float:
 def differences(
     method: Method, problem: Problem, setting: float, step: float, deadline: float = math.inf
 ) -> tuple[dict[str, Outcome], int, float]:
-    """Central differences by all parameters over `step` of their size: outcomes, evaluations, and seconds."""
-    begun, found, evaluations = time.perf_counter(), {}, 0
+    """Returns central differences by all parameters over `step` of their size: outcomes, evaluations, and seconds."""
+    begun, outcomes, evaluations = time.perf_counter(), {}, 0
     for name, p in problem.parameters.items():
         h = step * (abs(p) or 1.0)
         high, low = p + h, p - h
         ahead, behind = (method(problem, {**problem.parameters, name: q}, setting, deadline) for q in (high, low))
         evaluations += ahead.evaluations + behind.evaluations
         error = (ahead.error + behind.error) / (high - low)
-        found[name] = Outcome((ahead.value - behind.value) / (high - low), error, ahead.warning or behind.warning)
-    return found, evaluations, time.perf_counter() - begun
+        outcomes[name] = Outcome((ahead.value - behind.value) / (high - low), error, ahead.warning or behind.warning)
+    return outcomes, evaluations, time.perf_counter() - begun
 
 
 def relative_error(got: float, exact: float, scale: float = 1.0) -> float:
-    """|got - exact| / |exact|, or / scale if that is 0; 0 for the same infinity, inf where anything else is not finite."""
+    """Returns |got - exact| / |exact|, or / scale if that is 0; 0 for the same infinity, inf if anything else is not finite."""
     if got == exact:
         return 0.0
     if not (math.isfinite(got) and math.isfinite(exact)):
@@ -133,7 +133,7 @@ def relative_error(got: float, exact: float, scale: float = 1.0) -> float:
 
 
 def gradient_error(got: Mapping[str, Any], exact: Mapping[str, float], scale: float = 1.0) -> float:
-    """The largest error of a derivative, relative to the largest finite derivative (or to the scale, where all are 0)."""
+    """Returns the largest error of a derivative, relative to the largest finite derivative (or to the scale, if all are 0)."""
     size = max((abs(d) for d in exact.values() if math.isfinite(d)), default=0.0) or scale
     return max(_entry_error(float(got[k]), d, size) for k, d in exact.items())
 

@@ -1,7 +1,7 @@
-"""An integral that every method is given in its own notation, from one definition.
+"""An integral that every method gets in its own notation, from one definition.
 
-The body of a problem is a function of a *notation* m, the variables and the parameters: `m.exp(x) * m.bracket(x < t)`. With
-`teg` as the notation it is an expression, with NUMPY a plain vectorised integrand, with SCALAR one of Python numbers.
+The body of a problem is a function of a *notation* m, the variables and the parameters: `m.exp(x) * m.bracket(x < t)`. With `teg` as the
+notation it is an expression, with NUMPY a plain vectorised integrand, with SCALAR one of Python numbers.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import teg
 from teg.ir.expr import Expr, Param
 
 Body = Callable[..., Any]
-Bound = float | Callable[..., Any]  # a number, or a function of (m, the variables outside, parameters by name)
+Bound = float | Callable[..., Any]  # a number, or a function of (m, the outer variables, parameters by name)
 
 
 class OutOfTimeError(Exception):
@@ -40,7 +40,7 @@ class Problem:
 
 
 def expression(problem: Problem) -> tuple[Expr, list[Param]]:
-    """The integral as an expression, and its parameters."""
+    """Returns the integral as an expression, and its parameters."""
     variables = [teg.var(name) for name in "xyz"[: problem.dimension]]
     symbols = {name: teg.param(name) for name in problem.parameters}
     e = problem.body(teg, *variables, **symbols)
@@ -70,7 +70,7 @@ class Integrand:
         return float(self.problem.body(SCALAR, *point, **self.parameters))
 
     def limits(self, i: int) -> tuple[Callable[..., float], Callable[..., float]]:
-        """The bounds of variable i, as functions of the variables outside it."""
+        """Returns the bounds of variable i, as functions of the variables outside it."""
         lower, upper = self.problem.bounds[i]
         return lambda *outer: _at(lower, SCALAR, outer, self.parameters), lambda *outer: _at(upper, SCALAR, outer, self.parameters)
 
@@ -97,7 +97,7 @@ def _at(bound: Bound, m: Any, outer: Any, parameters: Mapping[str, Any]) -> Any:
 
 
 def _or_nan(f: Callable[[float], float]) -> Callable[[float], float]:
-    """As NumPy does it: NaN outside a function's domain, inf where it overflows."""
+    """Returns the function with NumPy's conventions: NaN outside of its domain, inf where it overflows."""
 
     def total(x: float) -> float:
         try:

@@ -1,11 +1,11 @@
-"""The stored reference values, `references.json`: how they were computed, and reading them.
+"""The stored reference values, `references.json`: how they are computed, and reading them.
 
     python -m teg.examples.charts.references [stability] [regions]
 
-computes them again (mpmath; a few minutes). The regions' integrals are reduced to one dimension by the antiderivative of
-exp(x), in pieces between the breaks of `decomposition`, and their derivatives likewise, each root moving by -g_p/g_x; all is
-done a second time with x and y exchanged, and both must agree. The difficult cases have closed forms, which are evaluated with
-150 digits and differenced, at kinks from both sides (the mean is what is right there).
+computes them again (mpmath; a few minutes). The regions' integrals are reduced to one dimension by the antiderivative of exp(x), in
+pieces between the breaks of `decomposition`, and their derivatives likewise, each root moving by -g_p/g_x. All is computed a second time
+with x and y exchanged, and both must agree. The difficult cases have closed forms, which are evaluated with 150 digits and differenced,
+at kinks from both sides (the right derivative is then the mean).
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ class Reference:
 
 
 def read(kind: str) -> dict[str, Reference]:
-    """The references of the "regions" or of the "stability" cases, by name."""
+    """Returns the references of the "regions" or of the "stability" cases, by name."""
     return {name: Reference(**entry) for name, entry in json.loads(FILE.read_text(encoding="utf-8"))[kind].items()}
 
 
 def region_reference(name: str, exchanged: bool = False) -> tuple[Any, dict[str, Any]]:
-    """Value and derivatives of a region's integral, to WORKING digits but for the rule's error."""
+    """Returns value and derivatives of a region's integral, to WORKING digits except for the rule's error."""
     from mpmath import mp
 
     from teg.examples.charts.decomposition import conditions, evaluate, inner_breaks, outer_breaks
@@ -54,15 +54,15 @@ def region_reference(name: str, exchanged: bool = False) -> tuple[Any, dict[str,
     antiderivative, factor, density = (mp.sin, mp.exp, mp.cos) if exchanged else (mp.exp, mp.cos, mp.exp)
 
     def motion(x: Any, y: Any, k: int, parameter: str) -> Any:
-        """Of the root x of condition k: -g_p/g_x, the first by differences over 10^(-dps/3)."""
-        found = conditions(indicator, exact, (y,), degree)
-        assert found is not None
+        """Returns the motion -g_p/g_x of the root x of condition k; g_p by differences over 10^(-dps/3)."""
+        polynomials = conditions(indicator, exact, (y,), degree)
+        assert polynomials is not None
         h = mp.mpf(10) ** (-mp.dps // 3)
         ahead, behind = (evaluate(indicator, exact | {parameter: exact[parameter] + s * h}, [x, y])[1][k] for s in (1, -1))
-        return -(ahead - behind) / (2 * h) / mp.polyval([j * c for j, c in enumerate(found[k])][:0:-1], x)
+        return -(ahead - behind) / (2 * h) / mp.polyval([j * c for j, c in enumerate(polynomials[k])][:0:-1], x)
 
     def line(y: Any) -> list[Any]:
-        """The integral over x, and its derivatives."""
+        """Returns the integral over x, and its derivatives."""
         points = inner_breaks(indicator, exact, (y,), degree)
         inside = [evaluate(indicator, exact, [(a + b) / 2, y])[0] for a, b in pairwise(points)]
         sums = [mp.fsum(i * (antiderivative(b) - antiderivative(a)) for i, (a, b) in zip(inside, pairwise(points), strict=True))]
@@ -86,7 +86,7 @@ def region_reference(name: str, exchanged: bool = False) -> tuple[Any, dict[str,
 
 
 def case_reference(case: Case) -> tuple[Any, dict[str, Any]]:
-    """Value and derivatives of a difficult case, from its closed form."""
+    """Returns value and derivatives of a difficult case, from its closed form."""
     from mpmath import mp
 
     with mp.workdps(CLOSED):
@@ -102,7 +102,7 @@ def case_reference(case: Case) -> tuple[Any, dict[str, Any]]:
 
 
 def checked_region(name: str) -> tuple[Any, dict[str, Any]]:
-    """`region_reference`, computed both ways. Raises ArithmeticError where they disagree."""
+    """Returns `region_reference`, computed both ways. Raises ArithmeticError if they disagree."""
     (value, gradient), (again, slopes) = region_reference(name), region_reference(name, exchanged=True)
     if max(abs(value - again), *(abs(gradient[k] - slopes[k]) for k in gradient)) > AGREEMENT:
         raise ArithmeticError(name)
@@ -110,16 +110,16 @@ def checked_region(name: str) -> tuple[Any, dict[str, Any]]:
 
 
 def write(kinds: Sequence[str]) -> None:
-    """Compute references again, of the "regions", the "stability" cases or both, and store them."""
+    """Computes references again, of the "regions", the "stability" cases or both, and stores them."""
     from mpmath import mp
 
     stored = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
     for kind in kinds:
         names = list(REGIONS) if kind == "regions" else [c.name for c in CASES]
-        found = map(checked_region, names) if kind == "regions" else map(case_reference, CASES)
+        results = map(checked_region, names) if kind == "regions" else map(case_reference, CASES)
         stored[kind] = {
             name: {"value": mp.nstr(value, DIGITS), "gradient": {k: mp.nstr(d, DIGITS) for k, d in gradient.items()}}
-            for name, (value, gradient) in zip(names, found, strict=True)
+            for name, (value, gradient) in zip(names, results, strict=True)
         }
         FILE.write_text(json.dumps(stored, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 

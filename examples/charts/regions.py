@@ -54,7 +54,7 @@ def superellipse(x: Any, y: Any, a: Any, b: Any) -> Any:
 
 
 def perlin(x: Any, y: Any, g: Any, t: Any) -> Any:
-    """Gradient noise above a threshold, a pixel being half a lattice cell; g is a component of a gradient."""
+    """Returns gradient noise above a threshold, with a pixel of half a lattice cell; g is a component of a gradient."""
     u, v = 0.25 + 0.5 * x, 0.2 + 0.5 * y
     across, along = u * u * (3 - 2 * u), v * v * (3 - 2 * v)
     (_, a1), (b0, b1), (c0, c1), (d0, d1) = LATTICE

@@ -1,6 +1,6 @@
-"""`teg chart`: measure what is not yet measured, draw, write tables. A run can be interrupted, and goes on where it was.
+"""`teg chart`: makes the missing measurements, draws, writes tables. A run can be interrupted, and continues from there.
 
-points or verdicts of the folder's JSON → those that are missing, saved as they come → pictures → tables in a page
+points or verdicts of the folder's JSON → the missing ones, saved one by one → pictures → tables in a page
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def run_integration(
 ) -> dict[str, Any]:
     """Error against time and evaluations for ten regions: integration.json and five pictures in `out`, tables in `page`.
 
-    `quick` measures little, of two regions; `fresh` measures again what the folder has. `backend` None is "c" if there is a C
-    compiler, else "numpy". Ctrl-C ends it: the report says "interrupted", and a second run goes on. Raises MissingPackageError,
+    `quick` measures little, of two regions; `fresh` measures again even if the folder has results. `backend` None is "c" if there is a C
+    compiler, else "numpy". Ctrl-C ends it: the report says "interrupted", and a second run continues. Raises MissingPackageError, and
     InputError for a folder or page that cannot be used.
     """
     require_packages("chart", PACKAGES, progress, extra="chart")
@@ -72,7 +72,7 @@ def run_integration(
             for task in missing:
                 for point in measure.measure(task, references[task.region], chosen, known):
                     points[point.key] = point.data()
-                if any(p["method"] == task.method for p in points.values()):  # else a rule that this version does not have
+                if any(p["method"] == task.method for p in points.values()):  # otherwise a rule that this version does not have
                     done.append(task.key)
                 write_report(store, report(interrupted=True))
                 if bar is not None:
@@ -111,8 +111,8 @@ def run_stability(
 
     interrupted = False
     try:
-        for name, found in _results(partial(_judge, backend=chosen), missing, progress, "cases"):
-            answers[name] = found
+        for name, answer in _results(partial(_judge, backend=chosen), missing, progress, "cases"):
+            answers[name] = answer
             write_report(store, report(interrupted=True))
     except KeyboardInterrupt:
         interrupted = True
@@ -130,12 +130,12 @@ def _judge(name: str, backend: str) -> dict[str, dict[str, verdicts.Answer]]:
 
 
 def _stored(path: Path, part: str, settings: dict[str, Any]) -> Any:
-    """What an earlier run with the same settings left. Raises InputError for a file that is something else."""
+    """Returns the results of an earlier run with the same settings. Raises InputError for a file of another kind."""
     if not path.exists():
         return {}
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        return found[part] if found["settings"] == settings else {}
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        return stored[part] if stored["settings"] == settings else {}
     except (ValueError, KeyError, TypeError, OSError):
         raise InputError(f"{str(path)!r} is not a report of this command", None, "--fresh writes it anew, or name another folder") from None
 
@@ -153,7 +153,7 @@ def _in_parallel(job: Callable[[Any], None], items: list[Any], progress: bool, l
 
 
 def _results(job: Callable[[Any], Any], items: list[Any], progress: bool, label: str) -> Iterator[tuple[Any, Any]]:
-    """(item, job(item)) as they are done, in as many processes as there are processors."""
+    """Yields (item, job(item)) in the order of completion, with as many processes as there are processors."""
     workers = min(os.cpu_count() or 1, len(items) // 4)
     with progress_bar(progress, len(items), 0, label) as bar:
         for item, result in _pooled(job, items, workers) if workers > 1 else ((i, job(i)) for i in items):
@@ -171,7 +171,7 @@ def _pooled(job: Callable[[Any], Any], items: list[Any], workers: int) -> Iterat
 
 @contextmanager
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that leave Ctrl-C to their parent, and begin nothing new after it."""
+    """Yields processes that leave Ctrl-C to their parent, and start nothing new after it."""
     pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_ignore_interrupts)
     try:
         yield pool
@@ -184,7 +184,7 @@ def _ignore_interrupts() -> None:
 
 
 def summary(report: dict[str, Any]) -> str:
-    """A line to print after a run."""
+    """Returns a line to print after a run."""
     if "counts" in report:
         ours = report["counts"]["ours"]
         return "; ".join(f"ours, {q}: " + ", ".join(f"{n} {v}" for v, n in ours[q].items() if n) for q in ("value", "gradient"))

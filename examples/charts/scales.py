@@ -17,7 +17,7 @@ def _edges(x: Any, y: Any, corners: Any) -> Any:
 
 
 def _graph_area(m: Any, t: Any, f: Any) -> Any:
-    """∫₀¹ of f, between 0 and 1, f falling from above 0 to 0 at t (or not reaching it)."""
+    """Returns ∫₀¹ of f, clamped to between 0 and 1, where f falls from above 0 to 0 at t (or does not reach 0)."""
     return m.quad(f, [0, min(t, 1)])
 
 

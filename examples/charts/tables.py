@@ -1,4 +1,4 @@
-"""The tables of the page: what the chart measured, and the verdicts; written between marks in a Markdown file."""
+"""The tables of the page: the chart's measurements, and the verdicts; written between marks in a Markdown file."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from teg.examples.charts.verdicts import COLUMNS, VERDICTS
 SYMBOLS = dict(zip(VERDICTS, ("✓", "≈", "–", "✗", "†"), strict=True))
 HEADINGS = {"ours, differenced": "ours, differenced", "plain automatic differentiation": "plain AD"}
 GOAL = 1e-10
-"""The first point of a method with this error is what the table shows of it, or the most accurate one."""
+"""The table shows the first point of a method with this error, or its most accurate one."""
 
 
 def read_page(page: str | Path | None) -> str:
-    """The text of the page, "" for none. Raises InputError if it cannot be read."""
+    """Returns the text of the page, "" for none. Raises InputError if it cannot be read."""
     if page is None:
         return ""
     try:
@@ -30,7 +30,7 @@ def read_page(page: str | Path | None) -> str:
 
 
 def write_page(page: str | Path, text: str, name: str, table: str) -> None:
-    """Put a table between the marks of its name. Raises InputError if the page has none."""
+    """Puts a table between the marks of its name. Raises InputError if the page has none."""
     begin, end = f"<!-- begin {name}: written by `teg chart {name}` -->", f"<!-- end {name} -->"
     if begin not in text or end not in text or text.index(begin) > text.index(end):
         raise InputError(f"the page {str(page)!r} has no place for the table", None, f"it goes between the lines\n{begin}\n{end}")
@@ -42,7 +42,7 @@ def write_page(page: str | Path, text: str, name: str, table: str) -> None:
 
 
 def integration_table(points: Sequence[Point]) -> str:
-    """What it takes to come to GOAL, a row a region and a column a method, for values and for gradients; then ours in numbers."""
+    """Returns the cost of reaching GOAL, a row a region and a column a method, for values and for gradients; then ours in numbers."""
     parts = []
     for quantity in QUANTITIES:
         methods = [m for m in SERIES if any(p.method == m and p.quantity == quantity for p in points)]
@@ -56,7 +56,7 @@ def integration_table(points: Sequence[Point]) -> str:
 
 
 def _cell(points: Sequence[Point]) -> str:
-    """The first point that is good enough, else the most accurate."""
+    """Returns the first point that is good enough, else the most accurate one."""
     if not points:
         return ""
     ordered = sorted(points, key=lambda p: p.seconds)
@@ -95,7 +95,7 @@ def _of(points: Sequence[Point], region: str, quantity: str, method: str) -> lis
 
 
 def counts(answers: Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]) -> dict[str, dict[str, dict[str, int]]]:
-    """Method, quantity, verdict -> number of cases."""
+    """Returns method, quantity, verdict -> number of cases."""
     return {
         method: {q: {v: sum(a[method][q]["verdict"] == v for a in answers.values()) for v in VERDICTS} for q in quantities}
         for method, quantities in COLUMNS.items()
@@ -103,10 +103,10 @@ def counts(answers: Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]])
 
 
 def stability_tables(answers: Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]) -> str:
-    """How many cases of each verdict a method has, and the cases one by one."""
-    found = counts(answers)
+    """Returns the number of cases of each verdict for each method, and the cases one by one."""
+    numbers = counts(answers)
     rows = [["", "", *(f"{SYMBOLS[v]} {v}" for v in VERDICTS)]]
-    rows += [[method, q, *map(str, found[method][q].values())] for method, quantities in COLUMNS.items() for q in quantities]
+    rows += [[method, q, *map(str, numbers[method][q].values())] for method, quantities in COLUMNS.items() for q in quantities]
     parts = [f"{len(answers)} cases.\n\n" + markdown(rows)]
     heads = [HEADINGS.get(m, m) + (f", {q}" if len(COLUMNS[m]) > 1 else "") for m, q in _columns()]
     for group, cases in GROUPS.items():
@@ -127,7 +127,7 @@ def _columns() -> list[tuple[str, str]]:
 
 
 def markdown(rows: Sequence[Sequence[str]]) -> str:
-    """A table whose first row is its head."""
+    """Returns a table whose first row is its head."""
     head, *body = [[cell.replace("|", "\\|") for cell in row] for row in rows]
     lines = [head, ["---"] * len(head), *body]
     return "".join("| " + " | ".join(line) + " |\n" for line in lines)

@@ -8,7 +8,7 @@ from teg.examples.charts.case import SYMMETRIC, UNIT, Case, case
 
 
 def _corner(m: Any, t: Any) -> Any:
-    """Area of x + y < t in the unit square."""
+    """Returns the area of x + y < t in the unit square."""
     return t**2 / 2 if t <= 1 else 1 - (2 - t) ** 2 / 2
 
 

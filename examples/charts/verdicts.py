@@ -1,10 +1,10 @@
-"""The stability table: every difficult case by every method, and what is to be thought of the answers.
+"""The stability table: every difficult case by every method, and the verdicts on the answers.
 
     right            off by at most 1e-9, relative
     imprecise        by at most 1e-2
     says it cannot   by more, or no number at all, but not silently: an error of the package's own, a warning, a diagnosis, an
                      estimate of the error that admits it (a fifth of the true one or more), or no answer within the time limit;
-                     ours says it in the call, what `diagnose` would tell does not count
+                     ours must say it in the call, `diagnose` does not count
     wrong            by more, silently
     crashes          any other exception
 
@@ -32,13 +32,13 @@ from teg.examples.charts.references import Reference
 RIGHT, IMPRECISE = 1e-9, 1e-2
 VERDICTS = ("right", "imprecise", "says it cannot", "wrong", "crashes")
 ADMITTED = 5
-"""A method whose estimate times this covers its error has said so."""
+"""A method admits its error if its estimate, times this, covers the error."""
 TOL = 1e-12
 SECONDS = 1.0
-"""For one integral by another method."""
+"""The time limit for one integral by another method."""
 MIDPOINTS = {1: 10**6, 2: 1000}
 SETTINGS = {"dblquad": 1.49e-8, "cubature": 1e-8, "vegas": 10**4}
-"""The defaults of SciPy; ten times vegas's number of samples."""
+"""SciPy's defaults; ten times vegas's number of samples."""
 DIFFERENCED, PLAIN = "ours, differenced", "plain automatic differentiation"
 COLUMNS: dict[str, tuple[str, ...]] = {
     "ours": ("value", "gradient"),
@@ -59,7 +59,7 @@ def verdict(error: float, admitted: bool) -> str:
 
 
 def judge(case: Case, exact: Reference, method: str, backend: str) -> dict[str, Answer]:
-    """The answers of one method to one case: "value", "gradient" or both."""
+    """Returns the answers of one method to one case: "value", "gradient" or both."""
     if method == "ours":
         return _ours(case, exact, backend)
     if method == PLAIN:
@@ -74,7 +74,7 @@ def _answer(error: float, note: str, admitted: bool) -> Answer:
 
 
 def _guarded(attempt: Callable[[], Answer]) -> Answer:
-    """The answer, or what became of it."""
+    """Returns the answer of an attempt, or the verdict on its exception."""
     try:
         return attempt()
     except TegError as problem:
@@ -90,8 +90,8 @@ def _ours(case: Case, exact: Reference, backend: str) -> dict[str, Answer]:
 
     def value() -> Answer:
         with _own_warnings() as said:
-            found = float(compiled(case.problem, "auto", TOL, backend)(**parameters))
-        return _answer(relative_error(found, exact.value, case.scale), "; ".join(said), bool(said))
+            number = float(compiled(case.problem, "auto", TOL, backend)(**parameters))
+        return _answer(relative_error(number, exact.value, case.scale), "; ".join(said), bool(said))
 
     def gradient() -> Answer:
         with _own_warnings() as said:
@@ -104,12 +104,12 @@ def _ours(case: Case, exact: Reference, backend: str) -> dict[str, Answer]:
 
 @contextmanager
 def _own_warnings() -> Iterator[list[str]]:
-    """Collects this package's own warnings; others are shown as ever."""
+    """Collects this package's own warnings; others are shown as usual."""
     said: list[str] = []
-    with warnings.catch_warnings(record=True) as given:
+    with warnings.catch_warnings(record=True) as recorded:
         warnings.simplefilter("always")
         yield said
-    for w in given:
+    for w in recorded:
         if issubclass(w.category, AccuracyWarning):
             said += [str(w.message).splitlines()[0]]
         else:
@@ -130,8 +130,8 @@ def _differences_of_ours(case: Case, exact: Reference, backend: str) -> Answer:
 
     with _own_warnings() as said:
         error = relative_error(method(case.problem, case.problem.parameters, TOL, math.inf).value, exact.value, case.scale)
-        found = differences(method, case.problem, TOL, best_step(DIFFERENCED, TOL, error))[0]
-    error = gradient_error({k: o.value for k, o in found.items()}, exact.gradient, case.scale)
+        outcomes = differences(method, case.problem, TOL, best_step(DIFFERENCED, TOL, error))[0]
+    error = gradient_error({k: o.value for k, o in outcomes.items()}, exact.gradient, case.scale)
     return _answer(error, "; ".join(dict.fromkeys(said)), bool(said))
 
 
@@ -141,28 +141,28 @@ def _peer(case: Case, exact: Reference, name: str) -> dict[str, Answer]:
     errors = [1.0]
 
     def value() -> Answer:
-        found = method(problem, problem.parameters, setting, time.perf_counter() + SECONDS)
-        error = relative_error(found.value, exact.value, case.scale)
+        outcome = method(problem, problem.parameters, setting, time.perf_counter() + SECONDS)
+        error = relative_error(outcome.value, exact.value, case.scale)
         errors.append(error)
-        return _answer(error, _note(found), _admits(found, exact.value))
+        return _answer(error, _note(outcome), _admits(outcome, exact.value))
 
     def gradient() -> Answer:
         # the deadline is for all integrals together; a slow method has already been stopped at the value
         deadline = time.perf_counter() + 2 * SECONDS * len(problem.parameters)
-        found = differences(method, problem, setting, best_step(name, setting, errors[-1]), deadline)[0]
-        error = gradient_error({k: o.value for k, o in found.items()}, exact.gradient, case.scale)
-        admitted = any(_admits(found[k], d) for k, d in exact.gradient.items())
-        return _answer(error, next((n for n in map(_note, found.values()) if n), ""), admitted)
+        outcomes = differences(method, problem, setting, best_step(name, setting, errors[-1]), deadline)[0]
+        error = gradient_error({k: o.value for k, o in outcomes.items()}, exact.gradient, case.scale)
+        admitted = any(_admits(outcomes[k], d) for k, d in exact.gradient.items())
+        return _answer(error, next((n for n in map(_note, outcomes.values()) if n), ""), admitted)
 
     answers = {"value": _guarded(value)}
     late = answers["value"]["note"].startswith("no answer")
     return answers | {"gradient": answers["value"] if late else _guarded(gradient)}
 
 
-def _admits(found: Outcome, exact: float) -> bool:
-    return bool(found.warning) or not math.isfinite(found.value) or abs(found.value - exact) <= ADMITTED * found.error
+def _admits(outcome: Outcome, exact: float) -> bool:
+    return bool(outcome.warning) or not math.isfinite(outcome.value) or abs(outcome.value - exact) <= ADMITTED * outcome.error
 
 
-def _note(found: Outcome) -> str:
-    estimate = "" if math.isnan(found.error) else f"own estimate of the error {found.error:.1e}"
-    return "; ".join(filter(None, [found.warning.strip().splitlines()[0] if found.warning else "", estimate]))
+def _note(outcome: Outcome) -> str:
+    estimate = "" if math.isnan(outcome.error) else f"own estimate of the error {outcome.error:.1e}"
+    return "; ".join(filter(None, [outcome.warning.strip().splitlines()[0] if outcome.warning else "", estimate]))

@@ -1,8 +1,8 @@
-"""The program: how much of a pixel a triangle covers, ∫∫_pixel [(x, y) inside the triangle] dx dy, as a function of JAX.
+"""The program: the part of a pixel that a triangle covers, ∫∫_pixel [(x, y) inside the triangle] dx dy, as a function of JAX.
 
-This is all that the compiler is given. A colour is constant on a triangle and a picture on a pixel, so the squared difference of
-the two, integrated over the pixel, is this area times a number: the loss of a whole mesh, its best colours and the network in
-front of it are ordinary JAX around it.
+The compiler gets nothing else. A colour is constant on a triangle and a picture on a pixel, so the squared difference of the two,
+integrated over the pixel, is this area times a number. The loss of a whole mesh, its best colours and the network in front of it are
+ordinary JAX.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ import teg
 from teg.ir.expr import Cond, Expr
 
 Cover = Callable[[Any], Any]
-"""Corners of triangles, (…, 3, 2), in the coordinates of one pixel, which is [0, 1]², to the areas of the pixel they cover, (…)."""
+"""A function from corners of triangles, (…, 3, 2), in the coordinates of one pixel [0, 1]², to the covered areas of the pixel, (…)."""
 
 CORNERS = teg.params("ax ay bx by cx cy")
-SAMPLES = 4  # of a pixel a side, where it is sampled
+SAMPLES = 4  # per side of a pixel
 
 
 def covered_area() -> Expr:
-    """The area of [0, 1]² inside the triangle a, b, c, which is in positive order; of one that is turned over it is 0."""
+    """Returns the area of [0, 1]² inside the triangle a, b, c, given in positive order; 0 for a triangle that is turned over."""
     x, y = teg.vars("x y")
     ax, ay, bx, by, cx, cy = CORNERS
 
@@ -33,7 +33,7 @@ def covered_area() -> Expr:
 
 
 def exact_cover(discontinuities: str = "sift") -> Cover:
-    """The integral and its derivatives, compiled; "ignore": with the derivative that plain automatic differentiation takes for it."""
+    """Returns the compiled integral and its derivatives. "ignore": with the derivative of plain automatic differentiation."""
     area = teg.jax_function(covered_area(), discontinuities=discontinuities)
     names = [p.name for p in CORNERS]
 
@@ -45,7 +45,7 @@ def exact_cover(discontinuities: str = "sift") -> Cover:
 
 
 def sampled_cover(corners: Any) -> Any:
-    """The same area as one would write it in JAX alone, the part of SAMPLES² points that is inside: its derivative is 0."""
+    """Returns the same area in JAX alone, the fraction of SAMPLES² points that is inside: its derivative is 0."""
     import jax.numpy as jnp
 
     places = (jnp.arange(SAMPLES) + 0.5) / SAMPLES

@@ -1,4 +1,4 @@
-"""What the network learns from: squares cut out of photos, anywhere and at several scales, turned and mirrored."""
+"""Training data: squares cut out of photos, anywhere and at several scales, turned and mirrored."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ SCALES = (96, 128, 192)  # pixels a side of a whole photo
 
 
 def training_photos(names: Sequence[str] = TRAINING, scales: Sequence[int] = SCALES) -> list[np.ndarray]:
-    """Every photo at every scale, (size, size, 3) each."""
+    """Returns every photo at every scale, (size, size, 3) each."""
     return [read_target(None, size, name).astype(np.float32) for name in names for size in scales]
 
 
 def cut_crops(photos: Sequence[np.ndarray], size: int, count: int, seed: Sequence[int]) -> np.ndarray:
-    """Random squares of size² pixels, (count, size, size, 3), the same for the same seed."""
+    """Returns random squares of size² pixels, (count, size, size, 3), the same for the same seed."""
     random = np.random.default_rng(list(seed))
     crops = []
     for _ in range(count):

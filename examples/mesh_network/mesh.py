@@ -1,8 +1,8 @@
 """A square picture in square cells of two triangles each, and the pixels that each triangle can reach.
 
 Coordinates are in pixels, x to the right, y downwards. Each vertex has a place of its own, from which the network may move it by less
-than REACH along x and y, so the pixels that a triangle can touch are known before anything is computed, as JAX needs it. Vertices on
-the border slide along it, the four corners stay.
+than REACH along x and y. So the pixels that a triangle can touch are known in advance, as JAX requires. Vertices on the border slide
+along it, the four corners stay.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from math import ceil, floor
 
 import numpy as np
 
-CELL = 4  # pixels a side
+CELL = 4  # pixels per side
 REACH = 1.8  # pixels: vertices may come close to each other, and two of them may even change sides
 
 
@@ -31,12 +31,12 @@ class GridMesh:
 
     @property
     def size(self) -> int:
-        """Pixels a side."""
+        """Returns the number of pixels per side."""
         return self.cells * CELL
 
 
 def make_mesh(cells: int) -> GridMesh:
-    """A mesh of cells² cells, their diagonals in alternating directions."""
+    """Returns a mesh of cells² cells, their diagonals in alternating directions."""
     line = np.arange(cells + 1)
     unit = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     a = (line[:-1, None] * (cells + 1) + line[:-1]).ravel()  # the upper left corner of each cell
@@ -50,14 +50,14 @@ def make_mesh(cells: int) -> GridMesh:
 
 
 def signed_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The signed areas of the triangles, square pixels; negative where one is turned over."""
+    """Returns the signed areas of the triangles, square pixels; negative for one that is turned over."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     u, v = b - a, c - a
     return np.asarray((u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2)
 
 
 def _windows(first: np.ndarray, size: int) -> np.ndarray:
-    """Column and row of the pixels around cells that begin at `first`, (m, 2), as many for each, none outside of the picture."""
+    """Returns column and row of the pixels around cells that begin at `first`, (m, 2), equally many for each, all inside of the picture."""
     width = min(size, ceil(CELL + REACH) - floor(-REACH))
     start = np.clip(first + floor(-REACH), 0, size - width)
     across = np.stack(np.meshgrid(np.arange(width), np.arange(width)), axis=-1)

@@ -1,8 +1,8 @@
-"""The loss of a mesh against a picture, its colours the best ones: exact, and plain JAX but for the covered areas.
+"""The loss of a mesh against a picture with the best colours: exact, and plain JAX except for the covered areas.
 
     loss = 1/size² Σ_triangles Σ_pixels  ∫∫_pixel [(x, y) inside the triangle] · Σₖ (colourₖ - pictureₖ)² dx dy
 
-It is quadratic in the colours, and the best colour of a triangle is the picture's mean over it. Put in, what is left is a function of
+It is quadratic in the colours, and the best colour of a triangle is the picture's mean over it. Substituted, the loss is a function of
 the vertices alone, Σ_triangles ∫picture² - (∫picture)²/area, which JAX differentiates through the areas of the pixels' parts.
 
 A triangle that is turned over covers nothing, and its neighbours then cover the same points twice and both pay for them, so no penalty
@@ -19,24 +19,24 @@ import numpy as np
 from teg.examples.mesh_network.coverage import Cover
 from teg.examples.mesh_network.mesh import GridMesh
 
-SMALLEST = 1e-3  # square pixels: below, a triangle's share of the loss is no longer its best
+SMALLEST = 1e-3  # square pixels: for smaller areas a triangle's share of the loss is not that of its best colour
 
 
 def mesh_loss(cover: Cover, mesh: GridMesh, vertices: Any, picture: Any) -> Any:
-    """The loss per pixel of vertices (n, 2) against a picture (size, size, 3), with the best colours."""
+    """Returns the loss per pixel of vertices (n, 2) against a picture (size, size, 3), with the best colours."""
     areas, sums, squares = _moments(cover, mesh, vertices, picture)
     explained = jnp.sum(sums**2, axis=1) / jnp.maximum(areas, SMALLEST)
     return jnp.sum(squares - explained) / mesh.size**2
 
 
 def best_colours(cover: Cover, mesh: GridMesh, vertices: Any, picture: Any) -> Any:
-    """The colours, (m, 3), with which these vertices come closest to the picture."""
+    """Returns the colours, (m, 3), with which these vertices come closest to the picture."""
     areas, sums, _ = _moments(cover, mesh, vertices, picture)
     return sums / jnp.maximum(areas, SMALLEST)[:, None]
 
 
 def _moments(cover: Cover, mesh: GridMesh, vertices: Any, picture: Any) -> tuple[Any, Any, Any]:
-    """Integrals over each triangle: of 1 (m,), of the picture's colours (m, 3), of their squares' sum (m,)."""
+    """Returns integrals over each triangle: of 1 (m,), of the picture's colours (m, 3), of the sum of their squares (m,)."""
     corners = jnp.asarray(vertices)[mesh.triangles][:, None, None] - mesh.pixels[..., None, :].astype(np.float32)
     covered = cover(corners)
     colours = jnp.asarray(picture)[mesh.pixels[..., 1], mesh.pixels[..., 0]]

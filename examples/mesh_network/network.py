@@ -1,8 +1,9 @@
-"""The network: a picture to the movements of its mesh's vertices. Convolutions only, so it takes pictures of any size.
+"""The network: from a picture to the movements of its mesh's vertices. Convolutions only, so it takes pictures of any size.
 
-picture, local contrast normalised → 5×5 → patch of 2×2 cells around each vertex → residual 3×3 over the vertices, LAYERS times → REACH·tanh
+picture, local contrast normalised → 5×5 → patch of 2×2 cells around each vertex → residual 3×3 over the vertices, LAYERS times →
+REACH·tanh
 
-The last layer begins with zeros, so the first mesh is the grid as it stands.
+The last layer starts at zero, so the first mesh is the undeformed grid.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from jax import lax
 
 from teg.examples.mesh_network.mesh import CELL, REACH, GridMesh
 
-FEATURES, HIDDEN = 16, 64  # of a pixel, of a vertex
+FEATURES, HIDDEN = 16, 64  # per pixel, per vertex
 LAYERS = 2  # over the vertices
-CONTRAST = 1e-3  # the variance below which contrast is no longer raised
+CONTRAST = 1e-3  # contrast is not raised below this variance
 
 Weights = dict[str, tuple[Any, Any]]
 
 
 def first_weights(seed: int) -> Weights:
-    """Kernels and biases of all layers, normally distributed (He et al. 2015)."""
+    """Returns kernels and biases of all layers, normally distributed (He et al. 2015)."""
     shapes = {
         "pixels": (5, 5, 3, FEATURES),
         "patches": (2 * CELL, 2 * CELL, FEATURES, HIDDEN),
@@ -39,7 +40,7 @@ def first_weights(seed: int) -> Weights:
 
 
 def predict_vertices(weights: Weights, mesh: GridMesh, pictures: Any) -> Any:
-    """Pictures (b, size, size, 3) to vertices (b, n, 2)."""
+    """Returns vertices (b, n, 2) for pictures (b, size, size, 3)."""
     pixels = jax.nn.gelu(_convolve(_normalised(pictures), weights["pixels"], 2))
     vertices = jax.nn.gelu(_convolve(pixels, weights["patches"], CELL, stride=CELL))
     for k in range(LAYERS):
@@ -49,7 +50,7 @@ def predict_vertices(weights: Weights, mesh: GridMesh, pictures: Any) -> Any:
 
 
 def _normalised(pictures: Any) -> Any:
-    """Colours without their local mean, over their local deviation: what matters is where an edge is, not how strong."""
+    """Returns colours without their local mean, divided by their local deviation: the place of an edge matters, not its strength."""
     width = 2 * CELL + 1
     box = jnp.full((width, width, 1, 1), 1 / width**2, jnp.float32)
 
@@ -61,7 +62,7 @@ def _normalised(pictures: Any) -> Any:
 
 
 def _convolve(values: Any, layer: tuple[Any, Any], margin: int, stride: int = 1) -> Any:
-    """One layer on (b, rows, columns, channels), the border repeated `margin` times outwards."""
+    """Returns one layer applied to (b, rows, columns, channels), with the border repeated `margin` times outwards."""
     kernel, bias = layer
     padded = jnp.pad(values, ((0, 0), (margin, margin), (margin, margin), (0, 0)), mode="edge")
     return lax.conv_general_dilated(padded, kernel, (stride, stride), "VALID", dimension_numbers=("NHWC", "HWIO", "NHWC")) + bias

@@ -1,4 +1,4 @@
-"""What a run leaves to look at: the held-out photo, the grid and the network's mesh in their best colours, a part of each, the losses."""
+"""Pictures of a run: the held-out photo, the grid and the network's mesh in their best colours, a part of each, the losses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from teg.examples.harness import ratio
 
 BLUE, RED, GREY = "#2b6cb0", "#c2412d", "#666666"
-PART = (0.24, 0.0, 0.5)  # what is shown enlarged: left and upper end, and width, of a picture of width 1
+PART = (0.24, 0.0, 0.5)  # the enlarged part: left and upper end, and width, of a picture of width 1
 
 Drawing = tuple[np.ndarray, np.ndarray]  # vertices (n, 2), colours of triangles (m, 3)
 
@@ -58,7 +58,7 @@ def _draw_mesh(axes: Any, corners: np.ndarray, colours: np.ndarray, edges: bool)
     from matplotlib.collections import PolyCollection
 
     shown = np.clip(colours, 0, 1)
-    outline, width = ((1, 1, 1, 0.55), 0.6) if edges else (shown, 1.0)  # of its own colour: it closes the seams that antialiasing leaves
+    outline, width = ((1, 1, 1, 0.55), 0.6) if edges else (shown, 1.0)  # in its own colour: it closes the seams of antialiasing
     axes.add_collection(PolyCollection(list(corners), facecolors=shown, edgecolors=outline, linewidths=width))
 
 
@@ -67,7 +67,7 @@ def _draw_losses(axes: Any, losses: Mapping[str, Sequence[float]], training: Seq
     axes.plot(np.arange(1, len(training) + 1), training, color=GREY, linewidth=1, alpha=0.6, label="training crops")
     for (label, values), colour in zip(losses.items(), (BLUE, RED), strict=False):
         ratios = [ratio(v, values[0]) for v in values]
-        ratios += [ratios[-1]] * (longest + 1 - len(ratios))  # where nothing was learnt it stays there
+        ratios += [ratios[-1]] * (longest + 1 - len(ratios))  # without progress it stays there
         axes.plot(ratios, color=colour, linewidth=2.2, label=f"{label}: {ratios[-1]:.3f}")
     axes.set_xlim(0, longest)
     axes.set_ylim(0, 1.1)

@@ -9,7 +9,7 @@ import hashlib
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from teg.errors import InputError
 from teg.examples.descent_record import RecordedDescent
 from teg.examples.harness import demo_command, machine, ratio, require_packages, result_folder, versions, write_report
 from teg.examples.mesh_network.mesh import make_mesh, signed_areas
+
+if TYPE_CHECKING:
+    from teg.examples.mesh_network.training import State, Trainer
 
 EPOCHS = 60
 CELLS = (4, 128)
@@ -33,7 +36,7 @@ NOTHING_LEARNT = (
 
 @dataclass(frozen=True)
 class Options:
-    """All that a run depends on but the picture itself."""
+    """All options of a run except the picture itself."""
 
     photo: str | None
     cells: int
@@ -42,11 +45,11 @@ class Options:
     seed: int
 
     def check(self) -> None:
-        """Raise InputError for numbers that make no picture."""
+        """Raises InputError for numbers that make no picture."""
         if not CELLS[0] <= self.cells <= CELLS[1]:
-            raise InputError(f"a mesh of {self.cells} cells a side", None, f"between {CELLS[0]} and {CELLS[1]}")
+            raise InputError(f"a mesh of {self.cells} cells a side is not possible", None, f"between {CELLS[0]} and {CELLS[1]}")
         if self.epochs < 0:
-            raise InputError(f"{self.epochs} epochs", None, "0 or more")
+            raise InputError(f"{self.epochs} epochs are not possible", None, "0 or more")
         if self.seed < 0:
             raise InputError(f"the seed {self.seed} is negative", None, "0, 1, 2, …")
 
@@ -61,13 +64,13 @@ def run_mesh_network(
     resume: bool = False,
     seed: int = 0,
 ) -> dict[str, Any]:
-    """Train a network to move the vertices of meshes, apply it to a photo it has not seen; write pictures to `out`.
+    """Trains a network to move the vertices of meshes and applies it to a photo it has not seen; writes pictures to `out`.
 
-    Returns what run.json holds; "sampled" has the gradient of the same loss, its areas sampled, by the same weights at the start.
-    `photo` is any file that Pillow reads (None: scikit-image's astronaut), resized to `cells` cells of 4 pixels a side; the
-    network learns from crops of four other photos of scikit-image's. `discontinuities="ignore"` differentiates as plain automatic
-    differentiation does. `resume` continues the run whose checkpoint is in `out`, up to `epochs` in all. Ctrl-C ends the training,
-    after the epoch, not the writing: the report says "interrupted".
+    Returns the contents of run.json; "sampled" has the gradient of the same loss with sampled areas, by the same weights at the start.
+    `photo` is any file that Pillow reads (None: scikit-image's astronaut), resized to `cells` cells of 4 pixels a side. The network
+    learns from crops of four other photos of scikit-image's. `discontinuities="ignore"` differentiates like plain automatic
+    differentiation. `resume` continues the run whose checkpoint is in `out`, up to `epochs` in all. Ctrl-C ends the training after the
+    epoch, not the writing: the report says "interrupted".
 
     Raises InputError for a photo, number, folder or checkpoint that cannot be used, MissingPackageError.
     """
@@ -84,8 +87,7 @@ def run_mesh_network(
     folder = result_folder(Path(out))
     begun = time.perf_counter()
     trainer = Trainer(exact_cover(discontinuities), training_photos(), target, mesh, seed)
-    identity = {k: getattr(options, k) for k in ("cells", "seed", "discontinuities")}
-    identity |= {"crops": trainer.crops, "batch": trainer.batch, "target": hashlib.sha256(target.tobytes()).hexdigest()}
+    identity = _identity(options, trainer, target)
     start = trainer.first_state()
     sampled_slope = trainer.largest_slope(start, sampled_cover)
     run = RecordedDescent(start, trainer.next_state, folder / "checkpoint.npz", identity, resume)
@@ -93,26 +95,11 @@ def run_mesh_network(
     interrupted = run.descend(epochs, progress)
 
     drawings = [(vertices, trainer.colours(vertices)) for vertices in map(trainer.vertices, (run.start, run.state))]
-    lines = {EXACT if discontinuities == "sift" else discontinuities: run.losses}
-    if sampled_slope == 0:
-        lines[SAMPLED] = run.losses[:1]
-    _draw(folder, target, mesh.triangles, drawings, run, lines)
-    moved = np.linalg.norm(drawings[1][0] - drawings[0][0], axis=1)
-    areas = signed_areas(drawings[1][0], mesh.triangles)
-    report = {
-        "loss": {"start": run.losses[0], "end": run.losses[-1], "ratio": ratio(run.losses[-1], run.losses[0])},
-        "training": run.state.training.tolist(),
-        "epochs": len(run.state.training),
+    _draw(folder, target, mesh.triangles, drawings, run, _lines(run.losses, discontinuities, sampled_slope))
+    report = _progress(run, discontinuities) | {
         "interrupted": interrupted,
-        "note": NOTHING_LEARNT if run.state.stuck and discontinuities == "ignore" else "",
         "sampled": {"largest_slope": sampled_slope},
-        "mesh": {
-            "triangles": len(mesh.triangles),
-            "vertices": len(mesh.vertices),
-            "largest_movement": float(moved.max()),
-            "mean_movement": float(moved.mean()),
-            "turned_over": int(np.sum(areas < 0)),
-        },
+        "mesh": _movement(drawings[0][0], drawings[1][0], mesh.triangles),
         "seconds": {"setup": setup, "training": run.seconds},
         "options": asdict(options),
         "target_sha256": identity["target"],
@@ -124,6 +111,40 @@ def run_mesh_network(
     }
     write_report(folder / "run.json", report)
     return report
+
+
+def _identity(options: Options, trainer: Trainer, target: np.ndarray) -> dict[str, Any]:
+    """Returns the settings that a checkpoint must agree with."""
+    settings = {k: getattr(options, k) for k in ("cells", "seed", "discontinuities")}
+    return settings | {"crops": trainer.crops, "batch": trainer.batch, "target": hashlib.sha256(target.tobytes()).hexdigest()}
+
+
+def _lines(losses: list[float], discontinuities: str, sampled_slope: float) -> dict[str, list[float]]:
+    """Returns the losses to draw, by label. A sampled loss with slope 0 stays where it began."""
+    label = EXACT if discontinuities == "sift" else discontinuities
+    return {label: losses} | ({SAMPLED: losses[:1]} if sampled_slope == 0 else {})
+
+
+def _progress(run: RecordedDescent[State], discontinuities: str) -> dict[str, Any]:
+    """Returns the part of the report on the training."""
+    return {
+        "loss": {"start": run.losses[0], "end": run.losses[-1], "ratio": ratio(run.losses[-1], run.losses[0])},
+        "training": run.state.training.tolist(),
+        "epochs": len(run.state.training),
+        "note": NOTHING_LEARNT if run.state.stuck and discontinuities == "ignore" else "",
+    }
+
+
+def _movement(start: np.ndarray, end: np.ndarray, triangles: np.ndarray) -> dict[str, Any]:
+    """Returns the part of the report on the mesh, whose vertices moved from `start` to `end`."""
+    moved = np.linalg.norm(end - start, axis=1)
+    return {
+        "triangles": len(triangles),
+        "vertices": len(start),
+        "largest_movement": float(moved.max()),
+        "mean_movement": float(moved.mean()),
+        "turned_over": int(np.sum(signed_areas(end, triangles) < 0)),
+    }
 
 
 def _draw(

@@ -1,10 +1,10 @@
 """Training the network: stochastic descent on crops, by the gradient that comes through the integrals.
 
 One epoch is CROPS fresh crops in batches of BATCH, one step of Adam each (optax), all of it one `lax.scan` under `jit`. A batch's loss
-is that of its meshes over that of the grid as it stands, both in their best colours, each crop weighted by one over the root of the
-latter: else the few crops with much contrast would drown the others. What is used is a running mean of the weights (Polyak and
-Juditsky 1992), which the noise of small batches leaves alone. Crops and the lengths of steps depend on nothing but the seed and the
-number of the step: a run that is resumed goes on as if it had not been interrupted.
+is that of its meshes divided by that of the undeformed grid, both in their best colours, each crop weighted by one over the root of the
+latter: otherwise the few crops with much contrast would dominate. The network in use is a running mean of the weights (Polyak and
+Juditsky 1992), which is insensitive to the noise of small batches. Crops and the lengths of steps depend only on the seed and the number
+of the step: a resumed run continues as if it had not been interrupted.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from teg.examples.mesh_network.mesh_loss import best_colours, mesh_loss
 from teg.examples.mesh_network.network import first_weights, predict_vertices
 
 CROPS, BATCH = 160, 8
-CELLS = 4  # of a crop, a side
-RATE, HORIZON = 3e-3, 300  # the first step's length, and after how many steps it is 1/√2 of that
-MEAN = 0.01  # of the running mean: what the newest weights count
-FLAT = 1e-4  # the loss below which a crop is one of a wall or the sky, and weighs no more for it
+CELLS = 4  # per side of a crop
+RATE, HORIZON = 3e-3, 300  # the first step's length, and the number of steps after which it is 1/√2 of that
+MEAN = 0.01  # the weight of the newest weights in the running mean
+FLAT = 1e-4  # a crop with a smaller loss is one of a wall or the sky, and its weight grows no further
 
 
 @dataclass(frozen=True)
 class State:
-    """Where training stands: all that the next epoch depends on.
+    """The state of training: all data that the next epoch depends on.
 
     `numbers` are the weights, their running mean and the means that Adam keeps, in one vector; `training` the mean ratio of losses in
     each epoch, (epochs,); `loss` that of the held-out photo.
@@ -49,9 +49,9 @@ class State:
 
 @dataclass
 class Trainer:
-    """The network, what it learns from, and the photo it does not see, (size, size, 3).
+    """The network, its training data, and the held-out photo, (size, size, 3).
 
-    `crops` and `batch` are how many crops an epoch and a step have. Values are float32.
+    `crops` and `batch` are the numbers of crops of an epoch and of a step. Values are float32.
     """
 
     cover: Cover
@@ -74,11 +74,11 @@ class Trainer:
         self._colours = jax.jit(lambda vertices, photo: best_colours(self.cover, self.mesh, vertices, photo))
 
     def first_state(self) -> State:
-        """Before training: the grid as it stands, in its best colours."""
+        """Returns the state before training: the undeformed grid, in its best colours."""
         return State(self._numbers, np.zeros(0), float(self._held_out(self._numbers, self.held_out)))
 
     def next_state(self, state: State) -> State:
-        """One epoch. `stuck` is set where the gradient by the weights was exactly 0 in every step."""
+        """Returns the state after one epoch. `stuck` is set if the gradient by the weights was exactly 0 in every step."""
         crops = self._crops(len(state.training))
         numbers, (ratios, largest) = self._epoch(state.numbers, crops.reshape(-1, self.batch, *crops.shape[1:]))
         training = np.append(state.training, float(ratios.mean()))
@@ -86,16 +86,16 @@ class Trainer:
         return State(np.asarray(numbers), training, loss, bool(np.all(np.asarray(largest) == 0)))
 
     def vertices(self, state: State) -> np.ndarray:
-        """The mesh of the held-out photo, (n, 2)."""
+        """Returns the mesh of the held-out photo, (n, 2)."""
         _, weights, _ = self._unpacked(jnp.asarray(state.numbers))
         return np.asarray(predict_vertices(weights, self.mesh, self.held_out[None])[0])
 
     def colours(self, vertices: np.ndarray) -> np.ndarray:
-        """The best colours of a mesh of the held-out photo, (m, 3)."""
+        """Returns the best colours of a mesh of the held-out photo, (m, 3)."""
         return np.asarray(self._colours(vertices, self.held_out))
 
     def largest_slope(self, state: State, cover: Cover) -> float:
-        """The largest entry of the gradient by the weights, of the first batch, where areas are those of another `cover`."""
+        """Returns the largest entry of the gradient by the weights, of the first batch, with areas by another `cover`."""
         weights, _, _ = self._unpacked(jnp.asarray(state.numbers))
         slopes = jax.jit(jax.grad(lambda w, crops: self._batch_loss(w, crops, cover)))(weights, self._crops(0)[: self.batch])
         return max(float(jnp.abs(s).max()) for s in jax.tree.leaves(slopes))

@@ -1,7 +1,7 @@
 """Gradient descent on all parameters at once, with the steps of Adam (Kingma and Ba 2015).
 
-The length of a step falls like 1/√(1 + step/100), and so depends on nothing but its number: a run that is resumed goes on as
-if it had not been interrupted.
+The length of a step falls like 1/√(1 + step/100), and so depends on its number only: a resumed run continues as if it had not been
+interrupted.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from teg.examples.perlin.shader_loss import AFTER_GRADIENTS, COLOURS, ShaderLoss
 GRADIENTS, THRESHOLD, COLOUR = 0.1, 0.01, 0.01  # the first lengths of steps: of a lattice gradient, the threshold, a colour
 HORIZON = 100
 MEAN, SQUARE, TINY = 0.9, 0.99, 1e-12
-ROUNDING = 1e-14  # a gradient of this size is one of rounding errors, which Adam would follow like any other
+ROUNDING = 1e-14  # a gradient of this size consists of rounding errors, which Adam would follow like any other
 
 
 @dataclass(frozen=True)
 class State:
-    """Where a descent stands: all that its next step depends on.
+    """The state of a descent: all data that its next step depends on.
 
     Parameters, the gradient there, and the running means of the gradient and its square, (n,) each.
     """
@@ -35,7 +35,7 @@ class State:
 
 
 def first_state(shader: ShaderLoss, gradients: np.ndarray, target: np.ndarray) -> State:
-    """The first noise, cut at 0; the colours one standard deviation above and below the target's mean."""
+    """Returns the first noise, cut at 0; the colours are one standard deviation above and below the target's mean."""
     mean, deviation = target.mean(axis=(0, 1)), target.std(axis=(0, 1))
     colours = np.clip([mean + deviation, mean - deviation], 0, 1).ravel()
     parameters = np.concatenate([gradients, [0.0], colours])
@@ -45,7 +45,7 @@ def first_state(shader: ShaderLoss, gradients: np.ndarray, target: np.ndarray) -
 
 
 def next_state(shader: ShaderLoss, state: State) -> State:
-    """One step down. `stuck` is set where the gradient is zero to rounding."""
+    """Returns the state after one step down. `stuck` is set if the gradient is zero to rounding."""
     step = state.step + 1
     mean = MEAN * state.mean + (1 - MEAN) * state.gradient
     square = SQUARE * state.square + (1 - SQUARE) * state.gradient**2

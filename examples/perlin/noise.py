@@ -4,9 +4,9 @@ One octave has a square lattice with a gradient g at each node. In a cell, at (u
 
     noise = Σ over the four nodes (i, j)  s(|1 - i - u|) · s(|1 - j - v|) · g·(u - i, v - j),    s(w) = 3w² - 2w³
 
-(Perlin, "An image synthesizer", SIGGRAPH 1985). Octave k has 2ᵏ times as many cells and 2⁻ᵏ of the height. A single octave
-is 0 at every node, whatever its gradients; the lattices of the octaves are therefore shifted against each other
-by random fractions of a cell, so that their sum can have either sign everywhere.
+(Perlin, "An image synthesizer", SIGGRAPH 1985). Octave k has 2ᵏ times as many cells and 2⁻ᵏ of the height. A single octave is 0 at every
+node, whatever its gradients. The lattices of the octaves are therefore shifted against each other by random fractions of a cell, so that
+their sum can have either sign everywhere.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from scipy import sparse
 
 from teg.errors import InputError
 
-PERSISTENCE = 0.5  # height of an octave, of the one before
+PERSISTENCE = 0.5  # height of an octave relative to the previous one
 
 
 @dataclass(frozen=True)
 class Noise:
     """Noise over a square of size² pixels.
 
-    `matrix`, ((size + 1)², 2·nodes), takes the gradients of all nodes of all octaves, flat, to the values at the
-    pixels' corners, row by row; its transpose takes derivatives by these values to derivatives by the gradients.
+    `matrix`, ((size + 1)², 2·nodes), maps the gradients of all nodes of all octaves, flat, to the values at the pixels' corners, row by
+    row. Its transpose maps derivatives by these values to derivatives by the gradients.
     """
 
     size: int
     matrix: sparse.csr_array
 
     def corners(self, gradients: np.ndarray) -> np.ndarray:
-        """The values at the corners, (size + 1, size + 1)."""
+        """Returns the values at the corners, (size + 1, size + 1)."""
         return np.asarray(self.matrix @ gradients).reshape(self.size + 1, self.size + 1)
 
     def pull_back(self, slopes: np.ndarray) -> np.ndarray:
-        """The derivatives by the gradients, from those by the corners, (size + 1, size + 1)."""
+        """Returns the derivatives by the gradients, from those by the corners, (size + 1, size + 1)."""
         return np.asarray(self.matrix.T @ slopes.ravel())
 
 
 def make_noise(size: int, cells: int, octaves: int, seed: int = 0) -> tuple[Noise, np.ndarray]:
-    """The noise, `cells` lattice cells a side in its coarsest octave, and its first gradients: unit vectors, random."""
+    """Returns the noise, with `cells` lattice cells a side in its coarsest octave, and its first gradients: random unit vectors."""
     if cells < 1 or octaves < 1:
         raise InputError(f"noise of {octaves} octaves, the first of {cells} cells a side", None, "at least 1 of each")
     if cells * 2 ** (octaves - 1) > size:
@@ -56,9 +56,9 @@ def make_noise(size: int, cells: int, octaves: int, seed: int = 0) -> tuple[Nois
 
 
 def _octave(size: int, cells: int, shift: np.ndarray) -> sparse.csr_array:
-    """The matrix of one octave."""
+    """Returns the matrix of one octave."""
     (column, u), (row, v) = (np.divmod(np.arange(size + 1) * (cells / size) + s, 1) for s in shift)
-    nodes = cells + 2  # a side, with the shift
+    nodes = cells + 2  # per side, including the shift
     y, x = np.divmod(np.arange((size + 1) ** 2), size + 1)
     rows, columns, values = [], [], []
     for i, j in np.ndindex(2, 2):

@@ -1,4 +1,4 @@
-"""What a run leaves to look at: the shader's pictures, and all of them with the loss on one sheet."""
+"""Pictures of a run: those of the shader, and all of them with the loss on one sheet."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-SMALLEST = 512  # pixels a side of the pictures written
+SMALLEST = 512  # pixels per side of the pictures written
 BLUE, RED, GREY = "#2b6cb0", "#c2412d", "#666666"
 
 
 def enlargement(size: int) -> int:
-    """How many times as many pixels a side a picture of the shader is drawn with."""
+    """Returns the factor by which a picture of the shader is enlarged per side."""
     return max(1, SMALLEST // size)
 
 
 def draw(path: Path, picture: np.ndarray) -> None:
-    """A picture, (n, n, 3), one constant colour a pixel, at least SMALLEST pixels a side."""
+    """Draws a picture, (n, n, 3), one constant colour a pixel, at least SMALLEST pixels a side."""
     side = max(SMALLEST, len(picture))
     Image.fromarray(_bytes(picture)).resize((side, side), Image.Resampling.NEAREST).save(path)
 
 
 def draw_sheet(path: Path, shown: Mapping[str, np.ndarray], losses: Mapping[str, Sequence[float]], marks: Mapping[str, float]) -> None:
-    """Titled pictures side by side, and below them the losses after each step; `marks` are losses to compare with."""
+    """Draws titled pictures side by side, and below them the losses after each step; `marks` are losses to compare with."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

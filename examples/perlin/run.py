@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,7 +40,7 @@ NOTHING_MOVES = (
 
 @dataclass(frozen=True)
 class Options:
-    """All that a run depends on but the picture itself."""
+    """All options of a run except the picture itself."""
 
     photo: str | None
     cells: int
@@ -51,11 +52,11 @@ class Options:
     seed: int
 
     def check(self) -> None:
-        """Raise InputError for numbers that make no picture."""
+        """Raises InputError for numbers that make no picture."""
         if not SIZES[0] <= self.size <= SIZES[1]:
-            raise InputError(f"a picture of {self.size} pixels a side", None, f"between {SIZES[0]} and {SIZES[1]}")
+            raise InputError(f"a picture of {self.size} pixels a side is not possible", None, f"between {SIZES[0]} and {SIZES[1]}")
         if self.steps < 0:
-            raise InputError(f"{self.steps} steps", None, "0 or more")
+            raise InputError(f"{self.steps} steps are not possible", None, "0 or more")
         if self.seed < 0:
             raise InputError(f"the seed {self.seed} is negative", None, "0, 1, 2, …")
 
@@ -74,18 +75,17 @@ def run_perlin(
     resume: bool = False,
     seed: int = 0,
 ) -> dict[str, Any]:
-    """Fit a thresholded noise to a photo; write pictures to `out`, return what run.json holds.
+    """Fits a thresholded noise to a photo; writes pictures to `out`, returns the contents of run.json.
 
-    `photo` is any file that Pillow reads (None: scikit-image's cat), cropped and resized to size² pixels. The noise has
-    `octaves`, the coarsest of `cells` lattice cells a side. `backend` None is "c" if there is a C compiler, else "numpy".
-    `discontinuities="ignore"` differentiates as plain automatic differentiation does; unless that is asked for, the
-    same descent is run that way too and shown beside (`compare`). `resume` continues the run whose checkpoint is in
-    `out`, up to `steps` in all. Ctrl-C ends the descent, not the writing: the report says "interrupted".
+    `photo` is any file that Pillow reads (None: scikit-image's cat), cropped and resized to size² pixels. The noise has `octaves`, the
+    coarsest of `cells` lattice cells a side. `backend` None is "c" if there is a C compiler, else "numpy". `discontinuities="ignore"`
+    differentiates like plain automatic differentiation; unless that is chosen, the same descent is run that way too and shown beside
+    (`compare`). `resume` continues the run whose checkpoint is in `out`, up to `steps` in all. Ctrl-C ends the descent, not the writing:
+    the report says "interrupted".
 
     Raises InputError for a photo, number, folder or checkpoint that cannot be used, MissingPackageError.
     """
     require_packages("Perlin shader", PACKAGES, progress)
-    from teg.examples.perlin import pictures
     from teg.examples.perlin.noise import make_noise
     from teg.examples.photo import read_target
 
@@ -105,14 +105,7 @@ def run_perlin(
         interrupted = interrupted or fit.descent.descend(steps, progress, fit.label)
 
     fit, marks = fits[0], simple_approximations(target)
-    factor = pictures.enlargement(size)
-    start, *ends = (f.shader.picture(p, factor) for f, p in [(fit, fit.descent.start.parameters), *((f, f.end) for f in fits)])
-    drawn = dict(zip(PICTURES, (target, start, *ends), strict=False))
-    for file, picture in drawn.items():
-        pictures.draw(folder / file, picture)
-    captions = ["the photo", "noise at the start", *(f"{f.label}, step {f.steps}" for f in fits)]
-    shown = dict(zip(captions, drawn.values(), strict=True))
-    pictures.draw_sheet(folder / SHEET, shown, {f.label: f.descent.losses for f in fits}, marks)
+    drawn = _draw(folder, target, fits, marks)
     report = fit.report() | {
         "beside": fits[1].report() if len(fits) > 1 else None,
         "interrupted": interrupted,
@@ -128,8 +121,23 @@ def run_perlin(
     return report
 
 
+def _draw(folder: Path, target: np.ndarray, fits: Sequence[Fit], marks: Mapping[str, float]) -> list[str]:
+    """Draws the photo, the first noise and the end of each fit, and a sheet of them; returns the files of the single pictures."""
+    from teg.examples.perlin import pictures
+
+    fit, factor = fits[0], pictures.enlargement(len(target))
+    start, *ends = (f.shader.picture(p, factor) for f, p in [(fit, fit.descent.start.parameters), *((f, f.end) for f in fits)])
+    drawn = dict(zip(PICTURES, (target, start, *ends), strict=False))
+    for file, picture in drawn.items():
+        pictures.draw(folder / file, picture)
+    captions = ["the photo", "noise at the start", *(f"{f.label}, step {f.steps}" for f in fits)]
+    shown = dict(zip(captions, drawn.values(), strict=True))
+    pictures.draw_sheet(folder / SHEET, shown, {f.label: f.descent.losses for f in fits}, marks)
+    return list(drawn)
+
+
 class Fit:
-    """One descent: the compiled loss, where it stands, and what to say of it."""
+    """One descent: the compiled loss, its state, and its report."""
 
     def __init__(self, options: Options, noise: Noise, gradients: np.ndarray, target: np.ndarray, checkpoint: Path, resume: bool) -> None:
         begun = time.perf_counter()
@@ -145,16 +153,16 @@ class Fit:
 
     @property
     def end(self) -> np.ndarray:
-        """The parameters it has come to."""
+        """Returns the final parameters."""
         return self.descent.state.parameters
 
     @property
     def steps(self) -> int:
-        """How many have been made."""
+        """Returns the number of steps made."""
         return len(self.descent.losses) - 1
 
     def report(self) -> dict[str, Any]:
-        """What came out."""
+        """Returns the results as a dict."""
         descent = self.descent
         losses, start, end = descent.losses, descent.start.parameters, self.end
         moved = np.abs(end - start)[:-AFTER_GRADIENTS].reshape(-1, 2)
@@ -178,7 +186,7 @@ class Fit:
 
 
 def simple_approximations(target: np.ndarray) -> dict[str, float]:
-    """Losses to compare with: one colour for the whole picture, and two where each pixel may choose (from 2-means)."""
+    """Returns losses to compare with: of one colour for the whole picture, and of two where each pixel may choose (from 2-means)."""
     from scipy.cluster.vq import ClusterError, kmeans2
 
     pixels = target.reshape(-1, 3)

@@ -3,10 +3,9 @@
     noise(x, y) = (n₀₀(1 - x) + n₁₀x)(1 - y) + (n₀₁(1 - x) + n₁₁x)y          on the pixel [0, 1]², threshold subtracted
     loss(pixel) = ∫∫ Σₖ (colourₖ(x, y) - targetₖ)² dx dy,   colour = above where noise > 0, below elsewhere
 
-The difference is squared inside the integral, as in the Perlin application of Teg (Bangaru et al., SIGGRAPH 2021): a
-pixel is matched where the colours match, not where a mixture of them has the right mean. The border of the two
-colours is a hyperbola. Its motion with the four corner values, which is all there is to the noise's gradient, and
-the derivatives by the colours are the compiler's.
+The difference is squared inside the integral, as in the Perlin application of Teg (Bangaru et al., SIGGRAPH 2021): a pixel is matched
+where the colours match, not where a mixture of them has the right mean. The border of the two colours is a hyperbola. The compiler makes
+the derivatives by the colours, and by the four corner values, on which the noise's gradient depends only.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import teg
-from teg.evaluator.compile import Evaluator
+from teg.evaluator.evaluator import Evaluator
 from teg.ir.expr import Cond, Expr, Param, Var
 
 CORNERS = ("top_left", "top_right", "bottom_left", "bottom_right")
@@ -25,13 +24,13 @@ TARGET = ("target_red", "target_green", "target_blue")
 
 
 def is_above(x: Var, y: Var) -> Cond:
-    """Where the noise is above the threshold: bilinear in the pixel's coordinates, y downwards."""
+    """Returns whether the noise is above the threshold: bilinear in the pixel's coordinates, y downwards."""
     a, b, c, d = (teg.param(name) for name in CORNERS)
     return (a * (1 - x) + b * x) * (1 - y) + (c * (1 - x) + d * x) * y > 0
 
 
 def pixel_loss() -> Expr:
-    """The loss of one pixel, by its four corner values, the two colours and the target's colour."""
+    """Returns the loss of one pixel, by its four corner values, the two colours and the target's colour."""
     x, y = teg.vars("x y")
 
     def difference(colour: Sequence[str]) -> Expr:
@@ -42,7 +41,7 @@ def pixel_loss() -> Expr:
 
 
 def pixel_colour() -> Expr:
-    """The mean colour of one pixel, a tuple (red, green, blue): what a picture of the shader shows."""
+    """Returns the mean colour of one pixel, a tuple (red, green, blue), which a picture of the shader shows."""
     x, y = teg.vars("x y")
     above = is_above(x, y)
     channels = (teg.where(above, teg.param(a), teg.param(b)) for a, b in zip(ABOVE, BELOW, strict=True))
@@ -50,7 +49,7 @@ def pixel_colour() -> Expr:
 
 
 def moving() -> list[Param]:
-    """What the loss is differentiated by."""
+    """Returns the parameters of the derivatives."""
     return [teg.param(name) for name in CORNERS + ABOVE + BELOW]
 
 
@@ -63,7 +62,7 @@ class CompiledScene:
 
 
 def compile_scene(backend: str, discontinuities: str = "sift", threads: int = 1) -> CompiledScene:
-    """Compile the loss, to be differentiated, and the colour, to be looked at."""
+    """Returns the compiled loss, to be differentiated, and the compiled colour, to be shown."""
     return CompiledScene(
         teg.compile(pixel_loss(), moving(), backend=backend, discontinuities=discontinuities, threads=threads),
         teg.compile(pixel_colour(), [], backend=backend, threads=threads),

@@ -24,7 +24,7 @@ AFTER_GRADIENTS = 1 + len(COLOURS)
 class ShaderLoss:
     """The loss against one picture, `target` (size, size, 3), and its gradient.
 
-    `pixels` and `seconds` count what the kernel has evaluated, and in what time.
+    `pixels` and `seconds` count the pixels that the kernel has evaluated, and its time.
     """
 
     def __init__(self, scene: CompiledScene, noise: Noise, target: np.ndarray) -> None:
@@ -34,7 +34,7 @@ class ShaderLoss:
         self.seconds = 0.0
 
     def value_and_gradient(self, parameters: np.ndarray) -> tuple[float, np.ndarray]:
-        """The loss per pixel and its derivative by every parameter."""
+        """Returns the loss per pixel and its derivative by every parameter."""
         n = self.noise.size
         values = _colours(parameters) | _corner_columns(self._heights(parameters)) | self.target
         begun = time.perf_counter()
@@ -49,7 +49,7 @@ class ShaderLoss:
         return float(np.sum(losses)) / n**2, gradient / n**2
 
     def picture(self, parameters: np.ndarray, factor: int = 1) -> np.ndarray:
-        """The shader's picture, every pixel's mean colour, (factor·size, factor·size, 3).
+        """Returns the shader's picture, every pixel's mean colour, (factor·size, factor·size, 3).
 
         With a `factor` each pixel is divided into factor² smaller ones; the shader stays the same.
         """
@@ -57,7 +57,7 @@ class ShaderLoss:
         return np.stack(self.scene.colour(values), axis=-1)
 
     def _heights(self, parameters: np.ndarray) -> np.ndarray:
-        """Noise minus threshold at the pixels' corners, (size + 1, size + 1)."""
+        """Returns noise minus threshold at the pixels' corners, (size + 1, size + 1)."""
         return np.asarray(self.noise.corners(parameters[:-AFTER_GRADIENTS]) - parameters[-AFTER_GRADIENTS])
 
 
@@ -66,13 +66,13 @@ def _colours(parameters: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _corner_columns(heights: np.ndarray) -> dict[str, np.ndarray]:
-    """The four corner values of every pixel, each (size, size)."""
+    """Returns the four corner values of every pixel, each (size, size)."""
     n = len(heights) - 1
     return {name: heights[i : n + i, j : n + j] for name, (i, j) in zip(CORNERS, np.ndindex(2, 2), strict=True)}
 
 
 def refine(heights: np.ndarray, factor: int) -> np.ndarray:
-    """Values at the corners of pixels `factor` times smaller, by the same bilinear interpolation."""
+    """Returns values at the corners of pixels `factor` times smaller, by the same bilinear interpolation."""
     for _ in range(2):
         share = np.arange(factor)[:, None, None] / factor
         between = (heights[:-1] * (1 - share) + heights[1:] * share).swapaxes(0, 1)

@@ -1,10 +1,9 @@
-"""Gradient descent on the vertices, the colours always the best ones: the loss falls in every step.
+"""Gradient descent on the vertices with the best colours: the loss falls in every step.
 
-With the colours eliminated, the gradient of the loss by the vertices is the one at the best colours (envelope
-theorem). Each vertex goes down its own gradient by a length of its own, which grows while successive gradients
-agree and shrinks when they turn back (resilient propagation, Riedmiller and Braun 1993, here by vertex and
-not by sign), so that vertices on strong and on faint edges move alike. The step is cut where a triangle would
-fold (`mesh.limit_step`), and halved until the loss falls.
+With the colours eliminated, the gradient of the loss by the vertices is the one at the best colours (envelope theorem). Each vertex goes
+down its own gradient by a length of its own, which grows while successive gradients agree and shrinks when they turn back (resilient
+propagation, Riedmiller and Braun 1993, here by vertex and not by sign), so that vertices on strong and on faint edges move alike. The
+step is cut where a triangle would fold (`mesh.limit_step`), and halved until the loss falls.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ HALVINGS = 30
 
 @dataclass(frozen=True)
 class State:
-    """Where a descent stands: all that its next step depends on.
+    """The state of a descent: all data that its next step depends on.
 
     Vertices and their last gradients (n, 2), lengths of their steps (n, 1), colours (m, 3), loss per pixel.
     """
@@ -37,14 +36,14 @@ class State:
 
 
 def first_state(mesh: Mesh, image: PictureLoss) -> State:
-    """The mesh as it is, with the colours that suit it best: a fair start, all that colours alone can do."""
+    """Returns the undeformed mesh with its best colours: the best that colours alone can do."""
     loss, colours = image.best_colours(mesh.vertices, np.full((len(mesh.triangles), 3), 0.5))
     lengths = np.full((len(mesh.vertices), 1), FIRST * mesh.cell)
     return State(mesh.vertices, colours, np.zeros(mesh.vertices.shape), lengths, loss)
 
 
 def next_state(mesh: Mesh, image: PictureLoss, state: State) -> State:
-    """One step down. `stuck` is set where the gradient is zero, or no step along it lowers the loss."""
+    """Returns the state after one step down. `stuck` is set if the gradient is zero, or no step along it lowers the loss."""
     gradient = np.where(mesh.movable, image.gradient(state.vertices, state.colours), 0.0)
     agreement = np.sum(gradient * state.gradient, axis=1, keepdims=True)
     lengths = state.lengths * np.select([agreement > 0, agreement < 0], [GROW, SHRINK], 1.0)

@@ -1,4 +1,4 @@
-"""The loss of a whole picture, its gradient, and the best colours: calls of the compiled program. Exact: no sample is taken anywhere."""
+"""The loss of a whole picture, its gradient, and the best colours, by calls of the compiled program. Exact: nothing is sampled."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ TOUCHING = 1e-9  # pixels that only touch an edge are kept: half of its boundary
 
 
 class PictureLoss(Protocol):
-    """What a descent needs of a loss, whoever computes it."""
+    """The interface of a loss that a descent needs."""
 
     pairs: int
     seconds: float
 
     def gradient(self, vertices: np.ndarray, colours: np.ndarray) -> np.ndarray:
-        """The derivative of the loss by the vertices, (n, 2)."""
+        """Returns the derivative of the loss by the vertices, (n, 2)."""
 
     def best_colours(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[float, np.ndarray]:
-        """The least loss that these vertices can have, and the colours that give it."""
+        """Returns the least loss that these vertices can have, and the colours that attain it."""
 
 
 class ImageLoss:
     """The loss of meshes of one topology against one picture, its gradient, and the best colours.
 
-    `target` is (size, size, 3), `triangles` (m, 3); below, vertices are (n, 2) and colours (m, 3).
-    `pairs` and `seconds` count the triangles on pixels that the kernels have looked at, and in what time.
+    `target` is (size, size, 3), `triangles` (m, 3); below, vertices are (n, 2) and colours (m, 3). `pairs` and `seconds` count the pairs
+    of a triangle and a pixel that the kernels have evaluated, and their time.
     """
 
     def __init__(self, scene: CompiledScene, target: np.ndarray, triangles: np.ndarray) -> None:
@@ -42,12 +42,12 @@ class ImageLoss:
         self.seconds = 0.0
 
     def gradient(self, vertices: np.ndarray, colours: np.ndarray) -> np.ndarray:
-        """The derivative of the loss by the vertices, (n, 2)."""
+        """Returns the derivative of the loss by the vertices, (n, 2)."""
         slopes = self._timed(self.scene.by_vertices.grad, self._values(vertices, colours))
         return np.asarray(slopes["vertices"])
 
     def best_colours(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[float, np.ndarray]:
-        """The least loss that these vertices can have, and the colours that give it.
+        """Returns the least loss that these vertices can have, and the colours that attain it.
 
         The loss is quadratic in the colours, and its second derivative is diagonal: the product of the Hessian with ones is that
         diagonal, and one Newton step from any colours is exact.
@@ -72,7 +72,8 @@ class ImageLoss:
 
 
 def bounding_boxes(corners: np.ndarray, size: int) -> np.ndarray:
-    """First and end column, first and end row of the pixels in each triangle's box, touched ones included; `corners` is (m, 3, 2)."""
+    """Returns first and end column, first and end row of the pixels in each triangle's box, touched ones included;
+    `corners` is (m, 3, 2)."""
     first = np.clip(np.ceil(corners.min(axis=1) - TOUCHING).astype(int) - 1, 0, size - 1)
     end = np.clip(np.floor(corners.max(axis=1) + TOUCHING).astype(int), 0, size - 1) + 1
     return np.stack([first[:, 0], end[:, 0], first[:, 1], end[:, 1]], axis=1)

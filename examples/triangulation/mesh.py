@@ -1,8 +1,8 @@
-"""A triangle mesh over a square picture, and how far its vertices may move without folding it.
+"""A triangle mesh over a square picture, and limits of its vertices' motion that keep it from folding.
 
-Coordinates are in pixels, x to the right, y downwards, the picture is [0, size]². All triangles have positive
-signed area. Vertices on the border slide along it, the four corners stay; a mesh that keeps its border and
-its positive areas covers every point of the picture exactly once.
+Coordinates are in pixels, x to the right, y downwards, the picture is [0, size]². All triangles have positive signed area. Vertices on
+the border slide along it, the four corners stay; a mesh that keeps its border and its positive areas covers every point of the picture
+exactly once.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from teg.errors import InputError
 
-JITTER = 0.12  # of a cell: how irregular the first mesh is
+JITTER = 0.12  # as a fraction of a cell: irregularity of the first mesh
 SHRINK = 0.5  # a triangle keeps this fraction of its area in one step …
 FLOOR = 0.02  # … and this fraction of the mean area always
 HALVINGS = 12
@@ -32,17 +32,17 @@ class Mesh:
 
     @property
     def floor(self) -> float:
-        """The area below which no triangle is let."""
+        """Returns the area below which no triangle may fall."""
         return FLOOR * self.size**2 / len(self.triangles)
 
     @property
     def cell(self) -> float:
-        """The length of a typical edge: that of an equilateral triangle of the mean area."""
+        """Returns the length of a typical edge: that of an equilateral triangle of the mean area."""
         return math.sqrt(4 / math.sqrt(3) * self.size**2 / len(self.triangles))
 
 
 def make_mesh(triangles: int, size: int, seed: int = 0) -> Mesh:
-    """About that many triangles, near equilateral: staggered rows of points, the inner ones slightly jittered."""
+    """Returns a mesh of about that many triangles, near equilateral: staggered rows of points, the inner ones slightly jittered."""
     if triangles < 2:
         raise InputError(f"a mesh of {triangles} triangles is not possible", None, "at least 2")
     columns, rows = _grid(triangles)
@@ -64,18 +64,18 @@ def make_mesh(triangles: int, size: int, seed: int = 0) -> Mesh:
 
 
 def signed_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The signed areas of the triangles, square pixels; positive in a mesh that has not folded."""
+    """Returns the signed areas of the triangles, square pixels; positive in a mesh that has not folded."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     u, v = b - a, c - a
     return np.asarray((u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2)
 
 
 def limit_step(mesh: Mesh, vertices: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """The vertices after as much of `step` as folds no triangle.
+    """Returns the vertices after the largest part of `step` that folds no triangle.
 
-    No triangle may fall below `SHRINK` of its present area, nor below `FLOOR` of the mean area of the mesh (if
-    it is below already, it may not shrink). While one would, the step of its three vertices is halved, and
-    after `HALVINGS` rounds dropped; a mesh whose areas were positive keeps them positive.
+    No triangle may fall below `SHRINK` of its present area, nor below `FLOOR` of the mean area of the mesh (if it is below already, it
+    may not shrink). While one would, the step of its three vertices is halved, and after `HALVINGS` rounds dropped; a mesh whose areas
+    were positive keeps them positive.
     """
     areas = signed_areas(vertices, mesh.triangles)
     least = np.minimum(areas, np.maximum(SHRINK * areas, mesh.floor))
@@ -92,7 +92,7 @@ def limit_step(mesh: Mesh, vertices: np.ndarray, step: np.ndarray) -> np.ndarray
 
 
 def _grid(triangles: int) -> tuple[int, int]:
-    """Columns and rows of cells whose triangles, rows · (2 columns + 1), are close to the number and equilateral."""
+    """Returns columns and rows of cells whose triangles, rows · (2 columns + 1), are close to the number and equilateral."""
 
     def badness(shape: tuple[int, int]) -> float:
         columns, rows = shape
@@ -103,7 +103,7 @@ def _grid(triangles: int) -> tuple[int, int]:
 
 
 def _strip(upper: np.ndarray, lower: np.ndarray, points: np.ndarray) -> list[tuple[int, int, int]]:
-    """The triangles between two rows of points, each time closing the shorter diagonal."""
+    """Returns the triangles between two rows of points, each time closing the shorter diagonal."""
     faces = []
     i = j = 0
     while i + 1 < len(upper) or j + 1 < len(lower):

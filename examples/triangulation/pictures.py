@@ -1,4 +1,4 @@
-"""What a run leaves to look at: pictures of the mesh, the target, the loss."""
+"""Pictures of a run: the mesh, the target, the loss."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-SMALLEST = 512  # pixels a side of the pictures written
+SMALLEST = 512  # pixels per side of the pictures written
 LARGEST_CANVAS = 8192
 BLUE, GREY = "#2b6cb0", "#666666"
 
 
 def draw_mesh(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int) -> None:
-    """The coloured triangles as a PNG, antialiased: drawn larger, then averaged."""
+    """Draws the coloured triangles as a PNG, antialiased: drawn larger, then averaged."""
     side = max(SMALLEST, size)
     factor = max(1, min(4, LARGEST_CANVAS // side))
     canvas = Image.new("RGB", (side * factor, side * factor))
@@ -26,16 +26,16 @@ def draw_mesh(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: 
 
 
 def draw_target(path: Path, target: np.ndarray) -> None:
-    """The picture that is approximated, one constant colour a pixel."""
+    """Draws the target picture, one constant colour a pixel."""
     side = max(SMALLEST, len(target))
     Image.fromarray(_bytes(target)).resize((side, side), Image.Resampling.NEAREST).save(path)
 
 
 def write_svg(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int) -> None:
-    """The triangles with their colours, and their edges as thin lines, as an SVG."""
+    """Writes the triangles with their colours, and their edges as thin lines, as an SVG."""
     faces = []
     for (a, b, c), (red, green, blue) in zip(vertices[triangles], _bytes(colours), strict=True):
-        colour = f"#{red:02x}{green:02x}{blue:02x}"  # the stroke closes the seams that antialiasing leaves
+        colour = f"#{red:02x}{green:02x}{blue:02x}"  # the stroke closes the seams of antialiasing
         faces.append(f'<path d="M{_point(a)}L{_point(b)}L{_point(c)}z" fill="{colour}" stroke="{colour}"/>')
     pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]))
     edges = "".join(f"M{_point(vertices[a])}L{_point(vertices[b])}" for a, b in np.unique(pairs, axis=0))
@@ -52,7 +52,7 @@ def write_svg(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: 
 
 
 def draw_loss(path: Path, losses: Sequence[float]) -> None:
-    """The loss after each step, from the undeformed mesh in its best colours on."""
+    """Draws the loss after each step, from the undeformed mesh in its best colours on."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

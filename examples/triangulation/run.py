@@ -1,4 +1,4 @@
-"""The main job: a photograph in triangles, by gradient descent on an exact integral.
+"""The main demonstration: a photograph in triangles, by gradient descent on an exact integral.
 
 photo → pixels → mesh → (gradient of the compiled program → step → best colours) × steps → pictures
 """
@@ -18,7 +18,7 @@ import numpy as np
 from teg.errors import InputError, MissingPackageError
 from teg.examples.descent_record import RecordedDescent
 from teg.examples.harness import default_backend, demo_command, machine, ratio, require_packages, result_folder, versions, write_report
-from teg.examples.triangulation.descent import first_state, next_state
+from teg.examples.triangulation.descent import State, first_state, next_state
 from teg.examples.triangulation.image_loss import ImageLoss, PictureLoss
 from teg.examples.triangulation.mesh import make_mesh, signed_areas
 from teg.examples.triangulation.scene import compile_scene
@@ -35,7 +35,7 @@ NOTHING_MOVES = (
 
 @dataclass(frozen=True)
 class Options:
-    """All that a run depends on but the picture itself."""
+    """All options of a run except the picture itself."""
 
     photo: str | None
     triangles: int
@@ -47,17 +47,19 @@ class Options:
     shared_by: str | None
 
     def check(self) -> None:
-        """Raise InputError for numbers that make no picture."""
+        """Raises InputError for numbers that make no picture."""
         if not SIZES[0] <= self.size <= SIZES[1]:
-            raise InputError(f"a picture of {self.size} pixels a side", None, f"between {SIZES[0]} and {SIZES[1]}")
+            raise InputError(f"a picture of {self.size} pixels a side is not possible", None, f"between {SIZES[0]} and {SIZES[1]}")
         if not 2 <= self.triangles <= self.size**2:
-            raise InputError(f"{self.triangles} triangles for {self.size}² pixels", None, "at least 2, at most one a pixel")
+            raise InputError(
+                f"a mesh of {self.triangles} triangles for {self.size}² pixels is not possible", None, "at least 2, at most one a pixel"
+            )
         if self.steps < 0:
-            raise InputError(f"{self.steps} steps", None, "0 or more")
+            raise InputError(f"{self.steps} steps are not possible", None, "0 or more")
         if self.seed < 0:
             raise InputError(f"the seed {self.seed} is negative", None, "0, 1, 2, …")
         if self.shared_by and self.backend != "jax":
-            raise InputError(f"a picture is shared out between JAX's devices, not in the backend {self.backend!r}", None, "backend jax")
+            raise InputError(f"a picture is shared between JAX's devices, not in the backend {self.backend!r}", None, "backend jax")
 
 
 def run_triangulation(
@@ -73,19 +75,18 @@ def run_triangulation(
     seed: int = 0,
     shared_by: str | None = None,
 ) -> dict[str, Any]:
-    """Approximate a photo by triangles of constant colour; write pictures to `out`, return what run.json holds.
+    """Approximates a photo by triangles of constant colour; writes pictures to `out`, returns the contents of run.json.
 
-    `photo` is any file that Pillow reads (None: scikit-image's astronaut), cropped and resized to size²
-    pixels. `backend` None is "c" if there is a C compiler, else "numpy". `discontinuities="ignore"`
-    differentiates as plain automatic differentiation does. `shared_by` "pairs" or "faces" computes on all devices of JAX, each of which
-    has some of the pairs of a triangle and a pixel, or of the triangles. `resume` continues the run whose checkpoint is in
-    `out`, up to `steps` in all. Ctrl-C ends the descent, not the writing: the report says "interrupted".
+    `photo` is any file that Pillow reads (None: scikit-image's astronaut), cropped and resized to size² pixels. `backend` None is "c" if
+    there is a C compiler, else "numpy". `discontinuities="ignore"` differentiates like plain automatic differentiation. `shared_by`
+    "pairs" or "faces" computes on all devices of JAX, each of which has some of the pairs of a triangle and a pixel, or of the
+    triangles. `resume` continues the run whose checkpoint is in `out`, up to `steps` in all. Ctrl-C ends the descent, not the writing:
+    the report says "interrupted".
 
     Raises InputError for a photo, number, folder or checkpoint that cannot be used, MissingPackageError.
     """
     require_packages("triangulation", PACKAGES, progress)
     from teg.examples.photo import read_target
-    from teg.examples.triangulation import pictures
 
     chosen = backend or ("jax" if shared_by else default_backend())
     name = None if photo is None else str(photo)
@@ -106,25 +107,9 @@ def run_triangulation(
     setup = time.perf_counter() - started
     interrupted = run.descend(steps, progress)
 
-    state = run.state
-    for picture, shown in (("before.png", run.start), ("after.png", state)):
-        pictures.draw_mesh(folder / picture, shown.vertices, mesh.triangles, shown.colours, size)
-    pictures.draw_target(folder / "target.png", target)
-    pictures.draw_loss(folder / "loss.png", run.losses)
-    pictures.write_svg(folder / "mesh.svg", state.vertices, mesh.triangles, state.colours, size)
-    moved = np.linalg.norm(state.vertices - run.start.vertices, axis=1)
-    report = {
-        "loss": {"start": run.losses[0], "end": run.losses[-1], "ratio": ratio(run.losses[-1], run.losses[0])},
-        "steps": len(run.losses) - 1,
+    _draw(folder, run, mesh.triangles, target)
+    report = _outcome(run, mesh.triangles, discontinuities) | {
         "interrupted": interrupted,
-        "converged": state.stuck,
-        "note": NOTHING_MOVES if state.stuck and discontinuities == "ignore" else "",
-        "mesh": {
-            "triangles": len(mesh.triangles),
-            "vertices": len(mesh.vertices),
-            "largest_movement": float(moved.max()),
-            "smallest_area": float(signed_areas(state.vertices, mesh.triangles).min()),
-        },
         "seconds": {"setup": setup, "descent": run.seconds, "kernels": image.seconds},
         "pairs_per_second": image.pairs / image.seconds,
         "options": asdict(options),
@@ -139,10 +124,40 @@ def run_triangulation(
     return report
 
 
+def _draw(folder: Path, run: RecordedDescent[State], triangles: np.ndarray, target: np.ndarray) -> None:
+    """Draws the mesh before and after, the target and the loss."""
+    from teg.examples.triangulation import pictures
+
+    size = len(target)
+    for picture, shown in (("before.png", run.start), ("after.png", run.state)):
+        pictures.draw_mesh(folder / picture, shown.vertices, triangles, shown.colours, size)
+    pictures.draw_target(folder / "target.png", target)
+    pictures.draw_loss(folder / "loss.png", run.losses)
+    pictures.write_svg(folder / "mesh.svg", run.state.vertices, triangles, run.state.colours, size)
+
+
+def _outcome(run: RecordedDescent[State], triangles: np.ndarray, discontinuities: str) -> dict[str, Any]:
+    """Returns the part of the report on the loss and the mesh."""
+    state = run.state
+    moved = np.linalg.norm(state.vertices - run.start.vertices, axis=1)
+    return {
+        "loss": {"start": run.losses[0], "end": run.losses[-1], "ratio": ratio(run.losses[-1], run.losses[0])},
+        "steps": len(run.losses) - 1,
+        "converged": state.stuck,
+        "note": NOTHING_MOVES if state.stuck and discontinuities == "ignore" else "",
+        "mesh": {
+            "triangles": len(triangles),
+            "vertices": len(state.vertices),
+            "largest_movement": float(moved.max()),
+            "smallest_area": float(signed_areas(state.vertices, triangles).min()),
+        },
+    }
+
+
 def _loss(options: Options, target: np.ndarray, triangles: np.ndarray) -> PictureLoss:
     if options.shared_by:
         if util.find_spec("jax") is None:
-            raise MissingPackageError("a picture is shared out between the devices of JAX", None, 'pip install "teg[jax]"')
+            raise MissingPackageError("a picture is computed on the devices of JAX", None, 'pip install "teg[jax]"')
         from teg.examples.triangulation.sharded import ShardedLoss
 
         return ShardedLoss(options.shared_by, target, triangles, discontinuities=options.discontinuities)

@@ -2,10 +2,9 @@
 
     loss = 1/size² Σ_faces Σ_rows Σ_columns ∫∫_pixel [(x, y) inside the face] · Σₖ (colourₖ - targetₖ)² dx dy
 
-This is all that is written about the problem. The derivative by the vertices (boundary integrals along the
-edges, which automatic differentiation of a rendered picture does not have), by the colours, and the colours'
-second derivative are the compiler's; so are the loops, what is computed once a face and once a row, and where
-derivatives are added.
+This is the complete statement of the problem. The compiler makes the derivative by the vertices (boundary integrals along the edges,
+which automatic differentiation of a rendered picture does not have), the derivative by the colours, and the colours' second derivative.
+It also makes the loops, decides which values are computed once a face and once a row, and where derivatives are added.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import teg
-from teg.evaluator.compile import Evaluator
+from teg.evaluator.evaluator import Evaluator
 from teg.ir.expr import Cond, Expr
 from teg.ir.index import Index
 
@@ -25,7 +24,7 @@ BOXES = teg.indices("boxes", 2)  # (m, 4): first and end column, first and end r
 
 
 def pixel_loss(face: Index, column: Index, row: Index) -> Expr:
-    """The loss of one triangle on one pixel of side 1."""
+    """Returns the loss of one triangle on one pixel of side 1."""
     x, y = teg.vars("x y")
     corners = [(VERTICES[FACES[face, c], 0], VERTICES[FACES[face, c], 1]) for c in range(3)]
     difference = sum((COLOURS[face, k] - TARGET[row, column, k]) ** 2 for k in range(3))
@@ -39,7 +38,7 @@ def pixel_loss(face: Index, column: Index, row: Index) -> Expr:
 
 
 def picture_loss() -> Expr:
-    """The loss of a whole picture, per pixel."""
+    """Returns the loss of a whole picture, per pixel."""
     face, column, row = teg.index("face"), teg.index("column"), teg.index("row")
     columns, rows = (column, BOXES[face, 0], BOXES[face, 1]), (row, BOXES[face, 2], BOXES[face, 3])
     total = teg.sum(pixel_loss(face, column, row), columns, rows, (face, 0, teg.length(FACES, 0)))
@@ -47,7 +46,7 @@ def picture_loss() -> Expr:
 
 
 def per_pixel(total: Expr) -> Expr:
-    """A sum over pixels, over how many the picture has."""
+    """Returns a sum over pixels, divided by the number of pixels."""
     pixels: Index = teg.length(TARGET, 0) * teg.length(TARGET, 1)
     return total / pixels
 
@@ -62,7 +61,7 @@ class CompiledScene:
 
 
 def compile_scene(backend: str, discontinuities: str = "sift", threads: int = 1) -> CompiledScene:
-    """Compile the program for both."""
+    """Returns the program, compiled for both."""
     loss = picture_loss()
     return CompiledScene(
         teg.compile(loss, [VERTICES], backend=backend, discontinuities=discontinuities, threads=threads),

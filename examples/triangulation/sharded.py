@@ -1,10 +1,10 @@
-"""The loss of a whole picture in JAX, shared out between devices: by pairs of a triangle and a pixel, or by triangles.
+"""The loss of a whole picture in JAX, distributed over devices: by pairs of a triangle and a pixel, or by triangles.
 
-    by pairs      each device has as many pairs as the others, and what all add up is the derivative by all vertices and colours
-    by faces      each device has some of the triangles, with their colours, and goes through a window of pixels for each of them
+    by pairs      each device has equally many pairs, and the sum over devices is the derivative by all vertices and colours
+    by faces      each device has some of the triangles, with their colours, and a window of pixels for each of them
 
 The integral is that of `scene.pixel_loss` in both, vertices and picture are on every device, and partial sums are added by `psum`. Pairs
-are shared out evenly and none is looked at in vain, but the list of them changes as vertices move. Windows are as large as the largest
+are distributed evenly and none is evaluated in vain, but the list of them changes as vertices move. Windows are as large as the largest
 triangle needs, and the derivatives by the colours stay where their triangles are. This module imports JAX.
 """
 
@@ -32,28 +32,28 @@ P: Any = jax.sharding.PartitionSpec
 WAYS = ("pairs", "faces")
 AXIS = "shards"
 PARTS = 8
-"""Numbers of pairs are rounded up to this many parts of a power of two, as JAX compiles a program for each number."""
+"""Numbers of pairs are rounded up to this many parts of a power of two, because JAX compiles a program for each number."""
 
 
 def loss_by_pairs() -> Expr:
-    """The loss per pixel, as a sum over pairs."""
+    """Returns the loss per pixel, as a sum over pairs."""
     k = teg.index("k")
     return per_pixel(teg.sum(pixel_loss(PAIRS[k, 0], PAIRS[k, 1], PAIRS[k, 2]), (k, 0, teg.length(PAIRS, 0))))
 
 
 def loss_by_faces() -> Expr:
-    """The loss per pixel, as a sum over triangles and their windows."""
+    """Returns the loss per pixel, as a sum over triangles and their windows."""
     face, i, j = teg.index("face"), teg.index("i"), teg.index("j")
     pixel = pixel_loss(face, CORNERS[face, 0] + i, CORNERS[face, 1] + j)
     return per_pixel(teg.sum(pixel, (i, 0, WIDTH), (j, 0, HEIGHT), (face, 0, teg.length(FACES, 0))))
 
 
 class ShardedLoss:
-    """The loss of meshes of one topology against one picture, computed on several devices; used as an `ImageLoss` is.
+    """The loss of meshes of one topology against one picture, computed on several devices; the same interface as `ImageLoss`.
 
-    `by` is "pairs" or "faces"; `target` (size, size, 3), `triangles` (m, 3), `devices` those of JAX (None: all there are). `dtype` is that
-    of vertices, colours and results. `pairs` and `seconds` count the triangles on pixels that were looked at, and in what time. `step`
-    gives the loss and both gradients for `operands`, all of them on the devices, for programs that go on there.
+    `by` is "pairs" or "faces"; `target` (size, size, 3), `triangles` (m, 3), `devices` those of JAX (None: all there are). `dtype` is
+    that of vertices, colours and results. `pairs` and `seconds` count the evaluated pairs of a triangle and a pixel, and their time.
+    `step` returns the loss and both gradients for `operands`, all of them on the devices, for programs that continue there.
 
     Raises InputError for another way, or no device.
     """
@@ -77,7 +77,7 @@ class ShardedLoss:
         self.pairs, self.seconds = 0, 0.0
         mesh = jax.make_mesh((self.count,), (AXIS,), axis_types=(jax.sharding.AxisType.Auto,), devices=chosen)
         whole, split = jax.NamedSharding(mesh, P()), jax.NamedSharding(mesh, P(AXIS))
-        # faces that are points have no area; pairs of one fill up the shares of devices
+        # faces that are points have no area; their pairs fill up the shares of devices
         spare = self.count - len(self.triangles) % self.count
         self._faces = np.concatenate([self.triangles, np.zeros((spare, 3), self.triangles.dtype)])
         self._whole, self._places, self._of_faces = whole, split, whole if by == "pairs" else split
@@ -93,7 +93,7 @@ class ShardedLoss:
         self.step = _jitted(jax.value_and_grad(every, (0, 1)))
 
         def newton(vertices: Any, colours: Any, faces: Any, places: Any, target: Any, window: tuple[int, int]) -> tuple[Any, Any]:
-            """The least loss by colours, and the change to them: the loss is quadratic in each, so one step is exact."""
+            """Returns the least loss by colours, and the change to them: the loss is quadratic in each, so one step is exact."""
 
             def of(c: Any) -> tuple[Any, Any]:
                 value, slopes = jax.value_and_grad(by_colours, 1)(vertices, c, faces, places, target, window)
@@ -106,7 +106,7 @@ class ShardedLoss:
         self._newton = _jitted(newton)
 
     def _spread(self, loss: Any, mesh: Any) -> Any:
-        """The loss as a function of whole arrays, computed in parts."""
+        """Returns the loss as a function of whole arrays, computed in parts."""
         total: Any = jax.lax.psum
         split = (P(), self._of_faces.spec, self._of_faces.spec, self._places.spec, P())
 
@@ -121,21 +121,21 @@ class ShardedLoss:
         return spread
 
     def gradient(self, vertices: np.ndarray, colours: np.ndarray) -> np.ndarray:
-        """The derivative of the loss by the vertices, (n, 2)."""
+        """Returns the derivative of the loss by the vertices, (n, 2)."""
         return np.asarray(self._timed(self._gradient, vertices, colours))
 
     def value_and_grad(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
-        """The loss, and its derivatives by the vertices, (n, 2), and by the colours, (m, 3)."""
+        """Returns the loss, and its derivatives by the vertices, (n, 2), and by the colours, (m, 3)."""
         value, (by_vertices, by_colours) = self._timed(self.step, vertices, colours)
         return float(value), (np.asarray(by_vertices), np.asarray(by_colours)[: len(self.triangles)])
 
     def best_colours(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[float, np.ndarray]:
-        """The least loss that these vertices can have, and the colours that give it."""
+        """Returns the least loss that these vertices can have, and the colours that attain it."""
         loss, change = self._timed(self._newton, vertices, colours)
         return float(loss), colours + np.asarray(change)[: len(self.triangles)]
 
     def operands(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[tuple[Any, ...], tuple[int, int], int]:
-        """What `step` is called with, on the devices: arrays, and the width and height of windows; and how many pairs they look at."""
+        """Returns the arguments of `step`, on the devices: arrays, and the width and height of windows; and the number of their pairs."""
         boxes = bounding_boxes(vertices[self.triangles], self.size)
         if self.by == "pairs":
             places, window = shared_pairs(boxes, self.count), (0, 0)
@@ -151,28 +151,28 @@ class ShardedLoss:
     def _timed(self, function: Any, vertices: np.ndarray, colours: np.ndarray) -> Any:
         start = time.perf_counter()
         operands, window, looked_at = self.operands(vertices, colours)
-        found = function(*operands, window=window)
+        result = function(*operands, window=window)
         self.seconds += time.perf_counter() - start
         self.pairs += looked_at
-        return found
+        return result
 
 
 def _jitted(function: Any) -> Any:
-    """A function that is jitted in double precision, and returns when it is done."""
+    """Returns a function that is jitted in double precision, and blocks until its results are ready."""
     compiled: Any = jax.jit(function, static_argnames="window")
 
     def call(*operands: Any, window: tuple[int, int]) -> Any:
         with in_double_precision():
-            found = compiled(*operands, window=window)
-            for leaf in jax.tree.leaves(found):
+            result = compiled(*operands, window=window)
+            for leaf in jax.tree.leaves(result):
                 leaf.block_until_ready()
-        return found
+        return result
 
     return call
 
 
 def pairs_of(boxes: np.ndarray) -> np.ndarray:
-    """All pairs of a triangle and a pixel of its box, (p, 3): triangle, column, row; `boxes` as `bounding_boxes` gives them."""
+    """Returns all pairs of a triangle and a pixel of its box, (p, 3): triangle, column, row; `boxes` is the result of `bounding_boxes`."""
     wide, high = boxes[:, 1] - boxes[:, 0], boxes[:, 3] - boxes[:, 2]
     counts = wide * high
     face = np.repeat(np.arange(len(boxes)), counts)
@@ -182,20 +182,24 @@ def pairs_of(boxes: np.ndarray) -> np.ndarray:
 
 
 def shared_pairs(boxes: np.ndarray, devices: int) -> np.ndarray:
-    """Pairs that are shared out evenly, (p, 3): behind the last one, some of the triangle behind the last one, and the first pixel."""
-    found = pairs_of(boxes)
-    room = devices * _rounded(-(-len(found) // devices))
-    return np.concatenate([found, np.broadcast_to([len(boxes), 0, 0], (room - len(found), 3))])
+    """Returns evenly distributed pairs, (p, 3).
+
+    After the last pair come pairs of the triangle behind the last one with the first pixel.
+    """
+    pairs = pairs_of(boxes)
+    room = devices * _rounded(-(-len(pairs) // devices))
+    return np.concatenate([pairs, np.broadcast_to([len(boxes), 0, 0], (room - len(pairs), 3))])
 
 
 def windows(boxes: np.ndarray, size: int, faces: int) -> tuple[np.ndarray, tuple[int, int]]:
-    """Windows of one size that hold the boxes, inside of the picture: their first column and row, (faces, 2), and width and height."""
+    """Returns windows of one size that contain the boxes, inside of the picture: their first column and row, (faces, 2), and width and
+    height."""
     width, height = (min(_rounded(int(n)), size) for n in (boxes[:, 1::2] - boxes[:, ::2]).max(axis=0))
     corners = np.minimum(boxes[:, ::2], [size - width, size - height])
     return np.concatenate([corners, np.zeros((faces - len(corners), 2), corners.dtype)]), (width, height)
 
 
 def _rounded(number: int) -> int:
-    """The next number of few digits: not far above, and seldom another one when `number` changes a little."""
+    """Returns the next number of few digits: not far above, and seldom another one when `number` changes a little."""
     step = max((1 << max(number - 1, 0).bit_length()) // PARTS, 1)
     return -(-number // step) * step

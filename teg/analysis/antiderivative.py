@@ -1,8 +1,9 @@
-"""Integrals of polynomials, written out.
+"""Integrals of polynomials in closed form.
 
-    ∫ₗʰ F dx  =  Σₖ F⁽ᵏ⁾(l)·(h - l)ᵏ⁺¹/(k + 1)!          F a polynomial in x between conditions that x does not run through
+    ∫ₗʰ F dx  =  Σₖ F⁽ᵏ⁾(l)·(h - l)ᵏ⁺¹/(k + 1)!          F a polynomial in x; conditions on x do not occur in it
 
-Powers of h - l, not differences of powers: nothing cancels where the bounds are close to each other and far from 0.
+The formula uses powers of h - l instead of differences of powers, so nothing cancels where the bounds are close to each other and far
+from 0.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from teg.ir.node import postorder_through
 from teg.ir.traverse import substitute
 
 MAX_DEGREE = 8
-"""Of polynomials that are written out; surfaces of a higher degree are isolated all the same."""
+"""The largest degree of a polynomial that is integrated in closed form. Surfaces of a higher degree are isolated at run time anyway."""
 
 
 def integrated(node: Integral) -> Expr | None:
-    """The integral without its sign; None where the integrand is not a polynomial of a low degree, or a bound is infinite."""
+    """Returns the value of an integral in closed form. None if the integrand is not a polynomial of low degree, or a bound is infinite."""
     x, lo, hi = node.var, node.lo, node.hi
     if any(isinstance(b, Const) and not math.isfinite(b.data) for b in (lo, hi)) or node.has_delta:
         return None

@@ -1,4 +1,4 @@
-"""What applications of functions mean: the bodies of functions and of their derivatives, and expressions with these written out."""
+"""The meaning of applications `Apply`: the bodies of functions and of their derivatives, and expressions with these bodies substituted."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ KEPT = 256
 
 
 def write_all_out(e: N) -> N:
-    """The expression without applications of functions."""
+    """Returns the expression with every application replaced by its body."""
     while any(isinstance(n, Apply) and isinstance(n.callee, Function) for n in postorder([e])):
         e = cast(N, everywhere_written_out([e])[e])
     return e
 
 
 def everywhere_written_out(roots: Iterable[Node]) -> dict[Node, Node]:
-    """The map from nodes to nodes without applications (but those in their bodies)."""
+    """Returns a map from each node to the same node without applications. Applications inside the bodies of functions
+    are not in the map."""
     new: dict[Node, Node] = {}
     for node in postorder(roots):
         children = tuple(new[c] for c in node.children)
@@ -38,7 +39,7 @@ def everywhere_written_out(roots: Iterable[Node]) -> dict[Node, Node]:
 
 
 def written_out(node: Apply, children: tuple[Node, ...]) -> Expr:
-    """The body with these inputs."""
+    """Returns the body of the applied function with `children` as inputs."""
     variables, body = body_of(cast(Function, node.callee), node.derivative)
     if any(c.has_delta for c in children):
         raise DeltaError("a Dirac delta inside a function has no meaning", node, "a delta may only be added and multiplied")
@@ -46,22 +47,24 @@ def written_out(node: Apply, children: tuple[Node, ...]) -> Expr:
 
 
 def with_peaks_outside(node: Apply, children: tuple[Node, ...]) -> Expr | None:
-    """rest(e, …, exp(q(e, …)), …): an application whose exponentials of quadratic polynomials are seen, their exponents being functions
-    like what is left; None for a derivative."""
+    """Returns f(e, …, exp(q(e, …)), …): the application with its exponentials of quadratic polynomials made visible.
+
+    f and the exponents q are functions themselves. None for a derivative.
+    """
     function = cast(Function, node.callee)
     if any(node.derivative):
         return None
-    rest, exponents = _without_peaks(function)
-    given: dict[Expr, Node] = dict(zip(function.inputs, children, strict=True))
-    none = (0,) * max(f.arity for f in (rest, *exponents))
-    for formal, q in zip(rest.formals[function.formal :], exponents, strict=True):
-        given[formal] = call("exp", Apply.make((q, none[: q.arity]), tuple(given[p] for p in q.inputs)))
-    return Apply.make((rest, none[: rest.arity]), tuple(given[p] for p in rest.inputs))
+    outer, exponents = _without_peaks(function)
+    inputs: dict[Expr, Node] = dict(zip(function.inputs, children, strict=True))
+    none = (0,) * max(f.arity for f in (outer, *exponents))
+    for formal, q in zip(outer.formals[function.formal :], exponents, strict=True):
+        inputs[formal] = call("exp", Apply.make((q, none[: q.arity]), tuple(inputs[p] for p in q.inputs)))
+    return Apply.make((outer, none[: outer.arity]), tuple(inputs[p] for p in outer.inputs))
 
 
 @lru_cache(maxsize=KEPT)
 def _without_peaks(function: Function) -> tuple[Function, list[Function]]:
-    """A function of one more argument for each exponential of a quadratic polynomial, and these exponents as functions."""
+    """Returns a function with one more argument for each exponential of a quadratic polynomial, and the exponents as functions."""
     body = write_all_out(function.body)
     order = postorder([body])
     degrees = degrees_in(order, function.formals)
@@ -71,14 +74,14 @@ def _without_peaks(function: Function) -> tuple[Function, list[Function]]:
     for _ in peaks:
         formals.append(fresh("peak", taken))
         taken.add(formals[-1])
-    rest = replaced([body], dict(zip(peaks, formals, strict=True)))[0]
+    outer = replaced([body], dict(zip(peaks, formals, strict=True)))[0]
     exponents = [Function.make((f"exponent of {function.title}", function.formals, False), (n.children[0],)) for n in peaks]
-    return Function.make((function.title, (*function.formals, *formals), function.inline), (rest,)), exponents
+    return Function.make((function.title, (*function.formals, *formals), function.inline), (outer,)), exponents
 
 
 @lru_cache(maxsize=KEPT)
 def body_of(function: Function, derivative: tuple[int, ...]) -> tuple[tuple[Var, ...], Expr]:
-    """The body of a derivative, its inputs as variables; computed from that of one order less."""
+    """Returns the inputs of a derivative as variables, and its body, computed from that of one order less."""
     if not any(derivative):
         return _in_variables(function)
     i = max(j for j, k in enumerate(derivative) if k)
@@ -87,7 +90,7 @@ def body_of(function: Function, derivative: tuple[int, ...]) -> tuple[tuple[Var,
 
 
 def _in_variables(function: Function) -> tuple[tuple[Var, ...], Expr]:
-    """The inputs as variables that nothing else in the body is."""
+    """Returns the inputs as variables that occur nowhere else in the body, and the body in these variables."""
     bound = {n.var for n in postorder([function.body]) if isinstance(n, Integral)}
     taken = bound | {p for p in function.inputs if isinstance(p, Var)}
     variables: list[Var] = []

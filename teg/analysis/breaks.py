@@ -1,9 +1,9 @@
 """Where the pieces of each integral begin and end.
 
-The integrand of ∫ dx is smooth between its *breaks*: the roots in x of
+The integrand of ∫ dx is smooth between its *breaks*. Breaks are the roots in x of
 
 - the atoms in x, wherever they stand in the integrand, its inner integrals and their bounds; arguments of |·| and √;
-- what an inner integral ∫ₗʰ dz contributes (its projection, one step of cylindrical decomposition): for its own break functions f, f₁, f₂
+- the projection of each inner integral ∫ₗʰ dz (one step of cylindrical decomposition), for its own break functions f, f₁, f₂:
       f|z:=l, f|z:=h                         a root of the inner integral crosses a bound
       a₂·f₁|z:=l - a₁·f₂|z:=l                two roots meet (f = f|z:=l + a·(z - l); a quadratic f₂ is taken at the root of f₁)
       a                                      a root runs away to infinity
@@ -19,7 +19,7 @@ Source: Collins 1975 (projection); Saye 2022, for quadrature on such pieces.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import cast
 
@@ -66,13 +66,16 @@ MAX_LOCATED = 12
 MAX_BENDS = 8
 MAX_PLACES = 8
 MAX_ISOLATED = 12
-"""Functions of one integral whose roots are isolated at run time: with more of them adaptive integration costs less."""
+"""The largest number of functions of one integral whose roots are isolated at run time. With more of them adaptive
+integration costs less."""
 
 
 @dataclass(frozen=True)
 class Turn:
-    """A function whose zeros are branch points ("root"), poles ("pole") or singular ends ("end") of an integrand, if `when` holds in the
-    middle of a piece."""
+    """A function whose zeros are branch points ("root"), poles ("pole") or singular ends ("end") of an integrand.
+
+    The function counts on a piece if the condition `when` holds in the middle of the piece.
+    """
 
     kind: str
     function: Expr
@@ -83,11 +86,12 @@ class Turn:
 class Breaks:
     """The breaks of one integral.
 
-    `functions` have them as roots; `points` are the roots; `matters` says of a function found at run time whether a root of it is one of
-    the picture inside the bounds (a condition, at the root); `isolated` are the functions whose roots are found at run time, `located` the
-    pairs of them whose common zeros are (hints, for what has no better break); `handled` are the surfaces g whose sign is constant on every
-    piece; `complete` says that the integrand is smooth on every piece; `bends` are where it turns into another branch, also outside of a
-    piece; `rooted` says that it may behave like a square root at a piece's end for other reasons.
+    `functions` are the break functions, `points` their roots in closed form. `matters` maps a function whose roots are found at run time
+    to a condition: evaluated at a root, it says whether the root is a break inside the inner bounds. `isolated` are the functions whose
+    roots are found at run time; `located` are the pairs of them whose common zeros are found at run time, where no better break is
+    known. `handled` are the surfaces g whose sign is constant on every piece. `complete` says that the integrand is smooth on every
+    piece. `bends` are the points where the integrand turns into another branch, also outside of a piece. `rooted` says that the
+    integrand may behave like a square root at the end of a piece for other reasons.
     """
 
     functions: tuple[Expr, ...]
@@ -111,12 +115,12 @@ class Pole:
 
 
 Meeting = tuple[Expr, Expr, Var, Expr, Expr]
-"""Two functions, the inner variable in which they may have a root in common, and its range."""
+"""Two functions, the inner variable in which they may have a common root, and its range."""
 
 
 @dataclass
 class _Found:
-    functions: dict[Expr, Cond]  # with where in the outer variable their zeros matter
+    functions: dict[Expr, Cond]  # the condition, in the outer variable, under which the function's zeros matter
     rooted: bool = False
     complete: bool = True
     meetings: dict[Meeting, None] = field(default_factory=dict)
@@ -131,7 +135,7 @@ class BreakAnalysis:
         self._breaks: dict[Integral, Breaks] = {}
         self._projections: dict[Integral, _Found] = {}
         self._shadows: dict[tuple[Var, ...], Shadow] = {}
-        self._degrees = Degrees()
+        self.degrees = Degrees()
         self._formulas: dict[tuple[Expr, Var, Expr, Expr], Roots | None] = {}
         self._points = (Point("first"), Point("second"))
         self._keys: dict[Expr, object] = {}
@@ -139,7 +143,7 @@ class BreakAnalysis:
     # -- breaks --------------------------------------------------------------------------------------------------------
 
     def of(self, node: Integral) -> Breaks:
-        """The breaks of an integral; those of the integrals inside it are found first."""
+        """Returns the breaks of an integral; the breaks of its inner integrals are computed first."""
         if node not in self._breaks:
             for inner in postorder([node]) if any(c.has_integral for c in node.children) else [node]:
                 if isinstance(inner, Integral) and inner not in self._breaks:
@@ -150,23 +154,23 @@ class BreakAnalysis:
         x, body = node.var, node.body
         inner = binders_inside(body)
         masses = masses_of(body, x)
-        if masses is not None:  # no breaks of its own; what its roots and its conditions contribute outside
+        if masses is not None:  # no breaks of its own; its roots and its conditions contribute to outer integrals
             atoms = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
-            formula = self._solve(masses.g, x, node.lo, node.hi)
+            formula = self.solve(masses.g, x, node.lo, node.hi)
             complete = formula is not None and formula.certain
             return Breaks(tuple(dict.fromkeys((masses.g, *atoms))), (), (), (), frozenset(), complete, False)
-        found = _Found({})
+        projection = _Found({})
         direct = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
         for g in direct:
-            found.functions[g] = TRUE
-        self._collect(body, x, inner, found)
+            projection.functions[g] = TRUE
+        self._collect(body, x, inner, projection)
         points: dict[Expr, None] = {}
         isolated: dict[Expr, Isolation | None] = {}
         handled: set[Expr] = set()
-        complete = found.complete
-        functions, matters = self._distinct(found.functions)
+        complete = projection.complete
+        functions, matters = self._distinct(projection.functions)
         for f, representative in functions.items():
-            if self._is_zero(representative):  # a surface that coincides with the one that this integral runs along
+            if self.is_zero(representative):  # a surface that coincides with the surface of these point masses
                 handled.add(f)
                 continue
             roots = self._roots(representative, x, node.lo, node.hi)
@@ -185,16 +189,17 @@ class BreakAnalysis:
                     points[kept] = None
         distinct = tuple(dict.fromkeys(functions.values()))
         at_run_time = tuple(i for i in isolated.values() if i is not None)
-        located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(found.meetings)[:MAX_LOCATED]]
+        located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(projection.meetings)[:MAX_LOCATED]]
         together = tuple(m for m in located if m is not None)
-        bends = self._bends(found, x)
-        return Breaks(distinct, tuple(points), at_run_time, together, frozenset(handled), complete, found.rooted, bends, matters)
+        bends = self._bends(projection, x)
+        return Breaks(distinct, tuple(points), at_run_time, together, frozenset(handled), complete, projection.rooted, bends, matters)
 
-    def _bends(self, found: _Found, x: Var) -> tuple[Turn, ...]:
-        """The turns that are quadratic in the variable, each once; of others remains that there may be roots at the ends of pieces."""
+    def _bends(self, projection: _Found, x: Var) -> tuple[Turn, ...]:
+        """Returns the distinct turns that are quadratic in the variable. Other turns only set `rooted`: the integrand may be a root at a
+        piece's end."""
         bends: dict[object, Turn] = {}
-        for turn in found.turns:
-            degree = self._degrees.of(turn.function, x)
+        for turn in projection.turns:
+            degree = self.degrees.of(turn.function, x)
             if degree == 0:
                 continue
             key = turn.kind, self.key(turn.function)
@@ -204,11 +209,11 @@ class BreakAnalysis:
             elif degree in (1, 2) and len(bends) < MAX_BENDS:
                 bends[key] = turn
             elif turn.kind != "pole":
-                found.rooted = True
+                projection.rooted = True
         return tuple(bends.values())
 
-    def _collect(self, body: Expr, x: Var, inner: frozenset[Var], found: _Found) -> None:
-        """Functions that are not atoms: arguments of |·| and √, and what inner integrals contribute."""
+    def _collect(self, body: Expr, x: Var, inner: frozenset[Var], collected: _Found) -> None:
+        """Collects functions that are not atoms: arguments of |·| and √, and the projections of inner integrals."""
         seen: set[tuple[Node, bool]] = set()
         stack: list[tuple[Node, bool]] = [(body, True)]
         while stack:
@@ -216,49 +221,50 @@ class BreakAnalysis:
             if (node, counts) in seen or x not in node.free:
                 continue
             seen.add((node, counts))
-            if isinstance(node, Compare):  # of its own atoms only the roots matter, not where they are smooth
+            if isinstance(node, Compare):  # only the roots of its own atoms matter, not where these atoms are smooth
                 stack.append((node.g, counts and bool(node.g.free & inner)))
             else:
                 stack.extend((c, counts) for c in node.children)
             if isinstance(node, Call) and not counts and node.name in _PARTIAL and not node.free & inner and not _is_sum_of_squares(node):
-                found.functions[node.children[0]] = TRUE  # where the condition begins to be a number
+                collected.functions[node.children[0]] = TRUE  # the border of the set on which the condition is a number
             if isinstance(node, Call) and not node.free & inner:
                 if node.name == "magnitude":
                     if counts:
-                        found.functions[node.children[0]] = TRUE
+                        collected.functions[node.children[0]] = TRUE
                 elif node.name in ("sqrt", "root", "pow"):
                     if counts:
-                        found.functions[node.children[0]] = TRUE
-                        found.turns[Turn("end" if node.name == "pow" else "root", node.children[0])] = None
+                        collected.functions[node.children[0]] = TRUE
+                        collected.turns[Turn("end" if node.name == "pow" else "root", node.children[0])] = None
                 elif node.name == "log":
                     if counts:
-                        found.turns[Turn("end", node.children[0])] = None
+                        collected.turns[Turn("end", node.children[0])] = None
                 elif node.name in ("floor", "mod"):
-                    found.complete = False
+                    collected.complete = False
             elif isinstance(node, Pow) and node.exponent < 0 and counts and not node.free & inner:
                 base = _with_the_same_zeros(node.base)
-                if self._degrees.of(base, x) in (1, 2):
-                    found.functions[base] = TRUE
-                    found.turns[Turn("pole", base)] = None
+                if self.degrees.of(base, x) in (1, 2):
+                    collected.functions[base] = TRUE
+                    collected.turns[Turn("pole", base)] = None
             elif isinstance(node, Integral):
                 projection = self._projection(node)
-                found.complete &= projection.complete
-                found.rooted |= projection.rooted
+                collected.complete &= projection.complete
+                collected.rooted |= projection.rooted
                 for f, condition in projection.functions.items():
                     if x in f.free and not f.free & inner:
                         condition = TRUE if condition.free & inner else condition
-                        found.functions[f] = disjunction(found.functions.get(f, FALSE), condition)
+                        collected.functions[f] = disjunction(collected.functions.get(f, FALSE), condition)
                 for turn in projection.turns:
                     if x in turn.function.free and not (turn.function.free | turn.when.free) & inner:
-                        found.turns[turn] = None
+                        collected.turns[turn] = None
                 for meeting in projection.meetings:
                     first, second, z, low, high = meeting
                     free = (first.free | second.free) - {z} | low.free | high.free
                     if x in free and x not in low.free | high.free and not free & inner:
-                        found.meetings[meeting] = None
+                        collected.meetings[meeting] = None
 
     def _distinct(self, functions: dict[Expr, Cond]) -> tuple[dict[Expr, Expr], dict[Expr, Cond]]:
-        """Each function with the first one proportional to it; and of those where their zeros matter."""
+        """Returns the first proportional function for each function, and for each first function the condition under which its zeros
+        matter."""
         first: dict[object, Expr] = {}
         distinct = {f: first.setdefault(self.key(f), f) for f in functions} if len(functions) > 1 else {f: f for f in functions}
         matters: dict[Expr, Cond] = {}
@@ -268,29 +274,31 @@ class BreakAnalysis:
         return distinct, matters
 
     def key(self, f: Expr) -> object:
-        """The same for functions that are proportional by a number."""
+        """Returns a key that is equal for functions that are proportional by a number."""
         if f not in self._keys:
             u, v = (p.value(f) for p in self._points)
             self._keys[f] = divided(v, u) if u and v else f
         return self._keys[f]
 
-    def _solve(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Roots | None:
-        """The roots of a function by formula; integrals that share surfaces and bounds ask for the same ones."""
+    def solve(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> Roots | None:
+        """Returns the roots of a function by formula, cached: integrals that share surfaces and bounds ask for the same roots."""
         problem = (f, x, lo, hi)
         if problem not in self._formulas:
-            self._formulas[problem] = solve(f, x, lo, hi, degrees=self._degrees)
+            self._formulas[problem] = solve(f, x, lo, hi, degrees=self.degrees)
         return self._formulas[problem]
 
     def _roots(self, f: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[Expr], bool] | None:
-        """The roots of a function with all its branches, and whether these are certainly all (else the rule searches for the others); None
-        if no formula is known."""
+        """Returns the roots of a function over all its branches, and whether these are certainly all; else the rule searches for others.
+
+        None if no formula is known.
+        """
         points: list[Expr] = []
         certain = True
         branches = _branches(f)
         if branches is None:
             return None
         for branch in branches:
-            roots = self._solve(branch, x, lo, hi)
+            roots = self.solve(branch, x, lo, hi)
             if roots is None:
                 return None
             points.extend(r.point if r.exists is TRUE else where(r.exists, r.point, const(math.nan)) for r in roots.found)
@@ -299,137 +307,40 @@ class BreakAnalysis:
 
     def _projection(self, node: Integral) -> _Found:
         if node not in self._projections:
-            self._projections[node] = self._project(node)
+            self._projections[node] = _Projection(self, node).run()
         return self._projections[node]
 
-    def _project(self, node: Integral) -> _Found:
-        z, lo, hi = node.var, node.lo, node.hi
-        breaks = self.of(node)
-        out = _Found({}, breaks.rooted and not breaks.complete, breaks.complete)
-        if any(i.g.free != {z} for i in breaks.isolated):
-            out.rooted, out.complete = True, False  # where such roots are born is not known
-
-        def put(f: Expr, matters: Cond = TRUE) -> None:
-            if isinstance(f, Pow):
-                f = f.base
-            if len(out.functions) >= MAX_FUNCTIONS:
-                out.complete = False
-            elif f.free and not self._is_zero(f):  # surfaces that coincide meet everywhere
-                out.functions[f] = disjunction(out.functions.get(f, FALSE), matters)
-
-        put(sub(hi, lo))
-        finite = not any(isinstance(b, Const) and math.isinf(b.data) for b in (lo, hi))
-        origin, centre = local_origin(lo, hi), far_origin(lo, hi)
-        affine: list[tuple[Expr, Expr, Expr]] = []
-        quadratic: list[tuple[Expr, tuple[Expr, Expr, Expr]]] = []
-        others: list[Expr] = []
-        masses = masses_of(node.body, z)
-        surface = frozenset(_branches(masses.g) or ()) if masses is not None else None
-
-        def apart(*fs: Expr) -> bool:
-            """Whether none of them is the surface that point masses lie on: away from it nothing is summed."""
-            return surface is not None and surface.isdisjoint(fs)
-
-        for function in breaks.functions:
-            for f in _branches(function) or ():
-                degree = self._degrees.of(f, z)
-                if apart(f):
-                    if degree == 1:
-                        at_lo, rate = (cast(Expr, substitute(e, {z: origin})) for e in (f, slope(f, z)))
-                        affine.append((f, rate, at_lo))
-                    elif degree == 2:
-                        quadratic.append((f, quadratic_coefficients(f, z, centre)))
-                    elif degree == 0:
-                        put(f)
-                    else:
-                        others.append(f)
-                    continue
-                for bound in (lo, hi):
-                    if not (isinstance(bound, Const) and math.isinf(bound.data)):
-                        put(cast(Expr, substitute(f, {z: bound})))
-                if degree == 1:
-                    at_lo, rate = (
-                        cast(Expr, substitute(f, {z: origin})),
-                        cast(Expr, substitute(slope(f, z), {z: origin})),
-                    )
-                    if not finite:
-                        put(rate)
-                    affine.append((f, rate, at_lo))
-                    if rate.free:
-                        out.turns[Turn("pole", rate, _within(sub(origin, div(at_lo, rate)), lo, hi))] = None
-                elif degree == 2:
-                    a, b, c = quadratic_coefficients(f, z, centre)
-                    if not finite:
-                        put(a)
-                    put(discriminant(a, b, c), _near(add(centre, div(b, mul(const(-2.0), a))), lo, hi))
-                    out.turns[Turn("root", discriminant(a, b, c), self._somewhere(f, z, lo, hi))] = None
-                    quadratic.append((f, (a, b, c)))
-                elif degree != 0:
-                    out.rooted = True
-                    others.append(f)
-                    for g in _borders_of_existence(self._solve(f, z, lo, hi), z):
-                        put(g)
-        for i, (f, rate1, at1) in enumerate(affine):
-            crossing = sub(origin, div(at1, rate1))
-            for g, rate2, at2 in affine[:i]:
-                if not apart(f, g):
-                    put(sub(mul(rate2, at1), mul(rate1, at2)), _near(crossing, lo, hi))
-            for g, _ in quadratic:
-                if not apart(f, g):
-                    put(cast(Expr, substitute(g, {z: crossing})), _near(crossing, lo, hi))
-        nearby = {f: self._nearby(f, z, lo, hi) for f, _ in quadratic}
-        for i, (f, first) in enumerate(quadratic):
-            for g, second in quadratic[:i]:
-                if not apart(f, g):
-                    put(_resultant(first, second), conjunction(nearby[f], nearby[g]))
-        curved = [*others, *(f for f, *_ in quadratic)]
-        for i, f in enumerate(others):
-            formula = self._solve(f, z, lo, hi)
-            if formula is None or not formula.certain:
-                if not apart(f):
-                    out.complete = False  # where its roots are born, and where they meet others, is searched for
-                turning = () if apart(f) else _turning(f, z)
-                for g in (*turning, *(h for h in curved[i + 1 :] if not (coincide(f, h) or apart(f, h)))):
-                    if (f.free | g.free) - {z}:
-                        out.meetings[f, g, z, lo, hi] = None
-                        out.complete = False
-                for other, rate1, at1 in affine:
-                    if not (coincide(other, f) or apart(other, f)):
-                        put(cast(Expr, substitute(f, {z: sub(origin, at1 / rate1)})))
-                continue
-            for root in formula.found:
-                for g in (*curved[i + 1 :], *(f for f, *_ in affine)):
-                    if not (coincide(f, g) or apart(f, g)):
-                        put(cast(Expr, substitute(g, {z: root.point})))
-        return out
-
-    def _is_zero(self, f: Expr) -> bool:
-        """Whether a function is 0 everywhere, although it is not written so."""
+    def is_zero(self, f: Expr) -> bool:
+        """Returns whether a function is 0 everywhere, although it is not written as 0."""
         return all(p.value(f) == 0 for p in self._points)
 
-    def _somewhere(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
-        """Whether a root of f with a formula lies between the bounds."""
-        roots = self._solve(f, z, lo, hi)
+    def somewhere(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
+        """Returns the condition that a root of f, known by formula, lies between the bounds."""
+        roots = self.solve(f, z, lo, hi)
         if roots is None:
             return TRUE
         return disjunction(*(conjunction(r.exists, _within(r.point, lo, hi)) for r in roots.found))
 
-    def _nearby(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
-        """Whether a root of a quadratic lies between the bounds or near them; near a double root it need not exist."""
-        roots = self._solve(f, z, lo, hi)
+    def nearby(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
+        """Returns the condition that a root of a quadratic lies between the bounds or near them. Near a double root the root need not
+        exist."""
+        roots = self.solve(f, z, lo, hi)
         return TRUE if roots is None else disjunction(*(_near(r.point, lo, hi) for r in roots.found))
 
     # -- degrees -------------------------------------------------------------------------------------------------------
 
     def degree(self, node: Integral) -> int | None:
-        """Degree of the integrand in the variable on each piece; None if it is not known to be a polynomial."""
+        """Returns the degree of the integrand in the variable on each piece; None if it is not known to be a polynomial."""
         if not self.of(node).complete:
             return None
         return self._shadow((node.var,)).degree(node.body)
 
     def pole(self, node: Integral) -> Pole | None:
-        """The pole of an integrand that is a polynomial over a power of a linear function on each piece, and a polynomial where that does
-        not count; None if it has none, or has others, or is not known to be like this."""
+        """Returns the pole of an integrand that is a polynomial divided by a power of a linear function, on each piece.
+
+        The integrand must be a polynomial where the pole does not count. None if it has no pole, has others, or is not known to be of
+        this form.
+        """
         breaks, x = self.of(node), node.var
         turns = [turn for turn in breaks.bends if turn.kind == "pole"]
         if not breaks.complete or breaks.isolated or len(turns) != 1:
@@ -450,7 +361,7 @@ class BreakAnalysis:
         return self._shadows[variables]
 
     def _integral_shadow(self, node: Integral, variables: tuple[Var, ...]) -> Ratio | None:
-        """An integral as a polynomial of outer variables: a random combination of its antiderivative at its bounds and breaks."""
+        """Returns an integral as a polynomial of outer variables: a random combination of its antiderivative at its bounds and breaks."""
         breaks = self.of(node)
         if not breaks.complete or node.var in variables or any(v in i.g.free for i in breaks.isolated for v in variables):
             return None
@@ -470,8 +381,131 @@ class BreakAnalysis:
         return total
 
 
+class _Projection:
+    """The functions that an inner integral contributes to the breaks of the outer one, sorted by their degree in the inner variable."""
+
+    def __init__(self, analysis: BreakAnalysis, node: Integral) -> None:
+        self.analysis, self.node = analysis, node
+        self.breaks = analysis.of(node)
+        self.out = _Found({}, self.breaks.rooted and not self.breaks.complete, self.breaks.complete)
+        self.origin, self.centre = local_origin(node.lo, node.hi), far_origin(node.lo, node.hi)
+        self.finite = not any(isinstance(b, Const) and math.isinf(b.data) for b in (node.lo, node.hi))
+        masses = masses_of(node.body, node.var)
+        self.surface = frozenset(_branches(masses.g) or ()) if masses is not None else None
+        self.affine: list[tuple[Expr, Expr, Expr]] = []
+        self.quadratic: list[tuple[Expr, tuple[Expr, Expr, Expr]]] = []
+        self.others: list[Expr] = []
+
+    def run(self) -> _Found:
+        """Returns the projection."""
+        if any(i.g.free != {self.node.var} for i in self.breaks.isolated):
+            self.out.rooted, self.out.complete = True, False  # the births of such roots are not known
+        self._put(sub(self.node.hi, self.node.lo))
+        for function in self.breaks.functions:
+            for f in _branches(function) or ():
+                self._sort(f)
+        self._affine_meet()
+        self._quadratics_meet()
+        self._others_meet()
+        return self.out
+
+    def _put(self, f: Expr, matters: Cond = TRUE) -> None:
+        if isinstance(f, Pow):
+            f = f.base
+        if len(self.out.functions) >= MAX_FUNCTIONS:
+            self.out.complete = False
+        elif f.free and not self.analysis.is_zero(f):  # surfaces that coincide meet everywhere
+            self.out.functions[f] = disjunction(self.out.functions.get(f, FALSE), matters)
+
+    def _apart(self, *fs: Expr) -> bool:
+        """Returns whether none of the functions is the surface of the point masses. Away from that surface nothing is summed."""
+        return self.surface is not None and self.surface.isdisjoint(fs)
+
+    def _sort(self, f: Expr) -> None:
+        """Files a break function by its degree, and adds the functions that it contributes alone."""
+        z, lo, hi = self.node.var, self.node.lo, self.node.hi
+        degree, apart = self.analysis.degrees.of(f, z), self._apart(f)
+        if not apart:
+            for bound in (lo, hi):
+                if not (isinstance(bound, Const) and math.isinf(bound.data)):
+                    self._put(cast(Expr, substitute(f, {z: bound})))
+        if degree == 1:
+            at_origin, rate = (cast(Expr, substitute(e, {z: self.origin})) for e in (f, slope(f, z)))
+            self.affine.append((f, rate, at_origin))
+            if not apart:
+                if not self.finite:
+                    self._put(rate)
+                if rate.free:
+                    self.out.turns[Turn("pole", rate, _within(sub(self.origin, div(at_origin, rate)), lo, hi))] = None
+        elif degree == 2:
+            a, b, c = quadratic_coefficients(f, z, self.centre)
+            self.quadratic.append((f, (a, b, c)))
+            if not apart:
+                if not self.finite:
+                    self._put(a)
+                self._put(discriminant(a, b, c), _near(add(self.centre, div(b, mul(const(-2.0), a))), lo, hi))
+                self.out.turns[Turn("root", discriminant(a, b, c), self.analysis.somewhere(f, z, lo, hi))] = None
+        elif degree == 0:
+            if apart:
+                self._put(f)
+        else:
+            self.others.append(f)
+            if not apart:
+                self.out.rooted = True
+                for g in _borders_of_existence(self.analysis.solve(f, z, lo, hi), z):
+                    self._put(g)
+
+    def _affine_meet(self) -> None:
+        """Adds where roots of affine functions meet each other, and those of quadratic ones."""
+        lo, hi = self.node.lo, self.node.hi
+        for i, (f, rate1, at1) in enumerate(self.affine):
+            crossing = sub(self.origin, div(at1, rate1))
+            for g, rate2, at2 in self.affine[:i]:
+                if not self._apart(f, g):
+                    self._put(sub(mul(rate2, at1), mul(rate1, at2)), _near(crossing, lo, hi))
+            for g, _ in self.quadratic:
+                if not self._apart(f, g):
+                    self._put(cast(Expr, substitute(g, {self.node.var: crossing})), _near(crossing, lo, hi))
+
+    def _quadratics_meet(self) -> None:
+        """Adds where roots of quadratic functions meet each other."""
+        nearby = {f: self.analysis.nearby(f, self.node.var, self.node.lo, self.node.hi) for f, _ in self.quadratic}
+        for i, (f, first) in enumerate(self.quadratic):
+            for g, second in self.quadratic[:i]:
+                if not self._apart(f, g):
+                    self._put(_resultant(first, second), conjunction(nearby[f], nearby[g]))
+
+    def _others_meet(self) -> None:
+        """Adds where roots of functions of higher degree meet any others: by formula, or by a search at run time."""
+        z, lo, hi = self.node.var, self.node.lo, self.node.hi
+        curved = [*self.others, *(f for f, *_ in self.quadratic)]
+        for i, f in enumerate(self.others):
+            formula = self.analysis.solve(f, z, lo, hi)
+            if formula is None or not formula.certain:
+                self._search(f, curved[i + 1 :])
+                continue
+            for root in formula.found:
+                for g in (*curved[i + 1 :], *(f for f, *_ in self.affine)):
+                    if not (coincide(f, g) or self._apart(f, g)):
+                        self._put(cast(Expr, substitute(g, {z: root.point})))
+
+    def _search(self, f: Expr, curved: Sequence[Expr]) -> None:
+        """Adds the searches for births of roots of f, which has no formula, and for its crossings with other functions."""
+        z, lo, hi = self.node.var, self.node.lo, self.node.hi
+        if not self._apart(f):
+            self.out.complete = False
+        turning = () if self._apart(f) else _turning(f, z)
+        for g in (*turning, *(h for h in curved if not (coincide(f, h) or self._apart(f, h)))):
+            if (f.free | g.free) - {z}:
+                self.out.meetings[f, g, z, lo, hi] = None
+                self.out.complete = False
+        for other, rate, at_origin in self.affine:
+            if not (coincide(other, f) or self._apart(other, f)):
+                self._put(cast(Expr, substitute(f, {z: sub(self.origin, at_origin / rate)})))
+
+
 def _without_zero(poly: Poly, at: int) -> tuple[int, Poly]:
-    """How often a polynomial in one variable has a zero there, and what is left without it."""
+    """Returns the multiplicity of the zero of a polynomial in one variable at a point, and the polynomial divided by that power."""
     times, coefficients = 0, [poly.get((i,), 0) for i in range(max((i for (i,) in poly), default=0), -1, -1)]
     while len(coefficients) > 1:
         quotient = [coefficients[0]]
@@ -493,27 +527,27 @@ def _antiderivative_at(shadow: Shadow, inner: Poly, end: Ratio) -> Ratio | None:
         if step is None:
             return None
         powers.append(step)
-        rest: Poly = {m[1:]: divided(c, i + 1) for m, c in inner.items() if m[0] == i}
-        if rest:
-            total = shadow._sum([total, shadow._product((rest, one[1]), step)])
+        coefficient: Poly = {m[1:]: divided(c, i + 1) for m, c in inner.items() if m[0] == i}
+        if coefficient:
+            total = shadow._sum([total, shadow._product((coefficient, one[1]), step)])
             if total is None:
                 return None
     return total
 
 
 def _within(point: Expr, lo: Expr, hi: Expr) -> Cond:
-    """A point strictly between two bounds, whatever their order."""
+    """Returns the condition that a point lies strictly between two bounds, in either order."""
     return positive(mul(sub(point, lo), sub(hi, point)))
 
 
 def _near(point: Expr, lo: Expr, hi: Expr) -> Cond:
-    """A point between two bounds, or a little outside."""
+    """Returns the condition that a point lies between two bounds, or a little outside."""
     margin = mul(const(MARGIN), sub(hi, lo))
     return positive(mul(add(sub(point, lo), margin), add(sub(hi, point), margin)))
 
 
 def _kept(root: Expr, matters: Cond, x: Var) -> Expr:
-    """A root where it matters, NaN elsewhere."""
+    """Returns the root where it matters, NaN elsewhere."""
     if matters is TRUE:
         return root
     return where(cast(Cond, substitute(matters, {x: root})), root, const(math.nan))
@@ -523,7 +557,7 @@ _PARTIAL = frozenset(("sqrt", "log", "pow"))
 
 
 def _is_sum_of_squares(node: Call) -> bool:
-    """Whether the argument of a function is a sum of even powers, with numbers that are not negative."""
+    """Returns whether the argument of a function is a sum of even powers with non-negative coefficients."""
     terms = node.children[0].children if isinstance(node.children[0], Add) else node.children[:1]
     for term in terms:
         for factor in term.children if isinstance(term, Mul) else (term,):
@@ -534,14 +568,14 @@ def _is_sum_of_squares(node: Call) -> bool:
 
 
 def _with_the_same_zeros(f: Expr) -> Expr:
-    """A function without the powers and the |·| that it is inside of."""
+    """Returns a function with the same zeros, without enclosing powers and |·|."""
     while isinstance(f, Pow) or (isinstance(f, Call) and f.name == "magnitude"):
         f = f.base if isinstance(f, Pow) else f.children[0]
     return f
 
 
 def _turning(f: Expr, z: Var) -> list[Expr]:
-    """The slope of f, which is 0 where two of its roots meet; nothing where f has steps."""
+    """Returns the slope of f, which is 0 where two of its roots meet; an empty list if f has steps."""
     try:
         return [slope(f, z)]
     except NotDifferentiableError:
@@ -549,7 +583,10 @@ def _turning(f: Expr, z: Var) -> list[Expr]:
 
 
 def _resultant(first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]) -> Expr:
-    """0 where two quadratics have a root in common: (A₁C₂ - A₂C₁)² - (A₁B₂ - A₂B₁)·(B₁C₂ - B₂C₁); where both are linear the last factor."""
+    """Returns an expression that is 0 where two quadratics have a common root.
+
+    (A₁C₂ - A₂C₁)² - (A₁B₂ - A₂B₁)·(B₁C₂ - B₂C₁); if both are linear, the last factor.
+    """
     (a1, b1, c1), (a2, b2, c2) = first, second
     linear = sub(mul(b1, c2), mul(b2, c1))
     result = sub(integer_power(sub(mul(a1, c2), mul(a2, c1)), 2), mul(sub(mul(a1, b2), mul(a2, b1)), linear))
@@ -559,21 +596,21 @@ def _resultant(first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]) 
 
 
 def _borders_of_existence(roots: Roots | None, z: Var) -> list[Expr]:
-    """Where roots of a function with a formula appear and vanish."""
+    """Returns the functions whose zeros are where roots with a formula appear and vanish."""
     if roots is None:
         return []
     return [a.g for r in roots.found for a in atoms_of(r.exists) if z not in a.g.free]
 
 
 def _outside(r: Expr, lo: Expr, hi: Expr) -> bool:
-    """A root known by its number to lie outside of (lo, hi), or on its border."""
+    """Returns whether a root is known by its number to lie outside of (lo, hi), or on its border."""
     if not (isinstance(r, Const) and isinstance(lo, Const) and isinstance(hi, Const)):
         return False
     return not min(lo.data, hi.data) < r.data < max(lo.data, hi.data)
 
 
 def _branches(f: Expr) -> list[Expr] | None:
-    """f with every `where` whose condition holds variables taken either way; None if they are too many."""
+    """Returns f with every `where` on variables replaced by either branch; None if there are too many combinations."""
     result = [f]
     done: list[Expr] = []
     while result:

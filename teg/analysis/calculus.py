@@ -34,7 +34,7 @@ from teg.ir.node import Node, postorder, postorder_through
 
 
 def partials(node: Call) -> list[Expr]:
-    """∂f/∂uᵢ of a function applied, in the order of its arguments."""
+    """Returns ∂f/∂uᵢ of a function applied, in the order of its arguments."""
     if isinstance(node, Apply):
         return apply_partials(node)
     u = node.children[0]
@@ -86,7 +86,7 @@ def partials(node: Call) -> list[Expr]:
 
 
 def steps_error(floor: Call, inside: Node) -> NotDifferentiableError:
-    """The error for a floor whose steps should move, but are not written out as brackets."""
+    """Returns the error for a floor whose steps move with a parameter but could not be enumerated as brackets."""
     return NotDifferentiableError(
         f"{floor.name} jumps where its argument crosses a step, and these steps could not be enumerated",
         inside,
@@ -96,7 +96,7 @@ def steps_error(floor: Call, inside: Node) -> NotDifferentiableError:
 
 
 def factor_cofactors(node: Mul) -> list[Expr]:
-    """For each factor the product of the others, in linear time."""
+    """Returns, for each factor, the product of the others. Linear time."""
     factors = node.children
     if len(factors) == 2:
         return [mul(factors[1]), mul(factors[0])]
@@ -105,14 +105,17 @@ def factor_cofactors(node: Mul) -> list[Expr]:
         after[i] = mul(factors[i + 1], after[i + 1])
     before: Expr = ONE
     result = []
-    for factor, rest in zip(factors, after, strict=True):
-        result.append(mul(before, rest))
+    for factor, behind in zip(factors, after, strict=True):
+        result.append(mul(before, behind))
         before = mul(before, factor)
     return result
 
 
 def slope(e: Expr, by: Var | Param) -> Expr:
-    """∂e/∂by, conditions taken as constant. For atoms: raises NotDifferentiableError if an integral in e depends on `by`."""
+    """Returns ∂e/∂by with conditions held constant. For atoms.
+
+    Raises NotDifferentiableError if an integral in e depends on `by`.
+    """
     tangent: dict[Expr, Expr] = defaultdict(lambda: ZERO)
     for node in postorder_through(e, (by,), _value_nodes) if isinstance(by, Var) else _in_value_position(e):
         if isinstance(node, Expr):
@@ -130,7 +133,11 @@ def _slope(node: Expr, by: Var | Param, tangent: Mapping[Expr, Expr]) -> Expr:
             if all(tangent[c] is ZERO for c in node.children):
                 return ZERO
             return add(
-                *(mul(tangent[c], rest) for c, rest in zip(node.children, factor_cofactors(node), strict=True) if tangent[c] is not ZERO)
+                *(
+                    mul(tangent[c], cofactor)
+                    for c, cofactor in zip(node.children, factor_cofactors(node), strict=True)
+                    if tangent[c] is not ZERO
+                )
             )
         case Pow():
             t = tangent[node.base]
@@ -148,12 +155,12 @@ def _slope(node: Expr, by: Var | Param, tangent: Mapping[Expr, Expr]) -> Expr:
 
 
 def _value_nodes(node: Node) -> tuple[Node, ...]:
-    """The children in value position of any node: a floor in a condition has no slope, and none is asked for."""
+    """Returns the children in value position of any node. Conditions are left out: a floor inside a condition needs no slope."""
     return node.children[1:] if isinstance(node, Where) else node.children
 
 
 def _in_value_position(e: Expr) -> list[Node]:
-    """The nodes of e that stand in value position, children before parents."""
+    """Returns the nodes of e in value position, children before parents."""
     reached: set[Node] = {e}
     stack: list[Node] = [e]
     while stack:
@@ -164,7 +171,7 @@ def _in_value_position(e: Expr) -> list[Node]:
 
 
 def value_children(node: Expr) -> tuple[Expr, ...]:
-    """The children in value position: no conditions."""
+    """Returns the children in value position, that is, without conditions."""
     if isinstance(node, Where):
         return (node.then, node.otherwise)
     return cast("tuple[Expr, ...]", node.children)

@@ -1,12 +1,12 @@
-"""Conditions that say the same in other words: shorter forms of a surface, and whether two surfaces coincide.
+"""Conditions that are equivalent in other words: shorter forms of a surface, and whether two surfaces coincide.
 
     f(u) - f(v) > 0   is   u - v > 0           where f increases on all numbers: exp, sinh, tanh, atan, odd powers
     f(u) - f(v) > 0   is   (u - v)(u + v) > 0  where f increases with |u|: cosh, even powers
     c·hᵏ > 0          is   c > 0               almost everywhere for even k; it is c·h > 0 for odd k, also where the power is written out
 
-A surface whose slope is 0 all along it has no δ; the shorter form has one. Functions that are not defined everywhere (log, √, other powers,
-asin) keep their form, since a condition on them is NaN outside of their domain; `coincide` looks through them all the same. Whether a
-polynomial is a power, or shares a factor with another one, is asked of its values in GF(P), as all structure is
+A surface whose slope is 0 all along it has no δ; the shorter form has one. Functions that are not defined everywhere (log, √, other
+powers, asin) keep their form, because a condition on them is NaN outside of their domain; `coincide` looks through them all the same.
+Whether a polynomial is a power, or shares a factor with another one, is decided by its values in GF(P), like all questions of structure
 (`teg.analysis.polynomial`).
 """
 
@@ -21,18 +21,18 @@ from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Param, Pow,
 from teg.ir.node import postorder
 
 MAX_DEGREE = 24
-"""Of polynomials whose common factors are looked for."""
+"""The largest degree of polynomials whose common factors are computed."""
 MAX_ROOT_DEGREE = 8
-"""Of polynomials whose roots in the field are computed."""
+"""The largest degree of polynomials whose roots in the field are computed."""
 TRIALS = 4
-"""Half of all quadratics have no root in the field: so many random points are tried."""
+"""The number of random points tried. Half of all quadratics have no root in the field, so one point may not do."""
 
 _INCREASING = frozenset(("exp", "sinh", "tanh", "atan"))
 _INCREASING_WHERE_DEFINED = _INCREASING | {"log", "sqrt", "root", "asin"}
 
 
 def short_form(g: Expr) -> Expr:
-    """Returns a surface with the sign of g almost everywhere: without an increasing function in front, and no power written out."""
+    """Returns a surface with the sign of g almost everywhere: no increasing function in front, no power written out."""
     g = peeled(g)
     power = perfect_power(g) if isinstance(g, Add) and any(_is_multiple(g, v) for v in sorted(g.free, key=lambda v: v.name)) else None
     if power is None:
@@ -70,20 +70,20 @@ def _share_zeros(f: Expr, g: Expr, v: Var) -> bool:
 
 
 class ZeroSet:
-    """Random points of the surface g = 0: all symbols but one are random, that one is solved for in the field.
+    """Random points of the surface g = 0. All symbols but one get random values; the remaining one is solved for in the field.
 
-    Preferred is a symbol in which g is affine, else a variable in which it is a polynomial of low degree.
+    A symbol in which g is affine is preferred, then a variable in which g is a polynomial of low degree.
     """
 
     def __init__(self, g: Expr) -> None:
         self._points = _points_on(peeled(g, partial=True))
 
     def is_known(self) -> bool:
-        """Whether there are such points."""
+        """Returns whether any point was found."""
         return bool(self._points)
 
     def annuls(self, e: Expr) -> bool:
-        """Returns whether e is 0 at all of the points; a wrong yes has a chance below 1e-100."""
+        """Returns whether e is 0 at all of the points. A wrong yes has probability below 1e-100."""
         return bool(self._points) and all(point.value(e) == 0 for point in self._points)
 
 
@@ -101,7 +101,7 @@ def _points_on(g: Expr) -> list[Point]:
 
 
 def _affine_zero(g: Expr, pivot: Expr, trial: str) -> Point | None:
-    """A point of g = 0 where g is affine in the pivot; None where it is not."""
+    """Returns a point of g = 0 if g is affine in the pivot, else None."""
     zero, one, two = (Point(trial, {pivot: k}).value(g) for k in range(3))
     if zero is None or one is None or two is None or (two - 2 * one + zero) % P or (one - zero) % P == 0:
         return None
@@ -109,12 +109,12 @@ def _affine_zero(g: Expr, pivot: Expr, trial: str) -> Point | None:
 
 
 def _coefficients(g: Expr, v: Var, salt: str = "") -> list[int]:
-    """g as a polynomial of v in the field; 0 where it is none."""
+    """Returns the coefficients of g as a polynomial of v in the field; those of 0 if it is none."""
     return coefficients(Shadow((v,), salt=salt).polynomial(g) or {})
 
 
 def _is_multiple(g: Expr, v: Var) -> bool:
-    """Whether g is a polynomial of v with a factor that stands in it twice."""
+    """Returns whether g is a polynomial of v with a repeated factor."""
     p = _coefficients(g, v)
     return 2 < len(p) <= MAX_DEGREE + 1 and len(common_factor(p, derivative(p))) > 1
 
@@ -132,7 +132,7 @@ def _without_function(g: Expr, partial: bool) -> Expr | None:
             return sub(u, v)
         if partial and (above.name == "acos" or (above.name == "pow" and above.children[1] is below.children[1])):
             return sub(u, v) if above.name == "pow" else sub(v, u)
-        if above.name == "cosh":  # it increases with |u|
+        if above.name == "cosh":  # cosh increases with |u|
             return sub(integer_power(u, 2), integer_power(v, 2))
     for k in sorted({k for e in (above, below) for k in _exponents(e) if k > 1}, reverse=True):
         roots = [_root_of(e, k) for e in (above, below)]
@@ -145,7 +145,7 @@ def _without_function(g: Expr, partial: bool) -> Expr | None:
 
 
 def _split(e: Expr) -> tuple[float, Expr]:
-    """The number in front of a term, and the term without it."""
+    """Returns the numerical factor of a term, and the term without it."""
     if isinstance(e, Const):
         return e.data, ONE
     if isinstance(e, Mul) and isinstance(e.children[0], Const):
@@ -162,7 +162,7 @@ def _exponents(e: Expr) -> list[int]:
 
 
 def _root_of(e: Expr, k: int) -> Expr | None:
-    """The k-th root of a product of k-th powers; None if e is no such product."""
+    """Returns the k-th root of a product of k-th powers; None if e is no such product."""
     if not all(f is ONE or (isinstance(f, Pow) and f.exponent % k == 0) for f in _factors(e)):
         return None
     return mul(*(integer_power(f.base, f.exponent // k) if isinstance(f, Pow) else f for f in _factors(e)))

@@ -1,7 +1,7 @@
 """Critical points of surfaces: where a region is born, or two branches of a curve meet.
 
-A quadric g has one, where ∇g = 0: from the middle o of a box the step d to it solves H·d = -∇g(o). If g is 0 there, the region {g > 0} is a
-point, or the curve g = 0 two crossing lines, and its derivatives are one-sided or infinite.
+A quadric g has one critical point, where ∇g = 0: from the middle o of a box the step d to it solves H·d = -∇g(o). If g is 0 there, the
+region {g > 0} is a point, or the curve g = 0 is two crossing lines; the derivatives are then one-sided or infinite.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from teg.ir.traverse import substitute
 
 ROUNDING = 8 * 2.0**-52
 NOTHING = 1e-12
-"""A factor of the boundary term that is smaller than this, in parts of its values on the box, is 0 at the critical point."""
+"""A factor of the boundary term counts as 0 at the critical point if it is smaller there than this fraction of its values on the box."""
 
 
 @dataclass(frozen=True)
 class Critical:
-    """The critical point of a quadric, g there, det H, whether the point is in the box, and the size of g on the box."""
+    """The critical point of a quadric, the value of g there, det H, whether the point is in the box, and the size of g on the box."""
 
     point: Mapping[Var, Expr]
     value: Expr
@@ -50,7 +50,7 @@ class Critical:
 
 
 def critical_point(g: Expr, boxes: Sequence[Binder]) -> Critical | None:
-    """Of a surface that is quadratic in the variables of the boxes together (two or three)."""
+    """Returns the critical point of a surface that is quadratic in the variables of the boxes together (two or three), else None."""
     variables = [b.var for b in boxes]
     if not 2 <= len(boxes) <= 3 or Shadow(tuple(variables)).degree(g) != 2:
         return None
@@ -73,7 +73,10 @@ def critical_point(g: Expr, boxes: Sequence[Binder]) -> Critical | None:
 
 
 def infinite_at_saddle(g: Expr, coefficient: Expr, boxes: Sequence[Binder]) -> Expr:
-    """±inf where ∫∫ coefficient·δ(g) diverges: two variables, the curve crosses itself in the box, and the coefficient is not 0 there."""
+    """Returns ±inf where ∫∫ coefficient·δ(g) diverges, else 0.
+
+    It diverges in two variables if the curve crosses itself in the box and the coefficient is not 0 there.
+    """
     variables = {b.var for b in boxes}
     if len(boxes) != 2 or coefficient.has_delta or coefficient.has_integral or not (g.free | coefficient.free) <= variables:
         return ZERO
@@ -96,12 +99,12 @@ def _at(e: Expr, point: Mapping[Var, Expr]) -> Expr:
 
 
 def _size(e: Expr, boxes: Sequence[Binder], middle: Mapping[Var, Expr]) -> Expr:
-    """Σ|e| over the middles of the sides of the box."""
+    """Returns Σ|e| over the middles of the sides of the box."""
     return add(*(call("magnitude", _at(e, {**middle, b.var: end})) for b in boxes for end in (b.lo, b.hi)))
 
 
 def _determinant(rows: Sequence[Sequence[Expr]]) -> Expr:
-    """Of a matrix of one to three rows."""
+    """Returns the determinant of a matrix of one to three rows."""
     if len(rows) == 1:
         return rows[0][0]
     terms = []

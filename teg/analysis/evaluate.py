@@ -1,4 +1,4 @@
-"""Expressions as numbers, straight from the tree: for checks at sample points; programs are compiled."""
+"""Numerical values of expressions, computed from the tree. Used for checks at sample points; programs are compiled."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from teg.ir.traverse import parameters
 
 
 def values_of(expressions: Sequence[Expr], at: Mapping[Any, Any]) -> list[Any]:
-    """The values of expressions, float64 arrays that broadcast together, at values of their parameters and variables.
+    """Returns the values of expressions as float64 arrays that broadcast together, at given values of their parameters and variables.
 
-    NaN and infinities are answers. Raises OperandError for what is no function of them: an integral, a delta, a tuple.
+    NaN and infinities are valid results. Raises OperandError for an integral, a delta or a tuple, which have no value at a point.
     """
     import numpy as np
 
@@ -30,7 +30,7 @@ def values_of(expressions: Sequence[Expr], at: Mapping[Any, Any]) -> list[Any]:
 
 
 def folded(e: Expr) -> Expr:
-    """The number that an expression of numbers alone is, ±∞ and NaN among them."""
+    """Returns the value of an expression without parameters and variables as a number; ±∞ and NaN are possible."""
     if isinstance(e, Const) or e.free or e.has_integral or parameters(e):
         return e
     return const(float(values_of([e], {})[0]))

@@ -1,10 +1,10 @@
-"""Numbers between which an expression lies, whatever its parameters are.
+"""Bounds of an expression as numbers, valid for all values of its parameters.
 
     extent(e, {x: (0, 1)})  =  (least, most)        with   least <= e <= most   for all parameters, and all x in (0, 1)
 
-Natural interval extension on numbers. What is not known is everything, (-∞, ∞); so is a parameter. Roundings are not directed: a bound may
-be off by a few of them, and one that is exactly 0 comes of squares, sizes and the like. `teg.analysis.intervals` gives bounds at run
-time instead.
+Natural interval extension on numbers. A parameter, and everything unknown, has the bounds (-∞, ∞). Roundings are not directed: a bound
+may be off by a few of them. A bound that is exactly 0 comes from a square, an absolute value and the like, and is exact.
+`teg.analysis.intervals` gives bounds at run time instead.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ EVERYTHING: Extent = (-math.inf, math.inf)
 
 
 def extent(e: Expr, box: Mapping[Var, Extent]) -> Extent:
-    """The least and the largest value of e over a box; of variables that are not in it nothing is known."""
+    """Returns the least and the largest value of e over a box. A variable that is not in the box is unbounded."""
     known: dict[Node, Extent] = {}
     for node in postorder([e]):
         if isinstance(node, Expr):
@@ -57,7 +57,7 @@ def _extent(node: Expr, box: Mapping[Var, Extent], known: Mapping[Node, Extent])
 
 
 def _where_it_counts(node: Where, known: Mapping[Node, Extent]) -> tuple[Extent, Extent]:
-    """The extents of both branches; u and -u are at least 0 where they are taken in where(u > 0, u, -u)."""
+    """Returns the extents of both branches where they are taken: in where(u > 0, u, -u) both are at least 0."""
     a, b = known[node.then], known[node.otherwise]
     if isinstance(node.condition, Compare):
         g = node.condition.g
@@ -105,7 +105,7 @@ def _raised(x: float, k: int) -> float:
 
 
 def _rising(f: Callable[[float], float], least: float, most: float) -> Callable[[Extent], Extent]:
-    """A rising function, defined from where it has the value `least`, at most `most`."""
+    """Returns the extent map of an increasing function, defined from where it has the value `least`, with values up to `most`."""
 
     def rule(u: Extent) -> Extent:
         values = []

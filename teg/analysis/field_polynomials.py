@@ -1,6 +1,6 @@
 """Polynomials in one variable over the prime field GF(P): division, common factors, roots.
 
-A polynomial is the list of its coefficients, the constant first, the last one not 0; 0 is the empty list.
+A polynomial is the list of its coefficients, the constant first. The last coefficient is not 0; the zero polynomial is the empty list.
 Source: von zur Gathen and Gerhard, Modern Computer Algebra, chapters 3 and 14.
 """
 
@@ -35,14 +35,14 @@ def product(p: Coefficients, q: Coefficients) -> Coefficients:
 
 def quotient_and_remainder(p: Coefficients, q: Coefficients) -> tuple[Coefficients, Coefficients]:
     """p divided by q, which is not 0."""
-    rest, lead, above = list(p), inverse(q[-1]), len(p) - len(q)
+    remainder, lead, above = list(p), inverse(q[-1]), len(p) - len(q)
     quotient = [0] * max(above + 1, 0)
     for shift in range(above, -1, -1):
-        factor = quotient[shift] = rest[shift + len(q) - 1] * lead % P
+        factor = quotient[shift] = remainder[shift + len(q) - 1] * lead % P
         if factor:
             for i, c in enumerate(q):
-                rest[shift + i] = (rest[shift + i] - factor * c) % P
-    return _trimmed(quotient), _trimmed(rest[: len(q) - 1])
+                remainder[shift + i] = (remainder[shift + i] - factor * c) % P
+    return _trimmed(quotient), _trimmed(remainder[: len(q) - 1])
 
 
 def monic(p: Coefficients) -> Coefficients:

@@ -1,4 +1,4 @@
-"""When a value is needed at all: the conditions under which anybody looks at an integral, and outside of which an integrand is 0."""
+"""Path conditions and supports: when the value of an integral is used, and where an integrand is not 0."""
 
 from __future__ import annotations
 
@@ -32,9 +32,12 @@ from teg.ir.node import Node
 from teg.ir.traverse import substitute
 
 GUARD_TERMS = 4
-"""Longer guards cost more than they save."""
+"""The largest number of terms of a guard. Longer guards cost more than they save."""
 NEAR, EXACT = 2.0**-30, 2.0**-44
-"""How near to the box, relative to what a surface changes over it, and to its terms, it is still looked at: it may tie."""
+"""How near to the box a surface still counts as meeting it, because it may tie.
+
+Relative to the change of the surface over the box, and relative to its terms.
+"""
 
 
 def guards(
@@ -44,29 +47,30 @@ def guards(
     height: dict[Node, int],
     mine: set[Integral],
 ) -> dict[Integral, Cond]:
-    """For each integral the condition under which anybody looks at its value."""
+    """Returns, for each integral, the condition under which its value is used."""
     guard: dict[Node, Cond] = dict.fromkeys(roots, TRUE)
     for node in reversed(order):
         g = guard.get(node, FALSE)
         if node in mine and g is not TRUE and _height(g, height) >= height[node]:
-            g = guard[node] = TRUE  # the condition would wait for the integral
+            g = guard[node] = TRUE  # the condition would depend on the integral
         for child in node.children:
-            here = g
+            path = g
             if isinstance(node, Where) and child is not node.condition and not node.condition.free & inner:
                 c = node.condition if child is node.then else negation(node.condition)
                 if node.then is not node.otherwise and (not isinstance(g, And) or len(g.children) < GUARD_TERMS):
-                    here = conjunction(g, c)
+                    path = conjunction(g, c)
             have = guard.get(child)
             if have is None:
-                guard[child] = here
-            elif have is not here and have is not TRUE:
-                both = disjunction(have, here) if here is not TRUE else TRUE
+                guard[child] = path
+            elif have is not path and have is not TRUE:
+                both = disjunction(have, path) if path is not TRUE else TRUE
                 guard[child] = TRUE if isinstance(both, Or) and len(both.children) > GUARD_TERMS else both
     return {i: guard.get(i, TRUE) for i in mine}
 
 
 def _height(c: Cond, height: dict[Node, int]) -> int:
-    """How many integrals, one waiting for the other, must be known before a guard (made of conditions of the program) is."""
+    """Returns the number of integrals, each depending on the next, that must be known before a guard is. A guard consists of program
+    conditions."""
     stack: list[Node] = [c]
     most = 0
     while stack:
@@ -79,7 +83,7 @@ def _height(c: Cond, height: dict[Node, int]) -> int:
 
 
 def support(e: Expr) -> Cond:
-    """A condition outside of which an integrand is 0."""
+    """Returns a condition outside of which the integrand is 0."""
     if isinstance(e, Where):
         if e.otherwise is ZERO:
             return e.condition
@@ -100,8 +104,11 @@ def support(e: Expr) -> Cond:
 
 
 def middle_and_reach(g: Expr, corner: Mapping[Var, Expr], extents: Sequence[Expr]) -> tuple[Expr, Expr]:
-    """The value of an affine g in the middle of a box, and how far from it g may be there, with room for ties: the box lies on one side
-    of the surface where |middle| > reach. Variables are given outermost first, so that all who ask get the same expressions."""
+    """Returns the value of an affine g in the middle of a box, and its largest deviation from it on the box, with room for ties.
+
+    The box lies on one side of the surface where |middle| > reach. `corner` lists the variables outermost first, so that all callers get
+    the same expressions.
+    """
     at_corner = cast(Expr, substitute(g, corner))
     steps = [mul(cast(Expr, substitute(slope(g, v), corner)), d) for v, d in zip(corner, extents, strict=True)]
     terms = at_corner.children if isinstance(at_corner, Add) else (at_corner,)

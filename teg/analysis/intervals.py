@@ -1,11 +1,11 @@
-"""Interval enclosures as expressions: bounds of a value over a box of variables, to be evaluated at run time.
+"""Interval enclosures as expressions: bounds of a value over a box of variables, evaluated at run time.
 
     enclose(e, {x: (p, q)})  =  (e₋, e₊)   with   e₋ <= e(x) <= e₊   for every p <= x <= q
 
-Natural interval extension, node by node: monotone functions at the ends, |·| and even powers by the least and largest size, waves by
-whether a crest lies inside. A branch whose condition is open on the box gives the hull of both values. Where a function is not defined
-on the whole box the bounds are those of the part where it is; where it is nowhere defined both are NaN. Roundings are not directed: the
-bounds may be off by a few of them. Linear in the number of nodes.
+Natural interval extension, node by node: monotone functions are evaluated at the ends, |·| and even powers by the least and largest
+size, sin and cos by whether a crest lies inside. A `where` whose condition is open on the box gives the hull of both values. Where a
+function is defined on a part of the box only, the bounds hold on that part; where it is nowhere defined both bounds are NaN. Roundings
+are not directed: the bounds may be off by a few of them. Linear in the number of nodes.
 Source: Moore, Kearfott, Cloud 2009, chapters 2 and 5.
 """
 
@@ -52,7 +52,7 @@ from teg.ir.node import Node, postorder_through
 
 Interval = tuple[Expr, Expr]
 Decision = tuple[Cond, Cond]
-"""Of a condition on a box: does it hold everywhere, does it fail everywhere?"""
+"""Two conditions about a condition on a box: it holds everywhere; it fails everywhere."""
 
 _INFINITY = const(math.inf)
 _NO_NUMBER = const(math.nan)
@@ -60,38 +60,39 @@ _EVERYTHING: Interval = (const(-math.inf), _INFINITY)
 
 
 def enclose(e: Expr, box: Mapping[Var, Interval]) -> Interval:
-    """Bounds of e over a box. Raises NotDifferentiableError for an integral that a variable of the box runs through."""
+    """Returns bounds of e over a box. Raises NotDifferentiableError for an integral that depends on a variable of the box."""
     return Enclosure(box).of(e)
 
 
 class Enclosure:
-    """Enclosures over one box; nodes that several expressions share are enclosed once."""
+    """Enclosures over one box. Nodes that several expressions share are enclosed once."""
 
     def __init__(self, box: Mapping[Var, Interval]) -> None:
         self.box = dict(box)
-        self.found: dict[Node, Interval | Decision] = {}
+        self.enclosed: dict[Node, Interval | Decision] = {}
 
     def of(self, e: Expr) -> Interval:
-        """Bounds of e."""
+        """Returns bounds of e."""
         self._find(e)
         return self._bounds(e)
 
     def decision(self, c: Cond) -> Decision:
-        """Does a condition hold everywhere, does it fail everywhere?"""
+        """Returns two conditions: c holds everywhere on the box; c fails everywhere on it."""
         self._find(c)
         return self._truth(c)
 
     def _find(self, root: Node) -> None:
-        """Enclose what depends on the box. Other nodes are their own bounds; they may hold a variable of the same name, bound elsewhere."""
+        """Encloses the nodes that depend on the box. Every other node is its own bound; it may hold a variable of the same name, bound
+        elsewhere."""
         for node in postorder_through(root, self.box):
-            if node not in self.found:
-                self.found[node] = self._decision(node) if isinstance(node, Cond) else self._interval(cast(Expr, node))
+            if node not in self.enclosed:
+                self.enclosed[node] = self._decision(node) if isinstance(node, Cond) else self._interval(cast(Expr, node))
 
     def _bounds(self, e: Expr) -> Interval:
-        return cast(Interval, self.found.get(e, (e, e)))
+        return cast(Interval, self.enclosed.get(e, (e, e)))
 
     def _truth(self, c: Cond) -> Decision:
-        return cast(Decision, self.found[c]) if c in self.found else (c, negation(c))
+        return cast(Decision, self.enclosed[c]) if c in self.enclosed else (c, negation(c))
 
     def _interval(self, e: Expr) -> Interval:
         parts = [self._bounds(cast(Expr, c)) for c in e.children if not isinstance(c, Cond)]
@@ -151,7 +152,7 @@ def _negative(u: Expr) -> Expr:
 
 
 def _sizes(u: Interval) -> Interval:
-    """The least and the largest |u|."""
+    """Returns the least and the largest |u|."""
     lo, hi = u
     return _most(ZERO, lo, _negative(hi)), _most(hi, _negative(lo))
 
@@ -192,7 +193,7 @@ def _hull(c: Decision, a: Interval, b: Interval) -> Interval:
 
 
 def _wave(lo: Expr, hi: Expr) -> Interval:
-    """cos over [lo, hi]: 1 if a multiple of 2π lies inside, -1 if an odd one of π does."""
+    """Returns bounds of cos over [lo, hi]: 1 if a multiple of 2π lies inside, -1 if an odd multiple of π does."""
     turn = const(0.5 / math.pi)
     a, b = mul(turn, lo), mul(turn, hi)
     ends = call("cos", lo), call("cos", hi)
@@ -203,7 +204,7 @@ def _wave(lo: Expr, hi: Expr) -> Interval:
 
 
 def _clipped(name: str, u: Interval, least: float | None, most: float | None) -> Interval:
-    """A rising function defined between `least` and `most` only."""
+    """Returns bounds of an increasing function that is defined between `least` and `most` only."""
     lo, hi = u
     inside = conjunction(
         positive(sub(hi, const(least)), strict=False) if least is not None else TRUE,
@@ -236,7 +237,7 @@ def _function(name: str, parts: list[Interval]) -> Interval:
 
 
 def _angle(y: Interval, x: Interval) -> Interval:
-    """atan2 in the half-planes x > 0, y > 0 and y < 0; (-π, π) for a box that lies in none of them."""
+    """Returns bounds of atan2 in the half-planes x > 0, y > 0 and y < 0; (-π, π) for a box that lies in none of them."""
     flat, steep = (_function("atan", [_product(u, _power(v, -1))]) for u, v in ((y, x), (x, y)))
     quarter = const(math.pi / 2)
     lo: Expr = const(-math.pi)
@@ -251,7 +252,7 @@ def _angle(y: Interval, x: Interval) -> Interval:
 
 
 def _tangent(u: Interval) -> Interval:
-    """tan rises between its poles."""
+    """Returns bounds of tan, which increases between its poles."""
     one_branch = [call("floor", sub(div(v, const(math.pi)), const(0.5))) for v in u]
     same = positive(sub(*one_branch), strict=False)
     return where(same, call("tan", u[0]), _EVERYTHING[0]), where(same, call("tan", u[1]), _EVERYTHING[1])
@@ -266,7 +267,7 @@ def _logarithm(u: Interval) -> Interval:
 
 
 def _real_power(u: Interval, k: Interval) -> Interval:
-    """u^k of a u > 0: monotone in both, so its bounds are at corners."""
+    """Returns bounds of u^k for u > 0. The power is monotone in both, so its bounds are at corners."""
     base = _most(ZERO, u[0]), u[1]
     exponents = (k[0],) if k[0] is k[1] else k
     corners = [where(positive(b), call("pow", b, e), where(positive(e), ZERO, _INFINITY)) for b in base for e in exponents]
@@ -275,7 +276,7 @@ def _real_power(u: Interval, k: Interval) -> Interval:
 
 
 def _remainder(u: Interval, m: Interval) -> Interval:
-    """u mod m within one period, else everything between 0 and m."""
+    """Returns bounds of u mod m: exact within one period, else everything between 0 and m."""
     if m[0] is m[1]:
         steps = [call("floor", div(v, m[0])) for v in u]
         same = conjunction(positive(sub(steps[0], steps[1]), strict=False), positive(sub(steps[1], steps[0]), strict=False))

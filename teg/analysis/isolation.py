@@ -1,7 +1,7 @@
-"""Roots without a formula: what the program needs to isolate them at run time, and how many there can be.
+"""Roots without a formula: the data for isolating them at run time, and bounds on their number.
 
-A surface g is isolated in x by interval bisection and Newton's method (`teg.program`, Isolate). For that its slope and the enclosures of
-both over a box are needed, and a bound on the number of roots, for which places are reserved:
+A surface g is isolated in x by interval bisection and Newton's method (statement `Isolate` of `teg.program`). The statement needs the
+slope of g, enclosures of both over a box, and a bound on the number of roots, for which places are reserved:
 
     polynomial in x of degree n                              n
     Σᵢ Pᵢ(x)·exp(aᵢx + bᵢ), Pᵢ of degree nᵢ                  Σ(nᵢ + 1) - 1             (Pólya and Szegő, part V, problem 75)
@@ -25,28 +25,32 @@ from teg.ir.traverse import fresh, replace_node
 
 MAX_ROOTS = 16
 MAX_PLACES = 64
-"""Roots for which places are reserved where a theorem bounds their number."""
+"""The largest number of places that are reserved for roots where a theorem bounds their number."""
 MARGIN = 1e-9
 BEFORE, BEHIND = 0.0137, 0.0291
-"""By how much of its length a range is wider in which places are located."""
+"""The fractions of its length by which a range is widened at each end before places are located in it."""
 _ANY_SLOPE = (const(-math.inf), const(math.inf))
 OFTEN = 3
-"""A polynomial in which the variable stands so often is enclosed by its Taylor coefficients: interval arithmetic takes them for different
-variables."""
+"""A polynomial in which the variable occurs at least this often is enclosed by its Taylor coefficients.
+
+Interval arithmetic treats each occurrence as a different variable, and its bounds are too wide.
+"""
 _LARGEST = 20_000
-"""Nodes of a surface and its enclosures together: beyond that a box costs more than adaptive integration."""
+"""The largest number of nodes of a surface and its enclosures together. Beyond it a box costs more than adaptive integration."""
 
 
 _SMOOTH = frozenset(["sin", "cos", "tan", "exp", "log", "sqrt", "asin", "acos", "atan", "sinh", "cosh", "tanh", "pow", "atan2"])
-"""Functions without kinks: between the ends of a box on which their curvature is bounded it is what their slope changes by."""
+"""Functions without kinks. Between the ends of a box on which their curvature is bounded, the bound limits the change of their slope."""
 _NO_NUMBER = const(math.nan)
 _ANYTHING: tuple[Expr, Expr] = (const(-math.inf), const(math.inf))
 
 
 @dataclass(frozen=True)
 class Isolation:
-    """g, its slope and its curvature in `var`; bounds of g and the slope, and of the curvature, for left <= var <= right; how many roots
-    there can be. Where the curvature is not known it is NaN, between infinite bounds."""
+    """g, its slope and its curvature in `var`, with bounds for left <= var <= right, and the largest number of roots.
+
+    Bounds of g and the slope come together, then those of the curvature. An unknown curvature is NaN, between infinite bounds.
+    """
 
     g: Expr
     var: Var
@@ -60,7 +64,7 @@ class Isolation:
 
 
 def isolate(g: Expr, x: Var, limit: int = MAX_ROOTS) -> Isolation | None:
-    """What it takes to isolate the roots of g in x; None where that is not possible: an integral over x in g, a step of floor or mod."""
+    """Returns the data for isolating the roots of g in x; None if g holds an integral over x, or a step of floor or mod."""
     if x not in g.free or any(isinstance(n, Call) and n.name in ("floor", "mod") and x in n.free for n in postorder([g])):
         return None
     left, right = fresh(x.name + "₋", g.free), fresh(x.name + "₊", g.free)
@@ -81,7 +85,7 @@ def isolate(g: Expr, x: Var, limit: int = MAX_ROOTS) -> Isolation | None:
 
 
 def _occurrences(g: Expr, x: Var) -> int:
-    """How often a variable stands in an expression that is written out."""
+    """Returns how often a variable occurs in an expression, if that were written out as a tree."""
     times: dict[Node, int] = {}
     for node in postorder([g]):
         times[node] = 1 if node is x else min(sum(times[c] for c in node.children), _LARGEST)
@@ -89,8 +93,11 @@ def _occurrences(g: Expr, x: Var) -> int:
 
 
 def _taylor(g: Expr, x: Var, middle: Expr) -> list[Expr] | None:
-    """The coefficients of a polynomial g in powers of x - middle; None if g is written with anything but sums, products and powers of x, or
-    its degree is above MAX_PLACES. A bound of such a sum is off by as much as its highest terms, whatever g is written like."""
+    """Returns the coefficients of a polynomial g in powers of x - middle.
+
+    The bounds of such a sum are off by its highest terms only, however g is written. None if g is written with anything but sums,
+    products and powers of x, or its degree is above MAX_PLACES.
+    """
     series: dict[Node, list[Expr]] = {}
     for node in postorder([g]):
         if x not in node.free:
@@ -98,28 +105,28 @@ def _taylor(g: Expr, x: Var, middle: Expr) -> list[Expr] | None:
         parts = [series[c] if c in series else [cast(Expr, c)] for c in node.children]
         match node:
             case Var():
-                found = [middle, ONE]
+                coefficients = [middle, ONE]
             case Add():
-                found = [add(*(p[k] for p in parts if k < len(p))) for k in range(max(map(len, parts)))]
+                coefficients = [add(*(p[k] for p in parts if k < len(p))) for k in range(max(map(len, parts)))]
             case Mul():
-                found = parts[0]
+                coefficients = parts[0]
                 for p in parts[1:]:
-                    found = _convolved(found, p)
+                    coefficients = _convolved(coefficients, p)
             case Pow() if 0 < node.exponent <= MAX_PLACES:
-                found = parts[0]
+                coefficients = parts[0]
                 for bit in f"{node.exponent:b}"[1:]:
-                    found = _convolved(found, found)
-                    found = _convolved(found, parts[0]) if bit == "1" else found
+                    coefficients = _convolved(coefficients, coefficients)
+                    coefficients = _convolved(coefficients, parts[0]) if bit == "1" else coefficients
             case _:
                 return None
-        if len(found) > MAX_PLACES + 1:
+        if len(coefficients) > MAX_PLACES + 1:
             return None
-        series[node] = found
+        series[node] = coefficients
     return series[g]
 
 
 def _convolved(first: list[Expr], second: list[Expr]) -> list[Expr]:
-    """The coefficients of a product."""
+    """Returns the coefficients of a product of polynomials."""
     terms: list[list[Expr]] = [[] for _ in range(len(first) + len(second) - 1)]
     for i, u in enumerate(first):
         for j, v in enumerate(second):
@@ -128,10 +135,12 @@ def _convolved(first: list[Expr], second: list[Expr]) -> list[Expr]:
 
 
 def _around(taylor: list[Expr], half: Expr) -> tuple[tuple[Expr, Expr, Expr, Expr], tuple[Expr, Expr]]:
-    """Bounds of Σ cₖwᵏ, of its slope and of its curvature for |w| <= half: the curvature's by all coefficients, the others by Taylor's
-    theorem with the curvature's."""
-    value, rate, *rest = [*taylor, ZERO]
-    bends = [mul(const(float((k + 1) * (k + 2))), c) for k, c in enumerate(rest)] or [ZERO]
+    """Returns bounds of Σ cₖwᵏ, of its slope and of its curvature for |w| <= half.
+
+    The bounds of the curvature come from all coefficients; the others from Taylor's theorem with the bounds of the curvature.
+    """
+    value, rate, *higher = [*taylor, ZERO]
+    bends = [mul(const(float((k + 1) * (k + 2))), c) for k, c in enumerate(higher)] or [ZERO]
     reach: Expr = ZERO
     for c in reversed(bends[1:]):
         reach = mul(half, add(call("magnitude", c), reach))
@@ -142,7 +151,7 @@ def _around(taylor: list[Expr], half: Expr) -> tuple[tuple[Expr, Expr, Expr, Exp
 
 
 def _curvature(g: Expr, rate: Expr, x: Var, boxed: Enclosure) -> tuple[Expr, tuple[Expr, Expr]]:
-    """The curvature of g and its bounds, where g has one everywhere and it does not cost much more than g and its slope."""
+    """Returns the curvature of g and its bounds, if g has one everywhere and it does not cost much more than g and its slope; else NaN."""
     if not all(_is_smooth(n) for n in postorder([g]) if x in n.free):
         return _NO_NUMBER, _ANYTHING
     try:
@@ -161,8 +170,10 @@ def _is_smooth(node: Node) -> bool:
 
 @dataclass(frozen=True)
 class Location:
-    """f = g = 0 in a rectangle of outer and inner, which runs from low to high: bounds of both over left..right × bottom..top, and of their
-    slopes by outer and by inner."""
+    """The data for finding f = g = 0 in a rectangle of an outer variable and an inner one, which runs from low to high.
+
+    Bounds over left..right × bottom..top of f and g, and of their slopes by both variables.
+    """
 
     f: Expr
     g: Expr
@@ -175,15 +186,14 @@ class Location:
 
     @property
     def smooth(self) -> bool:
-        """Whether bounds of all slopes are known, so that the search closes in on points."""
+        """Returns whether bounds of all slopes are known, so that the search can close in on points."""
         return not any(isinstance(b, Const) and math.isinf(b.data) for b in self.bounds[4:])
 
 
 def locate(f: Expr, g: Expr, inner: Var, low: Expr, high: Expr, outer: Var) -> Location | None:
-    """What it takes to find where two surfaces meet, as seen from the outer variable; None where that is not possible.
+    """Returns the data for finding where two surfaces meet, as seen from the outer variable; None if that is not possible.
 
-    Where f and g are 0, so are f ± g: the two shortest of the four are looked at, which tells surfaces apart that only
-    approach each other.
+    Where f and g are 0, so are f ± g. The two shortest of the four are used: they tell surfaces apart that only approach each other.
     """
     sums = [e for e in (_combined(f, g, 1.0), _combined(f, g, -1.0)) if e is not None]
     f, g = sorted((f, g, *sums), key=lambda e: len(postorder([e])))[:2] if sums else (f, g)
@@ -204,7 +214,7 @@ def locate(f: Expr, g: Expr, inner: Var, low: Expr, high: Expr, outer: Var) -> L
 
 
 def _combined(f: Expr, g: Expr, sign: float) -> Expr | None:
-    """f ± g with like terms collected; None if there are none, or if nothing is left."""
+    """Returns f ± g with like terms collected; None if there are no like terms, or the result is 0."""
     terms: dict[Expr, float] = {}
     stack: list[tuple[Expr, float]] = [(g, sign), (f, 1.0)]
     count = 0
@@ -222,7 +232,7 @@ def _combined(f: Expr, g: Expr, sign: float) -> Expr | None:
 
 
 def _bounds_of_slope(e: Expr, x: Var, boxed: Enclosure) -> tuple[Expr, Expr]:
-    """Bounds of ∂e/∂x that the mean value theorem may use: infinite ones where e jumps, or has no slope."""
+    """Returns bounds of ∂e/∂x for the mean value theorem; infinite bounds if e jumps or has no slope."""
     if any(isinstance(n, Where) or (isinstance(n, Call) and n.name == "atan2") for n in postorder([e]) if n.free & boxed.box.keys()):
         return _ANY_SLOPE
     try:
@@ -232,7 +242,7 @@ def _bounds_of_slope(e: Expr, x: Var, boxed: Enclosure) -> tuple[Expr, Expr]:
 
 
 def widened(lo: Expr, hi: Expr) -> tuple[Expr, Expr]:
-    """The range in which roots are looked for: a little beyond the bounds, so that those on a bound are found (and are ties)."""
+    """Returns the range in which roots are searched: a little beyond the bounds, so that roots on a bound are found (and are ties)."""
     if any(isinstance(b, Const) and math.isinf(b.data) for b in (lo, hi)):
         return lo, hi
     margin = mul(const(MARGIN), sub(hi, lo))
@@ -240,14 +250,16 @@ def widened(lo: Expr, hi: Expr) -> tuple[Expr, Expr]:
 
 
 def off_the_grid(lo: Expr, hi: Expr) -> tuple[Expr, Expr]:
-    """A wider range, whose ends, halves and quarters are not where surfaces meet by symmetry: a zero is found the sooner the farther it is
-    from the border of a rectangle."""
+    """Returns a wider range whose ends, halves and quarters are not where surfaces meet by symmetry.
+
+    A zero is found the sooner the farther it is from the border of a rectangle.
+    """
     extent = sub(hi, lo)
     return sub(lo, mul(const(BEFORE), extent)), add(hi, mul(const(BEHIND), extent))
 
 
 def max_roots(g: Expr, x: Var, limit: int = MAX_ROOTS) -> int:
-    """No more than so many roots in x, as long as they are simple; `limit` where no theorem helps."""
+    """Returns an upper bound of the number of simple roots in x; `limit` if no theorem applies."""
     if isinstance(g, Where) and not g.condition.free:
         return max(max_roots(g.then, x, limit), max_roots(g.otherwise, x, limit))
     kinks = 0
@@ -278,8 +290,8 @@ def _of_smooth(g: Expr, x: Var) -> int | None:
 
 
 def _outermost(g: Expr, x: Var) -> list[Expr]:
-    """The functions x runs through that stand in no other one."""
-    found: dict[Expr, None] = {}
+    """Returns the outermost functions that depend on x."""
+    functions: dict[Expr, None] = {}
     stack: list[Expr] = [g]
     seen: set[Expr] = set()
     while stack:
@@ -288,9 +300,9 @@ def _outermost(g: Expr, x: Var) -> list[Expr]:
             continue
         seen.add(e)
         if isinstance(e, Call) and e.name != "magnitude":
-            found[e] = None
+            functions[e] = None
         elif isinstance(e, Where):
             stack += [e.then, e.otherwise]
         elif isinstance(e, Add | Mul | Pow | Call):
             stack.extend(cast("tuple[Expr, ...]", e.children))
-    return list(found)
+    return list(functions)

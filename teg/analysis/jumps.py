@@ -2,10 +2,10 @@
 
     jump_g(F) = F|g:=true - F|g:=false, all atoms of the surface g together
 
-computed by rules instead of by subtracting two copies: jump(Σ) = Σ jump; jump(a·b) = jump(a)·b₁ + a₀·jump(b);
-jump(∫ₗʰ a) = ∫ₗʰ jump(a), or ∫_{l₁}^{h₁} a₁ - ∫_{l₀}^{h₀} a₀ where bounds jump; 0 where g does not occur. So `[x<t]·[x<t]`,
-`sin(2[x<t])` and conditions inside conditions are right. Linear in the number of nodes that contain the surface.
-(Bangaru et al. 2021, section 4, differentiates each occurrence alone; the whole-integrand rule is ours.)
+The jump is computed by rules instead of by subtracting two copies: jump(Σ) = Σ jump; jump(a·b) = jump(a)·b₁ + a₀·jump(b); jump(∫ₗʰ a) =
+∫ₗʰ jump(a), or ∫_{l₁}^{h₁} a₁ - ∫_{l₀}^{h₀} a₀ where bounds jump; 0 where g does not occur. So `[x<t]·[x<t]`, `sin(2[x<t])` and
+conditions inside conditions are right. Linear in the number of nodes that contain the surface. Bangaru et al. 2021, section 4,
+differentiate each occurrence alone; the rule for the whole integrand is new here.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from teg.ir.traverse import rebuild, replace_node
 
 
 def _containing(root: Node, surface: Expr) -> list[Node]:
-    """The nodes that contain the surface (outside resolutions), children first."""
+    """Returns the nodes that contain the surface (outside of resolutions), children first."""
     contains: dict[Node, bool] = {}
     order: list[Node] = []
     for node in postorder([root]):
@@ -62,13 +62,13 @@ def _assign(order: list[Node], surface: Expr, value: Cond) -> dict[Node, Node]:
 
 
 def assign(e: Node, surface: Expr, value: bool) -> Node:
-    """e with every atom of the surface replaced by its truth value."""
+    """Returns e with every atom of the surface replaced by its truth value."""
     order = _containing(e, surface)
     return _assign(order, surface, TRUE if value else FALSE).get(e, e)
 
 
 def jump(e: Expr, surface: Expr) -> Expr:
-    """F|g:=true - F|g:=false of the whole expression."""
+    """Returns F|g:=true - F|g:=false of the whole expression."""
     order = _containing(e, surface)
     if not order:
         return ZERO
@@ -119,7 +119,7 @@ def jump(e: Expr, surface: Expr) -> Expr:
 
 
 def _product_jump(node: Mul, of: Any, one: Any, zero: Any) -> Expr:
-    """Σᵢ a₀…·jump(aᵢ)·…a₁: the telescoping product rule."""
+    """Returns Σᵢ a₀…·jump(aᵢ)·…a₁, the telescoping product rule."""
     factors = node.children
     changing = [c for c in factors if of(c) is not ZERO]
     if len(changing) == 1:
@@ -139,7 +139,7 @@ def _product_jump(node: Mul, of: Any, one: Any, zero: Any) -> Expr:
 
 
 def vanishes_on(e: Expr, surface: Expr) -> bool:
-    """e is 0 wherever the surface g is (so that e·δ(g) is nothing): the kinks of abs, min, max, and every continuous `where`."""
+    """Returns whether e is 0 wherever the surface g is, so that e·δ(g) = 0: the kinks of abs, min, max, and every continuous `where`."""
     if isinstance(e, Const):
         return e is ZERO
     if surface.has_integral:  # |g| has no jump, whatever g is
@@ -150,10 +150,10 @@ def vanishes_on(e: Expr, surface: Expr) -> bool:
 
 
 def surface_terms(body: Expr, surfaces: list[Expr]) -> list[tuple[Expr, Expr]]:
-    """(g, jump_g(body)) for the surfaces whose jump does not vanish on them."""
-    found = []
+    """Returns pairs (g, jump_g(body)) for the surfaces whose jump does not vanish on them."""
+    terms = []
     for g in surfaces:
         j = jump(body, g)
         if j is not ZERO and not vanishes_on(j, g) and not fades_at(j, g):
-            found.append((g, j))
-    return found
+            terms.append((g, j))
+    return terms

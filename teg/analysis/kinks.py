@@ -1,9 +1,9 @@
-"""Continuous branches as absolute values: a surface with many kinks in it stays one surface.
+"""Continuous branches as absolute values, so that a surface with many kinks stays one surface.
 
     where(h > 0, p, q)  =  ½(p + q) ± ½|p - q|        if p - q = k·h with a number k; ± is the sign of k
 
-`abs`, `minimum` and `maximum` are such branches. Hoisting n of them out of a condition makes 2ⁿ cases; as |·| (`magnitude`, which has no
-surface of its own) they make none, and the roots of the whole are isolated at run time, between the kinks. Linear.
+`abs`, `minimum` and `maximum` are such branches. Hoisting n of them out of a condition makes 2ⁿ cases. As |·| (the function `magnitude`,
+which has no surface of its own) they make none, and the roots of the whole are isolated at run time, between the kinks. Linear.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from teg.ir.traverse import rebuild
 
 
 def kinks_of(g: Expr) -> list[Where]:
-    """The branches in value position whose condition variables run through."""
-    found: dict[Where, None] = {}
+    """Returns the branches in value position whose conditions depend on variables."""
+    kinks: dict[Where, None] = {}
     for node in _value_nodes(g):
         if isinstance(node, Where) and node.condition.free:
-            found[node] = None
-    return list(found)
+            kinks[node] = None
+    return list(kinks)
 
 
 def with_sizes(g: Expr) -> Expr:
-    """g with its continuous branches written as absolute values."""
+    """Returns g with its continuous branches written as absolute values."""
     new: dict[Node, Node] = {}
     for node in _value_nodes(g):
         result = cast(Expr, rebuild(node, tuple([new.get(c, c) for c in node.children])))
@@ -54,7 +54,7 @@ def _as_size(e: Where) -> Expr:
 
 
 def _value_nodes(g: Expr) -> list[Expr]:
-    """The nodes of g in value position, children first: not those of conditions, nor inside integrals."""
+    """Returns the nodes of g in value position, children first; nodes of conditions and inside integrals are left out."""
     order: list[Expr] = []
     done: set[Expr] = set()
     stack: list[tuple[Expr, bool]] = [(g, False)]

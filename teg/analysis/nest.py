@@ -1,4 +1,4 @@
-"""Nests of integrals taken apart: binders, chains of them, and the ranges of their variables."""
+"""Nests of integrals: binders, chains of binders, and the ranges of their variables."""
 
 from __future__ import annotations
 
@@ -22,18 +22,21 @@ class Binder:
 
 
 Chain = tuple[Binder, ...]
-"""Integral signs, the outermost first."""
+"""The integral signs of a nest, the outermost first."""
 
 
 def nest(body: Expr, chain: Sequence[Binder]) -> Expr:
-    """The integrals of a chain around a body."""
+    """Returns the integrals of a chain around a body."""
     for b in reversed(chain):
         body = integral_over(body, b.var, b.lo, b.hi)
     return body
 
 
 def ranges_of(chosen: Sequence[Binder]) -> list[tuple[Expr, Expr]] | None:
-    """For each binder, outermost first, bounds that do not depend on the others: its own, or the least and largest it can have."""
+    """Returns, for each binder, outermost first, bounds that do not depend on the others: its own bounds, or their extreme values.
+
+    None if a bound is not affine in an outer variable.
+    """
     ranges: list[tuple[Expr, Expr]] = []
     outer: list[tuple[Var, Expr, Expr]] = []
     for b in chosen:

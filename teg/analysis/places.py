@@ -1,4 +1,4 @@
-"""Where chosen subexpressions stand: what contains them, whether the whole is affine in them, and when anybody looks at them."""
+"""Positions of chosen subexpressions: the nodes that contain them, whether the whole is affine in them, and their path conditions."""
 
 from __future__ import annotations
 
@@ -10,22 +10,25 @@ from teg.ir.node import Node, postorder
 
 
 def holding(root: Node, inner: Node) -> list[Node]:
-    """The nodes that contain one, children first; not itself."""
-    found: set[Node] = {inner}
+    """Returns the nodes that contain `inner`, children first, without `inner` itself."""
+    holders: set[Node] = {inner}
     order: list[Node] = []
     for node in postorder([root]):
-        if any([c in found for c in node.children]):
-            found.add(node)
+        if any([c in holders for c in node.children]):
+            holders.add(node)
             order.append(node)
     return order
 
 
 def linear_places(root: Expr, is_chosen: Callable[[Node], bool]) -> dict[Expr, bool]:
-    """The chosen nodes, innermost first, and whether the expression is affine in each as a number: on the way to it there is no more than
-    a sum, a product with something free of it, a branch, or an integral. One visit a node; sets of nodes are the bits of integers."""
+    """Returns the chosen nodes, innermost first, each with whether `root` is affine in it as a number.
+
+    It is affine if all nodes between are sums, products with factors that do not contain it, branches, and integrals. One visit a node;
+    sets of nodes are the bits of integers.
+    """
     chosen: list[Expr] = []
     below: dict[Node, int] = {}  # the chosen nodes in a node
-    bent: dict[Node, int] = {}  # those of them that it is not affine in
+    bent: dict[Node, int] = {}  # the chosen nodes in which a node is not affine
     for node in postorder([root]):
         every = several = curved = 0
         for i, c in enumerate(node.children):
@@ -42,7 +45,7 @@ def linear_places(root: Expr, is_chosen: Callable[[Node], bool]) -> dict[Expr, b
 
 
 def _keeps_lines(node: Node, i: int) -> bool:
-    """Is a node affine in child number i, as long as that is in no other child?"""
+    """Returns whether a node is affine in child number i, if that occurs in no other child."""
     match node:
         case Add() | Mul():
             return True
@@ -55,15 +58,15 @@ def _keeps_lines(node: Node, i: int) -> bool:
 
 
 def reached(root: Node, inner: Node) -> Cond:
-    """The condition, on parameters only, under which anybody looks at a subexpression."""
+    """Returns the condition, on parameters only, under which the value of a subexpression is used."""
     order = holding(root, inner)
-    found = {inner, *order}
+    chosen = {inner, *order}
     reach: dict[Node, Cond] = {root: TRUE}
     for node in reversed(order):
         for child in node.children:
-            if child in found:
-                here = reach[node]
+            if child in chosen:
+                path = reach[node]
                 if isinstance(node, Where) and not node.condition.free and child is not node.condition:
-                    here = conjunction(here, node.condition if child is node.then else negation(node.condition))
-                reach[child] = disjunction(reach.get(child, FALSE), here)
+                    path = conjunction(path, node.condition if child is node.then else negation(node.condition))
+                reach[child] = disjunction(reach.get(child, FALSE), path)
     return reach[inner]

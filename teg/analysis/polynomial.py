@@ -1,10 +1,10 @@
-"""What an expression is as a polynomial: its degree, whether two are proportional, whether one vanishes on a surface.
+"""Expressions as polynomials: degrees, whether two are proportional, whether one vanishes on a surface.
 
-Structure is judged on the exact normal form. The normal form over the variables asked about has coefficients that are expressions of
-everything else; writing those out could take exponentially many terms, so each coefficient is represented by its value at one random
-point of the prime field GF(P), P = 2⁵²¹ - 1. A polynomial identity that holds there is true but for a chance below 1e-100 (Schwartz 1980,
-Zippel 1979), and every operation costs one modular multiplication, whatever the coefficients look like. The random point is a hash of
-what it stands for, so the answers are the same in every process.
+Structure is decided on the exact normal form. The coefficients of the normal form in some variables are expressions of everything else,
+and writing them out could take exponentially many terms. So each coefficient is represented by its value at one random point of the
+prime field GF(P), P = 2⁵²¹ - 1. A polynomial identity that holds there is true but for a chance below 1e-100 (Schwartz 1980, Zippel
+1979), and every operation costs one modular multiplication, whatever the coefficients look like. The random point is a hash of the
+symbols, so the answers are the same in every process.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Ratio = tuple[Poly, Poly]
 
 @lru_cache(maxsize=4096)
 def inverse(x: int) -> int:
-    """1/x in the field. The same ones are asked for again and again, and each takes as long as a hundred products."""
+    """Returns 1/x in the field. Cached: the same inverses are needed again and again, and each costs as much as a hundred products."""
     return pow(x, -1, P)
 
 
@@ -57,10 +57,10 @@ def _residue_of_float(value: float) -> int | None:
 class Shadow:
     """Expressions as rational functions of `variables` over GF(P); everything else is a random element.
 
-    A `where` is its second branch plus a random multiple of the difference, and with `kinks` |u| a random multiple of u: on a piece where
-    no condition changes that has the right degree. Without `kinks` an |u| of the variables is not rational. `integral` may tell the shadow
-    of an integral that depends on the variables; else it is None, which means 'not known to be rational'. `leaves` fixes the elements of
-    chosen parameters and variables.
+    A `where` is its second branch plus a random multiple of the difference; with `kinks`, |u| is a random multiple of u. Both have the
+    right degree on a piece where no condition changes. Without `kinks` an |u| of the variables is not rational. `integral` may return
+    the shadow of an integral that depends on the variables; by default that is None, which means "not known to be rational". `leaves`
+    fixes the elements of chosen parameters and variables.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Shadow:
         self._known: dict[Expr, Ratio | None] = {}
 
     def of(self, e: Expr) -> Ratio | None:
-        """The rational function, or None."""
+        """Returns the rational function, or None if e is not known to be one."""
         known = self._known
         if e not in known:
             stack: list[Expr] = [e]
@@ -101,12 +101,12 @@ class Shadow:
         return known[e]
 
     def polynomial(self, e: Expr) -> Poly | None:
-        """The polynomial, or None if it is none (or has a denominator with variables in it)."""
+        """Returns the polynomial; None if e is none, or has a denominator with variables in it."""
         ratio = self.of(e)
         return ratio[0] if ratio is not None and self._is_constant(ratio[1]) else None
 
     def degree(self, e: Expr) -> int | None:
-        """Total degree of a polynomial; None for anything else."""
+        """Returns the total degree of a polynomial; None for anything else."""
         poly = self.polynomial(e)
         return None if poly is None else max((sum(m) for m in poly), default=0)
 
@@ -114,7 +114,7 @@ class Shadow:
         return residue(self._salt, *key)
 
     def constant(self, value: int) -> Ratio:
-        """A number of the field."""
+        """Returns a number of the field as a rational function."""
         value %= P
         return ({self._one: value} if value else {}, self._unit)
 
@@ -186,8 +186,10 @@ class Shadow:
         return self.constant(self._random(node.name, *values))
 
     def _apply(self, node: Apply) -> Ratio | None:
-        """A polynomial of the function's degree with random coefficients, Σₖ(Σᵢ sₖᵢ·uᵢ)ᵏ; of one that is just smooth a random element,
-        where its arguments are numbers."""
+        """Returns a polynomial of the function's degree with random coefficients, Σₖ(Σᵢ sₖᵢ·uᵢ)ᵏ.
+
+        For a function that is only known to be smooth: a random element if its arguments are numbers, else None.
+        """
         callee = node.callee
         key = (node.derivative, digest(callee) if isinstance(callee, Function) else callee.number)
         arguments = [self._known[c] for c in node.children]
@@ -242,7 +244,7 @@ class Shadow:
             return None
         if k < 0:
             if not a[0]:
-                return self.constant(self._random("1/0", k))  # in a branch that is not taken, or else infinite whatever one does
+                return self.constant(self._random("1/0", k))  # in a branch that is not taken, or else infinite anyway
             a, k = self._normal(a[1], a[0]), -k
         total: Ratio | None = a if k else self.constant(1)
         for _ in range(k - 1):
@@ -283,26 +285,26 @@ class Shadow:
 
 
 class Degrees:
-    """Degrees in one variable each; what several expressions share is looked at once."""
+    """Degrees in one variable each. Subexpressions that several expressions share are visited once."""
 
     def __init__(self) -> None:
         self._shadows: dict[Var, Shadow] = {}
 
     def of(self, e: Expr, variable: Var) -> int | None:
-        """The degree of a polynomial of the variable; None for anything else."""
+        """Returns the degree of a polynomial of the variable; None for anything else."""
         if variable not in self._shadows:
             self._shadows[variable] = Shadow((variable,))
         return self._shadows[variable].degree(e)
 
 
 class Point:
-    """Values of expressions at one random point of the field: two of them tell whether expressions are equal or proportional."""
+    """Values of expressions at one random point of the field. Two values tell whether expressions are equal or proportional."""
 
     def __init__(self, salt: str = "", leaves: Mapping[Expr, int] | None = None) -> None:
         self._shadow = Shadow((), leaves, salt=salt)
 
     def value(self, e: Expr) -> int | None:
-        """The value, or None where it is not defined or the expression is not algebraic."""
+        """Returns the value; None where it is not defined or the expression is not algebraic."""
         ratio = self._shadow.of(e)
         return None if ratio is None else ratio[0].get((), 0)
 
@@ -311,9 +313,9 @@ _LARGEST = 2**200
 
 
 def sign_of_residue(value: int) -> int | None:
-    """The sign of the fraction p/q with |p|, q < 2²⁰⁰ that a residue stands for (Wang 1981); None if there is none.
+    """Returns the sign of the fraction p/q with |p|, q < 2²⁰⁰ that a residue stands for (Wang 1981); None if there is none.
 
-    There are 2⁴⁰⁰ such fractions among 2⁵²¹ residues: one that is found by chance is out of the question.
+    There are 2⁴⁰⁰ such fractions among 2⁵²¹ residues, so the probability of a fraction by chance is below 1e-36.
     """
     r0, r1, s0, s1 = P, value % P, 0, 1
     while r1 > _LARGEST:
@@ -332,8 +334,10 @@ Form = dict[Powers, Fraction]
 
 
 def shorter_form(e: Expr) -> Expr | None:
-    """The shorter one of two normal forms: in parameters, or in differences of two parameters too, which do not cancel when far coordinates
-    are squared; `expanded` where they are as long."""
+    """Returns the shorter of two normal forms of e: in parameters, or in parameters and differences of two parameters.
+
+    Differences of parameters do not cancel where far coordinates are squared. If both are equally long: `expanded(e)`.
+    """
     plain = expanded(e)
     differences = [n for n in postorder([e]) if isinstance(n, Expr) and _is_difference(n)]
     local = expanded(e, whole=differences) if differences else None
@@ -345,7 +349,7 @@ def _length(e: Expr) -> int:
 
 
 def _is_difference(e: Expr) -> bool:
-    """p - q of two parameters."""
+    """Returns whether e is p - q of two parameters."""
     if not isinstance(e, Add) or len(e.children) != 2:
         return False
     p, q = e.children
@@ -354,8 +358,11 @@ def _is_difference(e: Expr) -> bool:
 
 
 def expanded(e: Expr, limit: int = 48, whole: Collection[Expr] = ()) -> Expr | None:
-    """The sum of monomials in everything that is not a sum, product or integer power, or one of the `whole` expressions, with exact
-    cancellation; None if it is longer than `limit` terms or a number in it is not exact as float64."""
+    """Returns e as a sum of monomials, with exact cancellation.
+
+    The generators are the nodes that are not sums, products or integer powers, and the expressions of `whole`. None if the sum is longer
+    than `limit` terms, or a number in it is not exact as float64.
+    """
     form, generators = _normal_form(e, limit, frozenset(whole))
     return None if form is None else _from_form(form, generators)
 
@@ -377,7 +384,8 @@ def perfect_power(e: Expr, limit: int = 48) -> tuple[int, Expr, int] | None:
 
 
 def _root(form: Form, lead: Powers, k: int, size: int) -> Form | None:
-    """The monic polynomial whose k-th power is proportional to a form: term by term, each from the highest one that is still missing."""
+    """Returns the monic polynomial whose k-th power is proportional to `form`; its terms are found from the highest
+    missing one downwards."""
     top: Powers = tuple((i, j // k) for i, j in lead)
     root: Form = {top: Fraction(1)}
     slope = {i: (k - 1) * j for i, j in top}
@@ -401,13 +409,13 @@ def _root(form: Form, lead: Powers, k: int, size: int) -> Form | None:
 
 
 def _dense(m: Powers, size: int) -> tuple[int, ...]:
-    """All exponents of a monomial: their lexicographic order is an order of monomials."""
+    """Returns all exponents of a monomial. Their lexicographic order is an order of monomials."""
     powers = dict(m)
     return tuple(powers.get(i, 0) for i in range(size))
 
 
 def _product(a: Form, b: Form, limit: int) -> Form | None:
-    """The product of two forms; None if it is longer than `limit` terms."""
+    """Returns the product of two forms; None if it is longer than `limit` terms."""
     if len(a) * len(b) > 10 * limit:
         return None
     out: Form = {}
@@ -422,7 +430,7 @@ def _product(a: Form, b: Form, limit: int) -> Form | None:
 
 
 def _from_form(form: Form, generators: Sequence[Expr]) -> Expr | None:
-    """A form as an expression; None if a number in it is not exact as float64."""
+    """Returns a form as an expression; None if a number in it is not exact as float64."""
     terms = []
     for m, coefficient in form.items():
         if Fraction(float(coefficient)) != coefficient:
@@ -432,8 +440,10 @@ def _from_form(form: Form, generators: Sequence[Expr]) -> Expr | None:
 
 
 def _normal_form(e: Expr, limit: int, kept: frozenset[Expr] = frozenset()) -> tuple[Form | None, list[Expr]]:
-    """An expression as a polynomial of generators, its nodes that are no sum, product or integer power, and those
-    that are `kept` whole; None if it is too long."""
+    """Returns an expression as a polynomial of generators, and these generators; (None, …) if it is too long.
+
+    Generators are the nodes that are not sums, products or integer powers, and the nodes in `kept`.
+    """
     forms: dict[Expr, Form | None] = {}
     atoms: list[Expr] = []
     number: dict[Expr, int] = {}

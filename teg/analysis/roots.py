@@ -1,7 +1,7 @@
-"""Where a surface meets a line: its roots in one variable, as expressions of everything else.
+"""Roots of a surface in one variable, as expressions of everything else.
 
 affine       x* = l - g(l)/g′                                  from the value at a bound l, as the user wrote it
-quadratic    q = -½(B + sgn(B)·√D),  x₁ = q/A,  x₂ = C/q         neither cancels; A → 0 sends x₁ to infinity (Press et al., section 5.6)
+quadratic    q = -½(B + sgn(B)·√D),  x₁ = q/A,  x₂ = C/q       neither cancels; A → 0 sends x₁ to infinity (Press et al., section 5.6)
 f(u) = c     u = f⁻¹(c), every branch inside the bounds, then u = … is solved for x in the same way
 """
 
@@ -48,16 +48,16 @@ from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, parameters, replace_node, size, substitute
 
 MAX_PERIODIC = 16
-"""Roots of a periodic function for which code is made where the bounds are not known as numbers."""
+"""The number of roots of a periodic function for which code is made if the bounds are not known as numbers."""
 MAX_NUMERIC = 64
-"""And where they are."""
+"""The same if the bounds are known as numbers."""
 MAX_DEPTH = 8
 COARSE = 1e4
 
 
 @dataclass(frozen=True)
 class Root:
-    """One root: where it is, and under which condition it exists (elsewhere `point` is not a number, or no root)."""
+    """One root: its place, and the condition under which it exists. Elsewhere `point` is NaN or no root."""
 
     point: Expr
     exists: Cond = TRUE
@@ -65,21 +65,24 @@ class Root:
 
 @dataclass(frozen=True)
 class Roots:
-    """All roots between the bounds; `certain` is false where there may be more of them than there is code for."""
+    """All roots between the bounds. `certain` is False if there may be more of them than there is code for."""
 
     found: tuple[Root, ...]
     certain: bool = True
 
 
 def local_origin(lo: Expr, hi: Expr) -> Expr:
-    """What roots are computed relative to: 0 where it is between the bounds, else a finite bound."""
+    """Returns the origin relative to which roots are computed: 0 if it is between the bounds, else a finite bound."""
     if isinstance(lo, Const) and isinstance(hi, Const) and min(lo.data, hi.data) <= 0.0 <= max(lo.data, hi.data):
         return ZERO
     return next((b for b in (lo, hi) if not (isinstance(b, Const) and math.isinf(b.data))), ZERO)
 
 
 def far_origin(lo: Expr, hi: Expr) -> Expr:
-    """The same for what has more terms: the nearer bound where both are numbers far from 0, compared with their distance; else 0."""
+    """Returns the origin for formulas with more terms.
+
+    The nearer bound if both are numbers that are far from 0 compared with their distance; else 0.
+    """
     if isinstance(lo, Const) and isinstance(hi, Const):
         nearer = min(lo, hi, key=lambda b: abs(b.data))
         if math.isfinite(nearer.data) and lo.data * hi.data > 0.0 and abs(nearer.data) > 4.0 * abs(hi.data - lo.data):
@@ -88,8 +91,10 @@ def far_origin(lo: Expr, hi: Expr) -> Expr:
 
 
 def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH, degrees: Degrees | None = None) -> Roots | None:
-    """The roots of g in x between the bounds where a formula is known, else None. Some may lie outside of the bounds. Who asks for the
-    roots of many functions may give the degrees that are known already."""
+    """Returns the roots of g in x between the bounds if a formula is known, else None. Some may lie outside of the bounds.
+
+    `degrees` holds degrees that are known already, for callers that solve many functions.
+    """
     try:
         degree = (degrees or Degrees()).of(g, x)
         if degree == 0:
@@ -111,7 +116,7 @@ def solve(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int = MAX_DEPTH, degrees: 
 
 
 def affine_root(g: Expr, x: Var, origin: Expr) -> Expr:
-    """The root of an affine surface: origin - g(origin)/g′."""
+    """Returns the root of an affine surface: origin - g(origin)/g′."""
     if not (isinstance(origin, Const) and math.isfinite(origin.data)) and isinstance(origin, Const):
         origin = ZERO
     at = cast(Expr, substitute(g, {x: origin}))
@@ -120,7 +125,7 @@ def affine_root(g: Expr, x: Var, origin: Expr) -> Expr:
 
 
 def quadratic_coefficients(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Expr, Expr, Expr]:
-    """A, B, C of g = A·w² + B·w + C, w = x - origin."""
+    """Returns A, B, C of g = A·w² + B·w + C, w = x - origin."""
     first = slope(g, x)
     second = slope(first, x)
     parts = mul(const(0.5), second), first, g
@@ -129,25 +134,26 @@ def quadratic_coefficients(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Expr, 
 
 
 def tidy(e: Expr) -> Expr:
-    """The shorter of an expression and its exact normal form."""
+    """Returns the shorter of an expression and its exact normal form."""
     normal = shorter_form(e)
     return normal if normal is not None and size(normal) <= size(e) and not _is_coarse(normal) else e
 
 
 def discriminant(a: Expr, b: Expr, c: Expr) -> Expr:
-    """B² - 4AC, from the exact normal form where that is short: for (x - c)² < t it is 4t and not a difference of squares."""
+    """Returns B² - 4AC, from the exact normal form if that is short: for (x - c)² < t it is 4t and not a difference of squares."""
     raw = sub(integer_power(b, 2), mul(const(4), a, c))
     normal = shorter_form(raw)
     return normal if normal is not None and not _is_coarse(normal) else raw
 
 
 def _is_coarse(normal: Expr) -> bool:
-    """Whether a normal form has so large numbers that it loses digits: (x - 1000)², written out."""
+    """Returns whether a normal form has such large numbers that it loses digits: (x - 1000)², written out."""
     return any(isinstance(n, Const) and abs(n.data) > COARSE for n in postorder([normal]))
 
 
 def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
-    """Both roots. Where A is a number and m = -B/2A cannot be much larger than a root, they are m ± s, which is as exact and smoother."""
+    """Returns both roots. If A is a number and m = -B/2A cannot be much larger than a root, they are m ± s, which is
+    as exact and smoother."""
     a, b, c = quadratic_coefficients(g, x, origin)
     d = discriminant(a, b, c)
     exists = conjunction(positive(d, strict=False), _not_zero(a))
@@ -158,7 +164,7 @@ def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
         return (Root(sub(middle, half), exists), Root(add(middle, half), exists))
     up = positive(b, strict=False)
     q = mul(const(-0.5), add(b, where(up, root, mul(MINUS_ONE, root))))
-    larger, smaller = add(origin, div(q, a)), add(origin, div(c, q))  # in size, if the origin is 0
+    larger, smaller = add(origin, div(q, a)), add(origin, div(c, q))  # by size, if the origin is 0
     real, has_larger, has_smaller = positive(d, strict=False), _not_zero(a), _not_zero(q)
     if isinstance(up, Truth):
         return (Root(larger, conjunction(real, has_larger)), Root(smaller, conjunction(real, has_smaller)))
@@ -169,7 +175,7 @@ def quadratic_roots(g: Expr, x: Var, origin: Expr = ZERO) -> tuple[Root, ...]:
 
 
 def _may_cancel(a: Const, b: Expr, d: Expr) -> bool:
-    """Whether m and s may be nearly the same, D holding B²: with a large parameter in B, or numbers such that m is large."""
+    """Returns whether m and s may nearly cancel, where D holds B²: B has a large parameter, or its numbers make m large."""
     if not b.free and set(parameters(b)) & set(parameters(d)):
         return True
     middle = _ordinary_size(b)
@@ -177,7 +183,7 @@ def _may_cancel(a: Const, b: Expr, d: Expr) -> bool:
 
 
 def _ordinary_size(e: Expr) -> float:
-    """The size of an expression whose parameters, variables and functions are of size 1 and whose terms do not cancel."""
+    """Returns the size of an expression whose parameters, variables and functions have size 1 and whose terms do not cancel."""
     sizes: dict[Node, float] = {}
     with_numbers = (Add, Mul, Pow)
     for node in postorder([e]):
@@ -208,20 +214,20 @@ def _not_zero(e: Expr) -> Cond:
 
 
 def _parts(g: Expr, x: Var) -> tuple[Expr, Expr, Expr] | None:
-    """P, Q, D of g = P + Q·√D with one square root that x runs through."""
-    found = [n for n in _functions(g, x) if isinstance(n, Call) and n.name in ("sqrt", "root")]
-    if len(found) != 1:
+    """Returns P, Q, D of g = P + Q·√D, where √D is the only square root that depends on x."""
+    square_roots = [n for n in _functions(g, x) if isinstance(n, Call) and n.name in ("sqrt", "root")]
+    if len(square_roots) != 1:
         return None
     s = fresh("√", g.free)
-    affine = cast(Expr, replace_node(g, found[0], s))
+    affine = cast(Expr, replace_node(g, square_roots[0], s))
     if Shadow((s,)).degree(affine) != 1:
         return None
     at_zero, rate = (cast(Expr, substitute(e, {s: ZERO})) for e in (affine, slope(affine, s)))
-    return at_zero, rate, found[0].children[0]
+    return at_zero, rate, square_roots[0].children[0]
 
 
 def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
-    """P + Q·√D = 0: the roots of P² - Q²·D at which P and Q have opposite signs."""
+    """Returns the roots of P + Q·√D = 0: the roots of P² - Q²·D at which P and Q have opposite signs."""
     parts = _parts(g, x)
     if parts is None:
         return None
@@ -230,20 +236,20 @@ def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | No
     roots = solve(tidy(square), x, lo, hi, depth - 1)
     if roots is None:
         return None
-    found = []
+    kept = []
     for r in roots.found:
         at = {x: r.point}
         opposite = positive(cast(Expr, substitute(mul(MINUS_ONE, p, q), at)), strict=False)
-        found.append(Root(r.point, conjunction(r.exists, opposite)))
-    return Roots(tuple(found), roots.certain)
+        kept.append(Root(r.point, conjunction(r.exists, opposite)))
+    return Roots(tuple(kept), roots.certain)
 
 
 # -- f(u) = c ------------------------------------------------------------------------------------------------------------
 
 
 def _functions(g: Expr, x: Var) -> list[Call | Pow]:
-    """The outermost functions and higher powers that x runs through."""
-    found: dict[Call | Pow, None] = {}
+    """Returns the outermost functions and higher powers that depend on x."""
+    functions: dict[Call | Pow, None] = {}
     stack: list[Expr] = [g]
     seen: set[Expr] = set()
     while stack:
@@ -252,16 +258,16 @@ def _functions(g: Expr, x: Var) -> list[Call | Pow]:
             continue
         seen.add(e)
         if isinstance(e, Call) or (isinstance(e, Pow) and not 0 < e.exponent <= 2):
-            found[e] = None
+            functions[e] = None
         elif isinstance(e, Where):
             stack += [e.then, e.otherwise]
         elif isinstance(e, Add | Mul | Pow):
             stack.extend(cast("tuple[Expr, ...]", e.children))
-    return list(found)
+    return list(functions)
 
 
 def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
-    """g a polynomial of degree 1 or 2 in one function of x, and in x no other way: invert the function."""
+    """Returns the roots of a g that is a polynomial of degree 1 or 2 in one function of x and depends on x in no other way."""
     functions = _functions(g, x)
     harmonic = _harmonic(g, x, functions)
     if harmonic is not None:
@@ -276,7 +282,7 @@ def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
     levels = solve(outer, z, ZERO, ONE, depth - 1)
     if levels is None:
         return None
-    found: list[Root] = []
+    solutions: list[Root] = []
     certain = levels.certain
     for level in levels.found:
         inner = _preimages(f, level.point, x, lo, hi)
@@ -291,12 +297,12 @@ def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:
             certain &= deeper.certain
             for r in deeper.found:
                 there = cast(Cond, substitute(exists, {x: r.point}))
-                found.append(Root(r.point, conjunction(level.exists, there, r.exists)))
-    return Roots(tuple(found), certain)
+                solutions.append(Root(r.point, conjunction(level.exists, there, r.exists)))
+    return Roots(tuple(solutions), certain)
 
 
 def _harmonic(g: Expr, x: Var, functions: list[Call | Pow]) -> tuple[Expr, list[Call | Pow]] | None:
-    """A·sin u + B·cos u + C = R·sin(u + φ) + C with R = √(A² + B²), φ = atan2(B, A)."""
+    """Returns A·sin u + B·cos u + C as R·sin(u + φ) + C, with R = √(A² + B²), φ = atan2(B, A)."""
     by_name = {f.name: f for f in functions if isinstance(f, Call)}
     if len(functions) != 2 or by_name.keys() != {"sin", "cos"} or by_name["sin"].children != by_name["cos"].children:
         return None
@@ -305,14 +311,15 @@ def _harmonic(g: Expr, x: Var, functions: list[Call | Pow]) -> tuple[Expr, list[
     if Shadow((s, c)).degree(linear) != 1 or x in linear.free:
         return None
     parts = slope(linear, s), slope(linear, c), linear
-    a, b, rest = (cast(Expr, substitute(e, {s: ZERO, c: ZERO})) for e in parts)
+    a, b, constant = (cast(Expr, substitute(e, {s: ZERO, c: ZERO})) for e in parts)
     wave = call("sin", add(by_name["sin"].children[0], call("atan2", b, a)))
     radius = call("sqrt", add(integer_power(a, 2), integer_power(b, 2)))
-    return add(mul(radius, wave), rest), [cast(Call, wave)]
+    return add(mul(radius, wave), constant), [cast(Call, wave)]
 
 
 def _preimages(f: Call | Pow, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[tuple[Expr, Cond]], bool] | None:
-    """Surfaces u - uᵢ whose roots are those of f(u) = c, each with the condition under which uᵢ is a solution; and are these all?"""
+    """Returns surfaces u - uᵢ whose roots are those of f(u) = c, each with the condition under which uᵢ is a solution, and whether these
+    are all."""
     u = cast(Expr, f.children[0])
     if isinstance(f, Pow):
         return [(sub(u, v), exists) for v, exists in _power_preimages(f.exponent, c)], True
@@ -380,13 +387,16 @@ _INVERSES: dict[str, Callable[[Expr], list[tuple[Expr, Cond]]]] = {
 
 
 def _periodic_preimages(name: str, u: Expr, c: Expr, x: Var, lo: Expr, hi: Expr) -> tuple[list[tuple[Expr, Cond]], bool] | None:
-    """sin u = c: u = mπ + (-1)^m·asin c; cos u = c: u = ½π + that of sin with -c…; tan u = c: u = mπ + atan c; for each m in reach of u."""
+    """Returns the preimages of c under a periodic function, for each m in reach of u.
+
+    sin u = c: u = mπ + (-1)^m·asin c; cos u = c: u = ½π + that of sin with -c…; tan u = c: u = mπ + atan c.
+    """
     if Shadow((x,)).degree(u) != 1:
         return None
     if name == "cos":  # cos u = sin(u + ½π)
         u, name = add(u, const(math.pi / 2)), "sin"
     if any(isinstance(b, Const) and math.isinf(b.data) for b in (lo, hi)):
-        return None  # endlessly many
+        return None  # infinitely many
     ends = [cast(Expr, substitute(u, {x: b})) for b in (lo, hi)]
     exists = _within(c, -1.0, 1.0) if name == "sin" else TRUE
     base = call("asin" if name == "sin" else "atan", c)

@@ -1,4 +1,4 @@
-"""How integrals are computed: tolerance, rule, order, and what belongs to them, checked."""
+"""Options of integration: tolerance, rule, order and related ones, checked."""
 
 from __future__ import annotations
 
@@ -18,25 +18,30 @@ RULES = {
     "montecarlo": "samples",
     "qmc": "samples",
 }
-"""The rules, and what `order` means to each."""
+"""The rules, each with the meaning of `order`."""
 MOST_ROOTS = 4096
-"""More roots of one condition than that are not looked for: each takes a place in the loops."""
+"""The largest number of roots of one condition that are searched for. Each takes a place in the loops."""
 WIDER = 4
-"""How many times the room for roots grows where it was too little."""
+"""The factor by which the room for roots grows when it was too small."""
 MAX_ORDER = 64
-"""Nodes of a Gauss rule: beyond that pieces are better halved."""
+"""The largest number of nodes of a Gauss rule. Halving a piece is better than more nodes."""
 
 
 @dataclass(frozen=True)
 class Integration:
-    """Tolerance (mixed absolute and relative), rule, its order (None: the rule's own choice), the seed of samples, and for how many roots
-    of a condition there is room at first, if no theorem bounds their number. Raises OptionError for values that they cannot have."""
+    """How to integrate: tolerance, rule, order, seed, room for roots and intrinsics.
+
+    `tol` is absolute and relative at once. `order` None means the rule's own choice. `seed` is that of samples. `max_roots` is the first
+    number of places for the roots of a condition whose number no theorem bounds. `intrinsics` allows the fast paths of one shape of
+    program. Raises OptionError for values outside of their ranges.
+    """
 
     tol: float = DEFAULT_TOL
     rule: str = "auto"
     order: int | None = None
     seed: int = 0
     max_roots: int = MAX_ROOTS
+    intrinsics: bool = True
 
     def __post_init__(self) -> None:
         tol: Any = self.tol
@@ -48,7 +53,7 @@ class Integration:
         order: Any = self.order
         if order is not None:
             most = MAX_ORDER if self.rule in ("auto", "adaptive", "gauss") else 2**35
-            least = 4 if self.rule in ("auto", "adaptive") else 1  # from 4 on the error can be estimated
+            least = 4 if self.rule in ("auto", "adaptive") else 1  # with 4 nodes and more the error can be estimated
             if not _is_whole(order) or not least <= order <= most:
                 meaning = f"order= is {RULES[self.rule]} with rule={self.rule!r}"
                 raise OptionError(f"order={order!r} is not a whole number from {least} to {most}", None, meaning)
@@ -57,17 +62,19 @@ class Integration:
             raise OptionError(f"seed={self.seed!r} is not a seed", None, "a whole number from 0 to 2³² - 1")
         if not _is_whole(self.max_roots) or not 1 <= self.max_roots <= MOST_ROOTS:
             raise OptionError(f"max_roots={self.max_roots!r} is not a number of roots", None, "1 to 4096; each takes a place in the loops")
+        if not isinstance(self.intrinsics, bool):
+            raise OptionError(f"intrinsics={self.intrinsics!r} is not known", None, "True or False")
         object.__setattr__(self, "seed", int(self.seed))
         object.__setattr__(self, "max_roots", int(self.max_roots))
 
     @property
     def closed_forms(self) -> bool:
-        """Whether an integral may be computed without a rule (clipped polygons, moments of hyperbolas): only where none was asked for."""
-        return self.rule == "auto" and self.order is None
+        """Returns whether an integral may be computed by an intrinsic, without a rule: only if the user chose no rule."""
+        return self.intrinsics and self.rule == "auto" and self.order is None
 
 
 def with_more_room(how: Integration) -> Integration | None:
-    """The same with more room for roots; None where there is as much as there can be."""
+    """Returns the same options with more room for roots; None if the room is at its maximum."""
     return replace(how, max_roots=min(WIDER * how.max_roots, MOST_ROOTS)) if how.max_roots < MOST_ROOTS else None
 
 

@@ -1,17 +1,16 @@
 """Sharp values: subexpressions that can be large between all nodes of a rule, and small at each of them; bounds of them over a box.
 
-A narrow smooth feature of an integrand comes from few kinds of nodes, whose own size, or slope, tells where it is:
+A narrow smooth feature of an integrand comes from few kinds of nodes. The size of the node, or its slope, tells where the feature is:
 
     exp u                   itself                       uᵏ, pow(u, k), k < 0 or large      itself
     cosh u, sinh u          cosh u                       sin u, cos u, u no polynomial      how far u goes in a gap
     tanh u                  1 - tanh²u                   atan u                             1/(1 + u²)
-    f(u, …) of the user's   |f|
+    f(u, …) of the user     |f|
 
-Of tanh and atan it is the slope: the steps themselves are seen. A sharp value is *tame* if it cannot change much between neighbouring
-nodes: if its bounds over the whole domain are near each other, or those of its logarithm's slope are small. This is decided when the
-program is made, where the domain is known in numbers. Bounds over a box are those of `teg.analysis.intervals`; an integral inside is
-bounded by the
-largest size of its integrand times the largest extent of its range. Linear in the size of the integrands.
+For tanh and atan the slope counts, because the steps themselves are seen. A sharp value is *tame* if it cannot change much between
+neighbouring nodes: its bounds over the whole domain are near each other, or the bounds of its logarithm's slope are small. This is
+decided at compile time if the domain is known in numbers. Bounds over a box are those of `teg.analysis.intervals`. An inner integral is
+bounded by the largest size of its integrand times the largest extent of its range. Linear in the size of the integrands.
 """
 
 from __future__ import annotations
@@ -34,21 +33,27 @@ from teg.ir.traverse import fresh, rebuild, substitute
 from teg.program import UNSEEN
 
 LARGE_POWER = 16
-"""A positive power up to that is narrow only where its base is; a negative one of a linear or quadratic function has places of its own."""
+"""The largest positive power that is not sharp by itself: it is narrow only where its base is.
+
+A negative power of a linear or quadratic function has its own treatment as a pole.
+"""
 SATURATED = 1e-13
-"""Added to the slope of tanh: where that is lost in the rounding of 1, nothing is narrow."""
+"""Added to the slope of tanh. Where the slope is lost in the rounding of 1 the step is not narrow."""
 FAR_ARGUMENT = 3.0
-"""How far the argument of a wave may go between two nodes."""
+"""The largest change of a wave's argument between two nodes."""
 MAX_NODES = 4000
-"""Nodes of a guard's bounds: beyond that every box matters."""
+"""The largest number of nodes of a guard's bounds. Beyond it every box counts as unsafe."""
 _INFINITY = const(math.inf)
 _NO_NUMBER = const(math.nan)
 
 
 @dataclass(frozen=True)
 class Sharp:
-    """A sharp value, the node it comes from, and that node's argument u. The slope of the value's logarithm is at most `factor` times that
-    of u (None: not known); of `power`s, that of u's logarithm. Of a `wave` it is u that counts."""
+    """A sharp value, the node it comes from, and that node's argument u.
+
+    The slope of the value's logarithm is at most `factor` times the slope of u (None: not known); for a `power`, `factor` times the
+    slope of u's logarithm. For a `wave`, u itself counts.
+    """
 
     node: Expr
     value: Expr
@@ -59,18 +64,20 @@ class Sharp:
 
 
 def sharp_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var], degrees: Degrees, poles: int) -> list[Sharp]:
-    """The sharp values of integrands over x that do not depend on variables of the integrals inside; `poles` is how many poles near to
-    pieces are known: a single one has places of its own."""
-    found: dict[Expr, Sharp] = {}
+    """Returns the sharp values of integrands over x that do not depend on variables of inner integrals.
+
+    `poles` is the number of known poles near pieces: a single one has its own treatment.
+    """
+    values: dict[Expr, Sharp] = {}
     for node in _in_values(bodies, x, inner):
         sharp = sharp_value(node, x, degrees, poles) if not node.free & inner else None
         if sharp is not None:
-            found.setdefault(sharp.argument if sharp.wave else sharp.value, sharp)
-    return list(found.values())
+            values.setdefault(sharp.argument if sharp.wave else sharp.value, sharp)
+    return list(values.values())
 
 
 def _in_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var]) -> list[Expr]:
-    """The numbers in integrands that depend on x, conditions of the integrand's own left out: these have breaks."""
+    """Returns the numbers in integrands that depend on x. Conditions of the integrand are left out: they have breaks."""
     seen: set[Node] = set()
     order: list[Expr] = []
     stack: list[Node] = list(reversed(bodies))
@@ -90,11 +97,13 @@ def _in_values(bodies: Sequence[Expr], x: Var, inner: frozenset[Var]) -> list[Ex
 
 
 def sharp_value(node: Expr, x: Var, degrees: Degrees, poles: int) -> Sharp | None:
-    """The sharp value that a node contributes, as seen from x; None for most."""
+    """Returns the sharp value that a node contributes, as seen from x; None for most nodes."""
     match node:
         case Pow():
             u, k = node.base, node.exponent
-            if k == -1 and isinstance(u, Call) and u.name in ("sqrt", "root"):  # as singular as nodes can see, and has places of its own
+            if (
+                k == -1 and isinstance(u, Call) and u.name in ("sqrt", "root")
+            ):  # as singular as the nodes can resolve, and treated as a singularity
                 return None
             if 0 < k <= LARGE_POWER or (-LARGE_POWER <= k < 0 and poles <= 1 and degrees.of(u, x) in (1, 2)):
                 return None
@@ -133,8 +142,10 @@ def _sharp_call(node: Call, x: Var, degrees: Degrees) -> Sharp | None:
 
 
 def bounds(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr] | None:
-    """The upper and the lower bound of a sharp value over a box; None where none are known. Of a function whose body is not to be seen the
-    values at both ends and in the middle have to do."""
+    """Returns the upper and the lower bound of a sharp value over a box; None if none are known.
+
+    A function whose body is hidden is bounded by its values at both ends and in the middle.
+    """
     try:
         if not sharp.wave:
             lo, hi = boxed.of(sharp.value)
@@ -146,8 +157,10 @@ def bounds(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr] | None:
 
 
 def _at_points(value: Expr, box: Mapping[Var, Interval]) -> tuple[Expr, Expr] | None:
-    """The largest of a value at both ends and in the middle of an interval, twice: how far it may fall is not known. None in several
-    variables, and with an integral."""
+    """Returns the largest of the values at both ends and in the middle of an interval, twice: a lower bound is not known.
+
+    None in several variables, and for an integral.
+    """
     inside = [v for v in box if v in value.free]
     if len(inside) != 1 or value.has_integral:
         return None
@@ -160,13 +173,13 @@ def _at_points(value: Expr, box: Mapping[Var, Interval]) -> tuple[Expr, Expr] | 
 
 
 def sizes(bodies: Sequence[Expr], boxed: Enclosure) -> list[Expr]:
-    """Bounds of the |integrands| over a box, infinite where none are known."""
-    found = [size_of(body, boxed) for body in bodies]
-    return found if len(postorder(found)) <= MAX_NODES else [_INFINITY] * len(found)
+    """Returns bounds of |integrand| over a box, infinite if none are known."""
+    largest = [size_of(body, boxed) for body in bodies]
+    return largest if len(postorder(largest)) <= MAX_NODES else [_INFINITY] * len(largest)
 
 
 def size_of(body: Expr, boxed: Enclosure) -> Expr:
-    """A bound of |body| over a box."""
+    """Returns a bound of |body| over a box."""
     plain, box = _without_integrals(body, boxed.box)
     try:
         lo, hi = (boxed if plain is body else Enclosure(box)).of(plain)
@@ -176,8 +189,10 @@ def size_of(body: Expr, boxed: Enclosure) -> Expr:
 
 
 def _without_integrals(body: Expr, box: Mapping[Var, Interval]) -> tuple[Expr, dict[Var, Interval]]:
-    """The expression with variables in the place of integrals and functions that depend on the box, and the box with their bounds. The
-    recursion is as deep as integrals are nested."""
+    """Returns the expression with variables in the place of integrals and functions that depend on the box, and the box with their bounds.
+
+    The recursion is as deep as integrals are nested.
+    """
     new: dict[Node, Node] = {}
     larger = dict(box)
     variables = set(box)
@@ -202,7 +217,7 @@ def _without_integrals(body: Expr, box: Mapping[Var, Interval]) -> tuple[Expr, d
 
 
 def extent_of(node: Integral, box: Mapping[Var, Interval]) -> Expr:
-    """A bound of |∫| over a box: the largest size of the integrand, times the extent of the range."""
+    """Returns a bound of |∫| over a box: the largest size of the integrand times the extent of the range."""
     low, high = range_of(node, box)
     if low is None or high is None:
         return _INFINITY
@@ -210,7 +225,7 @@ def extent_of(node: Integral, box: Mapping[Var, Interval]) -> Expr:
 
 
 def range_of(node: Integral, box: Mapping[Var, Interval]) -> tuple[Expr, Expr] | tuple[None, None]:
-    """Bounds of an integral's variable over a box; None where they are infinite or not known."""
+    """Returns bounds of an integral's variable over a box; (None, None) if they are infinite or not known."""
     if any(isinstance(b, Const) and math.isinf(b.data) for b in (node.lo, node.hi)):
         return None, None
     try:
@@ -226,31 +241,33 @@ def _ordered(a: Expr, b: Expr) -> bool:
     return isinstance(a, Const) and isinstance(b, Const) and a.data <= b.data
 
 
-# -- tame ones -----------------------------------------------------------------------------------------------------------
+# -- tame values ---------------------------------------------------------------------------------------------------------
 
 
 def tame_ones(known: Sequence[Sharp], ranges: Mapping[Var, Interval], x: Var, gap: float | None) -> list[bool]:
-    """Which sharp values certainly change by less than UNSEEN between neighbouring nodes, over a box known in numbers; `gap` is the
-    largest part of a piece between two nodes (None: not known)."""
+    """Returns, for each sharp value, whether it certainly changes by less than UNSEEN between neighbouring nodes, over a box of numbers.
+
+    `gap` is the largest fraction of a piece between two nodes (None: not known).
+    """
     if x not in ranges:
         return [False] * len(known)
     boxed = Enclosure(ranges)
     nothing = (_NO_NUMBER, _NO_NUMBER)
     ends = _numbers([b for s in known for b in bounds(s, boxed) or nothing])
     tame = [lower > 0.0 and upper <= UNSEEN * lower < math.inf for upper, lower in zip(ends[::2], ends[1::2], strict=True)]
-    rest = [i for i, settled in enumerate(tame) if not settled and known[i].factor is not None]
-    if gap is None or not rest:
+    undecided = [i for i, settled in enumerate(tame) if not settled and known[i].factor is not None]
+    if gap is None or not undecided:
         return tame
-    rates = _numbers([b for i in rest for b in _rate(known[i], x, boxed) or nothing])
+    rates = _numbers([b for i in undecided for b in _rate(known[i], x, boxed) or nothing])
     lo, hi = _numbers(ranges[x])
-    for i, slowest, fastest in zip(rest, rates[::2], rates[1::2], strict=True):
+    for i, slowest, fastest in zip(undecided, rates[::2], rates[1::2], strict=True):
         change = max(abs(slowest), abs(fastest)) * (hi - lo) * gap
         tame[i] = not math.isnan(slowest + fastest) and change <= math.log(UNSEEN)
     return tame
 
 
 def _rate(sharp: Sharp, x: Var, boxed: Enclosure) -> Interval | None:
-    """Bounds of the slope of the logarithm of a sharp value."""
+    """Returns bounds of the slope of the logarithm of a sharp value."""
     try:
         rate = mul(cast(Expr, sharp.factor), slope(sharp.argument, x))
         return boxed.of(mul(rate, integer_power(sharp.argument, -1)) if sharp.power else rate)
@@ -259,7 +276,7 @@ def _rate(sharp: Sharp, x: Var, boxed: Enclosure) -> Interval | None:
 
 
 def _numbers(expressions: Sequence[Expr]) -> list[float]:
-    """The values of those expressions that are made of numbers alone, NaN for the others."""
+    """Returns the values of the expressions that consist of numbers alone, NaN for the others."""
     symbolic: set[Node] = set()
     for node in postorder(expressions):
         if isinstance(node, Param | Var | Apply | Integral) or any(c in symbolic for c in node.children):
@@ -269,12 +286,12 @@ def _numbers(expressions: Sequence[Expr]) -> list[float]:
 
 
 def numeric_range(node: Integral, ranges: Mapping[Var, Interval]) -> dict[Var, Interval]:
-    """The ranges with that of an integral's variable, where it is finite and known in numbers; without any range of that variable else."""
-    rest = {v: ends for v, ends in ranges.items() if v is not node.var}
-    low, high = range_of(node, rest)
+    """Returns the ranges with that of an integral's variable added; if it is infinite or not known in numbers, without that variable."""
+    others = {v: ends for v, ends in ranges.items() if v is not node.var}
+    low, high = range_of(node, others)
     if low is None or high is None:
-        return rest
+        return others
     low, high = folded(low), folded(high)
     if not (isinstance(low, Const) and isinstance(high, Const) and math.isfinite(low.data) and math.isfinite(high.data)):
-        return rest
-    return {**rest, node.var: (low, high)}
+        return others
+    return {**others, node.var: (low, high)}

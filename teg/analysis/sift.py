@@ -1,8 +1,8 @@
-"""Bringing a δ to the front: the integral nest around it, and its coefficient.
+"""Bringing a δ to the front: its nest of integrals and its coefficient.
 
-    C(y)·∫ₗʰ w(x, y) δ(g) dx + …   under ∫ dy      =      ∫ dy ∫ₗʰ (C·w) δ(g) dx + rest
+    C(y)·∫ₗʰ w(x, y) δ(g) dx + …   under ∫ dy      =      ∫ dy ∫ₗʰ (C·w) δ(g) dx + the terms without this δ
 
-A δ stands in linear positions only (sums, products, branches, inner integrals), so outer factors can be pushed inside.
+A δ stands in linear positions only (sums, products, branches, inner integrals), so outer factors can be moved inside.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from teg.ir.traverse import rewrite
 
 
 def deltas_of(e: Expr) -> list[Delta]:
-    """The distinct deltas below e, those inside inner integrals included."""
+    """Returns the distinct deltas below e, including those in inner integrals."""
     return [n for n in postorder([e]) if isinstance(n, Delta)] if e.has_delta else []
 
 
 def linear_part(e: Expr, target: Delta) -> dict[Chain, Expr]:
-    """Coefficient of a δ for each nest of inner integrals (outermost first) that it stands in."""
+    """Returns the coefficient of a δ for each nest of inner integrals (outermost first) in which it stands."""
     parts: dict[Expr, dict[Chain, Expr]] = {}
     for node in postorder([e]):
         if not isinstance(node, Expr) or not node.has_delta:
@@ -72,5 +72,5 @@ def _merge(dictionaries: object) -> dict[Chain, Expr]:
 
 
 def without(e: Expr, targets: set[Delta]) -> Expr:
-    """e with these deltas replaced by 0."""
+    """Returns e with these deltas replaced by 0."""
     return cast(Expr, rewrite([e], lambda old, new: ZERO if old in targets else new)[e])

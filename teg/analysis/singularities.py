@@ -3,20 +3,20 @@
 An integrand like |x - p|^-½ or √(r² - x² - y²) is singular on a surface g = 0 that moves with the parameters. Its derivative at a fixed
 point is one power worse and need not be integrable. In coordinates that move with a velocity V for which
 
-    ġ + V·∇g = g²·T,   T finite,       V·n = 0 on the sides of the domain that the surface does not keep to
+    ġ + V·∇g = g²·T,   T finite,       V·n = 0 on each side of the domain that the surface does not carry with it
 
-it is as integrable as the integrand itself (Reynolds' transport theorem; `passes/differentiate.py`). One formula holds inside and at
-the sides:
+it is as integrable as the integrand itself (Reynolds' transport theorem; `teg/passes/differentiate/forward.py`). One formula holds
+inside and at the sides:
 
     V = -Σᵢ ġᵢ·M∇gᵢ·Qᵢ / N,    Qᵢ = Π_{k≠i} g_k²,    N = Π g_k² + Σᵢ nᵢ·Qᵢ,    nᵢ = ∇gᵢᵀM∇gᵢ,    M = diag(m)
 
-over the surfaces gᵢ of one product. For one surface it is V = -ġ·M∇g/(g² + n) and T = ġ/(g² + n). m of the variable x on (a, b) is
-4(x - a)²(b - x)²/(b - a)²; the factor of a side on which a moving g vanishes identically is left out, for that side moves with it.
+over the surfaces gᵢ of one product. For one surface it is V = -ġ·M∇g/(g² + n) and T = ġ/(g² + n). m of the variable x on (a, b) is 4(x -
+a)²(b - x)²/(b - a)². The factor of a side on which a moving g vanishes identically is left out, because that side moves with g.
 
-How strongly: the *order* of an expression at g = 0 is the exponent of its leading term, its *roughness* the least exponent among the
-terms that are no whole powers: (0, ½) for 1 + √g, (-½, -½) for 1/√g, (0, 0) for log g. A derivative lowers the roughness by 1.
-Linear in the number of nodes, for each surface.
-Source: Flanders 1973; the field is ours.
+How strongly: the *order* of an expression at g = 0 is the exponent of its leading term. Its *roughness* is the least exponent among the
+terms with non-integer powers: (0, ½) for 1 + √g, (-½, -½) for 1/√g, (0, 0) for log g. A derivative lowers the roughness by 1. Linear in
+the number of nodes, for each surface.
+Source: Flanders 1973; the field is new here.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ from teg.ir.node import Node, postorder
 from teg.ir.traverse import rewrite, substitute
 
 SMOOTH = math.inf
-"""The roughness of what has whole powers only."""
+"""The roughness of an expression that has integer powers only."""
 SINGULAR = frozenset(("sqrt", "root", "pow", "log", "asin", "acos"))
 _ODD = frozenset(("sin", "tan", "asin", "atan", "sinh", "tanh", "floor"))
 """Functions of order 1 at 0."""
@@ -64,25 +64,25 @@ _WRAPPED = frozenset(("sqrt", "root", "pow", "magnitude"))
 """Functions that vanish, or are infinite, where their first argument vanishes."""
 
 Order = tuple[float, float]
-"""The exponent of the leading term, and the least exponent of those that are no whole powers."""
+"""The exponent of the leading term, and the least exponent of the terms with non-integer powers."""
 
 
 class Keys:
-    """What a surface is up to a constant factor: equal for expressions that are proportional by a number."""
+    """The identity of a surface up to a constant factor: keys are equal for expressions that are proportional by a number."""
 
     def __init__(self) -> None:
         self._points = (Point("first"), Point("second"))
         self._keys: dict[Expr, object] = {}
 
     def of(self, g: Expr) -> object:
-        """The key of a surface."""
+        """Returns the key of a surface."""
         if g not in self._keys:
             u, v = (p.value(g) for p in self._points)
             self._keys[g] = divided(v, u) if u and v else g
         return self._keys[g]
 
     def vanishes(self, e: Expr) -> bool:
-        """Whether an expression is 0 identically; √0 is 0."""
+        """Returns whether an expression is 0 identically; √0 is 0."""
         if e is ZERO:
             return True
         roots = [n for n in postorder([e]) if isinstance(n, Call) and n.name in ("sqrt", "root")]
@@ -96,14 +96,14 @@ class Keys:
 
 
 def is_singular(node: Node) -> bool:
-    """Whether a node may be singular where an argument that variables run through vanishes."""
+    """Returns whether a node may be singular where one of its arguments, dependent on variables, vanishes."""
     if isinstance(node, Call):
         return node.name in SINGULAR and bool(node.children[0].free)
     return False
 
 
 def sharp_nodes(roots: Iterable[Node]) -> set[Node]:
-    """The nodes with a singular function below them, in value position."""
+    """Returns the nodes with a singular function below them, in value position."""
     sharp: set[Node] = set()
     for node in postorder(roots):
         if is_singular(node) or any([c in sharp for c in node.children if not isinstance(node, Compare)]):
@@ -115,7 +115,7 @@ def sharp_nodes(roots: Iterable[Node]) -> set[Node]:
 
 
 def order_at(e: Expr, is_zero: Callable[[Expr], bool]) -> Order:
-    """Order and roughness of an expression at a surface, of which `is_zero` knows the expressions proportional to it."""
+    """Returns order and roughness of an expression at a surface. `is_zero` recognises the expressions proportional to the surface."""
     known: dict[Node, Order] = {}
     for node in postorder([e]):
         if isinstance(node, Expr):
@@ -179,7 +179,7 @@ def _call_order(node: Call, known: Mapping[Node, Order], is_zero: Callable[[Expr
 
 
 def fades_at(e: Expr, g: Expr) -> bool:
-    """Whether an expression tends to 0 at the surface g = 0 like a power of g that is not whole: √g, g log g."""
+    """Returns whether an expression tends to 0 at the surface g = 0 like a non-integer power of g: √g, g log g."""
     if not any(is_singular(n) for n in postorder([e])):
         return False
     keys = Keys()
@@ -190,8 +190,8 @@ def fades_at(e: Expr, g: Expr) -> bool:
 
 
 def singular_arguments(e: Expr) -> list[Expr]:
-    """The surfaces on which functions in value position of e may be singular: the factors of their arguments."""
-    found: dict[Expr, None] = {}
+    """Returns the surfaces on which functions in value position of e may be singular: the factors of their arguments."""
+    arguments: dict[Expr, None] = {}
     seen: set[Node] = set()
     stack: list[Node] = [e]
     while stack:
@@ -202,13 +202,13 @@ def singular_arguments(e: Expr) -> list[Expr]:
         if isinstance(node, Call) and is_singular(node):
             argument = node.children[0]
             whole = sub(ONE, integer_power(argument, 2)) if node.name in ("asin", "acos") else argument
-            found.update(dict.fromkeys(_factors(whole)))
+            arguments.update(dict.fromkeys(_factors(whole)))
         stack.extend(node.children[1:] if isinstance(node, Where) else node.children)
-    return list(found)
+    return list(arguments)
 
 
 def _factors(argument: Expr) -> list[Expr]:
-    """What an argument vanishes with: its factors, and those in both branches."""
+    """Returns the factors whose zeros are the zeros of an argument; those of both branches for a `where`."""
     factors: list[Expr] = []
     stack: list[Expr] = [argument]
     while stack:
@@ -230,7 +230,7 @@ def _factors(argument: Expr) -> list[Expr]:
 
 @dataclass(frozen=True)
 class Surface:
-    """A surface g = 0 on which an integrand is singular: how fast g changes at a fixed point (0: it stays), and its slopes."""
+    """A surface g = 0 on which an integrand is singular, with ∂g/∂t at a fixed point (0: the surface stays) and the slopes of g."""
 
     g: Expr
     rate: Expr
@@ -241,13 +241,13 @@ class Surface:
 
     @property
     def moves(self) -> bool:
-        """Whether g changes at a fixed point."""
+        """Returns whether g changes at a fixed point."""
         return self.rate is not ZERO
 
 
 @dataclass
 class Field:
-    """A velocity that carries surfaces along: its components, and by the key of each surface the rate (ġ + V·∇g)/g.
+    """A velocity that carries surfaces along: its components, and the rate (ġ + V·∇g)/g by the key of each surface.
 
     `kept` are the sides of the domain, (variable, bound), that move with the points on them.
     """
@@ -259,19 +259,21 @@ class Field:
     kept: set[tuple[Var, Expr]] = field(default_factory=set)
 
     def rate(self, e: Expr) -> Expr | None:
-        """The relative rate of change of an expression that is proportional to one of the surfaces; None for others."""
+        """Returns the relative rate of change of an expression that is proportional to one of the surfaces; None for others."""
         if not e.free or not isinstance(e, Add | Var | Mul | Call) or e.has_delta:
             return None
         return self.rates.get(self.keys.of(e))
 
     def carries(self, h: Expr) -> bool:
-        """Whether a surface is one of those that are carried along."""
+        """Returns whether a surface is one of those that the velocity carries along."""
         return self.keys.of(h) in self.rates
 
 
 def find_surfaces(weight: Expr, chain: Chain, rate_of: Callable[[Expr], Expr], keys: Keys) -> list[Surface] | None:
-    """The surfaces of one integrand that must be carried along: singular ones, of roughness between -1 and 1, if any of them moves. None
-    where a moving one is too singular for an integral."""
+    """Returns the surfaces of one integrand that must be carried along: singular ones of roughness between -1 and 1, if any of them moves.
+
+    None if a moving surface is too singular to be integrated.
+    """
     variables = {b.var for b in chain}
     box = numeric_box(chain)
     surfaces: dict[object, Surface] = {}
@@ -300,12 +302,12 @@ def find_surfaces(weight: Expr, chain: Chain, rate_of: Callable[[Expr], Expr], k
 
 
 def _is(e: Expr, key: object, keys: Keys) -> bool:
-    """Whether an expression is proportional to the surface of a key."""
+    """Returns whether an expression is proportional to the surface of a key."""
     return bool(e.free) and isinstance(e, Add | Var | Mul | Call) and not e.has_delta and keys.of(e) == key
 
 
 def numeric_box(chain: Chain) -> dict[Var, Extent]:
-    """Numbers between which the variables of a nest lie."""
+    """Returns numbers between which the variables of a nest lie."""
     box: dict[Var, Extent] = {}
     for b in chain:
         ends = [extent(bound, box) for bound in (b.lo, b.hi)]
@@ -325,10 +327,10 @@ def _is_infinite(bound: Expr) -> bool:
 
 
 def field_of(surfaces: Sequence[Surface], chain: Chain, keys: Keys) -> Field:
-    """A velocity that carries the surfaces along."""
-    found = Field(keys, tuple(surfaces), {}, {})
-    metric = {b.var: _metric(b, chain[i + 1 :], found) for i, b in enumerate(chain) if any(b.var in s.slopes for s in surfaces)}
-    inside = [s for s in surfaces if not _is_side(s, chain, found)]
+    """Returns a velocity that carries the surfaces along."""
+    velocity = Field(keys, tuple(surfaces), {}, {})
+    metric = {b.var: _metric(b, chain[i + 1 :], velocity) for i, b in enumerate(chain) if any(b.var in s.slopes for s in surfaces)}
+    inside = [s for s in surfaces if not _is_side(s, chain, velocity)]
     squares = [integer_power(s.g, 2) for s in inside]
     count = range(len(inside))
 
@@ -342,37 +344,38 @@ def field_of(surfaces: Sequence[Surface], chain: Chain, keys: Keys) -> Field:
 
     whole = add(product(), *(mul(along(i, i), product(i)) for i in count))
     inverse = integer_power(whole, -1)
-    speed: dict[Var, Expr] = {}  # without its factor m
+    speed: dict[Var, Expr] = {}  # without the factor m
     for v in metric:
         terms = [mul(s.rate, s.slopes[v], product(i)) for i, s in enumerate(inside) if v in s.slopes]
         speed[v] = mul(MINUS_ONE, add(*terms), inverse)
-        found.velocity[v] = mul(metric[v], speed[v])
+        velocity.velocity[v] = mul(metric[v], speed[v])
     for i, s in enumerate(inside):
         terms = [mul(s.rate, product(i))]
         for j in count:
             if j != i:
                 terms.append(mul(s.rate, along(j, j), product(i, j)))
                 terms.append(mul(MINUS_ONE, inside[j].rate, along(i, j), product(i, j)))
-        found.rates[keys.of(s.g)] = mul(s.g, add(*terms), inverse)
+        velocity.rates[keys.of(s.g)] = mul(s.g, add(*terms), inverse)
     for s in surfaces:
         if s not in inside:  # the velocity vanishes there like m
             change = (mul(metric[v], integer_power(s.g, -1), rate, speed[v]) for v, rate in s.slopes.items())
-            found.rates[keys.of(s.g)] = add(*change)
-    return found
+            velocity.rates[keys.of(s.g)] = add(*change)
+    return velocity
 
 
-def _metric(b: Binder, inside: Chain, found: Field) -> Expr:
-    """m of one variable, which vanishes on the sides that stay; `inside` are the integrals inside that over the variable."""
-    keys = found.keys
+def _metric(b: Binder, inside: Chain, velocity: Field) -> Expr:
+    """Returns m of one variable, which vanishes on the sides that stay. `inside` are the integrals inside the integral
+    over the variable."""
+    keys = velocity.keys
     factors: list[Expr] = []
     for bound in (b.lo, b.hi):
         if _is_infinite(bound):
             continue
         empty = any(keys.vanishes(_at(sub(c.hi, c.lo), b.var, bound)) for c in inside)
-        if empty or any(s.moves and b.var in s.slopes and keys.vanishes(_at(s.g, b.var, bound)) for s in found.surfaces):
-            found.kept.add((b.var, bound))
+        if empty or any(s.moves and b.var in s.slopes and keys.vanishes(_at(s.g, b.var, bound)) for s in velocity.surfaces):
+            velocity.kept.add((b.var, bound))
             continue
-        factors.append(_distance(b.var, bound, found))
+        factors.append(_distance(b.var, bound, velocity))
     squares = [integer_power(f, 2) for f in factors]
     if _is_infinite(b.lo) or _is_infinite(b.hi):
         return mul(*squares, *(integer_power(add(ONE, s), -1) for s in squares))
@@ -382,30 +385,32 @@ def _metric(b: Binder, inside: Chain, found: Field) -> Expr:
     return squares[0] if factors else ONE if size.free else integer_power(size, 2)
 
 
-def _distance(var: Var, bound: Expr, found: Field) -> Expr:
-    """The distance from a side, written with the fixed surface that is the side, if one is: its powers cancel against those in the
+def _distance(var: Var, bound: Expr, velocity: Field) -> Expr:
+    """Returns the distance from a side. If a fixed surface is the side, it is written with that surface: its powers cancel in the
     integrand."""
     distance = sub(var, bound)
-    key = found.keys.of(distance)
-    for s in found.surfaces:
-        if not s.moves and found.keys.of(s.g) == key:
+    key = velocity.keys.of(distance)
+    for s in velocity.surfaces:
+        if not s.moves and velocity.keys.of(s.g) == key:
             return mul(s.g, integer_power(s.slopes[var], -1))
     return distance
 
 
-def _is_side(s: Surface, chain: Chain, found: Field) -> bool:
-    """Whether a fixed surface lies on a side of the domain that stays, and nowhere else."""
+def _is_side(s: Surface, chain: Chain, velocity: Field) -> bool:
+    """Returns whether a fixed surface lies on a side of the domain that stays, and nowhere else."""
     if s.moves or len(s.slopes) != 1:
         return False
     (v,) = s.slopes
     (b,) = (b for b in chain if b.var is v)
-    sides = [bound for bound in (b.lo, b.hi) if (v, bound) not in found.kept and found.keys.vanishes(_at(s.g, v, bound))]
+    sides = [bound for bound in (b.lo, b.hi) if (v, bound) not in velocity.kept and velocity.keys.vanishes(_at(s.g, v, bound))]
     return bool(sides) and (s.one_sided or Shadow((v,)).degree(s.g) == 1)
 
 
 def on_sides(surfaces: Iterable[Surface], chain: Chain) -> list[Expr]:
-    """The values at the sides of surfaces that are points of one variable, and singular there to a power of 0 or less: where one of
-    them is 0 the derivative is infinite."""
+    """Returns the values, at the sides, of surfaces that are points of one variable and are singular there to a power of 0 or less.
+
+    Where one of them is 0 the derivative is infinite.
+    """
     values: list[Expr] = []
     for s in surfaces:
         inside = [b for b in chain if b.var in s.slopes]

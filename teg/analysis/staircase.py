@@ -1,11 +1,11 @@
-"""The steps of a staircase: which integers u passes while its variables run over their ranges.
+"""The steps of a staircase: the integers that u passes while its variables run over their ranges.
 
     k₀ = floor(least u),  kᵢ = k₀ + i,  as many as the range of u is wide
 
-The range of an affine u is exact: its value where all variables start, and the change along each of them. That of another one is its
-interval enclosure. Parameters may move the steps, but not change their number, as in floor(3x + t): k₀ is then an expression of
-parameters, and the steps at both ends of the range are among those counted, for they are the ones that enter and leave. Where parameters
-change the number as well, as in floor(t·x), MAX_PERIODIC are counted, and a condition tells whether these are all.
+The range of an affine u is exact: its value where all variables start, and the change along each of them. The range of any other u is
+its interval enclosure. Parameters may move the steps, but not change their number, as in floor(3x + t): k₀ is then an expression of
+parameters, and the steps at both ends of the range are counted too, because they are the ones that enter and leave. Where parameters
+change the number as well, as in floor(t·x), MAX_PERIODIC steps are counted, and a condition tells whether these are all.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters, rewrite, substitute
 
 MAX_STEPS = 256
-"""Steps of one floor that are counted."""
+"""The largest number of steps of one floor that are counted."""
 _SLACK = 1e-9
-"""A range that is so near to a whole number of steps may contain one more, by rounding."""
+"""A range this near to an integer number of steps may contain one more, by rounding."""
 _LEAST_RATE = 1e-300
 _HALF = const(0.5)
 
@@ -70,7 +70,7 @@ class Range:
 
     @property
     def interval(self) -> tuple[Expr, Expr]:
-        """The smaller end, the larger end."""
+        """Returns the smaller end and the larger end."""
         return call("min", self.start, self.end), call("max", self.start, self.end)
 
 
@@ -80,26 +80,26 @@ Extent = tuple[Expr, Expr, Expr]
 
 @dataclass(frozen=True)
 class Box:
-    """The ranges of variables, and the cells of other floors that they are in: (v, k) says that v lies between k and k + 1."""
+    """The ranges of variables, and the cells of other floors that they are in: (v, k) means that v lies between k and k + 1."""
 
     ranges: Mapping[Var, Range]
     cells: tuple[tuple[Expr, Expr], ...] = ()
 
     def cell(self, u: Expr, level: Expr) -> Box:
-        """The part where u lies between a level and the next; where all are numbers, its variable has a shorter range there."""
+        """Returns the part of the box where u lies between a level and the next. If all are numbers, the variable gets a shorter range."""
         return Box(_narrowed(u, number(level), self.ranges), (*self.cells, (u, level)))
 
 
 @dataclass(frozen=True)
 class Steps:
-    """u passes base, base + 1, …: `over[i]` says that it is beyond base + i. Under `guard` there are no more of them."""
+    """u passes base, base + 1, …: the condition `over[i]` means that u is beyond base + i. If `guard` holds there are no more of them."""
 
     base: Expr
     over: tuple[Cond, ...]
     guard: Cond = TRUE
 
     def level(self, i: int) -> Expr:
-        """floor(u) between step i - 1 and step i."""
+        """Returns floor(u) between step i - 1 and step i."""
         return add(self.base, const(i - 1.0))
 
 
@@ -107,12 +107,15 @@ class Steps:
 
 
 def is_step(node: Node) -> bool:
-    """A floor with variables in it whose steps may be counted."""
+    """Returns whether a node is a floor with variables in it whose steps may be counted."""
     return isinstance(node, Call) and node.name == "floor" and bool(node.free) and not isinstance(node, UncountedFloor)
 
 
 def with_floors(root: Expr) -> Expr:
-    """round and ceil, and mod of variables, by floor. At the halves round goes to the even side where parameters decide, up elsewhere."""
+    """Returns the expression with round and ceil, and mod of variables, written by floor.
+
+    At the halves round goes to the even side where parameters decide, up elsewhere.
+    """
     if not any(isinstance(n, Call) and (n.name in ("round", "ceil") or (n.name == "mod" and n.free)) for n in postorder([root])):
         return root
     return cast(Expr, rewrite([root], lambda _, new: _by_floor(new) if isinstance(new, Call) else new)[root])
@@ -137,14 +140,15 @@ def _by_floor(e: Call) -> Expr:
 
 
 def between_integers(c: Compare) -> Cond:
-    """A condition on an integer that parameters decide is asked half-way between two integers: its own value is no border."""
+    """Returns a condition on an integer that parameters decide, compared half-way between two integers: the integer itself is then no
+    border."""
     if c.g.free or c.resolution is not None or not _is_whole(c.g):
         return c
     return positive(sub(c.g, _HALF) if c.strict else add(c.g, _HALF))
 
 
 def _is_whole(e: Expr) -> bool:
-    """Is the value certainly an integer?"""
+    """Returns whether the value is certainly an integer."""
     stack: list[Expr] = [e]
     while stack:
         node = stack.pop()
@@ -170,7 +174,7 @@ def _is_whole(e: Expr) -> bool:
 
 
 def count_steps(u: Expr, box: Box) -> Steps | None:
-    """The integers that u passes in a box; None where they are not known, or too many."""
+    """Returns the integers that u passes in a box; None if they are not known, or too many."""
     if not u.free <= box.ranges.keys():
         return None
     affine = _affine_extent(u, box.ranges)
@@ -196,7 +200,7 @@ def _steps(u: Expr, extent: Extent | None, is_curved: bool) -> Steps | None:
             return None
         return Steps(const(float(first)), tuple(_beyond(u, const(float(k))) for k in range(first, last + 1)))
     if any(n is not None and not math.isfinite(n) for n in (lowest, highest, span)):
-        return None  # endlessly many
+        return None  # infinitely many
     base = call("floor", least) if lowest is None else const(float(math.floor(lowest)))
     if span is None and (bound := greatest_size(width)) <= MAX_STEPS:
         span = bound
@@ -219,8 +223,10 @@ def _beyond(u: Expr, level: Expr) -> Cond:
 
 
 def _moved_out(levels: list[Expr], least: Expr, most: Expr) -> list[Expr]:
-    """The levels, but those at an end of the range that does not move, as that of t·x² at 0 does not, moved out of it: no step enters
-    there, and the slope may be 0."""
+    """Returns the levels, with those at a fixed end of the range moved out of it.
+
+    An end is fixed if parameters do not move it, like that of t·x² at 0: no step enters there, and the slope may be 0.
+    """
     first, *others = levels
     below, above = _touching(least), _touching(most)
     if below is not None:
@@ -235,7 +241,10 @@ def _is_near(level: Expr, end: Expr, distance: Expr) -> Cond:
 
 
 def _touching(end: Expr) -> Expr | None:
-    """How near a level at an end of the range is: a little if the end does not move, negative if it does; None if that is certain."""
+    """Returns the distance within which a level counts as being at an end of the range.
+
+    A little if the end does not move, negative if it moves; None if it certainly moves.
+    """
     moves: Cond = FALSE
     for p in parameters(end):
         rate = slope(end, p)
@@ -246,8 +255,10 @@ def _touching(end: Expr) -> Expr | None:
 
 
 def _affine_extent(u: Expr, ranges: Mapping[Var, Range]) -> Extent | None:
-    """Least and largest value and their difference, of a u that is affine in all its variables: from its value, as it is written, where
-    all of them start."""
+    """Returns the least and largest value and their difference, for a u that is affine in all its variables.
+
+    They are computed from the value of u, as it is written, where all variables start.
+    """
     variables = [v for v in ranges if v in u.free]
     if not _is_analytic(u) or (Shadow(tuple(variables)).degree(u) or 2) > 1:
         return None
@@ -268,7 +279,7 @@ def _affine_extent(u: Expr, ranges: Mapping[Var, Range]) -> Extent | None:
 
 
 def _related_extent(u: Expr, v: Expr, level: Expr, ranges: Mapping[Var, Range]) -> Extent | None:
-    """Of u = r·v + d where v runs from one level to the next; r a number, d free of variables."""
+    """Returns the extent of u = r·v + d while v runs from one level to the next; r a number, d free of variables."""
     if u.free != v.free or not (_is_analytic(u) and _is_analytic(v)):
         return None
     shadow = Shadow(tuple(u.free))
@@ -277,14 +288,14 @@ def _related_extent(u: Expr, v: Expr, level: Expr, ranges: Mapping[Var, Range]) 
     start = {x: ranges[x].start for x in u.free}
     first = min(u.free, key=lambda x: str(x.name))
     rate = number(tidy(cast(Expr, substitute(div(slope(u, first), slope(v, first)), start))))
-    if rate is None or not math.isfinite(rate) or shadow.degree(rest := sub(u, mul(const(rate), v))) != 0:
+    if rate is None or not math.isfinite(rate) or shadow.degree(difference := sub(u, mul(const(rate), v))) != 0:
         return None
-    least = add(mul(const(rate), level), cast(Expr, substitute(rest, start)))
+    least = add(mul(const(rate), level), cast(Expr, substitute(difference, start)))
     return add(least, const(min(rate, 0.0))), add(least, const(max(rate, 0.0))), const(abs(rate))
 
 
 def _extent(u: Expr, ranges: Mapping[Var, Range]) -> Extent | None:
-    """The same by interval arithmetic; what is free of variables is kept apart, so that it does not widen the range."""
+    """Returns the same by interval arithmetic. Terms without variables are kept apart, so that they do not widen the range."""
     terms = u.children if isinstance(u, Add) else (u,)
     fixed = add(*(t for t in terms if not t.free))
     try:
@@ -297,7 +308,7 @@ def _extent(u: Expr, ranges: Mapping[Var, Range]) -> Extent | None:
 
 
 def _is_analytic(u: Expr) -> bool:
-    """No branch, kink or step with variables: it is constant on no piece."""
+    """Returns whether u has no branch, kink or step with variables. It is then constant on no piece."""
     kinked = ("magnitude", "min", "max", "floor", "mod")
     return not any(n.free and (isinstance(n, Where) or (isinstance(n, Call) and n.name in kinked)) for n in postorder([u]))
 
@@ -318,7 +329,7 @@ def _narrowed(u: Expr, level: float | None, ranges: Mapping[Var, Range]) -> Mapp
 
 
 def number(e: Expr) -> float | None:
-    """The value of an expression of numbers alone; None for anything else."""
+    """Returns the value of an expression without parameters and variables; None for anything else."""
     if isinstance(e, Const):
         return cast(float, e.data)
     order = postorder([e])
@@ -329,7 +340,7 @@ def number(e: Expr) -> float | None:
 
 
 def greatest_size(e: Expr) -> float:
-    """What |e| cannot exceed, whatever the parameters are: 3 for 2·sin(t) - cos(t); infinite if there is no such number."""
+    """Returns an upper bound of |e| for all parameters: 3 for 2·sin(t) - cos(t); infinite if there is no such number."""
     sizes: dict[Node, float] = {}
     for node in postorder([e]):
         parts = [sizes[c] for c in node.children if isinstance(c, Expr)]
@@ -362,7 +373,7 @@ _BOUNDED = {"sin": 1.0, "cos": 1.0, "tanh": 1.0, "asin": math.pi / 2, "acos": ma
 
 
 def _power_of_number(node: Node) -> Node:
-    """1/3, which is kept as it was written elsewhere, as the nearest float."""
+    """Returns the nearest float to a quotient like 1/3 that simplification kept as it was written."""
     if isinstance(node, Pow) and isinstance(node.base, Const) and node.base.data != 0.0:
         try:
             return const(node.base.data**node.exponent)

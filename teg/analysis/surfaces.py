@@ -1,10 +1,10 @@
-"""Atoms as surfaces: which ones an integral owns, and how an expression is evaluated at a point that lies on one.
+"""Atoms as surfaces: which integral owns them, and how an expression is evaluated at a point that lies on one.
 
 Ties. Where two surfaces, a bound among them, run through one point at the given parameter values, neither value of the other bracket is
 right for the derivative, nor is ½. The rule: order the surfaces by an index, move surface number i by ε·i along the first variable, take
 the boundary terms of that arrangement; take those of the reversed order; average. An atom g evaluated on surface i therefore carries a
 *resolution*: its truth value in the first arrangement, which is the sign of ∂g with i > j, and its opposite with i < j. The index is the
-structural digest, the same in every process.
+structural digest, which is the same in every process.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import ZeroSet, peeled
+from teg.analysis.nest import Binder
 from teg.analysis.polynomial import Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
@@ -40,8 +41,8 @@ from teg.ir.traverse import substitute
 
 
 def atoms_of(root: Node, var: Var | None = None) -> list[Compare]:
-    """The atoms below a node (those with `var` in them), in order; not those inside resolutions."""
-    found: dict[Compare, None] = {}
+    """Returns the atoms below a node (those with `var` in them), in order; atoms inside resolutions are left out."""
+    atoms: dict[Compare, None] = {}
     seen: set[Node] = set()
     stack: list[Node] = [root]
     while stack:
@@ -50,16 +51,16 @@ def atoms_of(root: Node, var: Var | None = None) -> list[Compare]:
             continue
         seen.add(node)
         if isinstance(node, Compare):
-            found[node] = None
+            atoms[node] = None
             stack.append(node.g)
         else:
             stack.extend(reversed(node.children))
-    return list(found)
+    return list(atoms)
 
 
 def binders_inside(root: Node) -> frozenset[Var]:
-    """The variables bound by the integrals below a node."""
-    found: set[Var] = set()
+    """Returns the variables bound by the integrals below a node."""
+    bound: set[Var] = set()
     seen: set[Node] = set()
     stack: list[Node] = [root]
     while stack:
@@ -68,13 +69,16 @@ def binders_inside(root: Node) -> frozenset[Var]:
             continue
         seen.add(node)
         if isinstance(node, Integral):
-            found.add(node.var)
+            bound.add(node.var)
         stack.extend(node.children)
-    return frozenset(found)
+    return frozenset(bound)
 
 
 def owned_surfaces(body: Expr, var: Var) -> list[Expr]:
-    """The surfaces g of the atoms that the integral of `body` over `var` owns: it is the innermost one whose variable occurs in g."""
+    """Returns the surfaces that the integral of `body` over `var` owns.
+
+    An integral owns a surface g if it is the innermost one whose variable occurs in g.
+    """
     atoms = atoms_of(body, var)
     if not atoms:
         return []
@@ -83,7 +87,7 @@ def owned_surfaces(body: Expr, var: Var) -> list[Expr]:
 
 
 def open_surfaces(e: Expr) -> list[Expr]:
-    """The surfaces of an expression with free variables that no integral in it owns."""
+    """Returns the surfaces of an expression with free variables that no integral in it owns."""
     if not e.free:
         return []
     inner = binders_inside(e)
@@ -91,12 +95,12 @@ def open_surfaces(e: Expr) -> list[Expr]:
 
 
 def bound_surface(var: Var, bound: Expr) -> Expr:
-    """A bound as a surface."""
+    """Returns a bound as a surface."""
     return sub(bound, var)
 
 
 def comes_first(a: Expr, b: Expr) -> bool:
-    """The order in which tied surfaces are moved apart."""
+    """Returns whether `a` precedes `b` in the order in which tied surfaces are moved apart."""
     return digest(a) < digest(b)
 
 
@@ -105,7 +109,7 @@ def _tie_name(g: Expr) -> str:
 
 
 def _leading_sign(g: Expr, directions: Sequence[Var], at: Mapping[Var, Expr]) -> Cond | None:
-    """Is the first non-zero slope of g along the directions positive (at a point)?"""
+    """Returns the condition that the first non-zero slope of g along the directions is positive at a point."""
     slopes: list[Expr] = []
     for v in directions:
         if v not in g.free:
@@ -127,7 +131,7 @@ def _leading_sign(g: Expr, directions: Sequence[Var], at: Mapping[Var, Expr]) ->
 
 
 def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequence[Var]) -> Expr:
-    """e at a point of `surface`: variables are replaced, and atoms of other surfaces learn how a tie is resolved.
+    """Returns e at a point of `surface`: variables are replaced, and atoms of other surfaces get the resolution of a tie.
 
     `directions` are the variables along which tied surfaces are moved apart, innermost first.
     """
@@ -147,20 +151,22 @@ def restrict(e: Expr, at: Mapping[Var, Expr], surface: Expr, directions: Sequenc
             return positive(g, old.strict)
         truth = negation(rising) if comes_first(surface, old.g) else rising
         if not (surface.has_integral or old.g.has_integral or _are_planes(old.g, surface)) and is_annulled(old.g):
-            g = ZERO  # one surface in two forms: a tie everywhere, and not what rounding leaves of it
+            g = ZERO  # one surface in two forms: a tie everywhere, so its rounded value must not decide
         return positive(g, old.strict, truth, (_tie_name(surface), _tie_name(old.g)))
 
     return substitute(e, at, mark)  # type: ignore[return-value]
 
 
 def _are_planes(g: Expr, h: Expr) -> bool:
-    """Whether both are affine in all their variables: such surfaces have one form where they coincide."""
+    """Returns whether both are affine in all their variables. Coinciding planes have one form."""
     return all(Shadow(tuple(e.free)).degree(e) == 1 for e in (g, h))
 
 
 def below(point: Expr, bound: Expr, surface: Expr, var: Var, original: Expr, name: str | None = None) -> Cond:
-    """[point < bound] for a point of `surface`; `original` is the bound as it stood in the integral over `var`, `name` the surface's if it
-    is known."""
+    """Returns [point < bound] for a point of `surface`.
+
+    `original` is the bound as it stood in the integral over `var`; `name` is the bound's surface, if it is known.
+    """
     other = bound_surface(var, original)
     truth = TRUE if comes_first(surface, other) else FALSE
     if isinstance(bound, Const) and math.isinf(bound.data):
@@ -168,23 +174,26 @@ def below(point: Expr, bound: Expr, surface: Expr, var: Var, original: Expr, nam
     return positive(sub(bound, point), True, truth, (name or _tie_name(surface), f"the bound {var.name} = {show(original, 300)}"))
 
 
-def signed_inside(point: Expr, lo: Expr, hi: Expr, surface: Expr, var: Var, bounds: tuple[Expr, Expr], weight: Expr) -> Expr:
-    """weight·([point < hi] - [point < lo]): right for reversed bounds too; the weight is not looked at where that is 0."""
+def signed_inside(point: Expr, lo: Expr, hi: Expr, surface: Expr, b: Binder, weight: Expr) -> Expr:
+    """Returns weight·([point < hi] - [point < lo]), which is right for reversed bounds too. The weight is not evaluated where this is 0.
+
+    `lo` and `hi` are the bounds of `b` at the point of the surface.
+    """
     name = _tie_name(surface)
-    under_hi = below(point, hi, surface, var, bounds[1], name)
-    under_lo = below(point, lo, surface, var, bounds[0], name)
+    under_hi = below(point, hi, surface, b.var, b.hi, name)
+    under_lo = below(point, lo, surface, b.var, b.lo, name)
     return signed_between(under_hi, under_lo, ordered(lo, hi), weight)
 
 
 def ordered(lo: Expr, hi: Expr) -> int:
-    """+1 where lo <= hi is known, -1 where lo > hi is, else 0."""
+    """Returns +1 if lo <= hi is known, -1 if lo > hi is known, else 0."""
     if isinstance(lo, Const) and isinstance(hi, Const):
         return 1 if lo.data <= hi.data else -1
     return 0
 
 
 def signed_between(under_hi: Cond, under_lo: Cond, order: int, weight: Expr) -> Expr:
-    """weight·([under_hi] - [under_lo]), with one condition in front; `order` as of `ordered`."""
+    """Returns weight·([under_hi] - [under_lo]) behind one condition; `order` is the result of `ordered`."""
     if order > 0:
         return where(conjunction(under_hi, negation(under_lo)), weight, ZERO)
     if order < 0:
@@ -194,5 +203,5 @@ def signed_between(under_hi: Cond, under_lo: Cond, order: int, weight: Expr) -> 
 
 
 def free_of(e: Node, variables: Iterable[Var]) -> bool:
-    """No variable of these occurs free in e."""
+    """Returns whether none of these variables occurs free in e."""
     return not any(v in e.free for v in variables)

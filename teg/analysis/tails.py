@@ -16,18 +16,18 @@ from teg.ir.traverse import fresh
 
 
 def infinite_ends(node: Integral) -> tuple[float, float]:
-    """The bounds where they are infinite as written, 0 for others."""
+    """Returns the bounds that are infinite as written, and 0 for the others."""
     lo, hi = (float(b.data) if isinstance(b, Const) and math.isinf(b.data) else 0.0 for b in (node.lo, node.hi))
     return lo, hi
 
 
 def is_unbounded(node: Integral) -> bool:
-    """Whether a bound is infinite as written."""
+    """Returns whether a bound is infinite as written."""
     return infinite_ends(node) != (0.0, 0.0)
 
 
 def finite_place(node: Integral, taken: Iterable[Var]) -> tuple[Var, tuple[Expr, Expr], Expr, Expr]:
-    """For an unbounded integral with ascending bounds: a new variable s, its bounds, x as a function of s, and dx/ds > 0."""
+    """Returns a new variable s, its bounds, x as a function of s, and dx/ds > 0, for an unbounded integral with ascending bounds."""
     lo, hi = infinite_ends(node)
     s = fresh(node.var.name, taken)
     if lo and hi:

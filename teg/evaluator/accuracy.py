@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from teg.errors import AccuracyError
+from teg.evaluator.arguments import Call
+from teg.program import Program, Sample, statements
+from teg.program.arrays import ArrayProgram, Run, steps
 
 if TYPE_CHECKING:
     import numpy as np
+
+    Results = np.ndarray | Sequence[np.ndarray]
 
 FLOOR = 1e-3
 """Below this size a result's tolerance is absolute."""
@@ -22,39 +28,42 @@ class AccuracyWarning(UserWarning):
     """An integral that did not reach its tolerance, or diverges."""
 
 
+def has_samples(program: Program | ArrayProgram) -> bool:
+    """Whether integrals of a program are sampled."""
+    flat = [program] if isinstance(program, Program) else [s.program for s in steps(program.body) if isinstance(s, Run)]
+    return any(isinstance(s, Sample) for p in flat for s in statements(p.body))
+
+
 def report_missed(
-    values: np.ndarray,
-    errors: np.ndarray,
-    names: Sequence[str],
-    tol: float,
-    inaccurate: str,
-    parameters: dict[str, np.ndarray],
-    sampled: bool = False,
+    values: Results, errors: Results, names: Sequence[str], call: Call, how: tuple[float, str], sampled: bool = False
 ) -> bool:
-    """Warn of the worst result, or raise: `values` and `errors` are (results, n), `names` say what each result is; `sampled`: the program
-    has integrals that were sampled because they are too deep. Returns whether there was anything to say."""
+    """Warn of the entry of the results that misses its tolerance most, or raise; returns whether there was anything to say.
+
+    `values` and `errors` are the results, (n, *shape of one), and the estimates of their errors; `names` say what each result is; `how`
+    is the tolerance, and "warn" or "raise"; `sampled` says that the program has integrals that were sampled because they are too deep.
+    """
     import numpy as np
 
+    results, estimates, (tol, inaccurate) = _rows(values), _rows(errors), how
     with np.errstate(all="ignore"):
-        sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
-        excess = errors / (tol * np.maximum(sizes.max(axis=0, initial=FLOOR), FLOOR))  # entries of a gradient may cancel
-    meant = np.all(np.broadcast_arrays(*map(np.isfinite, parameters.values())), axis=0) if parameters else np.True_
-    endless = ~np.isfinite(values) & meant
+        sizes = np.where(np.isfinite(results), np.abs(results), 0.0)
+        excess = estimates / (tol * np.maximum(sizes.max(axis=0, initial=FLOOR), FLOOR))  # entries of a gradient may cancel
+    endless = ~np.isfinite(results) & call.elements(np.isfinite)
     excess = np.where(endless, np.inf, np.where(np.isnan(excess), 0.0, excess))
     if not excess.size or not excess.max() > SLACK:
         return False
     i, j = map(int, np.unravel_index(int(np.argmax(excess)), excess.shape))
-    place = _place(parameters, j)
+    name, place, found = _title(values, names, i), _place(call, j), results[i, j]
     if np.isinf(excess[i, j]) and endless[i, j]:
-        what = f"{names[i]} does not converge{place}: the integral seems to diverge (given as {values[i, j]:g})"
+        what = f"{name} does not converge{place}: the integral seems to diverge (given as {found:g})"
         hint = "is the integrand integrable there? where its singularity has a formula of the variable alone, put it on a bound"
-        if np.isnan(values[i, j]):
-            what = f"{names[i]} is not a number{place}: an integral seems to diverge, or has no derivative there"
+        if np.isnan(found):
+            what = f"{name} is not a number{place}: an integral seems to diverge, or has no derivative there"
             hint = "f.diagnose(…) may say why; is the integrand integrable?"
-        if not names[i].startswith("the value"):
+        if not name.startswith("the value"):
             hint = "f.diagnose(…) may say why; a derivative diverges where a singularity that moves reaches a bound, or is not integrable"
     else:
-        what = f"{names[i]} misses the tolerance {tol:g}{place}: {values[i, j]:.10g}, error estimate {errors[i, j]:.1e}"
+        what = f"{name} misses the tolerance {tol:g}{place}: {found:.10g}, error estimate {estimates[i, j]:.1e}"
         hint = "a larger tol=, a smaller region, or a formula for what the integrand jumps at; f.value_and_error() gives the estimates"
         if sampled:
             hint = 'so many integrals inside each other are sampled: the estimate is a standard error; rule="qmc", order=… asks for that'
@@ -62,22 +71,19 @@ def report_missed(
     return True
 
 
-def report_not_a_number(
-    values: np.ndarray, names: Sequence[str], inaccurate: str, parameters: dict[str, np.ndarray], crowded: bool = False
-) -> bool:
-    """Warn of the first result, or raise, that is no number though all parameters are: `values` are (results, n), `names` say what
-    each is; `crowded`: a condition has more roots than are looked for. Returns whether there was anything to say."""
+def report_not_a_number(values: Results, names: Sequence[str], call: Call, inaccurate: str, crowded: bool = False) -> bool:
+    """Warn of the first entry of the results, or raise, that is no number though all arguments are; returns whether there was anything to
+    say. `crowded`: a condition has more roots than are looked for."""
     import numpy as np
 
-    missing = np.isnan(values)
-    if not missing.any():
+    if not any(np.isnan(v).any() for v in ([values] if isinstance(values, np.ndarray) else values)):
         return False
-    for v in parameters.values():
-        missing = missing & ~np.isnan(v)
+    results = _rows(values)
+    missing = np.isnan(results) & call.elements(lambda v: ~np.isnan(v))
     if not missing.any():
         return False
     i, j = map(int, np.unravel_index(int(np.argmax(missing)), missing.shape))
-    what = f"{names[i]} is not a number{_place(parameters, j)}"
+    what = f"{_title(values, names, i)} is not a number{_place(call, j)}"
     hint = "does the expression hold 0/0, inf - inf, or a root or a logarithm of a negative number there? f.diagnose(…) may say more"
     if crowded:
         what += ": a condition has more roots than are looked for"
@@ -86,10 +92,32 @@ def report_not_a_number(
     return True
 
 
-def _place(parameters: dict[str, np.ndarray], j: int) -> str:
+def _rows(results: Results) -> np.ndarray:
+    """Every entry of results (n, *shape of one) as a row."""
+    import numpy as np
+
+    if isinstance(results, np.ndarray):
+        return results
+    return np.concatenate([np.moveaxis(v, 0, -1).reshape(-1, len(v)) for v in results])
+
+
+def _title(results: Results, names: Sequence[str], row: int) -> str:
+    """What a row is: a result, or an entry of one."""
+    import numpy as np
+
+    for v, name in zip(results, names, strict=False):
+        size = math.prod(v.shape[1:])
+        if row < size:
+            place = np.unravel_index(row, v.shape[1:]) if v.ndim > 1 else ()
+            return f"{name}[{', '.join(map(str, map(int, place)))}]" if place else name
+        row -= size
+    raise AssertionError(row)
+
+
+def _place(call: Call, j: int) -> str:
     """Where in a batch that is, in words."""
-    shown = [f"{k} = {float(v if v.ndim == 0 else v[j]):.6g}" for k, v in list(parameters.items())[:8]]
-    return f" at {', '.join(shown)}" + (", …" if len(parameters) > 8 else "") if shown else ""
+    shown = [f"{k} = {float(v if v.ndim == 0 else v[j]):.6g}" for k, v in list(zip(call.names, call.columns, strict=True))[:8]]
+    return f" at {', '.join(shown)}" + (", …" if len(call.names) > 8 else "") if shown else ""
 
 
 def _say(what: str, hint: str, inaccurate: str) -> None:

@@ -1,46 +1,119 @@
-"""What a call gives to an evaluator: values by name, by position or as a dict, to columns of a batch."""
+"""The arguments of a call: values by name, by position or as a dict, read as columns of a batch and as arrays."""
 
 from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from decimal import Decimal
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from teg.errors import ParameterError
+from teg.errors import ArrayIndexError, ParameterError
 from teg.ir.expr import Param
+from teg.ir.index import ArrayName, IndexArray
+from teg.program.arrays import ArrayProgram
 
 if TYPE_CHECKING:
     import numpy as np
 
+EXACT = 2.0**53
+"""Integer parameters come as floats, which hold whole numbers up to this one."""
 
-def batch(
-    names: Sequence[str], args: tuple[Any, ...], named: Mapping[str, Any], dtype: str = "float64"
-) -> tuple[list[np.ndarray], tuple[int, ...], int]:
-    """A column for each parameter, of shape () or (n,), the shape of the batch, and n, its size. Raises ParameterError for values that are
-    missing, unknown, given twice, no real numbers, or of shapes that do not broadcast together."""
+
+class Call(NamedTuple):
+    """The arguments of a call, which is a batch of `n` elements of `shape`.
+
+    `columns` are the numbers, called `names`, each (n,), or () where the batch shares one value. `arrays` have their own shapes, `shapes`,
+    with an axis n in front where the batch does not share them. `integers` are the values of the columns that hold integers, by the
+    column's number.
+    """
+
+    names: list[str]
+    columns: list[np.ndarray]
+    arrays: list[np.ndarray]
+    n: int
+    shape: tuple[int, ...]
+    shapes: list[tuple[int, ...]]
+    integers: dict[int, np.ndarray]
+
+    @property
+    def doubles(self) -> list[np.ndarray]:
+        """The columns as float64."""
+        import numpy as np
+
+        return [np.asarray(column, dtype=np.float64) for column in self.columns]
+
+    def elements(self, usable: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """Which elements have `usable` numbers only, (n,)."""
+        import numpy as np
+
+        found = np.ones(self.n, dtype=bool)
+        for column in self.columns:
+            found &= usable(column)
+        for array, own in zip(self.arrays, self.shapes, strict=True):
+            good = usable(array)
+            found &= good.all() if array.ndim == len(own) else good.reshape(self.n, -1).all(axis=1)
+        return found
+
+    def check(self, program: ArrayProgram) -> None:
+        """Raise ArrayIndexError where a program would read outside of an array."""
+        from teg.backends.plan import check_ranges
+
+        check_ranges(program, self.integers, self.arrays, self.shapes)
+
+
+def read_call(
+    parameters: Sequence[Param | ArrayName], given: Mapping[str, Any], integers: Collection[str] = (), dtype: str = "float64"
+) -> Call:
+    """The call with the value `given` for each parameter, rounded to `dtype`; a number is an array of dimension 0.
+
+    Raises ParameterError for values that are no real numbers, or of shapes that do not broadcast together; ArrayIndexError where one of
+    `integers`, or an entry of an array of indices, is no integer.
+    """
     import numpy as np  # when it is needed: `import teg` stays fast
 
-    given = values(names, args, named)
-    arrays = [as_floats(name, given[name], dtype) for name in names]
-    if all([a.ndim == 0 for a in arrays]):
-        return arrays, (), 1
+    scalars = [p.name for p in parameters if isinstance(p, Param)]
+    named = [p for p in parameters if isinstance(p, ArrayName)]
+    columns = [as_floats(name, given[name], "float64" if name in integers else dtype) for name in scalars]
+    leading = [c.shape for c in columns]
+    arrays: list[np.ndarray] = []
+    shapes: list[tuple[int, ...]] = []
+    for a in named:
+        v = as_entries(a, given[a.name], dtype)
+        arrays.append(v)
+        shapes.append(v.shape[v.ndim - a.dimensions :])
+        leading.append(v.shape[: v.ndim - a.dimensions])
+    shape: tuple[int, ...] = ()
+    n = 1
+    if any(leading):
+        shape = batch_shape([*scalars, *(a.name for a in named)], leading)
+        n = math.prod(shape)
+        columns = [c if c.ndim == 0 else np.broadcast_to(c, shape).reshape(n) for c in columns]  # copied only where they must be
+        arrays = [
+            v if v.ndim == len(own) else np.ascontiguousarray(np.broadcast_to(v, (*shape, *own))).reshape(n, *own)
+            for v, own in zip(arrays, shapes, strict=True)
+        ]
+    whole = {k: whole_numbers(name, columns[k]) for k, name in enumerate(scalars) if name in integers} if integers else {}
+    return Call(scalars, columns, arrays, n, shape, shapes, whole)
+
+
+def batch_shape(names: Sequence[str], leading: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+    """The shape of the batch: that to which the axes in front of every value's own broadcast."""
+    import numpy as np
+
     try:
-        shape = np.broadcast_shapes(*(a.shape for a in arrays))
+        return np.broadcast_shapes(*leading)
     except ValueError:
-        shapes = ", ".join(f"{k}: {a.shape}" for k, a in zip(names, arrays, strict=True))
-        raise ParameterError(f"the shapes of the parameters do not broadcast together: {shapes}") from None
-    n = math.prod(shape)
-    return [a if a.ndim == 0 else np.broadcast_to(a, shape).reshape(n) for a in arrays], shape, n  # copied only where they must be
+        text = ", ".join(f"{name}: {s}" for name, s in zip(names, leading, strict=True) if s)
+        raise ParameterError(f"the shapes of the batch do not broadcast together: {text}") from None
 
 
-def values(names: Sequence[str], args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
+def values_by_name(names: Sequence[str], args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
     """The value given for each of the names. Raises ParameterError where one is missing, unknown or given twice."""
     given: dict[str, Any] = {}
     if len(args) == 1 and isinstance(args[0], Mapping):
-        given = {(k.name if isinstance(k, Param) else k): v for k, v in args[0].items()}
+        given = {name_of(k): v for k, v in args[0].items()}
     elif len(args) > len(names):
         raise ParameterError(f"{len(args)} values for {len(names)} parameters", None, _signature(names))
     else:
@@ -113,15 +186,53 @@ def as_floats(name: str, value: Any, dtype: str = "float64") -> np.ndarray:
         raise ParameterError(f"the value of {name!r} is not a real number or an array of them: {value!r:.80}") from None
 
 
-def _signature(names: Sequence[str]) -> str:
-    return "the parameters are " + (", ".join(names) or "none")
-
-
-def as_doubles(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """The columns as float64."""
+def as_entries(a: ArrayName, value: Any, dtype: str) -> np.ndarray:
+    """An array as it was given: float64, rounded to a dtype, or 64-bit integers."""
     import numpy as np
 
-    return [np.asarray(column, dtype=np.float64) for column in columns]
+    refuse_masked(a.name, value)
+    try:
+        found = np.asarray(value)
+    except (TypeError, ValueError):
+        raise ParameterError(f"the value of {a.name!r} is not an array of numbers: {value!r:.80}") from None
+    if found.ndim < a.dimensions:
+        raise ParameterError(f"{a.name!r} has {a.dimensions} dimensions, and an array of shape {found.shape} was given")
+    if isinstance(a, IndexArray):
+        if found.dtype.kind not in "iu":
+            if found.size:
+                raise ArrayIndexError(f"the entries of {a.name!r} are indices, and {found.dtype} was given", None, "use .astype(int)")
+            found = found.astype(np.int64)
+        if found.dtype.kind == "u" and found.size and found.max() > np.iinfo(np.int64).max:
+            raise ArrayIndexError(f"an entry of {a.name!r} is too large for an index: {found.max()}")
+        return np.ascontiguousarray(found, dtype=np.int64)
+    if found.dtype.kind not in "fiub":
+        raise ParameterError(f"the value of {a.name!r} is not an array of real numbers: {found.dtype}")
+    with np.errstate(over="ignore"):
+        return np.ascontiguousarray(np.asarray(found, dtype=dtype), dtype=np.float64)
+
+
+def whole_numbers(name: str, column: np.ndarray) -> np.ndarray:
+    """The integers that an integer parameter holds."""
+    import numpy as np
+
+    if not np.all(np.isfinite(column)) or np.any(column != np.floor(column)):
+        wrong = column[~(np.isfinite(column) & (column == np.floor(column)))] if column.ndim else column
+        raise ArrayIndexError(f"{name!r} is used as an integer, and its value is {float(np.ravel(wrong)[0])!r}")
+    if np.any(np.abs(column) > EXACT):
+        raise ArrayIndexError(
+            f"{name!r} is used as an integer, and {float(column[np.abs(column) > EXACT].flat[0]):.17g} is not held exactly"
+        )
+    return np.asarray(column, dtype=np.int64)
+
+
+def name_of(key: Any) -> str:
+    """The name of a parameter or an array, or the name itself."""
+    name: str = key.name if isinstance(key, Param | ArrayName) else key
+    return name
+
+
+def _signature(names: Sequence[str]) -> str:
+    return "the parameters are " + (", ".join(names) or "none")
 
 
 def rounded(results: np.ndarray) -> np.ndarray:
@@ -129,16 +240,14 @@ def rounded(results: np.ndarray) -> np.ndarray:
     import numpy as np
 
     with np.errstate(over="ignore"):
-        return results.astype(np.float32)
+        return results.astype(np.float32, copy=False)
 
 
-def with_rounding(results: np.ndarray) -> np.ndarray:
-    """Results and then as many estimates of their errors as float32, the estimates with what rounding the results adds."""
+def with_rounding(values: np.ndarray, errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Results and the estimates of their errors as float32, the estimates with what rounding the results adds."""
     import numpy as np
 
-    half = len(results) // 2
-    values, errors = results[:half], results[half:]
     with np.errstate(all="ignore"):
         short = values.astype(np.float32)
         added = np.where(np.isfinite(values), np.abs(short - values), 0.0)
-        return np.concatenate([short, np.nextafter((errors + added).astype(np.float32), np.float32(np.inf))])
+        return short, np.nextafter((errors + added).astype(np.float32), np.float32(np.inf))

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from teg.errors import OptionError, ParameterError
-from teg.evaluator.arguments import values as values_by_name
-from teg.evaluator.array_evaluator import ArrayEvaluator
-from teg.evaluator.compile import Evaluator
+from teg.evaluator.arguments import values_by_name
+from teg.evaluator.evaluator import Evaluator
 
 if TYPE_CHECKING:
     import numpy as np
@@ -52,7 +51,7 @@ class GradientReport:
     __repr__ = __str__
 
 
-def check_gradient(f: Evaluator | ArrayEvaluator, *args: Any, tol: float = 1e-6, seed: int = 0, **named: Any) -> GradientReport:
+def check_gradient(f: Evaluator, *args: Any, tol: float = 1e-6, seed: int = 0, **named: Any) -> GradientReport:
     """Compare f's gradient at one point with central differences of order 8 of its value; of ten steps the most consistent one counts.
 
     Arrays are moved in random directions, from `seed`, and some of their entries alone. Differences are good to some ten digits at best,
@@ -89,13 +88,11 @@ def check_gradient(f: Evaluator | ArrayEvaluator, *args: Any, tol: float = 1e-6,
     return GradientReport(rows, tol)
 
 
-def _at_one_point(f: Evaluator | ArrayEvaluator, args: tuple[Any, ...], named: dict[str, Any]) -> dict[str, Any]:
+def _at_one_point(f: Evaluator, args: tuple[Any, ...], named: dict[str, Any]) -> dict[str, Any]:
     """The values by name; raises ParameterError for a batch."""
     import numpy as np
 
     dimensions = f.dimensions
-    if len(args) == 1 and isinstance(args[0], Mapping):
-        args = ({getattr(k, "name", k): v for k, v in args[0].items()},)
     given = values_by_name(f.parameters, args, named)
     for k, v in given.items():
         if np.ndim(v) != dimensions[k]:

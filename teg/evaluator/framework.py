@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
 from teg.analysis.bodies import write_all_out
 from teg.errors import ArrayIndexError, ParameterError
-from teg.evaluator.arguments import refuse_masked
-from teg.evaluator.derivative_programs import DerivativePrograms
+from teg.evaluator.arguments import name_of, refuse_masked
+from teg.evaluator.kernels import dimensions_of
 from teg.evaluator.options import Options
+from teg.evaluator.plan import VALUE, Kept, Plan
 from teg.ir.arrays import Array, arrays_of, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
 from teg.ir.expr import Expr, Param, Tuple, as_number
@@ -60,14 +61,14 @@ class FrameworkFunction:
         if unknown := [k for k in self._fixed if k not in static]:
             hint = "integer parameters and arrays of indices: " + (", ".join(sorted(static)) or "there are none")
             raise ParameterError(f"indices= names {unknown[0]!r}, which is none", None, hint)
-        self._plans: dict[Hashable, DerivativePrograms] = {}
-        self._plan: DerivativePrograms | None = None
+        self._plans: Kept[Hashable, Plan] = Kept(KEPT)
+        self._plan: Plan | None = None
         self._lock = threading.RLock()
         try:
             self._plan = self._planned(outlined(self._program))
         except NeedsLengths:
             return  # a plan for the shapes of each call
-        self._plan.program(-1)  # what cannot be scheduled is told now
+        self._plan.program(VALUE)  # what cannot be scheduled is told now
 
     def __reduce__(self) -> tuple[object, ...]:
         return (type(self), self._given)
@@ -101,29 +102,20 @@ class FrameworkFunction:
 
     # -- programs ------------------------------------------------------------------------------------------------------
 
-    def _plan_for(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> DerivativePrograms:
+    def _plan_for(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> Plan:
         """The programs of arrays of these shapes: the same for all, or, where they must be known, made for their lengths."""
         if self._plan is not None:
             return self._plan
 
-        def made() -> DerivativePrograms:
+        def made() -> Plan:
             nodes = [n for node in postorder([self._program]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)]
             numbers = {n: index_const(shapes[n.array][n.axis]) for n in nodes}
             return self._planned(outlined(replace_integers(self._program, numbers)))  # type: ignore[arg-type]
 
-        return self._kept(self._plans, tuple(sorted((a.name, s) for a, s in shapes.items())), made)
+        return self._plans.get(tuple(sorted((a.name, s) for a, s in shapes.items())), made)
 
-    def _kept(self, table: dict[Hashable, Made], key: Hashable, make: Callable[[], Made]) -> Made:
-        """What a table has for a key, made where it has nothing; the oldest entries are dropped."""
-        with self._lock:
-            if key not in table:
-                table[key] = make()
-                while len(table) > KEPT:
-                    del table[next(iter(table))]
-            return table[key]
-
-    def _planned(self, e: Expr) -> DerivativePrograms:
-        return DerivativePrograms(e, self._options, self.wrt, self._leaves, self._integers)
+    def _planned(self, e: Expr) -> Plan:
+        return Plan(e, self._options, self.wrt, self._leaves, self._integers)
 
 
 def checked_expression(e: object) -> Expr:
@@ -144,28 +136,6 @@ def check_entries(p: Param | ArrayName, kind: str, dtype: object, shape: tuple[i
         raise ParameterError(f"the value of {p.name!r} is not a real number or an array of them: {dtype}")
     if len(shape) < dimensions_of(p):
         raise ParameterError(f"{p.name!r} has {dimensions_of(p)} dimensions, and an array of shape {shape} was given")
-
-
-def batch_shape(leaves: Sequence[Param | ArrayName], fronts: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
-    """The shape of the batch: that to which the axes in front of every value's own broadcast."""
-    import numpy as np
-
-    try:
-        return np.broadcast_shapes(*fronts)
-    except ValueError:
-        text = ", ".join(f"{p.name}: {s}" for p, s in zip(leaves, fronts, strict=True) if s)
-        raise ParameterError(f"the shapes of the batch do not broadcast together: {text}") from None
-
-
-def name_of(key: Any) -> str:
-    """The name of a parameter or an array, or the name itself."""
-    name: str = key.name if isinstance(key, Param | ArrayName) else key
-    return name
-
-
-def dimensions_of(p: Param | ArrayName) -> int:
-    """How many dimensions a parameter's value has, 0 for a number."""
-    return p.dimensions if isinstance(p, ArrayName) else 0
 
 
 def nested(e: Expr, found: Iterator[Any]) -> Any:

@@ -1,198 +1,225 @@
-"""The programs of a function and of its derivatives of any order, compiled for the C or the NumPy backend, on arrays of NumPy."""
+"""The programs of a plan, compiled for a backend; their results, and what is said about these."""
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, cast
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
+from teg.analysis.bodies import write_all_out
 from teg.analysis.settings import Integration, with_more_room
-from teg.evaluator.accuracy import report_missed, report_not_a_number
-from teg.evaluator.array_arguments import whole_numbers
-from teg.evaluator.array_plan import build_arrays
-from teg.evaluator.array_reports import has_samples, report_arrays, report_missing
-from teg.evaluator.compile import build_kernel
-from teg.evaluator.derivative_programs import DerivativePrograms
-from teg.evaluator.framework import dimensions_of
-from teg.ir import expr as ex
+from teg.evaluator.accuracy import has_samples, report_missed, report_not_a_number
+from teg.evaluator.arguments import Call, whole_numbers
+from teg.evaluator.options import Options
+from teg.evaluator.plan import ORDERS, Kept, Plan, Wanted, derivative_of_order
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName
-from teg.maps.coverage import MapChecks
-from teg.program import Program, Sample, statements
+from teg.maps.checks import MapChecks
+from teg.program import Outcome, Program
 from teg.program.arrays import ArrayProgram
 
 if TYPE_CHECKING:
     import numpy as np
 
 
+class Kernel(Protocol):
+    """What a backend makes of a program. One without loops has `outcome(columns, n)`, of columns of shape () or (n,), and, if C made it,
+    `at_point(numbers)`; one with loops has `results(columns, arrays, n)`, of arrays of their own shapes or with an axis n in front."""
+
+    @property
+    def source(self) -> str: ...
+    @property
+    def program(self) -> Any: ...
+
+
+class Key(NamedTuple):
+    """Which kernel: what is wanted, of all entries or of one; with estimates of errors, or one that counts evaluations."""
+
+    wanted: Wanted
+    entry: int | None = None
+    errors: bool = False
+    counted: bool = False
+
+
+class Kernels:
+    """The programs of a plan, each compiled when it is first needed. Safe to share between threads."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self._kernels: Kept[Key, Kernel] = Kept()
+        self._room: Kept[Key, Integration] = Kept()  # of what met more roots than there was room for
+        self._sampled: Kept[tuple[Wanted, int | None], bool] = Kept()
+        self._checks: Kept[None, MapChecks] = Kept()
+        self._points: dict[int, Callable[[Sequence[float]], Outcome]] = {}
+
+    def kernel(self, key: Key) -> Kernel:
+        """The compiled program."""
+        return self._kernels.get(key, lambda: self._made(key))
+
+    def _made(self, key: Key) -> Kernel:
+        program = self.plan.program(key.wanted, key.entry, key.errors, self.room(key))
+        dtype = "float64" if key.errors or key.counted else self.plan.options.dtype
+        kernel: Kernel = build_kernel(program, self.plan.options, dtype, key.counted)
+        return kernel
+
+    def room(self, key: Key) -> Integration:
+        """How a kernel integrates: as the options say, or with more room for roots."""
+        return self._room.peek(key, self.plan.options.integration)
+
+    def kernel_of(self, wanted: Wanted) -> Kernel:
+        """The compiled program of all that is wanted."""
+        return self.kernel(Key(wanted))
+
+    def room_of(self, wanted: Wanted) -> Integration:
+        """How the kernel of what is wanted integrates."""
+        return self.room(Key(wanted))
+
+    @property
+    def sources(self) -> list[str]:
+        """The texts of the kernels of value, gradient and Hessian that there are."""
+        return [self.kernel(key).source for key in map(Key, ORDERS) if key in self._kernels]
+
+    def has(self, wanted: Wanted) -> bool:
+        """Whether this has been asked for."""
+        return Key(wanted) in self._kernels
+
+    @property
+    def has_products(self) -> bool:
+        """Whether derivatives along directions have been asked for."""
+        return any(key.wanted.along for key in self._kernels)
+
+    # -- results -------------------------------------------------------------------------------------------------------
+
+    def at_point(self, orders: int, numbers: Sequence[float]) -> np.ndarray | None:
+        """The results of value (0), gradient (1) or Hessian (2) at one point by a kernel of C, (results, 1); None if there is anything to
+        say about them, which `results` does. Only of a program without loops."""
+        if orders not in self._points:
+            if self._is_sampled(ORDERS[orders], None):
+                return None
+            self._points[orders] = cast(Any, self.kernel(Key(ORDERS[orders]))).at_point
+        outcome = self._points[orders](numbers)
+        if outcome.missed or outcome.crowded or any(map(math.isnan, outcome.values[:, 0].tolist())):
+            return None
+        return outcome.values
+
+    def results(
+        self, wanted: Wanted, call: Call, titles: Callable[[], Sequence[str]], entry: int | None = None, check_maps: bool = True
+    ) -> Sequence[np.ndarray]:
+        """The results, (n,) for a number, (n, *shape) for what is shaped like an array; `titles` say what each is.
+
+        Raises ArrayIndexError where an index is out of its range, DiffeomorphismError where a map of the user's is none for these values.
+        Where a tolerance was missed it warns, or raises AccuracyError, as the plan's options say.
+        """
+        options, key = self.plan.options, Key(wanted, entry)
+        self.check(key, call, check_maps)
+        outcome = self.outcome(key, call)
+        if options.inaccurate != "ignore":
+            sampled, told = self._is_sampled(wanted, entry), False
+            if outcome.missed or sampled:
+                both = self.outcome(Key(wanted, entry, errors=True), call).values
+                half, how = len(both) // 2, (options.integration.tol, options.inaccurate)
+                told = report_missed(both[:half], both[half:], titles(), call, how, sampled)
+            if not told:
+                report_not_a_number(outcome.values, titles(), call, options.inaccurate, outcome.crowded)
+        values: Sequence[np.ndarray] = outcome.values
+        return values
+
+    def estimated(
+        self, wanted: Wanted, call: Call, titles: Callable[[], Sequence[str]]
+    ) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:
+        """The results, and the estimates of their errors."""
+        key = Key(wanted, errors=True)
+        self.check(key, call)
+        outcome = self.outcome(key, call)
+        half = len(outcome.values) // 2
+        if self.plan.options.inaccurate != "ignore":
+            report_not_a_number(outcome.values[:half], titles(), call, self.plan.options.inaccurate, outcome.crowded)
+        return outcome.values[:half], outcome.values[half:]
+
+    def counted(self, wanted: Wanted, call: Call) -> int:
+        """At how many points a call evaluates integrands that have no integral inside."""
+        key = Key(wanted, counted=True)
+        self.check(key, call, check_maps=False)
+        return int(self.outcome(key, call).evaluations)
+
+    def check(self, key: Key, call: Call, check_maps: bool = True) -> None:
+        """Raise where an index is out of its range, or a map of the user's is none for these values."""
+        options = self.plan.options
+        if self.plan.has_loops:
+            call.check(self.kernel(key).program)
+        if options.maps and options.check_maps and check_maps:
+            checks = self._checks.get(None, lambda: MapChecks(write_all_out(self.plan.expression), options.maps))
+            arrays = [p for p in self.plan.leaves if isinstance(p, ArrayName)]
+            checks.run(dict(zip(call.names, call.columns, strict=True)), dict(zip(arrays, call.arrays, strict=False)), call.n)
+
+    def outcome(self, key: Key, call: Call) -> Any:
+        """What a kernel gives. As long as a condition has more roots than there is room for, and a result is no number, it is made again
+        with more room."""
+        import numpy as np
+
+        while True:
+            outcome = self._run(key, call)
+            if not outcome.crowded or not any(np.isnan(v).any() for v in outcome.values):
+                return outcome
+            wider = with_more_room(self.room(key))
+            if wider is None:
+                return outcome
+            self._room.put(key, wider)
+            self._kernels.drop(key)
+            self._points.clear()
+
+    def _run(self, key: Key, call: Call) -> Any:
+        kernel: Any = self.kernel(key)
+        if self.plan.has_loops:
+            return kernel.results(call.doubles, call.arrays, call.n)
+        if self.plan.options.backend != "c" or key.errors or key.counted:
+            return kernel.outcome(call.doubles, call.n)
+        if call.n == 1 and all(c.ndim == 0 for c in call.columns):
+            return kernel.at_point([float(c) for c in call.columns])
+        return kernel.outcome(call.columns, call.n)
+
+    def _is_sampled(self, wanted: Wanted, entry: int | None) -> bool:
+        """Whether samples are taken that nobody asked for: they rarely reach a tolerance."""
+        how = self.plan.options.integration
+        return how.rule == "auto" and self._sampled.get(
+            (wanted, entry), lambda: has_samples(self.plan.program(wanted, entry, how=self.room(Key(wanted, entry))))
+        )
+
+
 class DerivativeKernels:
-    """The programs of a plan as functions of NumPy arrays, each compiled when it is first needed. Safe to share between threads.
+    """The programs of a plan for a function of PyTorch, on NumPy's arrays.
 
     `operands` of a run are the leaves of the plan, its integers, and then those of each direction, `moving` of them: float64, but for
     arrays of indices; each of its own shape (`dimensions` says of how many axes) where the batch shares it, else with an axis n in front.
     """
 
-    def __init__(self, plan: DerivativePrograms) -> None:
-        self.plan = plan
+    def __init__(self, plan: Plan) -> None:
+        self.plan, self.kernels = plan, Kernels(plan)
         self.moving, self.entries = len(plan.wrt), len(plan.entries)
         self.dimensions = tuple(dimensions_of(p) for p in (*plan.leaves, *plan.integers))
-        self._kernels: dict[tuple[int, int | None, bool], Any] = {}
-        self._sampled: dict[tuple[int, int | None], bool] = {}
-        self._room: dict[tuple[int, int | None, bool], Integration] = {}  # of what met more roots than there was room for
-        self._checks: Any = None
-        self._lock = threading.RLock()
 
     def run(self, order: int, entry: int | None, operands: Sequence[Any], n: int) -> list[Any]:
-        """The results of the program of an order, of all values or of one entry (`DerivativePrograms.program`): float64, (n,) for a number,
-        (n, *shape) for what is shaped like an array.
-
-        Raises ArrayIndexError where an index is out of its range, DiffeomorphismError where a map of the user's is none for these values.
-        Where a tolerance was missed it warns, or raises AccuracyError, as the plan's options say.
-        """
+        """The results of the program of an order (`plan.derivative_of_order`), of all values or of one entry: float64, (n,) for a number,
+        (n, *shape) for what is shaped like an array; warns and raises as `Kernels.results` does."""
         import numpy as np
 
-        leaves, integers = self.plan.leaves, self.plan.integers
-        given = len(leaves) + len(integers)
-        names: list[Param | ArrayName] = [*leaves, *self.plan.wrt * max(order, 0)]
-        values = [*operands[: len(leaves)], *operands[given:]]
-        columns = [v for p, v in zip(names, values, strict=True) if isinstance(p, Param)] + list(operands[len(leaves) : given])
-        arrays = [v for p, v in zip(names, values, strict=True) if isinstance(p, ArrayName)]
-        batched = any(
-            v.ndim > dimensions_of(p) for p, v in zip((*names, *integers), (*values, *operands[len(leaves) : given]), strict=True)
-        )
-        elements = n if batched else 1
-        found = self._results(order, entry, columns, arrays, elements)
-        return found if elements == n else [np.repeat(v, n, axis=0) for v in found]
+        wanted = derivative_of_order(order, self.plan.wrt)
+        given = len(self.dimensions)
+        leaves, integers, along = operands[: len(self.plan.leaves)], operands[len(self.plan.leaves) : given], operands[given:]
+        arguments = self.plan.derivation.arguments(wanted)
+        values = dict(zip(arguments, (*leaves, *along, *integers), strict=True))
+        scalars = [p for p in arguments if isinstance(p, Param)]
+        arrays = [p for p in arguments if isinstance(p, ArrayName)]
+        batched = any(v.ndim > dimensions_of(p) for p, v in values.items())
+        shapes = [values[a].shape[values[a].ndim - a.dimensions :] for a in arrays]
+        whole = {scalars.index(p): whole_numbers(p.name, values[p]) for p in self.plan.integers}
+        columns = [values[p] for p in scalars]
+        call = Call([p.name for p in scalars], columns, [values[a] for a in arrays], n if batched else 1, (n,), shapes, whole)
+        found = list(self.kernels.results(wanted, call, partial(self._titles, order), entry, check_maps=order <= 0))
+        return found if call.n == n else [np.repeat(v, n, axis=0) for v in found]
 
-    def _results(self, order: int, entry: int | None, columns: Sequence[Any], arrays: Sequence[Any], n: int) -> list[Any]:
-        options = self.plan.options
-        kernel = self._kernel(order, entry)
-        program = kernel.program
-        if isinstance(program, ArrayProgram):
-            self._check_ranges(program, columns, arrays)
-        if order <= 0 and options.maps and options.check_maps:
-            self._check_maps(columns, arrays, n)
-        missed, crowded, found = self._outcome((order, entry, False), columns, arrays, n)
-        if options.inaccurate != "ignore":
-            sampled, told = self._is_sampled(order, entry, program), False
-            if missed or sampled:
-                both = self._outcome((order, entry, True), columns, arrays, n)[2]
-                told = self._report(order, entry, program, both, (columns, arrays), n, sampled)
-            if not told:
-                self._report_missing(order, entry, program, found, (columns, arrays), n, crowded)
-        return found
-
-    def _outcome(
-        self, key: tuple[int, int | None, bool], columns: Sequence[Any], arrays: Sequence[Any], n: int
-    ) -> tuple[bool, bool, list[np.ndarray]]:
-        """Whether a tolerance was missed, whether there was too little room for roots, and the results; as long as one is no number for the
-        latter, the program is made again with more room."""
-        import numpy as np
-
-        while True:
-            missed, crowded, found = _outcome(self._kernel(*key), columns, arrays, n)
-            if not crowded or not any(np.isnan(v).any() for v in found):
-                return missed, crowded, found
-            with self._lock:
-                wider = with_more_room(self._room.get(key, self.plan.options.integration))
-                if wider is None:
-                    return missed, crowded, found
-                self._room[key] = wider
-                self._kernels.pop(key, None)
-
-    def _kernel(self, order: int, entry: int | None, errors: bool = False) -> Any:
-        with self._lock:
-            key = order, entry, errors
-            if key not in self._kernels:
-                program = self.plan.program(order, entry, errors, self._room.get(key))
-                build = build_arrays if isinstance(program, ArrayProgram) else build_kernel
-                self._kernels[key] = cast(Any, build)(program, self.plan.options)
-            return self._kernels[key]
-
-    def _check_ranges(self, program: ArrayProgram, columns: Sequence[Any], arrays: Sequence[Any]) -> None:
-        from teg.backends.plan import check_ranges
-
-        count = len(self.plan.integers)
-        first = len(columns) - count
-        integers = {first + k: whole_numbers(p.name, columns[first + k]) for k, p in enumerate(self.plan.integers)}
-        shapes = [v.shape[v.ndim - a.dimensions :] for v, a in zip(arrays, program.arrays, strict=True)]
-        check_ranges(program, integers, arrays, shapes)
-
-    def _check_maps(self, columns: Sequence[Any], arrays: Sequence[Any], n: int) -> None:
-        """The maps of the user's are verified for these values of parameters and arrays."""
-        plan = self.plan
-        scalars = [p.name for p in (*plan.leaves, *plan.integers) if isinstance(p, Param)]
-        named = [p for p in plan.leaves if isinstance(p, ArrayName)]
-        e = plan.entries[0] if self.entries == 1 else ex.tuple_of(*plan.entries)
-        with self._lock:
-            if self._checks is None and named:
-                from teg.evaluator.array_coverage import ArrayMapChecks
-
-                self._checks = ArrayMapChecks(e, plan.options.maps)
-            elif self._checks is None:
-                self._checks = MapChecks(e, plan.options.maps)
-        by_name = dict(zip(scalars, columns, strict=True))
-        if named:
-            dimensions = {p.name: dimensions_of(p) for p in plan.leaves}
-            self._checks.run(by_name, {a.name: v for a, v in zip(named, arrays, strict=True)}, dimensions, n)
-        else:
-            self._checks.run(by_name)
-
-    # -- reports -------------------------------------------------------------------------------------------------------
-
-    def _is_sampled(self, order: int, entry: int | None, program: Program | ArrayProgram) -> bool:
-        """Whether samples are taken that nobody asked for: they rarely reach a tolerance."""
-        key = order, entry
-        if key not in self._sampled:
-            if isinstance(program, ArrayProgram):
-                sampled = has_samples(program)
-            else:
-                sampled = any(isinstance(s, Sample) for s in statements(program.body))
-            self._sampled[key] = sampled and self.plan.options.integration.rule == "auto"
-        return self._sampled[key]
-
-    def _report(
-        self,
-        order: int,
-        entry: int | None,
-        program: Program | ArrayProgram,
-        found: Sequence[Any],
-        given: tuple[Sequence[Any], Sequence[Any]],
-        n: int,
-        sampled: bool,
-    ) -> bool:
-        """Warn of the worst result of a run with estimates, or raise. Returns whether there was anything to say."""
-        import numpy as np
-
-        options, names = self.plan.options, self._names(order, entry)
-        columns = dict(zip(program.parameters, given[0], strict=True))
-        if isinstance(program, ArrayProgram):
-            return report_arrays(found, names, options, _with_dimensions(program, given), (n,), sampled)
-        half = len(found) // 2
-        values, errors = np.array(found[:half]), np.array(found[half:])
-        return report_missed(values, errors, names, options.integration.tol, options.inaccurate, columns, sampled)
-
-    def _report_missing(
-        self,
-        order: int,
-        entry: int | None,
-        program: Program | ArrayProgram,
-        found: Sequence[Any],
-        given: tuple[Sequence[Any], Sequence[Any]],
-        n: int,
-        crowded: bool,
-    ) -> None:
-        """Warn of a result that is no number though all operands are, or raise."""
-        import numpy as np
-
-        options, names = self.plan.options, self._names(order, entry)
-        if isinstance(program, ArrayProgram):
-            report_missing(found, names, options, _with_dimensions(program, given), (n,), crowded)
-        else:
-            columns = dict(zip(program.parameters, given[0], strict=True))
-            report_not_a_number(np.array(found), names, options.inaccurate, columns, crowded)
-
-    def _names(self, order: int, entry: int | None) -> list[str]:
+    def _titles(self, order: int) -> list[str]:
         """What each result is, for messages."""
         if order > 0:
             return [f"the derivative of order {order + 1} by {p.name}" for p in self.plan.wrt]
@@ -200,18 +227,33 @@ class DerivativeKernels:
         return values if order < 0 else [*values, *[f"the derivative by {p.name}" for p in self.plan.wrt] * self.entries]
 
 
-def _with_dimensions(program: ArrayProgram, given: tuple[Sequence[Any], Sequence[Any]]) -> dict[str, tuple[Any, int]]:
-    """The values of parameters and arrays by name, each with its dimensions."""
-    columns = {k: (v, 0) for k, v in zip(program.parameters, given[0], strict=True)}
-    return columns | {a.name: (v, a.dimensions) for a, v in zip(program.arrays, given[1], strict=True)}
+def build_kernel(program: Program | ArrayProgram, options: Options, dtype: str = "float64", counted: bool = False) -> Any:
+    """A backend's kernel of a program; a `counted` one counts evaluations (JAX does not, nor do loops in C: its twin is NumPy's). Of the
+    backends C alone has use for another dtype than float64, and in programs without loops only."""
+    from teg.backends.numpy.kernel import compile_numpy
+
+    by_numpy: Callable[[Program], Any] = partial(compile_numpy, memory=options.memory)
+    flat: Callable[[Program], Any] = by_numpy
+    if options.backend == "jax" and not counted:
+        from teg.backends.jax.kernel import compile_jax
+        from teg.backends.jax.precision import InDoublePrecision
+
+        flat = compile_jax if options.dtype == "float64" else InDoublePrecision
+    if isinstance(program, Program):
+        if options.backend == "c":
+            from teg.backends.c.kernel import compile_c
+
+            return compile_c(program, threads=options.threads, counted=counted, dtype=dtype)
+        return flat(program)
+    if options.backend == "c" and not counted:
+        from teg.backends.c.loops import compile_c_arrays
+
+        return compile_c_arrays(program, threads=options.threads)
+    from teg.backends.numpy.loops import LaneKernel
+
+    return LaneKernel(program, flat)
 
 
-def _outcome(kernel: Any, columns: Sequence[Any], arrays: Sequence[Any], n: int) -> tuple[bool, bool, list[np.ndarray]]:
-    """Whether a tolerance was missed, whether there was too little room for roots, and the results."""
-    if isinstance(kernel.program, ArrayProgram):
-        outcome = kernel.results(columns, arrays, n)
-    elif n == 1 and hasattr(kernel, "at_point") and all(c.ndim == 0 for c in columns):
-        outcome = kernel.at_point([float(c) for c in columns])
-    else:
-        outcome = kernel.outcome(columns, n)
-    return outcome.missed, outcome.crowded, list(outcome.values)
+def dimensions_of(p: Param | ArrayName) -> int:
+    """How many dimensions a parameter's value has, 0 for a number."""
+    return p.dimensions if isinstance(p, ArrayName) else 0

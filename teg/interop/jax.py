@@ -1,4 +1,4 @@
-"""`teg.jax_function`: a program as a function of JAX, right under all of its transformations."""
+"""`teg.jax_function`: a program as a function of JAX, correct under all of its transformations."""
 
 from __future__ import annotations
 
@@ -8,25 +8,29 @@ from typing import Any, cast
 
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration
-from teg.errors import ArrayIndexError, BackendError, MissingPackageError, ParameterError
-from teg.evaluator.derivative_programs import DerivativePrograms
+from teg.errors import ArrayIndexError, BackendError, CompilerError, MissingPackageError, OptionError, ParameterError
+from teg.evaluator.accuracy import AccuracyWarning
+from teg.evaluator.arguments import batch_shape
 from teg.evaluator.framework import (
+    KEPT,
     FrameworkFunction,
     Parameter,
-    batch_shape,
     check_entries,
     checked_expression,
-    dimensions_of,
     nested,
 )
+from teg.evaluator.kernels import dimensions_of
 from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.evaluator.plan import VALUE, Kept, Plan, derivative_of_order
 from teg.ir.expr import Expr, Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.passes.differentiate.through_sums import parameters_and_arrays
+from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
+KERNELS = ("auto", "c", "xla")
 OLDEST = (0, 8, 0)
-"""The first version of JAX with all that this needs: types that say over which axes of a mesh a value varies."""
+"""The first supported version of JAX: its types tell over which axes of a mesh a value varies."""
 
 
 def jax_function(
@@ -42,53 +46,79 @@ def jax_function(
     discontinuities: str = "sift",
     max_roots: int = MAX_ROOTS,
     maps: Sequence[Any] = (),
+    kernel: str = "auto",
+    inaccurate: str = "warn",
+    intrinsics: bool = True,
 ) -> JaxFunction:
-    """A pure function of JAX: a dict of parameters and arrays by name (a pytree) to the value, or a tuple of values.
+    """Returns a pure function of JAX: from a dict of parameters and arrays by name (a pytree) to the value, or a tuple of values.
 
         f = teg.jax_function(e)
         jax.jit(jax.value_and_grad(f))({"t": 0.5, "a": 1.0})
 
-    `jit`, `vmap`, `shard_map`, `jvp`, `vjp`, `grad`, `hessian`, `linearize`, `checkpoint` and `scan` work on it in any nesting: derivatives
-    of any order are programs made of the symbolic derivative, each when it is first needed, once. Value and gradient come from one program.
+    `jit`, `vmap`, `shard_map`, `jvp`, `vjp`, `grad`, `hessian`, `linearize`, `checkpoint` and `scan` work on it in any nesting.
+    Derivatives of any order are programs made of the symbolic derivative, each made once, when it is first needed. Value and gradient
+    come from one program.
 
     Values broadcast as those of an evaluator do: a number may be an array of the batch's shape, an array has the batch's axes in front.
-    `params` are what is differentiated by (default: all real parameters and arrays); the others are constants, as under
-    `lax.stop_gradient`. Integer parameters and `teg.indices` may be given at the call, or here by `indices=`; what the number of terms of a
-    sum depends on must be known while JAX traces, so not an argument of a jitted function. Other index arrays may be traced, and then
-    nothing checks their range: where an index is outside of it, the value is NaN.
+    Derivatives are taken by `params` (default: all real parameters and arrays); the others are constants, as under `lax.stop_gradient`.
+    Integer parameters and `teg.indices` may be given at the call, or here by `indices=`. An integer that decides the number of terms of
+    a sum must be known while JAX traces, so it cannot be an argument of a jitted function. Other index arrays may be traced, and then
+    their range is not checked: an index out of range gives NaN.
 
-    `dtype` is that of numbers, arrays and results: "float32" or "float64", or None for that of the arguments. What is between is computed
-    in float64, whatever that is, and also where JAX's 64-bit mode is off. `tol` is 1e-10, or 1e-6 with dtype="float32". The other options
-    are those of `teg.compile`; `maps` are not verified for the values of a call, and no warning tells that a tolerance was missed: an
-    evaluator's `value_and_error` does.
+    `dtype` is that of numbers, arrays and results: "float32" or "float64", or None for that of the arguments. Intermediate values are
+    float64 in all cases, also where JAX's 64-bit mode is off. `tol` is 1e-10, or 1e-6 with dtype="float32". The other options
+    are those of `teg.compile`; `maps` are not verified for the values of a call.
 
-    Raises MissingPackageError without JAX, BackendError for dtype="float64" where the 64-bit mode is off, ParameterError for values that
-    are missing, unknown, of wrong shapes or no real numbers, and ArrayIndexError for indices out of range or not known.
+    `kernel` says what a program runs as. "c": on CPUs one call of the compiled C kernel, inside of the programs of XLA, with its speed and
+    its bits; XLA compiles in milliseconds. "xla": operations of XLA, on every device. "auto": "c" on CPUs where a C compiler is found,
+    "xla" elsewhere. Index arrays that JAX traces, whose range nothing checks before the call, make a program "xla".
+
+    `inaccurate` says what a missed tolerance does in a C kernel: "warn" gives an AccuracyWarning in the main thread, "raise" an error of
+    JAX, "ignore" nothing. Programs of XLA say nothing: an evaluator's `value_and_error` does.
+
+    Raises MissingPackageError without JAX, BackendError for dtype="float64" where the 64-bit mode is off, CompilerError for kernel="c"
+    without a C compiler, OptionError for other options, ParameterError for values that are missing, unknown, of wrong shapes or no real
+    numbers, and ArrayIndexError for indices out of range or not known.
     """
     program = checked_expression(e)
     precision = None if dtype is None else checked_dtype(dtype)
-    integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots)
-    options = Options("jax", integration, "ignore", precision or "float64", 1, 2**28, discontinuities, maps, False)
+    integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots, intrinsics)
+    options = Options("jax", integration, inaccurate, precision or "float64", 1, 2**28, discontinuities, maps, False)
     wrt = None if params is None else parameters_and_arrays(params)
+    if kernel not in KERNELS:
+        raise OptionError(f"kernel={kernel!r} is not known", None, "one of: " + ", ".join(map(repr, KERNELS)))
     _import_jax(precision)
-    return JaxFunction(program, wrt, options, precision, indices or {})
+    return JaxFunction(program, wrt, options, precision, indices or {}, kernel)
 
 
 class JaxFunction(FrameworkFunction):
-    """What `teg.jax_function` makes. `parameters` are the names of its arguments; call it with a dict, or by name. It may be shared between
-    threads, and pickles."""
+    """A function of JAX made by `teg.jax_function`. Call it with a dict, or by name; `parameters` are the names of its arguments.
+
+    It may be shared between threads, and pickles.
+    """
 
     framework = "JAX"
 
-    def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options, dtype: str | None, indices: Mapping[Any, Any]) -> None:
+    def __init__(
+        self,
+        e: Expr,
+        wrt: Sequence[Parameter] | None,
+        options: Options,
+        dtype: str | None,
+        indices: Mapping[Any, Any],
+        kernel: str = "auto",
+    ) -> None:
         super().__init__(e, wrt, options, dtype, indices)
-        self._families: dict[Hashable, Any] = {}
+        self._families: Kept[Hashable, Any] = Kept(KEPT)
+        self._counting: Kept[Plan, frozenset[int]] = Kept(KEPT)
+        self._kernel = "c" if kernel == "c" or (kernel == "auto" and _has_compiler()) else "xla"
+        self._given = (*self._given, kernel)  # type: ignore[assignment]
 
     def __repr__(self) -> str:
         return f"<teg.jax_function of {', '.join(self.parameters)}>"
 
     def __call__(self, values: Mapping[str, Any] | None = None, /, **named: Any) -> Any:
-        """The value, an array of the batch's shape; for a tuple expression a tuple."""
+        """Returns the value, an array of the batch's shape; for a tuple expression a tuple."""
         _import_jax(self._dtype)
         from teg.backends.jax.derivative import derivative
 
@@ -101,7 +131,7 @@ class JaxFunction(FrameworkFunction):
     # -- inside --------------------------------------------------------------------------------------------------------
 
     def _operands(self, given: Mapping[str, Any]) -> tuple[list[Any], tuple[tuple[int | None, ...], ...], str]:
-        """The leaves, without axes of length 1 in front, which leaf has which axes of the batch, and the type of results."""
+        """Returns the leaves without leading axes of length 1, the batch axes of each leaf, and the type of results."""
         import jax.numpy as jnp
 
         leaves: list[Any] = []
@@ -119,7 +149,7 @@ class JaxFunction(FrameworkFunction):
         for i in real:
             leaves[i] = leaves[i].astype(dtype)
         front = [leaf.shape[: leaf.ndim - dimensions_of(p)] for leaf, p in zip(leaves, self._leaves, strict=True)]
-        shape = batch_shape(self._leaves, front)
+        shape = batch_shape([p.name for p in self._leaves], front)
         batch: list[tuple[int | None, ...]] = [
             tuple(0 if len(s) >= level and s[-level] == n else None for s in front)
             for level, n in ((len(shape) - k, n) for k, n in enumerate(shape))
@@ -131,7 +161,7 @@ class JaxFunction(FrameworkFunction):
         return leaves, tuple(batch), dtype
 
     def _family(self, given: Mapping[str, Any], operands: Sequence[Any], batch: Sequence[Sequence[int | None]]) -> Any:
-        """The family of programs for the shapes, integers and index arrays of a call; checks the indices, if they are known."""
+        """Returns the family of programs for the shapes, integers and index arrays of a call. Checks the indices, if they are known."""
         import jax
         import numpy as np
 
@@ -150,7 +180,8 @@ class JaxFunction(FrameworkFunction):
         plan = self._plan_for(dict(zip(arrays, shapes, strict=True)))
         self._check(plan, integers, arrays, shapes, known)
         first = len(arrays) - len(known)
-        needed = [k for k in range(len(known)) if first + k in plan.counting]
+        counting = self._counting.get(plan, lambda: _counting(plan))
+        needed = [k for k in range(len(known)) if first + k in counting]
         for k in needed:
             if known[k] is None:
                 name = arrays[first + k].name
@@ -162,27 +193,27 @@ class JaxFunction(FrameworkFunction):
             if known[k].ndim != dimensions_of(arrays[first + k]):
                 raise ArrayIndexError(f"how many terms a sum has depends on {arrays[first + k].name}, which has axes of a batch")
         digest = tuple(hashlib.sha256(np.ascontiguousarray(known[k], np.int64).tobytes()).digest() for k in needed)
-        key = (id(plan), integers, digest, tuple(shapes) if needed else ())
-        return self._kept(
-            self._families, key, lambda: _family_of(plan, integers, [v if k in needed else None for k, v in enumerate(known)])
-        )
+        native = self._kernel == "c" and all(v is not None for v in known)  # compiled code does not look at the range of indices
+        key = (plan, integers, digest, tuple(shapes) if needed else (), native)
+        chosen = [v if k in needed else None for k, v in enumerate(known)]
+        return self._families.get(key, lambda: _family_of(plan, integers, chosen, native))
 
     def _check(
         self,
-        plan: DerivativePrograms,
+        plan: Plan,
         integers: Sequence[int],
         arrays: Sequence[ArrayName],
         shapes: Sequence[tuple[int, ...]],
         known: Sequence[Any],
     ) -> None:
-        """Every index is inside of its array, as far as index arrays are known."""
+        """Checks that every index is inside of its array, as far as index arrays are known. Raises ArrayIndexError."""
         import numpy as np
 
         if not arrays or any(v is None for v in known):
             return
         from teg.backends.plan import check_ranges
 
-        program = cast(ArrayProgram, plan.program(-1))
+        program = cast(ArrayProgram, plan.program(VALUE))
         whole = {len(program.parameters) - len(integers) + k: np.asarray(v) for k, v in enumerate(integers)}
         real = [np.broadcast_to(np.float64(0.0), s) for s in shapes[: len(shapes) - len(known)]]
         for values in _elements(known, arrays[len(real) :]):
@@ -190,14 +221,14 @@ class JaxFunction(FrameworkFunction):
 
 
 def _as_array(p: Param | ArrayName, value: Any) -> Any:
-    """A value as an array of JAX. Integers of NumPy are not cut to the 32 bits that JAX has where its 64-bit mode is off."""
+    """Returns a value as an array of JAX. NumPy integers are not cut to the 32 bits that JAX has where its 64-bit mode is off."""
     import jax.numpy as jnp
     import numpy as np
 
     leaf = jnp.asarray(value)
     if not isinstance(value, np.ndarray | np.generic) or value.dtype.kind not in "iu":
         return leaf
-    cut = value.astype(leaf.dtype)  # not from the leaf: where a function is traced that has no numbers
+    cut = value.astype(leaf.dtype)  # not from the leaf: a traced leaf has no numbers
     if np.array_equal(cut, value):
         return leaf
     if isinstance(p, IndexArray):
@@ -225,21 +256,63 @@ def _import_jax(dtype: str | None) -> None:
         )
 
 
-def _family_of(plan: DerivativePrograms, integers: Sequence[int], indices: Sequence[Any]) -> Any:
-    """The programs of a plan as functions of JAX, for these integers and index arrays (None: any)."""
+def _has_compiler() -> bool:
+    """Whether a C compiler is found."""
+    from teg.backends.c.build import find_compiler
+
+    try:
+        find_compiler()
+    except CompilerError:
+        return False
+    return True
+
+
+def _native(plan: Plan) -> Any:
+    """How programs of a plan become compiled kernels that programs of XLA call."""
+    from teg.backends.jax.derivative import Native
+
+    def bind(program: Program | ArrayProgram, order: int) -> int:
+        from teg.backends.c.kernel import compile_c
+        from teg.backends.c.loops import compile_c_arrays
+        from teg.backends.jax.native import bind
+
+        what = "a value" if order < 0 else "a value or a gradient" if order == 0 else f"a derivative of order {order + 1}"
+        text = f"{what} may miss the tolerance {plan.options.integration.tol:g}, or have met more roots than there is room for"
+        hint = "teg.compile(e).value_and_error(…) gives an estimate; a larger tol= or max_roots=, or a smaller region"
+        kernel: Any = compile_c_arrays(program) if isinstance(program, ArrayProgram) else compile_c(program)
+        return bind(kernel, f"{text}\n  hint: {hint}", AccuracyWarning)
+
+    return Native(bind, plan.options.inaccurate)
+
+
+def _counting(plan: Plan) -> frozenset[int]:
+    """The numbers of the arrays that numbers of terms depend on."""
+    if not plan.has_loops:
+        return frozenset()
+    from teg.backends.jax.loops import counting_arrays
+
+    return frozenset(counting_arrays(cast(ArrayProgram, plan.program(VALUE))))
+
+
+def _family_of(plan: Plan, integers: Sequence[int], indices: Sequence[Any], native: bool) -> Any:
+    """Returns the programs of a plan as functions of JAX, with these integers and index arrays (None: any); `native`: compiled for CPUs."""
     from teg.backends.jax.derivative import Family
 
     arrays = [isinstance(p, ArrayName) for p in plan.leaves]
+    compiled = _native(plan) if native else None
 
     def made(entry: int | None, entries: Sequence[Any]) -> Any:
-        return Family(lambda order: plan.program(order, entry), arrays, len(plan.wrt), integers, indices, entries)
+        def program(order: int) -> Program | ArrayProgram:
+            return plan.program(derivative_of_order(order, plan.wrt), entry)
+
+        return Family(program, arrays, len(plan.wrt), integers, indices, entries, compiled)
 
     single = [] if len(plan.entries) == 1 else [made(k, ()) for k in range(len(plan.entries))]
     return made(None, single)
 
 
 def _whole(name: str, value: Any) -> int:
-    """The integer that an integer parameter holds."""
+    """Returns the integer that an integer parameter holds."""
     import jax
     import numpy as np
 
@@ -255,7 +328,7 @@ def _whole(name: str, value: Any) -> int:
 
 
 def _elements(known: Sequence[Any], arrays: Sequence[ArrayName]) -> list[list[Any]]:
-    """Index arrays for each element of a batch of them."""
+    """Returns index arrays for each element of a batch of them."""
     import numpy as np
 
     fronts = [v.shape[: v.ndim - a.dimensions] for v, a in zip(known, arrays, strict=True)]

@@ -1,4 +1,4 @@
-"""`teg.scipy_function`: a program as functions of one vector, as `scipy.optimize` wants them. It needs NumPy only."""
+"""`teg.scipy_function`: a program as functions of one vector, the form that `scipy.optimize` takes. It needs NumPy only."""
 
 from __future__ import annotations
 
@@ -27,21 +27,22 @@ def scipy_function(
     shapes: Mapping[Any, int | Sequence[int]] | None = None,
     **options: Any,
 ) -> VectorFunction:
-    """The functions (fun, jac) of one vector x, the values of `parameters` in their order:
+    """Returns the functions (fun, jac) of one vector x, which holds the values of `parameters` in their order:
 
         fun, jac = teg.scipy_function(e, [t, a], fixed={"b": 2.0}, backend="c")
         scipy.optimize.minimize(fun, [0.5, 1.0], jac=jac)
 
-    fun(x) is a float, jac(x) the gradient, float64 of x's shape (n,). For a tuple of m expressions they are a vector (m,) and the Jacobian
-    matrix (m, n), as `scipy.optimize.least_squares` wants them. `hessp(x, p)`, an attribute of the result, is the Hessian times p.
+    fun(x) is a float, jac(x) the gradient, float64 of x's shape (n,). For a tuple of m expressions they are a vector (m,) and the
+    Jacobian matrix (m, n), the form that `scipy.optimize.least_squares` takes. `hessp(x, p)`, an attribute of the result, is the Hessian
+    times p.
 
-    An array parameter takes as many places as it has entries, row by row; `shapes` names its shape: `shapes={"V": (10, 2)}`. `fixed` gives
-    the values of all other parameters, by parameter or name. Options are those of `teg.compile`. `pack` makes a vector of a dict of values,
-    `unpack` the dict of a vector.
+    An array parameter takes as many places as it has entries, row by row; `shapes` gives its shape: `shapes={"V": (10, 2)}`. `fixed`
+    gives the values of all other parameters, by parameter or name. Options are those of `teg.compile`. `pack` makes a vector of a dict
+    of values, `unpack` the dict of a vector.
 
-    What one call has computed the next one at the same x does not compute again. Raises ParameterError for a vector of another length or
-    with entries that are not finite, and where values are missing, unknown or given twice; values of e that are not finite are given as
-    they are, a line search steps back from them.
+    The results of one call are kept for the next call at the same x. Raises ParameterError for a vector of another length or with
+    entries that are not finite, and if values are missing, unknown or given twice. Values of e that are not finite are returned; a line
+    search steps back from them.
     """
     moving = [parameters] if isinstance(parameters, Param | Array) else list(parameters)
     if not moving:
@@ -78,16 +79,16 @@ class VectorFunction:
         return iter((self.fun, self.jac))
 
     def fun(self, x: Any) -> Any:
-        """The value at x, a float; of a tuple of m expressions an array (m,)."""
+        """Returns the value at x, a float; of a tuple of m expressions an array (m,)."""
         return self._at(x, self._wants_gradients)[0]
 
     def jac(self, x: Any) -> np.ndarray:
-        """The gradient at x, an array (n,); of a tuple of m expressions (m, n)."""
+        """Returns the gradient at x, an array (n,); of a tuple of m expressions (m, n)."""
         self._wants_gradients = True  # from now on `fun` computes both at once
         return cast("np.ndarray", self._at(x, True)[1]).copy()
 
     def hessp(self, x: Any, p: Any) -> np.ndarray:
-        """The Hessian at x times p, an array (n,); of one expression only."""
+        """Returns the Hessian at x times p, an array (n,); of one expression only."""
         import numpy as np
 
         if isinstance(self._at(x, False)[0], np.ndarray):
@@ -96,29 +97,29 @@ class VectorFunction:
         return np.concatenate([np.ravel(along[name]) for name in self.shapes])
 
     def pack(self, values: Mapping[Any, Any]) -> np.ndarray:
-        """The vector of values of the parameters that move, by parameter or name."""
+        """Returns the vector of values of the moving parameters, given by parameter or name."""
         import numpy as np
 
-        given = _by_name(values)
-        if missing := [name for name in self.shapes if name not in given]:
+        by_name = _by_name(values)
+        if missing := [name for name in self.shapes if name not in by_name]:
             raise ParameterError(f"no value for {', '.join(map(repr, missing))}", None, "the vector holds " + ", ".join(self.shapes))
         for name, shape in self.shapes.items():
-            refuse_masked(name, given[name])
-            if np.shape(given[name]) != shape:
-                raise ParameterError(f"{name!r} has the shape {shape}, not {np.shape(given[name])}")
-        return np.concatenate([np.ravel(np.asarray(given[name], dtype=np.float64)) for name in self.shapes])
+            refuse_masked(name, by_name[name])
+            if np.shape(by_name[name]) != shape:
+                raise ParameterError(f"{name!r} has the shape {shape}, not {np.shape(by_name[name])}")
+        return np.concatenate([np.ravel(np.asarray(by_name[name], dtype=np.float64)) for name in self.shapes])
 
     def unpack(self, x: Any) -> dict[str, Any]:
-        """The values of the parameters that move, floats and arrays, by name."""
+        """Returns the values of the moving parameters, floats and arrays, by name."""
         vector = self._checked(x)
-        found: dict[str, Any] = {}
+        parts: dict[str, Any] = {}
         first = 0
         for name, shape in self.shapes.items():
             size = math.prod(shape)
             part = vector[first : first + size]
-            found[name] = part.reshape(shape) if shape or size != 1 else float(part[0])
+            parts[name] = part.reshape(shape) if shape or size != 1 else float(part[0])
             first += size
-        return found
+        return parts
 
     def __reduce__(self) -> tuple[object, ...]:
         return (VectorFunction, (self.evaluator, self._moving, self.fixed, self._given_shapes))
@@ -127,7 +128,7 @@ class VectorFunction:
         return {**self.fixed, **self.unpack(vector)}
 
     def _at(self, x: Any, gradient: bool) -> tuple[Any, np.ndarray | None]:
-        """The value at x, and its gradient if that is wanted or was computed last time."""
+        """Returns the value at x, and its gradient if it is wanted or was computed last time."""
         import numpy as np
 
         vector = self._checked(x)
@@ -137,8 +138,8 @@ class VectorFunction:
         values = self._values(vector)
         slopes: np.ndarray | None = None
         if gradient:
-            found, by_name = self.evaluator.value_and_grad(values)
-            value = _flat(found)
+            result, by_name = self.evaluator.value_and_grad(values)
+            value = _flat(result)
             columns = [np.reshape(_flat(by_name[name]), (np.size(value), -1)) for name in self.shapes]
             slopes = np.concatenate(columns, axis=1)
             slopes = slopes if isinstance(value, np.ndarray) else slopes[0]
@@ -152,10 +153,10 @@ class VectorFunction:
 
         refuse_masked("x", x)
         try:
-            given = np.asarray(x)
-            if given.dtype.kind not in "fiub":
+            array = np.asarray(x)
+            if array.dtype.kind not in "fiub":
                 raise TypeError
-            vector = np.asarray(given, dtype=np.float64)
+            vector = np.asarray(array, dtype=np.float64)
         except (TypeError, ValueError):
             raise ParameterError(f"this is no vector of real numbers: {x!r:.80}") from None
         if vector.shape != (self.size,) and not (self.size == 1 and vector.shape == ()):
@@ -176,15 +177,15 @@ def _shape_of(p: Parameter, shapes: Mapping[str, int | Sequence[int]]) -> tuple[
         return ()
     if p.name not in shapes:
         raise ParameterError(f"the shape of the array {p.name!r} is not known", None, f"shapes={{{p.name!r}: (…)}}")
-    given = shapes[p.name]
-    shape = (given,) if isinstance(given, int) else tuple(given)
+    stated = shapes[p.name]
+    shape = (stated,) if isinstance(stated, int) else tuple(stated)
     if len(shape) != p.dimensions or not all(isinstance(n, int) and n >= 0 for n in shape):
-        raise ParameterError(f"{given!r} is no shape of an array of {p.dimensions} dimensions", p.name)
+        raise ParameterError(f"{stated!r} is no shape of an array of {p.dimensions} dimensions", p.name)
     return shape
 
 
 def _flat(values: Any) -> Any:
-    """A value as a float, or those of a tuple, nested or not, as one array."""
+    """Returns a value as a float, or the values of a tuple, nested or not, as one array."""
     import numpy as np
 
     if not isinstance(values, tuple):

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration
 from teg.errors import ArrayIndexError, MissingPackageError, OptionError, ParameterError
+from teg.evaluator.arguments import batch_shape
 from teg.evaluator.framework import (
+    KEPT,
     FrameworkFunction,
     Parameter,
-    batch_shape,
     check_entries,
     checked_expression,
-    dimensions_of,
     nested,
 )
-from teg.evaluator.kernels import DerivativeKernels
+from teg.evaluator.kernels import DerivativeKernels, dimensions_of
 from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.evaluator.plan import Kept, Plan
 from teg.ir.expr import Expr, Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.passes.differentiate.through_sums import parameters_and_arrays
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     import torch
 
 OLDEST = (2, 4)
-"""The first version of PyTorch that this is meant for."""
+"""The first supported version of PyTorch."""
 BACKENDS = ("numpy", "c")
 
 
@@ -50,53 +51,56 @@ def torch_function(
     max_roots: int = MAX_ROOTS,
     maps: Sequence[Any] = (),
     check_maps: bool = True,
+    intrinsics: bool = True,
 ) -> TorchFunction:
-    """A function of PyTorch: a dict of parameters and arrays by name to the value, a tensor, or a tuple of values.
+    """Returns a function of PyTorch: from a dict of parameters and arrays by name to the value, a tensor, or a tuple of values.
 
         f = teg.torch_function(e, backend="c")
         f({"t": t, "a": 1.0}).sum().backward()
 
-    It is differentiable to any order, in reverse, forward, and by `torch.func` (`grad`, `vmap`, `jvp`, `hessian` and so on): derivatives
-    are programs made of the symbolic derivative, each when it is first needed, once. Where a tensor requires a gradient, one run gives it
-    with the value; where none does, no program of a gradient is made.
+    It is differentiable to any order, in reverse, forward, and by `torch.func` (`grad`, `vmap`, `jvp`, `hessian` and so on). Derivatives
+    are programs made of the symbolic derivative, each made once, when it is first needed. Where a tensor requires a gradient, one run
+    computes it with the value; where none does, no program of a gradient is made.
 
-    Values are tensors, NumPy arrays or numbers, and broadcast as those of an evaluator do: a number may be a tensor of the batch's shape,
-    an array has the batch's axes in front. `params` are what is differentiated by (default: all real parameters and arrays); the others are
-    constants, as if detached. A gradient is computed by all of `params` or by none, so leave out what never moves. Integer parameters and
-    `teg.indices` may be given at the call, or here by `indices=`.
+    Values are tensors, NumPy arrays or numbers, and broadcast as those of an evaluator do: a number may be a tensor of the batch's
+    shape, an array has the batch's axes in front. Derivatives are taken by `params` (default: all real parameters and arrays); the
+    others are constants, as if detached. A gradient is computed by all of `params` or by none, so leave out parameters that never move.
+    Integer parameters and `teg.indices` may be given at the call, or here by `indices=`.
 
-    `dtype`, "float32" or "float64" or a type of PyTorch, is what values of parameters are rounded to, and that of results; None: the type
-    that PyTorch gives to a sum of the arguments (float16 and bfloat16 too, and of Python's numbers alone its default type). What is between
-    is computed in float64. Programs run on the CPU: tensors of other devices are copied there, and results back.
+    `dtype` is "float32" or "float64" or a type of PyTorch. Parameter values are rounded to it, and results have it. None: the type that
+    PyTorch gives to a sum of the arguments (float16 and bfloat16 too; its default type for Python's numbers alone). Intermediate values
+    are float64. Programs run on the CPU: tensors of other devices are copied there, and results back.
 
     The other options are those of `teg.compile`. `torch.compile` leaves a call between two graphs. `torch.func.hessian` maps second
-    derivatives over a batch, which `torch.autograd.functional` with `vectorize=True` cannot: it knows no functions of users.
+    derivatives over a batch; `torch.autograd.functional` with `vectorize=True` cannot, because it does not support user functions.
 
-    Raises MissingPackageError without PyTorch, ParameterError for values that are missing, unknown, of wrong shapes, no real numbers or
-    on several devices, ArrayIndexError for indices out of range, OptionError for an option that is unknown; a call may warn of a tolerance
-    that was missed (AccuracyWarning), as `inaccurate` says.
+    Raises MissingPackageError without PyTorch, ParameterError for values that are missing, unknown, of wrong shapes, not real numbers or
+    on several devices, ArrayIndexError for indices out of range, OptionError for an unknown option. A call may warn of a missed
+    tolerance (AccuracyWarning), depending on `inaccurate`.
     """
     program = checked_expression(e)
-    _import_torch()  # types of PyTorch have names
+    _import_torch()  # the next line reads types of PyTorch
     precision = None if dtype is None else checked_dtype(_name_of_type(dtype))
     if backend not in BACKENDS:
         raise OptionError(f"backend={backend!r} is not for PyTorch", None, "one of: " + ", ".join(BACKENDS))
-    integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots)
+    integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots, intrinsics)
     options = Options(backend, integration, inaccurate, "float64", threads, memory, discontinuities, maps, check_maps)
     wrt = None if params is None else parameters_and_arrays(params)
     return TorchFunction(program, wrt, options, precision, indices or {})
 
 
 class TorchFunction(FrameworkFunction):
-    """What `teg.torch_function` makes. `parameters` are the names of its arguments; call it with a dict, or by name. It may be shared
-    between threads, and pickles, so a module that holds it does."""
+    """A function of PyTorch made by `teg.torch_function`. Call it with a dict, or by name; `parameters` are the names of its arguments.
+
+    It may be shared between threads, and pickles, and so does a module that holds it.
+    """
 
     framework = "PyTorch"
 
     def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options, dtype: str | None, indices: Mapping[Any, Any]) -> None:
         _import_torch()
         super().__init__(e, wrt, options, dtype, indices)
-        self._compiled: dict[Hashable, DerivativeKernels] = {}
+        self._compiled: Kept[Plan, DerivativeKernels] = Kept(KEPT)
         if self._plan is not None:
             self._kernels_of(self._plan)
 
@@ -104,7 +108,7 @@ class TorchFunction(FrameworkFunction):
         return f"<teg.torch_function of {', '.join(self.parameters)} on {self._options.backend}>"
 
     def __call__(self, values: Mapping[str, Any] | None = None, /, **named: Any) -> Any:
-        """The value, a tensor of the batch's shape; for a tuple expression a tuple."""
+        """Returns the value, a tensor of the batch's shape; for a tuple expression a tuple."""
         import torch
 
         if torch.compiler.is_compiling():
@@ -122,11 +126,12 @@ class TorchFunction(FrameworkFunction):
         found = backend.values(kernels, call.front, call.dtype, call.operands)
         return nested(self.expression, iter([v.to(call.device) for v in found]))
 
-    def _kernels_of(self, plan: Any) -> DerivativeKernels:
-        return self._kept(self._compiled, id(plan), lambda: DerivativeKernels(plan))
+    def _kernels_of(self, plan: Plan) -> DerivativeKernels:
+        return self._compiled.get(plan, lambda: DerivativeKernels(plan))
 
     def _arguments(self, given: Mapping[str, Any]) -> _Call:
-        """What a call is given, as `backends.torch_function` takes it: on the CPU, of one type, with the axes of the batch in front."""
+        """Returns the arguments of a call in the form of `teg.backends.torch.derivative`: on the CPU, of one type, with the batch's axes in
+        front."""
         import torch
 
         names = (*self._leaves, *self._integers)
@@ -135,7 +140,7 @@ class TorchFunction(FrameworkFunction):
         dtype = getattr(torch, self._dtype) if self._dtype else _common_type(real)
         device = _common_device([v for v, _ in real])
         fronts = [tuple(v.shape[: v.ndim - dimensions_of(p)]) for p, v in zip(names, tensors, strict=True)]
-        batch = batch_shape(names, fronts)
+        batch = batch_shape([p.name for p in names], fronts)
         operands = []
         for i, (p, v, front) in enumerate(zip(names, tensors, fronts, strict=True)):
             kind = torch.int64 if isinstance(p, IndexArray) else dtype if i < len(self._leaves) else torch.float64
@@ -145,7 +150,7 @@ class TorchFunction(FrameworkFunction):
 
 
 class _Call(NamedTuple):
-    """What a call is given: operands, of whose axes the first `front` are the batch's, and type and device of results."""
+    """Operands, the number `front` of their leading batch axes, and type and device of results."""
 
     operands: list[Any]
     front: int
@@ -154,7 +159,7 @@ class _Call(NamedTuple):
 
 
 def _tensor(p: Param | ArrayName, value: Any) -> torch.Tensor:
-    """A value as a tensor, checked. A tensor is itself, NumPy's arrays keep their type, and Python's numbers are double or integer."""
+    """Returns a value as a checked tensor. A tensor is itself, NumPy arrays keep their type, and Python's numbers are double or integer."""
     import torch
 
     if isinstance(value, torch.Tensor):
@@ -174,7 +179,7 @@ def _tensor(p: Param | ArrayName, value: Any) -> torch.Tensor:
 
 
 def _of_numbers(p: Param | ArrayName, value: Any) -> torch.Tensor:
-    """Python's numbers, lists of them, and arrays of NumPy as a tensor."""
+    """Returns Python's numbers, lists of them, and NumPy arrays as a tensor."""
     import numpy as np
     import torch
 
@@ -187,14 +192,16 @@ def _of_numbers(p: Param | ArrayName, value: Any) -> torch.Tensor:
                 raise ArrayIndexError(f"an entry of {p.name!r} is too large for an index: {array.max()}")
             array = array.astype(np.float64)
         kind = {"i": "int64", "u": "int64", "b": "bool"}.get(array.dtype.kind, array.dtype.name if array.dtype.itemsize <= 8 else "float64")
-        return torch.tensor(array.astype(kind, copy=False))  # a copy, which a backward pass still finds as it was
+        return torch.tensor(array.astype(kind, copy=False))  # a copy, so that a backward pass finds it unchanged
     except (TypeError, ValueError, OverflowError):
         raise ParameterError(f"the value of {p.name!r} is not a real number or an array of them: {value!r:.80}") from None
 
 
 def _common_type(values: Sequence[tuple[torch.Tensor, Any]]) -> Any:
-    """The floating type of a sum of values, given as tensors and as they were, by PyTorch's rules: what has axes goes before what has none,
-    and that before Python's numbers."""
+    """Returns the floating type of a sum of values, given as tensors and as they were, by PyTorch's rules.
+
+    A tensor with axes precedes one without, and that precedes Python's numbers.
+    """
     import numpy as np
     import torch
 
@@ -204,7 +211,7 @@ def _common_type(values: Sequence[tuple[torch.Tensor, Any]]) -> Any:
 
 
 def _common_device(tensors: Sequence[torch.Tensor]) -> Any:
-    """Where the tensors of a call lie; single numbers may also lie on the CPU."""
+    """Returns the device of the tensors of a call. Single numbers may also be on the CPU."""
     import torch
 
     devices = dict.fromkeys(v.device for v in tensors if v.ndim or v.device.type != "cpu")
@@ -215,7 +222,7 @@ def _common_device(tensors: Sequence[torch.Tensor]) -> Any:
 
 
 def _name_of_type(dtype: object) -> object:
-    """A type of PyTorch as a name; anything else as it is."""
+    """Returns a type of PyTorch as a name; anything else as it is."""
     import torch
 
     return str(dtype).removeprefix("torch.") if isinstance(dtype, torch.dtype) else dtype

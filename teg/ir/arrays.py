@@ -3,8 +3,8 @@
     e ::= … | V[i, …] | i | Σ[k: i..i] e          entries of an array, integers as numbers, sums over a half-open range
     d ::= … | 1[V; i, …]                          in gradients: the array that is 1 at one place and 0 elsewhere
 
-An entry is a leaf like a parameter. The derivative by an array is an array: a sum of numbers times `Unit`s, which are added where their
-indices say (a scatter). Units stand in linear positions only: in sums, products with numbers and branches.
+An entry is a leaf like a parameter. The derivative by an array is an array: a sum of numbers times `Unit`s, each added at the place that
+its indices name (a scatter). Units stand in linear positions only: in sums, products with numbers and branches.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ MAX_DIMENSIONS = 8
 
 
 class Array(ArrayName):
-    """An array of parameters: one differentiates by all of its entries."""
+    """An array of parameters. Derivatives are taken by all of its entries."""
 
     __slots__ = ()
 
@@ -56,13 +56,13 @@ class Entry(Expr):
 
 
 class Gather(Entry):
-    """The number that stands there."""
+    """The number at a place of an array."""
 
     __slots__ = ()
 
 
 class Unit(Entry):
-    """The array that is 1 there and 0 elsewhere."""
+    """The array that is 1 at a place and 0 elsewhere."""
 
     __slots__ = ()
 
@@ -108,25 +108,26 @@ def _dimensions(dimensions: object, name: str) -> int:
 
 
 def array(name: str, dimensions: int = 1) -> Array:
-    """An array of parameters of so many dimensions: ``V = teg.array("V", 2)``; its entries ``V[i, 0]`` are expressions.
+    """Returns an array of parameters with so many dimensions: ``V = teg.array("V", 2)``; its entries ``V[i, 0]`` are expressions.
 
-    The shape is known when the program is called. Raises ArrayIndexError where it is indexed by anything but integers, or too few.
+    The shape is known when the program is called. Raises ArrayIndexError if the array is indexed by anything but integers, or by too
+    few.
     """
     return Array.make((_named(name, "array"), _dimensions(dimensions, name)), ())
 
 
 def indices(name: str, dimensions: int = 1) -> IndexArray:
-    """An array of integers, for gathers: ``F = teg.indices("F", 2)``; ``V[F[k, 0], 1]``. Not differentiable."""
+    """Returns an array of integers, for gathers: ``F = teg.indices("F", 2)``; ``V[F[k, 0], 1]``. Not differentiable."""
     return IndexArray.make((_named(name, "array of indices"), _dimensions(dimensions, name)), ())
 
 
 def index(name: str) -> IndexVar:
-    """The index of a sum; the same name is the same index."""
+    """Returns the index of a sum. The same name is the same index."""
     return IndexVar.make(_named(name, "index"), ())
 
 
 def length(of: object, axis: int = 0) -> Index:
-    """The length of an array along an axis, known when the program is called."""
+    """Returns the length of an array along an axis, known when the program is called."""
     if not isinstance(of, ArrayName):
         raise ArrayIndexError("teg.length takes an array", of, 'teg.length(V, 0) of V = teg.array("V", 2)')
     if isinstance(axis, bool) or not isinstance(axis, int) or not 0 <= axis < of.dimensions:
@@ -135,10 +136,10 @@ def length(of: object, axis: int = 0) -> Index:
 
 
 def sum_(body: object, *ranges: tuple[object, object, object]) -> Expr:
-    """The sum of body over the triples (index, first, end), the first one innermost; `end` is excluded, as in ``range``.
+    """Returns the sum of `body` over the triples (index, first, end), the first triple innermost; `end` is excluded, as in ``range``.
 
-    Bounds are integers, parameters that hold integers, teg.length, and integer expressions of the indices of the triples after them.
-    A tuple is summed entry by entry. Raises ScopeError for a triple that is none, ArrayIndexError for a bound that is no integer.
+    Bounds are integers, parameters that hold integers, teg.length, and integer expressions of the indices of later triples. A tuple is
+    summed entry by entry. Raises ScopeError for a malformed triple, ArrayIndexError for a bound that is not an integer.
     """
     e = body if isinstance(body, Tuple) else as_number(body)
     if not ranges:
@@ -159,7 +160,7 @@ def sum_(body: object, *ranges: tuple[object, object, object]) -> Expr:
 
 
 def sum_over(body: Expr, k: IndexVar, lo: Index, hi: Index, as_written: bool = False) -> Expr:
-    """Σ body for k in [lo, hi)."""
+    """Returns Σ body for k in [lo, hi)."""
     if isinstance(body, Tuple):
         return ex.tuple_of(*(sum_over(entry, k, lo, hi, as_written) for entry in body.children))
     if (body is ZERO and not as_written) or (lo is hi and not as_written):
@@ -171,12 +172,12 @@ def sum_over(body: Expr, k: IndexVar, lo: Index, hi: Index, as_written: bool = F
 
 
 def has_arrays(root: Node) -> bool:
-    """Whether a program has arrays, indices or sums."""
+    """Returns whether a program has arrays, indices or sums."""
     return any(isinstance(n, (*LEAVES, Sum)) for n in postorder([root]))
 
 
 def integers_of(node: Node) -> tuple[Index, ...]:
-    """The integer expressions of one node."""
+    """Returns the integer expressions of one node."""
     match node:
         case Gather() | Unit():
             return node.subscripts
@@ -189,43 +190,43 @@ def integers_of(node: Node) -> tuple[Index, ...]:
 
 
 def arrays_of(root: Node) -> list[ArrayName]:
-    """The arrays of a program, in order of first appearance."""
-    found: dict[ArrayName, None] = {}
+    """Returns the arrays of a program, in order of first appearance."""
+    arrays: dict[ArrayName, None] = {}
     for node in postorder([root]):
         for leaf in index_leaves(integers_of(node)):
             if isinstance(leaf, Length):
-                found[leaf.array] = None
+                arrays[leaf.array] = None
             elif leaf.data.__class__ is IndexArray:
-                found[leaf.data] = None
+                arrays[leaf.data] = None
         if isinstance(node, Gather | Unit):
-            found[node.array] = None
-    return list(found)
+            arrays[node.array] = None
+    return list(arrays)
 
 
 def integer_parameters(root: Node) -> list[Param]:
-    """The parameters of a program that are used as integers, in order of first appearance."""
-    found: dict[Param, None] = {}
+    """Returns the parameters of a program that are used as integers, in order of first appearance."""
+    parameters: dict[Param, None] = {}
     for node in postorder([root]):
-        found.update((leaf.param, None) for leaf in index_leaves(integers_of(node)) if isinstance(leaf, IndexParam))
-    return list(found)
+        parameters.update((leaf.param, None) for leaf in index_leaves(integers_of(node)) if isinstance(leaf, IndexParam))
+    return list(parameters)
 
 
 def open_indices(root: Node) -> dict[Node, frozenset[IndexVar]]:
-    """For every node below the indices of sums that occur free in it."""
-    found: dict[Node, frozenset[IndexVar]] = {}
+    """Returns, for every node below, the indices of sums that occur free in it."""
+    opened: dict[Node, frozenset[IndexVar]] = {}
     for node in postorder([root]):
-        here = frozenset(leaf for leaf in index_leaves(integers_of(node)) if isinstance(leaf, IndexVar))
+        own = frozenset(leaf for leaf in index_leaves(integers_of(node)) if isinstance(leaf, IndexVar))
         inner: frozenset[IndexVar] = frozenset()
         for c in node.children:
-            inner = inner if found[c] <= inner else inner | found[c]
+            inner = inner if opened[c] <= inner else inner | opened[c]
         if isinstance(node, Sum):
             inner = inner - {node.index}
-        found[node] = inner | here if here else inner
-    return found
+        opened[node] = inner | own if own else inner
+    return opened
 
 
 def show_leaf(node: Expr) -> str:
-    """An entry of an array, a place, or an integer, as text."""
+    """Returns an entry of an array, a unit, or an integer, as text."""
     if isinstance(node, Gather | Unit):
         places = ", ".join(map(show_index, node.subscripts))
         return f"{node.array.name}[{places}]" if isinstance(node, Gather) else f"1[{node.array.name}; {places}]"

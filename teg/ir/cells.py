@@ -2,8 +2,8 @@
 
     Σ_k sin(t·V[k]) · ∫…            the body is a cell of the symbols t, V[k]; the sum is a symbol of the cell around it
 
-What is a leaf to a scalar pass (an entry of an array, an integer, a whole inner sum) becomes a parameter, its *symbol*, and every pass for
-scalar programs runs on a cell as it is. Symbols are named by what they stand for, so that messages read well.
+A leaf of a cell (an entry of an array, an integer, a whole inner sum) becomes a parameter, its *symbol*. Every pass for scalar programs
+then runs on a cell unchanged. Symbols are named after their leaves, so that messages read well.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from teg.ir.show import show
 from teg.ir.traverse import rebuild
 
 SHOWN = 60
-"""Characters of a sum in the name of its symbol."""
+"""The largest number of characters of a sum in the name of its symbol."""
 APART = "\0"
-"""Between the name of an index and the number that makes it unlike all others; no user's name has it."""
+"""Stands between the name of an index and a number that makes the name unique. No name given by a user contains it."""
 
 
 def cell_leaves(roots: Sequence[Node], known: Mapping[Node, object] | None = None) -> list[Expr]:
-    """The leaves of a cell: entries, integers, places, and sums (which are not entered), or nodes that are `known` anyway; in order."""
-    found: dict[Expr, None] = {}
+    """Returns the leaves of a cell, in order: entries, integers, units, sums (which are not entered), and nodes that are `known`."""
+    leaves: dict[Expr, None] = {}
     seen: set[Node] = set()
     stack: list[Node] = list(reversed(roots))
     while stack:
@@ -37,14 +37,14 @@ def cell_leaves(roots: Sequence[Node], known: Mapping[Node, object] | None = Non
             continue
         seen.add(node)
         if isinstance(node, (*LEAVES, Sum)) or (known is not None and node in known):
-            found[cast(Expr, node)] = None
+            leaves[cast(Expr, node)] = None
         else:
             stack.extend(reversed(node.children))
-    return list(found)
+    return list(leaves)
 
 
 class Symbols:
-    """Symbols of leaves, made when they are first met."""
+    """The symbols of leaves, made when a leaf is first met."""
 
     def __init__(self, taken: Sequence[str] = ()) -> None:
         self._taken = set(taken)
@@ -52,7 +52,7 @@ class Symbols:
         self.meaning: dict[Node, Expr] = {}
 
     def symbol(self, leaf: Expr) -> Param:
-        """The parameter that stands for a leaf."""
+        """Returns the parameter that stands for a leaf."""
         if leaf not in self.of:
             name = _title(leaf, len(self.of))
             while name in self._taken:
@@ -63,19 +63,19 @@ class Symbols:
         return self.of[leaf]
 
     def into(self, roots: Sequence[Expr]) -> list[Expr]:
-        """Cells with symbols for leaves."""
+        """Returns cells with symbols in the place of leaves."""
         self._taken.update(n.name for n in postorder(roots) if isinstance(n, Param) and n not in self.meaning)
         for leaf in cell_leaves(roots):
             self.symbol(leaf)
         return replaced(roots, self.of)
 
     def out_of(self, roots: Sequence[Expr]) -> list[Expr]:
-        """Cells with what the symbols stand for."""
+        """Returns cells with leaves in the place of symbols."""
         return replaced(roots, self.meaning)
 
 
 def _title(leaf: Expr, number: int) -> str:
-    """What the symbol of a leaf is called: as the leaf is written, but a long sum by its number."""
+    """Returns the name of a leaf's symbol: the leaf as it is written, or a number for a long sum."""
     text = show(leaf, SHOWN)
     if not isinstance(leaf, Sum):
         return text[:SHOWN]
@@ -83,7 +83,7 @@ def _title(leaf: Expr, number: int) -> str:
 
 
 def cellwise(root: Expr, step: Callable[[Expr], Expr]) -> Expr:
-    """A scalar pass on every cell of a program, inner sums first."""
+    """Returns the program with a scalar pass applied to every cell, inner sums first."""
     new: dict[Node, Node] = {}
     for node in postorder([root]):
         children = tuple(new[c] for c in node.children)
@@ -100,26 +100,26 @@ def _on_cell(cell: Expr, step: Callable[[Expr], Expr]) -> Expr:
 
 
 def cells_of(e: Expr) -> list[tuple[tuple[Sum, ...], Expr]]:
-    """Every cell with the sums it stands in, outermost first; cells around come before those in their sums."""
-    found: dict[Expr, tuple[Sum, ...]] = {}
+    """Returns every cell with the sums around it, outermost first. A cell comes before the cells in its sums."""
+    around: dict[Expr, tuple[Sum, ...]] = {}
     entries: list[Expr] = [e]
     while entries:
         entry = entries.pop(0)
         if isinstance(entry, Tuple):
             entries = [*entry.children, *entries]
         else:
-            found[entry] = ()
-    waiting = list(found)
+            around[entry] = ()
+    waiting = list(around)
     for body in waiting:
         for leaf in cell_leaves([body]):
-            if isinstance(leaf, Sum) and leaf.body not in found:
-                found[leaf.body] = (*found[body], leaf)
+            if isinstance(leaf, Sum) and leaf.body not in around:
+                around[leaf.body] = (*around[body], leaf)
                 waiting.append(leaf.body)
-    return [(path, body) for body, path in found.items()]
+    return [(path, body) for body, path in around.items()]
 
 
 def with_integers(node: Node, children: tuple[Node, ...], change: Callable[[Index], Index]) -> Node:
-    """A node rebuilt from other children, its integer expressions changed."""
+    """Returns a node rebuilt from other children, with its integer expressions changed."""
     match node:
         case Gather() | Unit():
             return type(node).make((node.array, tuple(change(i) for i in node.subscripts)), ())
@@ -133,7 +133,7 @@ def with_integers(node: Node, children: tuple[Node, ...], change: Callable[[Inde
 
 
 def replace_integers(root: Expr, mapping: Mapping[Index, Index]) -> Expr:
-    """Integers replaced wherever they stand. No sum inside may bind an index that is replaced, nor one that a replacement has."""
+    """Returns the expression with integers replaced. No inner sum may bind an index that is replaced or that occurs in a replacement."""
     new: dict[Node, Node] = {}
     changed: dict[Index, Index] = {}
 
@@ -148,8 +148,11 @@ def replace_integers(root: Expr, mapping: Mapping[Index, Index]) -> Expr:
 
 
 def rename_indices(root: Expr) -> Expr:
-    """Every sum's index renamed by its height, which is one more than those of the sums in its body: equal sums become one node, sums over
-    the same range can share a loop, and nothing is captured. A height is called as the first index of the program that has it."""
+    """Returns the expression with the index of every sum named by the sum's height.
+
+    The height of a sum is one more than the greatest height in its body. Equal sums become one node, sums over the same range can share
+    a loop, and nothing is captured. The name of a height is that of the first index of the program that has it.
+    """
     new: dict[Node, Node] = {}
     height: dict[Node, int] = {}
     names: dict[int, str] = {}
@@ -171,7 +174,8 @@ def rename_indices(root: Expr) -> Expr:
 
 
 def indices_apart(root: Expr) -> Expr:
-    """Every sum with an index of its own, so that taking one out of a product, or renaming it, captures nothing."""
+    """Returns the expression with a distinct index for every sum, so that taking a sum out of a product, or renaming
+    it, captures nothing."""
     new: dict[Node, Node] = {}
     count = 0
     for node in postorder([root]):
@@ -186,7 +190,7 @@ def indices_apart(root: Expr) -> Expr:
 
 
 def replaced(roots: Sequence[Expr], mapping: Mapping[Node, Expr]) -> list[Expr]:
-    """Nodes replaced by others wherever they stand; what is inside of a replaced node is not looked at."""
+    """Returns the roots with nodes replaced by others. The inside of a replaced node is not visited."""
     new: dict[Node, Node] = {}
     stack: list[Node] = list(roots)
     while stack:
@@ -205,7 +209,7 @@ def replaced(roots: Sequence[Expr], mapping: Mapping[Node, Expr]) -> list[Expr]:
 
 
 def check_indices(root: Expr) -> None:
-    """Indices are bound by sums, and a name is one thing; raises ScopeError or NameClashError."""
+    """Checks that every index is bound by a sum and every name stands for one thing. Raises ScopeError or NameClashError."""
     if loose := sorted(k.name for k in open_indices(root)[root]):
         raise ScopeError(f"an index stands outside its sum: {', '.join(loose)}", root, f"sum over it: teg.sum(e, ({loose[0]}, 0, n))")
     kinds: dict[str, Node] = {}

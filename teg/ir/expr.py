@@ -4,9 +4,9 @@
     b ::= g > 0 | g >= 0 | ~b | b & … & b | b | … | b | true | false
 
 A comparison a < b is kept as the atom g = b - a > 0. The functions in lower case (`add`, `mul`, `power`, `call`, `where`, …) build nodes
-and simplify on the way what costs nothing to see: constants, neutral elements, equal terms, a bracket as a factor. They neither reorder
-nor re-associate sums, so a program is evaluated as the user wrote it. The operators of `Expr` are these functions, but keep what would
-vanish altogether (t - t), for its parameters are arguments of the program.
+and apply the simplifications that cost nothing to detect: constants, neutral elements, equal terms, a bracket as a factor. They neither
+reorder nor re-associate sums, so a program is evaluated as the user wrote it. The operators of `Expr` call these functions, but do not
+drop operands: `t - t` still has the parameter t, because it is an argument of the program.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from teg.ir.node import Node
 _FLATTEN = 8  # a product inside a product is merged while it is this short: longer ones would make chains quadratic
 
 
-_GUARDS = 4  # so many different branches at most are kept together as one
+_GUARDS = 4  # the largest number of different branches that are kept together as one
 
 
 class Expr(Node):
@@ -32,7 +32,8 @@ class Expr(Node):
     __slots__ = ()
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: object, **options: object) -> Expr | Cond:
-        """NumPy scalars leave the arithmetic to us; NumPy's functions do not know expressions."""
+        """Returns the result of arithmetic with NumPy scalars. Raises OperandError for NumPy's functions, which do not
+        accept expressions."""
         operate = _NUMPY_OPERATORS.get(ufunc.__name__)
         if operate is not None and method == "__call__" and not options:
             return cast("Expr | Cond", operate(*(as_number(i) if not isinstance(i, Expr) else i for i in inputs)))
@@ -149,7 +150,7 @@ class Const(Expr):
 
 
 class Param(Expr):
-    """A parameter: what one differentiates by."""
+    """A parameter. Derivatives are taken by parameters."""
 
     __slots__ = ()
 
@@ -217,7 +218,7 @@ class UncountedFloor(Call):
 
 
 class Where(Expr):
-    """a where the condition holds, else b; the other value never matters, be it NaN."""
+    """`then` where the condition holds, else `otherwise`. The other value never matters, even if it is NaN."""
 
     __slots__ = ()
 
@@ -298,8 +299,9 @@ class Truth(Cond):
 class Compare(Cond):
     """The atom g > 0 (`strict`) or g >= 0.
 
-    A second child, if there is one, decides where g is 0 to rounding and another surface runs through the same point: it tells the
-    truth value if the surfaces are moved apart in one order, its negation is the value in the reversed order (DESIGN: ties).
+    The optional second child is the *resolution* of a tie: it counts where g is 0 to rounding and another surface runs through the same
+    point. It is the truth value if the surfaces are moved apart in one order; its negation is the value in the reversed order
+    (`teg.analysis.surfaces`).
     """
 
     __slots__ = ()
@@ -310,7 +312,7 @@ class Compare(Cond):
 
     @property
     def rivals(self) -> tuple[str, str] | None:
-        """The two surfaces of a tie, printed, if the atom can meet one."""
+        """Returns the two surfaces of a tie, printed, if the atom can meet one."""
         return self.data[1]  # type: ignore[no-any-return]
 
     @property
@@ -353,16 +355,19 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "round": lambda x: float(round(x)), "mod": lambda x, y: x - y * math.floor(x / y),
     "magnitude": abs, "root": lambda x: math.sqrt(abs(x)), "min": min, "max": max,
 }  # fmt: skip
-"""The functions of the language, and four that only the compiler uses: `magnitude` is |u| with no surface at u = 0, for weights that cannot
-vanish; `root` is √u where u >= 0, and a number, not NaN, where rounding takes u below 0; `min` and `max` serve interval bounds."""
+"""The functions of the language, and four that only the compiler uses.
+
+`magnitude` is |u| without a surface at u = 0, for weights that cannot vanish. `root` is √u where u >= 0, and a number, not NaN, where
+rounding takes u below 0. `min` and `max` serve interval bounds.
+"""
 
 _SINGULAR = frozenset(("sqrt", "log", "pow", "asin", "acos"))
 
 
 def const(value: float) -> Const:
-    """A number as an expression."""
-    found = _UNITS.get(value)
-    return Const.make(float(value) + 0.0, ()) if found is None else found
+    """Returns a number as an expression."""
+    shared = _UNITS.get(value)
+    return Const.make(float(value) + 0.0, ()) if shared is None else shared
 
 
 ZERO, ONE, MINUS_ONE = (Const.make(value, ()) for value in (0.0, 1.0, -1.0))
@@ -371,14 +376,14 @@ TRUE, FALSE = Truth.make(True, ()), Truth.make(False, ())
 
 
 def as_number(value: object) -> Expr:
-    """A number-valued expression from what a user may write for one."""
+    """Returns the expression for a value that a user gives as a number."""
     if isinstance(value, Expr):
         if isinstance(value, Tuple):
             raise OperandError("a tuple takes no part in arithmetic", value, "use its entries: e[0], e[1], …")
         return value
     if isinstance(value, Cond):
         value._is_no_number()
-    if isinstance(value, Node) and hasattr(value, "_as_expression"):  # an index, which stands on a higher floor
+    if isinstance(value, Node) and hasattr(value, "_as_expression"):  # an index, a node of a later module
         return cast(Expr, value._as_expression())
     if isinstance(value, bool):
         raise ConditionError(
@@ -396,7 +401,7 @@ def as_number(value: object) -> Expr:
 
 
 def as_condition(value: object) -> Cond:
-    """A condition, or an error that says what to write."""
+    """Returns the condition for a value that a user gives as one. Raises ConditionError, which says what to write instead."""
     if isinstance(value, Cond):
         return value
     if isinstance(value, bool):
@@ -413,7 +418,7 @@ def as_condition(value: object) -> Cond:
 
 
 def _binary(a: object, b: object, build: Callable[[Expr, Expr], Expr]) -> Expr:
-    """What a user's operator builds: simplified, but never down to a number that has forgotten what was written."""
+    """Returns the result of a user's operator: simplified, but never to a number that lacks the operands."""
     left, right = as_number(a), as_number(b)
     result = build(left, right)
     constants = isinstance(left, Const) and isinstance(right, Const)
@@ -427,7 +432,7 @@ def _is_nothing(e: Expr) -> bool:
 
 
 def _as_written(a: Expr, b: Expr, build: Callable[[Expr, Expr], Expr]) -> Expr:
-    """The plain node of an operation that simplification would shorten to nothing: its parameters remain arguments of the program."""
+    """Returns the plain node of an operation that simplification would drop. Its parameters remain arguments of the program."""
     if build is power:
         return Add.make(None, (ONE, Mul.make(None, (ZERO, a)))) if b is ZERO else build(a, b)
     if build is sub:
@@ -438,16 +443,16 @@ def _as_written(a: Expr, b: Expr, build: Callable[[Expr, Expr], Expr]) -> Expr:
 
 
 def _split(term: Mul) -> tuple[float, Expr]:
-    """A product as a number times the rest."""
+    """Returns the numerical factor of a product, and the product of the other factors."""
     number = term.children[0]
     if not isinstance(number, Const):
         return 1.0, term
-    rest = term.children[1:]
-    return number.data, rest[0] if len(rest) == 1 else Mul.make(None, rest)
+    others = term.children[1:]
+    return number.data, others[0] if len(others) == 1 else Mul.make(None, others)
 
 
 def add(*terms: Expr) -> Expr:
-    """The sum, in the order given; constants, equal terms, and branches on one condition are collected."""
+    """Returns the sum, in the order given. Constants, equal terms, and branches on one condition are collected."""
     constant = 0.0
     parts: dict[Expr, float] = {}
     branches: dict[Cond, list[Where]] = {}
@@ -455,8 +460,8 @@ def add(*terms: Expr) -> Expr:
         if isinstance(term, Const):
             constant += term.data
         elif isinstance(term, Mul):
-            coefficient, rest = _split(term)
-            parts[rest] = parts.get(rest, 0.0) + coefficient
+            coefficient, product = _split(term)
+            parts[product] = parts.get(product, 0.0) + coefficient
         else:
             parts[term] = parts.get(term, 0.0) + 1.0
             if isinstance(term, Where):
@@ -468,7 +473,7 @@ def add(*terms: Expr) -> Expr:
             merged = where(condition, add(*(w.then for w in same)), add(*(w.otherwise for w in same)))
             if merged is not ZERO:
                 parts[merged] = parts.get(merged, 0.0) + 1.0
-    kept = [mul(const(c), rest) if c != 1.0 else rest for rest, c in parts.items() if c != 0.0]
+    kept = [mul(const(c), product) if c != 1.0 else product for product, c in parts.items() if c != 0.0]
     if constant != 0.0:
         kept.append(const(constant))
     if not kept:
@@ -477,7 +482,10 @@ def add(*terms: Expr) -> Expr:
 
 
 def guarded_sum(terms: Iterable[Expr]) -> Expr:
-    """The sum of cotangents. Where all terms are branches, so is the sum: what multiplies it cannot leak a NaN when no branch is taken."""
+    """Returns the sum of cotangents.
+
+    If all terms are branches, so is the sum: its factors cannot leak a NaN where no branch is taken.
+    """
     kept = [t for t in terms if t is not ZERO]
     guarded = [_guarded(t) for t in kept]
     conditions = list(dict.fromkeys(c for c, _ in guarded))
@@ -493,7 +501,7 @@ def guarded_sum(terms: Iterable[Expr]) -> Expr:
 
 
 def _guarded(term: Expr) -> tuple[Cond, Expr]:
-    """A term as where(c, u, 0): from that, from where(~c, 0, u), and from one of these inside another. c is TRUE where it is no branch."""
+    """Returns a term as where(c, u, 0), given that, where(~c, 0, u), or one of these inside another. c is TRUE if the term is no branch."""
     conditions: list[Cond] = []
     while isinstance(term, Where) and (term.otherwise is ZERO or term.then is ZERO):
         if term.otherwise is ZERO:
@@ -506,17 +514,17 @@ def _guarded(term: Expr) -> tuple[Cond, Expr]:
 
 
 def sub(a: Expr, b: Expr) -> Expr:
-    """a - b."""
+    """Returns a - b."""
     return add(a, mul(MINUS_ONE, b))
 
 
 def div(a: Expr, b: Expr) -> Expr:
-    """a / b."""
+    """Returns a / b."""
     return mul(a, power(b, MINUS_ONE))
 
 
 def mul(*factors: Expr) -> Expr:
-    """The product; a factor where(b, u, 0) takes the whole product into its branch."""
+    """Returns the product. A factor where(b, u, 0) takes the whole product into its branch."""
     coefficient = 1.0
     powers: dict[Expr, int] = {}
     conditions: list[Cond] = []
@@ -551,7 +559,7 @@ def _integer_power(base: Expr, k: int) -> Expr:
 
 
 def power(base: Expr, exponent: Expr) -> Expr:
-    """base^exponent: an integer power, a square root, or the real power of a positive base."""
+    """Returns base^exponent: an integer power, a square root, or the real power of a positive base."""
     if isinstance(exponent, Const):
         k = exponent.data
         if k == 0.0:
@@ -568,13 +576,13 @@ def power(base: Expr, exponent: Expr) -> Expr:
 
 
 def integer_power(base: Expr, k: int) -> Expr:
-    """base^k."""
+    """Returns base^k."""
     if k == 0:
         return ONE
     if k == 1:
         return base
     if isinstance(base, Const):
-        if base.data != 0.0 and (k > 0 or abs(math.frexp(base.data)[0]) == 0.5):  # 1/3 is no binary number: divide, as written
+        if base.data != 0.0 and (k > 0 or abs(math.frexp(base.data)[0]) == 0.5):  # 1/3 is not a binary number: it is divided, as written
             try:
                 return const(base.data**k)
             except OverflowError:
@@ -596,7 +604,7 @@ def integer_power(base: Expr, k: int) -> Expr:
 
 
 def call(name: str, *arguments: Expr) -> Expr:
-    """A function of the language applied; one that is singular somewhere goes into the branches of a `where`."""
+    """Returns a function of the language applied. A function that is singular somewhere is moved into the branches of a `where`."""
     if all(isinstance(a, Const) for a in arguments):
         try:
             value = FUNCTIONS[name](*[a.data for a in arguments])
@@ -607,8 +615,8 @@ def call(name: str, *arguments: Expr) -> Expr:
     if name == "exp" and isinstance(arguments[0], Call) and arguments[0].name == "log":
         return arguments[0].children[0]
     if name in _SINGULAR and isinstance(arguments[0], Where):
-        rest = arguments[1:]
-        return _into_branches(arguments[0], lambda u: call(name, u, *rest))
+        others = arguments[1:]
+        return _into_branches(arguments[0], lambda u: call(name, u, *others))
     if any(a.has_delta for a in arguments):
         raise DeltaError(
             f"a Dirac delta inside {name} has no meaning",
@@ -625,7 +633,7 @@ def uncounted_floor(u: Expr) -> Expr:
 
 
 def _into_branches(outer: Where, f: Callable[[Expr], Expr]) -> Expr:
-    """f of a `where`, branch by branch; iterative, each shared branch once."""
+    """Returns f of a `where`, applied branch by branch. Iterative; each shared branch is visited once."""
     done: dict[Expr, Expr] = {}
     stack: list[Expr] = [outer]
     while stack:
@@ -642,7 +650,7 @@ def _into_branches(outer: Where, f: Callable[[Expr], Expr]) -> Expr:
 
 
 def where(condition: Cond, then: Expr, otherwise: Expr) -> Expr:
-    """`then` where the condition holds, else `otherwise`."""
+    """Returns `then` where the condition holds, else `otherwise`."""
     if condition is TRUE or then is otherwise:
         return then
     if condition is FALSE:
@@ -659,19 +667,20 @@ def where(condition: Cond, then: Expr, otherwise: Expr) -> Expr:
 
 
 def bracket(condition: Cond) -> Expr:
-    """1 where the condition holds, else 0 (Iverson)."""
+    """Returns 1 where the condition holds, else 0 (Iverson)."""
     return where(condition, ONE, ZERO)
 
 
 def absolute(u: Expr) -> Expr:
-    """|u| = where(u > 0, u, -u)."""
+    """Returns |u| = where(u > 0, u, -u)."""
     return where(positive(u), u, mul(MINUS_ONE, u))
 
 
 def positive(g: Expr, strict: bool = True, resolution: Cond | None = None, rivals: tuple[str, str] | None = None) -> Cond:
     """Returns the atom g > 0, or g >= 0.
 
-    A constant `g` decides it, but for a 0 with a `resolution`: two surfaces coincide there, and only the order of a tie tells them apart.
+    A constant `g` decides the atom, except a 0 with a `resolution`: two surfaces coincide there, and only the order of a tie tells them
+    apart.
     """
     if isinstance(g, Const) and (resolution is None or g.data != 0):
         return TRUE if g.data > 0 or (not strict and g.data == 0) else FALSE
@@ -683,7 +692,7 @@ def positive(g: Expr, strict: bool = True, resolution: Cond | None = None, rival
 
 
 def less(a: object, b: object, strict: bool) -> Cond:
-    """a < b, or a <= b."""
+    """Returns a < b, or a <= b."""
     if isinstance(a, Cond) or isinstance(b, Cond):
         raise ConditionError(
             "a condition cannot be compared",
@@ -695,19 +704,19 @@ def less(a: object, b: object, strict: bool) -> Cond:
 
 
 def negation(c: Cond) -> Cond:
-    """~c."""
+    """Returns ~c."""
     if isinstance(c, Truth):
         return FALSE if c.data else TRUE
     return c.operand if isinstance(c, Not) else Not.make(None, (c,))
 
 
 def conjunction(*conditions: Cond) -> Cond:
-    """a & b & …"""
+    """Returns a & b & …"""
     return _junction(And, conditions, FALSE, TRUE)
 
 
 def disjunction(*conditions: Cond) -> Cond:
-    """a | b | …"""
+    """Returns a | b | …"""
     return _junction(Or, conditions, TRUE, FALSE)
 
 
@@ -729,5 +738,5 @@ def _junction(cls: type[And] | type[Or], conditions: Iterable[Cond], absorbing: 
 
 
 def tuple_of(*entries: Expr) -> Tuple:
-    """Several expressions evaluated together."""
+    """Returns several expressions to be evaluated together."""
     return Tuple.make(None, entries)

@@ -1,14 +1,14 @@
 """Functions that are written once and applied many times: `teg.function`.
 
     e ::= … | f(e, …)         f = (name, formals, body); the application means the body with the arguments in the place of the formals
-    d ::= … | ∂ᵢ∂ⱼ…f(e, …)    in derivatives: those of the body by its inputs, at the arguments
+    d ::= … | ∂ᵢ∂ⱼ…f(e, …)    in derivatives: derivatives of the body by its inputs, at the arguments
 
-A body that is smooth is *opaque* to the passes: they see an `Apply`, of which they know how many arguments it has, of what degree it is as
-a polynomial, and that its partial derivatives are `Apply`s again. So all that is found out about surfaces, breaks and rules is found for
-every body of that signature: the compiler puts a `Slot` in the place of each function, compiles, and binds the bodies at the end. What a
-pass has to look into is written out before the passes begin (`passes/inline.py`).
+A smooth body is *opaque* to the passes: they see an `Apply`, its number of arguments, its degree as a polynomial, and that its partial
+derivatives are `Apply`s again. So the results of the passes (surfaces, breaks, rules) hold for every body of that signature: the
+compiler puts a `Slot` in the place of each function, compiles, and binds the bodies at the end. A body that a pass must look into is
+written out before the passes begin (`teg/passes/normalise/inline.py`).
 
-The inputs of a function are its formals, then the other parameters of its body, by name; an `Apply` has one child an input.
+The inputs of a function are its formals, then the other parameters of its body, by name. An `Apply` has one child for each input.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
 
 DEGREES = (2,)
-"""The degrees that signatures distinguish: a body is a polynomial of at most that degree in its formals, or just smooth. Few of them, so
-that few changes of a body are changes of the signature."""
+"""The degrees that signatures distinguish: a body is a polynomial of at most this degree in its formals, or smooth.
+
+There are few, so that few changes of a body change the signature.
+"""
 
 _ENTIRE = frozenset(("sin", "cos", "sinh", "cosh", "tanh", "exp", "atan"))
 _BRANCHING = frozenset(("sqrt", "root", "log", "pow"))
@@ -32,7 +34,7 @@ _STEPS = frozenset(("floor", "ceil", "round", "mod"))
 
 
 class Slot(Node):
-    """The place of a function whose body is not known yet; data is (number, formals, arity, degree)."""
+    """The place of a function whose body is not known yet. Data are (number, formals, arity, degree)."""
 
     __slots__ = ()
 
@@ -42,7 +44,7 @@ class Slot(Node):
 
     @property
     def formal(self) -> int:
-        """How many of its inputs are formals."""
+        """Returns the number of inputs that are formals."""
         return cast(int, self.data[1])
 
     @property
@@ -51,7 +53,7 @@ class Slot(Node):
 
     @property
     def degree(self) -> int | None:
-        """The degree as a polynomial in the formals, or a larger one; None where it is just smooth."""
+        """Returns an upper bound of the degree as a polynomial in the formals; None if the body is only known to be smooth."""
         return cast("int | None", self.data[3])
 
     @property
@@ -76,7 +78,7 @@ class Function(Node):
 
     @property
     def inline(self) -> bool | None:
-        """As `teg.function` was told."""
+        """Returns the option `inline` given to `teg.function`."""
         return cast("bool | None", self.data[2])
 
     @property
@@ -108,20 +110,20 @@ class Function(Node):
 
     @property
     def obstacle(self) -> str:
-        """Why the body has to be written out; "" where it is opaque."""
+        """Returns the reason why the body has to be written out; "" if it is opaque."""
         if self.inline is None:
             return self.facts.obstacle
         return "inline=True" if self.inline else ""
 
     def __call__(self, *arguments: object) -> Apply:
-        """The function at these arguments, numbers or expressions. Raises OperandError for too few, too many, or what is no number."""
+        """Returns the function applied to numbers or expressions. Raises OperandError for too few or too many arguments, or other types."""
         if len(arguments) != len(self.formals):
             names = ", ".join(f.name for f in self.formals)
             raise OperandError(f"{self.title}({names}) takes {len(self.formals)} arguments, and was given {len(arguments)}", self)
-        given = tuple(as_number(a) for a in arguments)
-        if deltas := [a for a in given if a.has_delta]:
+        inputs = tuple(as_number(a) for a in arguments)
+        if deltas := [a for a in inputs if a.has_delta]:
             raise OperandError(f"a Dirac delta inside {self.title} has no meaning", deltas[0], "a delta may only be added and multiplied")
-        return Apply.make((self, (0,) * self.arity), (*given, *self.inputs[self.formal :]))
+        return Apply.make((self, (0,) * self.arity), (*inputs, *self.inputs[self.formal :]))
 
     def __str__(self) -> str:
         return f"{self.title}({', '.join(f.name for f in self.formals)}) = {self.body}"
@@ -134,13 +136,13 @@ Callee = Function | Slot
 
 
 class Apply(Call):
-    """A function, or one of its derivatives, at its inputs; data is (function or slot, how often it is differentiated by each input)."""
+    """A function, or one of its derivatives, at its inputs. Data are (function or slot, order of the derivative by each input)."""
 
     __slots__ = ()
 
     @property
     def name(self) -> str:
-        """None of a function of the language."""
+        """Returns a name that no function of the language has."""
         return f"{self.callee.title} {self.derivative}"
 
     @property
@@ -153,44 +155,44 @@ class Apply(Call):
 
     @property
     def degree(self) -> int | None:
-        """The degree in the formals, or a larger one."""
+        """Returns an upper bound of the degree in the formals."""
         d = self.callee.degree
         return None if d is None else max(0, d - sum(self.derivative[: self.callee.formal]))
 
     @property
     def title(self) -> str:
-        """The name with a ∂ᵢ for every derivative by input i, counted from 1."""
+        """Returns the name with a ∂ᵢ for every derivative by input i, counted from 1."""
         subscripts = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
         return "".join(f"∂{str(i).translate(subscripts)}" * k for i, k in enumerate(self.derivative, 1)) + self.callee.title
 
 
 def apply_partials(node: Apply) -> list[Expr]:
-    """The derivatives by each input."""
+    """Returns the derivatives by each input."""
     callee, order = node.data
     return [Apply.make((callee, (*order[:i], order[i] + 1, *order[i + 1 :])), node.children) for i in range(len(order))]
 
 
 def functions_of(*roots: Node) -> list[Function]:
-    """The functions that are applied in expressions, in order of first appearance; those inside of their bodies are not looked for."""
+    """Returns the functions applied in expressions, in order of first appearance. Functions inside of their bodies are not included."""
     return list(dict.fromkeys(n.callee for n in postorder(roots) if isinstance(n, Apply) and isinstance(n.callee, Function)))
 
 
 def function(name: str, args: Sequence[Param | Var], body: object, *, inline: bool | None = None) -> Function:
-    """A function of the language, differentiated and compiled once: ``shade = teg.function("shade", [u, v], body)``; ``shade(e1, e2)``.
+    """Returns a function of the language, differentiated and compiled once: ``shade = teg.function("shade", [u, v], body)``; ``shade(e1,
+    e2)``.
 
-    `args` are the formal names, teg.param or teg.var objects: inside of the body they stand for the arguments, outside they mean what they
-    always do. Other parameters of the body stay parameters of the program; other variables must be bound in it. An application means what
-    the body means with the arguments written into it, derivatives of any order included.
+    `args` are the formal names, teg.param or teg.var objects. Inside of the body they stand for the arguments; outside they keep their
+    usual meaning. Other parameters of the body stay parameters of the program; other variables must be bound in it. An application means
+    the body with the arguments substituted, derivatives of any order included.
 
-    A smooth body is compiled by itself and linked: a program with another body of the same signature (as many formals, the same other
-    parameters, polynomial of degree 2 or not) shares all that was done for the rest, as long as one of its evaluators is alive.
-    A body with conditions, kinks, steps, integrals, or a place where it may be singular is written out where it is applied, and so is one
-    that stands in a condition or a bound (`teg.explain` says which). `inline=True` always writes it out: that is the fastest code, and
-    the longest compilation. `inline=False` never does so for what the body is made of: it promises that the body is smooth where it is
-    evaluated.
+    A smooth body is compiled by itself and linked. A program with another body of the same signature (number of formals, other
+    parameters, polynomial of degree 2 or not) reuses the rest of the compilation, as long as one of its evaluators is alive. A body with
+    conditions, kinks, steps, integrals, or a place where it may be singular is written out where it is applied; so is a body in a
+    condition or a bound (`teg.explain` says which). `inline=True` always writes it out: the fastest code, and the longest compilation.
+    `inline=False` does not write it out because of its own nodes: the caller promises that the body is smooth where it is evaluated.
 
-    Raises OperandError for a name that is no text or a body that is no number, ParameterError for formals that are none,
-    NameClashError for one that is repeated, ScopeError for a variable in the body that nothing binds.
+    Raises OperandError for a name that is not a text or a body that is not a number, ParameterError for formals that are neither
+    parameters nor variables, NameClashError for a repeated formal, ScopeError for a variable in the body that nothing binds.
     """
     if not isinstance(name, str) or not name:
         raise OperandError(f"a function is named by a string that is not empty, not by {name!r:.80}")
@@ -198,7 +200,7 @@ def function(name: str, args: Sequence[Param | Var], body: object, *, inline: bo
         raise ParameterError(f"the arguments of {name} are a list of parameters or variables", args, 'teg.function("f", [u, v], body)')
     for formal in args:
         if not isinstance(formal, Param | Var):
-            raise ParameterError(f"{formal!r:.80} is no name for an argument of {name}", None, 'teg.param("u") or teg.var("u")')
+            raise ParameterError(f"{formal!r:.80} is not a name for an argument of {name}", None, 'teg.param("u") or teg.var("u")')
     formals = tuple(args)
     if len({f.name for f in formals}) != len(formals):
         raise NameClashError(f"an argument of {name} is named twice", None, ", ".join(f.name for f in formals))
@@ -220,7 +222,7 @@ def function(name: str, args: Sequence[Param | Var], body: object, *, inline: bo
 
 
 class _Facts:
-    """What there is to know of a body."""
+    """Properties of a body: its obstacle, its degree and that of its exponents."""
 
     def __init__(self, function: Function) -> None:
         order = cast("list[Any]", postorder([function.body]))
@@ -229,7 +231,7 @@ class _Facts:
         degrees = degrees_in(order, set(function.formals))
         self.degree = degrees[function.body]
         self.exponent = 0
-        """The largest degree of what stands in an exponential, as far as these are polynomials."""
+        """The largest degree of the polynomials that stand in an exponential."""
         self.obstacle = ""
         signs = _signs(order)
         for node in order:
@@ -245,7 +247,7 @@ class _Facts:
 
 
 def _problem(node: Node, signs: dict[Node, int]) -> str:
-    """Why a pass has to see this part of a body."""
+    """Returns the reason why a pass has to look into this part of a body; "" if there is none."""
     match node:
         case Cond() | Where():
             return "it has a condition"
@@ -273,7 +275,7 @@ _UNKNOWN, _NOT_NEGATIVE, _POSITIVE = range(3)
 
 
 def _signs(order: Sequence[Any]) -> dict[Node, int]:
-    """Which nodes are certainly positive, or not negative."""
+    """Returns the nodes that are certainly positive, or certainly not negative."""
     signs: dict[Node, int] = {}
     for node in order:
         parts = [signs[c] for c in node.children]
@@ -298,7 +300,8 @@ def _signs(order: Sequence[Any]) -> dict[Node, int]:
 
 
 def degrees_in(order: Sequence[Any], symbols: Collection[Node]) -> dict[Node, int | None]:
-    """The degrees of nodes, in postorder, as polynomials in symbols, or larger ones: nothing cancels. None where they are none."""
+    """Returns upper bounds of the degrees of nodes, in postorder, as polynomials in symbols (cancellation is ignored); None for other
+    nodes."""
     degrees: dict[Node, int | None] = {}
     for node in order:
         parts = [degrees[c] for c in node.children]

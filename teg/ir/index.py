@@ -1,4 +1,4 @@
-"""Integer expressions: what arrays are indexed by, and how far a sum runs.
+"""Integer expressions: indices of arrays, and bounds of sums.
 
     i ::= n | k | p | length(A, axis) | F[i, …] | i + i | i - i | i · i | i // i | i % i | min(i, i) | max(i, i)
 
@@ -23,7 +23,7 @@ OPERATIONS: dict[str, Callable[[int, int], int]] = {
 }  # fmt: skip
 _SIGNS = {"add": " + ", "sub": " - ", "mul": "·", "floordiv": " // ", "mod": " % "}
 LARGEST = 2**62
-"""Integers of a program are smaller: they are 64 bits wide when it runs."""
+"""The integers of a program are smaller than this. They are 64 bits wide at run time."""
 
 
 class Index(Node):
@@ -147,14 +147,14 @@ class IndexParam(Index):
 
 
 class IndexCall(Index):
-    """Two integers combined; data is the operation's name."""
+    """Two integers combined. Data is the operation's name."""
 
     __slots__ = ()
     children: tuple[Index, ...]
 
 
 class ArrayName(Node):
-    """An array that is given when the program is called: data is (name, dimensions). Not an expression: its entries are."""
+    """An array that is given when the program is called. Data are (name, dimensions). It is not an expression; its entries are."""
 
     __slots__ = ()
 
@@ -167,20 +167,20 @@ class ArrayName(Node):
         return cast(int, self.data[1])
 
     def subscripts(self, places: object) -> tuple[Index, ...]:
-        """What stands in the square brackets, as many integers as there are dimensions."""
-        given = places if isinstance(places, tuple) else (places,)
-        if len(given) != self.dimensions:
-            shown = ", ".join(map(str, given))
+        """Returns the integers in the square brackets, one for each dimension."""
+        entries = places if isinstance(places, tuple) else (places,)
+        if len(entries) != self.dimensions:
+            shown = ", ".join(map(str, entries))
             hint = f"write {self.name}[{', '.join('ijklmn'[: self.dimensions])}]"
             raise ArrayIndexError(
-                f"{self.name} has {self.dimensions} dimensions and is indexed by {len(given)}: {self.name}[{shown:.80}]", self, hint
+                f"{self.name} has {self.dimensions} dimensions and is indexed by {len(entries)}: {self.name}[{shown:.80}]", self, hint
             )
-        found = tuple(as_index(place, self) for place in given)
-        for place in found:
+        subscripts = tuple(as_index(place, self) for place in entries)
+        for place in subscripts:
             if isinstance(place, IndexConst) and place.data < 0:
                 hint = f"count from the front, or write teg.length({self.name}, axis) - 1"
                 raise ArrayIndexError(f"the index {place.data} of {self.name} is negative", self, hint)
-        return found
+        return subscripts
 
     def _no_arithmetic(self, *_: object) -> NoReturn:
         zeros = ", ".join("0" * self.dimensions)
@@ -242,14 +242,14 @@ class IndexValue(Expr):
 
 
 def index_const(value: int) -> IndexConst:
-    """An integer as an expression."""
+    """Returns an integer as an expression."""
     if abs(value) >= LARGEST:
         raise ArrayIndexError(f"{value} is too large for an index")
     return IndexConst.make(int(value), ())
 
 
 def index_call(name: str, a: Index, b: Index) -> Index:
-    """Two integers combined; numbers at once."""
+    """Returns two integers combined; a number if both are numbers."""
     if isinstance(b, IndexConst) and b.data == 0 and name in ("floordiv", "mod"):
         raise ArrayIndexError("an index is divided by 0", IndexCall.make(name, (a, b)))
     if isinstance(a, IndexConst) and isinstance(b, IndexConst):
@@ -262,7 +262,8 @@ def index_call(name: str, a: Index, b: Index) -> Index:
 
 
 def as_index(value: object, where: object = None) -> Index:
-    """An integer expression from what a user may write for one: an int, an index, a parameter that holds an integer."""
+    """Returns the integer expression for an int, an index, or a parameter that holds an integer. Raises
+    ArrayIndexError for other values."""
     if isinstance(value, Index):
         return value
     if isinstance(value, IndexValue):
@@ -283,17 +284,17 @@ def as_index(value: object, where: object = None) -> Index:
 
 
 def index_leaves(roots: Iterable[Node]) -> list[Index]:
-    """Every node of integer expressions, children first."""
+    """Returns every node of integer expressions, children first."""
     return [n for n in postorder(roots) if isinstance(n, Index)]
 
 
 def free_indices(index: Index) -> frozenset[IndexVar]:
-    """The indices of sums that occur in an integer expression."""
+    """Returns the indices of sums that occur in an integer expression."""
     return frozenset(n for n in postorder([index]) if isinstance(n, IndexVar))
 
 
 def substitute_index(root: Index, replace: Callable[[Index], Index | None]) -> Index:
-    """Bottom up: `replace` gives another node for one of those below, or None to keep it."""
+    """Returns the expression rebuilt bottom up: `replace` returns another node for a node, or None to keep it."""
     new: dict[Node, Index] = {}
     for node in index_leaves([root]):
         rebuilt: Index = node
@@ -307,7 +308,7 @@ def substitute_index(root: Index, replace: Callable[[Index], Index | None]) -> I
 
 
 def show_index(root: Index) -> str:
-    """An integer expression as one line."""
+    """Returns an integer expression as one line."""
     text: dict[Node, str] = {}
     for node in index_leaves([root]):
         parts = [text[c] for c in node.children]
@@ -337,7 +338,7 @@ def _name_of(a: ArrayName) -> str:
 
 
 def _install() -> None:
-    """Give integers and arrays their text."""
+    """Installs the text of integers and arrays."""
     Index.__str__ = Index.__repr__ = show_index  # type: ignore[assignment,method-assign]
     ArrayName.__str__ = ArrayName.__repr__ = _name_of  # type: ignore[assignment,method-assign]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 from teg.ir.expr import ONE, ZERO, Add, And, Call, Cond, Const, Expr, Mul, Tuple, Var, Where, conjunction, mul, sub, tuple_of, where
 from teg.ir.node import union
@@ -37,29 +37,10 @@ class Integral(Expr):
         return union([inner, self.children[1].free, self.children[2].free])
 
 
-class Border(Call):
-    """∫∫ over the unit square of Σ c·uʲvᵏ·δ(g), g affine in u and in v: a function of the values of g at the corners, counterclockwise
-    from (0, 0), and of the coefficients. Data are a text for g = 0, one for each side, and the powers (j, k). It has no derivative."""
+class ClosedForm(Call):
+    """A number that an intrinsic computes from its children. Data say which; it has no derivative."""
 
     __slots__ = ()
-
-    @property
-    def name(self) -> str:
-        return "border"
-
-    @property
-    def corners(self) -> tuple[Expr, Expr, Expr, Expr]:
-        return cast("tuple[Expr, Expr, Expr, Expr]", self.children[:4])
-
-    @property
-    def coefficients(self) -> dict[tuple[int, int], Expr]:
-        powers = cast("tuple[tuple[int, int], ...]", self.data[2])
-        return {p: c for p, c in zip(powers, self.children[4:], strict=True) if c is not ZERO}
-
-    @property
-    def rivals(self) -> list[tuple[str, str]]:
-        """What may tie: the surface and each side, which begins at the corner of its number."""
-        return [(self.data[0], bound) for bound in self.data[1]]
 
 
 class Delta(Expr):
@@ -74,8 +55,11 @@ class Delta(Expr):
 
 
 class PointMasses(Expr):
-    """Σᵢ δ(x - xᵢ), a unit mass at each root xᵢ of g, in the variable x of the integral around it: what is left of a δ(g) whose roots
-    have no formula. ∫ₗʰ w·PointMasses(g) dx is the sum of w over the roots between l and h, which are isolated at run time."""
+    """Σᵢ δ(x - xᵢ), a unit mass at each root xᵢ of g, in the variable x of the integral around it.
+
+    It replaces a δ(g) whose roots have no formula. ∫ₗʰ w·PointMasses(g) dx is the sum of w over the roots between l and h, which are
+    isolated at run time.
+    """
 
     __slots__ = ()
 
@@ -85,7 +69,7 @@ class PointMasses(Expr):
 
 
 def masses_of(e: Expr, var: Var) -> PointMasses | None:
-    """The point masses of an integrand over `var`: a factor of it, under conditions."""
+    """Returns the point masses of an integrand over `var`, a factor of it under conditions; None if it has none."""
     stack: list[Expr] = [e]
     seen: set[Expr] = set()
     while stack:
@@ -103,7 +87,7 @@ def masses_of(e: Expr, var: Var) -> PointMasses | None:
 
 
 def integral_over(body: Expr, var: Var, lo: Expr, hi: Expr) -> Expr:
-    """∫ₗʰ body dx; 0 for a body or a domain that is nothing."""
+    """Returns ∫ₗʰ body dx; 0 if the body or the length of the domain is 0."""
     if isinstance(body, Tuple):
         return tuple_of(*(integral_over(entry, var, lo, hi) for entry in body.children))
     if body is ZERO or (lo is hi and not body.has_delta):
@@ -112,14 +96,14 @@ def integral_over(body: Expr, var: Var, lo: Expr, hi: Expr) -> Expr:
 
 
 def delta(g: Expr) -> Expr:
-    """δ(g); a number that is not 0 gives 0."""
+    """Returns δ(g), which is 0 for a number g that is not 0."""
     if isinstance(g, Const) and g.data != 0.0:
         return ZERO
     return Delta.make(None, (g,))
 
 
 def scaled_integral(body: Expr, var: Var, lo: Expr, hi: Expr) -> Expr:
-    """∫ₗʰ body dx with the factors and conditions that are free of x in front; ∫ₗʰ dx is h - l."""
+    """Returns ∫ₗʰ body dx with the factors and conditions that are free of x in front; ∫ₗʰ dx is h - l."""
     outer: list[Cond] = []
     if isinstance(body, Where) and body.otherwise is ZERO and var not in body.condition.free:
         outer, body = [body.condition], body.then

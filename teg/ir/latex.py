@@ -1,4 +1,4 @@
-"""Printing in LaTeX: `latex(e)`, and what notebooks show of an expression or a condition."""
+"""Printing in LaTeX: `latex(e)`, and the display of expressions and conditions in notebooks."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from teg.ir.node import Node, postorder
 
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
 _OR, _AND, _NOT = range(3)
-_LIMIT = 100_000  # characters: what is shared is written out each time, so text can be exponentially longer than the program
+_LIMIT = 100_000  # characters: shared subexpressions are written out each time, so text can be exponentially longer than the program
 
 _GREEK = re.compile(
     "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi|omega|"
@@ -50,9 +50,10 @@ Text = tuple[str, int]
 
 
 def latex(root: Expr | Cond, limit: int = _LIMIT) -> str:
-    """The expression or condition in LaTeX, without dollar signs; one longer than `limit` characters is named by its size only.
+    """Returns the expression or condition in LaTeX, without dollar signs; one longer than `limit` characters is named by its size only.
 
-    A name of one letter, a Greek letter, or one of these with a number at its end (v00, an index) is printed as such, other names upright.
+    A name of one letter, a Greek letter, or one of these with a number at its end (v00, an index) is printed as such, other names
+    upright.
     """
     text: dict[Node, Text] = {}
     total = 0
@@ -71,7 +72,7 @@ def latex(root: Expr | Cond, limit: int = _LIMIT) -> str:
 
 
 def name(text: str) -> str:
-    """A variable's or parameter's name."""
+    """Returns the name of a variable or parameter."""
     base, digits = re.fullmatch(r"(.*?)(\d*)", text, re.DOTALL).groups()  # type: ignore[union-attr]
     stem = base.rstrip("′")
     primes = "'" * (len(base) - len(stem))
@@ -85,7 +86,7 @@ def name(text: str) -> str:
 
 
 def number(value: float) -> Text:
-    """A number as short as it can be written exactly; powers of ten as such."""
+    """Returns a number as short as it can be written exactly; powers of ten as such."""
     if value != value:
         return r"\mathrm{NaN}", _ATOM
     binding = _ATOM if value >= 0 else _SUM
@@ -171,7 +172,7 @@ def _power(base: Text, exponent: str) -> str:
 
 
 def _reciprocal(node: Pow, base: Text) -> Text:
-    """The denominator of base^(-k)."""
+    """Returns the denominator of base^(-k)."""
     return base if node.exponent == -1 else (_power(base, str(-node.exponent)), _POWER)
 
 
@@ -222,7 +223,7 @@ def _call(node: Call, parts: list[Text]) -> Text:
 
 
 def _apply(node: Apply, parts: list[str]) -> Text:
-    """A user's function: its arguments, then the other parameters of its body."""
+    """Returns a user's function: its arguments, then the other parameters of its body."""
     slopes = (rf"\partial_{{{i}}}" + (f"^{{{k}}}" if k > 1 else "") + " " for i, k in enumerate(node.derivative, 1) if k)
     formal = node.callee.formal
     arguments = ", ".join(parts[:formal]) + (r";\, " + ", ".join(parts[formal:]) if len(parts) > formal else "")
@@ -230,7 +231,7 @@ def _apply(node: Apply, parts: list[str]) -> Text:
 
 
 def _sum_over(node: Sum, body: Text) -> Text:
-    """A half-open range as a closed one: its last index is one less than its end."""
+    """Returns a half-open range as a closed one: its last index is one less than its end."""
     hi = node.hi
     if isinstance(hi, IndexConst):
         last = str(hi.data - 1)
@@ -250,7 +251,7 @@ def _subscripted(base: str, subscripts: list[str]) -> str:
 
 
 def index(root: Index) -> Text:
-    """An integer expression."""
+    """Returns an integer expression."""
     text: dict[Node, Text] = {}
     for node in index_leaves([root]):
         parts = [text[c] for c in node.children]
@@ -302,7 +303,7 @@ def _where(parts: list[Text]) -> Text:
 
 
 def _comparison(node: Compare, text: dict[Node, Text]) -> str:
-    """a < b for the atom b - a > 0: the terms with a minus sign go to the left."""
+    """Returns a < b for the atom b - a > 0. Terms with a minus sign go to the left."""
     relation = "<" if node.strict else r"\leq"
     if not isinstance(node.g, Add):
         g = text[node.g][0]
@@ -321,7 +322,7 @@ def _comparison(node: Compare, text: dict[Node, Text]) -> str:
 
 
 def _install() -> None:
-    """Give nodes their notebook form, from this higher floor."""
+    """Installs the notebook form of nodes."""
     for cls in (Expr, Cond):
         cls._repr_latex_ = lambda self: f"${latex(self)}$"  # type: ignore[union-attr]
     Index._repr_latex_ = lambda self: f"${index(self)[0]}$"  # type: ignore[attr-defined]

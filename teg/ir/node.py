@@ -1,7 +1,7 @@
 """Nodes: immutable, interned, with their free variables. This file knows no mathematics.
 
-Equal nodes are one object, so `==` and `hash` are identity and a node is a good dictionary key. The table that makes them one holds weak
-references only: what nobody uses disappears. Every traversal is iterative, so expressions may be 100 000 nodes deep.
+Equal nodes are one object, so `==` and `hash` are identity and a node is a good dictionary key. The table that interns them holds weak
+references only, so unused nodes are freed. Every traversal is iterative, so expressions may be 100 000 nodes deep.
 """
 
 from __future__ import annotations
@@ -30,30 +30,30 @@ class Node:
     free: frozenset[Any]  # the variables of integration that occur free
     has_delta: bool
     has_integral: bool
-    is_delta = False  # of the class: marks every node that contains one of it
+    is_delta = False  # overridden in a class: then set on every node that contains a node of that class
     is_integral = False
 
     @classmethod
     def make(cls: type[N], data: Hashable, children: tuple[Node, ...]) -> N:
-        """The one node of this class with this data and these children."""
+        """Returns the one node of this class with this data and these children."""
         key = (cls, data, children)
         with _lock:
-            found = _table.get(key)
-            if found is None:
-                found = object.__new__(cls)
+            node = _table.get(key)
+            if node is None:
+                node = object.__new__(cls)
                 has_delta, has_integral = cls.is_delta, cls.is_integral
                 for c in children:
                     has_delta |= c.has_delta
                     has_integral |= c.has_integral
                 fix = object.__setattr__
-                fix(found, "data", data)
-                fix(found, "children", children)
-                fix(found, "_digest", None)
-                fix(found, "free", found._free_variables())
-                fix(found, "has_delta", has_delta)
-                fix(found, "has_integral", has_integral)
-                _table[key] = found
-        return found  # type: ignore[return-value]
+                fix(node, "data", data)
+                fix(node, "children", children)
+                fix(node, "_digest", None)
+                fix(node, "free", node._free_variables())
+                fix(node, "has_delta", has_delta)
+                fix(node, "has_integral", has_integral)
+                _table[key] = node
+        return node  # type: ignore[return-value]
 
     def _free_variables(self) -> frozenset[Any]:
         return union([c.free for c in self.children])
@@ -74,7 +74,7 @@ class Node:
 
 
 def union(sets: list[frozenset[Any]]) -> frozenset[Any]:
-    """The union, as one of the sets themselves where it can be (chains of nodes then share one set)."""
+    """Returns the union; one of the given sets if it is equal to the union (chains of nodes then share one set)."""
     largest = _NO_NAMES
     for names in sets:
         if len(names) > len(largest):
@@ -86,11 +86,11 @@ def union(sets: list[frozenset[Any]]) -> frozenset[Any]:
 
 
 def postorder(roots: Iterable[Node]) -> list[Node]:
-    """Every node below the roots once, children before parents (a binder's variable is data, not a child)."""
+    """Returns every node below the roots once, children before parents (a binder's variable is data, not a child)."""
     order: list[Node] = []
     seen: set[Node] = set()
-    path: list[Node] = []  # from a root to where we are
-    rest: list[Iterator[Node]] = []  # of each of these, and of the roots, what is still to be visited
+    path: list[Node] = []  # from a root to the current node
+    unvisited: list[Iterator[Node]] = []  # the nodes still to visit, for each node on the path and for the roots
     waiting = iter(roots)
     while True:
         for node in waiting:
@@ -98,44 +98,46 @@ def postorder(roots: Iterable[Node]) -> list[Node]:
                 seen.add(node)
                 if node.children:
                     path.append(node)
-                    rest.append(waiting)
+                    unvisited.append(waiting)
                     waiting = iter(node.children)
                     break
                 order.append(node)
         else:
-            if not rest:
+            if not unvisited:
                 return order
             order.append(path.pop())
-            waiting = rest.pop()
+            waiting = unvisited.pop()
 
 
 def postorder_through(
     root: Node, variables: Collection[Node], below: Callable[[Node], Iterable[Node]] = lambda node: node.children
 ) -> list[Node]:
-    """The nodes below the root in which one of these variables occurs free, children before parents: no more of a program is visited.
-    `below` gives the children of a node that are looked at."""
+    """Returns the nodes below the root in which one of these variables occurs free, children before parents.
+
+    No other part of a program is visited. `below` returns the children of a node to look at.
+    """
     order: list[Node] = []
     seen: set[Node] = set()
     path: list[Node] = []
-    rest: list[Iterator[Node]] = []
+    unvisited: list[Iterator[Node]] = []
     waiting = iter((root,))
     while True:
         for node in waiting:
             if node not in seen and not node.free.isdisjoint(variables):
                 seen.add(node)
                 path.append(node)
-                rest.append(waiting)
+                unvisited.append(waiting)
                 waiting = iter(below(node))
                 break
         else:
-            if not rest:
+            if not unvisited:
                 return order
             order.append(path.pop())
-            waiting = rest.pop()
+            waiting = unvisited.pop()
 
 
 def digest(node: Node) -> int:
-    """A 64-bit number that depends on the structure only: the same in every process."""
+    """Returns a 64-bit number that depends on the structure only: the same in every process."""
     if node._digest is None:
         for n in postorder([node]):
             if n._digest is None:
@@ -149,7 +151,7 @@ def digest(node: Node) -> int:
 
 
 def _stable(data: Any) -> str:
-    """A text of a node's data that is the same in every process."""
+    """Returns a text of a node's data that is the same in every process."""
     if isinstance(data, Node):
         return str(digest(data))
     if isinstance(data, tuple) and any(isinstance(d, Node | tuple) for d in data):

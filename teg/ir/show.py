@@ -32,14 +32,14 @@ _LIMIT = 100_000  # characters: shared subexpressions are written out, so text c
 
 
 def number(value: float) -> str:
-    """A number as short as it can be written exactly."""
+    """Returns a number as short as it can be written exactly."""
     if float(value).is_integer() and abs(value) < 1e15:
         return str(int(value))
     return {"inf": "∞", "-inf": "-∞"}.get(repr(value), repr(value))
 
 
 def show(root: Node, limit: int = _LIMIT) -> str:
-    """The expression as one line of mathematics; a program too long for that is shown as a listing."""
+    """Returns the expression as one line of mathematics; a program too long for that as a listing."""
     text: dict[Node, tuple[str, int]] = {}
     total = 0
     for node in postorder([root]):
@@ -76,9 +76,9 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
                 return "1/" + _wrapped(parts[0], _POWER), _PRODUCT
             return _wrapped(parts[0], _ATOM) + str(node.exponent).translate(_SUPERSCRIPT), _POWER
         case Apply():
-            given = [p[0] for p in parts]
-            behind = "; " + ", ".join(given[node.callee.formal :]) if len(given) > node.callee.formal else ""
-            return f"{node.title}({', '.join(given[: node.callee.formal])}{behind})", _ATOM
+            inputs = [p[0] for p in parts]
+            others = "; " + ", ".join(inputs[node.callee.formal :]) if len(inputs) > node.callee.formal else ""
+            return f"{node.title}({', '.join(inputs[: node.callee.formal])}{others})", _ATOM
         case Call():
             if node.name == "magnitude":
                 return f"|{parts[0][0]}|", _ATOM
@@ -107,6 +107,14 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
             return show_leaf(node), _ATOM
         case PointMasses():
             return f"masses({parts[0][0]} = 0)", _ATOM
+        case Cond():
+            return _condition_line(node, parts)
+        case _:
+            raise AssertionError(f"unknown node {type(node).__name__}")
+
+
+def _condition_line(node: Cond, parts: list[tuple[str, int]]) -> tuple[str, int]:
+    match node:
         case Truth():
             return ("true" if node.data else "false"), _NOT
         case Compare():
@@ -118,7 +126,7 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
         case Or():
             return " | ".join(p[0] for p in parts), _OR
         case _:
-            raise AssertionError(f"unknown node {type(node).__name__}")
+            raise AssertionError(f"unknown condition {type(node).__name__}")
 
 
 def _product(node: Mul, parts: list[tuple[str, int]]) -> tuple[str, int]:
@@ -162,7 +170,7 @@ def _comparison(node: Compare, parts: list[tuple[str, int]]) -> str:
 
 
 def dump(*roots: Node) -> str:
-    """One line a node, %n = operation(%m, …), each distinct node once: what is shared is seen."""
+    """Returns a listing of each distinct node once, a line each: %n = operation(%m, …). It shows the sharing."""
     order = postorder(roots)
     label: dict[Node, str] = {}
     lines: list[str] = []
@@ -203,7 +211,7 @@ def _short(node: Node) -> str:
 
 
 def _install() -> None:
-    """Give nodes their text: printing stands on a higher floor than the nodes, which know no mathematics."""
+    """Installs the text of nodes; the module of nodes knows no printing."""
     for cls in (Expr, Cond):
         cls.__str__ = show  # type: ignore[assignment]
         cls.__repr__ = _short  # type: ignore[assignment]

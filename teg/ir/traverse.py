@@ -1,4 +1,4 @@
-"""Walking and rebuilding expressions, without recursion and without losing sharing."""
+"""Visiting and rebuilding expressions, without recursion and without losing sharing."""
 
 from __future__ import annotations
 
@@ -27,29 +27,30 @@ from teg.ir.expr import (
     Where,
 )
 from teg.ir.function import Apply
-from teg.ir.integral import Border, Delta, Integral, PointMasses, delta, integral_over
+from teg.ir.integral import ClosedForm, Delta, Integral, PointMasses, delta, integral_over
 from teg.ir.node import Node, postorder, postorder_through, union
 
 CompareHook = Callable[[Compare, Expr, "Cond | None"], Cond]
 
 
 def size(*roots: Node) -> int:
-    """Number of distinct nodes."""
+    """Returns the number of distinct nodes."""
     return len(postorder(roots))
 
 
 def parameters(*roots: Node) -> list[Param]:
-    """Every parameter, in order of first appearance."""
+    """Returns every parameter, in order of first appearance."""
     return [n for n in postorder(roots) if isinstance(n, Param)]
 
 
 def rebuild(node: Node, children: tuple[Node, ...]) -> Node:
-    """The node with other children, through the simplifying constructors."""
+    """Returns the node with other children, through the simplifying constructors."""
     return node if children == node.children else remake(node, children)
 
 
 def remake(node: Node, children: tuple[Node, ...]) -> Node:
-    """The node with these children, through the simplifying constructors even if they are its own: users' nodes are as written."""
+    """Returns the node with these children, through the simplifying constructors even if they are its own. Operators
+    do not simplify fully."""
     c = cast(Any, children)
     match node:
         case Add():
@@ -60,8 +61,8 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
             return ex.integer_power(c[0], node.exponent)
         case Apply():
             return Apply.make(node.data, c)
-        case Border():
-            return Border.make(node.data, c)
+        case ClosedForm():
+            return type(node).make(node.data, c)
         case UncountedFloor():
             return ex.uncounted_floor(*c)
         case Call():
@@ -95,7 +96,8 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
 
 
 def rewrite(roots: Iterable[Node], visit: Callable[[Node, Node], Node]) -> dict[Node, Node]:
-    """Bottom up: each node is rebuilt from its rewritten children, then `visit(old, rebuilt)` may replace it. The map old -> new."""
+    """Returns the map from old nodes to new ones: each node is rebuilt from its rewritten children, then replaced by
+    `visit(old, rebuilt)`."""
     new: dict[Node, Node] = {}
     for node in postorder(roots):
         new[node] = visit(node, rebuild(node, tuple([new[c] for c in node.children])))
@@ -103,7 +105,7 @@ def rewrite(roots: Iterable[Node], visit: Callable[[Node, Node], Node]) -> dict[
 
 
 def replace_node(root: Node, old: Node, new: Node) -> Node:
-    """The expression with one node replaced wherever it stands."""
+    """Returns the expression with one node replaced wherever it stands."""
     changed: dict[Node, Node] = {}
     for node in postorder([root]):
         changed[node] = new if node is old else rebuild(node, tuple([changed[c] for c in node.children]))
@@ -111,7 +113,7 @@ def replace_node(root: Node, old: Node, new: Node) -> Node:
 
 
 def fresh(name: str, taken: Iterable[Var]) -> Var:
-    """The variable `name`, or name′, name″, …, that is not taken."""
+    """Returns the variable `name`, or name′, name″, …, that is not taken."""
     names = {v.name for v in taken}
     while name in names:
         name += "′"
@@ -119,7 +121,8 @@ def fresh(name: str, taken: Iterable[Var]) -> Var:
 
 
 def substitute(root: Node, mapping: Mapping[Var, Expr], on_compare: CompareHook | None = None) -> Node:
-    """Replace free variables. An inner integral that binds a variable of a replacement is renamed: nothing is captured.
+    """Returns the node with free variables replaced. An inner integral that binds a variable of a replacement is renamed: nothing is
+    captured.
 
     `on_compare(old, new_g, new_resolution)`, if given, builds each changed atom.
     """
@@ -169,7 +172,7 @@ def substitute(root: Node, mapping: Mapping[Var, Expr], on_compare: CompareHook 
 
 
 def _substitute_freely(root: Node, mapping: Mapping[Var, Expr], on_compare: CompareHook | None) -> Node:
-    """The same where nothing is bound."""
+    """Returns the same for a node without binders."""
     new: dict[Node, Node] = dict(mapping.items())
     for node in postorder_through(root, mapping):
         if node in new:
@@ -183,11 +186,13 @@ def _substitute_freely(root: Node, mapping: Mapping[Var, Expr], on_compare: Comp
 
 
 def rename_apart(root: Node) -> Node:
-    """Give a variable of its own to every integral that stands inside another one of the same variable, or whose variable is free in
-    the whole."""
+    """Returns the expression with a distinct variable for every integral.
+
+    An integral is renamed if it stands inside another one of the same variable, or if its variable is free in the whole.
+    """
     if not root.free and not any(isinstance(n, Integral) and n.body.has_integral for n in postorder([root])):
         return root
-    binders: dict[Node, frozenset[Var]] = {}  # the variables bound inside
+    binders: dict[Node, frozenset[Var]] = {}  # the variables bound inside a node
     new: dict[Node, Node] = {}
     for node in postorder([root]):
         children = tuple([new[c] for c in node.children])

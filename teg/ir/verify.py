@@ -1,4 +1,4 @@
-"""Is an expression well formed? Run between passes while testing (TEG_VERIFY=1)."""
+"""Well-formedness of expressions, checked between passes in tests (TEG_VERIFY=1)."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from teg.ir.expr import (
     Where,
 )
 from teg.ir.function import Apply
-from teg.ir.integral import Border, Delta, Integral, PointMasses
+from teg.ir.integral import Delta, Integral, PointMasses
 from teg.ir.node import Node, postorder
 
 
 def verify(root: Node, stage: str = "") -> None:
-    """Each node has children of the right kinds; raises AssertionError, for it can only be a fault of the compiler."""
+    """Checks that each node has children of the right kinds. Raises AssertionError: a violation is a fault of the compiler."""
     for node in postorder([root]):
         kinds: tuple[type[Node], ...]
         match node:
@@ -42,9 +42,6 @@ def verify(root: Node, stage: str = "") -> None:
             case Apply():
                 assert len(node.derivative) == node.callee.arity, f"{stage}: a derivative by other inputs than {node.callee.title} has"
                 kinds = (Expr,) * node.callee.arity
-            case Border():
-                assert len(node.children) == 4 + len(node.data[2]), f"{stage}: other coefficients than powers"
-                kinds = (Expr,) * len(node.children)
             case Call() | Tuple():
                 kinds = (Expr,) * len(node.children)
             case Where():

@@ -1,10 +1,10 @@
-"""Maps that are often needed, as `teg.Diffeomorphism`s: old variables first, then the new ones, then what shapes the map.
+"""Common maps, as `teg.Diffeomorphism`s. Arguments: the old variables, the new variables, then the parameters of the map.
 
     m = teg.maps.rotation(x, y, u, v, angle) @ teg.maps.scaling((u, v), (p, q), (2, 3))
     teg.change_variables(e, m);  teg.compile(e, maps=[m])
 
-Whatever shapes a map (a centre, an angle, a matrix) may be numbers or expressions of parameters, which one may differentiate by. In the
-integrals that a map makes, the first new variable is innermost. Angles are in radians. `polar` is `teg.polar` too.
+The parameters of a map (a centre, an angle, a matrix) may be numbers or expressions of program parameters, by which derivatives are
+taken. In the integrals that a map makes, the first new variable is innermost. Angles are in radians. `polar` is `teg.polar` too.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ def scaling(old: Var | Sequence[Var], new: Var | Sequence[Var], by: object) -> D
 
 
 def rotation(x: Var, y: Var, u: Var, v: Var, angle: object, centre: Point = (0, 0)) -> Diffeomorphism:
-    """(u, v) turned by the angle about (0, 0), then moved to the centre: x = a + u·cos - v·sin, y = b + u·sin + v·cos."""
+    """Returns the map of (u, v) turned by the angle about (0, 0), then moved to the centre: x = a + u·cos - v·sin, y =
+    b + u·sin + v·cos."""
     c, s = cos(angle), sin(angle)
     a, b = map(as_number, centre)
     return Diffeomorphism(
@@ -59,7 +60,7 @@ def affine(
     """x = A·u + b, A a matrix by rows whose determinant is not 0."""
     n = len(old)
     if len(matrix) != n or any(len(row) != n for row in matrix):
-        raise ScopeError(f"the matrix of {n} old variables has {n} rows of {n} entries", None, "[[a, b], [c, d]]")
+        raise ScopeError(f"the matrix of {n} old variables must have {n} rows of {n} entries", None, "[[a, b], [c, d]]")
     a = [[as_number(e) for e in row] for row in matrix]
     b = [as_number(e) for e in (offset if offset is not None else [0] * n)]
     rows = _rows(old, new, b)
@@ -77,7 +78,7 @@ def _minor(a: Sequence[Sequence[Expr]], row: int, column: int) -> Expr:
 
 
 def _determinant(a: Sequence[Sequence[Expr]]) -> Expr:
-    """The sum over all permutations: for matrices of a few rows."""
+    """Returns the determinant as a sum over all permutations, for matrices of a few rows."""
     terms = []
     for order in itertools.permutations(range(len(a))):
         swaps = sum(i > j for i, j in itertools.combinations(order, 2))
@@ -86,7 +87,7 @@ def _determinant(a: Sequence[Sequence[Expr]]) -> Expr:
 
 
 def _rows(old: Var | Sequence[Var], new: Var | Sequence[Var], shape: object) -> list[tuple[Var, Var, Expr]]:
-    """Old variable, new variable, number, for one or for several."""
+    """Returns triples (old variable, new variable, number), for one variable or several."""
     if isinstance(old, Var) and isinstance(new, Var):
         return [(old, new, as_number(shape))]
     if isinstance(old, Var) or isinstance(new, Var) or not isinstance(shape, Sequence) or not len(old) == len(new) == len(shape):

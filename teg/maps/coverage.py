@@ -1,27 +1,25 @@
-"""Do maps reach what they are used for? At sample points of the nests of a program, for the parameter values of every call."""
+"""Whether maps cover the integrals they are used for, checked at sample points for the parameter values of every call."""
 
 from __future__ import annotations
 
 import functools
 import itertools
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from teg.analysis.evaluate import values_of
-from teg.analysis.nest import Binder, Chain
+from teg.analysis.nest import Chain
 from teg.ir.expr import Const, Expr, Param, Var
-from teg.ir.integral import Integral
-from teg.ir.node import Node
 from teg.ir.traverse import parameters
 from teg.maps.diffeomorphism import Diffeomorphism
-from teg.maps.verification import BATCH_SAMPLES, SAMPLES, SAMPLES_A_CALL, TOLERANCE, TRIALS, halton, hold
+from teg.maps.verification import SAMPLES, TOLERANCE, TRIALS, Samples, halton, hold
 
 if TYPE_CHECKING:
     import numpy as np
 
 SAMPLES_ONCE, ROUNDS = 2048, 3
-"""Points of a nest at which a map is looked at the first time, and how often it is looked at more closely where they are near the end."""
+"""The number of points of a nest at the first check of a map, and the number of refinements near the end of its domain."""
 NEAREST, AROUND = 8, 32
 SAMPLES_LATER = 64
 MOST_CORNERS = 64
@@ -30,11 +28,12 @@ _LEAVE_OUT = "integrate inside the domain of the map, widen its `domain` or `bou
 
 
 def verify_covered(chain: Chain, m: Diffeomorphism, values: Mapping[Param, Any], samples: int, body: Expr, rounds: int = 0) -> bool:
-    """Raise DiffeomorphismError if the map does not reach a sample point of a nest, outermost first, at parameter values (numbers, or
-    arrays of one length), and the integrand, `body`, does not vanish there. Was it reached without asking the integrand?
+    """Checks that the map reaches the sample points of a nest (outermost first) at parameter values: numbers, or arrays of one length.
 
-    Points are a low-discrepancy sequence and the corners. In each of `rounds` more points are taken around those that are nearest to the
-    end of the domain. A nest with integrals in its bounds is passed over."""
+    Raises DiffeomorphismError if it does not reach a point at which the integrand `body` does not vanish. Returns whether all points
+    were reached without evaluating the integrand. Points are a low-discrepancy sequence and the corners. In each of `rounds` more points
+    are taken around the points nearest to the end of the domain. A nest with integrals in its bounds is not checked.
+    """
     import numpy as np
 
     if not _is_closed(chain):
@@ -43,8 +42,8 @@ def verify_covered(chain: Chain, m: Diffeomorphism, values: Mapping[Param, Any],
     radius = 0.1
     for _ in range(rounds + 1):
         with np.errstate(all="ignore"):
-            here, room = _verify_points(chain, m, values, places, body)
-        reached &= here
+            all_reached, room = _verify_points(chain, m, values, places, body)
+        reached &= all_reached
         nearest = np.argsort(room, kind="stable")[:NEAREST]
         around = np.clip(places[nearest][:, None, :] + radius * (2.0 * _places(AROUND, len(chain)) - 1.0), NEAR_END, 1.0 - NEAR_END)
         places, radius = around.reshape(-1, len(chain)), radius / 4.0
@@ -52,7 +51,8 @@ def verify_covered(chain: Chain, m: Diffeomorphism, values: Mapping[Param, Any],
 
 
 def _verify_points(chain: Chain, m: Diffeomorphism, values: Mapping[Param, Any], places: np.ndarray, body: Expr) -> tuple[bool, np.ndarray]:
-    """Whether the map reaches all of these points of a nest, and how far each is from the end of the domain; raises as above."""
+    """Returns whether the map reaches all of these points of a nest, and the distance of each from the end of the
+    domain; raises as above."""
     import numpy as np
 
     reached = True
@@ -64,32 +64,35 @@ def _verify_points(chain: Chain, m: Diffeomorphism, values: Mapping[Param, Any],
     counts = np.all([np.broadcast_to(np.isfinite(v), shape) for v in old], axis=0)
     least = np.full(len(places), np.inf)
 
-    def covered(holds: Any, expected: Any, found: Any, text: str) -> None:
+    def covered(holds: Any, expected: Any, computed: Any, text: str) -> None:
         nonlocal reached
         if np.any(counts & ~holds) and not (body.has_integral or body.has_delta):
             reached, holds = False, holds | (values_of([body], at)[0] == 0.0)
-        hold(m, holds, counts, at, expected, found, f"which is integrated over, {text}", _LEAVE_OUT)
+        hold(Samples(m, counts, at), holds, (expected, computed), f"which is integrated over, {text}", _LEAVE_OUT)
 
     for b in chain:
         for bound in values_of([b.lo, b.hi], at):
-            hold(m, ~np.isinf(bound), True, at, bound, bound, f"the bound of {b.var.name} is {{1}}", _LEAVE_OUT)
-    for x, given, found in zip(m.old, old, values_of(list(m.forward.values()), there), strict=True):
-        same = np.abs(found - given) <= TOLERANCE * np.maximum(1.0, np.abs(given))
-        covered(same, given, found, f"forward(inverse) gives {x.name} = {{1}} instead of {{0}}")
-    for u, found in zip(m.new, new, strict=True):
+            hold(Samples(m, True, at), ~np.isinf(bound), (bound, bound), f"the bound of {b.var.name} is {{1}}", _LEAVE_OUT)
+    for x, old_value, value in zip(m.old, old, values_of(list(m.forward.values()), there), strict=True):
+        same = np.abs(value - old_value) <= TOLERANCE * np.maximum(1.0, np.abs(old_value))
+        covered(same, old_value, value, f"forward(inverse) gives {x.name} = {{1}} instead of {{0}}")
+    for u, value in zip(m.new, new, strict=True):
         for kind, interval in (("domain", m.domain[u]), ("bounds", m.bounds.get(u, m.domain[u]))):
             lo, hi = values_of(interval, there)
-            for end, room in ((lo, found - lo), (hi, hi - found)):
+            for end, room in ((lo, value - lo), (hi, hi - value)):
                 enough = room >= -TOLERANCE * np.maximum(1.0, np.abs(end))
-                covered(enough, end, found, f"{u.name} = {{1}} is beyond its {kind}, which end at {{0}}")
+                covered(enough, end, value, f"{u.name} = {{1}} is beyond its {kind}, which end at {{0}}")
                 share = np.broadcast_to(np.where(np.isfinite(room), room / np.maximum(1.0, np.abs(end)), np.inf), shape)
                 least = np.minimum(least, share.reshape(len(places), -1).min(axis=1))
     return reached, least
 
 
 def verify_reached(chain: Chain, m: Diffeomorphism, body: Expr) -> None:
-    """Raise DiffeomorphismError if a map does not reach all of a nest, as far as that is decided before parameters have values: where the
-    map and the bounds have no others than those that `check_at` gives values to. Infinite bounds are passed over."""
+    """Checks that a map reaches all of a nest, before parameters have values.
+
+    Raises DiffeomorphismError. The check is made only if `check_at` has values for all parameters of the map and the bounds. Infinite
+    bounds are not checked.
+    """
     import numpy as np
 
     ends = [e for b in chain for e in (b.lo, b.hi)]
@@ -102,8 +105,10 @@ def verify_reached(chain: Chain, m: Diffeomorphism, body: Expr) -> None:
 
 
 def verify_exact(chain: Chain, image: Chain, m: Diffeomorphism, body: Expr) -> None:
-    """Raise DiffeomorphismError if bounds that are said to be the exact image of a nest are not, at sample points and values: they hold
-    all of it where the integrand does not vanish, and nothing else."""
+    """Checks, at sample points and values, that bounds given as the exact image of a nest are exact.
+
+    Raises DiffeomorphismError unless they hold all of the nest where the integrand does not vanish, and nothing else.
+    """
     import numpy as np
 
     if not _is_closed(chain) or not _is_closed(image):
@@ -119,20 +124,13 @@ def verify_exact(chain: Chain, image: Chain, m: Diffeomorphism, body: Expr) -> N
             point, lo, hi = values_of([b.var, b.lo, b.hi], there)
             for end, room in ((np.minimum(lo, hi), point - np.minimum(lo, hi)), (np.maximum(lo, hi), np.maximum(lo, hi) - point)):
                 text = f"which lies in the new bounds, {b.var.name} = {{1}} is beyond its old bound {{0}}"
-                hold(
-                    m,
-                    room >= -TOLERANCE * np.maximum(1.0, np.abs(end)),
-                    True,
-                    at,
-                    end,
-                    point,
-                    text,
-                    "these are not the exact image: correct them, or leave out exact=True",
-                )
+                holds = room >= -TOLERANCE * np.maximum(1.0, np.abs(end))
+                hint = "these are not the exact image: correct them, or leave out exact=True"
+                hold(Samples(m, True, at), holds, (end, point), text, hint)
 
 
 def _is_closed(chain: Chain) -> bool:
-    """The bounds can be evaluated, from the outermost inwards."""
+    """Returns whether the bounds can be evaluated from the outermost inwards."""
     known: set[Var] = set()
     for b in chain:
         if b.lo.has_integral or b.hi.has_integral or not b.lo.free | b.hi.free <= known:
@@ -142,7 +140,7 @@ def _is_closed(chain: Chain) -> bool:
 
 
 def _points_of(chain: Chain, values: Mapping[Param, Any], places: np.ndarray) -> dict[Any, Any]:
-    """Points of a nest, with their parameters; the points, rows of the unit cube, have an axis in front of that of the parameters."""
+    """Returns points of a nest, with their parameters. The points, rows of the unit cube, have an axis in front of the parameters' axes."""
     at: dict[Any, Any] = dict(values)
     behind = (1,) * max((len(v.shape) for v in values.values()), default=0)
     for i, b in enumerate(chain):
@@ -153,7 +151,7 @@ def _points_of(chain: Chain, values: Mapping[Param, Any], places: np.ndarray) ->
 
 @functools.lru_cache(maxsize=32)
 def _places(count: int, dimensions: int) -> np.ndarray:
-    """Points of the unit cube, rows: Halton's, and, of up to MOST_CORNERS, those just inside of its corners."""
+    """Returns points of the unit cube, as rows: Halton's sequence, and points just inside of up to MOST_CORNERS corners."""
     import numpy as np
 
     inside = np.stack([halton(count, axis) for axis in range(dimensions)], axis=1)
@@ -161,75 +159,3 @@ def _places(count: int, dimensions: int) -> np.ndarray:
         return inside
     corners = np.array(list(itertools.product((NEAR_END, 1.0 - NEAR_END), repeat=dimensions)))
     return np.concatenate([inside, corners])
-
-
-def nests_over(e: Expr, variables: Sequence[Var]) -> list[tuple[Chain, Expr]]:
-    """The nests of integrals, from the outermost of the program inwards, that bind all these variables, and what they integrate."""
-    wanted = set(variables)
-    found: dict[tuple[Chain, Expr], None] = {}
-    seen: set[tuple[Node, frozenset[Var]]] = set()
-    stack: list[tuple[Node, Chain]] = [(e, ())]
-    while stack:
-        node, chain = stack.pop()
-        key = (node, frozenset(b.var for b in chain) & wanted)
-        if not node.has_integral or key in seen:
-            continue
-        seen.add(key)
-        if isinstance(node, Integral):
-            stack += [(node.lo, chain), (node.hi, chain)]
-            inner = (*chain, Binder(node.var, node.lo, node.hi))
-            if wanted <= {b.var for b in inner}:
-                found[inner, node.body] = None
-            else:
-                stack.append((node.body, inner))
-        else:
-            stack.extend((c, chain) for c in node.children)
-    return list(found)
-
-
-class _Case(NamedTuple):
-    """A map with the nests that it, or its inverse, is for; the parameters of it and their bounds, and of all with what is integrated."""
-
-    map: Diffeomorphism
-    nests: list[tuple[Diffeomorphism, Chain, Expr]]
-    deciding: list[Param]
-    every: list[Param]
-
-
-class MapChecks:
-    """The maps of a compiled program, verified for the parameter values of each call; what was verified last is not verified again."""
-
-    def __init__(self, e: Expr, maps: Sequence[Diffeomorphism]) -> None:
-        self.cases: list[_Case] = []
-        for m in maps:
-            nests = [(way, *found) for way in (m, m.inverse_map()) for found in nests_over(e, way.old)]
-            ends = parameters(*(end for _, chain, _ in nests for b in chain for end in (b.lo, b.hi)))
-            deciding = list(dict.fromkeys([*m.parameters, *ends]))
-            every = list(dict.fromkeys([*deciding, *parameters(*(body for _, _, body in nests))]))
-            self.cases.append(_Case(m, nests, deciding, every))
-        self.verified: dict[int, object] = {}
-        self.looked_at: set[int] = set()  # closely, once
-
-    def run(self, values: Mapping[str, Any]) -> None:
-        """Raise DiffeomorphismError if a map is none, or does not reach a nest, at parameter values: arrays of shape () or (n,)."""
-        import numpy as np
-
-        for i, case in enumerate(self.cases):
-            n = max((len(values[p.name]) for p in case.every if values[p.name].ndim), default=1)
-            chosen = np.unique(np.linspace(0, n - 1, min(n, BATCH_SAMPLES)).astype(int)) if n else np.zeros(0, dtype=int)
-            columns = {p: np.broadcast_to(values[p.name], (n,))[chosen] for p in case.every}
-            key = tuple(columns[p].tobytes() for p in case.deciding)
-            if self.verified.get(i) == key:
-                continue
-            numbers = np.ones(len(chosen), dtype=bool)  # NaN in is NaN out, and no error
-            for column in columns.values():
-                numbers &= np.isfinite(column)
-            if not numbers.any():
-                continue
-            at = {p: column[numbers] for p, column in columns.items()}
-            case.map.verify({p: at[p] for p in case.map.parameters}, SAMPLES_A_CALL)
-            samples, rounds = (SAMPLES_LATER, 0) if i in self.looked_at else (SAMPLES_ONCE, ROUNDS)
-            reached = [verify_covered(chain, way, at, samples, body, rounds) for way, chain, body in case.nests]
-            self.looked_at.add(i)
-            if all(reached) and numbers.all():
-                self.verified[i] = key

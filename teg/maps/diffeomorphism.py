@@ -2,9 +2,9 @@
 
     x = forward(u),  u = inverse(x),  dx = |J| du,  J = det ∂forward/∂u          old variables x, new variables u in the domain
 
-What is verified at sample points of the domain, for sample values of the parameters when the map is made and for the actual ones at every
-call of a function compiled with it: inverse(forward(u)) = u, J is no NaN, not 0 and of one sign, and a given J is the derived one. A map
-that is wrong in a corner smaller than the gaps between the points passes.
+Verified at sample points of the domain: inverse(forward(u)) = u; J is not NaN, not 0 and of one sign; a given J is the derived one. This
+happens for sample values of the parameters when the map is made, and for the actual values in every call of a function compiled with it.
+A map that is wrong in a corner smaller than the gaps between the points passes.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ class Diffeomorphism:
         m = teg.Diffeomorphism({x: r*teg.cos(p), y: r*teg.sin(p)}, inverse={r: teg.sqrt(x*x + y*y), p: teg.atan2(y, x)},
                                domain={r: (0, None), p: (-math.pi, math.pi)})
 
-    forward:  dict old variable -> expression of the new variables and of parameters.
-    inverse:  dict new variable -> expression of the old variables and of parameters; the first one is innermost in the new integrals.
-    domain:   dict new variable -> (lower, upper), an open interval where the map is one-to-one; None, or no entry, is unbounded. Numbers or
-              expressions of parameters.
-    jacobian: the determinant ∂forward/∂new, or its absolute value; derived if it is not given.
-    bounds:   dict new variable -> (lower, upper), finite: a box that holds the image of whatever will be integrated over. Needed only
-              where it cannot be derived.
-    check_at: dict parameter (or its name) -> number, the values at which the map is verified now; some between 0.4 and 1.4 otherwise.
-              Parameters of the integrals that it is for may be among them.
+        forward:  dict old variable -> expression of the new variables and of parameters.
+        inverse:  dict new variable -> expression of the old variables and of parameters; the first one is innermost in the new integrals.
+        domain:   dict new variable -> (lower, upper), an open interval where the map is one-to-one; None, or no entry, is unbounded.
+                  Numbers or expressions of parameters.
+        jacobian: the determinant ∂forward/∂new, or its absolute value; derived if it is not given.
+        bounds:   dict new variable -> (lower, upper), finite: a box that contains the image of every integral the map is used for. Needed
+                  only where it cannot be derived.
+        check_at: dict parameter (or its name) -> number, the values at which the map is verified now; default: some between 0.4 and 1.4.
+                  Parameters of the integrals that the map is for may be among them.
 
-    `m1 @ m2` (the same as `m1.then(m2)`) is the map through the new variables of m1, which are old ones of m2; `m.inverse_map()` goes the
-    other way. Maps are immutable, compared by identity, and pickle.
+    `m1 @ m2` (the same as `m1.then(m2)`) is the map through the new variables of m1, which are old ones of m2; `m.inverse_map()` is the
+    inverse. Maps are immutable, compared by identity, and pickle.
 
-    Raises DiffeomorphismError where the map is none, with a point and the two values that should agree; ScopeError and NameClashError
-    for variables and names at fault.
+    Raises DiffeomorphismError if the map is not a diffeomorphism, with a point and the two values that should agree; ScopeError and
+    NameClashError for wrong variables and names.
     """
 
     __slots__ = ("bounds", "check_at", "domain", "forward", "image", "inverse", "jacobian", "orientation", "reference", "within")
@@ -59,8 +59,8 @@ class Diffeomorphism:
     jacobian: Expr
     bounds: Mapping[Var, Interval]
     check_at: Mapping[Param, float]
-    within: tuple[Constraint, ...]  # of composed and inverse maps
-    image: Mapping[Var, Interval]  # what the old variables can be, as far as it is known
+    within: tuple[Constraint, ...]  # constraints of composed and inverse maps
+    image: Mapping[Var, Interval]  # the values of the old variables, as far as they are known
     reference: Mapping[Var, Expr]  # a point of the domain
     orientation: Expr  # the sign of J: 1, -1, or an expression of parameters
 
@@ -79,12 +79,12 @@ class Diffeomorphism:
             raise ScopeError(
                 f"{len(old)} old variables, {_names(old)}, and {len(new)} new ones, {_names(new)}",
                 None,
-                "give as many new variables as old ones, with other names; what stays as it is needs no entry",
+                "give as many new variables as old ones, with other names; variables that stay the same need no entry",
             )
         self._set("forward", {v: _smooth(e, new, f"forward[{v.name}]") for v, e in forward.items()})
         self._set("inverse", {v: _smooth(e, old, f"inverse[{v.name}]") for v, e in inverse.items()})
-        given = _intervals(domain, new, "domain")
-        self._set("domain", {v: given.get(v, (MINUS_INFINITY, INFINITY)) for v in new})
+        stated = _intervals(domain, new, "domain")
+        self._set("domain", {v: stated.get(v, (MINUS_INFINITY, INFINITY)) for v in new})
         self._set("bounds", _finite(_intervals(bounds, new, "bounds"), self.domain))
         self._set("within", ())
         self._set("image", {v: _values_of(e, self.domain) for v, e in self.forward.items()})
@@ -118,17 +118,17 @@ class Diffeomorphism:
 
     @property
     def old(self) -> tuple[Var, ...]:
-        """The variables that are replaced."""
+        """Returns the variables that are replaced."""
         return tuple(self.forward)
 
     @property
     def new(self) -> tuple[Var, ...]:
-        """The variables that replace them, innermost first."""
+        """Returns the variables that replace them, innermost first."""
         return tuple(self.inverse)
 
     @property
     def parameters(self) -> tuple[Param, ...]:
-        """Every parameter in the map, in order of first appearance."""
+        """Returns every parameter in the map, in order of first appearance."""
         ends = (e for pairs in (self.domain, self.bounds) for pair in pairs.values() for e in pair)
         conditions = (e for c in self.within for e in c)
         return tuple(parameters(*self.forward.values(), *self.inverse.values(), self.jacobian, *ends, *conditions))
@@ -136,7 +136,7 @@ class Diffeomorphism:
     # -- other maps ----------------------------------------------------------------------------------------------------
 
     def then(self, other: Diffeomorphism) -> Diffeomorphism:
-        """This map, and then `other` for some or all of its new variables: the same as changing variables twice."""
+        """Returns this map followed by `other` for some or all of its new variables: the same as changing variables twice."""
         if not isinstance(other, Diffeomorphism):
             raise OperandError(f"a map is composed with a map, not with {type(other).__name__}")
         if not set(other.old) <= set(self.new) or set(other.new) & {*self.old, *self.new}:
@@ -169,7 +169,8 @@ class Diffeomorphism:
         )
 
     def _domain_under(self, outer: Mapping[Var, Interval]) -> tuple[dict[Var, Interval], list[Constraint]]:
-        """The domain, smaller where the old variables have a domain themselves; and what of that is no interval of a new variable."""
+        """Returns the domain, restricted by the domains of the old variables, and the restrictions that are not intervals of a new
+        variable."""
         domain = dict(self.domain)
         left: list[Constraint] = []
         for v, e in self.forward.items():
@@ -177,7 +178,7 @@ class Diffeomorphism:
             sign = self.sign_of(slope(e, u)) if not others and self.inverse[u].free == {v} else None
             remaining = list(outer[v])
             for i in range(2) if isinstance(sign, Const) else ():
-                k = i if sign is ONE else 1 - i  # the end of u that belongs to end i of v
+                k = i if sign is ONE else 1 - i  # the end of u that corresponds to end i of v
                 if _is_finite(outer[v][i]) and not _is_finite(domain[u][k]):
                     end = folded(simplified(cast(Expr, substitute(self.inverse[u], {v: outer[v][i]}))))
                     domain[u] = (end, domain[u][1]) if k == 0 else (domain[u][0], end)
@@ -190,7 +191,7 @@ class Diffeomorphism:
         return self.then(cast(Diffeomorphism, other))
 
     def inverse_map(self) -> Diffeomorphism:
-        """The map the other way: its new variables are the old ones of this."""
+        """Returns the inverse map: its new variables are the old ones of this map."""
         reciprocal = integer_power(_into(self.jacobian, self.inverse), -1)
         return _derived(
             forward=self.inverse,
@@ -206,12 +207,12 @@ class Diffeomorphism:
         )
 
     def with_bounds(self, bounds: Mapping[Var, tuple[object, object]]) -> Diffeomorphism:
-        """The same map with a box that holds the image of what will be integrated over."""
+        """Returns the same map with a box that contains the image of every integral it is used for."""
         parts = {name: getattr(self, name) for name in self.__slots__}
         return _derived(**{**parts, "bounds": _finite(_intervals(bounds, self.new, "bounds"), self.domain)})
 
     def renamed(self, taken: Iterable[str]) -> Diffeomorphism:
-        """The same map with new variables whose names are not taken."""
+        """Returns the same map with new variables whose names are not taken."""
         names = set(taken)
         change: dict[Var, Expr] = {}
         for v in self.new:
@@ -239,7 +240,8 @@ class Diffeomorphism:
     # -- signs ---------------------------------------------------------------------------------------------------------
 
     def sign_of(self, e: Expr) -> Expr | None:
-        """The sign of an expression of the new variables that does not vanish in the domain: 1, -1, or an expression of parameters."""
+        """Returns the sign of an expression of the new variables that does not vanish in the domain: 1, -1, or an
+        expression of parameters."""
         if by_form := sign_of(e, {}):
             return ONE if by_form > 0 else MINUS_ONE
         there = _into(e, self.reference)
@@ -248,16 +250,16 @@ class Diffeomorphism:
         return where(positive(there), ONE, MINUS_ONE)
 
     def weight(self) -> Expr:
-        """|J|."""
+        """Returns |J|."""
         return mul(self.orientation, self.jacobian)
 
     def sample_values(self, known: Sequence[Param], trial: int) -> dict[Param, float]:
-        """Values of parameters to verify a map at: those of `check_at`, and others between 0.4 and 1.4, no two in a simple ratio."""
+        """Returns parameter values for verifying a map: those of `check_at`, and others between 0.4 and 1.4, no two in a simple ratio."""
         golden = 0.6180339887498949
         return {p: self.check_at.get(p, 0.4 + math.modf((TRIALS * i + trial + 1) * golden)[0]) for i, p in enumerate(known)}
 
     def verify(self, values: Mapping[Param, Any], samples: int = SAMPLES, derive: bool = False) -> None:
-        """Raise DiffeomorphismError if the map is none at parameter values (numbers, or arrays of one length).
+        """Checks the map at parameter values (numbers, or arrays of one length). Raises DiffeomorphismError.
 
         `derive`: also compare the Jacobian with the determinant of the derivatives.
         """
@@ -265,14 +267,14 @@ class Diffeomorphism:
 
 
 def checked_maps(maps: object) -> tuple[Diffeomorphism, ...]:
-    """A list of maps, as users give it; raises OptionError for anything else."""
+    """Returns the list of maps a user gives as a tuple; raises OptionError for anything else."""
     if not isinstance(maps, list | tuple) or not all(isinstance(m, Diffeomorphism) for m in maps):
-        raise OptionError(f"maps={maps!r:.80} is no list of maps", None, "maps=[m] with an m made by teg.Diffeomorphism or in teg.maps")
+        raise OptionError(f"maps={maps!r:.80} is not a list of maps", None, "maps=[m] with an m made by teg.Diffeomorphism or in teg.maps")
     return tuple(maps)
 
 
 def _derived(**parts: Any) -> Diffeomorphism:
-    """A map made of verified ones."""
+    """Returns a map made of verified maps."""
     return _restored(*(parts[name] for name in Diffeomorphism.__slots__))
 
 
@@ -301,7 +303,7 @@ def _variables(entries: Mapping[Var, object], what: str) -> list[Var]:
 
 
 def _smooth(value: object, allowed: Sequence[Var], what: str) -> Expr:
-    """An expression that may be a part of a map, functions written out."""
+    """Returns an expression that may be a part of a map, with functions written out. Raises an error for other values."""
     e = write_all_out(as_number(value))
     if e.has_delta or e.has_integral:
         raise OperandError(f"{what} holds {'a delta' if e.has_delta else 'an integral'}", e, "a map is made of functions")
@@ -313,22 +315,22 @@ def _smooth(value: object, allowed: Sequence[Var], what: str) -> Expr:
 
 
 def _intervals(pairs: Mapping[Var, tuple[object, object]] | None, new: Sequence[Var], what: str) -> dict[Var, Interval]:
-    """Checked (lower, upper) pairs; None is infinite."""
-    found: dict[Var, Interval] = {}
+    """Returns checked (lower, upper) pairs; None is infinite."""
+    intervals: dict[Var, Interval] = {}
     for v, pair in (pairs or {}).items():
         if v not in new or not isinstance(pair, tuple | list) or len(pair) != 2:
             raise ScopeError(
-                f"{what}[{v}] = {pair!r:.80} is no interval of a new variable", None, f"a dict of {_names(new)} -> (lower, upper)"
+                f"{what}[{v}] = {pair!r:.80} is not an interval of a new variable", None, f"a dict of {_names(new)} -> (lower, upper)"
             )
         allowed = new[new.index(v) + 1 :] if what == "bounds" else ()
         lo = MINUS_INFINITY if pair[0] is None else _smooth(pair[0], allowed, what)
         hi = INFINITY if pair[1] is None else _smooth(pair[1], allowed, what)
-        found[v] = lo, hi
-    return found
+        intervals[v] = lo, hi
+    return intervals
 
 
 def _finite(bounds: dict[Var, Interval], domain: Mapping[Var, Interval]) -> dict[Var, Interval]:
-    """Bounds that are finite, and inside the domain as far as both are numbers."""
+    """Returns bounds that are finite, and inside the domain as far as both are numbers."""
     for v, (lo, hi) in bounds.items():
         if any(isinstance(end, Const) and not math.isfinite(end.data) for end in (lo, hi)):
             raise BoundError(f"bounds[{v.name}] are not finite", None, "give the box that the image of the integrals lies in")
@@ -344,14 +346,14 @@ def _finite(bounds: dict[Var, Interval], domain: Mapping[Var, Interval]) -> dict
 
 def _check_values(given: Mapping[Any, float] | None, known: Sequence[Param]) -> dict[Param, float]:
     names = {p.name: p for p in known}
-    found: dict[Param, float] = {}
+    numbers: dict[Param, float] = {}
     for k, v in (given or {}).items():
         if not isinstance(k, Param) and k not in names:
             raise ParameterError(
-                f"check_at names {k!r}, which is no parameter of the map", None, f"parameters: {', '.join(names) or 'none'}"
+                f"check_at names {k!r}, which is not a parameter of the map", None, f"parameters: {', '.join(names) or 'none'}"
             )
-        found[k if isinstance(k, Param) else names[k]] = float(v)
-    return found
+        numbers[k if isinstance(k, Param) else names[k]] = float(v)
+    return numbers
 
 
 def _is_finite(end: Expr) -> bool:
@@ -359,7 +361,7 @@ def _is_finite(end: Expr) -> bool:
 
 
 def _values_of(e: Expr, domain: Mapping[Var, Interval]) -> Interval:
-    """Bounds of the values of an expression that are numbers; unbounded where they are not known as such."""
+    """Returns bounds of the values of an expression as numbers; infinite if they are not known."""
     sign = sign_of(e, domain)
     lo, hi = enclose(e, domain)
     return (
@@ -369,7 +371,7 @@ def _values_of(e: Expr, domain: Mapping[Var, Interval]) -> Interval:
 
 
 def _inner_point(lo: Expr, hi: Expr) -> Expr:
-    """A point between two bounds that is none of their simple fractions."""
+    """Returns a point between two bounds that divides them in no simple fraction."""
     if lo is MINUS_INFINITY:
         return const(0.4375) if hi is INFINITY else sub(hi, ONE)
     return add(lo, ONE) if hi is INFINITY else add(lo, mul(const(0.4375), sub(hi, lo)))

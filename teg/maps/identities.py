@@ -1,11 +1,11 @@
-"""Simplification by identities, for expressions that a change of variables has been written into.
+"""Simplification by identities, for expressions after a change of variables.
 
     sin²u + cos²u = 1      cosh²u - sinh²u = 1      √(v²) = v, or -v, where the sign of v is known
     √(x² + y²)·cos atan2(y, x) = x      √(x² + y²)·sin atan2(y, x) = y      tan atan u = sin asin u = cos acos u = log exp u = u
     exp u·exp v = exp(u + v), where that is simpler
 
 A sum is rewritten only if it becomes shorter, or loses a variable: x² + y² is r² in polar coordinates. Linear in the number of nodes; of
-each sum the nearest few hundred nodes are looked at.
+each sum the nearest few hundred nodes are examined.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from teg.ir.node import Node
 from teg.ir.traverse import parameters, rewrite
 
 _REGION = 200
-"""Nodes of a sum, down to its functions, beyond which it is left as it is."""
+"""The largest number of nodes of a sum, down to its functions, that is rewritten."""
 _POSITIVE = frozenset(("exp", "cosh", "sqrt", "root", "magnitude"))
 _WAVES = (("sin", "cos", -1.0), ("sinh", "cosh", 1.0))
 
 
 def simplified(e: Expr, box: Mapping[Var, Interval] | None = None, known: Mapping[Node, Expr] | None = None) -> Expr:
-    """e in a simpler form, equal to it for variables in `box` (numbers, ±∞ among them); the nodes of `known` are replaced."""
+    """Returns a simpler form of e, equal to it for variables in `box` (numbers and ±∞); the nodes of `known` are replaced."""
     signs = _Signs(box or {})
     names = known or {}
 
@@ -52,7 +52,7 @@ class _Signs:
         self.box = box
 
     def of(self, e: Expr) -> int:
-        """1 for e >= 0, -1 for e <= 0 on the whole box, 0 where that is not known."""
+        """Returns 1 if e >= 0, -1 if e <= 0 on the whole box, 0 if neither is known."""
         if isinstance(e, Mul):
             return math.prod(self._of_factor(c) for c in e.children)
         return self._of_factor(e)
@@ -72,12 +72,15 @@ class _Signs:
 
 
 def sign_of(e: Expr, box: Mapping[Var, Interval]) -> int:
-    """1 for an expression that cannot be negative on a box of numbers, -1 for one that cannot be positive, 0 where that is not known."""
+    """Returns 1 if e cannot be negative on a box of numbers, -1 if it cannot be positive, 0 if neither is known."""
     return _Signs(box).of(e)
 
 
 def taken_out(e: Expr, box: Mapping[Var, Interval]) -> tuple[Expr, Expr]:
-    """e as a factor that is positive on the box times the rest: what all terms of a sum have in common, as far as its sign is known."""
+    """Returns a factor of e that is positive on the box, and the other factor.
+
+    The first is the common factor of all terms of a sum, as far as its sign is known.
+    """
     if not isinstance(e, Add):
         return ONE, e
     powers = [_powers(t) for t in e.children]
@@ -100,7 +103,7 @@ def _powers(term: Expr) -> dict[Expr, int]:
 
 
 def _shortened(e: Add) -> Expr:
-    """The sum with the squares of cosines, or of sines, replaced, if that makes it simpler."""
+    """Returns the sum with the squares of cosines, or of sines, replaced, if that makes it simpler."""
     best: Expr = e
     for sine, cosine, sign in _pairs(e):
         normal = expanded(best)
@@ -126,7 +129,7 @@ def _is_simpler(a: Expr, b: Expr) -> bool:
 
 
 def _length(e: Expr) -> int:
-    """The number of nodes of sums, products and powers, down to functions and whatever else they are made of."""
+    """Returns the number of nodes of sums, products and powers, down to functions and other generators."""
     seen: set[Expr] = set()
     stack = [e]
     while stack:
@@ -138,7 +141,7 @@ def _length(e: Expr) -> int:
 
 
 def _pairs(e: Add) -> list[tuple[Call, Call, float]]:
-    """sin u and cos u, sinh u and cosh u, that stand in a sum together, and not inside other functions."""
+    """Returns the pairs sin u and cos u, sinh u and cosh u, that stand in one sum, outside of other functions."""
     functions: dict[Call, None] = {}
     seen: set[Expr] = set()
     stack: list[Expr] = [e]
@@ -163,42 +166,42 @@ def _pairs(e: Add) -> list[tuple[Call, Call, float]]:
 
 
 def _without_squares(normal: Expr, base: Call, square: Expr) -> Expr:
-    """A sum of monomials with `base`² replaced; the sum itself if there is none."""
+    """Returns a sum of monomials with `base`² replaced; the sum itself if it does not occur."""
     terms = []
-    found = False
+    replaced = False
     for term in normal.children if isinstance(normal, Add) else (normal,):
         factors: list[Expr] = []
         for f in term.children if isinstance(term, Mul) else (term,):
             if isinstance(f, Pow) and f.base is base and f.exponent >= 2:
                 factors += [integer_power(square, f.exponent // 2), integer_power(base, f.exponent % 2)]
-                found = True
+                replaced = True
             else:
                 factors.append(f)
         terms.append(mul(*factors))
-    return add(*terms) if found else normal
+    return add(*terms) if replaced else normal
 
 
 # -- products ------------------------------------------------------------------------------------------------------------
 
 
 def _joined(e: Mul) -> Expr:
-    """exp u·exp v with a simpler exponent."""
+    """Returns exp u·exp v with a simpler exponent."""
     exponents: list[Expr] = []
-    rest: list[Expr] = []
+    others: list[Expr] = []
     for f in e.children:
         base, k = (f.base, f.exponent) if isinstance(f, Pow) else (f, 1)
         if isinstance(base, Call) and base.name == "exp":
             exponents.append(mul(ex.const(k), base.children[0]))
         else:
-            rest.append(f)
+            others.append(f)
     if len(exponents) < 2:
         return e
     total = expanded(add(*exponents))
-    return mul(*rest, call("exp", total)) if total is not None and _length(total) < sum(map(_length, exponents)) else e
+    return mul(*others, call("exp", total)) if total is not None and _length(total) < sum(map(_length, exponents)) else e
 
 
 def _cartesian(e: Expr) -> Expr:
-    """√(x² + y²)·sin atan2(y, x) = y, and likewise with the cosine; not without the root, which is 0 where the angle has no meaning."""
+    """Returns √(x² + y²)·sin atan2(y, x) as y, and likewise with the cosine. The root is required: it is 0 where the angle is undefined."""
     done = False
     while isinstance(e, Mul) and not done:
         done = True
@@ -218,7 +221,7 @@ def _cartesian(e: Expr) -> Expr:
 
 
 def _roots_in(factor: Expr, square: Expr) -> int:
-    """k of a factor that is (√square)^k, else 0."""
+    """Returns the k of a factor that is (√square)^k, else 0."""
     base, k = (factor.base, factor.exponent) if isinstance(factor, Pow) else (factor, 1)
     if isinstance(base, Call) and base.name == "sqrt":
         base = base.children[0]
@@ -250,7 +253,7 @@ def _function(node: Call, signs: _Signs) -> Expr:
 
 
 def _root(u: Expr, signs: _Signs) -> Expr:
-    """√u with the even powers in u taken out."""
+    """Returns √u with the even powers in u taken out."""
     outside: list[Expr] = []
     inside: list[Expr] = []
     for f in u.children if isinstance(u, Mul) else (u,):

@@ -1,12 +1,12 @@
-"""Where a nest of integrals lies in other coordinates: the image of its bounds under a map.
+"""A nest of integrals in other coordinates: the image of its bounds under a map.
 
-Exact images. Where an old variable is a function of one new variable and of those that stand outside of it (translations, scalings, shears,
-every map of one variable), its bounds are carried over by the inverse:  ∫ₗʰ dx = ∫ du from u(l) to u(h), or back where u falls.
+Exact images. If an old variable is a function of one new variable and of variables outside of it (translations, scalings, shears, every
+map of one variable), its bounds are carried over by the inverse:  ∫ₗʰ dx = ∫ du from u(l) to u(h), or back where u decreases.
 
-Enclosures. Elsewhere the image of a box is no box. The new variables run over a box that holds it: the given bounds, the domain where it is
-finite, else interval bounds of the inverse; and the old bounds become brackets, [l < x(u) < h], ordinary surfaces that move and have flux.
-Interval bounds that depend on parameters are rounded outwards to steps of the size of the box: they are constant almost everywhere and the
-integrand vanishes near them, so they contribute nothing to derivatives and never touch the brackets.
+Enclosures. Elsewhere the image of a box is not a box. The new variables run over a box that contains it: the given bounds, the domain
+where it is finite, else interval bounds of the inverse. The old bounds become brackets, [l < x(u) < h], ordinary surfaces that move and
+have flux. Interval bounds that depend on parameters are rounded outwards to steps of the size of the box: they are constant almost
+everywhere and the integrand vanishes near them, so they contribute nothing to derivatives and never touch the brackets.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from teg.maps.identities import simplified
 from teg.maps.verification import TRIALS, Constraint
 
 _MARGIN = 2.0**-4
-"""By how much enclosures are widened, relative to their size."""
+"""The widening of enclosures, relative to their size."""
 _NOTHING = 1e-280
 """Keeps the step of an empty box from being 0."""
 
 
 @dataclass(frozen=True)
 class Side:
-    """An old integral sign whose bounds have become a bracket: [lo < point < hi]. A bound that the map cannot reach is None."""
+    """An old integral sign whose bounds have become a bracket: [lo < point < hi]. A bound outside the range of the map is None."""
 
     binder: Binder
     point: Expr
@@ -55,13 +55,13 @@ class Image:
     sides: tuple[Side, ...]
     constraints: tuple[Constraint, ...]
     known: dict[Node, Expr]
-    """inverse∘forward as it is written out, and the new variable that it is."""
+    """inverse∘forward as an expression, and the new variable that it equals"""
 
 
 def image_of(chain: Chain, m: Diffeomorphism, exact: bool = False) -> Image:
-    """The image of a nest, outermost first, that binds all old variables of the map and none of the new ones.
+    """Returns the image of a nest, outermost first, that binds all old variables of the map and none of the new ones.
 
-    `exact` says that the given bounds of the map are the image itself. Raises BoundError where finite bounds cannot be derived.
+    `exact` says that the given bounds of the map are the image itself. Raises BoundError if finite bounds cannot be derived.
     """
     if sum(b.var in m.forward for b in chain) != len(m.old):
         raise ScopeError("a map needs integrals over all of its old variables", m, "nest them directly inside each other")
@@ -69,18 +69,18 @@ def image_of(chain: Chain, m: Diffeomorphism, exact: bool = False) -> Image:
 
 
 class _Image:
-    """One nest on its way through a map: what stands, outermost first, and what is left to be carried over."""
+    """One nest while it is mapped: the new integral signs, outermost first, and the old ones that remain."""
 
     def __init__(self, chain: Chain, m: Diffeomorphism, exact: bool) -> None:
         self.m, self.whole, self.exact = m, chain, exact
         self.left = [b for b in chain if b.var in m.forward]
         self.inner = _depending([b for b in chain if b.var not in m.forward], m.old)
         self.done: dict[Var, Expr] = {}
-        self.found: list[Binder] = []
+        self.placed: list[Binder] = []
         self.boxed: set[Var] = set()
         self.sides: list[Binder] = []
-        self.signs: list[Expr] = []  # of the slopes of what was carried over
-        self.rates: list[Expr] = []  # and the slopes, relative to the order of the new bounds
+        self.signs: list[Expr] = []  # signs of the slopes of the bounds carried over
+        self.rates: list[Expr] = []  # these slopes, relative to the order of the new bounds
 
     def run(self) -> Image:
         while self.left:
@@ -91,7 +91,7 @@ class _Image:
         inner = [Binder(b.var, _at(b.lo, at), _at(b.hi, at)) for b in self.inner]
         known = {_at(m.inverse[u], at): cast(Expr, u) for u in m.new}
         return Image(
-            chain=(*outer, *self.found, *inner),
+            chain=(*outer, *self.placed, *inner),
             at=at,
             weight=mul(*self.signs, m.weight()) if self.boxed else mul(*self.rates),
             sides=tuple(self._side(b) for b in self.sides),
@@ -107,11 +107,11 @@ class _Image:
         return Side(b, self.m.forward[b.var], None if below else lo, None if above else hi)
 
     def _waiting(self, b: Binder) -> set[Var]:
-        """The new variables that an old one depends on and that have no integral yet."""
-        return set(self.m.forward[b.var].free) - {f.var for f in self.found}
+        """Returns the new variables that an old variable depends on and that have no integral yet."""
+        return set(self.m.forward[b.var].free) - {f.var for f in self.placed}
 
     def _carried(self, b: Binder) -> bool:
-        """Carry the bounds of one old variable over, where they determine those of one new variable."""
+        """Carries the bounds of one old variable over, if they determine the bounds of one new variable. Returns whether it did."""
         m, waiting = self.m, self._waiting(b)
         not_yet = {c.var for c in (*self.left, *self.inner)}
         if len(waiting) != 1 or (b.lo.free | b.hi.free) & not_yet:
@@ -135,12 +135,12 @@ class _Image:
         elif sign is not ONE:
             self.signs.append(sign)
         self.rates.append(rate)
-        self.found.append(Binder(u, *ends))
+        self.placed.append(Binder(u, *ends))
         self._finish([b])
         return True
 
     def _enclosed(self) -> None:
-        """The smallest outer part of the nest that depends on as many new variables: these run over a box."""
+        """Replaces the smallest outer part of the nest that depends on equally many new variables; these run over a box."""
         block: list[Binder] = []
         waiting: set[Var] = set()
         for b in self.left:
@@ -151,7 +151,7 @@ class _Image:
         ranges = _ranges(self.whole)
         for u in reversed(self.m.new):  # the first one is innermost
             if u in waiting:
-                self.found.append(Binder(u, *_enclosure(self.m, u, ranges)))
+                self.placed.append(Binder(u, *_enclosure(self.m, u, ranges)))
         self.boxed |= waiting
         if not self.exact:
             self.sides += block
@@ -168,14 +168,14 @@ def _at(e: Expr, at: dict[Var, Expr]) -> Expr:
 
 
 def _depending(binders: Sequence[Binder], variables: Sequence[Var]) -> list[Binder]:
-    """The integral signs whose bounds depend on these variables, or on one another."""
+    """Returns the integral signs whose bounds depend on these variables, or on one another."""
     moved = set(variables)
-    found = []
+    depending = []
     for b in binders:
         if (b.lo.free | b.hi.free) & moved:
             moved.add(b.var)
-            found.append(b)
-    return found
+            depending.append(b)
+    return depending
 
 
 def _may_be_finite(e: Expr) -> bool:
@@ -183,7 +183,7 @@ def _may_be_finite(e: Expr) -> bool:
 
 
 def _is_finite_somewhere(e: Expr, m: Diffeomorphism) -> bool:
-    """Is a bound with an infinite branch finite at the sample values of its parameters?"""
+    """Returns whether a bound with an infinite branch is finite at the sample values of its parameters."""
     infinite = any(isinstance(n, Const) and math.isinf(n.data) for n in postorder([e]))
     if not infinite or e.free or e.has_integral:
         return True
@@ -194,7 +194,7 @@ def _is_finite_somewhere(e: Expr, m: Diffeomorphism) -> bool:
 
 
 def _ranges(chain: Chain) -> dict[Var, Interval]:
-    """For each variable of a nest, outermost first, bounds that are free of the others."""
+    """Returns, for each variable of a nest, outermost first, bounds that are free of the others."""
     box: dict[Var, Interval] = {}
     for b in chain:
         lo, hi = enclose(b.lo, box), enclose(b.hi, box)
@@ -207,7 +207,7 @@ def _extremum(name: str, a: Expr, b: Expr) -> Expr:
 
 
 def _enclosure(m: Diffeomorphism, u: Var, ranges: dict[Var, Interval]) -> Interval:
-    """Finite bounds of a new variable."""
+    """Returns finite bounds of a new variable."""
     if u in m.bounds:
         return m.bounds[u]
     derived = _derived(m, u, ranges)
@@ -221,7 +221,7 @@ def _enclosure(m: Diffeomorphism, u: Var, ranges: dict[Var, Interval]) -> Interv
                 ends[i] = const(tighter(end.data, value))
         return ends[0], ends[1]
     unbounded = [not _may_be_finite(e) for e in ends]
-    ends = [mine if free else given for mine, free, given in zip(derived, unbounded, ends, strict=True)]
+    ends = [mine if free else stated for mine, free, stated in zip(derived, unbounded, ends, strict=True)]
     if not all(_may_be_finite(e) and _is_finite_somewhere(e, m) for e in ends):
         raise BoundError(
             f"finite bounds of {u.name} = {m.inverse[u]} cannot be derived from those of the integrals",
@@ -240,7 +240,7 @@ def _derived(m: Diffeomorphism, u: Var, ranges: dict[Var, Interval]) -> Interval
 
 
 def _shorter(e: Expr) -> Expr:
-    """Interval bounds, shorter: no branch for what is not defined anyway, no max(0, u) of squares."""
+    """Returns shorter interval bounds: no branch where the value is undefined anyway, no max(0, u) of squares."""
 
     def visit(old: Node, new: Node) -> Node:
         if isinstance(new, Where) and isinstance(new.otherwise, Const) and math.isnan(new.otherwise.data):
@@ -255,7 +255,7 @@ def _shorter(e: Expr) -> Expr:
 
 
 def _is_positive(e: Expr) -> bool:
-    """Is e >= 0, as far as one sees?"""
+    """Returns whether e >= 0 is evident from its form."""
     if isinstance(e, Const):
         return bool(e.data >= 0.0)
     if isinstance(e, Pow):
@@ -266,7 +266,7 @@ def _is_positive(e: Expr) -> bool:
 
 
 def _rounded(lo: Expr, hi: Expr, sides: Sequence[bool]) -> Interval:
-    """Bounds further out, on the sides that are asked for: multiples of a step that is a power of ⁴√e, 1.1 to 1.5 extents."""
+    """Returns wider bounds, on the given sides: multiples of a step that is a power of ⁴√e, 1.1 to 1.5 extents."""
     extent = sub(hi, lo)
     if extent.free:  # bounds that vary with outer variables: rounding would make them jump
         margin = mul(const(_MARGIN), extent)

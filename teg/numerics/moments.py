@@ -5,13 +5,13 @@ chord, from -1 to 1, and z = g_uv·½Δu/g_v there, the measure of its boundary 
 
     η = (ξ + z)/(1 + zξ),   dτ = du/g_v = rate·dξ/(1 + zξ),   rate = ½Δu/g_v
 
-so that on it ξη = (ξ + z - η)/z. All moments are then made of few numbers, which need one logarithm,
+so that on it ξη = (ξ + z - η)/z. All moments are integer combinations of few numbers, which need one logarithm,
 
     I_jk = ∫ ξʲηᵏ dξ/(1 + zξ)  over (-1, 1)  =  z^((j+k) mod 2)·Σ_q a_q·G_q       (a_q integers)
     G_q = ∫ t^(2q)/(1 - z²t²) dt  over (0, 1) = 1/(2q + 1) + z²·G_(q+1),    G_0 = artanh(z)/z
 
-by I_j0 = T_j, I_0k = (-1)ᵏ·T_k, T_2q = 2·G_q, T_(2q-1) = -2z·G_q, and I_jk = (I_j(k-1) + z·I_(j-1)(k-1) - I_(j-1)k)/z, a division that is
-exact. G is computed by a series and downwards where z² is small, and from the logarithm upwards else.
+by I_j0 = T_j, I_0k = (-1)ᵏ·T_k, T_2q = 2·G_q, T_(2q-1) = -2z·G_q, and I_jk = (I_j(k-1) + z·I_(j-1)(k-1) - I_(j-1)k)/z, a division that
+is exact. G is computed by a series and downwards if z² is small, and from the logarithm upwards otherwise.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from functools import cache
 from typing import NamedTuple
 
 AMPLIFIED = 50.0
-"""What rounding errors of the logarithm may grow by on the way upwards, at the border to the series."""
+"""The largest growth of the logarithm's rounding errors on the way upwards, at the border to the series."""
 LEAST_BORDER = 0.04
 
 
 @cache
 def moment(j: int, k: int) -> tuple[int, ...]:
-    """The a_q of I_jk, q = 0, 1, …"""
+    """Returns the integers a_q of I_jk, q = 0, 1, …"""
     if k == 0:
         q = (j + 1) // 2
         return (*[0] * q, -2 if j % 2 else 2)
@@ -59,13 +59,13 @@ class Series(NamedTuple):
 
 @cache
 def series(top: int) -> Series:
-    """The series of G_top."""
+    """Returns the series of G_top."""
     border = max(LEAST_BORDER, AMPLIFIED ** (-1.0 / top)) if top else LEAST_BORDER
     terms = math.ceil(-56 * math.log(2.0) / math.log(border))
     return Series(border, tuple(1.0 / (2 * (top + n) + 1) for n in range(terms)))
 
 
 def highest(moments: frozenset[tuple[int, int]]) -> int:
-    """The highest index of the G that some moments, and those of lower powers that these are shifted by, are made of."""
+    """Returns the highest index of the G needed for some moments, and for the moments of lower powers into which they are shifted."""
     below = {(a, b) for j, k in moments for a in range(j + 1) for b in range(k + 1)}
     return max((len(moment(j, k)) for j, k in below), default=1) - 1

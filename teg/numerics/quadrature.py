@@ -1,11 +1,11 @@
 """Quadrature tables on (-1, 1), to full double precision, for every backend.
 
-Gauss-Legendre: the nodes are the roots of the Legendre polynomial P_n, the weights 2/((1 - x²)·P_n'(x)²).
-They are found by Newton's method, in doubles and then in 40 decimal digits, and rounded once at the end.
+Gauss-Legendre: the nodes are the roots of the Legendre polynomial P_n, the weights 2/((1 - x²)·P_n'(x)²). They are found by Newton's
+method, in doubles and then in 40 decimal digits, and rounded once at the end.
 
-Null rules: what the values at the n Gauss nodes say of the highest coefficients of the integrand in Legendre polynomials, and so of the
-error (Lyness 1965; Laurie 1994; Berntsen and Espelid 1991). Gauss-Legendre integrates degree 2n - 1, the nodes see degree n - 1: where the
-coefficients decay by r from one pair of degrees to the next, the error is about r^(n/2) times the last pair.
+Null rules: estimates, from the values at the n Gauss nodes, of the highest coefficients of the integrand in Legendre polynomials, and so
+of the error (Lyness 1965; Laurie 1994; Berntsen and Espelid 1991). Gauss-Legendre integrates degree 2n - 1, the nodes see degree n - 1:
+where the coefficients decay by r from one pair of degrees to the next, the error is about r^(n/2) times the last pair.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Number = TypeVar("Number", float, Decimal)
 
 @cache
 def gauss_legendre(n: int) -> Table:
-    """The n nodes (ascending) and weights (of sum 2) of Gauss-Legendre on (-1, 1); exact to degree 2n - 1."""
+    """Returns the n nodes (ascending) and weights (of sum 2) of Gauss-Legendre on (-1, 1); exact to degree 2n - 1."""
     if n < 1:
         raise ValueError(f"a Gauss rule has at least one node, not {n}")
     with localcontext() as context:
@@ -37,7 +37,7 @@ def gauss_legendre(n: int) -> Table:
 
 @cache
 def triangle_rule(degree: int) -> tuple[tuple[float, float, float], ...]:
-    """Nodes (r, s) and weights (of sum 1) on the triangle (0, 0), (1, 0), (0, 1), exact to a degree in r and s together.
+    """Returns nodes (r, s) and weights (of sum 1) on the triangle (0, 0), (1, 0), (0, 1), exact to a degree in r and s together.
 
     To degree 1 its centre, to 2 the middles of its sides, to 4 the six nodes of Cowper (1973; Strang and Fix); above that Gauss-Legendre
     in r = u and s = (1 - u)·v, with one more node in u where the Jacobian 1 - u needs it (Stroud 1971). All weights are positive.
@@ -64,7 +64,7 @@ def triangle_rule(degree: int) -> tuple[tuple[float, float, float], ...]:
 
 
 def _node(n: int, i: int) -> tuple[float, float]:
-    """The i-th node from the right, and its weight."""
+    """Returns the i-th node from the right, and its weight."""
     guess = math.cos(math.pi * (i + 0.75) / (n + 0.5))
     for _ in range(8):
         value, slope = _legendre(n, guess)
@@ -82,7 +82,7 @@ def _weight(n: int, x: Decimal) -> float:
 
 
 def _legendre(n: int, x: Number) -> tuple[Number, Number]:
-    """P_n(x) and its derivative, by the three-term recurrence."""
+    """Returns P_n(x) and its derivative, by the three-term recurrence."""
     before, value = x * 0 + 1, x
     for k in range(2, n + 1):
         before, value = value, ((2 * k - 1) * x * value - (k - 1) * before) / k
@@ -94,10 +94,10 @@ SERIES_DIGITS = 17
 
 @dataclass(frozen=True)
 class PoleTable:
-    """What the weights of n Gauss nodes for polynomials over (1 + z·u)^m are computed from, by the moments μ(l, j) = ∫ uʲ/(1 + z·u)ˡ du.
+    """Tables for the weights of n Gauss nodes for polynomials over (1 + z·u)^m, by the moments μ(l, j) = ∫ uʲ/(1 + z·u)ˡ du.
 
-    With μ(0, j) = 2/(j + 1) or 0, they satisfy μ(l, j) + z·μ(l, j + 1) = μ(l - 1, j). For |z| < `border` the highest one of each l,
-    j = n - 1, is Σ series[l - 1][k]·z²ᵏ (times -z if n is even) and the others follow downwards, which is stable; beyond it the lowest one
+    With μ(0, j) = 2/(j + 1) or 0, they satisfy μ(l, j) + z·μ(l, j + 1) = μ(l - 1, j). For |z| < `border` the highest one of each l, j =
+    n - 1, is Σ series[l - 1][k]·z²ᵏ (times -z if n is even) and the others follow downwards, which is stable; beyond it the lowest one
     has a closed form, and the steps upwards lose no more than LOST. The weights are `lagrange` (n, n) times the moments of l = m.
     """
 
@@ -107,12 +107,12 @@ class PoleTable:
 
 
 LOST = 32.0
-"""What rounding may grow by in the steps upwards."""
+"""The largest growth of rounding errors in the steps upwards."""
 
 
 @cache
 def pole_table(n: int, m: int) -> PoleTable:
-    """The table of n nodes and the power m of the pole."""
+    """Returns the table of n nodes and the power m of the pole."""
     border = max(0.2, LOST ** (-1.0 / max(1, n - 1)))
     terms = 4 * math.ceil((SERIES_DIGITS / (-2.0 * math.log10(border)) + m) / 4)
     top = n - 1
@@ -137,7 +137,7 @@ NULL_RULES = 6
 
 @cache
 def null_rules(n: int) -> tuple[tuple[float, ...], ...]:
-    """Six rows of weights on the n Gauss nodes, of the highest degree first: they measure what a polynomial of degree n - 1 misses.
+    """Returns six rows of weights on the n Gauss nodes, of the highest degree first: they measure what a polynomial of degree n - 1 misses.
 
     Row i gives the coefficient of f in the orthonormal Legendre polynomial of degree n - 1 - i; a row below degree 1 is 0. With one node
     the first row is the rule itself.
@@ -156,6 +156,9 @@ def null_rules(n: int) -> tuple[tuple[float, ...], ...]:
 
 
 def decay_power(n: int) -> int:
-    """How often the decay from one pair of coefficients to the next is counted on, beyond the last pair, for n nodes: half of the (n + 1)/2
-    times that an analytic function allows. More of it misses what a slow part hidden behind a fast one does (tests/bench/estimates.py)."""
+    """Returns the power of the decay, from one pair of coefficients to the next, in the error estimate of n nodes.
+
+    It is half of the (n + 1)/2 that an analytic function allows. A larger power misses the slow part of a function that is hidden behind
+    a fast one (tests/bench/estimates.py).
+    """
     return round(0.25 * (n + 1)) if n >= 8 else n // 6

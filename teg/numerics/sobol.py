@@ -25,17 +25,17 @@ from __future__ import annotations
 from functools import cache
 
 GAMMA = 0x9E3779B97F4A7C15
-"""The golden ratio's odd 64 bits, SplitMix64's increment."""
+"""The odd 64 bits of the golden ratio, SplitMix64's increment."""
 MIX = ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB), (31, 1))
 """z xor z/2ˢ, then times a factor: the three steps of `mix`."""
 SCRAMBLE = (0x3D20ADEA, 0x05526C56, 0x53A22864)
 """Vegdahl's factors: the first before the key, the others after it."""
 BITS = 32
-"""Bits of a Sobol' point, and of the number of one: no more than 2³² points a replicate."""
+"""The number of bits of a Sobol' point, and of the number of a point: at most 2³² points a replicate."""
 LOW_BITS = 20
-"""Bits below those of a Sobol' point."""
+"""The number of bits below those of a Sobol' point."""
 REPLICATES = 8
-"""Independent scrambles of a quasi-Monte Carlo rule: how far their means are apart tells its error."""
+"""The number of independent scrambles of a quasi-Monte Carlo rule. The spread of their means estimates the error."""
 
 _M32, _M64 = 2**32 - 1, 2**64 - 1
 
@@ -64,12 +64,12 @@ _JOE_KUO = (
 )
 
 DIMENSIONS = len(_JOE_KUO) + 1
-"""Dimensions of Sobol' points that there are."""
+"""The largest number of dimensions of Sobol' points."""
 
 
 @cache
 def directions(dimension: int) -> tuple[int, ...]:
-    """The 32 direction numbers vⱼ = mⱼ·2³²⁻ʲ of a dimension (0, 1, …), as 32-bit integers.
+    """Returns the 32 direction numbers vⱼ = mⱼ·2³²⁻ʲ of a dimension (0, 1, …), as 32-bit integers.
 
     mⱼ = 2a₁mⱼ₋₁ ⊕ 2²a₂mⱼ₋₂ ⊕ … ⊕ 2ˢmⱼ₋ₛ ⊕ mⱼ₋ₛ for the polynomial xˢ + a₁xˢ⁻¹ + … + 1 (Bratley, Fox 1988).
     """
@@ -89,34 +89,34 @@ def directions(dimension: int) -> tuple[int, ...]:
 
 @cache
 def reversed_directions(dimension: int) -> tuple[int, ...]:
-    """The direction numbers with their bits in reverse, as the scrambling wants them."""
+    """Returns the direction numbers with their bits in reverse, as the scrambling needs them."""
     return tuple(reverse(v) for v in directions(dimension))
 
 
 def mix(z: int) -> int:
-    """64 bits well mixed."""
+    """Returns a bijective mix of 64 bits."""
     for shift, factor in MIX:
         z = (z ^ z >> shift) * factor & _M64
     return z
 
 
 def key(seed: int, replicate: int, dimension: int) -> int:
-    """The 64 bits that tell one replicate of one dimension from all others; `seed` is taken modulo 2⁶⁴."""
+    """Returns the 64 bits that identify one replicate of one dimension; `seed` is taken modulo 2⁶⁴."""
     return mix(mix((seed + GAMMA) & _M64) ^ (replicate << 32 | dimension))
 
 
 def unit(word: int) -> float:
-    """A number in (0, 1) from the upper 52 of 64 bits."""
+    """Returns a number in (0, 1) from the upper 52 of 64 bits."""
     return (2 * (word >> 12) + 1) * 2.0**-53
 
 
 def reverse(x: int) -> int:
-    """32 bits in reverse."""
+    """Returns 32 bits in reverse."""
     return int(f"{x:032b}"[::-1], 2)
 
 
 def scramble(x: int, k: int) -> int:
-    """A nested uniform scramble by the key k, of reversed bits: bit j is flipped or not, as k and the bits below j say."""
+    """Returns a nested uniform scramble, by the key k, of reversed bits: k and the bits below bit j decide whether bit j is flipped."""
     before, *after = SCRAMBLE
     x ^= x * before & _M32
     x = (x + k) * (k >> 32 | 1) & _M32
@@ -126,12 +126,12 @@ def scramble(x: int, k: int) -> int:
 
 
 def random_coordinate(seed: int, index: int, dimension: int) -> float:
-    """The coordinate of a pseudo-random point, in (0, 1)."""
+    """Returns the coordinate of a pseudo-random point, in (0, 1)."""
     return unit(mix((key(seed, 0, dimension) + index * GAMMA) & _M64))
 
 
 def sobol_coordinate(seed: int, replicate: int, index: int, dimension: int) -> float:
-    """The coordinate of a scrambled Sobol' point, in (0, 1)."""
+    """Returns the coordinate of a scrambled Sobol' point, in (0, 1)."""
     x, columns, k = 0, reversed_directions(dimension), key(seed, replicate, dimension)
     for j in range(BITS):
         if (index ^ index >> 1) >> j & 1:
@@ -142,5 +142,6 @@ def sobol_coordinate(seed: int, replicate: int, index: int, dimension: int) -> f
 
 
 def replicated(kind: str, count: int) -> tuple[int, int]:
-    """How many replicates a rule has, and points in each: `count` points or, for "qmc", a few more, so that all have the same."""
+    """Returns the number of replicates of a rule, and the points in each: `count` points in all, or, for "qmc", a few more, to divide
+    evenly."""
     return (REPLICATES, -(-count // REPLICATES)) if kind == "qmc" else (1, count)

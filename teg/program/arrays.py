@@ -25,8 +25,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
-from teg.program import Program, size
+from teg.program.fields import INTEGER, NUMBER, Block, Operand, Result, Variable, inner_blocks
+from teg.program.statements import Program
+from teg.program.walk import size
 
 CHUNKS = 64
 """Chunks of an outermost loop, at most."""
@@ -42,9 +45,9 @@ Arg = str | int | float
 class Integers:
     """name = op(args…); `array` is the number of the array for gather and length."""
 
-    name: str
+    name: Annotated[str, Result("integer")]
     op: str
-    args: tuple[Arg, ...]
+    args: Annotated[tuple[Arg, ...], INTEGER]
     array: int = -1
 
 
@@ -52,17 +55,17 @@ class Integers:
 class Load:
     """name = array[subscripts…]."""
 
-    name: str
+    name: Annotated[str, Result()]
     array: int
-    subscripts: tuple[Arg, ...]
+    subscripts: Annotated[tuple[Arg, ...], INTEGER]
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
     """name = the integer, as a number."""
 
-    name: str
-    integer: Arg
+    name: Annotated[str, Result()]
+    integer: Annotated[Arg, INTEGER]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,20 +73,20 @@ class Run:
     """results = the outputs of a flat program on the inputs, in the order of its parameters."""
 
     program: Program
-    inputs: tuple[Arg, ...]
-    results: tuple[str, ...]
+    inputs: Annotated[tuple[Arg, ...], NUMBER]
+    results: Annotated[tuple[str, ...], Result(fixed=True)]
 
 
 @dataclass(frozen=True, slots=True)
 class Loop:
     """results = Σ values over `index` from lo up to hi - 1; `title` is what the index is called in the expression."""
 
-    index: str
-    lo: Arg
-    hi: Arg
-    body: tuple[Step, ...]
-    values: tuple[Arg, ...]
-    results: tuple[str, ...]
+    index: Annotated[str, Variable(("body",), "integer")]
+    lo: Annotated[Arg, INTEGER]
+    hi: Annotated[Arg, INTEGER]
+    body: Annotated[tuple[Step, ...], Block()]
+    values: Annotated[tuple[Arg, ...], Operand(at="body", each=True)]
+    results: Annotated[tuple[str, ...], Result()]
     title: str = ""
 
 
@@ -93,8 +96,8 @@ class Scatter:
 
     output: int
     array: int
-    subscripts: tuple[Arg, ...]
-    value: Arg
+    subscripts: Annotated[tuple[Arg, ...], INTEGER]
+    value: Annotated[Arg, NUMBER]
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,8 +136,8 @@ def steps(block: tuple[Step, ...]) -> Iterator[Step]:
     while stack:
         step = stack.pop()
         yield step
-        if isinstance(step, Loop):
-            stack.extend(reversed(step.body))
+        for _, _, inner in inner_blocks(step):
+            stack.extend(reversed(inner))
 
 
 def scattered(block: tuple[Step, ...]) -> list[int]:

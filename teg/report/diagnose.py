@@ -1,20 +1,37 @@
-"""Where an expression is not differentiable, and why."""
+"""Where a program is not differentiable, and why; in a program with arrays, in which iteration of which sums.
+
+Diagnosis one a reason, iteration and element of a batch
+NumberWatch, LoopWatch          how a program without loops, and one with, is looked at
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from teg.analysis.evaluate import values_of
 from teg.analysis.settings import Integration
 from teg.analysis.surfaces import atoms_of
-from teg.ir.expr import TRUE, Call, Expr, Param, bracket, call, const, positive
+from teg.ir.arrays import Gather, Sum, sum_over
+from teg.ir.cells import Symbols
+from teg.ir.expr import TRUE, ZERO, Call, Expr, Param, add, bracket, call, const, positive
+from teg.ir.index import ArrayName
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.traverse import parameters, replace_node
 from teg.pipeline import flatten, normal_form, program_for
-from teg.program import Isolate, Program, statements
+from teg.program import Isolate, statements
+from teg.program.arrays import ArrayProgram, Integers, Run, steps
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from teg.backends.numpy.ties import MetTie
+
+    Numbers = npt.NDArray[np.float64]
 
 BORDER = "a condition on parameters only"
 STEP = 2.0**-50
@@ -29,9 +46,10 @@ LONGER = 16
 """A step so many times as long tells a kink, whose change stays what it is, from a slope, which changes as much more."""
 MOVES = 6
 """One-sided derivatives that one message tells."""
-
-if TYPE_CHECKING:
-    import numpy as np
+DIRECTIONS = 2
+"""Directions along which the gradient of a program with arrays is compared with itself; all entries of all parameters move at once."""
+MOST = 100
+"""Diagnoses of one kind in one element of a batch."""
 
 
 @dataclass(frozen=True)
@@ -57,76 +75,194 @@ class Diagnosis:
         return f"{self.kind}: {self.message}"
 
 
-class _Evaluator(Protocol):
-    expression: Expr
-    wrt: tuple[Param, ...]
-    parameters: tuple[str, ...]
-    _options: Any
-    _kernels: dict[int, Any]
-    _room: dict[tuple[str, int], Integration]
-    _watched: dict[tuple[int, Any], Any]
+class Arguments(Protocol):
+    """What a call is given (`evaluator.arguments.Call`)."""
 
-    def output_names(self, derivatives: int = 0) -> list[str]: ...
-
-    def outputs(self, orders: int) -> list[Expr]: ...
-
-
-@dataclass(frozen=True)
-class _Watched:
-    """The program of a diagnosis: values and derivatives, and the conditions on parameters. It watches for ties."""
-
-    kernel: Any
-    program: Program
-    results: int
-    first_order: int
-    searched: bool
-    """Whether roots are searched for: those that meet to rounding are a tangency."""
+    @property
+    def n(self) -> int: ...
+    @property
+    def names(self) -> Sequence[str]: ...
+    @property
+    def doubles(self) -> Sequence[Numbers]: ...
+    @property
+    def arrays(self) -> Sequence[Numbers]: ...
+    @property
+    def shapes(self) -> Sequence[tuple[int, ...]]: ...
 
 
-def diagnose(f: _Evaluator, columns: Sequence[np.ndarray], n: int) -> list[Diagnosis]:
-    """One Diagnosis a reason and batch element; runs the gradient (and the Hessian, if the evaluator was asked for one), the conditions on
-    parameters, watches for ties, and looks at the gradient a few roundings to either side. The program is compiled once an evaluator."""
+class Element(NamedTuple):
+    """One element of a batch, its place in it, and the values of its numbers."""
+
+    columns: list[Numbers]
+    arrays: list[Numbers]
+    number: int
+    values: dict[str, float]
+
+
+class Look(NamedTuple):
+    """The results at an element, the diagnoses of ties that were met, and how far to go to either side of it."""
+
+    results: Any
+    ties: list[Diagnosis]
+    step: float
+
+
+class Watch(Protocol):
+    """A program of values and derivatives that watches for ties, and for the borders of conditions on parameters."""
+
+    def look(self, at: Element) -> Look: ...
+    def of_results(self, look: Look, at: Element) -> list[Diagnosis]: ...
+    def one_sided(self, look: Look, at: Element) -> list[Diagnosis]: ...
+
+
+def diagnose(watch: Watch, given: Arguments) -> list[Diagnosis]:
+    """One Diagnosis a reason, iteration and element: of ties; of results that are infinite or no numbers; where there are none of these, of
+    a gradient that is another one a few roundings away."""
     import numpy as np
 
-    watched = _watched(f)
     found: list[Diagnosis] = []
-    for i in range(n):
-        element = [c if c.ndim == 0 else c[i : i + 1] for c in columns]
-        values = {k: float(c if c.ndim == 0 else c[0]) for k, c in zip(f.parameters, element, strict=True)}
-        results, met = watched.kernel.values_and_ties(element, 1)
-        results, differ = results[: watched.results], False
-        here, finite = results[: watched.first_order, 0], all(np.isfinite(v) for v in values.values())
-        if met:  # surfaces that merely cross are no tie
-            one, other = (watched.kernel.in_order(element, 1, order)[: watched.results] for order in (1, -1))
-            differ = not np.allclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True)
-        pairs = [watched.program.ties[k].surfaces for k in met]
-        pairs = _once([pair for pair in pairs if pair[1] == BORDER or differ])
-        if pairs:
-            moves = _moves(f, watched, element, values, here, STEP_OVER_TIES) if finite and np.isfinite(here).all() else []
-            words = _steps_in_numbers(f.expression, values)
-            found += [_of_pair((words.get(first, first), words.get(second, second)), moves, values, i) for first, second in pairs]
-        if finite:
-            found += _of_results(f, watched, results, values, i)
-            if np.isfinite(results).all() and not any(d.index == i for d in found):
-                found += _one_sided(
-                    _moves(f, watched, element, values, here, STEP_OVER_TIES if met or watched.searched else STEP), values, i
-                )
+    for i in range(given.n):
+        columns = [c if c.ndim == 0 else c[i : i + 1] for c in given.doubles]
+        arrays = [a if a.ndim == len(own) else a[i : i + 1] for a, own in zip(given.arrays, given.shapes, strict=True)]
+        at = Element(columns, arrays, i, {k: float(np.ravel(c)[0]) for k, c in zip(given.names, columns, strict=True)})
+        look = watch.look(at)
+        mine = [*look.ties]
+        if all(np.isfinite(v).all() for v in (*columns, *arrays)):
+            mine += watch.of_results(look, at)
+            if not mine:
+                mine += watch.one_sided(look, at)
+        found += mine
     return found
 
 
-def _watched(f: _Evaluator) -> _Watched:
-    from teg.backends.numpy.kernel import compile_numpy
+# -- programs without loops ----------------------------------------------------------------------------------------------
 
-    orders = 2 if 2 in f._kernels else 1
-    how = f._room.get(("value", orders), f._options.integration)
-    key = orders, how
-    if key not in f._watched:
-        outputs = [leaf for e in f.outputs(orders) for leaf in flatten(e)]
-        program = program_for([*outputs, *_probes(f.expression)], f.parameters, how)
-        first_order = sum(len(flatten(e)) for e in f.outputs(1))
-        searched = any(isinstance(s, Isolate) for s in statements(program.body))
-        f._watched[key] = _Watched(compile_numpy(program), program, len(outputs), first_order, searched)
-    return f._watched[key]  # type: ignore[no-any-return]
+
+class NumberWatch:
+    """The program of `outputs`, of which the first `first_order` are values and first derivatives, called `names`; and of the conditions on
+    parameters. `wrt` are differentiated by; `parameters` are the arguments."""
+
+    def __init__(
+        self,
+        e: Expr,
+        outputs: Sequence[Expr],
+        names: Sequence[str],
+        wrt: Sequence[Param | ArrayName],
+        parameters: Sequence[str],
+        how: Integration,
+    ) -> None:
+        from teg.backends.numpy.kernel import compile_numpy
+
+        leaves = [leaf for output in outputs for leaf in flatten(output)]
+        self.expression, self.names, self.parameters = e, names, parameters
+        self.wrt = {p.name for p in wrt}
+        self.program = program_for([*leaves, *_probes(e)], parameters, how)
+        self.kernel = compile_numpy(self.program)
+        self.results, self.first_order = len(leaves), len(names)
+        self.searched = any(isinstance(s, Isolate) for s in statements(self.program.body))  # roots that meet to rounding are a tangency
+
+    def look(self, at: Element) -> Look:
+        """Of surfaces that coincide the derivative is told beside the one-sided ones; those that merely cross are no tie."""
+        import numpy as np
+
+        results, met = self.kernel.values_and_ties(at.columns, 1)
+        results, differ = results[: self.results], False
+        here = results[: self.first_order, 0]
+        if met:
+            one, other = (self.kernel.in_order(at.columns, 1, order)[: self.results] for order in (1, -1))
+            differ = not np.allclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True)
+        pairs = [self.program.ties[k].surfaces for k in met]
+        pairs = _once([pair for pair in pairs if pair[1] == BORDER or differ])
+        ties: list[Diagnosis] = []
+        if pairs:
+            finite = all(np.isfinite(v) for v in at.values.values()) and np.isfinite(here).all()
+            moves = self._moves(at, here, STEP_OVER_TIES) if finite else []
+            words = _steps_in_numbers(self.expression, at.values)
+            ties = [_of_pair((words.get(first, first), words.get(second, second)), moves, at) for first, second in pairs]
+        return Look(results, ties, STEP_OVER_TIES if met or self.searched else STEP)
+
+    def of_results(self, look: Look, at: Element) -> list[Diagnosis]:
+        """Derivatives that are infinite, values and derivatives that are not numbers."""
+        import numpy as np
+
+        first, second = look.results[: self.first_order], look.results[self.first_order :]
+        kind, message = "", ""
+        if np.isinf(first).any():
+            kind, message = "infinite derivative", "a derivative is infinite here: a region is born or meets a pole"
+        elif np.isnan(first).any():
+            kind, message = "not a number", f"{self.names[int(np.argmax(np.isnan(first[:, 0])))]} is not a number here"
+        elif not np.isfinite(second).all():
+            kind, message = "second derivative", "a second derivative is infinite, or not a number, here"
+        return [Diagnosis(kind, (), at.values, message, at.number)] if kind else []
+
+    def one_sided(self, look: Look, at: Element) -> list[Diagnosis]:
+        """The largest change along each parameter."""
+        first = {m.parameter: m for m in reversed(self._moves(at, look.results[: self.first_order, 0], look.step))}
+        found = []
+        for move in reversed(first.values()):
+            place = f"within {move.step:.1e} of {move.parameter} = {at.values[move.parameter]:.6g}"
+            message = f"{place}, {move.result} goes from {move.below:.6g} to {move.above:.6g}, and is given as {move.here:.6g}"
+            found.append(Diagnosis("one-sided", (), at.values, message, at.number))
+        return found
+
+    def _moves(self, at: Element, here: Numbers, relative: float) -> list[_Move]:
+        """The results that change at once along a parameter, the largest change of each parameter first.
+
+        What changes in proportion to the step is smooth: a step LONGER times as long shows it.
+        """
+        import numpy as np
+
+        found = []
+        for k, name in enumerate(self.parameters):
+            if name not in self.wrt:
+                continue
+            step = relative * (abs(at.values[name]) or 1.0)
+            columns = [np.repeat(np.reshape(c, 1), 4) for c in at.columns]
+            columns[k] = columns[k] + step * np.array([-1.0, 1.0, -LONGER, LONGER])
+            below, above, farther, beyond = self.kernel(columns, 4)[: len(here)].T
+            scale = np.maximum(np.maximum(np.abs(below), np.abs(above)), np.abs(here).max() * 1e-3 + NOTHING)
+            change = np.maximum(np.abs(above - below), np.abs(here - 0.5 * (below + above)))
+            longer = np.maximum(np.abs(beyond - farther), np.abs(here - 0.5 * (farther + beyond)))
+            at_once = np.where(np.isfinite(change), change / scale, 0.0) > CHANGE
+            at_once &= ~(longer > 0.5 * LONGER * change)
+            for j in np.argsort(-np.nan_to_num(change / scale)):
+                if at_once[j]:
+                    found.append(_Move(self.names[j], name, float(step), float(below[j]), float(above[j]), float(here[j])))
+        return found
+
+
+@dataclass(frozen=True)
+class _Move:
+    """What becomes of one result where one parameter moves a few roundings: below, above, and here."""
+
+    result: str
+    parameter: str
+    step: float
+    below: float
+    above: float
+    here: float
+
+    @property
+    def text(self) -> str:
+        mean, size = 0.5 * (self.below + self.above), max(abs(self.below), abs(self.above))
+        which = "neither of the two, nor their mean"
+        for what, is_what in (("their mean", mean), ("the one below", self.below), ("the one above", self.above)):
+            if abs(self.here - is_what) <= CHANGE * size:
+                which = what
+                break
+        return f"{self.result} is {self.below:.6g} below {self.parameter} and {self.above:.6g} above, given as {self.here:.6g}, {which}"
+
+
+def _of_pair(pair: tuple[str, str], moves: Sequence[_Move], at: Element) -> Diagnosis:
+    """Two surfaces that coincide, or parameters on the border of a condition; and which of the one-sided derivatives is given."""
+    first, second = pair
+    own = [m for m in moves if m.result.endswith(f"/ d {m.parameter}") or not m.result.startswith("d ")][:MOVES]
+    sides = "; ".join(m.text for m in own)
+    if second == BORDER:
+        message = f"the parameters lie on {first}"
+        return Diagnosis("parameter surface", (first,), at.values, f"{message}: {sides}" if sides else message, at.number)
+    message = f"{first} coincides with {second}; "
+    return Diagnosis("tie", pair, at.values, message + (sides or "the derivative is the mean over the two orders"), at.number)
 
 
 def _probes(e: Expr) -> list[Expr]:
@@ -200,94 +336,146 @@ def _once(pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
     return list({frozenset(pair): pair for pair in reversed(pairs)}.values())[::-1]
 
 
-def _of_results(f: _Evaluator, watched: _Watched, results: np.ndarray, values: dict[str, float], index: int) -> list[Diagnosis]:
-    """Derivatives that are infinite, values and derivatives that are not numbers."""
-    import numpy as np
-
-    first, second = results[: watched.first_order], results[watched.first_order :]
-    if np.isinf(first).any():
-        return [Diagnosis("infinite derivative", (), values, "a derivative is infinite here: a region is born or meets a pole", index)]
-    if np.isnan(first).any():
-        name = f.output_names(1)[int(np.argmax(np.isnan(first[:, 0])))]
-        reason = f"{name} is not a number here"
-        return [Diagnosis("not a number", (), values, reason, index)]
-    if not np.isfinite(second).all():
-        return [Diagnosis("second derivative", (), values, "a second derivative is infinite, or not a number, here", index)]
-    return []
+# -- programs with loops -------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Move:
-    """What becomes of one result where one parameter moves a few roundings: below, above, and here."""
+class LoopWatch:
+    """A program of values and derivatives by `wrt`, and that of `probes_of` the normal form of the values. `second` says of each element
+    whether its second derivatives are finite, if anyone has asked for them."""
 
-    result: str
-    parameter: str
-    step: float
-    below: float
-    above: float
-    here: float
+    def __init__(self, wrt: Sequence[Param | ArrayName], program: ArrayProgram, probes: ArrayProgram, second: Any = None) -> None:
+        from teg.backends.numpy.ties import TieWatch
 
-    @property
-    def text(self) -> str:
-        mean, size = 0.5 * (self.below + self.above), max(abs(self.below), abs(self.above))
-        which = "neither of the two, nor their mean"
-        for what, is_what in (("their mean", mean), ("the one below", self.below), ("the one above", self.above)):
-            if abs(self.here - is_what) <= CHANGE * size:
-                which = what
-                break
-        return f"{self.result} is {self.below:.6g} below {self.parameter} and {self.above:.6g} above, given as {self.here:.6g}, {which}"
+        self.wrt, self.program, self.second = wrt, program, second
+        self.watch, self.borders = TieWatch(program), TieWatch(probes)
+        flat = (s for step in steps(program.body) if isinstance(step, Run) for s in statements(step.program.body))
+        self.searched = any(isinstance(s, Isolate) for s in flat)
+
+    def look(self, at: Element) -> Look:
+        """Ties are looked for in every iteration."""
+        results, met = self.watch.ties(at.columns, at.arrays, 1)
+        _, on_border = self.borders.ties(at.columns, at.arrays, 1)
+        ties = [*_ties(met, at, _tie), *_ties(on_border, at, _border)]
+        return Look(results.values, ties, STEP_OVER_TIES if self.watch.noted or self.searched else STEP)
+
+    def of_results(self, look: Look, at: Element) -> list[Diagnosis]:
+        """Derivatives that are infinite, values and derivatives that are no numbers."""
+        import numpy as np
+
+        for name, slopes in _slopes(self.wrt, look.results):
+            if np.isinf(slopes).any():
+                where = _entry(name, _where(np.isinf(slopes[0])))
+                message = f"the derivative by {where} is infinite here: a region is born or meets a pole"
+                return [Diagnosis("infinite derivative", (), at.values, message, at.number)]
+        if any(np.isnan(v).any() for v in look.results):
+            by = [_entry(name, _where(np.isnan(slopes[0]))) for name, slopes in _slopes(self.wrt, look.results) if np.isnan(slopes).any()]
+            reason = f"the derivative by {by[0]} is not a number here" if by else "the value is not a number here"
+            return [Diagnosis("not a number", (), at.values, reason, at.number)]
+        if not look.ties and self.second is not None and not self.second[at.number]:
+            message = "a second derivative is infinite, or not a number, here"
+            return [Diagnosis("second derivative", (), at.values, message, at.number)]
+        return []
+
+    def one_sided(self, look: Look, at: Element) -> list[Diagnosis]:
+        """Derivatives that change at once where all parameters move a few roundings, in random directions."""
+        import numpy as np
+
+        program, relative = self.program, look.step
+        counts = {program.parameters[int(s.args[0])] for s in steps(program.body) if isinstance(s, Integers) and s.op == "param"}
+        names = {p.name for p in self.wrt} - counts
+        for seed in range(DIRECTIONS):
+            random = np.random.default_rng(seed)
+
+            def moved(name: str, v: Numbers, shape: tuple[int, ...], random: np.random.Generator = random) -> Numbers:
+                v = v.reshape(shape)
+                if name not in names:
+                    return v
+                step = relative * np.where(v == 0.0, 1.0, np.abs(v)) * random.choice([-1.0, 1.0], shape)
+                return np.stack([v - step, v + step])
+
+            columns = [moved(name, c, ()) for name, c in zip(program.parameters, at.columns, strict=True)]
+            arrays = [moved(s.name, a, a.shape[a.ndim - s.dimensions :]) for s, a in zip(program.arrays, at.arrays, strict=True)]
+            results = self.watch.results(columns, arrays, 2).values
+            flat = [
+                (name, slopes, now[0])
+                for (name, slopes), (_, now) in zip(_slopes(self.wrt, results), _slopes(self.wrt, look.results), strict=True)
+            ]
+            largest = max((float(np.abs(now).max(initial=0.0)) for *_, now in flat), default=0.0)
+            for name, (before, after), now in flat:
+                scale = np.maximum(np.maximum(np.abs(before), np.abs(after)), largest * 1e-3 + NOTHING)
+                change = np.maximum(np.abs(after - before), np.abs(now - 0.5 * (before + after))) / scale
+                change = np.where(np.isfinite(change), change, 0.0)
+                if change.size and change.max() > CHANGE:
+                    place = tuple(int(n) for n in np.unravel_index(int(np.argmax(change)), change.shape))
+                    message = (
+                        f"within {relative:.1e} of these values, relative to each, the derivative by {_entry(name, place)} goes from "
+                        f"{before[place]:.6g} to {after[place]:.6g}, and is given as {now[place]:.6g}"
+                    )
+                    return [Diagnosis("one-sided", (), at.values, message, at.number)]
+        return []
 
 
-def _moves(
-    f: _Evaluator, watched: _Watched, element: Sequence[np.ndarray], values: dict[str, float], here: np.ndarray, relative: float
-) -> list[_Move]:
-    """The results that change at once along a parameter, the largest change of each parameter first.
+def probes_of(e: Expr) -> Expr:
+    """An expression that meets a tie where the entries, parameters and sums of a normal form are on the border of a condition on them
+    alone."""
+    new: dict[Node, Expr] = {}  # of sums: the probes in their bodies
+    order = postorder([e])
+    for node in order:
+        if isinstance(node, Sum):
+            new[node] = sum_over(_cell_probes(node.body, new), node.index, node.lo, node.hi)
+    return _cell_probes(e, new)
 
-    What changes in proportion to the step is smooth: a step LONGER times as long shows it.
-    """
-    import numpy as np
 
-    wrt = {p.name for p in f.wrt}
-    names = f.output_names(1)
-    found = []
-    for k, name in enumerate(f.parameters):
-        if name not in wrt:
+def _cell_probes(cell: Expr, sums: dict[Node, Expr]) -> Expr:
+    symbols = Symbols()
+    (plain,) = symbols.into([cell])
+    own = [a for a in atoms_of(plain) if not a.g.free and a.resolution is None and _varies(a.g, symbols) and not only_in_steps(a.g)]
+    found = [bracket(positive(a.g, a.strict, TRUE, (f"{show(a.g, 300)} = 0", BORDER))) for a in own]
+    inside = [sums[leaf] for leaf in symbols.of if isinstance(leaf, Sum)]
+    return add(*symbols.out_of(found), *inside) if found or inside else ZERO
+
+
+def _varies(g: Expr, symbols: Symbols) -> bool:
+    """Whether it depends on more than indices."""
+    return any(isinstance(n, Param) and isinstance(symbols.meaning.get(n, n), Param | Gather | Sum) for n in postorder([g]))
+
+
+def _ties(met: Sequence[MetTie], at: Element, said: Callable[[tuple[str, str]], tuple[str, tuple[str, ...], str]]) -> list[Diagnosis]:
+    """Each pair of surfaces once an iteration."""
+    found: dict[tuple[object, ...], Diagnosis] = {}
+    for tie in met:
+        key = tie.surfaces, tuple(tie.iteration.items())
+        if key in found or len(found) >= MOST:
             continue
-        step = relative * (abs(values[name]) or 1.0)
-        columns = [np.repeat(np.reshape(c, 1), 4) for c in element]
-        columns[k] = columns[k] + step * np.array([-1.0, 1.0, -LONGER, LONGER])
-        below, above, farther, beyond = watched.kernel(columns, 4)[: len(here)].T
-        scale = np.maximum(np.maximum(np.abs(below), np.abs(above)), np.abs(here).max() * 1e-3 + NOTHING)
-        change = np.maximum(np.abs(above - below), np.abs(here - 0.5 * (below + above)))
-        longer = np.maximum(np.abs(beyond - farther), np.abs(here - 0.5 * (farther + beyond)))
-        at_once = np.where(np.isfinite(change), change / scale, 0.0) > CHANGE
-        at_once &= ~(longer > 0.5 * LONGER * change)
-        for j in np.argsort(-np.nan_to_num(change / scale)):
-            if at_once[j]:
-                found.append(_Move(names[j], name, float(step), float(below[j]), float(above[j]), float(here[j])))
-    return found
+        kind, surfaces, message = said(tie.surfaces)
+        if tie.iteration:
+            message = f"in the iteration {', '.join(f'{k} = {n}' for k, n in tie.iteration.items())}: {message}"
+        entries = {title: v for title, v in tie.inputs.items() if title not in tie.iteration and not re.fullmatch(r"[vb]\d+e?", title)}
+        found[key] = Diagnosis(kind, surfaces, {**at.values, **entries}, message, at.number, tie.iteration)
+    return list(found.values())
 
 
-def _of_pair(pair: tuple[str, str], moves: Sequence[_Move], values: dict[str, float], index: int) -> Diagnosis:
-    """Two surfaces that coincide, or parameters on the border of a condition; and which of the one-sided derivatives is given."""
-    first, second = pair
-    own = [m for m in moves if m.result.endswith(f"/ d {m.parameter}") or not m.result.startswith("d ")][:MOVES]
-    sides = "; ".join(m.text for m in own)
-    if second == BORDER:
-        message = f"the parameters lie on {first}"
-        return Diagnosis("parameter surface", (first,), values, f"{message}: {sides}" if sides else message, index)
-    message = f"{first} coincides with {second}; "
-    return Diagnosis("tie", pair, values, message + (sides or "the derivative is the mean over the two orders"), index)
+def _tie(surfaces: tuple[str, str]) -> tuple[str, tuple[str, ...], str]:
+    first, second = surfaces
+    return "tie", surfaces, f"{first} coincides with {second}; the derivative is the mean over the two orders"
 
 
-def _one_sided(moves: Sequence[_Move], values: dict[str, float], index: int) -> list[Diagnosis]:
-    """The largest change along each parameter."""
-    first = {m.parameter: m for m in reversed(moves)}
-    found = []
-    for move in reversed(first.values()):
-        message = (
-            f"within {move.step:.1e} of {move.parameter} = {values[move.parameter]:.6g}, {move.result} goes from {move.below:.6g} to "
-            f"{move.above:.6g}, and is given as {move.here:.6g}"
-        )
-        found.append(Diagnosis("one-sided", (), values, message, index))
-    return found
+def _border(surfaces: tuple[str, str]) -> tuple[str, tuple[str, ...], str]:
+    return "parameter surface", surfaces[:1], f"the parameters lie on {surfaces[0]}; the derivative is that of one side"
+
+
+def _slopes(wrt: Sequence[Param | ArrayName], results: Sequence[Numbers]) -> Iterator[tuple[str, Numbers]]:
+    """Derivatives of every leaf by every parameter, with what they are by."""
+    leaves = len(results) // (1 + len(wrt))
+    for j, slopes in enumerate(results[leaves:]):
+        yield wrt[j % len(wrt)].name, slopes
+
+
+def _entry(name: str, place: tuple[int, ...]) -> str:
+    return f"{name}[{', '.join(map(str, place))}]" if place else name
+
+
+def _where(wrong: npt.NDArray[np.bool_]) -> tuple[int, ...]:
+    import numpy as np
+
+    return tuple(int(n) for n in np.argwhere(wrong)[0])

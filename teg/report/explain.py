@@ -1,132 +1,86 @@
-"""What the compiler found and did: every surface with its owner and its family, every integral with its breaks and its rule, the cost."""
+"""What the compiler found and did: every surface with its owner and its family, every integral with its breaks and its rule, the loops, the
+cost. A program with arrays is explained cell by cell, each as the scalar program that it is.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Container, Iterable, Sequence
-from typing import Any, TypeVar, assert_never, cast
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar, cast
 
-from teg.analysis.bodies import write_all_out
-from teg.analysis.breaks import BreakAnalysis
-from teg.analysis.isolation import MAX_ROOTS, max_roots
-from teg.analysis.roots import solve
+from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
-from teg.errors import OptionError, TegError
-from teg.ir.arrays import Array, has_arrays
-from teg.ir.expr import Expr, Param, Tuple, as_number
+from teg.errors import TegError
+from teg.ir.arrays import Gather, Sum, arrays_of
+from teg.ir.cells import Symbols, cells_of
+from teg.ir.expr import Expr, Param
 from teg.ir.function import Function
-from teg.ir.integral import Integral, masses_of
+from teg.ir.index import IndexArray
+from teg.ir.integral import Integral
+from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters
 from teg.ir.traverse import size as nodes
-from teg.language import check_parameters, check_program
-from teg.maps.diffeomorphism import Diffeomorphism
-from teg.numerics.quadrature import triangle_rule
-from teg.numerics.sobol import replicated
-from teg.passes.differentiate.through_sums import parameters_and_arrays
+from teg.passes.differentiate.through_sums import Parameter
 from teg.passes.eliminate.families import closing, families_with
-from teg.passes.intrinsics.hyperbola.match import match_hyperbola
-from teg.passes.intrinsics.polygon.match import Clipped, match_clipped
-from teg.passes.lower.integrals import rule_for
-from teg.passes.lower.samples import MIDPOINTS, SAMPLES
+from teg.passes.intrinsics import boundary_terms
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import reasons, write_out
 from teg.passes.normalise.steps import enumerate_steps
-from teg.pipeline import compiled_outputs, flatten, normal_form, program_for
-from teg.program import (
-    Adaptive,
-    Arg,
-    Assign,
-    Gauss,
-    Hyperbola,
-    Integrate,
-    Isolate,
-    Locate,
-    Midpoint,
-    Polygon,
-    Program,
-    Rational,
-    Rule,
-    Sample,
-    Segment,
-    Stmt,
-    SumOver,
-    When,
-    size,
-    statements,
-)
-from teg.report.array_explain import explain_arrays
-from teg.report.explanation import CLOSED_FORM, Explanation
-from teg.report.inventory import Inventory, nests, text_of
+from teg.pipeline import Maps, compiled_outputs, flatten, normal_form, program_for
+from teg.program import size
+from teg.program.arrays import CHUNKS, LEAST, Arg, ArrayProgram, Integers, Load, Loop, Run, Scatter, Step, array_size, steps, work
+from teg.report.explanation import ArrayExplanation, Explanation
+from teg.report.integrals import Integrals, cost_of
+from teg.report.inventory import Inventory, text_of
 
-__all__ = ["Explanation", "explain"]
-
+SIGNS = {"add": "{} + {}", "sub": "{} - {}", "mul": "{}·{}", "floordiv": "{} // {}", "mod": "{} % {}"}
 T = TypeVar("T")
 
 
-def explain(
-    expression: object,
-    wrt: Sequence[Param | Array] | Param | Array | None = None,
-    tol: float = 1e-10,
-    *,
-    rule: str = "auto",
-    order: int | None = None,
-    seed: int = 0,
-    discontinuities: str = "sift",
-    derivatives: int = 0,
-    maps: Sequence[Diffeomorphism] = (),
-    max_roots: int = MAX_ROOTS,
-) -> Explanation:
-    """For each surface its owner and how its δ is eliminated, or why it has none; for each integral its breaks, rule and nodes; the cost.
+@dataclass(frozen=True)
+class Asked:
+    """How a program is compiled, and of which `derivatives` all integrals are listed; the length that arrays are taken to have, if the
+    program must be known for lengths and none are given."""
 
-    `wrt` are the parameters that the program is differentiated by (default: all); `tol`, `rule`, `order`, `seed`, `discontinuities`,
-    `maps` and `max_roots` are those of `compile`, and `f.explain()` fills them in. The integrals are those of the value and, of the
-    gradient, those over surfaces (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate: every
-    break inside the bounds, adaptive integrals as smooth as they can be (`f.evaluations(…)` counts those of a call).
+    integration: Integration
+    discontinuities: str
+    maps: Maps
+    derivatives: int
+    assumed_length: int | None = None
 
-    A program with arrays is explained cell by cell (`explanation.ArrayExplanation`): the parts between its sums are scalar programs of the
-    entries they read, and of the sums inside; and its loops are listed.
-
-    Raises OptionError for a `derivatives` that is not 0 or 1, and what `compile` raises for an expression that is not closed.
-    """
-    if derivatives not in (0, 1):
-        raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value and boundary integrals; 1: all of the gradient")
-    e = expression if isinstance(expression, Tuple) else as_number(expression)
-    check_program(e)
-    how = Integration(tol, rule, order, seed, max_roots)
-    if has_arrays(e):
-        e = write_all_out(e)
-
-        def on_cell(cell: Expr, moving: Sequence[Param]) -> Explanation:
-            return _explain(cell, moving, how, discontinuities, derivatives, maps)
-
-        listed = None if wrt is None else parameters_and_arrays(wrt)
-        return explain_arrays(e, listed, how, discontinuities, maps, on_cell, cost_of)
-    return _explain(e, wrt, how, discontinuities, derivatives, maps)
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options as data."""
+        how = self.integration
+        named = {"tol": how.tol, "rule": how.rule, "order": how.order}
+        return {**named, "discontinuities": self.discontinuities, "max_roots": how.max_roots, "intrinsics": how.intrinsics}
 
 
-def _explain(e: Expr, wrt: Any, how: Integration, discontinuities: str, derivatives: int, maps: Sequence[Diffeomorphism]) -> Explanation:
-    """The explanation of a scalar program."""
-    chosen = parameters(e) if wrt is None else check_parameters(wrt)
+def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
+    """The explanation of a program without sums, or of one cell."""
+    how, maps, discontinuities = asked.integration, asked.maps, asked.discontinuities
     functions, shown, number, e = _functions(e), text_of(e), nodes(e), write_out(e)
     before = canonicalise(enumerate_steps(e))
-    normal, value_error = _attempted(lambda: normal_form(e, maps=maps))
-    ignoring, families = discontinuities == "ignore", closing(families_with(maps))
+    remarks = Remarks()
+    normal, value_error = _attempted(lambda: normal_form(e, maps=maps, remarks=remarks))
+    closed = boundary_terms() if how.closed_forms else ()
+    families = closing(families_with(maps), closed) if how.closed_forms else families_with(maps)
     final = before if normal is None else normal
-    inventory = Inventory(e, before, final, chosen, ignoring=ignoring, families=families, max_roots=how.max_roots)
+    ignoring = discontinuities == "ignore"
+    inventory = Inventory(e, before, final, chosen, ignoring=ignoring, families=families, closed=closed, max_roots=how.max_roots)
     names = list(dict.fromkeys(p.name for p in (*chosen, *parameters(e), *(p for m in maps for p in m.parameters))))
-    integrals = _Integrals(how)
+    integrals = Integrals(how)
     data: dict[str, Any] = {
         "expression": shown,
         "nodes": number,
         "functions": functions,
-        "options": {
-            "tol": how.tol, "rule": how.rule, "order": how.order, "discontinuities": discontinuities, "max_roots": how.max_roots,
-        },
+        "options": asked.options,
         "surfaces": inventory.surfaces(),
         "dropped": inventory.dropped(),
         "integrals": [] if normal is None else integrals.of([normal]),
         "boundary": [],
         "interior": [],
+        "remarks": [],
         "cost": {},
         "value_statements": None,
         "gradient_statements": None,
@@ -135,19 +89,32 @@ def _explain(e: Expr, wrt: Any, how: Integration, discontinuities: str, derivati
     }  # fmt: skip
     if normal is None:
         return Explanation(data)
-    program = program_for(flatten(normal), names, how)
+    program = program_for(flatten(normal), names, how, remarks=remarks)
+    data["remarks"] = _told(remarks)
     data["value_statements"], data["cost"]["value"] = size(program), cost_of(program)
     if not chosen:
         return Explanation(data)
-    outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, discontinuities, maps, how.closed_forms))
+    closed_forms = how.closed_forms
+    outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, discontinuities, maps, closed_forms, remarks))
     if outputs is not None:
-        program = program_for([leaf for o in outputs for leaf in flatten(o)], names, how)
+        program = program_for([leaf for o in outputs for leaf in flatten(o)], names, how, remarks=remarks)
+        data["remarks"] = _told(remarks)
         data["gradient_statements"], data["cost"]["value and gradient"] = size(program), cost_of(program)
         interior = compiled_outputs(e, chosen, 1, "ignore")[1]
         data["boundary"] = integrals.of([outputs[1]], but=[normal, outputs[0], interior])
-        if derivatives:
+        if asked.derivatives:
             data["interior"] = integrals.of([interior], but=[normal, outputs[0]])
     return Explanation(data)
+
+
+def _told(remarks: Remarks) -> list[dict[str, Any]]:
+    """What the passes decided, each once: the pass, the surface or the integral, the choice, and the reason."""
+
+    def about(e: Expr) -> str:
+        return f"∫ d{e.var.name} from {text_of(e.lo)} to {text_of(e.hi)}" if isinstance(e, Integral) else f"{text_of(e)} = 0"
+
+    rows = [(r.stage, about(r.subject), r.choice, r.reason) for r in remarks]
+    return [dict(zip(("pass", "about", "choice", "reason"), row, strict=True)) for row in dict.fromkeys(rows)]
 
 
 def _functions(e: Expr) -> list[dict[str, Any]]:
@@ -173,166 +140,140 @@ def _attempted(work: Callable[[], T]) -> tuple[T | None, str]:
         return None, f"{what.rstrip()} …" if listing else what
 
 
-# -- integrals -----------------------------------------------------------------------------------------------------------
+# -- cells ---------------------------------------------------------------------------------------------------------------
+
+_TABLES = ("surfaces", "dropped", "integrals", "boundary", "interior", "remarks")
 
 
-class _Integrals:
-    """Breaks and rules, as the scheduler has them."""
-
-    def __init__(self, how: Integration) -> None:
-        self.how = how
-        self.analysis = BreakAnalysis(how.max_roots)
-        self._closed: dict[Integral, bool] = {}
-
-    def of(self, roots: Sequence[Expr], but: Sequence[Expr] = ()) -> list[dict[str, Any]]:
-        """The integrals of expressions, outer ones first, without those of others; those that look the same are counted together."""
-        known = {node for root in but for node in nests(root)}
-        rows: dict[tuple[object, ...], dict[str, Any]] = {}
-        for root in roots:
-            depths: dict[Integral, int] = {}
-            for node, around in nests(root).items():
-                if not isinstance(node, Integral) or any(node in c.inside for c in map(self._clipped, around[:-1]) if c):
-                    continue
-                if any(isinstance(i, Integral) and self._is_closed(i) for i in around[:-1]):
-                    continue
-                depths[node] = next((depths[i] + 1 for i in reversed(around[:-1]) if i.var in node.free), 0)
-                if node not in known:
-                    row = self._row(node, depths[node])
-                    same = rows.setdefault(tuple(row.values()), {**row, "count": 0})
-                    same["count"] += 1
-        return list(rows.values())
-
-    def _clipped(self, node: Expr) -> Clipped | None:
-        return match_clipped(node, self.how) if isinstance(node, Integral) and masses_of(node.body, node.var) is None else None
-
-    def _is_closed(self, node: Integral) -> bool:
-        """Whether an integral, and the one inside it, are moments of a hyperbola."""
-        if node not in self._closed:
-            self._closed[node] = match_hyperbola(node, self.how) is not None
-        return self._closed[node]
-
-    def _row(self, node: Integral, depth: int) -> dict[str, Any]:
-        row = {"variable": node.var.name, "lower": text_of(node.lo), "upper": text_of(node.hi), "depth": depth}
-        masses = masses_of(node.body, node.var)
-        if masses is None and self.how.rule in SAMPLES_OF:
-            text = f"{SAMPLES_OF[self.how.rule]}, {self.how.order or SAMPLES} in all"
-            return {**row, **_unbroken(text), "nodes": None}
-        if masses is None and self.how.rule == "midpoint":
-            return {**row, **_unbroken("midpoint"), "nodes": self.how.order or MIDPOINTS}
-        if masses is not None:
-            roots = solve(masses.g, node.var, node.lo, node.hi)
-            formula = len(roots.found) if roots is not None and roots.certain else 0
-            isolated = 0 if formula else max_roots(masses.g, node.var, self.how.max_roots)
-            kind = {"kind": "sum over roots", "surface": f"{text_of(masses.g)} = 0", "rule": "sum", "nodes": None, "degree": None}
-            return {**row, **kind, "formula": formula, "isolated": isolated, "located": 0, "searched": False, "breaks": 0, "pieces": 0}
-        if self._is_closed(node):
-            return {**row, **_unbroken(CLOSED_FORM), "nodes": None}
-        clipped = self._clipped(node)
-        if clipped is not None:
-            polygon = len(clipped.boxes) > 1
-            nodes_each = len(triangle_rule(clipped.degree)) if polygon else clipped.degree // 2 + 1
-            name, pieces = ("clipped polygon", len(clipped.halves) + 2 if clipped.degree else 1) if polygon else ("clipped interval", 1)
-            return {**row, **_unbroken(name), "nodes": nodes_each, "degree": clipped.degree, "pieces": pieces}
-        breaks = self.analysis.of(node)
-        formula, isolated, located = len(breaks.points), sum(i.count for i in breaks.isolated), MAX_ROOTS * len(breaks.located)
-        return {
-            **row,
-            "kind": "integral",
-            "surface": "",
-            **_described(rule_for(node, self.analysis, self.how, depth)),
-            "degree": self.analysis.degree(node),
-            "formula": formula,
-            "isolated": isolated,
-            "located": located,
-            "searched": not breaks.complete,
-            "breaks": formula + isolated + located,
-            "pieces": formula + isolated + located + 1,
-        }
+def _active(leaf: Node, wrt: set[Node]) -> bool:
+    """Whether an entry or a sum depends on what is differentiated by."""
+    return any(n in wrt or (isinstance(n, Gather) and n.array in wrt) for n in postorder([leaf]))
 
 
-SAMPLES_OF = {"montecarlo": "Monte Carlo samples", "qmc": "scrambled Sobol' points"}
-"""What the rules take that sample."""
+def _explain_cell(data: dict[str, Any], path: tuple[Sum, ...], body: Expr, wrt: Sequence[Parameter], asked: Asked) -> None:
+    """Add the explanation of a cell to that of the program."""
+    symbols = Symbols()
+    (cell,) = symbols.into([body])
+    given = set[Node](wrt)
+    moving = [p for p in parameters(cell) if (_active(symbols.meaning[p], given) if p in symbols.meaning else p in given)]
+    found = explain_cell(cell, moving, asked).data
+    number = len(data["cells"])
+    data["cells"].append({
+        "sums": [f"{s.index.name}: {s.lo} .. {s.hi}" for s in path],
+        "expression": found["expression"],
+        "nodes": found["nodes"],
+        "depends_on": [p.name for p in parameters(cell)],
+        "value_error": found["value_error"],
+        "gradient_error": found["gradient_error"],
+    })  # fmt: skip
+    for key in _TABLES:
+        data[key] += [{**row, "cell": number} for row in found[key]]
+    data["value_error"] = data["value_error"] or found["value_error"]
+    data["gradient_error"] = data["gradient_error"] or found["gradient_error"]
 
 
-def _unbroken(rule: str) -> dict[str, Any]:
-    """An integral without breaks."""
-    counts = dict.fromkeys(("formula", "isolated", "located", "breaks"), 0)
-    return {"kind": "integral", "surface": "", "rule": rule, "degree": None, **counts, "searched": False, "pieces": 1}
+# -- loops ---------------------------------------------------------------------------------------------------------------
 
 
-def _described(rule: Rule) -> dict[str, Any]:
-    match rule:
-        case Gauss():
-            text = "Gauss, exact"
-        case Rational():
-            text = "Gauss with a pole, exact"
-        case Midpoint():
-            text = "midpoint"
-        case Adaptive():
-            text = (
-                f"Gauss, {rule.order} nodes"
-                if rule.tol == math.inf
-                else f"adaptive to {rule.tol:.0e}" + (", smooth ends" if rule.cubic else "")
-            )
-        case _:
-            assert_never(rule)
-    return {"rule": text, "nodes": _nodes_a_piece(rule)}
+def explain_loops(
+    e: Expr, plain: Expr, wrt: Sequence[Parameter], asked: Asked, program_of: Callable[[int], ArrayProgram]
+) -> ArrayExplanation:
+    """The loops of the program of the value (`program_of(0)`), and of that of value and gradient (`program_of(1)`); surfaces and integrals
+    cell by cell. `plain` is the program with its sums outside of integrals.
+
+    `data` has the keys of a scalar program's, in which each surface and integral has its "cell", the number of an entry of data["cells"];
+    data["loops"] are the loops of both programs. A sum inside an integral that has to be written out is so for arrays of length 2.
+    """
+    data: dict[str, Any] = {
+        "expression": text_of(e),
+        "nodes": nodes(e),
+        "options": asked.options,
+        "assumed_length": asked.assumed_length,
+        "arrays": [{"name": a.name, "dimensions": a.dimensions, "integers": isinstance(a, IndexArray)} for a in arrays_of(e)],
+        "cells": [],
+        "loops": {},
+        "cost": {},
+        "value_statements": None,
+        "gradient_statements": None,
+        "value_error": "",
+        "gradient_error": "",
+        **{key: [] for key in _TABLES},
+    }
+    for path, cell in cells_of(plain):
+        _explain_cell(data, path, cell, wrt, asked)
+    if data["value_error"]:
+        return ArrayExplanation(data)
+    data["value_statements"] = _add_program(data, "value", program_of(0))
+    if wrt and not data["gradient_error"]:
+        try:
+            program = program_of(1)
+        except TegError as problem:
+            data["gradient_error"] = problem.what
+        else:
+            data["gradient_statements"] = _add_program(data, "value and gradient", program)
+    return ArrayExplanation(data)
 
 
-def _nodes_a_piece(rule: Rule) -> int:
-    """How many nodes a piece has, if it is not cut further."""
-    match rule:
-        case Gauss() | Rational() | Midpoint():
-            return rule.nodes
-        case Adaptive():
-            return rule.first
-        case _:
-            assert_never(rule)
+def _add_program(data: dict[str, Any], name: str, program: ArrayProgram) -> int:
+    """Add the loops and the cost of a program; its size."""
+    texts: dict[Arg, str] = {f"p{k}": p for k, p in enumerate(program.parameters)}
+    rows = [_row(None, program.body, 0, program, texts)]
+    waiting: list[tuple[Step, int]] = [(s, 0) for s in reversed(program.body)]
+    while waiting:
+        step, depth = waiting.pop()
+        if isinstance(step, Integers):
+            texts[step.name] = _text(step, program, texts)
+        elif isinstance(step, Loop):
+            texts[step.index] = step.title
+            rows.append(_row(step, step.body, depth + 1, program, texts))
+            waiting.extend((s, depth + 1) for s in reversed(step.body))
+    data["loops"][name] = rows
+    every = [cost_of(s.program) for s in steps(program.body) if isinstance(s, Run)]
+    data["cost"][name] = {
+        "statements": array_size(program),
+        "integrals": sum(c["integrals"] for c in every),
+        "isolations": sum(c["isolations"] for c in every),
+        "evaluations": sum(c["evaluations"] for c in every),
+        "adaptive": any(c["adaptive"] for c in every),
+    }
+    return array_size(program)
 
 
-# -- cost ----------------------------------------------------------------------------------------------------------------
-
-
-def cost_of(program: Program) -> dict[str, Any]:
-    """The size of a program, and how often integrands are evaluated in one run: pieces × nodes, times those of the integral around."""
-    every = list(statements(program.body))
-    integrals = [s for s in every if isinstance(s, Integrate)]
-    hints = {r for s in every if isinstance(s, Locate) for r in s.results}
+def _row(loop: Loop | None, block: Sequence[Step], depth: int, program: ArrayProgram, texts: Mapping[Arg, str]) -> dict[str, Any]:
+    """What a loop does in one iteration, without the loops inside; for None what is done once a call."""
+    costs = [cost_of(s.program) for s in block if isinstance(s, Run)]
+    least = 1 + LEAST // max(work(tuple(block)), 1)
     return {
-        "statements": len(every),
-        "integrals": len(integrals) + sum(isinstance(s, Sample | Polygon | Segment | Hyperbola) for s in every),
-        "isolations": sum(isinstance(s, Isolate | Locate) for s in every),
-        "evaluations": _evaluations(program.body, hints),
-        "adaptive": any(isinstance(s.rule, Adaptive) for s in integrals),
+        "index": "" if loop is None else loop.title,
+        "lower": "" if loop is None else _named(loop.lo, texts),
+        "upper": "" if loop is None else _named(loop.hi, texts),
+        "depth": depth,
+        "loads": sum(isinstance(s, Load) for s in block),
+        "scatters": [program.arrays[s.array].name for s in block if isinstance(s, Scatter)],
+        "results": 0 if loop is None else len(loop.results),
+        "statements": sum(1 for s in block if not isinstance(s, Run | Loop)) + sum(c["statements"] for c in costs),
+        "integrals": sum(c["integrals"] for c in costs),
+        "evaluations": sum(c["evaluations"] for c in costs),
+        "adaptive": any(c["adaptive"] for c in costs),
+        "chunks": CHUNKS if depth == 1 else 1,
+        "iterations_a_chunk": least if depth == 1 else None,
     }
 
 
-def _evaluations(block: Iterable[Stmt], hints: Container[Arg]) -> int:
-    """Of integrands without integrals inside, with all breaks inside the bounds, but for the hints, of which few are there. A search for
-    roots evaluates no integrand, nor does a sum over them."""
-    total = 0
-    for stmt in block:
-        match stmt:
-            case Integrate():
-                once = _evaluations(stmt.flags, hints) + _nodes_a_piece(stmt.rule) * (_evaluations(stmt.body, hints) or 1)
-                total += (1 + sum(b not in hints for b in stmt.breaks)) * once
-            case When():
-                total += _evaluations(stmt.body, hints)
-            case SumOver():
-                total += len(stmt.points) * _evaluations(stmt.body, hints)
-            case Sample():
-                replicates, points = replicated(stmt.kind, stmt.count)
-                total += replicates * points * (_evaluations(stmt.body, hints) or 1)
-            case Polygon():
-                total += (
-                    (len(stmt.half_planes) + 2 if stmt.degree else 1)
-                    * len(triangle_rule(stmt.degree))
-                    * (_evaluations(stmt.body, hints) or 1)
-                )
-            case Segment():
-                total += stmt.nodes * (_evaluations(stmt.body, hints) or 1)
-            case Isolate() | Locate() | Hyperbola() | Assign():
-                continue
-            case _:
-                assert_never(stmt)
-    return total
+def _named(arg: Arg, texts: Mapping[Arg, str]) -> str:
+    return texts.get(arg, str(arg))
+
+
+def _text(step: Integers, program: ArrayProgram, texts: Mapping[Arg, str]) -> str:
+    args = [_named(a, texts) for a in step.args]
+    match step.op:
+        case "length":
+            return f"length({program.arrays[step.array].name}, {args[0]})"
+        case "param":
+            return program.parameters[int(step.args[0])]
+        case "gather":
+            return f"{program.arrays[step.array].name}[{', '.join(args)}]"
+        case "min" | "max":
+            return f"{step.op}({', '.join(args)})"
+        case _:
+            return SIGNS[step.op].format(*(f"({a})" if " " in a else a for a in args))

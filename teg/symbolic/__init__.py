@@ -1,4 +1,4 @@
-"""To SymPy and back, and Jacobians that SymPy simplifies. `sympy_writer` writes this table, `sympy_reader` reads it.
+"""To SymPy and back, and Jacobians that SymPy simplifies. `teg.symbolic.writer` writes this table, `teg.symbolic.reader` reads it.
 
     c                        Integer, or Float of 53 bits, oo, nan: no bit is lost
     p, x                     Symbol(name, real=True)
@@ -8,9 +8,9 @@
     where(c, a, b)           Abs, sign, Min, Max if it is one of these, else Piecewise((a, c), (b, True))
     ∫ₗʰ e dx, δ(g)           Integral(e, (x, l, h)), DiracDelta(g)
 
-Both ways are iterative and linear: a node that is shared is converted once, and SymPy's constructors, which look at all of an expression
-written out, are passed by. SymPy's own functions have no such care: printing, comparing or simplifying what is shared costs what it is
-written out, and an expression some hundred nodes deep ends in Python's RecursionError.
+Both directions are iterative and linear: a shared node is converted once. SymPy's constructors are bypassed, because they traverse all
+of an expression written out. SymPy's own functions do not know sharing: printing, comparing or simplifying a shared expression costs as
+much as the written-out one, and an expression some hundred nodes deep ends in Python's RecursionError.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
-from teg import language as build
+from teg import language
 from teg.analysis.bodies import write_all_out
 from teg.analysis.calculus import slope
 from teg.errors import OperandError, OptionError, ParameterError, TegError
@@ -31,26 +31,26 @@ from teg.symbolic.writer import Writer, symbols_of, written_out
 
 CONDITIONS = ("auto", "heaviside", "piecewise")
 
-_WRITTEN_OUT = 2000  # nodes that SymPy's constructors are given,
-_OPERATIONS = 150  # and operations that its simplifiers are given: about a second each
+_WRITTEN_OUT = 2000  # largest number of nodes given to SymPy's constructors,
+_OPERATIONS = 150  # and of operations given to its simplifiers: about a second each
 
 
 def to_sympy(e: object, *, evaluate: bool = False, conditions: str = "auto", symbols: Mapping[Any, Any] | None = None) -> Any:
-    """The SymPy form of an expression, a tuple or a condition, by the table above; its values are the same, on borders as well.
+    """Returns the SymPy form of an expression, a tuple or a condition, by the table above. Its values are the same, on borders as well.
 
-    evaluate:   False writes what is there. True goes through SymPy's constructors, which collect and sort terms, so that == with other
-                SymPy expressions means something; they round anew, and are for short expressions.
-    conditions: "auto" is the table; "heaviside" makes everything of Heavisides, so that `sympy.diff` knows all jumps, but a branch not
-                taken must then be finite; "piecewise" knows no Heaviside, which `sympy.integrate` prefers.
-    symbols:    other symbols for some parameters and variables.
+        evaluate:   False writes the expression as it is. True goes through SymPy's constructors, which collect and sort terms, so that ==
+                    with other SymPy expressions means something; they round anew, and are for short expressions.
+        conditions: "auto" is the table. "heaviside" writes every condition by Heavisides, so that `sympy.diff` sees all jumps, but branches
+                    not taken must then be finite. "piecewise" uses no Heaviside, which `sympy.integrate` prefers.
+        symbols:    other symbols for some parameters and variables.
 
-    Functions of `teg.function` are written out. What the compiler writes only for itself, how ties are resolved, is left out. Raises
-    NameClashError where a parameter and a variable have one name, OptionError for an expression too long for evaluate=True, OperandError
-    for a node without a form in SymPy, MissingPackageError without SymPy.
+    Functions of `teg.function` are written out. The resolution of ties, which only the compiler uses, is left out. Raises NameClashError
+    if a parameter and a variable have one name, OptionError for an expression too long for evaluate=True, OperandError for a node
+    without a form in SymPy, MissingPackageError without SymPy.
     """
     root = write_all_out(e if isinstance(e, Cond | Tuple) else ex.as_number(e))
     if conditions not in CONDITIONS:
-        raise OptionError(f"conditions={conditions!r} is none of {', '.join(CONDITIONS)}")
+        raise OptionError(f"conditions={conditions!r} is not one of {', '.join(CONDITIONS)}")
     if evaluate and written_out(root) > _WRITTEN_OUT:
         raise OptionError(f"written out, the expression has more than {_WRITTEN_OUT} nodes", root, "leave evaluate=False")
     for node, symbol in (symbols or {}).items():
@@ -59,26 +59,25 @@ def to_sympy(e: object, *, evaluate: bool = False, conditions: str = "auto", sym
     named = symbols_of(root, symbols or {})
     try:
         return Writer(named, evaluate, conditions).write(root)
-    except Exception as error:  # of any kind: SymPy has no class for what its constructors cannot do
+    except Exception as error:  # of any kind: SymPy has no common class for the failures of its constructors
         if not evaluate or isinstance(error, TegError):
             raise
         raise OptionError(f"SymPy cannot evaluate this: {error}", root, "leave evaluate=False") from error
 
 
 def from_sympy(s: Any, variables: Iterable[Any] = (), *, heaviside_at_zero: float | None = None) -> Any:
-    """The expression of a SymPy form: a number, an expression, a condition, a tuple, or a matrix (the tuple of its rows).
+    """Returns the expression of a SymPy form: a number, an expression, a condition, a tuple, or a matrix (the tuple of its rows).
 
-    A symbol that an `Integral` binds becomes a variable. Other symbols become parameters, but those in `variables` (symbols, variables,
-    names, or one string of names) become variables and stay free, for `teg.integral` to bind. A bound symbol whose name something else
-    has gets a prime.
+    A symbol that an `Integral` binds becomes a variable. Other symbols become parameters. Those in `variables` (symbols, variables,
+    names, or one string of names) become variables instead and stay free, for `teg.integral` to bind. A bound symbol whose name is taken
+    gets a prime.
 
-    Heaviside(u), ½ at 0 for SymPy, is the bracket [u > 0] where u depends on a variable and no DiracDelta is about: under an integral the
-    value at 0 does not matter then. Elsewhere it is ½ at 0; a number `heaviside_at_zero` is taken instead of all this. Where no
-    condition of a Piecewise holds its value is NaN, as it is for SymPy. Numbers that are no float64 are rounded to the nearest, but
-    fractions stay quotients.
+    Heaviside(u), ½ at 0 for SymPy, becomes the bracket [u > 0] if u depends on a variable and no DiracDelta is present: under an
+    integral the value at 0 does not matter then. Elsewhere it is ½ at 0. A number `heaviside_at_zero` replaces this rule. Where no
+    condition of a Piecewise holds its value is NaN, as in SymPy. Numbers are rounded to the nearest float64; fractions stay quotients.
 
-    Raises OperandError for what the language does not have, with SymPy's expression as `where`; BoundError for integrals without two
-    finite bounds; NameClashError for two symbols of one name; MissingPackageError without SymPy.
+    Raises OperandError for a node that the language does not have, with SymPy's expression as `where`; BoundError for integrals without
+    two finite bounds; NameClashError for two symbols of one name; MissingPackageError without SymPy.
     """
     sympy = sympy_package()
     if isinstance(s, Expr | Cond | str):
@@ -87,7 +86,7 @@ def from_sympy(s: Any, variables: Iterable[Any] = (), *, heaviside_at_zero: floa
         root = sympy.Tuple(*(sympy.Tuple(*row) for row in s.tolist())) if isinstance(s, sympy.MatrixBase) else sympy.sympify(s)
         root = sympy.Tuple(*root) if isinstance(root, list | tuple) else root
     except (sympy.SympifyError, TypeError, AttributeError) as error:
-        raise OperandError(f"{type(s).__name__} is no expression of SymPy: {s!r:.80}") from error
+        raise OperandError(f"{type(s).__name__} is not an expression of SymPy: {s!r:.80}") from error
     if isinstance(variables, str):
         variables = variables.replace(",", " ").split()
     chosen = [variables] if isinstance(variables, Var | sympy.Symbol) else list(variables)
@@ -102,17 +101,17 @@ def from_sympy(s: Any, variables: Iterable[Any] = (), *, heaviside_at_zero: floa
     if not outside:
         return result
     _, names = names_of(order, wanted, outside)  # a symbol is bound in one place and free in another: ∫₀ˣ f(x) dx
-    places = {cast(Var, names[x]): cast(Expr, build.param(x.name)) for x in outside}
+    places = {cast(Var, names[x]): cast(Expr, language.param(x.name)) for x in outside}
     return substitute(Reader(names, at_zero, frozenset(places)).read(order), places)
 
 
 def jacobian_determinant(forward: Mapping[Var, Expr], variables: Sequence[Var]) -> Expr:
-    """det ∂forward/∂variables: of x = r·cos(p), y = r·sin(p) by (r, p) it is r.
+    """Returns det ∂forward/∂variables: of x = r·cos(p), y = r·sin(p) by (r, p) it is r.
 
-    Rows in the order of `forward`, columns in that of `variables`. The compiler differentiates, with the conditions of branches as
-    constants; SymPy expands the determinant and simplifies it, numbers being exact fractions. Where this is too long for SymPy or holds
-    integrals, SymPy fails or is not installed, or the result is longer, the determinant is as the compiler expands it. Raises
-    ParameterError where the numbers of coordinates and variables differ, NotDifferentiableError for floor and mod of a variable.
+    Rows are in the order of `forward`, columns in that of `variables`. The compiler differentiates, with the conditions of branches as
+    constants; SymPy expands the determinant and simplifies it, with numbers as exact fractions. The compiler's own expansion is returned
+    if the determinant is too long for SymPy or holds integrals, SymPy fails or is not installed, or its result is longer. Raises
+    ParameterError if the numbers of coordinates and variables differ, NotDifferentiableError for floor and mod of a variable.
     """
     if len(forward) != len(variables) or not variables:
         raise ParameterError(f"a Jacobian of {len(forward)} coordinates by {len(variables)} variables has no determinant")
@@ -123,13 +122,13 @@ def jacobian_determinant(forward: Mapping[Var, Expr], variables: Sequence[Var]) 
         return plain
     try:
         simple = _simplified_determinant(rows, entries)
-    except Exception:  # of any kind: SymPy has no class for what its simplifiers cannot do, and the result is known without them
+    except Exception:  # of any kind: SymPy has no common class for the failures of its simplifiers, and the result is known without them
         return plain
     return simple if simple is not None and size(simple) <= size(plain) else plain
 
 
 def _expanded_determinant(rows: Sequence[Sequence[Expr]]) -> Expr:
-    """Row by row, by the set of columns taken: products share what they have in common, zeros cost nothing."""
+    """Returns the determinant, expanded row by row over sets of columns: products share common parts, zeros cost nothing."""
     minors: dict[frozenset[int], Expr] = {frozenset(): ONE}
     for row in rows:
         terms: dict[frozenset[int], list[Expr]] = {}

@@ -1,7 +1,7 @@
-"""SymPy's nodes: made as they are, walked once each. The only importer of SymPy, which is imported when first needed.
+"""SymPy's nodes: constructed without evaluation, visited once each. The only importer of SymPy, which is imported when first needed.
 
-SymPy's constructors look at all of an expression written out, and so do its printers and its ==. Nothing here does: both directions of the
-conversion (`sympy_writer`, `sympy_reader`) cost one step a node, however often it is shared.
+SymPy's constructors, printers and == traverse all of an expression written out. Nothing here does: both directions of the conversion
+(`teg.symbolic.writer`, `teg.symbolic.reader`) cost one step a node, however often it is shared.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from teg.errors import MissingPackageError
 
 @cache
 def sympy_package() -> Any:
-    """SymPy; raises MissingPackageError where it is not installed."""
+    """Returns the module sympy. Raises MissingPackageError if it is not installed."""
     try:
         import sympy
     except ImportError as error:
@@ -24,7 +24,7 @@ def sympy_package() -> Any:
 
 
 def as_it_is(kind: Any, *parts: Any) -> Any:
-    """A SymPy node with these parts and no others. It is hashed, and SymPy remembers that: hashing what holds it is not deep then."""
+    """Returns a SymPy node with exactly these parts. Its hash is computed, and kept by SymPy: hashing a node above it is then not deep."""
     sympy = sympy_package()
     node = sympy.Basic.__new__(kind, *parts)
     if issubclass(kind, sympy.Add | sympy.Mul | sympy.Pow | sympy.Integral):
@@ -38,8 +38,10 @@ def as_it_is(kind: Any, *parts: Any) -> Any:
 
 
 def in_postorder(root: Any, check: Callable[[Any], None]) -> list[Any]:
-    """Every node of a SymPy expression once (by identity, for SymPy's == compares all of both), parts first. Each is
-    checked before its parts are looked at."""
+    """Returns every node of a SymPy expression once, parts first. Each node is checked before its parts are visited.
+
+    Nodes are compared by identity, because SymPy's == compares whole expressions.
+    """
     order: list[Any] = []
     done: set[int] = set()
     opened: set[int] = set()
@@ -60,7 +62,7 @@ def in_postorder(root: Any, check: Callable[[Any], None]) -> list[Any]:
 
 
 def parts_of(node: Any) -> Sequence[Any]:
-    """What a SymPy node is made of; of an integral the integrand, then its bounds."""
+    """Returns the parts of a SymPy node; those of an integral are the integrand, then its bounds."""
     sympy = sympy_package()
     if type(node) is sympy.Integral:
         return [node.args[0], *(bound for limit in node.args[1:] for bound in limit.args[1:])]
@@ -70,7 +72,7 @@ def parts_of(node: Any) -> Sequence[Any]:
 
 
 def shown(node: Any) -> object:
-    """The expression, or its class where printing it would be long or deep: SymPy writes out what is shared."""
+    """Returns the expression, or its class if printing it would be long or deep: SymPy writes shared parts out."""
     stack, count = [(node, 0)], 0
     while stack:
         n, depth = stack.pop()

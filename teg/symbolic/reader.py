@@ -1,4 +1,4 @@
-"""SymPy's nodes as the language's, each once; what the language does not have is refused before anything is converted."""
+"""SymPy's nodes converted to the language's, each once. An unsupported node is refused before anything is converted."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, reduce
 from typing import Any, cast
 
-from teg import language as build
+from teg import language
 from teg.errors import BoundError, NameClashError, OperandError
 from teg.ir import expr as ex
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Cond, Const, Expr, Mul, Var
@@ -16,12 +16,12 @@ from teg.symbolic.nodes import in_postorder, parts_of, shown, sympy_package
 
 
 def readable(root: Any) -> list[Any]:
-    """Every node of a SymPy expression once, parts first; raises what says that the language has no such node."""
+    """Returns every node of a SymPy expression once, parts first. Raises OperandError or BoundError for unsupported nodes."""
     return in_postorder(root, _check)
 
 
 def _check(node: Any) -> None:
-    """Raises what says that the language has no such node."""
+    """Raises OperandError or BoundError for a node that the language does not have."""
     sympy = sympy_package()
     if type(node) is sympy.Integral:
         for limit in node.args[1:]:
@@ -46,7 +46,10 @@ def _is_leaf(node: Any) -> bool:
 
 
 def names_of(order: list[Any], wanted: frozenset[str], outside: frozenset[Any]) -> tuple[list[Any], dict[Any, Expr]]:
-    """The symbols that integrals bind, and what every symbol is; those in `outside` are free somewhere, and their names taken."""
+    """Returns the symbols that integrals bind, and the expression for every symbol.
+
+    Symbols in `outside` are free somewhere, so their names are taken.
+    """
     sympy = sympy_package()
     bound = list(dict.fromkeys(limit[0] for n in order if isinstance(n, sympy.Integral) for limit in n.limits))
     among = frozenset(bound)
@@ -56,28 +59,28 @@ def names_of(order: list[Any], wanted: frozenset[str], outside: frozenset[Any]) 
     for symbol in free:
         if taken.setdefault(symbol.name, symbol) != symbol:
             raise NameClashError(f"two symbols are called {symbol.name!r}", symbol.name, "rename one, or give both the same assumptions")
-        names[symbol] = build.var(symbol.name) if symbol.name in wanted else build.param(symbol.name)
+        names[symbol] = language.var(symbol.name) if symbol.name in wanted else language.param(symbol.name)
     for symbol in bound:
         name = symbol.name
         while name in taken:
             name += "′"
         taken[name] = symbol
-        names[symbol] = build.var(name)
+        names[symbol] = language.var(name)
     return bound, names
 
 
 class Reader:
-    """SymPy's nodes to the language's, each once."""
+    """Converts SymPy's nodes to the language's, each once."""
 
     def __init__(self, names: Mapping[Any, Expr], at_zero: float | None, places: frozenset[Var] = frozenset()) -> None:
         self.sympy = sympy_package()
         self.functions = functions()
         self.names = names
-        self.at_zero = at_zero  # of Heaviside(u); None: what from_sympy says
-        self.places = places  # variables that may yet become parameters
+        self.at_zero = at_zero  # the value of Heaviside(u) at u = 0; None: the rule of from_sympy
+        self.places = places  # variables that may still become parameters
 
     def read(self, order: list[Any]) -> Node:
-        """The last of SymPy's nodes in postorder."""
+        """Returns the expression for the last of SymPy's nodes in postorder."""
         done: dict[int, Any] = {}
         for node in order:
             done[id(node)] = self.form(node, [done[id(part)] for part in parts_of(node)])
@@ -94,7 +97,7 @@ class Reader:
         if kind is sympy.Piecewise:
             result: Expr = ex.const(math.nan)
             for then, condition in zip(parts[-2::-2], parts[::-2], strict=True):
-                result = build.where(condition, then, result)
+                result = language.where(condition, then, result)
             return result
         if kind is sympy.Heaviside:
             return self.heaviside(node, *map(ex.as_number, parts))
@@ -106,7 +109,7 @@ class Reader:
 
     def integral(self, node: Any, body: Expr, *bounds: Expr) -> Expr:
         for i, limit in enumerate(node.limits):
-            body = build.integral(body, (self.names[limit[0]], bounds[2 * i], bounds[2 * i + 1]))
+            body = language.integral(body, (self.names[limit[0]], bounds[2 * i], bounds[2 * i + 1]))
         return body
 
     def heaviside(self, node: Any, u: Expr, at_zero: Expr) -> Expr:
@@ -115,13 +118,15 @@ class Reader:
         if at_zero is ZERO or at_zero is ONE:
             strict = at_zero is ZERO
             if isinstance(u, Mul) and len(u.children) == 2 and u.children[0] is MINUS_ONE and isinstance(u.children[1], Add):
-                return build.bracket(~ex.positive(u.children[1], not strict))  # -(a - b), which SymPy does not write: it was a ~
-            return build.bracket(ex.positive(u, strict))
-        return build.where(u >= 0, build.where(u > 0, 1, at_zero), 0)
+                return language.bracket(
+                    ~ex.positive(u.children[1], not strict)
+                )  # -(a - b), which SymPy does not write: the original was a ~
+            return language.bracket(ex.positive(u, strict))
+        return language.where(u >= 0, language.where(u > 0, 1, at_zero), 0)
 
 
 def _nearest(number: Any) -> float:
-    """The float64 nearest to a number of SymPy's."""
+    """Returns the float64 nearest to a SymPy number."""
     try:
         value = number.p / number.q if number.is_Rational else float(number.evalf(30) if number.is_NumberSymbol else number)
     except OverflowError:
@@ -144,52 +149,52 @@ def _leaf(node: Any) -> Expr | Cond:
 
 @cache
 def functions() -> dict[Any, Callable[..., Node]]:
-    """What each of SymPy's functions is in the language, applied to converted arguments."""
+    """Returns, for each SymPy function, the function that builds the language's node from converted arguments."""
     sympy = sympy_package()
     of_numbers: dict[Any, Callable[..., Node]] = {
         sympy.Add: _sum,
         sympy.Mul: _product,
         sympy.Pow: lambda base, exponent: base**exponent,
-        sympy.exp: build.exp,
-        sympy.log: lambda u, base=None: build.log(u) if base is None else build.log(u) / build.log(base),
-        sympy.sin: build.sin,
-        sympy.cos: build.cos,
-        sympy.tan: build.tan,
-        sympy.sec: lambda u: 1 / build.cos(u),
-        sympy.csc: lambda u: 1 / build.sin(u),
-        sympy.cot: lambda u: build.cos(u) / build.sin(u),
-        sympy.sinc: lambda u: build.where((u > 0) | (u < 0), build.sin(u) / u, 1),
-        sympy.asin: build.asin,
-        sympy.acos: build.acos,
-        sympy.atan: build.atan,
-        sympy.asec: lambda u: build.acos(1 / u),
-        sympy.acsc: lambda u: build.asin(1 / u),
-        sympy.acot: lambda u: build.atan(1 / u),
-        sympy.atan2: build.atan2,
-        sympy.sinh: build.sinh,
-        sympy.cosh: build.cosh,
-        sympy.tanh: build.tanh,
-        sympy.sech: lambda u: 1 / build.cosh(u),
-        sympy.csch: lambda u: 1 / build.sinh(u),
-        sympy.coth: lambda u: 1 / build.tanh(u),
+        sympy.exp: language.exp,
+        sympy.log: lambda u, base=None: language.log(u) if base is None else language.log(u) / language.log(base),
+        sympy.sin: language.sin,
+        sympy.cos: language.cos,
+        sympy.tan: language.tan,
+        sympy.sec: lambda u: 1 / language.cos(u),
+        sympy.csc: lambda u: 1 / language.sin(u),
+        sympy.cot: lambda u: language.cos(u) / language.sin(u),
+        sympy.sinc: lambda u: language.where((u > 0) | (u < 0), language.sin(u) / u, 1),
+        sympy.asin: language.asin,
+        sympy.acos: language.acos,
+        sympy.atan: language.atan,
+        sympy.asec: lambda u: language.acos(1 / u),
+        sympy.acsc: lambda u: language.asin(1 / u),
+        sympy.acot: lambda u: language.atan(1 / u),
+        sympy.atan2: language.atan2,
+        sympy.sinh: language.sinh,
+        sympy.cosh: language.cosh,
+        sympy.tanh: language.tanh,
+        sympy.sech: lambda u: 1 / language.cosh(u),
+        sympy.csch: lambda u: 1 / language.sinh(u),
+        sympy.coth: lambda u: 1 / language.tanh(u),
         sympy.asinh: _asinh,
         sympy.acosh: _acosh,
-        sympy.atanh: lambda u: 0.5 * build.log((1 + u) / (1 - u)),
+        sympy.atanh: lambda u: 0.5 * language.log((1 + u) / (1 - u)),
         sympy.asech: lambda u: _acosh(1 / u),
         sympy.acsch: lambda u: _asinh(1 / u),
-        sympy.acoth: lambda u: 0.5 * build.log((u + 1) / (u - 1)),
-        sympy.Abs: build.abs_,
-        sympy.sign: build.sign,
-        sympy.Min: build.minimum,
-        sympy.Max: build.maximum,
-        sympy.floor: build.floor,
+        sympy.acoth: lambda u: 0.5 * language.log((u + 1) / (u - 1)),
+        sympy.Abs: language.abs_,
+        sympy.sign: language.sign,
+        sympy.Min: language.minimum,
+        sympy.Max: language.maximum,
+        sympy.floor: language.floor,
         sympy.ceiling: lambda u: ex.call("ceil", u),
-        sympy.frac: lambda u: build.mod(u, 1),
-        sympy.Mod: build.mod,
+        sympy.frac: lambda u: language.mod(u, 1),
+        sympy.Mod: language.mod,
         sympy.re: lambda u: u,
         sympy.conjugate: lambda u: u,
         sympy.UnevaluatedExpr: lambda u: u,
-        sympy.DiracDelta: lambda u, order=None: build.delta(u),
+        sympy.DiracDelta: lambda u, order=None: language.delta(u),
         sympy.Lt: lambda a, b: a < b,
         sympy.Le: lambda a, b: a <= b,
         sympy.Gt: lambda a, b: a > b,
@@ -208,12 +213,12 @@ def functions() -> dict[Any, Callable[..., Node]]:
         sympy.Equivalent: lambda *c: ex.conjunction(*c) | ~ex.disjunction(*c),
         sympy.ITE: lambda c, a, b: (c & a) | (~c & b),
     }
-    table: dict[Any, Callable[..., Node]] = {sympy.Tuple: build.tuple_}
+    table: dict[Any, Callable[..., Node]] = {sympy.Tuple: language.tuple_}
     for kinds, check in ((of_numbers, ex.as_number), (of_conditions, ex.as_condition)):
         for kind, f in kinds.items():
             table[kind] = lambda *parts, f=f, check=check: f(*map(check, parts))
-    by_hand = (sympy.Integral, sympy.Piecewise, sympy.Heaviside)  # the reader's own
-    return table | dict.fromkeys(by_hand, build.tuple_)
+    by_hand = (sympy.Integral, sympy.Piecewise, sympy.Heaviside)  # handled by the reader itself
+    return table | dict.fromkeys(by_hand, language.tuple_)
 
 
 def _sum(*terms: Expr) -> Expr:
@@ -226,16 +231,16 @@ def _product(*factors: Expr) -> Expr:
 
 
 def _remembering(kind: type[Add | Mul], result: Expr, parts: tuple[Expr, ...]) -> Expr:
-    """The result, or what was written if its parameters would vanish."""
+    """Returns the result, or the plain node if its parameters would vanish."""
     vanishes = isinstance(result, Const) or any(isinstance(p, Mul) and p.children[0] is ZERO for p in parts)
     return kind.make(None, parts) if vanishes and len(parts) > 1 and not all(isinstance(p, Const) for p in parts) else result
 
 
 def _asinh(u: Expr) -> Expr:
-    """log(u + √(u² + 1)), of |u|: for u < 0 the terms would cancel."""
-    root = build.sqrt(u**2 + 1)
-    return build.where(u > 0, build.log(u + root), -build.log(root - u))
+    """Returns log(u + √(u² + 1)), computed from |u|: for u < 0 the terms would cancel."""
+    root = language.sqrt(u**2 + 1)
+    return language.where(u > 0, language.log(u + root), -language.log(root - u))
 
 
 def _acosh(u: Expr) -> Expr:
-    return build.log(u + build.sqrt(u - 1) * build.sqrt(u + 1))
+    return language.log(u + language.sqrt(u - 1) * language.sqrt(u + 1))

@@ -1,4 +1,4 @@
-"""The language's nodes as SymPy's, by the table of `teg.symbolic`."""
+"""The language's nodes converted to SymPy's, by the table of `teg.symbolic`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, cast
 
-from teg import language as build
+from teg import language
 from teg.errors import NameClashError, OperandError
 from teg.ir import expr as ex
 from teg.ir.arrays import LEAVES, Sum
@@ -34,27 +34,27 @@ from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
 from teg.symbolic.nodes import as_it_is, sympy_package
 
-_FLATTEN = 8  # integrals inside each other, and factors, are written as one while they are so few: more would be quadratic
+_FLATTEN = 8  # so many nested integrals, and factors, are written as one node: more would be quadratic
 
 
 def symbols_of(root: Node, given: Mapping[Any, Any]) -> dict[Node, Any]:
-    """A symbol of its own for every parameter and variable: the one given, or the real one of the same name."""
+    """Returns a distinct symbol for every parameter and variable: the one given, or the real one of the same name."""
     symbol = sympy_package().Symbol
-    found: dict[Node, Any] = {}
+    symbols: dict[Node, Any] = {}
     stands_for: dict[Any, Node] = {}
     for node in postorder([root]):
         leaf = node.var if isinstance(node, Integral) else node
-        if isinstance(leaf, Param | Var) and leaf not in found:
-            found[leaf] = given[leaf] if leaf in given else symbol(leaf.name, real=True)
-            if stands_for.setdefault(found[leaf], leaf) is not leaf:
+        if isinstance(leaf, Param | Var) and leaf not in symbols:
+            symbols[leaf] = given[leaf] if leaf in given else symbol(leaf.name, real=True)
+            if stands_for.setdefault(symbols[leaf], leaf) is not leaf:
                 raise NameClashError(
                     f"{leaf.name!r} would stand for a parameter and a variable", root, "rename one of them, or give symbols="
                 )
-    return found
+    return symbols
 
 
 def written_out(root: Node) -> int:
-    """The number of nodes if what is shared were written out each time."""
+    """Returns the number of nodes if shared nodes were written out each time."""
     length: dict[Node, int] = {}
     for node in postorder([root]):
         length[node] = 1 + sum([length[c] for c in node.children])
@@ -62,7 +62,7 @@ def written_out(root: Node) -> int:
 
 
 class Writer:
-    """The language's nodes to SymPy's, each once; several expressions may share them."""
+    """Converts the language's nodes to SymPy's, each once. Several expressions may share them."""
 
     def __init__(self, symbols: Mapping[Node, Any], evaluate: bool, conditions: str, exact: bool = False) -> None:
         self.sympy = sympy_package()
@@ -71,7 +71,7 @@ class Writer:
         self.conditions = conditions
         self.exact = exact  # numbers as fractions, so that SymPy's algebra is exact
         self.done: dict[Node, Any] = {}
-        self.finite: set[Node] = set()  # everywhere: no pole, no root or logarithm of something negative
+        self.finite: set[Node] = set()  # finite everywhere: no pole, no root or logarithm of a negative number
         self.steps: dict[Cond, Any] = {}
 
     def write(self, root: Node) -> Any:
@@ -83,7 +83,7 @@ class Writer:
         return self.done[root]
 
     def make(self, kind: Any, *parts: Any) -> Any:
-        """A SymPy node, by its constructor if it is to be evaluated."""
+        """Returns a SymPy node, made by its constructor if it is to be evaluated."""
         return kind(*parts) if self.evaluate else as_it_is(kind, *parts)
 
     def form(self, node: Node) -> Any:
@@ -153,7 +153,7 @@ class Writer:
                 return self.make(getattr(sympy, name), *parts)
 
     def round(self, u: Any) -> Any:
-        """⌊u + ½⌋, less 1 where (2u - 1)/4 is an integer: halves go to the even side."""
+        """Returns ⌊u + ½⌋, less 1 where (2u - 1)/4 is an integer: halves go to the even side."""
         sympy, make = self.sympy, self.make
         quarter = make(sympy.Mul, sympy.Rational(1, 4), make(sympy.Add, make(sympy.Mul, sympy.Integer(2), u), sympy.S.NegativeOne))
         below = make(sympy.Mul, sympy.S.NegativeOne, make(sympy.floor, quarter))
@@ -161,7 +161,7 @@ class Writer:
         return make(sympy.Add, nearest, make(sympy.ceiling, quarter), below, sympy.S.NegativeOne)
 
     def integral(self, x: Any, body: Any, lo: Any, hi: Any) -> Any:
-        """As it is in any case: SymPy's constructor would multiply out the branches of the integrand."""
+        """Returns an integral, never evaluated: SymPy's constructor would multiply out the branches of the integrand."""
         sympy = self.sympy
         limits = [sympy.Tuple(x, lo, hi)]
         if type(body) is sympy.Integral and len(body.args) <= _FLATTEN and all(inner.args[0] != x for inner in body.args[1:]):
@@ -170,7 +170,7 @@ class Writer:
         return as_it_is(sympy.Integral, body, *limits)
 
     def comparison(self, node: Compare) -> Any:
-        """g > 0, as b < a for g = a - b."""
+        """Returns g > 0, as b < a for g = a - b."""
         sympy, g = self.sympy, node.g
         if isinstance(g, Add) and len(g.children) == 2:
             a, b = g.children
@@ -202,7 +202,7 @@ class Writer:
         return self.make(mul, *flat) if len(flat) > 1 else flat[0] if flat else one
 
     def step(self, condition: Cond) -> Any:
-        """The bracket of a condition, made of Heavisides."""
+        """Returns the bracket of a condition by Heavisides."""
         stack = [condition]
         while stack:
             c = stack[-1]
@@ -241,7 +241,7 @@ _FINITE = frozenset(("sin", "cos", "atan", "sinh", "cosh", "tanh", "exp", "floor
 
 
 def _is_finite(node: Node, finite: set[Node]) -> bool:
-    """Is it a finite number for all parameters and variables, if the nodes below it that are in `finite` are?"""
+    """Returns whether a node is finite for all parameters and variables, if the nodes below it in `finite` are."""
     match node:
         case Const():
             return math.isfinite(node.data)
@@ -256,19 +256,19 @@ def _is_finite(node: Node, finite: set[Node]) -> bool:
 
 
 def _is_product(condition: Cond) -> bool:
-    """Is its bracket a product of Heavisides?"""
+    """Returns whether the bracket of a condition is a product of Heavisides."""
     parts = condition.children if isinstance(condition, And) else (condition,)
     return all(isinstance(c.operand if isinstance(c, Not) else c, Compare) for c in parts)
 
 
 def _named(node: Where) -> tuple[Any, ...] | None:
-    """|u|, sign(u), a minimum or a maximum: SymPy's name for it and its arguments."""
+    """Returns SymPy's name and the arguments, if the node is |u|, sign(u), a minimum or a maximum; else None."""
     condition, then, otherwise = node.condition, node.then, node.otherwise
     if not isinstance(condition, Compare) or not condition.strict or condition.resolution is not None or node.has_delta:
         return None
     if then is condition.g and otherwise is ex.mul(MINUS_ONE, then):
         return "Abs", then
-    if then is ONE and node is build.sign(condition.g):
+    if then is ONE and node is language.sign(condition.g):
         return "sign", condition.g
     if condition is ex.less(then, otherwise, strict=True):
         return "Min", then, otherwise

@@ -12,7 +12,7 @@ import pytest
 
 import teg
 from teg.__main__ import main
-from teg.backends.c.array_standalone import standalone_c_arrays
+from teg.backends.c.standalone import standalone_c
 from teg.errors import OptionError
 from tests.backends.c_checks import _compile, in_c
 
@@ -140,7 +140,7 @@ def test_what_cannot_be_written(source: Path, tmp_path: Path, capsys: pytest.Cap
     f, _ = evaluated(source)
     for name in ("element", "int", "teg_array", "2nd"):
         with pytest.raises(OptionError, match="name of a C function"):
-            standalone_c_arrays(f.program(0), name)
+            standalone_c(f.program(0), name)
 
 
 def test_explain_on_the_command_line(source: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -178,8 +178,7 @@ def test_threads_do_not_change_a_bit() -> None:
 def test_an_inner_sum_that_is_the_same_for_all_is_computed_once() -> None:
     """The variance: linear, not quadratic, in the number of entries; its gradient too."""
     f = teg.compile(PROGRAMS["a sum in a sum that does not depend on it"], [V], backend="numpy")
-    made = f._made[()]  # type: ignore[attr-defined]
-    for what in ("value", "gradient"):
+    for orders in (0, 1):
         depth = [0]
 
         def visit(block: Any, level: int, depth: list[int] = depth) -> None:
@@ -188,7 +187,7 @@ def test_an_inner_sum_that_is_the_same_for_all_is_computed_once() -> None:
                     depth[0] = max(depth[0], level + 1)
                     visit(step.body, level + 1)
 
-        visit(made.program(what, ()).body, 0)
+        visit(f.program(orders).body, 0)
         assert depth[0] == 1
 
 

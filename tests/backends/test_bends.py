@@ -42,7 +42,6 @@ from tests.backends.c_checks import (
 )
 from tests.backends.programs import CASES, TIGHT, Case, columns, expected, integrate, let, program
 
-pytestmark = pytest.mark.usefixtures("one_cache")
 needs_c = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
 QUICK = (*(PLACES[i][0] for i in (0, 2, 6, 7)), TWO_BENDS, TAILS[0], MISSED[1])
 """Those that JAX compiles in the quick run."""
@@ -247,7 +246,7 @@ def test_a_piece_takes_at_most_so_many_intervals() -> None:
     for p, missed in ((100.0, False), (1e4, True)):
         found = [kernel.outcome([np.array([p])], 1) for kernel in kernels]
         assert [f.missed for f in found] == [missed] * 3
-        close = 1e-3 if missed else 1e-11  # what is left of a missed integral depends on the last interval that there was room for
+        close = 1e-4 if missed else 1e-11  # beside 0 JAX takes a normal number where C takes a subnormal one; a missed integral shows it
         np.testing.assert_allclose(found[1].values, found[2].values, rtol=close, atol=1e-13)
         np.testing.assert_allclose([f.values[0, 0] for f in found], [(1 - np.cos(p)) / p] * 3, rtol=1e-8)
         np.testing.assert_allclose([f.values[1, 0] for f in found], [0.5] * 3, rtol=0.1)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import pickle
 import re
-import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +21,7 @@ from teg.backends.c.text import literal
 from teg.backends.numpy.kernel import compile_numpy
 from teg.errors import CompilerError, OptionError, ParameterError
 from teg.program import INSIDE, Adaptive, Assign, Gauss, Integrate, Program
+from tests.backends.c_checks import in_c
 from tests.backends.programs import (
     CASES,
     DISC,
@@ -37,15 +37,7 @@ from tests.backends.programs import (
     program,
 )
 
-pytestmark = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
-
-
-@pytest.fixture(autouse=True, scope="module")
-def shared_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """One empty cache for the tests of this module that do not bring their own."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TEG_CACHE_DIR", str(tmp_path_factory.mktemp("teg")))
-        yield
+pytestmark = [*in_c, pytest.mark.usefixtures("as_users_compile")]
 
 
 def square(addend: float = 0.0) -> Program:
@@ -334,7 +326,7 @@ def test_the_order_of_operations_is_kept() -> None:
 
 
 def test_only_what_is_needed_of_the_runtime_is_printed() -> None:
-    always = {"teg_kernel", "teg_kernel_watched", "teg_watch", "teg_pace", "teg_ask", "teg_stopped", "teg_wait"}
+    always = {"teg_kernel", "teg_kernel_watched", "teg_watch", "teg_pace", "teg_ask", "teg_stopped", "teg_wait", "teg_array"}
     assert set(re.findall(r"\bteg_\w+", print_kernel(square()))) == always
     disc = print_kernel(DISC)
     assert "teg_nodes_18[18]" in disc

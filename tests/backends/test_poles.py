@@ -22,7 +22,6 @@ from tests.backends.c_checks import behaviour_is_defined, lines_are_short, text_
 from tests.backends.programs import Case, integrate, let, program
 from tests.bench.scenes import bilinear_pixel
 
-pytestmark = pytest.mark.usefixtures("one_cache")
 needs_c = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
 BACKENDS = [pytest.param(compile_numpy, id="numpy"), pytest.param(compile_c, id="c", marks=needs_c)]
 RULES = [(nodes, power) for nodes in range(1, 8) for power in (1, 2, 3)]

@@ -117,8 +117,13 @@ def test_nothing_inside_is_exactly_nothing(backend: str) -> None:
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_what_is_not_a_number_stays_so(name: str, bad: float, backend: str) -> None:
     e, wrt = n_gon(3, COLOUR[1]())
+    f = teg.compile(e, wrt, backend=backend)
     at = {k: float(v[0]) for k, v in places(3, 1).items()} | {name: bad}
-    assert math.isnan(teg.compile(e, wrt, backend=backend)(at))
+    if math.isnan(bad):
+        assert math.isnan(f(at))
+    else:  # a NaN that was not in the input is said in the call
+        with pytest.warns(teg.AccuracyWarning, match="not a number"):
+            assert math.isnan(f(at))
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -182,7 +187,7 @@ def test_counts_are_those_of_both_backends() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("degree", [1, 3])
+@pytest.mark.parametrize("degree", [3])
 def test_jax_agrees(degree: int) -> None:
     pytest.importorskip("jax").config.update("jax_enable_x64", True)
     e, wrt = n_gon(4, COLOUR[degree]())

@@ -19,7 +19,7 @@ from teg.analysis.settings import Integration
 from teg.backends.c.build import BASE_FLAGS, NATIVE, find_compiler, load_library
 from teg.backends.c.kernel import optimisation
 from teg.backends.c.standalone import standalone_c
-from teg.evaluator.compile import Evaluator
+from teg.evaluator.evaluator import Evaluator
 from teg.ir.traverse import parameters
 from teg.pipeline import compiled_outputs, flatten, program_for
 from tests.bench.handwritten import FUNCTIONS, BilinearPixels, Picture, Triangles, address
@@ -64,8 +64,9 @@ class Kernel:
         self._pointers = np.array([address(c).value for c in self._columns], dtype=np.uintp)
         self._strides = np.array([int(c.ndim > 0) for c in self._columns], dtype=np.dtype(ctypes.c_long))
         self.results = np.zeros((len(program.outputs), n))
-        given = map(address, (self._pointers, self._strides, self.results))
-        self._arguments = [ctypes.c_long(n), *given, None, ctypes.c_int(1)]
+        self._rows = np.array([address(row).value for row in self.results], dtype=np.uintp)
+        pointers, strides, rows = map(address, (self._pointers, self._strides, self._rows))
+        self._arguments = [ctypes.c_long(n), pointers, strides, None, rows, None, ctypes.c_int(1)]
 
     def __call__(self) -> None:
         self._library.scene(*self._arguments)

@@ -5,10 +5,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import stat
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -28,21 +24,6 @@ IN_C, IN_JAX = 3, 100
 """Every how many programs are compiled by these: gcc takes half a second for one, XLA some seconds. The long run sees all in C."""
 
 x, y, t, a = variable("x"), variable("y"), parameter("t"), parameter("a")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def quick_compiler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """C without optimisation: the texts are run once."""
-    compiler = shutil.which("cc") or shutil.which("gcc")
-    if compiler is None or os.name != "posix":
-        yield
-        return
-    script = tmp_path_factory.mktemp("compiler") / "cc"
-    script.write_text(f'#!/bin/sh\nexec {compiler} "$@" -O0\n')
-    script.chmod(script.stat().st_mode | stat.S_IXUSR)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CC", str(script))
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -77,22 +77,41 @@ class Scene:
             cells = [part for cell in cells for part in _split(cell, line)]
         return math.fsum(self._cell(cell) for cell in cells)
 
-    def _piece(self, p: float, q: float) -> float:
+    def _piece(self, p: float, q: float, depth: int = 4) -> float:
+        """The integral from p to q; halves where their sum is another number than the whole."""
+        middle = 0.5 * (p + q)
+        whole, halves = self._gauss(p, q), self._gauss(p, middle) + self._gauss(middle, q)
+        if depth == 0 or abs(whole - halves) <= 1e-13 * (1 + abs(halves)):
+            return halves
+        return self._piece(p, middle, depth - 1) + self._piece(middle, q, depth - 1)
+
+    def _gauss(self, p: float, q: float) -> float:
         xs = 0.5 * (p + q) + 0.5 * (q - p) * _GAUSS
         return float(np.sum(_WEIGHTS * np.broadcast_to(self.part.function(self.values, xs, 0.0), xs.shape)) * 0.5 * (q - p))
 
     def _cell(self, cell: list[Point]) -> float:
-        total = 0.0
+        first, *rest = cell
+        return math.fsum(self._triangle(first, b, c) for b, c in itertools.pairwise(rest))
+
+    def _triangle(self, a: Point, b: Point, c: Point, depth: int = 3) -> float:
+        """The integral over a triangle; four triangles where their sum is another number than the whole."""
+        (ab, bc, ca) = (((p[0] + q[0]) / 2, (p[1] + q[1]) / 2) for p, q in ((a, b), (b, c), (c, a)))
+        parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        whole, quarters = self._duffy(a, b, c), math.fsum(self._duffy(*part) for part in parts)
+        if depth == 0 or abs(whole - quarters) <= 1e-13 * (1 + abs(quarters)):
+            return quarters
+        return math.fsum(self._triangle(*part, depth - 1) for part in parts)
+
+    def _duffy(self, a: Point, b: Point, c: Point) -> float:
+        """The integral over a triangle by a product rule on the square that is contracted to `a` on one side."""
         u, w = 0.5 * (1 + _GAUSS), 0.5 * _WEIGHTS
         s, r = np.meshgrid(u, u)
-        weights = np.outer(w, w) * s
-        (ax, ay), *rest = cell
-        for (bx, by), (cx, cy) in itertools.pairwise(rest):
-            area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-            xs = ax + s * ((bx - ax) * (1 - r) + (cx - ax) * r)
-            ys = ay + s * ((by - ay) * (1 - r) + (cy - ay) * r)
-            total += area * float(np.sum(weights * np.broadcast_to(self.part.function(self.values, xs, ys), xs.shape)))
-        return total
+        (ax, ay), (bx, by), (cx, cy) = a, b, c
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        xs = ax + s * ((bx - ax) * (1 - r) + (cx - ax) * r)
+        ys = ay + s * ((by - ay) * (1 - r) + (cy - ay) * r)
+        values = np.broadcast_to(self.part.function(self.values, xs, ys), xs.shape)
+        return area * float(np.sum(np.outer(w, w) * s * values))
 
 
 def _split(cell: list[Point], line: tuple[float, float, float]) -> list[list[Point]]:

@@ -50,7 +50,7 @@ def test_value_in_one_variable(scene: Scene) -> None:
 
 
 @given(scenes(2))
-@examples(30)
+@examples(20)
 def test_value_in_two_variables(scene: Scene) -> None:
     close(compiled(scene.expression, scene)(scene.values), scene.reference())
 

@@ -357,7 +357,7 @@ def test_the_rest(backend: str) -> None:
     f = evaluator(CUT, backend)
     copy = pickle.loads(pickle.dumps(f))
     assert copy(given(f)) == f(given(f)) == teg.evaluate(CUT, {V: HERE["V"], F: HERE["F"], t: 2.0}, backend=backend)
-    assert repr(f).startswith("<teg.ArrayEvaluator(V, t, F) of Σ[k: 0..length(F, 0)]")
+    assert repr(f).startswith("<teg.Evaluator(V, t, F) of Σ[k: 0..length(F, 0)]")
     assert len(f.source) > 500
     assert f.dimensions == {"V": 2, "t": 0, "F": 2}
 
@@ -379,19 +379,19 @@ def test_latex() -> None:
     e = teg.sum(teg.integral(teg.bracket(x < V[F[k, 0], 0]), (x, 0, 1)) * (k + 1) ** 2, (k, 0, FACES))
     begin = r"\sum_{k = 0}^{\operatorname{length}_{0} F - 1} "
     bracket = r"\int_{0}^{1} \left[\,x < V_{F_{k, 0}, 0}\,\right] \,\mathrm{d}x"
-    assert teg.ir.latex(e) == begin + bracket + r" \, \left(k + 1\right)^{2}"
-    assert e._repr_latex_() == f"${teg.ir.latex(e)}$"
-    assert teg.ir.latex(teg.grad(teg.sum(W[k] ** 2, (k, 0, 3)), [W])[0]) == (r"\sum_{k = 0}^{2} 2 \, W_{k} \, \mathbf{1}^{W}_{k}")
-    assert teg.ir.latex(teg.sum(W[2 * k % 3 - (k // 2)], (k, 0, j + 1))) == (
+    assert teg.latex(e) == begin + bracket + r" \, \left(k + 1\right)^{2}"
+    assert e._repr_latex_() == f"${teg.latex(e)}$"
+    assert teg.latex(teg.grad(teg.sum(W[k] ** 2, (k, 0, 3)), [W])[0]) == (r"\sum_{k = 0}^{2} 2 \, W_{k} \, \mathbf{1}^{W}_{k}")
+    assert teg.latex(teg.sum(W[2 * k % 3 - (k // 2)], (k, 0, j + 1))) == (
         r"\sum_{k = 0}^{j} W_{\left(\left(2 \, k\right) \bmod 3\right) - \left\lfloor \frac{k}{2} \right\rfloor}"
     )
-    assert teg.ir.latex(teg.sum(W[k], (k, 0, n)) * t) == r"\left(\sum_{k = 0}^{n - 1} W_{k}\right) \, t"
+    assert teg.latex(teg.sum(W[k], (k, 0, n)) * t) == r"\left(\sum_{k = 0}^{n - 1} W_{k}\right) \, t"
     assert (k + 1)._repr_latex_() == "$k + 1$"
 
 
 def test_dump_and_sympy() -> None:
     e = teg.sum(W[k] * t, (k, 0, n))
-    assert teg.ir.show(e) == "%0 = mul(W[k], t)\n%1 = sum[k: 0..n](%0)\nresult %1"
+    assert teg.dump(e) == "%0 = mul(W[k], t)\n%1 = sum[k: 0..n](%0)\nresult %1"
     pytest.importorskip("sympy")
     for part, said in ((e, "entry of an array"), (teg.sum(t, (k, 0, 3)), "a sum over an index")):
         with pytest.raises(teg.TegError, match=said):
@@ -446,4 +446,4 @@ def test_every_program(name: str) -> None:
     report = f.explain(derivatives=1)
     assert report.data["gradient_error"] == ""
     assert max(map(len, str(report).splitlines())) <= WIDTH
-    assert len(teg.ir.latex(e)) > 10
+    assert len(teg.latex(e)) > 10

@@ -130,7 +130,7 @@ def test_a_condition_on_steps_of_entries_is_no_border() -> None:
 def test_the_program_is_compiled_once() -> None:
     f = teg.compile(teg.integral(step(t) * teg.exp(a * x), UNIT), [t, a])
     f.diagnose(t=0.5, a=1.0)
-    before = dict(f._watched)
+    before = list(f._watches)
     f.diagnose(t=0.25, a=1.0)
     assert len(before) == 1
-    assert f._watched == before
+    assert list(f._watches) == before

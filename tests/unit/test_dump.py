@@ -52,21 +52,21 @@ def test_conditions() -> None:
 
 def test_a_listing_shows_sharing() -> None:
     u = teg.sin(x) + t
-    lines = teg.ir.show(u * u + teg.exp(u)).splitlines()
+    lines = teg.dump(u * u + teg.exp(u)).splitlines()
     assert sum("sin" in line for line in lines) == 1
     assert lines[0] == "%0 = sin(x)"
     assert lines[-1].startswith("result %")
 
 
 def test_a_listing_of_several() -> None:
-    lines = teg.ir.show(x + t, x * t).splitlines()
+    lines = teg.dump(x + t, x * t).splitlines()
     assert [line for line in lines if line.startswith("result")] == ["result %0", "result %1"]
 
 
 @pytest.mark.parametrize("reference", REFERENCES, ids=lambda r: r.id)
 def test_the_listing_has_one_line_a_node(reference: Reference) -> None:
     e = reference.build()
-    lines = teg.ir.show(e).splitlines()
+    lines = teg.dump(e).splitlines()
     assert len(lines) <= teg.size(e) + 1
     assert len(set(lines)) == len(lines)
 

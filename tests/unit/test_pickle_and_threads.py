@@ -41,7 +41,7 @@ def test_a_chain_of_100_000_nodes() -> None:
     assert teg.size(e) == DEPTH + 2  # each level, the variable, the number ½
     assert str(e)
     assert repr(e)
-    assert teg.ir.show(e).count("\n") > DEPTH / 2
+    assert teg.dump(e).count("\n") > DEPTH / 2
     assert e.free == {teg.var("x")}
     assert pickle.loads(pickle.dumps(e)) is e
     assert isinstance(digest(e), int)

@@ -2,17 +2,17 @@
 
     d ∫ₗʰ F dx = ∫ₗʰ (dF)ₐₑ dx + F|ₓ₌ₕ dh - F|ₓ₌ₗ dl + Σ_g ∫ₗʰ jump_g(F)·dg·δ(g) dx        over the surfaces g that this integral owns
 
-(dF)ₐₑ takes conditions as constant; a surface whose jump vanishes on it (a kink) has no δ; a surface of parameters only belongs to no
+(dF)ₐₑ takes conditions as constant. A surface whose jump vanishes on it (a kink) has no δ. A surface of parameters only belongs to no
 integral and contributes nothing. Cost: one visit a node, and one jump a surface.
 
-A δ(g) that is still in the program is carried along with its surface. Points that move with V = -dg·∇g/|∇g|² stay on g = 0, so in the
-coordinates they move in δ(g) is constant, and (Reynolds' transport theorem)
+A δ(g) that is still in the program is carried along with its surface. Points that move with V = -dg·∇g/|∇g|² stay on g = 0, so δ(g) is
+constant in coordinates that move with them, and (Reynolds' transport theorem)
 
     d ∫…∫ w δ(g)  =  ∫…∫ (D w + w div V) δ(g)  +  the terms of bounds and surfaces as above,  each moving with D instead of d,   D = d + V·∇
 
 where a bound of x moves, relative to its points, with D(bound) - Vₓ. So no chart of the surface is ever differentiated.
 
-An integrand that is singular on surfaces that move (|x - p|^-½) is carried along with them likewise, without a δ:
+An integrand that is singular on surfaces that move (|x - p|^-½) is carried along in the same way, without a δ:
 
     d ∫…∫ w  =  ∫…∫ (D w + w div V)  +  the terms of bounds and other surfaces, each moving with D
 
@@ -65,11 +65,11 @@ from teg.ir.node import Node
 from teg.ir.traverse import substitute
 
 Direction = Mapping[Any, Expr]
-"""How parameters, and variables that are carried along, change."""
+"""The rates of change of parameters, and of variables that are carried along."""
 
 
 def tangent_of(e: Expr, direction: Direction) -> Expr:
-    """The directional derivative: Σ ∂e/∂p · direction[p]."""
+    """Returns the directional derivative: Σ ∂e/∂p · direction[p]."""
     tangent = _tangents(e, direction)
     if isinstance(e, Tuple):
         return ex.tuple_of(*(_with_open_surfaces(entry, tangent) for entry in e.children))
@@ -77,8 +77,11 @@ def tangent_of(e: Expr, direction: Direction) -> Expr:
 
 
 def _tangents(e: Expr, direction: Direction, field: Field | None = None) -> dict[Expr, Expr]:
-    """The tangents of e and of what it is made of; an integral with a δ in it, or with singularities that move, is carried along as a
-    whole. The surfaces of `field` change at the rates it tells."""
+    """Returns the tangents of e and of its subexpressions.
+
+    An integral with a δ in it, or with singularities that move, is carried along as a whole. The surfaces of `field` change at its
+    rates.
+    """
     tangent: dict[Expr, Expr] = {}
     rates: dict[Expr, Expr] = {}
     singular = Transport(e, direction)
@@ -107,8 +110,10 @@ def _tangents(e: Expr, direction: Direction, field: Field | None = None) -> dict
 
 
 def _carried_along(node: Expr, field: Field, tangent: Mapping[Expr, Expr], rates: dict[Expr, Expr]) -> Expr | None:
-    """The tangent of a node that vanishes, or is infinite, where a surface of the field does: its relative rate of change is finite there,
-    and is noted in `rates`. None for other nodes."""
+    """Returns the tangent of a node that vanishes, or is infinite, where a surface of the field does; None for other nodes.
+
+    Its relative rate of change is finite there, and is stored in `rates`.
+    """
     rate = field.rate(node)
     if rate is None:
         base = _carrier(node, rates)
@@ -122,7 +127,7 @@ def _carried_along(node: Expr, field: Field, tangent: Mapping[Expr, Expr], rates
 
 
 def _carrier(node: Expr, rates: Mapping[Expr, Expr]) -> Expr | None:
-    """The part of a node whose zeros are zeros or poles of it, if its relative rate is known."""
+    """Returns the part of a node whose zeros are zeros or poles of the node, if its relative rate is known."""
     match node:
         case Mul():
             return next((c for c in node.children if c in rates), None)
@@ -135,7 +140,7 @@ def _carrier(node: Expr, rates: Mapping[Expr, Expr]) -> Expr | None:
 
 
 def _relative_rate(node: Expr, base: Expr, tangent: Mapping[Expr, Expr], rates: Mapping[Expr, Expr]) -> Expr | None:
-    """D(node)/node; None for a logarithm, whose tangent is the rate of its argument."""
+    """Returns D(node)/node; None for a logarithm, whose tangent is the rate of its argument."""
 
     def rate_of(e: Expr) -> Expr:
         return rates[e] if e in rates else ZERO if tangent[e] is ZERO else mul(tangent[e], integer_power(e, -1))
@@ -159,7 +164,10 @@ def _relative_rate(node: Expr, base: Expr, tangent: Mapping[Expr, Expr], rates: 
 
 
 def _with_open_surfaces(e: Expr, tangent: dict[Expr, Expr]) -> Expr:
-    """Surfaces whose variables are free in e belong to an integral that is still to come: their terms stand before it."""
+    """Returns the tangent of e with the terms of its open surfaces.
+
+    The variables of these surfaces are free in e and belong to an outer integral, so the terms stand before that integral.
+    """
     moving = [g for g in open_surfaces(e) if tangent[g] is not ZERO]
     terms = [mul(jump, tangent[g], delta(g)) for g, jump in surface_terms(e, moving)]
     return add(tangent[e], *terms)
@@ -177,7 +185,7 @@ def _tangent(node: Expr, direction: Direction, tangent: dict[Expr, Expr]) -> Exp
             moving = [c for c in node.children if tangent[c] is not ZERO]
             if not moving:
                 return ZERO
-            return add(*(mul(tangent[c], rest) for c, rest in zip(node.children, factor_cofactors(node), strict=True)))
+            return add(*(mul(tangent[c], cofactor) for c, cofactor in zip(node.children, factor_cofactors(node), strict=True)))
         case Pow():
             t = tangent[node.base]
             return ZERO if t is ZERO else mul(const(node.exponent), t, integer_power(node.base, node.exponent - 1))
@@ -223,7 +231,7 @@ class Transport:
         self._rates: dict[Expr, Expr] = {}
 
     def of(self, node: Integral) -> Expr | None:
-        """The derivative of an integral; None if there is no singularity that must be carried along."""
+        """Returns the derivative of an integral; None if there is no singularity that must be carried along."""
         if self._sharp is None:
             self._sharp = sharp_nodes([self._root])
         if node not in self._sharp:
@@ -251,20 +259,22 @@ class Transport:
         return find_surfaces(e, chain, self._rate, self._keys)
 
     def _parts(self, weight: Expr, chain: Chain) -> list[tuple[Expr, list[Surface]]]:
-        """Summands of an integrand, and branches of it, with the surfaces of each; those with the same surfaces stay together, and so does
-        an integrand of which a part may diverge alone."""
+        """Returns summands of an integrand, and branches of it, with the surfaces of each.
+
+        Summands with the same surfaces stay together, and so does an integrand of which a part may diverge alone.
+        """
         parts: list[tuple[Expr, list[Surface]]] = []
         stack: list[tuple[Cond, Expr]] = [(ex.TRUE, weight)]
         while stack:
             condition, e = stack.pop()
             whole, surfaces = where(condition, e, ZERO), self._surfaces(e, chain)
             pieces = e.children if isinstance(e, Add) else (e.then, e.otherwise) if isinstance(e, Where) else ()
-            found = [self._surfaces(c, chain) for c in pieces] if surfaces else []
-            if not surfaces or None in found:
+            surfaces_of = [self._surfaces(c, chain) for c in pieces] if surfaces else []
+            if not surfaces or None in surfaces_of:
                 parts.append((whole, surfaces or []))
                 continue
             groups: dict[frozenset[object], list[Expr]] = {}
-            for c, inside in zip(pieces, found, strict=True):
+            for c, inside in zip(pieces, surfaces_of, strict=True):
                 groups.setdefault(frozenset(self._keys.of(s.g) for s in inside or ()), []).append(c)
             if len(groups) < 2:
                 parts.append((whole, surfaces))
@@ -277,8 +287,8 @@ class Transport:
 
 
 def _integrands(node: Integral, sharp: Container[Node]) -> list[tuple[Chain, Expr]]:
-    """A nest as a sum of nests, each with an integrand that holds no integral with singular functions in a linear position."""
-    found: list[tuple[Chain, Expr]] = []
+    """Returns a nest as a sum of nests. No integrand holds an integral with singular functions in a linear position."""
+    nests: list[tuple[Chain, Expr]] = []
     stack: list[tuple[Expr, Chain, Expr]] = [(node, (), ex.ONE)]
     while stack:
         e, chain, factor = stack.pop()
@@ -294,12 +304,12 @@ def _integrands(node: Integral, sharp: Container[Node]) -> list[tuple[Chain, Exp
             stack.append((e.then, chain, mul(factor, where(e.condition, ex.ONE, ZERO))))
             stack.append((e.otherwise, chain, mul(factor, where(e.condition, ZERO, ex.ONE))))
         else:
-            found.append((chain, mul(factor, e)))
-    return [(chain, weight) for chain, weight in found if weight is not ZERO]
+            nests.append((chain, mul(factor, e)))
+    return [(chain, weight) for chain, weight in nests if weight is not ZERO]
 
 
 def _moved(chain: Chain, weight: Expr, field: Field, direction: Direction) -> Expr:
-    """d ∫…∫ weight, the points moving with its singularities."""
+    """Returns d ∫…∫ weight for points that move with the singularities of the weight."""
     along = {**direction, **field.velocity}
     tangent = _tangents(weight, along, field)
     mine = {b.var for b in chain}
@@ -318,12 +328,12 @@ def _moved(chain: Chain, weight: Expr, field: Field, direction: Direction) -> Ex
 
 
 def carried(node: Integral, direction: Direction) -> Expr:
-    """The derivative of an integral with deltas in it, outermost."""
+    """Returns the derivative of an outermost integral with deltas in it."""
     deltas = deltas_of(node.body)
     if node.lo.has_delta or node.hi.has_delta:
         raise DeltaError("a delta in a bound has no meaning", node)
-    rest = integral_over(without(node.body, set(deltas)), node.var, node.lo, node.hi)
-    terms = [_tangents(rest, direction)[rest]]
+    smooth = integral_over(without(node.body, set(deltas)), node.var, node.lo, node.hi)
+    terms = [_tangents(smooth, direction)[smooth]]
     for d in deltas:
         for chain, weight in linear_part(node.body, d).items():
             terms.append(_transported((Binder(node.var, node.lo, node.hi), *chain), weight, d, direction))
@@ -331,7 +341,7 @@ def carried(node: Integral, direction: Direction) -> Expr:
 
 
 def _transported(chain: Chain, weight: Expr, d: Delta, direction: Direction) -> Expr:
-    """d ∫…∫ weight·δ(g), the points moving with the surface."""
+    """Returns d ∫…∫ weight·δ(g) for points that move with the surface."""
     if weight.has_delta:
         raise DeltaError("a product of deltas must be eliminated before it can be differentiated again", mul(weight, d))
     g = d.g
@@ -345,7 +355,7 @@ def _transported(chain: Chain, weight: Expr, d: Delta, direction: Direction) -> 
         along.update(velocity)
         expansion = add(*(_divergence(u, v) for v, u in velocity.items()))
     change = add(tangent_of(weight, along), mul(weight, expansion))
-    apart = {h for h in deltas_of(change) if len(h.g.free | g.free) == 1}  # two points of one line meet for single parameter values only
+    apart = {h for h in deltas_of(change) if len(h.g.free | g.free) == 1}  # two points on one line meet for single parameter values only
     zeros = ZeroSet(g)
     together = {h for h in deltas_of(change) if zeros.annuls(peeled(h.g, partial=True))}  # a surface in another form moves with this one
     terms = [nest(mul(d, without(change, apart | together)), chain)]
@@ -360,6 +370,6 @@ def _transported(chain: Chain, weight: Expr, d: Delta, direction: Direction) -> 
 
 
 def _divergence(u: Expr, v: Var) -> Expr:
-    """∂u/∂v with the jumps of u: a surface with kinks has a velocity that jumps there."""
+    """Returns ∂u/∂v with the jumps of u: the velocity of a surface with kinks jumps there."""
     jumps = (mul(jump, slope(h, v), delta(h)) for h, jump in surface_terms(u, [h for h in open_surfaces(u) if v in h.free]))
     return add(slope(u, v), *jumps)

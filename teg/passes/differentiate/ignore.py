@@ -1,7 +1,7 @@
 """Plain automatic differentiation: every δ is dropped.
 
-What a program that discretises first and differentiates afterwards computes in the limit of many samples: the derivative between the
-discontinuities, and nothing of their motion. For comparison only.
+The result is the limit, for many samples, of discretising first and differentiating afterwards: the derivative between the
+discontinuities, without the contribution of their motion. For comparison only.
 """
 
 from __future__ import annotations
@@ -11,5 +11,5 @@ from teg.ir.expr import Expr
 
 
 def ignore_discontinuities(e: Expr) -> Expr:
-    """e with each δ replaced by 0."""
+    """Returns e with each δ replaced by 0."""
     return without(e, set(deltas_of(e)))

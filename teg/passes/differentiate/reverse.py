@@ -9,7 +9,8 @@
                                        h += w·F|ₓ₌ₕ ;  l -= w·F|ₓ₌ₗ
 
       I with a δ in it, or with singularities that move:   u += w·(its forward derivative by u), one sweep a parameter
-A leaf may be the parameters themselves: whichever cut is the smaller one is taken; a surface that an outer variable runs through is
+
+The leaves may also be the parameters themselves: the smaller of the two cuts is taken. A surface that depends on an outer variable is
 always cut at the parameters, so that its δ can be eliminated over that variable with one integral a parameter.
 """
 
@@ -52,19 +53,19 @@ Adjoints = dict[Expr, Expr]
 
 
 def gradient_of(e: Expr, wrt: Sequence[Param]) -> Tuple:
-    """The derivatives of e by each parameter, a tuple; for a tuple e, one such tuple an entry."""
+    """Returns the derivatives of e by each parameter, a tuple; for a tuple e, one such tuple an entry."""
     if isinstance(e, Tuple):
         return ex.tuple_of(*(gradient_of(entry, wrt) for entry in e.children))
     sweep = _Sweep(e, frozenset(wrt))
     adjoints = sweep.run(e, None)
-    for g, jump in surface_terms(e, [g for g in open_surfaces(e) if g in sweep.active]):  # of an integral still to come
+    for g, jump in surface_terms(e, [g for g in open_surfaces(e) if g in sweep.active]):  # surfaces of an outer integral
         for p, slope in sweep.run(g, None).items():
             adjoints[p] = add(adjoints.get(p, ZERO), mul(jump, slope, delta(g)))
     return ex.tuple_of(*(adjoints.get(p, ZERO) for p in wrt))
 
 
 class _Sweep:
-    """One gradient: which nodes depend on the parameters in question is found once."""
+    """One gradient. The nodes that depend on the chosen parameters are determined once."""
 
     def __init__(self, root: Expr, wrt: frozenset[Param]) -> None:
         self.wrt = sorted(wrt, key=lambda p: p.name)
@@ -75,7 +76,7 @@ class _Sweep:
         self.sharp = sharp_nodes([root])
 
     def run(self, e: Expr, var: Var | None) -> Adjoints:
-        """Adjoints of the leaves of e (`var` given), or of the parameters."""
+        """Returns the adjoints of the leaves of e (`var` given), or of the parameters."""
         if var is None or var not in e.free:
             return self._sweep(e, lambda node: isinstance(node, Param))
         at_leaves, at_parameters = self._leaves(e, var)
@@ -87,7 +88,7 @@ class _Sweep:
         return [c for c in value_children(node) if c in self.active]
 
     def _leaves(self, e: Expr, var: Var) -> tuple[int, int]:
-        """How many leaves, and how many parameters, stand below e."""
+        """Returns the number of leaves, and the number of parameters, below e."""
         leaves, parameters = 0, 0
         seen: set[Expr] = set()
         stack: list[tuple[Expr, bool]] = [(e, True)]
@@ -113,7 +114,7 @@ class _Sweep:
             elif node not in seen and node in self.active:
                 seen.add(node)
                 stack.append((node, True))
-                # through conditions and below leaves too: what a surface, or an inner integral, has as leaves may stand there
+                # also through conditions and below leaves: the leaves of a surface, or of an inner integral, may stand there
                 stack.extend((c, False) for c in node.children if c in self.active)
         return [n for n in order if isinstance(n, Expr)]
 
@@ -143,7 +144,7 @@ class _Sweep:
                     child = self._moving(node)[0]
                     others = [c for c in node.children if c is not child]
                     return [(child, mul(w, *others))]
-                return [(c, mul(w, rest)) for c, rest in zip(node.children, factor_cofactors(node), strict=True)]
+                return [(c, mul(w, cofactor)) for c, cofactor in zip(node.children, factor_cofactors(node), strict=True)]
             case Pow():
                 return [(node.base, mul(const(node.exponent), w, integer_power(node.base, node.exponent - 1)))]
             case Call():
@@ -167,7 +168,7 @@ class _Sweep:
                 raise AssertionError(f"unknown node {type(node).__name__}")
 
     def _transported(self, node: Integral) -> list[tuple[Expr, Expr]] | None:
-        """The derivatives of an integral with singularities that move, one forward sweep a parameter; None where there are none."""
+        """Returns the derivatives of an integral with singularities that move, one forward sweep a parameter; None if there are none."""
         if node not in self.sharp:
             return None
         moved = {p: Transport(node, {p: ONE}, self.sharp).of(node) for p in self.wrt if p in self.active}

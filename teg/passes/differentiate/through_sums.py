@@ -1,12 +1,12 @@
-"""Passes for programs with arrays and sums: those of `pipeline`, on every cell.
+"""Passes for programs with arrays and sums: those of `teg.pipeline`, on every cell.
 
-    value        comparisons of a thing with itself → sums out of integrals → indices renamed → each cell's normal form
+    value        self-comparisons → sums out of integrals → indices renamed → each cell's normal form
     derivative   … → each cell by its symbols (`pipeline.compiled_outputs`), then the chain rule through the sums
 
     d/dV of  f(Σ_k g(V[F[k]]))   =   f′(s) · Σ_k g′(V[F[k]]) · 1[V; F[k]],    s = Σ_k g(V[F[k]])
 
-The derivative of a cell by its symbols is taken once, whatever they stand for; what stands for an entry of an array is scattered, what
-stands for a sum is differentiated in its turn. Cost: one gradient a sum, as that of a scalar program of the same size.
+The derivative of a cell by its symbols is taken once, whatever they stand for. The derivative by a symbol of an entry is scattered into
+the array; the symbol of a sum is differentiated in its turn. Cost: one gradient a sum, like that of a scalar program of the same size.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ Parameter = Param | Array
 
 
 def outlined(e: Expr) -> Expr:
-    """The program with its sums outside of integrals, and canonical indices. Raises NeedsLengths."""
+    """Returns the program with its sums outside of integrals, and canonical indices. Raises NeedsLengths."""
     if not has_arrays(e):
         return e
     return rename_indices(sums_outside(without_self_comparisons(e)))
 
 
 def on_cells(e: Expr, step: Callable[[Expr], Expr]) -> Expr:
-    """A scalar pass on a scalar program, or on each cell of another."""
+    """Returns a scalar pass applied to a scalar program, or to each cell of a program with sums."""
     return cellwise(e, step) if has_arrays(e) else step(e)
 
 
 def gradient(e: Expr, wrt: Sequence[Parameter], derive: Derive) -> list[Expr]:
-    """The derivatives of an outlined expression by parameters and arrays; that by an array holds `Unit`s."""
-    found = _Gradient(e, frozenset(wrt), derive).of(e, None)
-    return [found.get(p, ZERO) for p in wrt]
+    """Returns the derivatives of an outlined expression by parameters and arrays. The derivative by an array holds `Unit`s."""
+    derivatives = _Gradient(e, frozenset(wrt), derive).of(e, None)
+    return [derivatives.get(p, ZERO) for p in wrt]
 
 
 class _Gradient:
-    """One gradient: the order of the nodes, which of them depend on the parameters, and on which indices, are found once."""
+    """One gradient. The order of the nodes, and the parameters and indices that each depends on, are determined once."""
 
     def __init__(self, root: Expr, wrt: frozenset[Parameter], derive: Derive) -> None:
         self.derive = derive
@@ -67,14 +67,17 @@ class _Gradient:
         self.done: dict[tuple[Expr, IndexVar | None], dict[Node, Expr]] = {}
 
     def of(self, e: Expr, bound: IndexVar | None) -> dict[Node, Expr]:
-        """The derivatives of the body of a sum over `bound` by each parameter and array; by the entries and sums that do not depend on
-        `bound` as such, for they are the business of the cell around. Recursion is as deep as sums stand inside each other."""
+        """Returns the derivatives of the body of a sum over `bound` by each parameter and array.
+
+        Entries and sums that do not depend on `bound` get derivatives of their own, because they belong to the cell around. The
+        recursion is as deep as sums are nested.
+        """
         if (e, bound) in self.done:
             return self.done[e, bound]
         parts = self._of_cell(e)
         result: dict[Node, Expr] = {}
         waiting = [(-self.order[leaf], leaf) for leaf in parts if isinstance(leaf, Sum)]
-        heapify(waiting)  # a sum comes before those in its body: all of its weight is known then
+        heapify(waiting)  # a sum comes before the sums in its body: its weight is then complete
         while waiting:
             _, node = heappop(waiting)
             weight = add(*parts.pop(node))
@@ -96,18 +99,18 @@ class _Gradient:
         return result
 
     def _of_cell(self, e: Expr) -> dict[Node, list[Expr]]:
-        """The derivatives of a cell by its leaves."""
+        """Returns the derivatives of a cell by its leaves."""
         symbols = Symbols()
         (cell,) = symbols.into([e])
         wanted = [s for leaf, s in symbols.of.items() if leaf in self.active]
         wanted += [n for n in postorder([cell]) if isinstance(n, Param) and n in self.wrt]
         slopes = symbols.out_of(list(self.derive(cell, wanted))) if wanted else []
-        found = {symbols.meaning.get(s, s): [slope] for s, slope in zip(wanted, slopes, strict=True) if slope is not ZERO}
-        return cast("dict[Node, list[Expr]]", found)
+        by_leaf = {symbols.meaning.get(s, s): [slope] for s, slope in zip(wanted, slopes, strict=True) if slope is not ZERO}
+        return cast("dict[Node, list[Expr]]", by_leaf)
 
 
 def tangent(e: Expr, direction: Mapping[Parameter, object], along: Along) -> Expr:
-    """The derivative of an outlined expression along a direction: numbers for parameters, arrays for arrays; deltas visible."""
+    """Returns the derivative of an outlined expression along a direction, numbers for parameters and arrays for arrays; deltas visible."""
     changes = {p: ex.as_number(d) for p, d in direction.items() if isinstance(p, Param)}
     moved = {p: _direction_of(p, d) for p, d in direction.items() if isinstance(p, Array)}
     new: dict[Node, Expr] = {}  # of sums
@@ -146,15 +149,17 @@ def _direction_of(p: Array, direction: object) -> Array:
 
 
 def parameters_and_arrays(wrt: object) -> list[Parameter]:
-    """A list of parameters and arrays as users write it: one, or several, each once."""
-    found: dict[Parameter, None] = {}
+    """Returns a user's list of parameters and arrays, one or several, each once. Raises ParameterError."""
+    chosen: dict[Parameter, None] = {}
     for p in [wrt] if isinstance(wrt, Expr | ArrayName) or not isinstance(wrt, Iterable) else wrt:
         if isinstance(p, ArrayName) and not isinstance(p, Array):
             raise ParameterError(f"{p.name} is an array of indices: nothing is differentiable by it", None, "arrays of numbers: teg.array")
         if not isinstance(p, Param | Array):
             shown = show(p, 80) if isinstance(p, Expr) else repr(p)[:80]
-            raise ParameterError(f"one differentiates by parameters and arrays, not by {shown}", None, 'teg.param("t"), teg.array("V", 2)')
-        if p in found:
+            raise ParameterError(
+                f"derivatives are taken by parameters and arrays, not by {shown}", None, 'teg.param("t"), teg.array("V", 2)'
+            )
+        if p in chosen:
             raise ParameterError(f"the parameter {p.name!r} is listed twice")
-        found[p] = None
-    return list(found)
+        chosen[p] = None
+    return list(chosen)

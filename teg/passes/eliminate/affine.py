@@ -2,16 +2,16 @@
 
     g = g₀ + Σ aᵢ·(vᵢ - lᵢ)      with g₀ the value at the corner of the box, as the user wrote it, and aᵢ = ∂g/∂vᵢ
 
-Change of variables with u = g. At run time the variable v_k with the largest |aᵢ|·extent(vᵢ) is eliminated and the others run over
-their own ranges, vᵢ = lᵢ + sᵢ·(hᵢ - lᵢ) with sᵢ in (0, 1):
+Change of variables with u = g. At run time the variable v_k with the largest |aᵢ|·extent(vᵢ) is eliminated and the others run over their
+own ranges, vᵢ = lᵢ + sᵢ·(hᵢ - lᵢ) with sᵢ in (0, 1):
 
     ∫…∫ w δ(g) dv = ∫₀¹…∫₀¹ w·Π_{i≠k}(hᵢ - lᵢ)/|a_k| · ([v_k < h_k] - [v_k < l_k]) ds
 
-All pivots share this one integral: the selection is made among the numbers that the map is made of, not among integrals. Exact also
-where a coefficient is 0 or 1e-12 and where the box is 1 × 1e-8; the selection depends on parameters only, so it has no flux.
+All pivots share this one integral: the selection is made among the numbers of the map, not among integrals. Exact also if a coefficient
+is 0 or 1e-12 and if the box is 1 × 1e-8. The selection depends on parameters only, so it has no flux.
 
-A side of a polygon whose vertices are known has a chart of its own, from vertex to vertex (`vertices.py`): there is no pivot to select, and
-other sides through its ends have nothing to cut.
+A side of a polygon whose vertices are known has a chart of its own, from vertex to vertex (`teg.passes.eliminate.vertices`): there is no
+pivot to select, and other sides through its ends clip nothing.
 """
 
 from __future__ import annotations
@@ -71,7 +71,8 @@ class Affine:
 
 
 def match_affine(g: Expr, variables: Sequence[Var]) -> Affine | None:
-    """As `match_partly_affine`, where that cannot fail at run time: g is affine in all its variables, or a slope is a number."""
+    """Returns the match of `match_partly_affine` if it cannot fail at run time: g is affine in all its variables, or a
+    slope is a number."""
     data = match_partly_affine(g, variables)
     if data is None:
         return None
@@ -80,7 +81,7 @@ def match_affine(g: Expr, variables: Sequence[Var]) -> Affine | None:
 
 
 def match_partly_affine(g: Expr, variables: Sequence[Var]) -> Affine | None:
-    """The largest set of variables, given innermost first, that g is jointly affine in, the innermost ones preferred."""
+    """Returns the largest set of variables, given innermost first, in which g is jointly affine; inner variables are preferred."""
     best: list[Var] = []
     for first in variables:
         if first not in g.free:
@@ -98,9 +99,11 @@ def match_partly_affine(g: Expr, variables: Sequence[Var]) -> Affine | None:
 
 
 def match_turning(g: Expr, variables: Sequence[Var]) -> Affine | None:
-    """As `match_partly_affine`, where g turns as further variables change but the length of its gradient does not: a rotating line. It
-    cannot degenerate there, and one of its variables is eliminated in closed form at each position; the pivot changes with the position.
-    The variables are the innermost ones, two at least."""
+    """Returns a match for a surface that turns as further variables change, with a gradient of constant length: a rotating line.
+
+    It cannot degenerate there, and one of its variables is eliminated in closed form at each position; the pivot changes with the
+    position. The variables are the innermost ones, two at least.
+    """
     data = match_partly_affine(g, variables)
     mine = [v for v in variables if v in g.free]
     if data is None or len(data.variables) < 2 or set(mine[: len(data.variables)]) != set(data.variables):
@@ -109,8 +112,10 @@ def match_turning(g: Expr, variables: Sequence[Var]) -> Affine | None:
 
 
 def _is_the_same_everywhere(e: Expr) -> bool:
-    """Whether e does not depend on its variables: judged in the field, sine and cosine of one angle as rational functions of the tangent of
-    half of it, so that sin² + cos² is 1."""
+    """Returns whether e is constant in its variables, decided in the field.
+
+    Sine and cosine of one angle are rational functions of the tangent of its half, so that sin² + cos² is 1.
+    """
     halves: dict[Expr, Param] = {}
 
     def visit(old: Node, new: Node) -> Node:
@@ -137,17 +142,17 @@ def _is_affine(g: Expr, variables: Sequence[Var]) -> bool:
 
 
 def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Expr | None:
-    """∫ over the chain (outermost first) of coefficient·δ(g), without δ; None where the ranges of the variables are not known."""
+    """Returns ∫ over the chain (outermost first) of coefficient·δ(g), without δ; None if the ranges of the variables are not known."""
     chosen = [b for b in chain if b.var in data.variables]
-    rest = tuple(b for b in chain if b.var not in data.variables)
+    others = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of(chosen)
     if ranges is not None and any(isinstance(e, Const) and math.isinf(e.data) for ends in ranges for e in ends):
-        return None  # of one variable only; with several the bounds have been made finite
-    if ranges is None or not all(free_of(e, [r.var for r in rest]) for b in chosen for e in (b.lo, b.hi)):
+        return None  # of one variable only; for several variables the bounds are finite already
+    if ranges is None or not all(free_of(e, [r.var for r in others]) for b in chosen for e in (b.lo, b.hi)):
         return None
     corner = {b.var: lo for b, (lo, _) in zip(chosen, ranges, strict=True)}
     extents = [sub(hi, lo) for lo, hi in ranges]
-    if len(chosen) == 2 and not rest:
+    if len(chosen) == 2 and not others:
         side = match_side(g, support(coefficient), (chosen[1].var, chosen[0].var))
         if side is not None:
             met = conjunction(*_meeting(g, coefficient, corner, extents))
@@ -157,40 +162,41 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     pivots = _pivot_conditions(slopes, extents)
     taken = set(coefficient.free) | set(g.free) | {v for b in chain for v in (b.var, *b.lo.free, *b.hi.free)}
     unit = [_next_unit(taken) for _ in chosen[1:]]
-    point, weight, guard = _chart(chosen, ranges, extents, slopes, g0, pivots, unit)
+    point, weight, guard = _chart(ranges, extents, slopes, g0, pivots, unit)
     at = {b.var: p for b, p in zip(chosen, point, strict=True)}
     directions = tuple(reversed([b.var for b in chosen]))
     value = mul(weight, restrict(coefficient, at, g, directions))
-    for b in rest:
+    for b in others:
         if not free_of(b.lo, at) or not free_of(b.hi, at):
-            if any(r.var in g.free for r in rest):
+            if any(r.var in g.free for r in others):
                 return None
-            rest = tuple(Binder(r.var, cast(Expr, substitute(r.lo, at)), cast(Expr, substitute(r.hi, at))) for r in rest)
+            others = tuple(Binder(r.var, cast(Expr, substitute(r.lo, at)), cast(Expr, substitute(r.hi, at))) for r in others)
             break
-    value = _inside_bounds(value, g, chosen, ranges, point, pivots, at)
-    if len(chosen) > 1 and not rest:
+    value = _inside_bounds(value, g, chosen, ranges, point, pivots)
+    if len(chosen) > 1 and not others:
         guard = conjunction(guard, *_meeting(g, coefficient, corner, extents))
     value = where(guard, value, ZERO)
-    return nest(value, (*(Binder(s, ZERO, ONE) for s in unit), *rest))
+    return nest(value, (*(Binder(s, ZERO, ONE) for s in unit), *others))
 
 
 def _between_vertices(
     g: Expr, coefficient: Expr, chosen: Sequence[Binder], ranges: Sequence[tuple[Expr, Expr]], side: Side, met: Cond
 ) -> Expr:
-    """The integral over a side of a polygon from vertex to vertex, which all bounds clip."""
+    """Returns the integral over a side of a polygon from vertex to vertex, clipped by all bounds."""
     s = fresh("s", {*coefficient.free, *g.free, *(v for b in chosen for v in (b.var, *b.lo.free, *b.hi.free))})
     inner_first = (chosen[1], chosen[0])
     at = dict(zip((b.var for b in inner_first), side.at(s), strict=True))
     value = mul(side.weight, restrict(coefficient, at, g, tuple(at)))
     for b in inner_first:
         lo, hi = (cast(Expr, substitute(e, at)) for e in (b.lo, b.hi))
-        value = signed_inside(at[b.var], lo, hi, g, b.var, (b.lo, b.hi), value)
+        value = signed_inside(at[b.var], lo, hi, g, b, value)
     first, last, two = side.reach(ranges[::-1])
     return nest(where(conjunction(two, met), Along(side, s).simplified(value), ZERO), (Binder(s, first, last),))
 
 
 def _meeting(g: Expr, coefficient: Expr, corner: dict[Var, Expr], extents: list[Expr]) -> list[Cond]:
-    """Conditions without which nothing of the surface is inside the box, or of the box inside the support: known before any chart."""
+    """Returns conditions without which no part of the surface is inside the box, or of the box inside the support:
+    known before any chart."""
     wanted = support(coefficient)
     met: list[Cond] = []
     for part in (positive(g), *(wanted.children if isinstance(wanted, And) else (wanted,))):
@@ -216,7 +222,7 @@ def _next_unit(taken: set[Var]) -> Var:
 
 
 def _pivot_conditions(slopes: list[Expr], extents: list[Expr]) -> list[Cond]:
-    """Condition k: no |aᵢ|·extentᵢ is larger than number k's, and it is the last such (the innermost). Exactly one holds."""
+    """Returns, for each k, the condition that number k has the largest |aᵢ|·extentᵢ, the innermost one if several do. Exactly one holds."""
     sizes = [_magnitude(mul(a, d)) for a, d in zip(slopes, extents, strict=True)]
     conditions: list[Cond] = []
     left: Cond = TRUE
@@ -232,7 +238,7 @@ def _magnitude(e: Expr) -> Expr:
 
 
 def _select(pivots: list[Cond], values: list[Expr]) -> Expr:
-    """values[k] where pivot k was chosen."""
+    """Returns values[k] where pivot k is chosen."""
     result = values[0]
     for condition, value in zip(pivots[1:], values[1:], strict=True):
         result = where(condition, value, result)
@@ -240,7 +246,6 @@ def _select(pivots: list[Cond], values: list[Expr]) -> Expr:
 
 
 def _chart(
-    chosen: Sequence[Binder],
     ranges: Sequence[tuple[Expr, Expr]],
     extents: list[Expr],
     slopes: list[Expr],
@@ -248,13 +253,13 @@ def _chart(
     pivots: list[Cond],
     unit: list[Var],
 ) -> tuple[list[Expr], Expr, Cond]:
-    """Each variable as a function of the unit variables, the weight, and the condition that there is a surface at all."""
-    n = len(chosen)
-    others = [[i for i in range(n) if i != k] for k in range(n)]  # per pivot
+    """Returns each variable as a function of the unit variables, the weight, and the condition that there is a surface at all."""
+    n = len(ranges)
+    others = [[i for i in range(n) if i != k] for k in range(n)]  # for each pivot
     pivot = _select(pivots, slopes)
     inverse = ex.integer_power(pivot, -1)
     offset = mul(MINUS_ONE, g0, inverse)
-    steps = [  # of the pivot's variable, per unit variable
+    steps = [  # of the pivot's variable, for each unit variable
         mul(MINUS_ONE, _select(pivots, [mul(slopes[others[k][j]], extents[others[k][j]]) for k in range(n)]), inverse)
         for j in range(len(unit))
     ]
@@ -277,20 +282,20 @@ def _inside_bounds(
     ranges: Sequence[tuple[Expr, Expr]],
     point: list[Expr],
     pivots: list[Cond],
-    at: dict[Var, Expr],
 ) -> Expr:
-    """The brackets of the eliminated variable, and of every variable whose bounds were widened to a range."""
+    """Returns the brackets of the eliminated variable, and of every variable whose bounds were widened to a range."""
+    at = {b.var: p for b, p in zip(chosen, point, strict=True)}
     widened = [i for i, (b, r) in enumerate(zip(chosen, ranges, strict=True)) if r != (b.lo, b.hi)]
     for i in widened:
         b = chosen[i]
         lo, hi = cast(Expr, substitute(b.lo, at)), cast(Expr, substitute(b.hi, at))
-        value = signed_inside(point[i], lo, hi, g, b.var, (b.lo, b.hi), value)
+        value = signed_inside(point[i], lo, hi, g, b, value)
     plain = [i for i in range(len(chosen)) if i not in widened]
     if not plain:
         return value
     if len(plain) == 1 and len(chosen) == 1:
         (b,) = chosen
-        return signed_inside(point[0], b.lo, b.hi, g, b.var, (b.lo, b.hi), value)
+        return signed_inside(point[0], b.lo, b.hi, g, b, value)
     sides: list[tuple[Cond, Cond]] = []
     for i in range(len(chosen)):
         b = chosen[i]
@@ -304,7 +309,7 @@ def _inside_bounds(
 
 
 def _select_bound(pivots: list[Cond], sides: list[tuple[Cond, Cond]], which: int) -> Cond:
-    """[v < bound] of the eliminated variable: one atom whose two sides are selected, so that it is one surface for the integrator."""
+    """Returns [v < bound] of the eliminated variable as one atom whose two sides are selected, so that the integrator has one surface."""
     conditions = [side[which] for side in sides]
     if all(isinstance(c, Compare) for c in conditions):
         atoms = [cast(Compare, c) for c in conditions]

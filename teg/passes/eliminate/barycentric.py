@@ -1,10 +1,10 @@
 """Expressions by their values at vertices: on a side of a polygon, and in a triangle.
 
-On the chart A + s·(B - A) an affine function g is (1 - s)·g(A) + s·g(B). One that is 0 at A is s·g(B), 0 at s = 0 exactly, whatever the
-angle between its line and the side; on a whole side its condition is that of the number g(B). So nothing that is nearly parallel is
-intersected, and the boundary term of a sliver is exact to rounding. In a triangle a function is Σ λₖ·g(pₖ) in the same way. What has values
-that are small fractions of 1, of what is across, or of B - A, is written so: a barycentric coordinate becomes s, 1 - s or 0, or λₖ itself,
-however the user wrote the area that it is divided by.
+On the chart A + s·(B - A) an affine function g is (1 - s)·g(A) + s·g(B). If it is 0 at A it is s·g(B), 0 at s = 0 exactly, whatever the
+angle between its line and the side; on a whole side its condition is that of the number g(B). So nearly parallel lines are never
+intersected, and the boundary term of a sliver is exact to rounding. In a triangle a function is Σ λₖ·g(pₖ) in the same way. A function
+whose values are small fractions of 1, of the area, or of B - A, is written by these: a barycentric coordinate becomes s, 1 - s or 0, or
+λₖ itself, however the user wrote the area that it is divided by.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from teg.passes.eliminate.vertices import SMALL, Plane, Side, Triangle, ratio
 
 
 class Along:
-    """Expressions on the chart of a side, of `unit` in (0, 1), with what is affine there by its values at the ends."""
+    """Expressions on the chart of a side, of `unit` in (0, 1). Affine ones are written by their values at the ends."""
 
     def __init__(self, side: Side, unit: Var) -> None:
         self.unit = unit
@@ -55,11 +55,12 @@ class Along:
         self._across = self._constant((*side.beyond, *side.before)[0])
 
     def _constant(self, e: Expr) -> int:
-        """What does not depend on the unit, in the field; 0 also where that is not known."""
+        """Returns the value in the field of an expression that does not depend on the unit; 0 also if that is not known."""
         return (self._shadow.polynomial(e) or {}).get((0,), 0)
 
     def simplified(self, e: Expr) -> Expr:
-        """The same on the open chart; on a whole side, conditions on another one through an end of it are conditions on a number."""
+        """Returns the same on the open chart. On a whole side, conditions on another side through an end of it become conditions on a
+        number."""
         return cast(Expr, rewrite([e], self._visit)[e])
 
     def _visit(self, old: Node, node: Node) -> Node:
@@ -73,7 +74,7 @@ class Along:
         return node
 
     def _ends(self, e: Expr) -> tuple[int, int] | None:
-        """The values at 0 and at 1 in the field of what is affine."""
+        """Returns the values at 0 and at 1, in the field, of an affine expression; None for others."""
         poly = self._shadow.polynomial(e)
         if poly is None or any(m[0] > 1 for m in poly):
             return None
@@ -101,7 +102,7 @@ class Along:
         if self._whole and (first is ZERO or last is ZERO):
             sign = ratio(sum(ends) % P, self._across)
             if resolution is not None and not math.isnan(sign):
-                resolution = TRUE if sign > 0 else FALSE  # of a triangle without an area all sides count, or none
+                resolution = TRUE if sign > 0 else FALSE  # for a triangle without an area all sides count, or none
             return positive(first if last is ZERO else last, old.strict, resolution, old.rivals)
         if first is last:
             return positive(first, old.strict, resolution, old.rivals)
@@ -119,7 +120,7 @@ class Along:
 
 
 class Inside:
-    """Expressions in a triangle, in its barycentric coordinates: what is affine by its values at the three points."""
+    """Expressions in a triangle, in its barycentric coordinates. Affine ones are written by their values at the three points."""
 
     def __init__(self, triangle: Triangle, variables: tuple[Var, Var], coordinates: tuple[Var, Var]) -> None:
         self._plane = Plane(variables)
@@ -134,7 +135,7 @@ class Inside:
                 self._known[cast(int, value) * small % P] = mul(const(factor), e)
 
     def simplified(self, e: Expr) -> Expr:
-        """The same where it is affine with known values; the rest stays in the variables."""
+        """Returns the expression with its affine parts of known values simplified; the other parts stay in the variables."""
         return cast(Expr, rewrite([e], self._visit)[e])
 
     def _visit(self, old: Node, node: Node) -> Node:

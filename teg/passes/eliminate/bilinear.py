@@ -3,17 +3,18 @@ bilinearly interpolated values.
 
     g = g₀ + b·(x - l) + c·(y - m) + d·(x - l)(y - m),   E = b·c - d·g₀        on g = 0:  g_x·g_y = E
 
-Two charts: x is eliminated where |g_x|·X >= κ·|g_y|·Y, X and Y being the extents, and y elsewhere. On the curve the first is
-g_x² >= κ·|E|·Y/X, a condition on y alone, and the second g_y² > |E|·X/(κ·Y), one on x alone: each is two affine atoms, and they are
-complementary on the curve, so that their fluxes cancel in higher derivatives. κ is near 1, but no number that a user's coefficients have
-for a ratio: where the charts are equally good all along a curve that is nearly a line, the border between them is lost in rounding.
-Neither chart sees a denominator much below √(|E|·Y/X), and at the saddle value, E = 0, where the curve becomes two lines, each chart has
-one of them whole.
+Two charts: x is eliminated where |g_x|·X >= κ·|g_y|·Y, X and Y being the extents, and y elsewhere. On the curve the first is g_x² >=
+κ·|E|·Y/X, a condition on y alone, and the second g_y² > |E|·X/(κ·Y), one on x alone. Each is two affine atoms, and they are
+complementary on the curve, so that their fluxes cancel in higher derivatives. κ is near 1, but not a ratio that a user's coefficients
+would have: if the charts are equally good all along a curve that is nearly a line, the border between them is lost in rounding. Neither
+chart has a denominator much below √(|E|·Y/X), and at the saddle value, E = 0, where the curve becomes two lines, each chart has one of
+them whole.
 
-If g_x at the ends of y's range is r and s with r·s >= EVEN·(r² + s²), the denominator is of one size everywhere, and the first chart takes
-the whole curve; else, if this is so of g_y at the ends of x's range, the second one does. Most pixels have one chart then.
+If g_x at the ends of y's range is r and s with r·s >= EVEN·(r² + s²), the denominator is of one size everywhere, and the first chart
+takes the whole curve. Else, if this is so of g_y at the ends of x's range, the second one does. Most pixels have one chart then.
 
-A polynomial along the curve in a box needs no chart where derivatives end: its moments have a closed form (`hyperbola.py`).
+A polynomial along the curve in a box needs no chart if it is not differentiated again: its moments have a closed form
+(`teg.passes.intrinsics.hyperbola`).
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from teg.ir.traverse import substitute
 ODDS = 1.3706
 """κ."""
 EVEN = 0.02
-"""Slopes within a factor of 50 of each other."""
+"""Slopes within a factor of 50 of each other count as even."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Bilinear:
 
 
 def match_bilinear(g: Expr, variables: Sequence[Var]) -> Bilinear | None:
-    """Two variables, given innermost first, with a mixed term and no squares."""
+    """Returns two variables, given innermost first, with a mixed term and no squares; None for other surfaces."""
     mine = [v for v in variables if v in g.free]
     if len(mine) != 2:
         return None
@@ -60,27 +61,28 @@ def match_bilinear(g: Expr, variables: Sequence[Var]) -> Bilinear | None:
 
 
 def rewrite_bilinear(g: Expr, coefficient: Expr, chain: Chain, data: Bilinear) -> Expr | None:
-    """∫∫ coefficient·δ(g): the two charts. None where the range of one variable is not known."""
+    """Returns ∫∫ coefficient·δ(g) by the two charts. None if the range of one variable is not known."""
     outer, inner = (b for b in chain if b.var in data.variables)
-    rest = tuple(b for b in chain if b.var not in data.variables)
+    outside = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of((outer, inner))
-    if ranges is None or not all(free_of(e, data.variables) for b in rest for e in (b.lo, b.hi)):
+    if ranges is None or not all(free_of(e, data.variables) for b in outside for e in (b.lo, b.hi)):
         return None
-    if not all(free_of(e, [b.var for b in rest]) for c in (outer, inner) for e in (c.lo, c.hi)):
+    if not all(free_of(e, [b.var for b in outside]) for c in (outer, inner) for e in (c.lo, c.hi)):
         return None
     boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip((outer, inner), ranges, strict=True)]
-    invariant = _invariant(g, boxes)
+    curve = _Curve(g, coefficient, (outer, inner), tuple(boxes), _invariant(g, boxes), outside)
     first, second = (_is_even(g, boxes[pivot], boxes[1 - pivot]) for pivot in (1, 0))
     total = []
     for pivot, mine, others in ((1, first, conjunction(negation(first), second)), (0, conjunction(negation(first), second), first)):
-        total.append(_chart(g, coefficient, (outer, inner), boxes, pivot, mine, others, invariant, rest))
-    if not rest:
+        total.append(_chart(curve, pivot, mine, others))
+    if not outside:
         total.append(infinite_at_saddle(g, coefficient, boxes))
     return add(*total)
 
 
 def _is_even(g: Expr, box: Binder, stay: Binder) -> Cond:
-    """Whether the slope along one variable is of one size for all values of the other one; not asked where that depends on variables."""
+    """Returns whether the slope along one variable is of one size for all values of the other one. FALSE if it depends
+    on outer variables."""
     rate = slope(g, box.var)
     low, high = (cast(Expr, substitute(rate, {box.var: box.lo, stay.var: end})) for end in (stay.lo, stay.hi))
     squares = add(ex.integer_power(low, 2), ex.integer_power(high, 2))
@@ -93,7 +95,8 @@ def _extent(b: Binder) -> Expr:
 
 
 def _invariant(g: Expr, boxes: Sequence[Binder]) -> Expr:
-    """|E| = |g_x·g_y - g_xy·g|, the same everywhere; not below its rounding error: so near the crossing of two lines a root is noise."""
+    """Returns |E| = |g_x·g_y - g_xy·g|, the same everywhere, and at least its rounding error: so near the crossing of two lines a root is
+    noise."""
     x, y = boxes[0].var, boxes[1].var
     gx, gy = slope(g, x), slope(g, y)
     corner = {b.var: b.lo for b in boxes}
@@ -103,32 +106,42 @@ def _invariant(g: Expr, boxes: Sequence[Binder]) -> Expr:
     return where(positive(sub(exact, noise)), exact, noise)
 
 
-def _chart(
-    g: Expr,
-    coefficient: Expr,
-    binders: tuple[Binder, Binder],
-    boxes: Sequence[Binder],
-    pivot: int,
-    whole: Cond,
-    nothing: Cond,
-    invariant: Expr,
-    rest: Chain,
-) -> Expr:
-    """The part of the curve where `pivot` is eliminated; the other variable stays. It may be the whole, or nothing."""
+@dataclass(frozen=True)
+class _Curve:
+    """A curve g = 0 with the coefficient of its δ, in the integrals `binders` (outer, inner).
+
+    `boxes` are these integrals with bounds that do not depend on each other, `invariant` is |E|, `others` are the other integrals of the
+    chain.
+    """
+
+    g: Expr
+    coefficient: Expr
+    binders: tuple[Binder, Binder]
+    boxes: tuple[Binder, ...]
+    invariant: Expr
+    others: Chain
+
+
+def _chart(curve: _Curve, pivot: int, whole: Cond, nothing: Cond) -> Expr:
+    """Returns the part of the curve where variable number `pivot` is eliminated and the other one stays.
+
+    It is the whole curve where `whole` holds, and empty where `nothing` does.
+    """
+    g, binders, boxes = curve.g, curve.binders, curve.boxes
     b, box, stay = binders[pivot], boxes[pivot], boxes[1 - pivot]
     origin = {b.var: box.lo}
     rate = cast(Expr, substitute(slope(g, b.var), origin))
     root = sub(box.lo, div(cast(Expr, substitute(g, origin)), rate))
     odds = const(ODDS if pivot else 1 / ODDS)
-    least = where(whole, ZERO, call("sqrt", mul(invariant, odds, div(_extent(stay), _extent(box)))))
+    least = where(whole, ZERO, call("sqrt", mul(curve.invariant, odds, div(_extent(stay), _extent(box)))))
     strict = pivot == 0
     steep: Cond = disjunction(positive(sub(rate, least), strict), positive(sub(mul(ex.MINUS_ONE, rate), least), strict))
     at = {b.var: root}
-    value = mul(restrict(coefficient, at, g, (binders[1].var, binders[0].var)), ex.integer_power(call("magnitude", rate), -1))
+    value = mul(restrict(curve.coefficient, at, g, (binders[1].var, binders[0].var)), ex.integer_power(call("magnitude", rate), -1))
     point: dict[Var, Expr] = {b.var: root, stay.var: stay.var}
     for c, limits in zip(binders, boxes, strict=True):
         if c is b or (limits.lo, limits.hi) != (c.lo, c.hi):
             lo, hi = (cast(Expr, substitute(e, at)) for e in (c.lo, c.hi))
-            value = signed_inside(point[c.var], lo, hi, g, c.var, (c.lo, c.hi), value)
+            value = signed_inside(point[c.var], lo, hi, g, c, value)
     value = where(conjunction(negation(nothing), steep), value, ZERO)
-    return nest(value, (Binder(stay.var, stay.lo, stay.hi), *rest))
+    return nest(value, (Binder(stay.var, stay.lo, stay.hi), *curve.others))

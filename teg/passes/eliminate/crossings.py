@@ -5,7 +5,7 @@ extents of the box, and y elsewhere. Each root of g is a branch of its chart:
 
     ∫∫ w δ(g) dx dy = ∫ dy Σᵢ [root i exists][|g_x|X >= |g_y|Y] w/|g_x| · ([xᵢ < h] - [xᵢ < l])  +  the same with x and y exchanged, and >
 
-All brackets are evaluated on the curve; where w holds another δ there is nothing to integrate, and the border of the charts costs nothing.
+All brackets are evaluated on the curve. If w holds another δ nothing is integrated, and the border of the charts costs nothing.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Curve:
 
 
 def match_curve(g: Expr, variables: Sequence[Var]) -> Curve | None:
-    """The two innermost variables of a surface, if it can be solved for both."""
+    """Returns the two innermost variables of a surface, if it can be solved for both; else None."""
     mine = [v for v in variables if v in g.free][:2]
     if len(mine) != 2:
         return None
@@ -49,13 +49,13 @@ def match_curve(g: Expr, variables: Sequence[Var]) -> Curve | None:
 
 
 def rewrite_curve(g: Expr, coefficient: Expr, chain: Chain, data: Curve) -> Expr | None:
-    """∫∫ coefficient·δ(g): both charts. None where the range of one variable is not known."""
+    """Returns ∫∫ coefficient·δ(g) by both charts. None if the range of one variable is not known."""
     outer, inner = (b for b in chain if b.var in data.variables)
-    rest = tuple(b for b in chain if b.var not in data.variables)
+    others = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of((outer, inner))
-    if ranges is None or not all(free_of(e, data.variables) for b in rest for e in (b.lo, b.hi)):
+    if ranges is None or not all(free_of(e, data.variables) for b in others for e in (b.lo, b.hi)):
         return None
-    if not all(free_of(e, [b.var for b in rest]) for c in (outer, inner) for e in (c.lo, c.hi)):
+    if not all(free_of(e, [b.var for b in others]) for c in (outer, inner) for e in (c.lo, c.hi)):
         return None
     boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip((outer, inner), ranges, strict=True)]
     total: list[Expr] = []
@@ -65,12 +65,12 @@ def rewrite_curve(g: Expr, coefficient: Expr, chain: Chain, data: Curve) -> Expr
         if roots is None or not roots.certain:
             return None
         branches = [_branch(g, coefficient, (outer, inner), boxes, pivot, root) for root in roots.found]
-        total.append(nest(add(*branches), (boxes[other], *rest)))
+        total.append(nest(add(*branches), (boxes[other], *others)))
     return add(*total)
 
 
 def _branch(g: Expr, coefficient: Expr, binders: tuple[Binder, Binder], boxes: Sequence[Binder], pivot: int, root: Root) -> Expr:
-    """One root of one chart, under the integral over the variable that stays."""
+    """Returns one root of one chart, under the integral over the variable that stays."""
     b, stay = binders[pivot], boxes[1 - pivot]
     at = {b.var: root.point}
     rate, across = (_simplest(cast(Expr, substitute(slope(g, v), at))) for v in (b.var, stay.var))
@@ -79,20 +79,20 @@ def _branch(g: Expr, coefficient: Expr, binders: tuple[Binder, Binder], boxes: S
     for c, limits in zip(binders, boxes, strict=True):
         if c is b or (limits.lo, limits.hi) != (c.lo, c.hi):
             lo, hi = (cast(Expr, substitute(e, at)) for e in (c.lo, c.hi))
-            value = signed_inside(point[c.var], lo, hi, g, c.var, (c.lo, c.hi), value)
+            value = signed_inside(point[c.var], lo, hi, g, c, value)
     steep = _steeper(rate, boxes[pivot], across, stay, strict=pivot == 0)
     return where(conjunction(root.exists, steep), value, ZERO)
 
 
 def _steeper(rate: Expr, box: Binder, across: Expr, stay: Binder, strict: bool) -> Cond:
-    """|rate|·extent >= |across|·extent, as squares, which have no kinks."""
+    """Returns |rate|·extent >= |across|·extent, as squares, which have no kinks."""
     left = integer_power(mul(rate, sub(box.hi, box.lo)), 2)
     right = integer_power(mul(across, sub(stay.hi, stay.lo)), 2)
     return positive(_simplest(sub(left, right)), strict)
 
 
 def _simplest(e: Expr) -> Expr:
-    """Normal forms until nothing changes: squaring a square root can make terms cancel."""
+    """Returns the normal form, repeated until nothing changes: squaring a square root can make terms cancel."""
     for _ in range(3):
         shorter = tidy(e)
         if shorter is e:

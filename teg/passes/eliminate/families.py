@@ -1,21 +1,23 @@
-"""Elimination of δ: an ordered list of families, each of which brings a δ to one variable and sifts it.
+"""Elimination of δ: an ordered list of families, each of which reduces a δ to one variable and sifts it.
 
     ∫ₗʰ w(x) δ(g(x)) dx = Σ_{roots x* of g} w(x*)/|g′(x*)| · ([x* < h] - [x* < l])
 
 The signed difference is right for reversed bounds and for bounds that cross inside an outer domain. A family is a file with a
 `match_<family>(g, variables)`, which returns data or None, and a `rewrite_<family>(g, coefficient, chain, data)`, which returns the
-sifted integral. The first family of the list that matches is taken. A δ that outer variables run through is eliminated at the outermost
-of the integrals that take part, its outer factors pushed inside.
+sifted integral. The first family of the list that matches is taken. A δ that depends on outer variables is eliminated at the outermost
+of the integrals that take part; outer factors are moved inside.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.polynomial import Shadow
+from teg.analysis.remarks import Remarks
 from teg.analysis.sift import deltas_of, linear_part, without
 from teg.errors import DeltaError, NoReparameterisationError
 from teg.ir.expr import ZERO, Cond, Const, Expr, Mul, Var, Where, add, conjunction, mul, where
@@ -30,11 +32,12 @@ from teg.passes.eliminate.implicit import match_implicit, rewrite_implicit
 from teg.passes.eliminate.mapped import user_families
 from teg.passes.eliminate.steep import Graph, match_steep, rewrite_steep
 from teg.passes.eliminate.univariate import match_solvable, rewrite_solvable
-from teg.passes.intrinsics.hyperbola.match import border_of
 
 Match = Callable[[Expr, Sequence[Var]], Any]
 Rewrite = Callable[[Expr, Expr, tuple[Binder, ...], Any], Expr | None]
 
+Closed = Callable[[Expr, Expr, Chain, Any], Expr | None]
+"""∫∫ coefficient·δ(g) in closed form, from g, the coefficient, the chain and the data of the family; None if there is none."""
 Families = tuple[tuple[Match, Rewrite], ...]
 
 FORMULAS: Families = (
@@ -49,38 +52,66 @@ FAMILIES: Families = (
 )
 
 
-def rewrite_closed(g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
-    """A bilinear surface's boundary term in closed form, where there is one and it is not differentiated again; else its charts."""
-    closed = border_of(g, coefficient, chain)
-    return rewrite_bilinear(g, coefficient, chain, data) if closed is None else closed
+FIRST = "the first family that matches"
+STEEP = "the graph is steep somewhere"
+CURVED = "in one variable only, as the bounds are curved"
+CARRIED = "carried along, as it is differentiated again"
 
 
-def closing(families: Families) -> Families:
-    """The families for boundary terms that are not differentiated again: some of their charts would be hard to differentiate."""
+def noted(form: Closed, name: str, remarks: Remarks) -> Closed:
+    """Returns the same closed form, which tells `remarks` when it is taken."""
+
+    def taken(g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
+        term = form(g, coefficient, chain, data)
+        if term is not None:
+            remarks.add("eliminate", g, name, "a boundary term in closed form, which is not differentiated again")
+        return term
+
+    return taken
+
+
+def closing(families: Families, closed: Sequence[Closed]) -> Families:
+    """Returns the families for boundary terms that are not differentiated again: some of their charts would be hard to differentiate.
+
+    `closed` are closed forms that are tried before the charts of a family.
+    """
     last: list[tuple[Match, Rewrite]] = []
     for match, rewrite in families:
         if match is match_implicit:
             last.append((match_turning, rewrite_affine))
-        last.append((match, rewrite_closed if rewrite is rewrite_bilinear else rewrite))
+        last.append((match, partial(_rewrite_closed, closed, rewrite)))
     return tuple(last)
 
 
+def _rewrite_closed(closed: Sequence[Closed], rewrite: Rewrite, g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
+    """A boundary term in closed form, where there is one; else in the charts of its family."""
+    for form in closed:
+        term = form(g, coefficient, chain, data)
+        if term is not None:
+            return term
+    return rewrite(g, coefficient, chain, data)
+
+
 def families_with(maps: Sequence[Diffeomorphism]) -> Families:
-    """The families with a user's maps among them: first for surfaces that depend on one new variable, then where they lead to a formula
-    and there is none without them, last for what no family knows."""
+    """Returns the families with a user's maps among them.
+
+    A map comes first for surfaces that depend on one new variable, then where it leads to a formula and there is none without it, last
+    for surfaces that no other family matches.
+    """
     if not checked_maps(maps):
         return FAMILIES
     alone, formulas, others = (user_families(maps, f, a) for f, a in ((FAMILIES, True), (FORMULAS, False), (FAMILIES, False)))
     return (*alone, *FORMULAS, *formulas, *FAMILIES[len(FORMULAS) :], *others)
 
 
-def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families = FAMILIES) -> Expr:
-    """The program without δ. Raises NoReparameterisationError for a surface that no family reduces, DeltaError for a δ out of place.
+def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families = FAMILIES, remarks: Remarks | None = None) -> Expr:
+    """Returns the program without δ. Raises NoReparameterisationError for a surface that no family reduces, DeltaError for a misplaced δ.
 
-    `keep_moving` leaves those deltas in the program that are carried along when it is differentiated again.
+    `keep_moving` leaves those deltas in the program that are carried along when it is differentiated again. `remarks` are told which
+    family each surface has.
     """
-    while root.has_delta:  # a product of deltas loses one a round
-        round_ = _Elimination(cast(Expr, rename_apart(root)), keep_moving, families)
+    while root.has_delta:  # a product of deltas loses one factor in each round
+        round_ = _Elimination(cast(Expr, rename_apart(root)), keep_moving, families, Remarks() if remarks is None else remarks)
         reduced = round_.run()
         if reduced is root and round_.kept:
             break
@@ -93,7 +124,10 @@ def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families =
 
 
 def without_steep_graphs(g: Expr, data: Any, boxes: Sequence[Binder]) -> tuple[Any, Rewrite] | None:
-    """The family that replaces a graph where it is steep, `boxes` being the integrals over the variables of g, outermost first; or None."""
+    """Returns the family that replaces a graph where it is steep; or None.
+
+    `boxes` are the integrals over the variables of g, outermost first.
+    """
     if not isinstance(data, Affine) or len(data.variables) == len(boxes) or not any(isinstance(slope(g, v), Const) for v in data.variables):
         return None
     steep = match_steep(g, data, boxes)
@@ -101,7 +135,7 @@ def without_steep_graphs(g: Expr, data: Any, boxes: Sequence[Binder]) -> tuple[A
 
 
 def find_family(g: Expr, variables: Sequence[Var], families: Families = FAMILIES) -> tuple[Any, Rewrite] | None:
-    """The first family that matches a surface: its data and its rewriting."""
+    """Returns the first family that matches a surface: its data and its rewriting."""
     for match, rewrite in families:
         data = match(g, variables)
         if data is not None:
@@ -110,16 +144,17 @@ def find_family(g: Expr, variables: Sequence[Var], families: Families = FAMILIES
 
 
 class _Elimination:
-    """One program: its variables from the innermost outwards, and what was decided for each surface."""
+    """One program: its variables from the innermost outwards, and the decision for each surface."""
 
-    def __init__(self, root: Expr, keep_moving: bool, families: Families) -> None:
-        self.root = root
+    def __init__(self, root: Expr, keep_moving: bool, families: Families, remarks: Remarks) -> None:
+        self.root, self.remarks = root, remarks
         self.families = families
         self.keep_moving = keep_moving
         self.kept = False
         self.binders = {n.var: Binder(n.var, n.lo, n.hi) for n in postorder([root]) if isinstance(n, Integral)}
         self.variables = list(self.binders)
         self.decisions: dict[Expr, tuple[Any, Rewrite]] = {}
+        self.reasons: dict[Expr, str] = {}  # of a decision that is not the first family that matches
         self.sifted: dict[tuple[Delta, Expr, Chain], Expr] = {}
 
     def run(self) -> Expr:
@@ -141,18 +176,19 @@ class _Elimination:
                     g,
                     "it needs a variable of integration",
                 )
-            found = find_family(g, mine, self.families)
-            if found is None:
+            family = find_family(g, mine, self.families)
+            if family is None:
                 raise NoReparameterisationError(
                     f"no reparameterisation is known for the surface {_describe(g, mine)}",
                     g,
                     "its value, and derivatives that do not move it, work. Moving it needs a formula for one variable: write the condition "
                     "so that a variable stands alone, y < f(x, t), or without an integral over its own variable",
                 )
-            steep = without_steep_graphs(g, found[0], [self.binders[v] for v in reversed(mine)])
+            steep = without_steep_graphs(g, family[0], [self.binders[v] for v in reversed(mine)])
             if steep is not None and not (self.keep_moving and isinstance(steep[0], Graph)):
-                found = steep
-            self.decisions[g] = found
+                family = steep
+                self.reasons[g] = STEEP
+            self.decisions[g] = family
         return self.decisions[g]
 
     def _integral(self, node: Integral) -> Expr:
@@ -163,13 +199,15 @@ class _Elimination:
             if x in data.variables and not any(v in node.free for v in data.variables):
                 self.kept |= self.keep_moving and data.moves
                 ready.append((d, data, rewrite))
-        ready.sort(key=lambda r: r[1].moves)  # of a product of deltas the one with a formula goes first
+        ready.sort(key=lambda r: r[1].moves)  # in a product of deltas the one with a formula goes first
         if not any(not self._is_kept(node.body, d, data) for d, data, _ in ready):
+            for d, data, _ in ready:
+                self.remarks.add("eliminate", d.g, data.name, CARRIED)
             return node
         terms: list[Expr] = []
-        rest = node.body
+        body = node.body
         for d, data, rewrite in ready:  # a product of two deltas goes with the first one
-            for chain, coefficient in linear_part(rest, d).items():
+            for chain, coefficient in linear_part(body, d).items():
                 whole = (Binder(x, node.lo, node.hi), *chain)
                 others = deltas_of(coefficient) if data.moves else []
                 for other in others:
@@ -178,35 +216,37 @@ class _Elimination:
                 coefficient = without(coefficient, set(others))
                 if self.keep_moving and data.moves:
                     terms.append(nest(mul(d, coefficient), whole))
+                    self.remarks.add("eliminate", d.g, data.name, CARRIED)
                 elif coefficient is not ZERO:
                     factor, weight = _apart(coefficient, {b.var for b in whole})
                     if (d, weight, whole) not in self.sifted:  # the derivatives by many parameters differ in the factor only
                         self.sifted[d, weight, whole] = self._sifted(d, weight, whole, data, rewrite)
                     terms.append(mul(factor, self.sifted[d, weight, whole]))
-            rest = without(rest, {d})
-        return add(integral_over(rest, x, node.lo, node.hi), *terms)
+            body = without(body, {d})
+        return add(integral_over(body, x, node.lo, node.hi), *terms)
 
     def _is_kept(self, body: Expr, d: Delta, data: Any) -> bool:
-        """A δ that is to be carried along, and not multiplied with another one."""
+        """Returns whether a δ is to be carried along, and is not multiplied with another one."""
         return self.keep_moving and data.moves and not any(k.has_delta for k in linear_part(body, d).values())
 
     def _sifted(self, d: Delta, coefficient: Expr, chain: tuple[Binder, ...], data: Any, rewrite: Rewrite) -> Expr:
         for other in deltas_of(coefficient):
             if other.g.free <= set(data.variables) and len(data.variables) == 1:
                 raise DeltaError("a product of two deltas of one variable has no meaning", mul(d, other))
-        result = rewrite(d.g, coefficient, chain, data)
+        result, reason = rewrite(d.g, coefficient, chain, data), self.reasons.get(d.g, FIRST)
         if result is None:
-            result = self._innermost(d.g, coefficient, chain)
+            result, reason = self._innermost(d.g, coefficient, chain), CURVED
         if result is None:
             raise NoReparameterisationError(
                 f"the δ on {d.g} cannot be brought to one variable inside these bounds",
                 d.g,
                 "use bounds that are affine in the outer variables",
             )
+        self.remarks.add("eliminate", d.g, data.name, reason)
         return result
 
     def _crossing(self, d: Delta, other: Delta, coefficient: Expr, chain: Chain) -> Expr:
-        """Where two curves cross: one of them is solved for a variable by a formula, then the other has one variable only."""
+        """Returns the term where two curves cross: one is solved for a variable by a formula, then the other has one variable only."""
         mine = [b.var for b in reversed(chain)]
         for first, second in ((d, other), (other, d)):
             data = match_curve(first.g, mine)
@@ -220,7 +260,8 @@ class _Elimination:
         )
 
     def _innermost(self, g: Expr, coefficient: Expr, chain: tuple[Binder, ...]) -> Expr | None:
-        """Where the joint change of variables is not possible in these bounds: one variable alone, the innermost that will do."""
+        """Returns the elimination of one variable alone, the innermost possible, if these bounds do not allow the joint change of
+        variables."""
         for i in range(len(chain) - 1, -1, -1):
             for match, rewrite in self.families if chain[i].var in g.free else ():
                 data = match(g, [chain[i].var])
@@ -234,15 +275,15 @@ class _Elimination:
 
 
 def _apart(coefficient: Expr, variables: set[Var]) -> tuple[Expr, Expr]:
-    """A coefficient as a factor that none of the variables runs through, and the rest, its conditions included."""
+    """Returns a factor of a coefficient that depends on none of the variables, and the other factor, which includes the conditions."""
     conditions: list[Cond] = []
     while isinstance(coefficient, Where) and coefficient.otherwise is ZERO:
         conditions.append(coefficient.condition)
         coefficient = coefficient.then
     factors = coefficient.children if isinstance(coefficient, Mul) else (coefficient,)
     outside = [f for f in factors if f.free.isdisjoint(variables) and not f.has_delta and not isinstance(f, Const)]
-    rest = mul(*(f for f in factors if f not in outside))
-    return mul(*outside), where(conjunction(*conditions), rest, ZERO)
+    inside = mul(*(f for f in factors if f not in outside))
+    return mul(*outside), where(conjunction(*conditions), inside, ZERO)
 
 
 def _describe(g: Expr, variables: Sequence[Var]) -> str:

@@ -2,9 +2,10 @@
 
     ∫…∫ w δ(g) dx₁…dxₙ  =  Σᵢ ∫…∫ dxⱼ (j ≠ i)  Σ_{xᵢ : g = 0}  w·φᵢ/|gᵢ|·[inside],        φᵢ = (gᵢXᵢ)⁴ / Σⱼ (gⱼXⱼ)⁴
 
-one chart a variable, with gᵢ = ∂g/∂xᵢ and Xᵢ the extent of the box. The weights φ are a partition of unity that vanishes, with the factor
-1/|gᵢ|, where the surface turns back in xᵢ: no chart has a border, and no integrand a pole. The roots are isolated at run time. The sums
-over roots are `PointMasses`; they are not differentiated again: a further derivative carries the δ itself along (`differentiate.py`).
+one chart a variable, with gᵢ = ∂g/∂xᵢ and Xᵢ the extent of the box. The weights φ are a partition of unity that vanishes, with the
+factor 1/|gᵢ|, where the surface turns back in xᵢ: no chart has a border, and no integrand a pole. The roots are isolated at run time.
+The sums over roots are `PointMasses`; they are not differentiated again: a further derivative carries the δ itself along
+(`teg.passes.differentiate.forward`).
 Source: the coarea formula; Saye 2022, section 3, for charts by the dominant slope, which have borders instead.
 """
 
@@ -42,7 +43,7 @@ from teg.ir.traverse import rebuild, replace_node
 
 MAX_CHARTS = 3
 APART = 2.0**-45
-"""How far from its critical value, in parts of its values on the box, a surface is taken where that is 0 to rounding."""
+"""The distance from its critical value, relative to its values on the box, at which a surface is taken if that value is 0 to rounding."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Implicit:
 
 
 def match_implicit(g: Expr, variables: Sequence[Var]) -> Implicit | None:
-    """The innermost variables, three at most, if the surface is smooth in all of them."""
+    """Returns the innermost variables, three at most, if the surface is smooth in all of them; else None."""
     mine = [v for v in variables if v in g.free][:MAX_CHARTS]
     if not mine or any(isolate(g, v) is None for v in mine):
         return None
@@ -65,13 +66,13 @@ def match_implicit(g: Expr, variables: Sequence[Var]) -> Implicit | None:
 
 
 def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit) -> Expr | None:
-    """Every chart of the surface. None where the range of a variable is not known."""
+    """Returns the sum over the charts of the surface. None if the range of a variable is not known."""
     mine = tuple(b for b in chain if b.var in data.variables)
-    rest = tuple(b for b in chain if b.var not in data.variables)
+    others = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of(mine)
-    if ranges is None or not all(free_of(e, data.variables) for b in rest for e in (b.lo, b.hi)):
+    if ranges is None or not all(free_of(e, data.variables) for b in others for e in (b.lo, b.hi)):
         return None
-    if not all(free_of(e, [b.var for b in rest]) for b in mine for e in (b.lo, b.hi)):
+    if not all(free_of(e, [b.var for b in others]) for b in mine for e in (b.lo, b.hi)):
         return None
     try:
         slopes = [slope(g, b.var) for b in mine]
@@ -87,10 +88,10 @@ def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit) -
         inside = mul(masses, weights[i], value)
         for b, limits in zip(mine, boxes, strict=True):
             if b.var is box.var or (limits.lo, limits.hi) != (b.lo, b.hi):
-                inside = signed_inside(b.var, b.lo, b.hi, g, b.var, (b.lo, b.hi), inside)
+                inside = signed_inside(b.var, b.lo, b.hi, g, b, inside)
         summed = integral_over(inside, box.var, *widened(box.lo, box.hi))
-        charts.append(nest(summed, (*(b for b in boxes if b is not box), *rest)))
-    if not rest:
+        charts.append(nest(summed, (*(b for b in boxes if b is not box), *others)))
+    if not others:
         charts.append(infinite_at_saddle(g, coefficient, boxes))
     return add(*charts)
 
@@ -111,7 +112,7 @@ def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder]) -> list[Expr
 
 
 def with_deltas(root: Expr) -> Expr:
-    """The program with δ(g)·|g′| for every sum over roots, so that it can be differentiated."""
+    """Returns the program with δ(g)·|g′| for every sum over roots, so that it can be differentiated."""
     new: dict[Node, Node] = {}
     for node in postorder([root]):
         result = rebuild(node, tuple([new[c] for c in node.children]))
@@ -124,8 +125,10 @@ def with_deltas(root: Expr) -> Expr:
 
 
 def _apart_from_birth(g: Expr, boxes: Sequence[Binder]) -> Expr:
-    """A quadric whose critical value is 0 to rounding, inside the box, is moved off it, to one side in each order of the tie: there a
-    region is born (a disk of radius 0), the derivative is that of neither side, and the mean is taken."""
+    """Returns a quadric moved off its critical value if that is 0 to rounding inside the box, to one side in each order of the tie.
+
+    A region is born there (a disk of radius 0), the derivative is that of neither side, and the mean is taken.
+    """
     critical = critical_point(g, boxes)
     if critical is None:
         return g

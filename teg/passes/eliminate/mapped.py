@@ -1,9 +1,9 @@
-"""Changes of variables by maps that the user gives: of whole integrals, and of the deltas that become simpler by one.
+"""Changes of variables by maps that the user gives: of whole integrals, and of the deltas that a map makes simpler.
 
     ∫…∫ F(x) dx  =  ∫…∫ F(x(u))·|J| du      over the image of the bounds (`teg.maps.images`)
 
-and with F = w·δ(g) the surface is g∘x: where that depends on one new variable alone, or can be solved for one, another family sifts it
-there. A map is tried both ways: the surfaces of a program that is written in the new variables are brought back to the old ones.
+and with F = w·δ(g) the surface is g∘x. If that depends on one new variable alone, or can be solved for one, another family sifts it
+there. A map is tried in both directions: the surfaces of a program that is written in the new variables are mapped back to the old ones.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Mapped:
     variables: tuple[Var, ...]  # the old ones, outermost first
     map: Diffeomorphism
     families: tuple[Family, ...]
-    inner: Any  # what that family knows
+    inner: Any  # the data of that family's match
 
     @property
     def name(self) -> str:
@@ -77,36 +77,39 @@ class Mapped:
 
 
 def user_families(maps: Sequence[Diffeomorphism], families: Sequence[Family], alone: bool) -> tuple[Family, ...]:
-    """One family a map and direction. `alone`: for surfaces that depend on one new variable; others need a family among `families`."""
+    """Returns one family for each map and direction.
+
+    `alone`: for surfaces that depend on one new variable; others need a family among `families`.
+    """
     both = [way for m in maps for way in (m, m.inverse_map())]
     return tuple((partial(match_user, m=m, families=tuple(families), alone=alone), rewrite_user) for m in both)
 
 
 def match_user(g: Expr, variables: Sequence[Var], m: Diffeomorphism, families: tuple[Family, ...], alone: bool) -> Mapped | None:
-    """A surface through all old variables that is simpler, or that one of the families knows, in the new variables."""
+    """Returns a match for a surface of all old variables that is simpler, or that one of the families matches, in the new variables."""
     if not set(m.old) <= g.free & set(variables):
         return None
-    here = m.renamed(_names_in([g], variables))
-    _, surface = _pulled_back(g, here)
-    mine = [v for v in here.new if v in surface.free]
+    renamed = m.renamed(_names_in([g], variables))
+    _, surface = _pulled_back(g, renamed)
+    mine = [v for v in renamed.new if v in surface.free]
     if not mine or (alone and len(mine) > 1):
         return None
-    found = _first(surface, mine, families)
-    if found is None:
+    family = _first(surface, mine, families)
+    if family is None:
         return None
-    return Mapped(tuple(v for v in reversed(variables) if v in m.forward), m, families, found[0])
+    return Mapped(tuple(v for v in reversed(variables) if v in m.forward), m, families, family[0])
 
 
 def rewrite_user(g: Expr, coefficient: Expr, chain: Chain, data: Mapped) -> Expr | None:
-    """∫ over the chain of coefficient·δ(g) in the new variables, without δ; None where the family there does not apply."""
+    """Returns ∫ over the chain of coefficient·δ(g) in the new variables, without δ; None if the family there does not apply."""
     m = data.map.renamed(_names_in([g, coefficient], [b.var for b in chain], chain))
     value, image = _carried(coefficient, chain, m)
     factor, surface = _pulled_back(g, m)
-    found = _first(surface, [v for v in m.new if v in surface.free], data.families)
-    if found is None:
+    family = _first(surface, [v for v in m.new if v in surface.free], data.families)
+    if family is None:
         return None
     value = simplified(mul(value, integer_power(factor, -1)), m.domain)
-    return found[1](surface, value, image.chain, found[0])
+    return family[1](surface, value, image.chain, family[0])
 
 
 def _first(surface: Expr, variables: Sequence[Var], families: Sequence[Family]) -> tuple[Any, Callable[..., Expr | None]] | None:
@@ -118,7 +121,7 @@ def _first(surface: Expr, variables: Sequence[Var], families: Sequence[Family]) 
 
 
 def _pulled_back(g: Expr, m: Diffeomorphism) -> tuple[Expr, Expr]:
-    """A positive factor, and a surface: δ(g) is δ(surface)/factor."""
+    """Returns a positive factor, and a surface: δ(g) is δ(surface)/factor."""
     at = dict(m.forward)
     known = {substitute(m.inverse[u], at): cast(Expr, u) for u in m.new}
     surface = simplified(cast(Expr, substitute(g, at)), m.domain, {e: u for e, u in known.items() if not isinstance(e, Var)})
@@ -128,7 +131,7 @@ def _pulled_back(g: Expr, m: Diffeomorphism) -> tuple[Expr, Expr]:
 
 
 def _names_in(expressions: Sequence[Expr], variables: Sequence[Var], chain: Chain = ()) -> set[str]:
-    """The names of variables and parameters that new variables must not take."""
+    """Returns the names of variables and parameters that new variables must not take."""
     ends = [e for b in chain for e in (b.lo, b.hi)]
     everything = [*expressions, *ends]
     bound = {n.var.name for n in postorder(everything) if isinstance(n, Integral)}
@@ -139,7 +142,7 @@ def _names_in(expressions: Sequence[Expr], variables: Sequence[Var], chain: Chai
 
 
 def _carried(integrand: Expr, chain: Chain, m: Diffeomorphism, exact: bool = False) -> tuple[Expr, Image]:
-    """What is integrated over the image of a nest: the integrand there times |J|, inside of what bounds have become brackets."""
+    """Returns the integrand over the image of a nest: the old integrand there times |J|, inside of the bounds that have become brackets."""
     image = image_of(chain, m, exact)
     value = mul(image.weight, cast(Expr, substitute(integrand, image.at)))
     for side in image.sides:
@@ -151,14 +154,14 @@ def _carried(integrand: Expr, chain: Chain, m: Diffeomorphism, exact: bool = Fal
 
 
 def _inside(side: Side, value: Expr) -> Expr:
-    """value·([point < hi] - [point < lo])."""
+    """Returns value·([point < hi] - [point < lo])."""
     under_hi = TRUE if side.hi is None else positive(sub(side.hi, side.point))
     under_lo = FALSE if side.lo is None else positive(sub(side.lo, side.point))
     return signed_between(under_hi, under_lo, ordered(side.binder.lo, side.binder.hi), value)
 
 
 def _between_roots(side: Side) -> Expr | None:
-    """D - (point - m)² for the bounds m ± √D, so that a disk remains one surface; None for others."""
+    """Returns D - (point - m)² for the bounds m ± √D, so that a disk remains one surface; None for others."""
     lo, hi = side.lo, side.hi
     if lo is None or hi is None:
         return None
@@ -179,23 +182,23 @@ def _between_roots(side: Side) -> Expr | None:
 def change_variables(
     e: object, m: Diffeomorphism, *, bounds: Mapping[Var, tuple[object, object]] | None = None, exact: bool = False
 ) -> Expr:
-    """e with every nest of integrals over all old variables of a map written in the new ones; its value and derivatives are the same.
+    """Returns e with every nest of integrals over all old variables of a map written in the new ones. Value and derivatives are the same.
 
-    Old bounds become new bounds where the map carries boxes to boxes or to nests, and brackets in a box that holds their image elsewhere.
-    `bounds` (dict new variable -> (lower, upper), default: those of the map) is that box. With `exact` it is the image itself, as far as
-    the integrand does not vanish there, and there are no brackets; that is verified at sample points and parameter values. A new variable
-    whose name is taken gets a prime. Bounds that have become curved surfaces are best moved in the old variables again: by
-    `teg.compile(…, maps=[m])`.
+    Old bounds become new bounds if the map carries boxes to boxes or to nests. Otherwise they become brackets in a box that contains
+    their image. `bounds` (dict new variable -> (lower, upper), default: those of the map) is that box. With `exact` it is the image
+    itself, as far as the integrand does not vanish there, and there are no brackets; this is verified at sample points and parameter
+    values. A new variable whose name is taken gets a prime. Bounds that have become curved surfaces are best moved in the old variables
+    again: by `teg.compile(…, maps=[m])`.
 
-    Raises ScopeError where no nest binds all old variables, BoundError where a finite box cannot be derived, DiffeomorphismError where
-    bounds that are said to be exact are not.
+    Raises ScopeError if no nest binds all old variables, BoundError if a finite box cannot be derived, DiffeomorphismError if bounds
+    given as exact are not.
     """
     if not isinstance(m, Diffeomorphism):
         raise OperandError(f"variables are changed by a map, not by {type(m).__name__}", None, "make one with teg.Diffeomorphism")
     if bounds is not None:
         m = m.with_bounds(bounds)
     if exact and set(m.bounds) != set(m.new):
-        raise BoundError("exact=True goes with bounds of every new variable", m, "bounds={r: (0, 1), p: (-math.pi, math.pi)}")
+        raise BoundError("exact=True needs bounds for every new variable", m, "bounds={r: (0, 1), p: (-math.pi, math.pi)}")
     root = rename_apart(e if isinstance(e, Tuple) else as_number(e))
     taken = {p.name for p in parameters(root)}
     new: dict[Node, Node] = {}
@@ -238,7 +241,8 @@ def _in_new_variables(integrand: Expr, chain: Chain, m: Diffeomorphism, exact: b
 
 
 def _linear_terms(e: Expr, wanted: set[Var]) -> dict[Chain, Expr]:
-    """e as a sum of nests of integrals over the wanted variables, each with its coefficient; the empty nest is what has none of them."""
+    """Returns e as a sum of nests of integrals over the wanted variables, each with its coefficient; the empty nest
+    holds the other terms."""
     parts: dict[Node, dict[Chain, Expr]] = {}
     for node in postorder([e]):
         parts[node] = _terms_of(node, parts, wanted) if isinstance(node, Expr) else {}
@@ -264,9 +268,9 @@ def _terms_of(node: Expr, parts: dict[Node, dict[Chain, Expr]], wanted: set[Var]
         others = [c for c in node.children if c is not carriers[0]]
         return {chain: mul(k, *others) for chain, k in parts[carriers[0]].items()}
     if isinstance(node, Where):
-        found: dict[Chain, Expr] = {}
+        terms: dict[Chain, Expr] = {}
         for condition, branch in ((node.condition, node.then), (negation(node.condition), node.otherwise)):
             for chain, k in parts[branch].items():
-                found[chain] = add(found.get(chain, ZERO), where(condition, k, ZERO))
-        return found
+                terms[chain] = add(terms.get(chain, ZERO), where(condition, k, ZERO))
+        return terms
     return plain

@@ -1,15 +1,15 @@
 """Graphs y = f(x) that may be so steep that the chart over x does not resolve them.
 
-A surface with a number for a slope in y, g = c·y + h(x), is the graph of a function: it meets every x once, and the chart over x needs no
-roots. But y runs through its range while x moves by |c|·Y/|gₓ|, and the ends of that window are known to the rounding of x only: where it
-is 1/R of the range of x, ε·R of the result is lost, and with R > 1/ε all of it. So with
+A surface with a number for a slope in y, g = c·y + h(x), is the graph of a function: it meets every x once, and the chart over x needs
+no roots. But y runs through its range while x moves by |c|·Y/|gₓ|, and the ends of that window are known to the rounding of x only: if
+it is 1/R of the range of x, ε·R of the result is lost, and with R > 1/ε all of it. So with
 
     R = max |gₓ|·X over the box, divided by the largest |c|·Y of the variables that g is affine in
 
-the surface is a graph where R <= STEEPEST, and one of `implicit.py`, which has a chart for every variable, elsewhere. R is an expression of
-the parameters. Where it is a number, the choice is made when the program is compiled. Else parameters are taken to be of ordinary size,
-1/10 to 10: where R is then moderate at all sample points, or large at all of them, the choice is made by that; if neither is so, one
-condition on parameters makes it in every call. Both forms in every program would make ordinary ones slower in JAX, which evaluates both.
+the surface is a graph if R <= STEEPEST, and otherwise one of `teg.passes.eliminate.implicit`, which has a chart for every variable. R is
+an expression of the parameters. If it is a number, the choice is made at compile time. Else parameters are taken to be of ordinary size,
+1/10 to 10: if R is then moderate at all sample points, or large at all of them, this decides; otherwise one condition on parameters
+decides in every call. Both forms in every program would make ordinary ones slower in JAX, which evaluates both.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from teg.passes.eliminate.affine import Affine, rewrite_affine
 from teg.passes.eliminate.implicit import Implicit, match_implicit, rewrite_implicit
 
 STEEPEST = 1e4
-"""R up to which a graph loses no more than a few roundings times this number."""
+"""The largest R for which a surface is a graph: it then loses at most a few roundings times this number."""
 MODERATE = 1e6
-"""R up to which a graph is kept without a condition: what it loses is within the tolerance."""
+"""The largest R for which a graph is kept without a condition: its loss is within the tolerance."""
 SAMPLES = 16
-"""Points at which R is looked at, each with parameters of its own."""
+"""The number of points at which R is evaluated, each with parameters of its own."""
 LARGEST = 2_000
-"""Nodes of R: a longer condition costs more than the chart."""
+"""The largest number of nodes of R. A longer condition costs more than the chart."""
 MAY_FAIL = frozenset(("log", "sqrt", "asin", "acos", "pow", "atan2", "tan", "mod", "floor"))
 """Functions that are not defined, or not bounded, everywhere: R may be NaN, and would then make the result NaN."""
 
@@ -58,7 +58,8 @@ class Graph:
 
 
 def steepness(g: Expr, graph: Affine, boxes: Sequence[Binder]) -> Cond:
-    """The condition R > STEEPEST, FALSE also where R is not known. `boxes` are the integrals over the variables of g, outermost first."""
+    """Returns the condition R > STEEPEST, FALSE also if R is not known. `boxes` are the integrals over the variables
+    of g, outermost first."""
     ranges = ranges_of(boxes)
     if ranges is None or any(isinstance(e, Const) and math.isinf(e.data) for ends in ranges for e in ends):
         return FALSE
@@ -87,21 +88,22 @@ def _may_fail(n: Node) -> bool:
 
 
 def _samples(above: Expr, below: Expr) -> list[float] | None:
-    """R = STEEPEST·above/below at the sample points, or None where it is not known at one of them."""
+    """Returns R = STEEPEST·above/below at the sample points, or None if it is not known at one of them."""
     values: dict[Expr, list[float]] = {}
     for p in parameters(add(above, below)):
         sizes = [residue("size", p.name, k) % 2**32 / 2**32 for k in range(SAMPLES)]
         values[p] = [(10.0 ** (2.0 * s - 1.0)) * (1.0 if residue("sign", p.name, k) % 2 else -1.0) for k, s in enumerate(sizes)]
     try:
-        found = [values_of([above, below], {p: numbers[k] for p, numbers in values.items()}) for k in range(SAMPLES if values else 1)]
+        pairs = [values_of([above, below], {p: numbers[k] for p, numbers in values.items()}) for k in range(SAMPLES if values else 1)]
     except OperandError:
         return None
-    ratios = [STEEPEST * float(a) / float(b) if b else math.inf for a, b in found]
+    ratios = [STEEPEST * float(a) / float(b) if b else math.inf for a, b in pairs]
     return None if any(math.isnan(r) for r in ratios) else ratios
 
 
 def match_steep(g: Expr, graph: Affine, boxes: Sequence[Binder]) -> Implicit | Graph | None:
-    """What takes the place of a graph that is, or at run time may be, too steep; None where it may stay. `boxes` as in `steepness`."""
+    """Returns the replacement of a graph that is, or at run time may be, too steep; None if the graph may stay.
+    `boxes` as in `steepness`."""
     too_steep = steepness(g, graph, boxes)
     steep = None if too_steep is FALSE else match_implicit(g, [b.var for b in reversed(boxes)])
     if steep is None or too_steep is TRUE:
@@ -111,7 +113,8 @@ def match_steep(g: Expr, graph: Affine, boxes: Sequence[Binder]) -> Implicit | G
 
 
 def rewrite_steep(g: Expr, coefficient: Expr, chain: Chain, data: Graph) -> Expr | None:
-    """The graph, or the charts of an implicit surface, as the condition says; the graph alone where the charts are not possible."""
+    """Returns the graph, or the charts of an implicit surface, depending on the condition; the graph alone if the
+    charts are not possible."""
     flat = _from(g, coefficient, chain, data.graph)
     charts = None if coefficient.has_delta else _from(g, coefficient, chain, data.steep)
     if flat is None or charts is None:
@@ -120,7 +123,7 @@ def rewrite_steep(g: Expr, coefficient: Expr, chain: Chain, data: Graph) -> Expr
 
 
 def _from(g: Expr, coefficient: Expr, chain: Chain, data: Affine | Implicit) -> Expr | None:
-    """The rewriting of the part of a chain that begins with the outermost variable of the data, inside of the rest."""
+    """Returns the rewriting of the part of a chain from the outermost variable of the data inwards, inside the outer part of the chain."""
     first = next(i for i, b in enumerate(chain) if b.var in data.variables)
     if isinstance(data, Affine):
         inner = rewrite_affine(g, coefficient, chain[first:], data)
@@ -130,7 +133,7 @@ def _from(g: Expr, coefficient: Expr, chain: Chain, data: Affine | Implicit) -> 
 
 
 def _ordered(box: dict[Var, tuple[Expr, Expr]]) -> dict[Var, tuple[Expr, Expr]]:
-    """The ranges with their smaller end first."""
+    """Returns the ranges with their smaller end first."""
     return {
         v: (lo, hi) if isinstance(hi, Const) and isinstance(lo, Const) and lo.data <= hi.data else _sorted(lo, hi)
         for v, (lo, hi) in box.items()
@@ -142,7 +145,7 @@ def _sorted(lo: Expr, hi: Expr) -> tuple[Expr, Expr]:
 
 
 def _largest(enclosure: Enclosure, e: Expr) -> Expr:
-    """The largest |e| over a box."""
+    """Returns the largest |e| over a box."""
     lo, hi = enclosure.of(e)
     return _most([_size(lo), _size(hi)])
 

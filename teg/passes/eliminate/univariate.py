@@ -42,7 +42,7 @@ class Solvable:
 
 
 def match_solvable(g: Expr, variables: Sequence[Var]) -> Solvable | None:
-    """The innermost variable that g can be solved for, no other variable being in it."""
+    """Returns the innermost variable that g can be solved for, with no other variable in g; else None."""
     mine = [v for v in variables if v in g.free]
     if len(mine) != 1:
         return None
@@ -52,23 +52,23 @@ def match_solvable(g: Expr, variables: Sequence[Var]) -> Solvable | None:
         return None
     somewhere = fresh("lo", g.free), fresh("hi", g.free)
     roots = solve(g, mine[0], *somewhere)
-    if roots is None or not roots.certain:  # whatever the bounds are
+    if roots is None or not roots.certain:  # certain for any bounds
         return None
     return Solvable(mine[0], Shadow((mine[0],)).degree(g))
 
 
 def rewrite_solvable(g: Expr, coefficient: Expr, chain: Chain, data: Solvable) -> Expr | None:
-    """Σ over the roots inside the bounds."""
+    """Returns the sum over the roots inside the bounds."""
     (b,) = [b for b in chain if b.var is data.variable]
-    rest = tuple(c for c in chain if c.var is not data.variable)
-    if any(data.variable in e.free for c in rest for e in (c.lo, c.hi)):
+    others = tuple(c for c in chain if c.var is not data.variable)
+    if any(data.variable in e.free for c in others for e in (c.lo, c.hi)):
         return None
     total = sum_over_roots(g, coefficient, b, (b.var,))
-    return None if total is None else nest(total, rest)
+    return None if total is None else nest(total, others)
 
 
 def sum_over_roots(g: Expr, coefficient: Expr, b: Binder, directions: Sequence[Var]) -> Expr | None:
-    """Σ over the roots of g in one variable of coefficient/|g′|, inside the bounds of its integral."""
+    """Returns the sum, over the roots of g in one variable inside the bounds of its integral, of coefficient/|g′|."""
     roots = solve(g, b.var, b.lo, b.hi)
     if roots is None or not roots.certain:
         return None
@@ -78,9 +78,9 @@ def sum_over_roots(g: Expr, coefficient: Expr, b: Binder, directions: Sequence[V
         at = {b.var: root.point}
         rate_there = cast(Expr, substitute(rate, at))
         if rate_there is ZERO:
-            return None  # all along the surface: the formula has no meaning there
+            return None  # g′ = 0 all along the surface: the formula does not apply
         weight = ex.integer_power(call("magnitude", rate_there), -1)
         value = mul(weight, restrict(coefficient, at, g, directions))
-        inside = signed_inside(root.point, b.lo, b.hi, g, b.var, (b.lo, b.hi), value)
+        inside = signed_inside(root.point, b.lo, b.hi, g, b, value)
         terms.append(where(root.exists, inside, ZERO))
     return add(*terms)

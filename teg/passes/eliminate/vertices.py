@@ -1,13 +1,13 @@
-"""Known points of half-planes: which surfaces are sides that run from vertex to vertex, and which half-planes make a triangle.
+"""Known points of half-planes: surfaces that are sides from vertex to vertex, and half-planes that make a triangle.
 
     g(x, y) = (x₁ - x₀)·(y - y₀) - (y₁ - y₀)·(x - x₀) > 0        A = (x₀, y₀), B = (x₁, y₁)
     ∫∫ w δ(g) dx dy = ∫₀¹ w(A + s·(B - A))·[in the box] ds       where other conditions hold between A and B only
 
-The points an atom knows are the pairs (p, q) of what x and y are compared with in it, x - p and y - q, where it vanishes, and the ends of
-its direction (∂g/∂y, -∂g/∂x) from there. Where the other sides through A and B are positive multiples of one number at the other end, as
-in a triangle, the support lies between A and B if at all, the side is *whole*; else how far it goes is decided at run time.
+The points that an atom knows are those points (p, q) on its line whose coordinates it compares with x and y, as x - p and y - q, and the
+ends of its direction (∂g/∂y, -∂g/∂x) from there. If the other sides through A and B are positive multiples of one number at the other
+end, as in a triangle, the support lies between A and B, if it is not empty: the side is *whole*. Else its extent is decided at run time.
 
-Whether functions vanish, or are proportional, is asked in the finite field of `teg.analysis.polynomial`.
+Whether functions vanish, or are proportional, is decided in the finite field of `teg.analysis.polynomial`.
 Source: Liang and Barsky 1984 (a segment by its ends, clipped by a box).
 """
 
@@ -48,9 +48,9 @@ from teg.ir.node import Node, postorder
 from teg.ir.traverse import substitute
 
 MAX_POINTS = 128
-"""Of a longer conjunction the sides are not looked at: every pair of a side and a point would be."""
+"""A longer conjunction is not searched for sides, which would cost every pair of a side and a point."""
 MAX_SIDES = 8
-"""Of more half-planes no three are looked for."""
+"""Among more half-planes no triangle is searched for."""
 SMALL = {divided(m, 2**k): m / 2**k for k in range(4) for m in range(-16, 17) if m}
 
 Point = tuple[Expr, Expr]
@@ -58,8 +58,11 @@ Point = tuple[Expr, Expr]
 
 @dataclass(frozen=True)
 class Side:
-    """The line of a surface by two points of it, `start` and `end`, with |end - start|/|∇g|, and the values that other sides have at `end`,
-    through `start`, and at `start`, through `end`, as they count in the support; `whole`: all are positive where one is."""
+    """The line of a surface by two points of it, `start` and `end`, and |end - start|/|∇g|.
+
+    Also the values, with the sign they have in the support, of other sides: of those through `start` at `end`, and of those through
+    `end` at `start`. `whole`: all of these are positive where one is.
+    """
 
     start: Point
     end: Point
@@ -70,22 +73,22 @@ class Side:
 
     @property
     def direction(self) -> Point:
-        """end - start."""
+        """Returns end - start."""
         (ax, ay), (bx, by) = self.start, self.end
         return sub(bx, ax), sub(by, ay)
 
     def at(self, s: Expr) -> Point:
-        """The point of the chart."""
+        """Returns the point of the chart."""
         dx, dy = self.direction
         return add(self.start[0], mul(dx, s)), add(self.start[1], mul(dy, s))
 
     def reach(self, box: Sequence[tuple[Expr, Expr]]) -> tuple[Expr, Expr, Cond]:
-        """Between which s the support lies, in a box, and the condition that the points are two."""
+        """Returns the bounds of s between which the support lies, in a box, and the condition that the two points differ."""
         if self.whole:
             return ZERO, ONE, TRUE
         length = add(*(call("magnitude", d) for d in self.direction))
         away = add(*(call("magnitude", sub(end, p)) for p, ends in zip(self.start, box, strict=True) for end in ends))
-        far = call("floor", mul(const(2.0), div(away, length)))  # rounded, and so without a derivative: nothing is there
+        far = call("floor", mul(const(2.0), div(away, length)))  # rounded, and so without a derivative: the integrand is 0 there
         lo, hi = sub(MINUS_ONE, far), add(const(2.0), far)
         lo = where(positive(self.beyond[0]), ZERO, lo) if self.beyond else lo
         hi = where(positive(self.before[0]), ONE, hi) if self.before else hi
@@ -94,7 +97,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Line:
-    """An affine function, +1 or -1 for the sign it has in the support, its coefficients in the field, and the points it knows."""
+    """An affine function, +1 or -1 for its sign in the support, its coefficients in the field, and the points it knows."""
 
     g: Expr
     sign: int
@@ -103,7 +106,7 @@ class Line:
 
 
 def match_side(g: Expr, support: Cond, variables: tuple[Var, Var]) -> Side | None:
-    """The side that a surface is in a support: other sides run through one or both of its ends, as those of a polygon do."""
+    """Returns the side of a polygon that a surface is in a support, if other sides run through one or both of its ends; else None."""
     plane = Plane(variables)
     mine = plane.line(g)
     if mine is None:
@@ -111,16 +114,16 @@ def match_side(g: Expr, support: Cond, variables: tuple[Var, Var]) -> Side | Non
     others = [line for line in map(plane.part, _conjuncts(support)) if line is not None and line.g is not g]
     if not 1 <= len(others) <= MAX_POINTS:
         return None
-    given = plane.distinct(dict.fromkeys(p for line in (mine, *others) for p in line.points), mine)
-    found = _between(plane, mine, others, given)
-    if found is not None and found.beyond and found.before:
-        return found
+    points = plane.distinct(dict.fromkeys(p for line in (mine, *others) for p in line.points), mine)
+    side = _between(plane, mine, others, points)
+    if side is not None and side.beyond and side.before:
+        return side
     ends = dict.fromkeys(p for line in (mine, *others) for p in (*line.points, *plane.ends(line)))
-    return _between(plane, mine, others, plane.distinct(ends, mine)) or found
+    return _between(plane, mine, others, plane.distinct(ends, mine)) or side
 
 
 def _between(plane: Plane, mine: Line, others: Sequence[Line], points: Sequence[Point]) -> Side | None:
-    """The best side between two of these points: a whole one, one that others limit at both ends, or at one."""
+    """Returns the best side between two of these points: a whole one, one that others limit at both ends, or at one."""
     through = [[line for line in others if plane.at(line, p) == 0] for p in points]
     best: tuple[int, Side] | None = None
     for i, j in ((i, j) for i in range(len(points)) for j in range(len(points)) if i != j):
@@ -139,9 +142,9 @@ def _between(plane: Plane, mine: Line, others: Sequence[Line], points: Sequence[
 
 
 def ratio(value: int, other: int) -> float:
-    """The quotient of two elements of the field, if it is a small fraction; else NaN."""
-    found = SMALL.get(divided(value, other))
-    return math.nan if found is None else found
+    """Returns the quotient of two elements of the field if it is a small fraction; else NaN."""
+    fraction = SMALL.get(divided(value, other))
+    return math.nan if fraction is None else fraction
 
 
 @dataclass(frozen=True)
@@ -154,12 +157,15 @@ class Triangle:
 
 
 def match_triangle(halves: Sequence[tuple[Expr, bool]], variables: tuple[Var, Var]) -> Triangle | None:
-    """The triangle that three of some half-planes, given as g and whether they are negated, make of known points, equal across."""
+    """Returns the triangle that three of the half-planes make of known points, with equal values across; None if there is none.
+
+    Half-planes are given as g and whether they are negated.
+    """
     if not 3 <= len(halves) <= MAX_SIDES:
         return None
     plane = Plane(variables)
-    found = [plane.line(g, -1 if negated else 1) for g, negated in halves]
-    lines = [line for line in found if line is not None]
+    candidates = [plane.line(g, -1 if negated else 1) for g, negated in halves]
+    lines = [line for line in candidates if line is not None]
     if len(lines) < len(halves):
         return None
     points = dict.fromkeys(p for line in lines for p in (*line.points, *plane.ends(line)))
@@ -188,14 +194,14 @@ class Plane:
         self._shadow = Shadow(variables)
 
     def part(self, condition: Node) -> Line | None:
-        """The line of a condition in a conjunction."""
+        """Returns the line of a condition in a conjunction."""
         atom = condition.operand if isinstance(condition, Not) else condition
         if not isinstance(atom, Compare) or atom.resolution is not None:
             return None
         return self.line(atom.g, -1 if isinstance(condition, Not) else 1)
 
     def line(self, g: Expr, sign: int = 1) -> Line | None:
-        """The line g = 0, if it is one."""
+        """Returns the line g = 0, if g is affine; else None."""
         if not any(v in g.free for v in self.variables):
             return None
         coefficients = self.coefficients(g)
@@ -203,18 +209,18 @@ class Plane:
             return None
         line = Line(g, sign, tuple(sign * c % P for c in coefficients), ())  # type: ignore[arg-type]
         columns = [_compared(g, v, self.variables) for v in self.variables]
-        found = [(p, q) for p in columns[0] for q in columns[1] if self.at(line, (p, q)) == 0]
-        return Line(g, sign, line.coefficients, tuple(found))
+        points = [(p, q) for p in columns[0] for q in columns[1] if self.at(line, (p, q)) == 0]
+        return Line(g, sign, line.coefficients, tuple(points))
 
     def coefficients(self, e: Expr) -> tuple[int, int, int] | None:
-        """a, b and c of a·x + b·y + c, if it is that."""
+        """Returns a, b and c of a·x + b·y + c, or None for other expressions."""
         poly = self._shadow.polynomial(e)
         if poly is None or any(sum(m) > 1 for m in poly):
             return None
         return poly.get((1, 0), 0), poly.get((0, 1), 0), poly.get((0, 0), 0)
 
     def ends(self, line: Line) -> list[Point]:
-        """Where the direction of a line leads from the points it knows, there and back, written out."""
+        """Returns the points that the direction of a line leads to from its known points, forth and back, written out."""
         ends = []
         for start in line.points[:2]:
             try:
@@ -228,12 +234,12 @@ class Plane:
         return ends
 
     def value(self, e: Expr) -> int | None:
-        """An expression without the variables in the field."""
+        """Returns the value in the field of an expression without the variables."""
         poly = self._shadow.polynomial(e)
         return None if poly is None or any(sum(m) for m in poly) else poly.get((0, 0), 0)
 
     def at(self, line: Line, point: Point) -> int | None:
-        """The value of a line's function, as it counts in the support, at a point."""
+        """Returns the value of a line's function at a point, with its sign in the support."""
         p, q = self.value(point[0]), self.value(point[1])
         if p is None or q is None:
             return None
@@ -241,19 +247,19 @@ class Plane:
         return (a * p + b * q + c) % P
 
     def signed(self, line: Line, point: Point) -> Expr:
-        """The same as an expression."""
+        """Returns the same as an expression."""
         return mul(const(float(line.sign)), cast(Expr, substitute(line.g, dict(zip(self.variables, point, strict=True)))))
 
     def distinct(self, points: Iterable[Point], line: Line) -> list[Point]:
-        """The points on a line, once each."""
-        found: dict[tuple[int | None, int | None], Point] = {}
+        """Returns the distinct points on a line."""
+        kept: dict[tuple[int | None, int | None], Point] = {}
         for point in points:
-            if len(found) < MAX_POINTS and self.at(line, point) == 0:
-                found.setdefault((self.value(point[0]), self.value(point[1])), point)
-        return list(found.values())
+            if len(kept) < MAX_POINTS and self.at(line, point) == 0:
+                kept.setdefault((self.value(point[0]), self.value(point[1])), point)
+        return list(kept.values())
 
     def weight(self, line: Line, start: Point, end: Point) -> Expr:
-        """|end - start|/|∇g|: a number where the points are as far apart as g is steep."""
+        """Returns |end - start|/|∇g|, a number if the distance of the points is a multiple of the slope of g."""
         dx, dy = sub(end[0], start[0]), sub(end[1], start[1])
         along, across = (self.value(dx), line.coefficients[1]) if line.coefficients[1] else (self.value(dy), line.coefficients[0])
         size = ratio(cast(int, along), across)
@@ -265,16 +271,16 @@ class Plane:
 
 
 def _compared(g: Expr, v: Var, variables: tuple[Var, Var]) -> list[Expr]:
-    """What a variable is compared with: p of v - p."""
-    found: dict[Expr, None] = {}
+    """Returns the expressions p with which a variable is compared: those of v - p."""
+    compared: dict[Expr, None] = {}
     for node in postorder([g]):
         if isinstance(node, Mul) and v in node.children:
-            found[ZERO] = None
+            compared[ZERO] = None
         if not isinstance(node, Add) or v not in node.free:
             continue
         for sign, term in ((MINUS_ONE, v), (ONE, mul(MINUS_ONE, v))):
             if term in node.children:
-                rest = add(*(c for c in cast("Sequence[Expr]", node.children) if c is not term))
-                if not any(w in rest.free for w in variables):
-                    found[mul(sign, rest)] = None
-    return list(found)
+                others = add(*(c for c in cast("Sequence[Expr]", node.children) if c is not term))
+                if not any(w in others.free for w in variables):
+                    compared[mul(sign, others)] = None
+    return list(compared)

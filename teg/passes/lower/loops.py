@@ -11,7 +11,7 @@ inside.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 from teg.errors import DeltaError
@@ -33,10 +33,11 @@ from teg.ir.index import (
     index_leaves,
 )
 from teg.ir.node import Node, postorder
-from teg.passes.program.group import group
-from teg.program import Assign, Program, Stmt, assigned, blocks, has_ties
+from teg.program import Assign, Program, Stmt, assigned, free_names, has_ties
 from teg.program.arrays import Arg, ArrayProgram, ArraySpec, Integers, Like, Load, Loop, Number, Run, Scatter, Step
 from teg.program.dce import without_dead_code
+from teg.program.fields import renamed
+from teg.program.verify import verified_arrays
 
 Schedule = Callable[[Sequence[Expr], Sequence[str]], Program]
 """A flat program of scalar outputs, given them and the names of the parameters."""
@@ -46,7 +47,7 @@ Output = Expr | tuple[Array, Expr]
 
 def schedule_arrays(outputs: Sequence[Output], parameters: Sequence[str], arrays: Sequence[ArrayName], flat: Schedule) -> ArrayProgram:
     """One program for several outputs."""
-    return _ArrayScheduler(parameters, arrays, flat).run(outputs)
+    return verified_arrays(_ArrayScheduler(parameters, arrays, flat).run(outputs), "after schedule arrays")
 
 
 def output_of(e: Expr) -> Output:
@@ -256,7 +257,7 @@ class _ArrayScheduler:
         depth: dict[str, int] = {f"p{k}": d for k, d in enumerate(depths)}
         home: list[int] = []
         for stmt in program.body:
-            used = _names_used(stmt)
+            used = free_names(stmt)
             here = level.depth if has_ties((stmt,)) else max((depth[n] for n in used), default=0)
             home.append(here)
             depth.update(dict.fromkeys(assigned(stmt), here))
@@ -264,7 +265,7 @@ class _ArrayScheduler:
         name: dict[str, Arg] = {f"p{k}": a for k, a in enumerate(given)}
         for at in reversed(self._indices(level)):
             block = tuple(s for s, here in zip(program.body, home, strict=True) if here == at.depth)
-            elsewhere = {n for s, here in zip(program.body, home, strict=True) if here != at.depth for n in _names_used(s)}
+            elsewhere = {n for s, here in zip(program.body, home, strict=True) if here != at.depth for n in free_names(s)}
             across = [n for s in block for n in assigned(s) if n in elsewhere or n in asked]
             name.update(zip(across, self._run(at, block, across, name, program), strict=True))
         return [name[o] if isinstance(o, str) else float(o) for o in program.outputs]
@@ -273,7 +274,7 @@ class _ArrayScheduler:
         """The results of a part of a flat program; a boolean is handed on as 1 or 0."""
         if not across:
             return []
-        used = {n: None for s in block for n in _names_used(s) if n in name}
+        used = {n: None for s in block for n in free_names(s) if n in name}
         number = {n: f"p{k}" for k, n in enumerate(used)}
         truths = [n for n in used if n[0] == "b"]
         number.update((n, f"b{n}") for n in truths)
@@ -281,9 +282,9 @@ class _ArrayScheduler:
         after = [Assign(f"v{n}", "select", (n, 1.0, 0.0)) for n in across if n[0] == "b"]
         results = tuple(f"v{n}" if n[0] == "b" else n for n in across)
         titles = tuple(program.parameters[int(n[1:])] if n[0] == "p" else n for n in used)
-        body = (*before, *(cast(Stmt, _renamed(s, number)) for s in block), *after)
+        body = (*before, *(renamed(s, number) for s in block), *after)
         ties = program.ties if has_ties(block) else ()
-        part = group(without_dead_code(replace(program, parameters=titles, body=body, outputs=results, ties=ties)))
+        part = without_dead_code(replace(program, parameters=titles, body=body, outputs=results, ties=ties))
         names = tuple(self._fresh("v", at) for _ in across)
         at.steps.append(Run(part, tuple(name[n] for n in used), names))
         return list(names)
@@ -337,44 +338,3 @@ def _taken_apart(e: Expr, weight: Expr) -> list[tuple[Unit | Sum, Expr]]:
 
 def _has_units(root: Node) -> bool:
     return any(isinstance(n, Unit) for n in postorder([root]))
-
-
-def _names_used(stmt: Stmt) -> dict[str, None]:
-    """Every name a statement of the outermost block uses, in order."""
-    used: dict[str, None] = {}
-    own: set[str] = set()
-    stack: list[Stmt] = [stmt]
-    while stack:
-        s = stack.pop()
-        own.update(assigned(s))
-        inside = [inner for block in blocks(s) for inner in block]
-        stack.extend(reversed(inside))
-        for f in fields(s):
-            value = getattr(s, f.name)
-            if not (isinstance(value, tuple) and value and value[0] in inside):
-                used.update((n, None) for n in _names_in(value))
-    return {n: None for n in used if n not in own}
-
-
-def _names_in(value: object) -> Iterable[str]:
-    """The names of numbers and booleans in the argument of a statement; variables are bound in it."""
-    if isinstance(value, str):
-        if value[0] in "vbp" and value[1:].isdigit():
-            yield value
-    elif isinstance(value, tuple):
-        for entry in value:
-            yield from _names_in(entry)
-    elif is_dataclass(value):
-        for f in fields(value):
-            yield from _names_in(getattr(value, f.name))
-
-
-def _renamed(value: object, names: Mapping[str, str]) -> object:
-    """A statement, or a part of one, with other names."""
-    if isinstance(value, str):
-        return names.get(value, value)
-    if isinstance(value, tuple):
-        return tuple(_renamed(entry, names) for entry in value)
-    if is_dataclass(value) and not isinstance(value, type):
-        return replace(value, **{f.name: _renamed(getattr(value, f.name), names) for f in fields(value)})
-    return value

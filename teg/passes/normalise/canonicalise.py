@@ -2,14 +2,14 @@
 
     [−2x + 2t > 0], [x < t], ~[t < x], [a·x < a·t]        all become conditions on the one atom  t - x > 0
 
-1. A condition inside an atom is hoisted: [g > 0] = b & [g|b:=true > 0]  |  ~b & [g|b:=false > 0], where there are few. Of many, those
-   that are continuous (abs, minimum, maximum) become |·|, which is no condition (`teg.analysis.kinks`).
+1. A condition inside an atom is hoisted: [g > 0] = b & [g|b:=true > 0]  |  ~b & [g|b:=false > 0], if there are few. If there are many,
+   the continuous ones (abs, minimum, maximum) become |·|, which is not a condition (`teg.analysis.kinks`).
 2. Factors split: [u·v > 0] = [u > 0] & [v > 0]  |  [u < 0] & [v < 0], so that (y - c)·(x - t) has two surfaces with two owners.
    A surface is written without an increasing function or an odd power in front of both sides (`teg.analysis.coincidence`).
-3. A surface proportional by a number to one met before becomes that one, its sign and strictness kept right.
+3. A surface proportional by a number to an earlier one becomes that one; sign and strictness are adjusted.
 4. An atom that a bound decides (x < t on (0, t)) is replaced by its value at the other bound.
 5. An integral of a polynomial that a condition depends on is written out: [∫₀ˣ(1 - u/p)du > 0] is a condition on x - x²/(2p).
-6. ∫ΣFᵢ = Σ∫Fᵢ where the terms have different atoms, and factors free of x leave ∫ dx.
+6. ∫ΣFᵢ = Σ∫Fᵢ if the terms have different atoms, and factors free of x leave ∫ dx.
 
 Linear in the program, up to the few conditions that are hoisted.
 """
@@ -53,16 +53,16 @@ from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, substit
 
 MAX_HOISTED = 6
 MAX_KINKS = 2
-"""A surface with more kinks than that is not split into smooth ones: its roots are isolated as they are."""
+"""A surface with more kinks is not split into smooth ones: its roots are isolated as it is."""
 
 
 def canonicalise(root: Expr) -> Expr:
-    """The program with canonical atoms and split integrals; its value is the same."""
+    """Returns the program with canonical atoms and split integrals. Its value is the same."""
     return Canonical()(root)
 
 
 class Canonical:
-    """Makes programs canonical: the surfaces met so far, by what they are up to a number, and what need not be looked at again."""
+    """Makes programs canonical. Holds the surfaces met so far, up to a factor, and the nodes that are canonical already."""
 
     def __init__(self) -> None:
         self._points = (Point("first"), Point("second"))
@@ -70,7 +70,7 @@ class Canonical:
         self._new: dict[Node, Node] = {}
 
     def __call__(self, root: Expr) -> Expr:
-        """The program with canonical atoms and split integrals; its value is the same."""
+        """Returns the program with canonical atoms and split integrals. Its value is the same."""
         new, order = self._new, postorder([rename_apart(root)])
         deciding = _deciding_integrals(order)
         for node in order:
@@ -122,8 +122,10 @@ class Canonical:
         return above
 
     def _tied(self, atom: Compare, hoists: int) -> Cond:
-        """An atom that can meet a tie: sifting made it by substitution, so conditions, denominators and terms that cancel are dealt with
-        anew; the resolution is kept."""
+        """Returns an atom that can meet a tie, made by substitution during sifting.
+
+        Its conditions, denominators and terms that cancel are canonicalised again; the resolution is kept.
+        """
         g, strict, resolution = atom.g, atom.strict, cast(Cond, atom.resolution)
         inner = _inner_condition(g) if hoists else None
         if inner is not None:
@@ -143,7 +145,7 @@ class Canonical:
         return disjunction(conjunction(above, plus), conjunction(negation(above), minus))
 
     def _representative(self, g: Expr) -> tuple[Expr, bool]:
-        """The expression that stands for the surface, and whether it has the sign of g."""
+        """Returns the expression that stands for the surface, and whether it has the sign of g."""
         first, second = (p.value(g) for p in self._points)
         if first and second:
             key = divided(second, first)
@@ -163,13 +165,13 @@ class Canonical:
         return add(*(self._decided(scaled_integral(term, x, lo, hi)) for term in terms))
 
     def _decided(self, e: Expr) -> Expr:
-        """Replace the atoms that a bound of this integral decides."""
+        """Returns the expression with the atoms replaced that a bound of this integral decides."""
         integral = next((n for n in _product_integrals(e)), None)
         if integral is None:
             return e
         x, body = integral.var, integral.body
         inner = binders_inside(body)
-        numeric = isinstance(integral.lo, Const) and isinstance(integral.hi, Const)  # then parameters in g leave nothing to decide
+        numeric = isinstance(integral.lo, Const) and isinstance(integral.hi, Const)  # otherwise parameters in g leave nothing to decide
         changed: dict[Compare, Cond] = {}
         for atom in atoms_of(body, x):
             if atom.g.free & inner or atom.resolution is not None or (numeric and any(isinstance(n, Param) for n in postorder([atom.g]))):
@@ -188,19 +190,19 @@ class Canonical:
             result = rebuild(node, tuple([new[c] for c in node.children]))
             new[node] = changed.get(node, cast(Cond, result)) if isinstance(node, Compare) else result
             if node is integral and isinstance(new[node], Integral):
-                rest = cast(Integral, new[node])
-                new[node] = scaled_integral(rest.body, rest.var, rest.lo, rest.hi)
+                decided = cast(Integral, new[node])
+                new[node] = scaled_integral(decided.body, decided.var, decided.lo, decided.hi)
         return cast(Expr, new[e])
 
 
 def _deciding_integrals(order: list[Node]) -> set[Node]:
-    """The integrals in atoms that variables run through: where they are polynomials the atom is one."""
+    """Returns the integrals in atoms that depend on variables. Where they are polynomials the atom is one."""
     atoms = [n.g for n in order if isinstance(n, Compare) and n.g.has_integral and n.free]
     return {n for n in postorder(atoms) if isinstance(n, Integral) and n.free} if atoms else set()
 
 
 def _side(surface: tuple[Expr, bool], strict: bool, upward: bool) -> Cond:
-    """[g > 0] (or >=), or [g < 0], as a condition on the representative of a surface."""
+    """Returns [g > 0] (or >=), or [g < 0], as a condition on the representative of a surface."""
     g, same = surface
     if isinstance(g, Const):
         return positive(g if upward else mul(MINUS_ONE, g), strict)
@@ -208,7 +210,7 @@ def _side(surface: tuple[Expr, bool], strict: bool, upward: bool) -> Cond:
 
 
 def _split_delta(d: Delta, hoists: int) -> Expr:
-    """δ(where(b, u, v)) = where(b, δ(u), δ(v)): almost everywhere, and a condition's own border is no root."""
+    """Returns δ(where(b, u, v)) as where(b, δ(u), δ(v)): equal almost everywhere, because a condition's own border is no root."""
     g = with_sizes(d.g) if hoists == MAX_HOISTED and len(kinks_of(d.g)) > MAX_KINKS else d.g
     inner = _inner_condition(g) if hoists else None
     if inner is None:
@@ -218,7 +220,7 @@ def _split_delta(d: Delta, hoists: int) -> Expr:
 
 
 def _product_integrals(e: Expr) -> list[Integral]:
-    """The integral that `scaled_integral` made, wherever it put factors and conditions before it."""
+    """Returns the integral that `scaled_integral` made, which may have factors and conditions in front of it."""
     if isinstance(e, Where):
         e = e.then
     parts = e.children if isinstance(e, Mul) else (e,)
@@ -226,7 +228,8 @@ def _product_integrals(e: Expr) -> list[Integral]:
 
 
 def _inner_condition(g: Expr) -> Cond | None:
-    """A condition of a `where` in value position of g that variables run through: it must be hoisted out of the atom."""
+    """Returns a condition, dependent on variables, of a `where` in value position of g: it must be hoisted out of the atom. None if there
+    is none."""
     stack: list[Expr] = [g]
     seen: set[Expr] = set()
     while stack:
@@ -244,14 +247,14 @@ def _inner_condition(g: Expr) -> Cond | None:
 
 
 def _decide(g: Expr, condition: Cond, value: bool) -> Expr:
-    """g with one condition taken as true or false."""
+    """Returns g with one condition taken as true or false."""
     if isinstance(condition, Compare):
         return cast(Expr, assign(g, condition.g, value))
     return cast(Expr, replace_node(g, condition, TRUE if value else FALSE))
 
 
 def _tangents_as_quotients(g: Expr) -> Expr:
-    """tan u = sin u / cos u: the sign of an atom also changes at the poles."""
+    """Returns g with tan u = sin u / cos u: the sign of an atom also changes at the poles."""
     if not any(isinstance(n, Call) and n.name == "tan" and n.free for n in postorder([g])):
         return g
     new: dict[Node, Node] = {}
@@ -264,7 +267,7 @@ def _tangents_as_quotients(g: Expr) -> Expr:
 
 
 def has_variable_denominator(g: Expr) -> bool:
-    """Is there a quotient by something with variables in it (outside of functions)?"""
+    """Returns whether g is divided by an expression with variables in it (outside of functions)."""
     stack: list[Expr] = [g]
     seen: set[Expr] = set()
     while stack:
@@ -280,7 +283,7 @@ def has_variable_denominator(g: Expr) -> bool:
 
 
 def cleared(g: Expr) -> tuple[Expr, Expr]:
-    """Numerator and denominator of g over its variables; the terms stay as they were written."""
+    """Returns numerator and denominator of g over its variables. The terms stay as they were written."""
     parts: dict[Expr, tuple[Expr, dict[Expr, int]]] = {}
     for node in postorder([g]):
         if not isinstance(node, Expr):
@@ -313,7 +316,7 @@ def cleared(g: Expr) -> tuple[Expr, Expr]:
 
 
 def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
-    """The sign of g as a number times factors whose signs are not known; a factor shared by all terms of a sum is taken out."""
+    """Returns the sign of g as a number and factors of unknown sign. A common factor of all terms of a sum is taken out."""
     sign = 1.0
     factors: list[Expr] = []
     stack = [g]
@@ -328,22 +331,22 @@ def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
         elif isinstance(e, Pow) and e.exponent % 2:
             stack.append(e.base)
         elif isinstance(e, Add):
-            common, rest = _common_factors(e)
+            common, cofactor = _common_factors(e)
             short = e if common else short_form(e)
             if common:
                 stack.extend(common)
-                stack.append(rest)
+                stack.append(cofactor)
             elif short is not e:
                 stack.append(short)
             else:
                 factors.append(e)
         elif isinstance(e, Call) and e.name == "magnitude" and e.free:
-            continue  # likewise
+            continue  # positive as well
         elif isinstance(e, Call) and e.name in ("sqrt", "root", "pow") and e.free:
-            stack.append(e.children[0])  # its zeros, with a slope
-            factors.append(add(ex.ONE, e))  # no zeros, but NaN where it is not defined
+            stack.append(e.children[0])  # the same zeros, with a slope
+            factors.append(add(ex.ONE, e))  # no zeros, but NaN where it is undefined
         elif isinstance(e, Pow) and e.free:
-            continue  # an even power is positive but where it is 0, and that has measure 0
+            continue  # an even power is positive except where it is 0, a set of measure 0
         elif not _is_positive(e):
             factors.append(e)
     return sign, factors
@@ -359,10 +362,12 @@ def _factor_powers(term: Expr) -> dict[Expr, int]:
 
 
 def _common_factors(e: Add) -> tuple[list[Expr], Expr]:
-    """Factors of every term, and the sum without them: a·t - a·x = a·(t - x)."""
+    """Returns the common factors of all terms, and the sum without them: a·t - a·x = a·(t - x)."""
     powers = [_factor_powers(t) for t in e.children]
     shared = {f: min(p.get(f, 0) for p in powers) for f in powers[0]}
-    shared = {f: k for f, k in shared.items() if k > 0 and not isinstance(f, Where)}  # 1/where goes into the branches: no use here
+    shared = {
+        f: k for f, k in shared.items() if k > 0 and not isinstance(f, Where)
+    }  # 1/where is distributed over the branches, so it is no factor
     if not shared:
         return [], e
     divisor = mul(*(ex.integer_power(f, -k) for f, k in shared.items()))
@@ -370,8 +375,8 @@ def _common_factors(e: Add) -> tuple[list[Expr], Expr]:
 
 
 def _separable_terms(body: Expr, x: Var) -> list[Expr]:
-    """The summands of an integrand, grouped so that terms with the same atoms in x stay together, and so do terms that might
-    diverge alone."""
+    """Returns the summands of an integrand in groups: terms with the same atoms in x stay together, and so do terms
+    that may diverge alone."""
     if not isinstance(body, Add):
         return [body]
     flat: list[Expr] = []
@@ -395,7 +400,7 @@ def _separable_terms(body: Expr, x: Var) -> list[Expr]:
 
 
 def _facts(terms: list[Expr], x: Var) -> tuple[dict[Node, frozenset[Expr]], set[Node]]:
-    """For the nodes below some terms: the surfaces in x, and whether there is a pole or a logarithm in x (outside of conditions)."""
+    """Returns, for the nodes below some terms, the surfaces in x, and the nodes with a pole or a logarithm in x (outside of conditions)."""
     atoms: dict[Node, frozenset[Expr]] = {}
     divergent: set[Node] = set()
     for node in postorder(terms):

@@ -1,12 +1,12 @@
-"""Integrals of what is singular inside their bounds, in the distance from the singularity.
+"""Integrals of integrands with a singularity between the bounds, in the distance from the singularity.
 
     ∫ₗʰ F(x, g) dx  =  Σᵢ ∫ F(cᵢ + w, A·Π_k (w + (cᵢ - r_k))) dw         w from aᵢ - cᵢ to aᵢ₊₁ - cᵢ
 
 over the roots cᵢ of the singular arguments g, several of degree 1 or one of degree 2, in ascending order, with r_k the roots of g, A its
-leading coefficient, and aᵢ half-way between neighbouring roots. Computed from x, a distance x - c is known to the rounding of x;
-(x - c)^-0.9 then has no digit where a tenth of the integral comes from, and a g that is rounded to 0, or below, makes an infinity or NaN.
-Near cᵢ the distance w is the variable itself: cᵢ - r_k is exactly 0 there. A root outside of the bounds is moved to the nearest one. One
-copy of the integrand a root.
+leading coefficient, and aᵢ half-way between neighbouring roots. Computed from x, a distance x - c is known to the rounding of x; (x -
+c)^-0.9 then has no correct digit where a tenth of the integral comes from, and a g that is rounded to 0, or below, makes an infinity or
+NaN. Near cᵢ the distance w is the variable itself: cᵢ - r_k is exactly 0 there. A root outside of the bounds is moved to the nearest
+bound. One copy of the integrand a root.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ MAX_CENTRES = 3
 
 
 def centred(root: Expr) -> Expr:
-    """The program with integrals over the distance from their singularities; itself where there are none."""
+    """Returns the program with integrals over the distance from their singularities; the same node if there are none."""
     sharp = sharp_nodes([root])
     if not sharp:
         return root
@@ -69,7 +69,7 @@ def centred(root: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class _Argument:
-    """A singular argument g: its roots in ascending order, and where these exist."""
+    """A singular argument g: its roots in ascending order, and the condition that they exist."""
 
     g: Expr
     roots: tuple[Expr, ...]
@@ -79,7 +79,7 @@ class _Argument:
 def _centred(node: Integral, keys: Keys) -> Expr:
     x = node.var
     if masses_of(node.body, x) is not None:
-        return node  # a sum over roots, wherever these are: there is no interval to be split
+        return node  # a sum over roots, wherever these are: no interval to split
     arguments = _arguments(node, keys)
     alone = bool(node.free) or any(len(a.roots) == 2 for a in arguments)  # roots that cross each other would make kinks outside
     if not arguments or len(arguments) > (1 if alone else MAX_CENTRES):
@@ -92,7 +92,7 @@ def _centred(node: Integral, keys: Keys) -> Expr:
     names: dict[Node, Var] = {}
 
     def named(old: Node, new: Node) -> Node:
-        """A name for every node that is proportional to an argument."""
+        """Returns a name for every node that is proportional to an argument."""
         if isinstance(new, Expr) and x in new.free and _is_surface(new) and keys.of(new) in by_key:
             return names.setdefault(new, fresh("g", {x, *body.free, *names.values()}))
         return new
@@ -116,8 +116,10 @@ def _centred(node: Integral, keys: Keys) -> Expr:
 
 
 def _factored(e: Expr, name: Var, i: int, curvature: Expr, distances: list[Expr]) -> tuple[Expr, dict[Var, Expr], Expr]:
-    """An integrand near root number i of a quadratic g = P·L, P > 0 and L linear with that root: powers and logarithms of g are those of P
-    and L, its sign is L's. Returns the integrand, its new names, and g."""
+    """Returns an integrand near root number i of a quadratic g, its new names, and g.
+
+    g = P·L with P > 0, and L linear with that root. Powers and logarithms of g are those of P and L; the sign of g is that of L.
+    """
     sign = MINUS_ONE if i == 0 else ONE
     apart, linear = mul(sign, distances[1 - i]), mul(sign, const(0.5), curvature, distances[i])
     of_p = fresh("P", {*e.free, name})
@@ -135,15 +137,16 @@ def _factored(e: Expr, name: Var, i: int, curvature: Expr, distances: list[Expr]
 
 
 def _arguments(node: Integral, keys: Keys) -> list[_Argument]:
-    """The arguments to whose roots distances must be exact: those of powers, and those of roots and logarithms that become infinite."""
+    """Returns the arguments whose distances from their roots must be exact: those of powers, and of roots and logarithms that become
+    infinite."""
     x, body = node.var, node.body
     box = {x: (min(extent(node.lo, {})[0], extent(node.hi, {})[0]), max(extent(node.lo, {})[1], extent(node.hi, {})[1]))}
     powers = [n for n in postorder([body]) if isinstance(n, Call) and n.name == "pow"]
     in_powers = {keys.of(g) for n in powers for g in singular_arguments(n)}
-    found: dict[object, _Argument] = {}
+    arguments: dict[object, _Argument] = {}
     for g in singular_arguments(body):
         key = keys.of(g)
-        if x not in g.free or key in found or g.has_integral or any(isinstance(n, Where) for n in postorder([g])):
+        if x not in g.free or key in arguments or g.has_integral or any(isinstance(n, Where) for n in postorder([g])):
             continue
         degree = Shadow((x,)).degree(g)
         least, most = extent(g, box)
@@ -161,11 +164,11 @@ def _arguments(node: Integral, keys: Keys) -> list[_Argument]:
             continue
         if len(ends) == degree:
             low, high, _ = _ascending(node.lo, node.hi)
-            found[key] = _Argument(g, (low, high) if degree == 2 else tuple(ends), TRUE)
+            arguments[key] = _Argument(g, (low, high) if degree == 2 else tuple(ends), TRUE)
         else:
             ascending = points if degree == 1 else [call("min", *points), call("max", *points)]
-            found[key] = _Argument(g, tuple(ascending), roots.found[0].exists)
-    return list(found.values())
+            arguments[key] = _Argument(g, tuple(ascending), roots.found[0].exists)
+    return list(arguments.values())
 
 
 def _is_surface(e: Expr) -> bool:
@@ -177,7 +180,7 @@ def _is(e: Expr, key: object, keys: Keys) -> bool:
 
 
 def _with_powers(body: Expr, chosen: Container[object], keys: Keys) -> Expr:
-    """√g and its powers as real powers of g: a power's nodes close in on its zero by exact distances."""
+    """Returns √g and its powers as real powers of g: the nodes of a power approach its zero by exact distances."""
 
     def visit(old: Node, new: Node) -> Node:
         base, k = (new.base, new.exponent) if isinstance(new, Pow) else (new, 1)
@@ -191,7 +194,7 @@ def _with_powers(body: Expr, chosen: Container[object], keys: Keys) -> Expr:
 
 
 def _ascending(lo: Expr, hi: Expr) -> tuple[Expr, Expr, Expr]:
-    """The bounds in ascending order, and the sign of the integral."""
+    """Returns the bounds in ascending order, and the sign of the integral."""
     if isinstance(lo, Const) and isinstance(hi, Const):
         return (lo, hi, ONE) if lo.data <= hi.data else (hi, lo, MINUS_ONE)
     if _is_infinite(lo) or _is_infinite(hi):
@@ -202,7 +205,7 @@ def _ascending(lo: Expr, hi: Expr) -> tuple[Expr, Expr, Expr]:
 
 
 def _between(point: Expr, low: Expr, high: Expr) -> Expr:
-    """A point, or the end of the domain that is nearer to it."""
+    """Returns a point, or the nearer end of the domain."""
     if point is low or point is high:
         return point
     if not _is_infinite(high):
@@ -211,7 +214,7 @@ def _between(point: Expr, low: Expr, high: Expr) -> Expr:
 
 
 def _sorted(points: list[Expr], ascending: bool) -> list[Expr]:
-    """The points in ascending order."""
+    """Returns the points in ascending order."""
     if ascending:
         return points
     points = list(points)

@@ -2,14 +2,14 @@
 
     ∫_l^{l+1} [(x - c)² < r] dx   =   ∫₀¹ [(x - (c - l))² < r] dx
 
-Roots, breaks and nodes are places between the bounds; in absolute coordinates they are known to the rounding of l, and a disk in a pixel
-at 4096 to eight digits. Relative to a corner nothing is rounded but the difference c - l. The origin o of a variable is its lower bound, if
-that is a parameter, or a number that is far compared with the distance of the bounds. A polynomial that does not change when x, o and other
-parameters move together (`origins.py`) is written with x for x - o, s - o for each of these parameters s, and 0 for o; elsewhere x becomes
-o + x.
+Roots, breaks and nodes are places between the bounds. In absolute coordinates they are known to the rounding of l, and a disk in a pixel
+at 4096 to eight digits. Relative to a corner nothing is rounded but the difference c - l. The origin o of a variable is its lower bound,
+if that is a parameter, or a number that is far compared with the distance of the bounds. A polynomial that does not change when x, o and
+other parameters move together (`teg.passes.normalise.origins`) is written with x for x - o, s - o for each of these parameters s, and 0
+for o; elsewhere x becomes o + x.
 
-It is done for surfaces that are not straight, and for one or two straight ones: a polygon's clipping is relative to the corner as it is.
-All that depends on the variable must be polynomial: a singularity elsewhere would move with the origin.
+Applied to curved surfaces, and to one or two straight ones: the clipping of a polygon is relative to the corner already. All expressions
+of the variable must be polynomial: a singularity elsewhere would move with the origin.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from teg.ir.traverse import remake
 from teg.passes.normalise.origins import Group, groups_of, is_fixed, outermost_polynomials
 
 FAR = 4.0
-"""From how many times the distance of its bounds on a variable is far away."""
+"""A variable is far away if it exceeds the distance of its bounds by this factor."""
 MANY = 3
-"""So many straight surfaces are a polygon."""
+"""So many straight surfaces make a polygon."""
 
 
 def with_local_boxes(root: Expr) -> Expr:
-    """The same, integrals over boxes that are, or may be, far away in coordinates of a corner."""
+    """Returns the program with integrals over boxes that are, or may be, far away in coordinates of a corner."""
     order = postorder([root])
     origins: Mapping[Var, Expr] = _origins(order, root)
     if not origins:
@@ -44,31 +44,34 @@ def with_local_boxes(root: Expr) -> Expr:
 
 
 def _axis(v: Var, order: Sequence[Node], polynomials: Mapping[Expr, Sequence[Group]]) -> frozenset[Expr]:
-    """The variable, and the parameters that it is compared with, or that move with it in a polynomial."""
-    found: set[Expr] = {v}
+    """Returns the variable, the parameters that it is compared with, and those that move with it in a polynomial."""
+    axis: set[Expr] = {v}
     for node in order:
         for sign in (ONE, MINUS_ONE):
             if isinstance(node, Add) and len(node.children) == 2 and mul(sign, v) in node.children:
                 (other,) = [c for c in node.children if c is not mul(sign, v)] or [ZERO]
                 p = mul(MINUS_ONE, sign, other)
-                found.update([p] if isinstance(p, Param) else [])
+                axis.update([p] if isinstance(p, Param) else [])
     for groups in polynomials.values():
         for group in groups:
-            found.update(s for s in group if v in group and isinstance(s, Param))
-    return frozenset(found)
+            axis.update(s for s in group if v in group and isinstance(s, Param))
+    return frozenset(axis)
 
 
 def _origins(order: Sequence[Node], root: Expr) -> dict[Var, Expr]:
-    """The origins of variables that may be far away: the same in all integrals over them. A function may be singular, or have steps,
-    somewhere else than at the origin: moved with it, it would have no derivative by the origin. So only polynomials may depend on these."""
-    found: dict[Var, Expr | None] = {}
+    """Returns the origins of variables that may be far away, the same in all integrals over them.
+
+    Only polynomials may depend on these variables. A function may be singular, or have steps, somewhere else than at the origin; moved
+    with the origin, it would have no derivative by it.
+    """
+    origins: dict[Var, Expr | None] = {}
     for node in order:
         if isinstance(node, Integral):
             o = _origin(node)
-            found[node.var] = o if found.get(node.var, o) is o else None
+            origins[node.var] = o if origins.get(node.var, o) is o else None
         elif isinstance(node, Call) or (isinstance(node, Pow) and node.exponent < 0):
-            found.update(dict.fromkeys(node.free, None))
-    return {v: o for v, o in found.items() if o is not None and v not in root.free}
+            origins.update(dict.fromkeys(node.free, None))
+    return {v: o for v, o in origins.items() if o is not None and v not in root.free}
 
 
 def _origin(node: Integral) -> Expr | None:
@@ -82,7 +85,7 @@ def _origin(node: Integral) -> Expr | None:
 
 
 def _is_worth_it(order: Sequence[Node], v: Var) -> bool:
-    """Are there surfaces in the variable that are not straight, or few surfaces, and one that other variables run through?"""
+    """Returns whether there are curved surfaces in the variable, or few surfaces of which one depends on other variables."""
     surfaces = [n.g for n in order if isinstance(n, Compare) and n.g.free]
     mine = [g for g in surfaces if v in g.free]
     few = len(surfaces) < MANY and any(len(g.free) > 1 for g in mine)
@@ -92,7 +95,7 @@ def _is_worth_it(order: Sequence[Node], v: Var) -> bool:
 def _moved(
     order: Sequence[Node], origins: Mapping[Var, Expr], axes: Mapping[Var, frozenset[Expr]], polynomials: Mapping[Expr, Sequence[Group]]
 ) -> Expr:
-    """The program in local coordinates."""
+    """Returns the program in local coordinates."""
     local = {v: Var.make(f"({v.name} - {show(o, 40)})", ()) for v, o in origins.items()}
     whole = {v: add(o, local[v]) for v, o in origins.items()}
     new: dict[Node, Node] = {}
@@ -116,14 +119,14 @@ def _moved(
 
 
 def _fixed_axis(e: Expr, v: Var, axis: frozenset[Expr], groups: Sequence[Group]) -> frozenset[Expr] | None:
-    """The symbols that a polynomial does not change with when they move together with the variable."""
+    """Returns the symbols that move together with the variable without changing a polynomial."""
     if is_fixed(e, axis):
         return axis
     return next((frozenset(g) for g in groups if v in g), None)
 
 
 def _replaced(e: Expr, places: Mapping[Node, Expr]) -> Expr:
-    """A polynomial with other symbols; numbers that meet in a sum are added."""
+    """Returns a polynomial with other symbols. Numbers that meet in a sum are added."""
     new: dict[Node, Node] = {}
     for node in postorder([e]):
         children = [new[c] for c in node.children]

@@ -1,7 +1,7 @@
-"""Integrals to infinity whose deltas stand on surfaces of several variables, on finite intervals.
+"""Finite intervals for integrals to infinity whose deltas stand on surfaces of several variables.
 
-An integral with an infinite bound stays as it is where it can: its last piece is a tail (`teg.program`). The charts of a surface, though,
-compare the extents of the variables, which must be finite. So those integrals are brought to finite ones (`teg.analysis.tails`).
+An integral with an infinite bound stays as it is where possible: its last piece is a tail (`teg.program`). But the charts of a surface
+compare the extents of the variables, which must be finite. So those integrals are mapped to finite ones (`teg.analysis.tails`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from teg.ir.traverse import rewrite, substitute
 
 
 def with_finite_bounds(e: Expr) -> Expr:
-    """e with every integral to infinity that runs through a δ of several variables on a finite interval."""
+    """Returns e with a finite interval for every infinite integral around a δ of several variables that depends on its variable."""
     if not e.has_delta or not any(isinstance(n, Integral) and is_unbounded(n) for n in postorder([e])):
         return e
     return cast(Expr, rewrite([e], _visit)[e])
@@ -34,6 +34,6 @@ def _visit(old: Node, new: Node) -> Node:
 
 
 def _is_charted(node: Integral) -> bool:
-    """Whether a δ inside stands on a surface that holds the variable and another one."""
+    """Returns whether a δ inside stands on a surface of the integral's variable and another one."""
     deltas = [n for n in postorder([node.body]) if isinstance(n, Delta) and node.var in n.g.free]
     return any(len([v for v in d.g.free if isinstance(v, Var)]) > 1 for d in deltas)

@@ -1,19 +1,18 @@
-"""Applications of functions written out where a pass has to see what is inside; slots in the place of the other functions.
+"""Applications of functions, written out where a pass has to see the body; slots in the place of the other functions.
 
     f(e, …)   →   body[e, …/formals]
 
-where the body is not opaque (`teg.function`), and wherever an application stands in a condition, a bound, a δ, an argument of floor and
-the like, a divisor, or under a root or logarithm: what jumps or may be singular there has to be found. An application is also written
-out in an integral with an infinite bound, whose tails have to be measured; where features of the body may be narrow
-(`teg.analysis.sharp`), as far
-as that is known in numbers; and where an exponential in the body becomes one of a polynomial of degree 2 or more in the variables: narrow
-peaks have to be known. If the arguments are linear, and the exponent quadratic, it is enough that the exponential is seen,
+A body that is not opaque (`teg.function`) is written out. So is an application in a condition, a bound, a δ, an argument of floor and
+the like, a divisor, or under a root or logarithm, because its jumps or singularities must be found there. So is an application in an
+integral with an infinite bound, whose tails have to be measured; where features of the body may be narrow (`teg.analysis.sharp`), as far
+as that is known in numbers; and where an exponential in the body becomes one of a polynomial of degree 2 or more in the variables,
+because narrow peaks must be known. If the arguments are linear and the exponent quadratic, a visible exponential is enough,
 
-    f(e)   →   rest(e, exp(q(e)))
+    f(e)   →   h(e, exp(q(e)))
 
-with the rest and the exponent as functions, which are swapped like others. Everything else stays.
+with h and the exponent q as functions, which have slots like other functions. Everything else stays.
 
-First of all passes; idempotent; linear in the program and what is written out.
+The first of all passes; idempotent; linear in the program and the bodies written out.
 """
 
 from __future__ import annotations
@@ -38,57 +37,59 @@ _SINGULAR = frozenset(
 
 
 WIDEST = 0.25
-"""The largest part of a piece between two nodes, of most rules."""
+"""The largest fraction of a piece between two nodes, for most rules."""
 STEEP = "its exponential may be a narrow peak"
 NARROW = "a feature of it may be narrow"
 PEAKED = "its exponential may be a narrow peak, which alone is written out"
 
 
 def write_out(e: Expr) -> Expr:
-    """The expression with those applications written out that a pass has to look into."""
+    """Returns the expression with those applications written out that a pass has to look into."""
     while any(reasons(e).values()):
         e = _rewritten(e)
     return e
 
 
 def reasons(root: Expr) -> dict[Apply, str]:
-    """The applications in an expression, and why each must be written out somewhere; "" if it need not be."""
+    """Returns the applications in an expression, each with the reason why it must be written out somewhere; "" if it need not be."""
     order = postorder([root])
-    found = _own_reasons(order)
+    why = _own_reasons(order)
     places: dict[Node, str] = {}
-    for place, child in _looked_into(order) if found else ():
+    for place, child in _looked_into(order) if why else ():
         places.setdefault(child, place)
-    for node in reversed(order if places else ()):  # a node comes after all that it stands in
+    for node in reversed(order if places else ()):  # a node comes after all nodes that contain it
         if node in places:
             for child in node.children:
                 places.setdefault(child, places[node])
-            if isinstance(node, Apply) and node in found:
-                found[node] = found[node] or f"it stands in {places[node]}"
-    return found
+            if isinstance(node, Apply) and node in why:
+                why[node] = why[node] or f"it stands in {places[node]}"
+    return why
 
 
 def _own_reasons(order: list[Node]) -> dict[Apply, str]:
-    """The applications among nodes, and why each must be written out wherever it stands."""
-    found = {n: n.callee.obstacle for n in order if isinstance(n, Apply) and isinstance(n.callee, Function)}
-    for integral in order if found else ():
+    """Returns the applications among nodes, each with the reason why it must be written out wherever it stands."""
+    why = {n: n.callee.obstacle for n in order if isinstance(n, Apply) and isinstance(n.callee, Function)}
+    for integral in order if why else ():
         if isinstance(integral, Integral) and is_unbounded(integral):
             for node in postorder([integral.body]):
-                if isinstance(node, Apply) and node in found and integral.var in node.free:
-                    found[node] = found[node] or "it stands in an integral with an infinite bound"
-    steep = {n: f.facts.exponent for n in found if not found[n] and n.free and isinstance(f := n.callee, Function) and f.inline is None}
+                if isinstance(node, Apply) and node in why and integral.var in node.free:
+                    why[node] = why[node] or "it stands in an integral with an infinite bound"
+    steep = {n: f.facts.exponent for n in why if not why[n] and n.free and isinstance(f := n.callee, Function) and f.inline is None}
     if any(steep.values()):
         degrees = degrees_in(order, {n for n in order if isinstance(n, Var)})
         for node, exponent in steep.items():
             if exponent * max((degrees[c] or 0 for c in node.children), default=0) > 1:
-                found[node] = PEAKED if exponent == 2 and all(degrees[c] in (0, 1) for c in node.children) else STEEP
-    smooth = [n for n in found if not found[n] and n.free and isinstance(f := n.callee, Function) and f.inline is None and f.degree is None]
-    found.update(dict.fromkeys(_narrow_ones(smooth, order), NARROW))
-    return found
+                why[node] = PEAKED if exponent == 2 and all(degrees[c] in (0, 1) for c in node.children) else STEEP
+    smooth = [n for n in why if not why[n] and n.free and isinstance(f := n.callee, Function) and f.inline is None and f.degree is None]
+    why.update(dict.fromkeys(_narrow_ones(smooth, order), NARROW))
+    return why
 
 
 def _narrow_ones(smooth: list[Apply], order: list[Node]) -> Iterator[Apply]:
-    """The applications whose bodies have features that may be narrow, where ranges and bodies are known in numbers: nodes may pass these
-    by, and their bounds over an interval have to be known."""
+    """Yields the applications whose bodies may have narrow features, if ranges and bodies are known in numbers.
+
+    Nodes may miss such features, so their bounds over an interval must be known.
+    """
     ranges: dict[Var, Interval] = {}
     for node in reversed(order if smooth else ()):
         if isinstance(node, Integral):
@@ -104,7 +105,7 @@ def _narrow_ones(smooth: list[Apply], order: list[Node]) -> Iterator[Apply]:
 
 
 def _looked_into(order: list[Node]) -> Iterator[tuple[str, Node]]:
-    """What stands where applications are written out."""
+    """Yields the places where applications are written out, with a name for each."""
     for node in order:
         match node:
             case Compare():
@@ -124,7 +125,7 @@ def _looked_into(order: list[Node]) -> Iterator[tuple[str, Node]]:
 
 
 def _is_looked_into(node: Node) -> bool:
-    """Whether all of its children have to be seen."""
+    """Returns whether passes have to see the bodies of all applications below the node."""
     match node:
         case Delta() | PointMasses():
             return True
@@ -137,7 +138,7 @@ def _is_looked_into(node: Node) -> bool:
 
 
 def _rewritten(root: Expr) -> Expr:
-    """One level of what has to be written out: everywhere inside of what is looked into, elsewhere what has a reason of its own."""
+    """Returns the expression with one level written out: everywhere inside of visible places, elsewhere the applications with a reason."""
     order = postorder([root])
     own = _own_reasons(order)
     everywhere = everywhere_written_out([child for _, child in _looked_into(order)])
@@ -164,7 +165,7 @@ def _rewritten(root: Expr) -> Expr:
 
 
 def with_slots(e: Expr) -> tuple[Expr, tuple[Function, ...]]:
-    """The expression with slots in the place of its functions, numbered as they appear, and the functions."""
+    """Returns the expression with slots in the place of its functions, numbered in order of appearance, and the functions."""
     if not functions_of(e):
         return e, ()
     slots: dict[Function, Slot] = {}
@@ -180,7 +181,7 @@ def with_slots(e: Expr) -> tuple[Expr, tuple[Function, ...]]:
 
 
 def without_slots(e: Expr, functions: tuple[Function, ...]) -> Expr:
-    """The expression with functions in the place of slots."""
+    """Returns the expression with functions in the place of slots."""
     new: dict[Node, Node] = {}
     for node in postorder([e]):
         children = tuple(new[c] for c in node.children)

@@ -3,14 +3,14 @@
     x₀y₁ - x₁y₀ + x(y₀ - y₁) + y(x₁ - x₀)   →   (x - x₀)(y₀ - y₁) + (y - y₀)(x₁ - x₀)
     x² - 2cx + c²                           →   (x - c)²
 
-Far from the origin the products on the left are large and cancel: at 4096 an edge loses 24 bits. Both sides are one polynomial, for it
-stays the same when x, x₀ and x₁ move together: a *group*, a set of symbols with Σ ∂g/∂s = 0. So every symbol s of the group may be replaced
-by s - o, o being one of them, and o by 0; differences are rounded once, if at all.
+Far from the origin the products on the left are large and cancel: at 4096 an edge loses 24 bits. Both sides are one polynomial, because
+it does not change when x, x₀ and x₁ move together: a *group*, a set of symbols with Σ ∂g/∂s = 0. So every symbol s of the group may be
+replaced by s - o, with o one of them, and o by 0; differences are rounded once, if at all.
 
 Groups are the vectors of zeros and ones in the null space of the gradients of g at random points of a finite field. A group is one of
-coordinates if a variable is in it; a sum without variables (an area) is rewritten for groups of symbols that share one. Nothing changes
-where every factor of a product is itself invariant, as in (x - p)·(y - q). Of the origins that are possible the one with the shortest
-result is taken: a vertex, through which the surface goes, makes terms vanish. Cost: one gradient a symbol, for sums of at most MAX_SYMBOLS.
+coordinates if it contains a variable; a sum without variables (an area) is rewritten for groups that share a symbol with such a group.
+Nothing changes if every factor of a product is itself invariant, as in (x - p)·(y - q). Among the possible origins the one with the
+shortest result is chosen: a vertex on the surface makes terms vanish. Cost: one gradient a symbol, for sums of at most MAX_SYMBOLS.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from teg.ir.traverse import remake, size
 MAX_SYMBOLS = 24
 MAX_NODES = 300
 MAX_ORIGINS = 16
-"""Combinations of origins that are compared."""
+"""The largest number of combinations of origins that are compared."""
 PRIME = 2**61 - 1
 
 Group = tuple[Expr, ...]
@@ -37,17 +37,17 @@ Group = tuple[Expr, ...]
 
 @dataclass(frozen=True)
 class Facts:
-    """What is known of a polynomial without looking inside again; a sum that is too large has no symbols."""
+    """Properties of a polynomial, computed once. A sum that is too large has no symbols."""
 
     symbols: frozenset[Expr]
     nodes: int
 
 
 def with_differences(root: Expr) -> Expr:
-    """The same, with polynomials that do not change when coordinates move together written by differences."""
+    """Returns the program with differences in those polynomials that do not change when coordinates move together."""
     order = postorder([root])
     groups = {e: groups_of(e) for e in outermost_polynomials(order) if _may_cancel(e)}
-    axes = _axes([g for found in groups.values() for g in found])
+    axes = _axes([g for of_sum in groups.values() for g in of_sum])
     new: dict[Node, Node] = {}
     for node in order:
         unchanged = all(new[c] is c for c in node.children)
@@ -59,7 +59,7 @@ def with_differences(root: Expr) -> Expr:
 
 
 def outermost_polynomials(order: Sequence[Node]) -> list[Expr]:
-    """The polynomial sums that are no terms of another one and small enough to be looked at, of nodes in postorder."""
+    """Returns the polynomial sums that are not terms of another one and small enough to be analysed, of nodes in postorder."""
     facts: dict[Node, Facts] = {}
     outermost: dict[Expr, None] = {}
     for node in order:
@@ -80,7 +80,7 @@ def outermost_polynomials(order: Sequence[Node]) -> list[Expr]:
 
 
 def _combined(node: Node, parts: Sequence[Facts]) -> Facts:
-    """The facts of a sum, product or power; without symbols where it is too large to be looked at."""
+    """Returns the properties of a sum, product or power; without symbols if it is too large to be analysed."""
     nodes = 1 + sum(p.nodes for p in parts)
     if nodes > MAX_NODES or (isinstance(node, Pow) and node.exponent > MAX_SYMBOLS):
         return Facts(frozenset(), MAX_NODES)
@@ -88,14 +88,14 @@ def _combined(node: Node, parts: Sequence[Facts]) -> Facts:
 
 
 def _scaled(e: Node) -> Expr | None:
-    """The sum in a number times a sum."""
+    """Returns the sum in a number times a sum; None for other nodes."""
     if isinstance(e, Mul) and len(e.children) == 2 and isinstance(e.children[0], Const) and isinstance(e.children[1], Add):
         return e.children[1]
     return None
 
 
 def _may_cancel(e: Expr) -> bool:
-    """Is there a product, and does a symbol occur twice? If none does, nothing can cancel."""
+    """Returns whether there is a product, and a symbol that occurs twice. Otherwise nothing can cancel."""
     seen: set[Node] = set()
     stack: list[Node] = [e]
     repeated = product = False
@@ -112,25 +112,26 @@ def _may_cancel(e: Expr) -> bool:
 
 
 def is_fixed(e: Expr, symbols: Collection[Expr]) -> bool:
-    """Does a polynomial stay the same when these symbols, those of them that it has, move together?"""
+    """Returns whether a polynomial stays the same when those of the symbols that it has move together."""
     order = postorder([e])
     fixed = _invariant(order, [tuple(s for s in symbols if s in order)])
     return fixed is not None and e in fixed[0]
 
 
 def _axes(groups: Sequence[Group]) -> list[set[Expr]]:
-    """For each variable the symbols that move together with it in some polynomial."""
+    """Returns, for each variable, the symbols that move together with it in some polynomial."""
     axes: dict[Expr, set[Expr]] = {}
     for group in groups:
         for v in group:
             if isinstance(v, Var):
                 axes.setdefault(v, set()).update(group)
-    found = list(axes.values())
-    return [axis for k, axis in enumerate(found) if all(axis.isdisjoint(other) for other in found[:k])]
+    candidates = list(axes.values())
+    return [axis for k, axis in enumerate(candidates) if all(axis.isdisjoint(other) for other in candidates[:k])]
 
 
 def _of_coordinates(e: Expr, groups: Sequence[Group], axes: Sequence[set[Expr]]) -> list[Group]:
-    """The groups along axes: all symbols of an axis, where a polynomial does not change with these; else the groups that share an axis."""
+    """Returns the groups along axes: all symbols of an axis, if moving them does not change a polynomial; else the groups that share an
+    axis."""
     order = postorder([e])
     whole = [tuple(s for s in order if s in axis) for axis in axes]
     fixed = _invariant(order, whole)
@@ -145,7 +146,7 @@ def _of_coordinates(e: Expr, groups: Sequence[Group], axes: Sequence[set[Expr]])
 
 
 def groups_of(e: Expr) -> list[Group]:
-    """The sets of symbols of a polynomial that it does not change with when they move together, if they are disjoint."""
+    """Returns the sets of symbols that can move together without changing a polynomial, if these sets are disjoint."""
     order = postorder([e])
     symbols = [n for n in order if isinstance(n, Param | Var)]
     rows = []
@@ -154,10 +155,10 @@ def groups_of(e: Expr) -> list[Group]:
         if row is None:
             return []
         rows.append([row[s] for s in symbols])
-    found: list[Group] = [
+    groups: list[Group] = [
         tuple(s for s, d in zip(symbols, v, strict=True) if d) for v in _null_space(rows) if all(d in (0, 1) for d in v) and sum(v) > 1
     ]
-    return found if len({s for group in found for s in group}) == sum(map(len, found)) else []
+    return groups if len({s for group in groups for s in group}) == sum(map(len, groups)) else []
 
 
 @lru_cache(maxsize=4096)
@@ -166,7 +167,7 @@ def _random(*key: object) -> int:
 
 
 def _values(order: Sequence[Node], at: Mapping[Node, int]) -> dict[Node, int] | None:
-    """The values of a polynomial's nodes in the field; None where a number in it is not finite."""
+    """Returns the values of a polynomial's nodes in the field; None if a number in it is not finite."""
     value: dict[Node, int] = {}
     for node in order:
         match node:
@@ -190,7 +191,7 @@ def _values(order: Sequence[Node], at: Mapping[Node, int]) -> dict[Node, int] | 
 
 
 def _gradient(order: Sequence[Node], at: Mapping[Node, int]) -> dict[Node, int] | None:
-    """The derivatives of a polynomial by its nodes, in reverse."""
+    """Returns the derivatives of a polynomial by its nodes, in reverse."""
     value = _values(order, at)
     if value is None:
         return None
@@ -215,7 +216,7 @@ def _gradient(order: Sequence[Node], at: Mapping[Node, int]) -> dict[Node, int] 
 
 
 def _null_space(rows: list[list[int]]) -> list[list[int]]:
-    """A basis of the vectors that all rows are orthogonal to, with one free column each."""
+    """Returns a basis of the vectors orthogonal to all rows, with one free column each."""
     n = len(rows[0])
     pivots: dict[int, list[int]] = {}
     for row in rows:
@@ -243,7 +244,7 @@ def _null_space(rows: list[list[int]]) -> list[list[int]]:
 
 
 def _by_differences(e: Expr, groups: Sequence[Group]) -> Expr:
-    """The polynomial with the symbols of those groups replaced by differences in which it is written with absolute coordinates."""
+    """Returns the polynomial with differences in the place of symbols, for the groups in whose absolute coordinates it is written."""
     order = postorder([e])
     fixed = _invariant(order, groups)
     if fixed is None:
@@ -263,21 +264,21 @@ def _by_differences(e: Expr, groups: Sequence[Group]) -> Expr:
 
 
 def _invariant(order: Sequence[Node], groups: Sequence[Group]) -> list[set[Node]] | None:
-    """For each group the nodes that do not change when its symbols move together."""
+    """Returns, for each group, the nodes that do not change when its symbols move together."""
     symbols = [n for n in order if isinstance(n, Param | Var)]
     at: dict[Node, int] = {s: _random(s.name, type(s).__name__, 0) for s in symbols}
-    here = _values(order, at)
-    if here is None:
+    before = _values(order, at)
+    if before is None:
         return None
     result = []
     for group in groups:
         there = cast("dict[Node, int]", _values(order, {s: v + _random("shift") if s in group else v for s, v in at.items()}))
-        result.append({n for n in order if here[n] == there[n]})
+        result.append({n for n in order if before[n] == there[n]})
     return result
 
 
 def _is_absolute(node: Node, fixed: set[Node]) -> bool:
-    """A product, or a power, with a factor that moves with the group."""
+    """Returns whether a node is a product, or a power, with a factor that moves with the group."""
     if isinstance(node, Pow):
         return node.base not in fixed
     if not isinstance(node, Mul) or sum(not isinstance(c, Const) for c in node.children) < 2:
@@ -286,7 +287,7 @@ def _is_absolute(node: Node, fixed: set[Node]) -> bool:
 
 
 def _settled(order: Sequence[Node], fixed: Sequence[set[Node]]) -> set[Node]:
-    """The nodes that may stay as they are: invariant in all groups, with no product in absolute coordinates inside."""
+    """Returns the nodes that may stay as they are: invariant in all groups, with no product in absolute coordinates inside."""
     clean: set[Node] = set()
     for node in order:
         if all(c in clean for c in node.children) and not any(_is_absolute(node, same) for same in fixed):
@@ -295,7 +296,7 @@ def _settled(order: Sequence[Node], fixed: Sequence[set[Node]]) -> set[Node]:
 
 
 def _relative(order: Sequence[Node], settled: set[Node], origin: Mapping[Expr, Expr]) -> Expr:
-    """The polynomial with differences from the origins for symbols."""
+    """Returns the polynomial with differences from the origins in the place of symbols."""
     new: dict[Node, Node] = {}
     for node in order:
         if node in settled:

@@ -1,15 +1,16 @@
-"""Comparisons in sums that compare a thing with itself: they have no surface.
+"""Comparisons in sums that compare an entry with itself: they have no surface.
 
     [z_j < z_k]   →   [z_j < z_k] ∧ j ≠ k            where both sides are the same expression of j and of k
 
-For j = k the difference is the constant 0, whatever the arrays hold: the comparison is false as written and stays so when anything moves,
-but its value 0 on another surface looks like a tie. So the difference g of an atom is asked whether it vanishes identically when one index
-is replaced by another integer expression: by an index, by a number (`z_k < z_0`), and an entry by an index (`z_N[k] < z_k`). Where it does,
-the atom is true only if these integers differ. If all that the indices choose are entries of arrays, it is the places of these that
-have to differ (`F[j]`, `F[k]`): a face that is listed twice does not hide itself either. An atom g >= 0 is true where they do not differ.
+For j = k the difference is the constant 0, whatever the arrays hold. The comparison is false as written and stays so when anything
+moves, but its value 0 on another surface looks like a tie. So the pass tests whether the difference g of an atom vanishes identically
+when one index is replaced by another integer expression: by an index, by a number (`z_k < z_0`), or an entry by an index (`z_N[k] <
+z_k`). If it does, the atom is true only if these integers differ. If all that the indices choose are entries of arrays, the places of
+these must differ (`F[j]`, `F[k]`): a face that is listed twice does not hide itself either. An atom g >= 0 is true where they do not
+differ.
 
-Atoms without variables have no ties and are left alone, and so are integers whose ranges exclude that they are equal. Cost: for each atom
-with two integers at the same place of an array one pass over it for each such pair, of which MOST are looked at.
+Atoms without variables have no ties and are left alone, and so are integers whose ranges exclude that they are equal. Cost: for each
+atom with two integers at the same place of an array one pass over it for each such pair, at most MOST of them.
 """
 
 from __future__ import annotations
@@ -28,12 +29,12 @@ from teg.ir.traverse import rebuild
 
 MOST = 32
 PLACES = 4
-"""Of more places that have to differ the indices are compared instead."""
+"""If more places have to differ, the indices are compared instead."""
 Ranges = Mapping[Index, tuple[Index, Index]]
 
 
 def without_self_comparisons(root: Expr) -> Expr:
-    """The program in which an atom that compares a thing with itself is what it is as written, and meets no tie."""
+    """Returns the program in which an atom that compares an entry with itself has its written value, and meets no tie."""
     if not any(isinstance(n, Compare) and n.free and _candidates(n.g, {}) for n in postorder([root])):
         return root
     root = indices_apart(root)
@@ -47,7 +48,7 @@ def without_self_comparisons(root: Expr) -> Expr:
 
 
 def _apart(atom: Compare, ranges: Ranges) -> Cond:
-    """The atom where it compares two things, and as written where it compares one with itself."""
+    """Returns the atom where it compares two entries, and its written value where it compares one with itself."""
     different: list[Cond] = []
     for a, b in _candidates(atom.g, ranges):
         there = replace_integers(atom.g, {a: b})
@@ -59,25 +60,25 @@ def _apart(atom: Compare, ranges: Ranges) -> Cond:
 
 
 def _candidates(g: Expr, ranges: Ranges) -> list[tuple[Index, Index]]:
-    """Pairs (a, b) of integers that index the same array at the same place, and may be equal; a is to be replaced by b."""
+    """Returns pairs (a, b) of integers that index the same array at the same place, and may be equal; a is to be replaced by b."""
     at: dict[object, dict[Index, None]] = {}
     for leaf in cell_leaves([g]):
         if isinstance(leaf, Gather):
             for axis, i in enumerate(leaf.subscripts):
                 _note(at, (leaf.array, axis), i)
-    found: dict[tuple[Index, Index], None] = {}
+    pairs: dict[tuple[Index, Index], None] = {}
     for places in at.values():
         for a, b in combinations(places, 2):
             for pair in _meeting(a, b):
                 if not _are_apart(*pair, ranges):
-                    found[pair] = None
-            if len(found) >= MOST:
-                return list(found)
-    return list(found)
+                    pairs[pair] = None
+            if len(pairs) >= MOST:
+                return list(pairs)
+    return list(pairs)
 
 
 def _note(at: dict[object, dict[Index, None]], place: object, i: Index) -> None:
-    """What stands at a place of an array, and at the places of index arrays through which it is chosen."""
+    """Records the integer at a place of an array, and the integers at the places of index arrays that choose it."""
     waiting = [(place, i)]
     while waiting:
         place, i = waiting.pop()
@@ -87,7 +88,7 @@ def _note(at: dict[object, dict[Index, None]], place: object, i: Index) -> None:
 
 
 def _meeting(a: Index, b: Index) -> Iterator[tuple[Index, Index]]:
-    """How two integers become equal by replacing an index, or an entry of an index array by the index that chooses it."""
+    """Yields the replacements that make two integers equal: of an index, or of an entry of an index array by the index that chooses it."""
     for first, second in ((a, b), (b, a)):
         if isinstance(first, IndexVar) and first not in free_indices(second):
             yield first, second
@@ -99,7 +100,7 @@ def _meeting(a: Index, b: Index) -> Iterator[tuple[Index, Index]]:
 
 
 def _are_apart(a: Index, b: Index, ranges: Ranges) -> bool:
-    """Whether the ranges of the sums exclude that both are equal."""
+    """Returns whether the ranges of the sums exclude that both are equal."""
     for first, second in ((a, b), (b, a)):
         lo, hi = ranges.get(first, (None, None))
         if lo is not None and (_is_beyond(lo, second) or hi is second or (hi is not None and _is_beyond(second, hi))):
@@ -110,7 +111,7 @@ def _are_apart(a: Index, b: Index, ranges: Ranges) -> bool:
 
 
 def _is_beyond(lo: Index, other: Index) -> bool:
-    """Is an integer larger than another one, by what is written?"""
+    """Returns whether an integer is larger than another one by the form in which it is written."""
     if isinstance(lo, IndexConst) and isinstance(other, IndexConst):
         return bool(lo.data > other.data)
     more = lo.children if isinstance(lo, IndexCall) and lo.data == "add" else ()
@@ -118,7 +119,7 @@ def _is_beyond(lo: Index, other: Index) -> bool:
 
 
 def _different(g: Expr, a: Index, b: Index) -> Cond:
-    """The condition that what is compared is not the same."""
+    """Returns the condition that the compared entries are not the same."""
     places: dict[tuple[Index, Index], None] = {}
     for leaf in cell_leaves([g]):
         there = replace_integers(leaf, {a: b})

@@ -1,7 +1,7 @@
 """The steps of floor, written out: one bracket, or one cell, for each.
 
 Inside the integrals that bind the variables of u, with k₀ < k₁ < … the integers that u passes over their ranges
-(`teg/analysis/staircase.py`),
+(`teg.analysis.staircase`),
 
     linear       A + B·floor(u)  =  A + B·(k₀ - [u < k₀] + Σ_{j≥1} [u ≥ kⱼ])
     otherwise    F(floor(u))     =  Σⱼ [kⱼ ≤ u < kⱼ₊₁]·F(kⱼ)                F the whole summand: a condition, a product, an inner integral
@@ -10,8 +10,8 @@ Inside the integrals that bind the variables of u, with k₀ < k₁ < … the in
 mod(u, m) is u - m·floor(u/m), ceil(u) is -floor(-u), round(u) is floor(u + ½) but for the halves themselves. The brackets are ordinary
 atoms, so breaks, jumps and sifting need to know nothing of steps. Several floors in one summand make a grid of cells.
 
-The derivative of k₀ = floor(least u) by parameters is 0: what k₀ does at its own jumps cancels against the step that enters or leaves.
-Where the number of steps depends on parameters, and there may be more than have code, the nest becomes
+The derivative of k₀ = floor(least u) by parameters is 0: the jumps of k₀ cancel against the step that enters or leaves. If the number of
+steps depends on parameters, and may exceed the number that have code, the nest becomes
 
     where(u has no more steps, the nest with steps, the nest with floor)      the value exact, or to the tolerance; no derivative beyond
 
@@ -55,27 +55,27 @@ from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, rebuild, rename_apart, replace_node, size
 
 MAX_CELLS = 1024
-"""Cells of one summand."""
+"""The largest number of cells of one summand."""
 TOLD = 2
-"""How many times MAX_CELLS there would be if all parts had as many as the first one: then they are not written out to be counted."""
+"""Cells are not written out if there would be this many times MAX_CELLS, assuming that all parts have as many as the first."""
 MAX_WRITTEN = 20_000
-"""Nodes of all cells, where parameters decide how many there are: then most of them are empty."""
+"""The largest number of nodes of all cells if parameters decide how many there are: then most of them are empty."""
 MAX_DEPTH = 32
-"""Floors whose cells stand inside each other."""
+"""The largest number of floors whose cells are nested."""
 
 Env = tuple[tuple[Var, Range], ...]
 Term = tuple[tuple[Cond, ...], Expr]
-"""Conditions and what is added where all of them hold."""
+"""Conditions, and the value that is added where all of them hold."""
 Known = tuple[Expr, Env]
 """A floor and the ranges of its variables."""
 
 
 class _TooManyError(Exception):
-    """More cells than MAX_CELLS."""
+    """There are more cells than MAX_CELLS."""
 
 
 def enumerate_steps(root: Expr) -> Expr:
-    """The program without floor, mod, round and ceil of variables, wherever their steps can be counted; its value is the same."""
+    """Returns the program without floor, mod, round and ceil of variables, wherever their steps can be counted. Its value is the same."""
     root = with_floors(root)
     if not any(is_step(n) for n in postorder([root])):
         return root
@@ -86,8 +86,10 @@ def enumerate_steps(root: Expr) -> Expr:
 
 
 class _Walk:
-    """From the root downwards the ranges of the variables, from the leaves upwards the steps. A job is a node, the ranges of its free
-    variables, and whether floors whose steps cannot be counted now are to stay floors."""
+    """The traversal: the ranges of the variables from the root downwards, the steps from the leaves upwards.
+
+    A job is a node, the ranges of its free variables, and whether floors whose steps cannot be counted now are to stay floors.
+    """
 
     def __init__(self, root: Expr) -> None:
         self.root = root
@@ -135,23 +137,23 @@ class _Walk:
         return cast(Expr, done[start][0])
 
     def _inside(self, node: Integral, env: Env) -> Env:
-        """The ranges inside an integral; none for its variable if its bounds have no enclosure."""
-        rest = tuple((v, r) for v, r in env if v is not node.var)
+        """Returns the ranges inside an integral; its variable has none if its bounds have no enclosure."""
+        outer = tuple((v, r) for v, r in env if v is not node.var)
         if not node.lo.free and not node.hi.free:
-            return (*rest, (node.var, Range(node.lo, node.hi)))
+            return (*outer, (node.var, Range(node.lo, node.hi)))
         box = {v: r.interval for v, r in env}
         try:
             ends = [enclose(b, box) for b in (node.lo, node.hi)]
         except NotDifferentiableError:
-            return rest
+            return outer
         if any(e.free for pair in ends for e in pair):
-            return rest
+            return outer
         hull = Range(call("min", ends[0][0], ends[1][0]), call("max", ends[0][1], ends[1][1]))
-        return (*rest, (node.var, hull))
+        return (*outer, (node.var, hull))
 
 
 def _job(node: Node, env: Env, plain: bool) -> tuple[Node, Env, bool]:
-    """A job, with no more than it depends on: an integral with nothing around it decides for itself what stays a floor."""
+    """Returns a job with only the data it depends on. An integral with nothing around it decides for itself which floors stay."""
     mine = tuple((v, r) for v, r in env if v in node.free)
     return node, mine, plain and not (isinstance(node, Integral) and not mine)
 
@@ -170,10 +172,10 @@ class _Summands:
         self.guards: dict[Cond, None] = {}
         self._pending: dict[Cond, None] = {}
         self._cells = 0
-        self._alike = 1  # how many parts there are like the one in hand
+        self._alike = 1  # the number of parts like the current one
 
     def of(self, body: Expr) -> Expr:
-        """The integrand with its steps written out."""
+        """Returns the integrand with its steps written out."""
         parts: list[Expr] = []
         stack = [body]
         while stack:
@@ -197,7 +199,7 @@ class _Summands:
         return add(*(where(conjunction(*conditions), value, ZERO) for conditions, value in terms))
 
     def _in_place(self, e: Expr) -> Expr:
-        """Too many cells: where no condition holds floors they become sums of brackets in a summand that is kept whole; else they stay."""
+        """Returns a summand with too many cells, kept whole: floors outside of conditions become sums of brackets; the others stay."""
         floors = [n for n in postorder([e]) if isinstance(n, Call) and is_step(n) and n.free <= self.box.ranges.keys()]
         counted = {n: count_steps(n.children[0], self.box) for n in floors}
         if None in counted.values() or any(_is_asked(e, n) for n in floors):
@@ -213,8 +215,10 @@ class _Summands:
         return e
 
     def _next(self, e: Expr, box: Box) -> tuple[Expr, bool] | None:
-        """The floor that is to be written out first, and whether its place is linear: the innermost whose place is not, of this variable
-        or, inside a cell, of any; else the first one of this variable."""
+        """Returns the floor that is written out first, and whether its place is linear.
+
+        It is the innermost floor in a non-linear place, of this variable or, inside a cell, of any; else the first one of this variable.
+        """
         linear = None
         for floor, is_linear in linear_places(e, is_step).items():
             if not floor.free <= box.ranges.keys() or _known(floor, box) in self.given_up:
@@ -226,9 +230,9 @@ class _Summands:
         return linear
 
     def _terms(self, e: Expr, box: Box, nested: bool) -> list[Term]:
-        """e as a sum of terms; only the first floor in a linear place makes terms of its own."""
-        while (found := self._next(e, box)) is not None:
-            floor, is_linear = found
+        """Returns e as a sum of terms. Only the first floor in a linear place makes terms of its own."""
+        while (following := self._next(e, box)) is not None:
+            floor, is_linear = following
             steps = count_steps(_argument(floor), box)
             if steps is None:
                 self.given_up.add(_known(floor, box))
@@ -250,12 +254,12 @@ class _Summands:
         return [((), e)]
 
     def _brackets(self, e: Expr, floor: Expr, steps: Steps, box: Box) -> list[Term]:
-        """e = A + B·floor: from the step nearest to 0 (or from the base) brackets upwards and downwards."""
+        """Returns the terms of e = A + B·floor: from the step nearest to 0 (or from the base) brackets upwards and downwards."""
         mark = fresh("⌊⌋", e.free)
         rate = jump(cast(Expr, replace_node(e, floor, where(positive(mark), ONE, ZERO))), mark)
-        rest = cast(Expr, replace_node(e, floor, ZERO))
+        constant = cast(Expr, replace_node(e, floor, ZERO))
         origin = _nearest_to_zero(steps)
-        terms = self._terms(add(rest, mul(steps.level(origin), rate)), box, True)
+        terms = self._terms(add(constant, mul(steps.level(origin), rate)), box, True)
         inner = self._terms(rate, box, True)
         self._cells += len(inner) * (len(steps.over) - 1)
         for i, over in enumerate(steps.over):
@@ -266,7 +270,7 @@ class _Summands:
         return terms
 
     def _grid(self, e: Expr, floor: Expr, steps: Steps, box: Box) -> list[Term]:
-        """One cell a step; where all cells are free of variables, their differences at the steps, if these are not longer."""
+        """Returns one cell a step; if all cells are free of variables, their differences at the steps, unless these are longer."""
         if len(box.cells) >= MAX_DEPTH:
             raise _TooManyError
         order = holding(e, floor)
@@ -288,7 +292,7 @@ class _Summands:
 
 
 def _nearest_to_zero(steps: Steps) -> int:
-    """The level with the smallest number; that of the base where it is no number."""
+    """Returns the level with the smallest number; that of the base if it is not a number."""
     if not isinstance(steps.base, Const):
         return 1
     return max(0, min(len(steps.over), 1 - int(steps.base.data)))
@@ -301,7 +305,7 @@ def _sum_of_brackets(steps: Steps) -> Expr:
 
 
 def _cells(inner: Sequence[list[Term]], over: Sequence[Cond]) -> list[Term]:
-    """Σᵢ [over i - 1, not over i]·innerᵢ; equal neighbours are one cell."""
+    """Returns Σᵢ [over i - 1, not over i]·innerᵢ. Equal neighbours are one cell."""
     terms: list[Term] = []
     first = 0
     for i, mine in enumerate(inner):
@@ -315,7 +319,7 @@ def _cells(inner: Sequence[list[Term]], over: Sequence[Cond]) -> list[Term]:
 
 
 def _differences(inner: Sequence[list[Term]], over: Sequence[Cond], origin: int) -> list[Term]:
-    """The same with one bracket a step: what changes there, upwards and downwards from a cell that is certainly met."""
+    """Returns the same with one bracket a step: the changes, upwards and downwards from a cell that is certainly met."""
     terms = list(inner[origin])
     for i, step in enumerate(over):
         near, far, side = (inner[i], inner[i + 1], step) if i >= origin else (inner[i + 1], inner[i], negation(step))
@@ -336,12 +340,12 @@ def _known(floor: Expr, box: Box) -> Known:
 
 
 def _is_asked(root: Node, floor: Node) -> bool:
-    """Does a condition, or the argument of another floor, hold the floor?"""
+    """Returns whether a condition, or the argument of another floor, contains the floor."""
     return any(isinstance(n, Compare) or is_step(n) for n in holding(root, floor))
 
 
 def _with_value(order: Sequence[Node], floor: Expr, value: Expr) -> Expr:
-    """The last node of `order` with a value in place of the floor."""
+    """Returns the last node of `order` with a value in place of the floor."""
     new: dict[Node, Node] = {floor: value}
     for node in order:
         result = rebuild(node, tuple([new.get(c, c) for c in node.children]))

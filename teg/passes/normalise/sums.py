@@ -1,11 +1,11 @@
-"""Sums out of integrals: afterwards no variable of integration runs through a sum.
+"""Sums out of integrals: afterwards no sum depends on a variable of integration.
 
     ∫ Σ_k f_k dx  =  Σ_k ∫ f_k dx                   where the integrand is linear in the sum: the integral keeps one term's breaks
     Σ_{k=0}^{2} f_k  =  f_0 + f_1 + f_2             elsewhere (in a condition, in a function, in a product of sums), written out
 
-A sum that has to be written out must have bounds that are numbers. One whose bounds are lengths of arrays is written out when the shapes
-are known, at the first call with them (`teg.array_compile`): `NeedsLengths` says which they are. Cost: a visit a node; written out, a
-body a term.
+A sum that has to be written out must have bounds that are numbers. If its bounds are lengths of arrays, it is written out when the
+shapes are known, at the first call with them; the exception `NeedsLengths` names these lengths to the evaluator. Cost: a visit a node;
+written out, a body a term.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ MOST_TERMS = 20_000
 """A sum of more terms is not written out."""
 
 
-class NeedsLengths(Exception):  # a request, no error
-    """A sum must be written out whose bounds are known at run time only."""
+class NeedsLengths(Exception):  # a request to the caller, not an error
+    """The bounds of a sum that must be written out are known at run time only."""
 
     def __init__(self, node: Sum) -> None:
         super().__init__("the bounds of a sum inside an integral must be known")
@@ -34,7 +34,7 @@ class NeedsLengths(Exception):  # a request, no error
 
 
 def sums_outside(root: Expr) -> Expr:
-    """The program with no sum through which a variable of integration runs. Raises NeedsLengths."""
+    """Returns the program with no sum that depends on a variable of integration. Raises NeedsLengths."""
     if not any(isinstance(n, Sum) and n.free for n in postorder([root])):
         return root
     new: dict[Node, Node] = {}
@@ -50,7 +50,7 @@ def sums_outside(root: Expr) -> Expr:
 
 
 def _integral(body: Expr, x: Var, lo: Expr, hi: Expr) -> Expr:
-    """∫ body dx with every sum that depends on x outside, or written out."""
+    """Returns ∫ body dx with every sum that depends on x outside, or written out."""
     if not any(isinstance(n, Sum) and x in n.free for n in postorder([body])):
         return integral_over(body, x, lo, hi)
     terms: list[Expr] = []
@@ -65,10 +65,11 @@ def _integral(body: Expr, x: Var, lo: Expr, hi: Expr) -> Expr:
 
 
 def _linear_terms(body: Expr, x: Var) -> list[tuple[tuple[Sum, ...], Expr]]:
-    """body = Σ over the pairs of Σ…Σ term, the sums taken out of linear positions; what has none of them is one term."""
+    """Returns pairs of sums and terms, with body = Σ over the pairs of Σ…Σ term. The sums come from linear positions;
+    a term may have none."""
     done: list[tuple[tuple[Sum, ...], Expr]] = []
     plain: list[Expr] = []
-    stack: list[tuple[tuple[Sum, ...], Expr, Expr]] = [((), ONE, body)]  # sums around, factor, rest
+    stack: list[tuple[tuple[Sum, ...], Expr, Expr]] = [((), ONE, body)]  # sums around, factor, expression still to be split
     while stack:
         chain, factor, e = stack.pop()
         through = [c for c in e.children if _has_sum(c, x)]
@@ -95,7 +96,7 @@ def _has_sum(node: Node, x: Var) -> bool:
 
 
 def _written_out(root: Expr, x: Var | None = None) -> Expr:
-    """Every sum through which variables run (or x does) as its terms."""
+    """Returns the expression with every sum that depends on variables (or on x) written out as its terms."""
     new: dict[Node, Node] = {}
     for node in postorder([root]):
         result = rebuild(node, tuple(new[c] for c in node.children))

@@ -1,8 +1,8 @@
 """Steps that are not written out, when the program is differentiated.
 
-`passes/steps.py` leaves where(no more steps, nest with steps, nest with floor) where parameters decide on the number of steps, and floors
-as they are where it is too large or not known. The first has a derivative as long as its condition holds, and is not a number beyond; the
-second has one only if its steps do not move.
+`teg.passes.normalise.steps` makes where(no more steps, nest with steps, nest with floor) if parameters decide on the number of steps,
+and leaves floors if the number is too large or not known. The `where` has a derivative as long as its condition holds, and is NaN
+beyond; a floor has one only if its steps do not move.
 """
 
 from __future__ import annotations
@@ -20,14 +20,16 @@ from teg.ir.traverse import parameters, rebuild
 
 
 def without_uncounted(e: Expr, wrt: Sequence[Param]) -> Expr:
-    """e to be differentiated: an alternative whose steps move, and were too many to be written out, is not a number, and neither are its
-    derivatives of any order."""
+    """Returns the expression to be differentiated: NaN in each alternative whose steps move and were too many to be written out.
+
+    Its derivatives of any order are then NaN too.
+    """
     order = postorder([e])
     if not any(node.free and isinstance(node, UncountedFloor) for node in order):
         return e
     moving = frozenset(wrt)
     new: dict[Node, Node] = {}
-    loose: dict[Node, frozenset[Var]] = {}  # of a node that holds such floors: their variables that are not bound below it
+    loose: dict[Node, frozenset[Var]] = {}  # for a node that holds such floors: their variables that are not bound below it
     for node in order:
         children = [new[c] for c in node.children]
         if isinstance(node, Where) and not node.condition.free and (children[1] in loose) != (children[2] in loose):
@@ -46,7 +48,7 @@ def without_uncounted(e: Expr, wrt: Sequence[Param]) -> Expr:
 
 
 def _moves(e: Expr, wrt: frozenset[Param]) -> bool:
-    """Does a floor that was not written out, or a condition on one, depend on these parameters?"""
+    """Returns whether a floor that was not written out, or a condition on one, depends on these parameters."""
     marked: set[Node] = set()
     active: set[Node] = set()
     for node in postorder([e]):

@@ -1,7 +1,7 @@
 """Error estimates through the loops of a program with arrays, to first order.
 
     s = Σ_k v_k                 Δs = Σ_k (Δv_k + ε·(16 + √n)·|v_k|),    n iterations
-    w = kernel(u, v, …)         Δw by the flat program's own estimates, in which Δu, Δv, … are parameters (`passes/error_bounds.py`)
+    w = kernel(u, v, …)         Δw by the flat program's own estimates, in which Δu, Δv, … are parameters (`errors.py`)
     V̄[i] += w                   an array of errors, V̄[i] += Δw + ε·(16 + √n)·|w|,    n iterations of all loops around
 
 Entries of arrays and integers are exact. A number that has no error costs nothing but the rounding where it enters a sum. The roundings
@@ -14,13 +14,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from teg.passes.program.errors import ROUNDINGS, with_errors_of
+from teg.passes.lower.intrinsic import ROUNDINGS
+from teg.passes.program.errors import with_errors_of
 from teg.passes.program.link import with_bodies
 from teg.passes.program.sink import sink
 from teg.program import Arg as FlatArg
 from teg.program import Assign, Program
 from teg.program.arrays import Arg, ArrayProgram, Loop, Number, Run, Scatter, Step, steps
 from teg.program.dce import without_dead_code
+from teg.program.fields import result_names, variables
+from teg.program.verify import verified_arrays
 
 EPSILON = 2.0**-52
 
@@ -28,7 +31,7 @@ EPSILON = 2.0**-52
 def with_array_error_estimates(program: ArrayProgram) -> ArrayProgram:
     """The program with twice the outputs: the old ones, then an error estimate of each, of the same shape. Its flat programs are as they
     were scheduled; those of the result are finished."""
-    return _ArrayEstimator(program).run()
+    return verified_arrays(_ArrayEstimator(program).run(), "after array error estimates")
 
 
 class _ArrayEstimator:
@@ -152,15 +155,5 @@ _ROUNDINGS_OF_A_LOOP = _roundings_of_a_loop()
 
 def _last_number(program: ArrayProgram) -> int:
     """The largest number in the names of a program."""
-    names: list[str] = []
-    for step in steps(program.body):
-        match step:
-            case Run():
-                names += step.results
-            case Loop():
-                names += [step.index, *step.results]
-            case Scatter():
-                pass
-            case _:
-                names.append(step.name)
+    names = [name for step in steps(program.body) for name in (*result_names(step), *variables(step))]
     return max((int(name[1:]) for name in names), default=0)

@@ -9,33 +9,19 @@ Linear in the size of the program.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import fields, replace
+from collections.abc import Iterable
+from dataclasses import replace
 
-from teg.program import (
-    Arg,
-    Assign,
-    Hyperbola,
-    Integrate,
-    Polygon,
-    Program,
-    Sample,
-    Segment,
-    Stmt,
-    SumOver,
-    blocks,
-    clipped_by,
-    compound,
-    statements,
-)
+from teg.program import Arg, Assign, Program, Stmt, assigned, blocks, compound, free_names
+from teg.program.fields import inner_blocks, operands, with_blocks
 
-Place = tuple[int, str]
-"""A block inside a polygon or a segment: its number in the block around it, and "setup" or "scales"."""
+Place = tuple[int, int]
+"""A block that receives statements: the number of its statement in the block around it, and its own among those that receive."""
 
 
 def sink(program: Program) -> Program:
     """The program in which polygons, segments and hyperbolas compute for themselves what nothing else uses."""
-    if not any(isinstance(s, Polygon | Segment | Hyperbola) for s in compound(program.body)):
+    if not any(_receiving(s) for s in compound(program.body)):
         return program
     return replace(program, body=_sunk(program.body, program.outputs))
 
@@ -51,79 +37,51 @@ def _sunk(block: tuple[Stmt, ...], outputs: Iterable[Arg]) -> tuple[Stmt, ...]:
 
     for number in range(len(block) - 1, -1, -1):
         stmt = block[number]
-        match stmt:
-            case Assign():
-                place = None if stmt.op == "tie" else _only_place(users.get(stmt.name, set()))
-                note(stmt.args, place)
-                if place is None:
-                    kept.append((number, stmt))
-                else:
-                    moved.setdefault(place, []).append(stmt)
-            case Polygon() | Segment():
-                note((stmt.when or True, stmt.met if isinstance(stmt, Polygon) else True), None)
-                note(clipped_by(stmt), None if isinstance(stmt, Polygon) else (number, "setup"))
-                note((*_names(stmt.setup), *_names(stmt.body), *stmt.values, *stmt.factors), (number, "setup"))
-                if isinstance(stmt, Segment):
-                    note((*_names(stmt.scales), *(g.scale for g in stmt.half_lines)), (number, "scales"))
+        if isinstance(stmt, Assign):
+            place = None if stmt.op == "tie" else _only_place(users.get(stmt.name, set()))
+            note(stmt.args, place)
+            if place is None:
                 kept.append((number, stmt))
-            case Hyperbola():
-                note((stmt.when or True, *stmt.corners, *(c for m in stmt.moments for _, _, c in m.terms)), None)
-                note((*_names(stmt.scales), *stmt.scale), (number, "scales"))
-                kept.append((number, stmt))
-            case _:
-                note(_names((stmt,)), None)
-                kept.append((number, _inside(stmt)))
+            else:
+                moved.setdefault(place, []).append(stmt)
+        elif receiving := _receiving(stmt):
+            note(operands(stmt, at=""), None)
+            for name, role, inside in inner_blocks(stmt):
+                place = next(((number, receiving.index(r)) for r in (name, *role.sees) if r in receiving), None)
+                note((*operands(stmt, at=name), *(arg for s in inside for arg in free_names(s))), place)
+            kept.append((number, stmt))
+        else:
+            note(free_names(stmt), None)
+            kept.append((number, _inside(stmt)))
     return tuple(_filled(stmt, number, moved) for number, stmt in reversed(kept))
 
 
-def _only_place(mine: set[Place | None]) -> Place | None:
-    """Where all users of a value are, if that is one polygon or segment."""
-    places = {place for place in mine if place is not None}
-    if None in mine or len({number for number, _ in places}) != 1:
-        return None
-    return places.pop() if len(places) == 1 else (places.pop()[0], "setup")
+def _receiving(stmt: Stmt) -> list[str]:
+    """The blocks of a statement that statements may be moved into, in the order in which they are run."""
+    return [] if isinstance(stmt, Assign) else [name for name, role, _ in inner_blocks(stmt) if role.receives]
+
+
+def _only_place(users: set[Place | None]) -> Place | None:
+    """Where all users of a value are, if that is one statement: in the first of its blocks if several use it."""
+    places = {place for place in users if place is not None}
+    return min(places) if None not in users and len({number for number, _ in places}) == 1 else None
 
 
 def _filled(stmt: Stmt, number: int, moved: dict[Place, list[Stmt]]) -> Stmt:
-    match stmt:
-        case Polygon():
-            return replace(stmt, setup=(*reversed(moved.get((number, "setup"), [])), *stmt.setup))
-        case Segment():
-            scales = (*reversed(moved.get((number, "scales"), [])), *stmt.scales)
-            return replace(stmt, setup=(*reversed(moved.get((number, "setup"), [])), *stmt.setup), scales=scales)
-        case Hyperbola():
-            return replace(stmt, scales=(*reversed(moved.get((number, "scales"), [])), *stmt.scales))
-        case _:
-            return stmt
+    """The statement with what was moved into its blocks, before what is there."""
+    if not (receiving := _receiving(stmt)):
+        return stmt
+    inside = {name: block for name, _, block in inner_blocks(stmt)}
+    return with_blocks(stmt, {r: (*reversed(moved.get((number, i), [])), *inside[r]) for i, r in enumerate(receiving)})
 
 
 def _inside(stmt: Stmt) -> Stmt:
-    """The same in the body of a loop."""
-    if isinstance(stmt, Assign) or not any(isinstance(s, Polygon | Segment | Hyperbola) for b in blocks(stmt) for s in compound(b)):
+    """The same in the blocks of a statement that receives nothing itself."""
+    if not any(_receiving(s) for block in blocks(stmt) for s in compound(block)):
         return stmt
-    own = [arg for field in fields(stmt) for arg in _flat(getattr(stmt, field.name))]
-    match stmt:
-        case Integrate() | SumOver() | Sample():
-            return replace(stmt, body=_sunk(stmt.body, own))
-        case _:
-            return stmt
-
-
-def _names(block: Iterable[Stmt]) -> Iterator[str]:
-    """Every name that statements, and those inside them, mention."""
-    for stmt in statements(tuple(block)):
-        for field in fields(stmt):
-            yield from _flat(getattr(stmt, field.name))
-
-
-def _flat(value: object) -> Iterator[str]:
-    """The names in a field of a statement; statements inside it are left out."""
-    stack = [value]
-    while stack:
-        item = stack.pop()
-        if isinstance(item, str):
-            yield item
-        elif isinstance(item, tuple):
-            stack.extend(item)
-        elif hasattr(item, "__dataclass_fields__") and not isinstance(item, Stmt):
-            stack.extend(getattr(item, field.name) for field in fields(item))  # type: ignore[arg-type]
+    inside = list(inner_blocks(stmt))
+    used = {name: [arg for s in block for arg in free_names(s)] for name, _, block in inside}
+    own = [*operands(stmt), *assigned(stmt)]
+    return with_blocks(
+        stmt, {name: _sunk(block, [*own, *(a for other, args in used.items() if other != name for a in args)]) for name, _, block in inside}
+    )

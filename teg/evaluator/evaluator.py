@@ -1,0 +1,429 @@
+"""What `teg.compile` gives: an Evaluator."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, cast
+
+from teg.analysis.bodies import write_all_out
+from teg.analysis.settings import Integration
+from teg.errors import ArrayIndexError, OptionError, ParameterError
+from teg.evaluator.arguments import Call, as_entries, name_of, plain_numbers, read_call, rounded, values_by_name, with_rounding
+from teg.evaluator.explain import checked_derivatives, explained
+from teg.evaluator.kernels import Kernels, Key, dimensions_of
+from teg.evaluator.options import Options
+from teg.evaluator.plan import GRADIENT, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, directions_of
+from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters, integers_of
+from teg.ir.cells import check_indices, replace_integers
+from teg.ir.expr import Expr, Param, Tuple
+from teg.ir.index import ArrayName, Index, Length, index_const, index_leaves
+from teg.ir.node import postorder
+from teg.ir.traverse import parameters
+from teg.passes.differentiate.through_sums import Parameter, on_cells, outlined
+from teg.passes.normalise.sums import NeedsLengths
+from teg.pipeline import flatten, normal_form
+from teg.program import Program
+from teg.program.arrays import ArrayProgram
+from teg.report.diagnose import Diagnosis, LoopWatch, NumberWatch, Watch, diagnose, probes_of
+from teg.report.explain import Asked
+from teg.report.explanation import Explanation
+
+if TYPE_CHECKING:
+    import numpy as np
+
+KEPT = 16
+"""Plans that are kept for different lengths of arrays, where they must be known."""
+
+
+class Evaluator:
+    """A compiled expression. Call it with parameters and arrays by name, by position (in the order of `parameters`) or as one dict.
+
+    Values are scalars or arrays that broadcast together to the batch's shape; results have that shape (a NumPy scalar if there is no
+    batch). A parameter that is an array has the shape that its dimensions say; axes in front of these are a batch, and broadcast with the
+    shape of the scalars. The derivative by an array has the array's shape. A tuple expression gives a tuple. Evaluators are immutable to
+    their users, safe to share between threads, and pickle.
+    """
+
+    def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options) -> None:
+        self._loops = has_arrays(e)
+        if self._loops:
+            check_indices(e)
+        self.expression = write_all_out(e) if self._loops else e
+        self._options = options
+        arrays, counted, found = arrays_of(self.expression), integer_parameters(self.expression), parameters(self.expression)
+        scalars = dict.fromkeys([*found, *counted])
+        default = [p for p in scalars if p not in set(counted) or p in set(found)] + [a for a in arrays if isinstance(a, Array)]
+        self.wrt: tuple[Parameter, ...] = tuple(default if wrt is None else wrt)
+        mapped = (p for m in options.maps for p in m.parameters)
+        self._leaves: tuple[Param | ArrayName, ...] = tuple(dict.fromkeys([*self.wrt, *scalars, *arrays, *mapped]))
+        self.parameters: tuple[str, ...] = tuple(p.name for p in self._leaves)
+        self._integers = frozenset(p.name for p in counted)
+        self._entries = len(flatten(e))
+        self._program = write_all_out(e) if options.functions == "inlined" else self.expression
+        self._quick = options.backend == "c" and not self._loops and not (options.maps and options.check_maps)
+        self._watches: Kept[tuple[Wanted, Integration], NumberWatch] = Kept(2)  # what diagnoses have compiled
+        self._made: Kept[tuple[int, ...], Kernels] = Kept(KEPT)
+        self._kernels: Kernels | None = None  # those for any lengths of arrays
+        try:
+            self._kernels = self._compiled(self._program)
+            self._kernels.kernel_of(VALUE)
+        except NeedsLengths:
+            self._kernels = None
+
+    # -- calls ---------------------------------------------------------------------------------------------------------
+
+    def __call__(self, *args: Any, **named: Any) -> Any:
+        """The value."""
+        rows, shape = self._run(0, args, named)
+        return _nested(self.expression, iter(rows), shape)
+
+    def value_and_grad(self, *args: Any, **named: Any) -> tuple[Any, dict[str, Any]]:
+        """The value, and a dict name -> derivative: a number for a parameter, for an array an array of its shape (for a tuple expression: a
+        tuple of derivatives)."""
+        found, shape = self._run(1, args, named)
+        rows = iter(found)
+        return _nested(self.expression, rows, shape), self._by_name(rows, shape)
+
+    def grad(self, *args: Any, **named: Any) -> dict[str, Any]:
+        """The dict name -> derivative."""
+        return self.value_and_grad(*args, **named)[1]
+
+    def value_and_error(self, *args: Any, **named: Any) -> tuple[Any, Any]:
+        """The value, and an estimate of its error of the same shape: a bound for nearly all programs; with the rules "montecarlo" and "qmc"
+        the standard error. Those of the terms of a sum are added up."""
+        values, errors, shape = self._estimated(VALUE, args, named)
+        return _nested(self.expression, iter(values), shape), _nested(self.expression, iter(errors), shape)
+
+    def grad_and_error(self, *args: Any, **named: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        """The dict name -> derivative, and the dict of estimates of their errors, of the same shapes."""
+        slopes, errors, shape = self._estimated(GRADIENT, args, named)
+        first, second = (self._by_name(iter(part[self._entries :]), shape) for part in (slopes, errors))
+        return first, second
+
+    def hessian(self, *args: Any, **named: Any) -> dict[tuple[str, str], Any]:
+        """Second derivatives, a dict (name, name) -> array, with both orders of the names; by an array of shape s and one of shape r it has
+        the shape s + r, behind that of the batch. With arrays it is one product with a direction a number: `hvp` is what scales."""
+        if self._loops:
+            return self._hessian_by_products(values_by_name(self.parameters, args, named))
+        found, shape = self._run(2, args, named)
+        rows = iter(found[self._entries * (1 + len(self.wrt)) :])
+        names = [p.name for p in self.wrt]
+        blocks = [{(a, b): _one(next(rows), shape) for a in names for b in names} for _ in range(self._entries)]
+        return {(a, b): _in_structure(self.expression, iter([block[a, b] for block in blocks])) for a in names for b in names}
+
+    def hvp(self, values: Mapping[str, Any], direction: Mapping[str, Any]) -> dict[str, Any]:
+        """The Hessian times a direction (a dict name -> number, or array of the parameter's shape), a dict; no matrix is formed.
+
+        What the direction does not name does not move. Cost: a small multiple of the gradient's, whatever the number of parameters.
+        """
+        wanted, given = self._moved(values_by_name(self.parameters, (values,), {}), direction)
+        call, kernels = self._call(wanted, given)
+        rows = self._rounded(kernels.results(wanted, call, partial(self._titles, wanted)))
+        return self._by_name(iter(rows), call.shape)
+
+    def jvp(self, values: Mapping[str, Any], direction: Mapping[str, Any]) -> tuple[Any, Any]:
+        """The value, and the derivative along a direction (a dict name -> number, or array of the parameter's shape)."""
+        value, slopes = self.value_and_grad(values)
+        dimensions = self.dimensions
+        return value, _along(value, [(slopes[k], d, dimensions[k]) for k, d in self._direction(direction).items()])
+
+    def vjp(self, values: Mapping[str, Any], cotangent: Any = 1.0) -> tuple[Any, dict[str, Any]]:
+        """The value, and the dict name -> Σ cotangent · derivative; a tuple expression takes a tuple of cotangents."""
+        value, slopes = self.value_and_grad(values)
+        dimensions = self.dimensions
+        if not isinstance(value, tuple):
+            return value, {k: _weighted(s, cotangent, dimensions[k]) for k, s in slopes.items()}
+        weights = tuple(cotangent) if isinstance(cotangent, tuple | list) else (cotangent,) * len(value)
+        return value, {k: sum(_weighted(s, w, dimensions[k]) for s, w in zip(ss, weights, strict=True)) for k, ss in slopes.items()}
+
+    def evaluations(self, *args: Any, derivatives: int = 0, **named: Any) -> int:
+        """At how many points a call (`derivatives`: 0 the value, 1 value and gradient, 2 Hessian too) evaluates integrands that have no
+        integral inside, over all iterations and the whole batch. What a bracket decides about a whole piece is no evaluation."""
+        if derivatives not in (0, 1, 2):
+            raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value, 1: and gradient, 2: and Hessian")
+        given = values_by_name(self.parameters, args, named)
+        wanted = [(ORDERS[min(derivatives, 1) if self._loops else derivatives], given)]
+        if self._loops and derivatives == 2:
+            wanted += [self._moved(given, {q.name: direction}) for q in self.wrt for direction in self._units(given, q)]
+        return sum(self._counted(*each) for each in wanted)
+
+    def kernel(self, orders: int) -> Any:
+        """The compiled program of the value (0), of value and gradient (1), or of value, gradient and Hessian (2), built when it is first
+        needed; that of a program that depends on the lengths of its arrays is built when it is called (None)."""
+        return None if self._kernels is None else self._kernels.kernel_of(ORDERS[orders])
+
+    # -- programs and reports ------------------------------------------------------------------------------------------
+
+    def outputs(self, orders: int) -> list[Expr]:
+        """The δ-free expressions of value, gradient, Hessian (as many as asked for) of a program without arrays."""
+        return self._any().plan.outputs(ORDERS[orders])
+
+    def program(self, orders: int, errors: bool = False) -> Program | ArrayProgram:
+        """The scheduled program of the value (0), value and gradient (1), and these with the Hessian (2); with arrays, with the product of
+        the Hessian and a direction, whose parameters stand behind the others: that of t is called ∂t. Raises ArrayIndexError where lengths
+        of arrays must be known. With `errors`, an estimate of the error of each output stands behind them."""
+        kernels = self._any()
+        wanted = Wanted(True, 1, (self.wrt,)) if self._loops and orders == 2 else ORDERS[orders]
+        return kernels.plan.program(wanted, errors=errors, how=kernels.room_of(wanted))
+
+    def explain(self, derivatives: int = 0) -> Explanation:
+        """What the compiler found and did: loops, surfaces, reparameterisations, rules and nodes; `derivatives` as of `teg.explain`. A
+        program that is compiled for lengths of arrays is explained for those of the first call."""
+        options, made = self._options, self._kernels or self._made.first()
+        asked = Asked(options.integration, options.discontinuities, options.maps, checked_derivatives(derivatives))
+        return explained(self._program if made is None else made.plan.expression, self.wrt, asked)
+
+    def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:
+        """Where and why the expression is not differentiable at these values, and in which iteration of its sums; an empty list where it
+        is."""
+        call, kernels = self._call(GRADIENT, values_by_name(self.parameters, args, named))
+        return diagnose(self._loop_watch(kernels, call) if self._loops else self._number_watch(kernels, call), call)
+
+    def _number_watch(self, kernels: Kernels, call: Call) -> Watch:
+        """What looks at a program without loops: at its Hessian too, if anyone has asked for that. Compiled once."""
+        wanted = HESSIAN if kernels.has(HESSIAN) else GRADIENT
+        kernels.outcome(Key(wanted), call)  # with room for all roots
+        how = kernels.room_of(wanted)
+
+        def made() -> NumberWatch:
+            return NumberWatch(self.expression, self.outputs(wanted.orders), self.output_names(1), self.wrt, self.parameters, how)
+
+        return self._watches.get((wanted, how), made)
+
+    def _loop_watch(self, kernels: Kernels, call: Call) -> Watch:
+        """What looks at a program with loops."""
+        import numpy as np
+
+        plan, options = kernels.plan, self._options
+        kernels.check(Key(GRADIENT), call)
+        kernels.outcome(Key(GRADIENT), call)  # with room for all roots
+        program = plan.program(GRADIENT, how=kernels.room_of(GRADIENT))
+        values = [on_cells(leaf, partial(normal_form, maps=options.maps)) for leaf in plan.entries]
+        probes = plan.derivation.scheduled([probes_of(v) for v in values], VALUE, options.integration)
+        call.check(probes)
+        second: Any = None
+        if kernels.has_products:
+            names = [*call.names, *(p.name for p in self._leaves if isinstance(p, ArrayName))]
+            given = dict(zip(names, [*call.columns, *call.arrays], strict=True))
+            wanted, moved = self._moved(given, {p.name: np.ones(self._shape(given, p)) for p in self.wrt})
+            second_call, _ = self._call(wanted, moved)
+            kernels.check(Key(wanted), second_call)
+            products = kernels.outcome(Key(wanted), second_call).values
+            second = np.all([np.isfinite(v).reshape(call.n, -1).all(axis=1) for v in products], axis=0)
+        return LoopWatch(self.wrt, cast(ArrayProgram, program), probes, second)
+
+    @property
+    def dtype(self) -> str:
+        """What values of parameters and results are: "float64" or "float32"."""
+        return self._options.dtype
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """How many dimensions each parameter has, 0 for a number."""
+        return {p.name: dimensions_of(p) for p in self._leaves}
+
+    @property
+    def integers(self) -> frozenset[str]:
+        """The parameters that hold an integer."""
+        return self._integers
+
+    def output_names(self, derivatives: int = 0) -> list[str]:
+        """What each output of `program` is, in order: "value", "d value / d t", "d2 value / d t d a"; of a tuple "value[0]" and so on; with
+        arrays "d2 value / d t d direction"."""
+        entries, names = _places(self.expression, "value"), [p.name for p in self.wrt]
+        slopes = [f"d {entry} / d {a}" for entry in entries for a in names]
+        seconds = ["direction"] if self._loops else names
+        second = [f"d2 {entry} / d {a} d {b}" for entry in entries for a in names for b in seconds]
+        return [*entries, *(slopes if derivatives > 0 else []), *(second if derivatives > 1 else [])]
+
+    @property
+    def source(self) -> str:
+        """The text of everything generated: value, and value with gradient."""
+        made = self._kernels or self._made.first()
+        if made is None:
+            return "nothing yet: this program is compiled for the shapes of its arrays, when it is first called"
+        made.kernel_of(GRADIENT)
+        return made.kernel_of(GRADIENT).source if self._loops else "\n".join(made.sources)
+
+    def __repr__(self) -> str:
+        return f"<teg.Evaluator({', '.join(self.parameters)}) of {str(self.expression)[:120]} on {self._options.backend}>"
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (Evaluator, (self.expression, self.wrt, self._options))
+
+    # -- inside --------------------------------------------------------------------------------------------------------
+
+    def _run(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[Any, tuple[int, ...]]:
+        """The results of value (0), gradient (1) or Hessian (2), and the shape of the batch."""
+        if self._quick and self._kernels is not None and (numbers := plain_numbers(self.parameters, args, named)) is not None:
+            quick = self._kernels.at_point(orders, numbers)
+            if quick is not None:
+                return quick, ()
+        wanted = ORDERS[orders]
+        call, kernels = self._call(wanted, values_by_name(self.parameters, args, named))
+        return self._rounded(kernels.results(wanted, call, partial(self._titles, wanted))), call.shape
+
+    def _rounded(self, found: Sequence[np.ndarray]) -> Sequence[np.ndarray]:
+        return [rounded(v) for v in found] if self._options.dtype == "float32" else found
+
+    def _estimated(
+        self, wanted: Wanted, args: tuple[Any, ...], named: Mapping[str, Any]
+    ) -> tuple[Sequence[Any], Sequence[Any], tuple[int, ...]]:
+        """Results, the estimates of their errors, and the shape of the batch."""
+        call, kernels = self._call(wanted, values_by_name(self.parameters, args, named))
+        values, errors = kernels.estimated(wanted, call, partial(self._titles, wanted))
+        if self._options.dtype == "float32":
+            pairs = [with_rounding(*pair) for pair in zip(values, errors, strict=True)]
+            values, errors = [v for v, _ in pairs], [error for _, error in pairs]
+        return values, errors, call.shape
+
+    def _counted(self, wanted: Wanted, given: Mapping[str, Any]) -> int:
+        call, kernels = self._call(wanted, given)
+        return kernels.counted(wanted, call)
+
+    def _hessian_by_products(self, given: dict[str, Any]) -> dict[tuple[str, str], Any]:
+        """The Hessian as products with unit directions."""
+        found: dict[tuple[str, str], Any] = {}
+        for q in self.wrt:
+            columns: dict[str, list[Any]] = {p.name: [] for p in self.wrt}
+            for direction in self._units(given, q):
+                for name, product in self.hvp(given, {q.name: direction}).items():
+                    columns[name].append(product)
+            for p in self.wrt:
+                found[p.name, q.name] = _stacked(columns[p.name], self._shape(given, p), self._shape(given, q))
+        return found
+
+    def _shape(self, given: Mapping[str, Any], p: Parameter) -> tuple[int, ...]:
+        """The shape of a parameter, without a batch."""
+        return as_entries(p, given[p.name], "float64").shape[-p.dimensions :] if isinstance(p, Array) else ()
+
+    def _units(self, given: Mapping[str, Any], q: Parameter) -> Iterator[Any]:
+        """A direction for each of the entries of a parameter."""
+        import numpy as np
+
+        shape = self._shape(given, q)
+        for place in np.ndindex(*shape):
+            direction = np.zeros(shape)
+            direction[place] = 1.0
+            yield direction
+
+    def _direction(self, direction: Mapping[Any, Any]) -> dict[str, Any]:
+        """A direction by name. Raises ParameterError for what is not differentiated by."""
+        moved, names = {name_of(k): v for k, v in direction.items()}, [p.name for p in self.wrt]
+        if unknown := sorted(moved.keys() - set(names)):
+            raise ParameterError(f"{unknown[0]!r} is not differentiated by", None, "parameters: " + ", ".join(names))
+        return moved
+
+    def _moved(self, given: dict[str, Any], direction: Mapping[str, Any]) -> tuple[Wanted, dict[str, Any]]:
+        """The product with a direction, and what is given with the components of the direction."""
+        moved = self._direction(direction)
+        which = tuple(p for p in self.wrt if p.name in moved)
+        wanted = Wanted(False, 1, (which,))
+        (components,) = directions_of(wanted, self._leaves)
+        return wanted, {**given, **{components[p].name: moved[p.name] for p in which}}
+
+    def _call(self, wanted: Wanted, given: Mapping[str, Any]) -> tuple[Call, Kernels]:
+        """What a call is given, and the kernels for its lengths."""
+        if not wanted.along and self._kernels is not None:
+            return read_call(self._leaves, given, self._integers, self._options.dtype), self._kernels
+        along = {p: q for direction in directions_of(wanted, self._leaves) for p, q in direction.items()}
+        every = [*self._leaves, *along.values()]
+        call = read_call(every, given, self._integers, self._options.dtype)
+        shapes = dict(zip([p for p in every if isinstance(p, ArrayName)], call.shapes, strict=True))
+        for p, d in along.items():
+            if isinstance(p, Array) and isinstance(d, Array) and shapes[p] != shapes[d]:
+                raise ParameterError(f"the direction along {p.name} has the shape {shapes[d]}, {p.name} has {shapes[p]}")
+        return call, self._kernels or self._for_lengths(shapes)
+
+    def _for_lengths(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> Kernels:
+        """What is compiled for these lengths of arrays."""
+
+        def made() -> Kernels:
+            lengths = {n for node in postorder([self._program]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)}
+            numbers: dict[Index, Index] = {n: index_const(shapes[n.array][n.axis]) for n in lengths}
+            try:
+                return self._compiled(replace_integers(self._program, numbers))
+            except NeedsLengths as request:  # pragma: no cover: the lengths are numbers now
+                raise ArrayIndexError(str(request), request.node) from None
+
+        return self._made.get(tuple(n for a, shape in shapes.items() if a in self._leaves for n in shape), made)
+
+    def _compiled(self, e: Expr) -> Kernels:
+        return Kernels(Plan(outlined(e) if self._loops else e, self._options, self.wrt, self._leaves))
+
+    def _any(self) -> Kernels:
+        """The kernels for any lengths of arrays."""
+        if self._kernels is None:
+            hint = "give the sum inside the integral a range of numbers, or write the integral inside the sum"
+            raise ArrayIndexError("this program is made for the lengths of its arrays, and these are not known", self.expression, hint)
+        return self._kernels
+
+    def _titles(self, wanted: Wanted) -> list[str]:
+        """What each result is, for messages."""
+        values = ["the value"] * self._entries if wanted.values else []
+        many, slopes = len(self.wrt), "the Hessian times the direction" if wanted.along else "the gradient"
+        if self._loops:
+            slopes = slopes.replace("the gradient", "the derivative")
+            return [*values, *([f"{slopes} by {p.name}" for p in self.wrt] * self._entries if wanted.orders else [])]
+        gradient = [slopes] * (many * self._entries) if wanted.orders else []
+        return [*values, *gradient, *(["the Hessian"] * (many * many * self._entries) if wanted is HESSIAN else [])]
+
+    def _by_name(self, rows: Iterator[Any], shape: tuple[int, ...]) -> dict[str, Any]:
+        parts = [[_one(next(rows), shape) for _ in self.wrt] for _ in range(self._entries)]
+        return {p.name: _in_structure(self.expression, iter([part[i] for part in parts])) for i, p in enumerate(self.wrt)}
+
+
+def _one(row: np.ndarray, shape: tuple[int, ...]) -> Any:
+    """A result of the shape of the batch, or of its only element."""
+    return row.reshape(shape + row.shape[1:]) if shape else row[0]
+
+
+def _in_structure(e: Expr, entries: Iterator[Any]) -> Any:
+    """Entries in the structure of a tuple expression."""
+    return tuple(_in_structure(entry, entries) for entry in e.children) if isinstance(e, Tuple) else next(entries)
+
+
+def _nested(e: Expr, rows: Iterator[Any], shape: tuple[int, ...]) -> Any:
+    """Results in the structure of a tuple expression."""
+    return tuple(_nested(entry, rows, shape) for entry in e.children) if isinstance(e, Tuple) else _one(next(rows), shape)
+
+
+def _places(e: Expr, name: str) -> list[str]:
+    """The name of each entry of a tuple expression, nested ones in order."""
+    if not isinstance(e, Tuple):
+        return [name]
+    return [place for i, entry in enumerate(e.children) for place in _places(entry, f"{name}[{i}]")]
+
+
+def _along(value: Any, terms: Sequence[tuple[Any, Any, int]]) -> Any:
+    """Σ slope · direction, over the entries of parameters of these dimensions, in the structure of a value."""
+    import numpy as np
+
+    if isinstance(value, tuple):
+        return tuple(_along(v, [(slope[i], d, dimensions) for slope, d, dimensions in terms]) for i, v in enumerate(value))
+    products = [np.multiply(slope, d).sum(axis=tuple(range(-dimensions, 0))) if dimensions else slope * d for slope, d, dimensions in terms]
+    return sum(products[1:], start=products[0]) if products else 0.0
+
+
+def _weighted(slope: Any, weight: Any, dimensions: int) -> Any:
+    """A derivative times a cotangent of the shape of the batch."""
+    import numpy as np
+
+    return slope * np.asarray(weight).reshape(np.shape(weight) + (1,) * dimensions) if dimensions else slope * weight
+
+
+def _stacked(columns: Sequence[Any], rows: tuple[int, ...], behind: tuple[int, ...]) -> Any:
+    """Products with unit directions as a block of the Hessian, of shape rows + behind (behind a batch)."""
+    import numpy as np
+
+    if columns and isinstance(columns[0], tuple):
+        return tuple(_stacked([c[i] for c in columns], rows, behind) for i in range(len(columns[0])))
+    if not behind:
+        return columns[0]
+    block = np.stack(columns, axis=-1) if columns else np.zeros((*rows, 0))
+    return block.reshape(*block.shape[:-1], *behind)
+
+
+ArrayEvaluator = Evaluator
+"""The former name of the evaluator of programs with arrays."""

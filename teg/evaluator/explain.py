@@ -1,0 +1,94 @@
+"""`teg.explain`: the report on an expression, as it would be compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import cast
+
+from teg.analysis.bodies import write_all_out
+from teg.analysis.isolation import MAX_ROOTS
+from teg.analysis.settings import Integration
+from teg.errors import OptionError
+from teg.evaluator.plan import ORDERS, Derivation, Task
+from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters, integers_of
+from teg.ir.cells import check_indices, replace_integers
+from teg.ir.expr import Expr, Param, Tuple, as_number
+from teg.ir.index import Index, Length, index_const, index_leaves
+from teg.ir.node import postorder
+from teg.ir.traverse import parameters
+from teg.language import check_parameters, check_program
+from teg.maps.diffeomorphism import Diffeomorphism
+from teg.passes.differentiate.through_sums import Parameter, outlined, parameters_and_arrays
+from teg.passes.normalise.sums import NeedsLengths
+from teg.program.arrays import ArrayProgram
+from teg.report.explain import Asked, explain_cell, explain_loops
+from teg.report.explanation import Explanation
+
+ASSUMED = 2
+"""The length of every array, where the program must be known for lengths and none are given."""
+
+
+def explain(
+    expression: object,
+    wrt: Sequence[Parameter] | Parameter | None = None,
+    tol: float = 1e-10,
+    *,
+    rule: str = "auto",
+    order: int | None = None,
+    seed: int = 0,
+    discontinuities: str = "sift",
+    derivatives: int = 0,
+    maps: Sequence[Diffeomorphism] = (),
+    max_roots: int = MAX_ROOTS,
+    intrinsics: bool = True,
+) -> Explanation:
+    """For each surface its owner and how its δ is eliminated, or why it has none; for each integral its breaks, rule and nodes; the cost.
+
+    `wrt` are the parameters that the program is differentiated by (default: all); `tol`, `rule`, `order`, `seed`, `discontinuities`,
+    `maps`, `max_roots` and `intrinsics` are those of `compile`, and `f.explain()` fills them in. The integrals are those of the value and,
+    of the gradient, those over surfaces (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate: every
+    break inside the bounds, adaptive integrals as smooth as they can be (`f.evaluations(…)` counts those of a call).
+
+    A program with arrays is explained cell by cell (`explanation.ArrayExplanation`): the parts between its sums are scalar programs of the
+    entries they read, and of the sums inside; and its loops are listed.
+
+    Raises OptionError for a `derivatives` that is not 0 or 1, and what `compile` raises for an expression that is not closed.
+    """
+    e = expression if isinstance(expression, Tuple) else as_number(expression)
+    check_program(e)
+    asked = Asked(Integration(tol, rule, order, seed, max_roots, intrinsics), discontinuities, maps, checked_derivatives(derivatives))
+    if wrt is None:
+        return explained(e, None, asked)
+    return explained(e, (parameters_and_arrays if has_arrays(e) else check_parameters)(wrt), asked)
+
+
+def checked_derivatives(derivatives: int) -> int:
+    """The option `derivatives`. Raises OptionError if it is not 0 or 1."""
+    if derivatives not in (0, 1):
+        raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value and boundary integrals; 1: all of the gradient")
+    return derivatives
+
+
+def explained(e: Expr, wrt: Sequence[Parameter] | None, asked: Asked) -> Explanation:
+    """The explanation of a program that is differentiated by some parameters (default: all)."""
+    if not has_arrays(e):
+        return explain_cell(e, cast("Sequence[Param]", parameters(e) if wrt is None else wrt), asked)
+    e = write_all_out(e)
+    check_indices(e)
+    counted, arrays = integer_parameters(e), [a for a in arrays_of(e) if isinstance(a, Array)]
+    chosen: list[Parameter] = [*(p for p in parameters(e) if p not in set(counted)), *arrays] if wrt is None else list(wrt)
+    try:
+        plain = outlined(e)
+    except NeedsLengths:
+        lengths = [n for node in postorder([e]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)]
+        assumed: dict[Index, Index] = {n: index_const(ASSUMED) for n in lengths}
+        plain, asked = outlined(replace_integers(e, assumed)), replace(asked, assumed_length=ASSUMED)
+    leaves = tuple(dict.fromkeys([*chosen, *parameters(e), *counted, *arrays_of(e)]))
+    task = Task(plain, tuple(chosen), leaves, (), asked.integration, asked.discontinuities, tuple(asked.maps))
+    derivation = Derivation(task)
+
+    def program_of(orders: int) -> ArrayProgram:
+        return cast(ArrayProgram, derivation.program(ORDERS[orders]))
+
+    return explain_loops(e, plain, chosen, asked, program_of)

@@ -1,0 +1,284 @@
+"""What is made of a program: the expressions of its values and derivatives without δ, and the programs that compute them.
+
+    VALUE                             e(p)
+    GRADIENT, HESSIAN                 e(p) and ∂e/∂p, and ∂²e/∂p²
+    Wanted(False, 1, (u₁, …, uₖ))     Dᵏ⁺¹e(p)[u₁, …, uₖ, ·]: the gradient of the k-th directional derivative
+
+Each is the symbolic derivative: e is differentiated forward along each direction, whose components are parameters of their own, and then in
+reverse. A program without loops is one cell, and its plan one flat program; else every cell goes through the same passes, the chain rule
+goes through sums, and the plan is a program of loops around flat programs.
+
+A program with functions is derived with slots in their places (`teg.function`), so programs that differ in the bodies of their functions
+only share a derivation, and with it all that the passes do. It lives as long as a plan that uses it: the table of derivations holds weak
+references only.
+"""
+
+from __future__ import annotations
+
+import threading
+import weakref
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Generic, NamedTuple, TypeVar, cast
+
+from teg.analysis.settings import Integration
+from teg.evaluator.options import Options
+from teg.ir import expr as ex
+from teg.ir.arrays import Array, has_arrays
+from teg.ir.expr import Expr, Param, Tuple
+from teg.ir.index import ArrayName
+from teg.maps.diffeomorphism import Diffeomorphism
+from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
+from teg.passes.lower.loops import Output, output_of, schedule_arrays
+from teg.passes.normalise.canonicalise import canonicalise
+from teg.passes.normalise.inline import with_slots, without_slots, write_out
+from teg.passes.program.errors_in_loops import with_array_error_estimates
+from teg.passes.program.link import with_bodies
+from teg.pipeline import ESTIMATORS, cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
+from teg.program import Program
+from teg.program.arrays import ArrayProgram
+
+KEPT = 64
+"""Programs that a derivation keeps; the oldest is dropped, and made again where it is asked for again."""
+K = TypeVar("K", bound=Hashable)
+V = TypeVar("V")
+
+
+class Wanted(NamedTuple):
+    """What a program computes: the values, if `values`; and the derivatives of order up to `orders` of the value (if `values`) and of its
+    derivative along directions (if there are any), each direction given by the parameters that move."""
+
+    values: bool
+    orders: int
+    along: tuple[tuple[Parameter, ...], ...] = ()
+
+
+VALUE, GRADIENT, HESSIAN = Wanted(True, 0), Wanted(True, 1), Wanted(True, 2)
+ORDERS = (VALUE, GRADIENT, HESSIAN)
+
+
+def derivative_of_order(order: int, wrt: tuple[Parameter, ...]) -> Wanted:
+    """What the functions of JAX and PyTorch need: values (-1), values and gradients (0), or the derivative along `order` directions."""
+    return VALUE if order < 0 else GRADIENT if order == 0 else Wanted(False, 1, (wrt,) * order)
+
+
+def directions_of(wanted: Wanted, known: Sequence[Param | ArrayName]) -> list[dict[Parameter, Parameter]]:
+    """For each direction its components, of t, ∂t; named unlike all that is `known`."""
+    names = {p.name for p in known}
+    found: list[dict[Parameter, Parameter]] = []
+    for k, moving in enumerate(wanted.along):
+        mark = "∂" * (k + 1)
+        while any(f"{mark}{p.name}" in names for p in moving):
+            mark += "′"
+        found.append({p: _renamed(p, f"{mark}{p.name}") for p in moving})
+        names |= {q.name for q in found[-1].values()}
+    return found
+
+
+class Kept(Generic[K, V]):
+    """A table of what was made last, at most `most` entries. Safe to share between threads."""
+
+    def __init__(self, most: int = KEPT) -> None:
+        self._most = most
+        self._table: dict[K, V] = {}
+        self._lock = threading.RLock()
+
+    def get(self, key: K, make: Callable[[], V]) -> V:
+        """What the table has for a key, made where it has nothing; the oldest entries are dropped."""
+        found = self._table.get(key)
+        if found is not None:
+            return found
+        with self._lock:
+            if key not in self._table:
+                self._table[key] = make()
+                while len(self._table) > self._most:
+                    del self._table[next(iter(self._table))]
+            return self._table[key]
+
+    def peek(self, key: K, default: V) -> V:
+        """What the table has for a key, or the default."""
+        return self._table.get(key, default)
+
+    def put(self, key: K, value: V) -> None:
+        """Replace an entry."""
+        with self._lock:
+            self._table.pop(key, None)
+            self.get(key, lambda: value)
+
+    def __contains__(self, key: K) -> bool:
+        return key in self._table
+
+    def first(self) -> V | None:
+        """The oldest entry, if there is any."""
+        return next(iter(self._table.values()), None)
+
+    def __iter__(self) -> Iterator[K]:
+        return iter(list(self._table))
+
+    def drop(self, key: K) -> None:
+        """Forget an entry, if there is one."""
+        with self._lock:
+            self._table.pop(key, None)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be derived: of which expression, by which parameters, as a program of which arguments (`leaves`, then the directions, and
+    the integers among the numbers at the end), how."""
+
+    expression: Expr
+    wrt: tuple[Parameter, ...]
+    leaves: tuple[Param | ArrayName, ...]
+    integers: tuple[Param, ...]
+    integration: Integration
+    discontinuities: str
+    maps: tuple[Diffeomorphism, ...]
+
+
+class Derivation:
+    """Outputs and programs of one task, by what is wanted."""
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self.entries = flatten(task.expression)
+        self.has_loops = has_arrays(task.expression) or any(isinstance(p, ArrayName) for p in task.leaves) or bool(task.integers)
+        self._outputs: Kept[tuple[Wanted, int | None], list[Expr]] = Kept()
+        self._programs: Kept[tuple[Wanted, int | None, bool, Integration], Program | ArrayProgram] = Kept()
+
+    def outputs(self, wanted: Wanted, entry: int | None = None) -> list[Expr]:
+        """The δ-free expressions of a program without loops: value, gradient, Hessian (as many as asked for)."""
+        return self._outputs.get((wanted, entry), lambda: self._flat_outputs(wanted, entry))
+
+    def program(
+        self, wanted: Wanted, entry: int | None = None, errors: bool = False, how: Integration | None = None
+    ) -> Program | ArrayProgram:
+        """The program of all values or of one entry; with `errors` an estimate of the error of each output stands behind them; integrated
+        as the task says, or as `how` does."""
+        how = how or self.task.integration
+        make = self._looped if self.has_loops else self._flat
+        return self._programs.get((wanted, entry, errors, how), lambda: make(wanted, entry, errors, how))
+
+    def directions(self, wanted: Wanted) -> list[dict[Parameter, Parameter]]:
+        """For each direction its components: of t, ∂t."""
+        return directions_of(wanted, [*self.task.leaves, *self.task.integers])
+
+    def arguments(self, wanted: Wanted) -> list[Param | ArrayName]:
+        """The parameters of a program in order; arrays are counted by themselves."""
+        return [*self.task.leaves, *(q for d in self.directions(wanted) for q in d.values()), *self.task.integers]
+
+    # -- without loops -------------------------------------------------------------------------------------------------
+
+    def _flat_outputs(self, wanted: Wanted, entry: int | None) -> list[Expr]:
+        task = self.task
+        source, wrt = task.expression if entry is None else self.entries[entry], cast("tuple[Param, ...]", task.wrt)
+        for direction in self.directions(wanted):
+            source = self._without_deltas(jvp(source, cast("dict[Param, object]", direction), task.maps))
+        outputs = compiled_outputs(source, wrt, wanted.orders, task.discontinuities, task.maps, task.integration.closed_forms)
+        return outputs if wanted.values else outputs[1:]
+
+    def _flat(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> Program:
+        names = [p.name for p in self.arguments(wanted)]
+        return program_for([leaf for e in self.outputs(wanted, entry) for leaf in flatten(e)], names, how, errors)
+
+    # -- with loops ----------------------------------------------------------------------------------------------------
+
+    def _looped(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> ArrayProgram:
+        program = self.scheduled(self._looped_outputs(wanted, entry), wanted, how, unfinished=errors)
+        return with_array_error_estimates(program) if errors else program
+
+    def scheduled(self, outputs: Sequence[Output], wanted: Wanted, how: Integration, unfinished: bool = False) -> ArrayProgram:
+        """The program of some outputs, with the arguments of `wanted`; an unfinished one lacks the last passes over flat programs."""
+        arguments = self.arguments(wanted)
+
+        def flat(cells: Sequence[Expr], names: Sequence[str]) -> Program:
+            together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that they share loops
+            return (flat_program if unfinished else cell_program)(list(together.children), names, how)
+
+        scalars = [p.name for p in arguments if isinstance(p, Param)]
+        return schedule_arrays(outputs, scalars, [p for p in arguments if isinstance(p, ArrayName)], flat)
+
+    def _looped_outputs(self, wanted: Wanted, entry: int | None) -> list[Output]:
+        """The numbers and arrays that are computed, without δ."""
+        task, entries = self.task, self.entries if entry is None else [self.entries[entry]]
+        normal = partial(normal_form, maps=task.maps)
+
+        def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
+            return flatten(compiled_outputs(cell, wrt, 1, task.discontinuities, task.maps, task.integration.closed_forms)[1])
+
+        found: list[Output] = [output_of(on_cells(leaf, normal)) for leaf in entries] if wanted.values else []
+        sources = list(entries) if wanted.values and wanted.orders else []
+        sources += [self._tangent(leaf, wanted) for leaf in entries] if wanted.along else []
+        for source in sources:
+            for p, slope in zip(task.wrt, gradient(source, task.wrt, derive), strict=True):
+                if slope.has_delta:  # a tangent is also a value, as a factor of another derivative
+                    slope = on_cells(slope, normal)
+                found.append((p, slope) if isinstance(p, Array) else slope)
+        return found
+
+    def _tangent(self, leaf: Expr, wanted: Wanted) -> Expr:
+        for direction in self.directions(wanted):
+            leaf = self._without_deltas(tangent(leaf, dict(direction), lambda cell, changes: jvp(cell, changes, self.task.maps)))
+        return leaf
+
+    def _without_deltas(self, e: Expr) -> Expr:
+        """A tangent as it is differentiated again: where discontinuities are ignored, without what they contribute."""
+        how = self.task.discontinuities
+        return e if how == "sift" else on_cells(e, ESTIMATORS[how])
+
+
+class Plan:
+    """A derivation, and the functions that stand in its slots. `entries` are the values, `leaves` the parameters and arrays, of which `wrt`
+    are differentiated by; `integers` are the parameters that stand behind all others."""
+
+    def __init__(
+        self,
+        e: Expr,
+        options: Options,
+        wrt: Sequence[Parameter],
+        leaves: Sequence[Param | ArrayName],
+        integers: Sequence[Param] = (),
+    ) -> None:
+        self.expression, self.options = e, options
+        self.wrt, self.leaves, self.integers = tuple(wrt), tuple(leaves), tuple(integers)
+        abstract, self._functions = with_slots(write_out(e)) if not has_arrays(e) else (e, ())
+        how = options.integration, options.discontinuities, tuple(options.maps)
+        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how), shared=bool(self._functions))
+        self.entries, self.has_loops = flatten(e), self.derivation.has_loops
+        self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
+
+    def outputs(self, wanted: Wanted) -> list[Expr]:
+        """The δ-free expressions of a program without loops, with its functions."""
+        found = self.derivation.outputs(wanted)
+        return [without_slots(e, self._functions) for e in found] if self._functions else found
+
+    def program(
+        self, wanted: Wanted, entry: int | None = None, errors: bool = False, how: Integration | None = None
+    ) -> Program | ArrayProgram:
+        """The program of all values or of one entry, as `Derivation.program` gives it, with the bodies of the functions."""
+        if not self._functions:
+            return self.derivation.program(wanted, entry, errors, how)
+
+        def linked() -> Program:
+            return with_bodies(cast(Program, self.derivation.program(wanted, entry, errors, how)), self._functions)
+
+        return self._linked.get((wanted, entry, errors, how), linked)
+
+
+def _derivation(task: Task, shared: bool) -> Derivation:
+    """What is derived for a task; a shared one is that of all programs that differ in the bodies of functions only."""
+    if not shared:
+        return Derivation(task)
+    with _lock:
+        found = _derivations.get(task)
+        if found is None:
+            found = _derivations[task] = Derivation(task)
+    return found
+
+
+def _renamed(p: Parameter, name: str) -> Parameter:
+    return Array.make((name, p.dimensions), ()) if isinstance(p, Array) else Param.make(name, ())
+
+
+_derivations: weakref.WeakValueDictionary[Task, Derivation] = weakref.WeakValueDictionary()
+_lock = threading.Lock()

@@ -1,0 +1,143 @@
+"""Integrals with their breaks and rules, and the cost of programs, as data of an explanation."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Sequence
+from typing import Any
+
+from teg.analysis.isolation import MAX_ROOTS, max_roots
+from teg.analysis.roots import solve
+from teg.analysis.settings import Integration
+from teg.ir.expr import Expr
+from teg.ir.integral import Integral, masses_of
+from teg.numerics.sobol import replicated
+from teg.passes.intrinsics import STATEMENTS, intrinsics_for
+from teg.passes.lower.intrinsic import Description
+from teg.passes.lower.rules import Rules
+from teg.passes.lower.samples import MIDPOINTS, SAMPLES
+from teg.program import Adaptive, Arg, Integrate, Isolate, Locate, Program, Rule, Sample, Stmt, SumOver, When, statements
+from teg.report.inventory import nests, text_of
+
+
+class Integrals:
+    """Breaks and rules of integrals, as the scheduler has them."""
+
+    def __init__(self, how: Integration) -> None:
+        self.how = how
+        self.intrinsics = intrinsics_for(how)
+        self.rules = Rules(how, [i.rule for i in self.intrinsics if i.rule is not None])
+        self.analysis = self.rules.analysis
+        self._described: dict[Integral, Description | None] = {}
+
+    def of(self, roots: Sequence[Expr], but: Sequence[Expr] = ()) -> list[dict[str, Any]]:
+        """The integrals of expressions, outer ones first, without those of others; those that look the same are counted together."""
+        known = {node for root in but for node in nests(root)}
+        rows: dict[tuple[object, ...], dict[str, Any]] = {}
+        for root in roots:
+            depths: dict[Integral, int] = {}
+            for node, around in nests(root).items():
+                if not isinstance(node, Integral) or any(node in d.inside for d in map(self._describe, around[:-1]) if d):
+                    continue
+                depths[node] = next((depths[i] + 1 for i in reversed(around[:-1]) if i.var in node.free), 0)
+                if node not in known:
+                    row = self._row(node, depths[node])
+                    same = rows.setdefault(tuple(row.values()), {**row, "count": 0})
+                    same["count"] += 1
+        return list(rows.values())
+
+    def _describe(self, node: Integral) -> Description | None:
+        """What an intrinsic makes of an integral; None if none computes it."""
+        if node not in self._described:
+            found = (intrinsic.describe(node) for intrinsic in self.intrinsics)
+            self._described[node] = next((d for d in found if d is not None), None)
+        return self._described[node]
+
+    def _row(self, node: Integral, depth: int) -> dict[str, Any]:
+        row = {"variable": node.var.name, "lower": text_of(node.lo), "upper": text_of(node.hi), "depth": depth}
+        masses = masses_of(node.body, node.var)
+        if masses is None and self.how.rule in SAMPLES_OF:
+            text = f"{SAMPLES_OF[self.how.rule]}, {self.how.order or SAMPLES} in all"
+            return {**row, **_unbroken(text), "nodes": None}
+        if masses is None and self.how.rule == "midpoint":
+            return {**row, **_unbroken("midpoint"), "nodes": self.how.order or MIDPOINTS}
+        if masses is not None:
+            roots = solve(masses.g, node.var, node.lo, node.hi)
+            formula = len(roots.found) if roots is not None and roots.certain else 0
+            isolated = 0 if formula else max_roots(masses.g, node.var, self.how.max_roots)
+            kind = {"kind": "sum over roots", "surface": f"{text_of(masses.g)} = 0", "rule": "sum", "nodes": None, "degree": None}
+            return {**row, **kind, "formula": formula, "isolated": isolated, "located": 0, "searched": False, "breaks": 0, "pieces": 0}
+        described = self._describe(node)
+        if described is not None:
+            counts = {"nodes": described.nodes, "degree": described.degree, "pieces": described.pieces}
+            return {**row, **_unbroken(described.rule), **counts}
+        rule, breaks = self.rules.of(node, depth), self.analysis.of(node)
+        formula, isolated, located = len(breaks.points), sum(i.count for i in breaks.isolated), MAX_ROOTS * len(breaks.located)
+        return {
+            **row,
+            "kind": "integral",
+            "surface": "",
+            "rule": self.rules.title(rule),
+            "nodes": _nodes_a_piece(rule),
+            "degree": self.analysis.degree(node),
+            "formula": formula,
+            "isolated": isolated,
+            "located": located,
+            "searched": not breaks.complete,
+            "breaks": formula + isolated + located,
+            "pieces": formula + isolated + located + 1,
+        }
+
+
+SAMPLES_OF = {"montecarlo": "Monte Carlo samples", "qmc": "scrambled Sobol' points"}
+"""What the rules take that sample."""
+
+
+def _unbroken(rule: str) -> dict[str, Any]:
+    """An integral without breaks."""
+    counts = dict.fromkeys(("formula", "isolated", "located", "breaks"), 0)
+    return {"kind": "integral", "surface": "", "rule": rule, "degree": None, **counts, "searched": False, "pieces": 1}
+
+
+def _nodes_a_piece(rule: Rule) -> int:
+    """How many nodes a piece has, if it is not cut further."""
+    return rule.first if isinstance(rule, Adaptive) else rule.nodes
+
+
+# -- cost ----------------------------------------------------------------------------------------------------------------
+
+
+def cost_of(program: Program) -> dict[str, Any]:
+    """The size of a program, and how often integrands are evaluated in one run: pieces × nodes, times those of the integral around."""
+    every = list(statements(program.body))
+    integrals = [s for s in every if isinstance(s, Integrate)]
+    hints = {r for s in every if isinstance(s, Locate) for r in s.results}
+    return {
+        "statements": len(every),
+        "integrals": len(integrals) + sum(isinstance(s, Sample) or type(s) in STATEMENTS for s in every),
+        "isolations": sum(isinstance(s, Isolate | Locate) for s in every),
+        "evaluations": _evaluations(program.body, hints),
+        "adaptive": any(isinstance(s.rule, Adaptive) for s in integrals),
+    }
+
+
+def _evaluations(block: Iterable[Stmt], hints: Container[Arg]) -> int:
+    """Of integrands without integrals inside, with all breaks inside the bounds, but for the hints, of which few are there. A search for
+    roots evaluates no integrand, nor does a sum over them."""
+    total = 0
+    for stmt in block:
+        match stmt:
+            case Integrate():
+                once = _evaluations(stmt.flags, hints) + _nodes_a_piece(stmt.rule) * (_evaluations(stmt.body, hints) or 1)
+                total += (1 + sum(b not in hints for b in stmt.breaks)) * once
+            case When():
+                total += _evaluations(stmt.body, hints)
+            case SumOver():
+                total += len(stmt.points) * _evaluations(stmt.body, hints)
+            case Sample():
+                replicates, points = replicated(stmt.kind, stmt.count)
+                total += replicates * points * (_evaluations(stmt.body, hints) or 1)
+            case _ if type(stmt) in STATEMENTS:
+                total += STATEMENTS[type(stmt)].evaluations(stmt)
+            case _:
+                continue
+    return total

@@ -1,0 +1,257 @@
+"""Single wrong changes of the compiler, each with the quick tests that must notice it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+SMALL = "tests/end_to_end/test_small_errors.py"
+REFERENCES = "tests/backends/test_references.py"
+NUMPY, C, JAX = (f"{REFERENCES}::test_{backend}" for backend in ("numpy", "c", "jax"))
+SUBSTITUTED = ("tests/backends/test_bends.py", NUMPY)
+
+
+class Mutant(NamedTuple):
+    """A change of one text, which stands once in its file; `harmless` says why no result depends on it, where none does."""
+
+    name: str
+    file: str
+    old: str
+    new: str
+    tests: tuple[str, ...]
+    harmless: str = ""
+
+
+def _of(file: str, tests: tuple[str, ...], *changes: tuple[str, str, str]) -> list[Mutant]:
+    return [Mutant(name, file, old, new, tests) for name, old, new in changes]
+
+
+PASSES = (SMALL, NUMPY)
+MUTANTS: tuple[Mutant, ...] = (
+    *_of(
+        "teg/passes/normalise/finite_bounds.py",
+        (SMALL,),
+        (
+            "sign of an integral from infinity",
+            "return mul(MINUS_ONE, cast(Expr, _visit(",
+            "return mul(MINUS_ONE, MINUS_ONE, cast(Expr, _visit(",
+        ),
+        ("rate of a finite place", "integral_over(mul(rate, cast(", "integral_over(mul(cast("),
+    ),
+    *_of(
+        "teg/passes/normalise/sums.py",
+        (SMALL, "tests/unit/test_arrays.py"),
+        ("other branch around sums", "(where(e.condition, ZERO, ONE), e.otherwise)", "(where(e.condition, ONE, ZERO), e.otherwise)"),
+        ("other branch around sums left out", "if branch is not ZERO:", "if branch is e.then:"),
+        ("factor around sums", "stack.append((chain, mul(factor, others), cast", "stack.append((chain, others, cast"),
+        ("last term of a sum", "for i in range(s.lo.data, s.hi.data)", "for i in range(s.lo.data, s.hi.data - 1)"),
+    ),
+    *_of(
+        "teg/passes/normalise/too_many_steps.py",
+        (SMALL,),
+        ("a moving condition on steps", "and (is_uncounted(node) or isinstance(node, Compare))", "and is_uncounted(node)"),
+        ("steps that are too many", "children[i] = _no_number(", "children[i] = ("),
+    ),
+    *_of(
+        "teg/analysis/sift.py",
+        PASSES,
+        ("coefficient of a delta in a product", "{chain: mul(k, *others) for chain", "{chain: k for chain"),
+        ("coefficient of a delta in a branch", "(negation(node.condition), node.otherwise))", "(node.condition, node.otherwise))"),
+        ("order of a nest", "parts[node] = {(binder, *chain): k", "parts[node] = {(*chain, binder): k"),
+        ("two ways to one delta", "merged[chain] = add(merged[chain], k) if chain in merged else k", "merged[chain] = k"),
+    ),
+    *_of(
+        "teg/analysis/jumps.py",
+        PASSES,
+        ("jump of a product", "before = mul(before, zero(c))", "before = mul(before, one(c))"),
+        ("jump of a function", "jumps[node] = sub(at(one, node), at(zero, node))", "jumps[node] = sub(at(zero, node), at(one, node))"),
+        ("jump of a condition", "jumps[node] = sub(where(c1, a1, b1), where(c0, a0, b0))", "jumps[node] = where(c1, a1, b1)"),
+        ("jump of a branch", "jumps[node] = where(c1, of(node.then), of(node.otherwise))", "jumps[node] = where(c1, of(node.then), ZERO)"),
+    ),
+    *_of(
+        "teg/passes/differentiate/forward.py",
+        PASSES,
+        ("divergence at kinks", "return add(slope(u, v), *jumps)", "return slope(u, v)"),
+        (
+            "divergence of a surface's velocity",
+            "change = add(tangent_of(weight, along), mul(weight, expansion))",
+            "change = tangent_of(weight, along)",
+        ),
+        ("speed of a surface", "speed = mul(MINUS_ONE, moving, integer_power(add(", "speed = mul(moving, integer_power(add("),
+        (
+            "bounds of a surface that moves",
+            "rate = sub(tangent_of(bound, along), along.get(b.var, ZERO))",
+            "rate = tangent_of(bound, along)",
+        ),
+        (
+            "tangent of a branch",
+            "return where(node.condition, tangent[node.then], tangent[node.otherwise])",
+            "return where(node.condition, tangent[node.then], ZERO)",
+        ),
+        (
+            "tangent of a power",
+            "mul(const(node.exponent), t, integer_power(node.base, node.exponent - 1))",
+            "mul(t, integer_power(node.base, node.exponent - 1))",
+        ),
+    ),
+    *_of(
+        "teg/passes/differentiate/reverse.py",
+        PASSES,
+        (
+            "other branch backwards",
+            "(node.otherwise, where(node.condition, ZERO, w)),",
+            "(node.otherwise, where(node.condition, w, ZERO)),",
+        ),
+        ("lower bound backwards", "for bound, sign in ((hi, ONE), (lo, MINUS_ONE)):", "for bound, sign in ((hi, ONE), (lo, ONE)):"),
+        (
+            "surface of an outer integral",
+            "adjoints[p] = add(adjoints.get(p, ZERO), mul(jump, slope, delta(g)))",
+            "adjoints[p] = mul(jump, slope, delta(g))",
+        ),
+        ("product backwards", "return [(child, mul(w, *others))]", "return [(child, w)]"),
+        (
+            "surface of an integral",
+            "integral_over(mul(jump, adjoint, delta(g)), x, lo, hi))))",
+            "integral_over(mul(adjoint, delta(g)), x, lo, hi))))",
+        ),
+    ),
+    *_of(
+        "teg/analysis/calculus.py",
+        PASSES,
+        ("derivative of cos", 'return [mul(MINUS_ONE, call("sin", u))]', 'return [call("sin", u)]'),
+        ("derivative of tan", "return [add(ONE, integer_power(node, 2))]", "return [add(ONE, node)]"),
+        ("derivative of sqrt", "return [mul(const(0.5), integer_power(node, -1))]", "return [integer_power(node, -1)]"),
+        ("derivative of |u|", "return [where(positive(u), ONE, MINUS_ONE)]", "return [ONE]"),
+        ("derivative of atan2", "return [div(x, square), mul(MINUS_ONE, div(u, square))]", "return [div(x, square), div(u, square)]"),
+    ),
+    *_of(
+        "teg/analysis/surfaces.py",
+        PASSES,
+        ("order of tied surfaces", "truth = negation(rising) if comes_first(surface, old.g) else rising", "truth = rising"),
+        ("a bound that ties", "truth = TRUE if comes_first(surface, other) else FALSE", "truth = TRUE"),
+        ("below an infinite bound", "return TRUE if bound.data > 0 else FALSE", "return FALSE if bound.data > 0 else TRUE"),
+        ("order of bounds", "return 1 if lo.data <= hi.data else -1", "return 1"),
+    ),
+    *_of(
+        "teg/passes/eliminate/univariate.py",
+        PASSES,
+        (
+            "weight of a root",
+            "value = mul(weight, restrict(coefficient, at, g, directions))",
+            "value = restrict(coefficient, at, g, directions)",
+        ),
+        ("existence of a root", "terms.append(where(root.exists, inside, ZERO))", "terms.append(inside)"),
+    ),
+    *_of(
+        "teg/passes/eliminate/affine.py",
+        PASSES,
+        (
+            "weight of a line",
+            "value = mul(weight, restrict(coefficient, at, g, directions))",
+            "value = restrict(coefficient, at, g, directions)",
+        ),
+        (
+            "weight of a side",
+            "value = mul(side.weight, restrict(coefficient, at, g, tuple(at)))",
+            "value = restrict(coefficient, at, g, tuple(at))",
+        ),
+        ("where a line meets the box", "value = where(guard, value, ZERO)", "value = value"),
+    ),
+    *_of(
+        "teg/passes/normalise/canonicalise.py",
+        PASSES,
+        (
+            "sign of a surface's factor",
+            "disjunction(conjunction(plus, below), conjunction(minus, above)),",
+            "disjunction(conjunction(plus, below), conjunction(minus, below)),",
+        ),
+        ("sign of a surface's form", "return representative, sign > 0", "return representative, True"),
+    ),
+    *_of(
+        "teg/passes/lower/emit.py",
+        (SMALL,),
+        ("rounding errors of products", "return total(size(e), *carried)", "return size(e)"),
+        ("rounding errors in ties", 'return terms if error == 0.0 else self.assign(home, "v", "add", terms, error)', "return terms"),
+    ),
+    *_of(
+        "backends/numpy/runtime.py",
+        (SMALL, NUMPY, "tests/backends/test_numpy_backend.py"),
+        (
+            "ties of the second order",
+            "return np.where(near, r if run.order > 0 else np.logical_not(r), g > 0.0)",
+            "return np.where(near, r, g > 0.0)",
+        ),
+        (
+            "error of Gauss's rule",
+            "error = 4.0 * tail * powi(growth, decay_power(nodes))",
+            "error = 0.0 * tail * powi(growth, decay_power(nodes))",
+        ),
+        ("bisection", "left[1::2] += width", "left[0::2] += width"),
+        ("negative powers", "return 1.0 / powi(x, -n)", "return powi(x, -n)"),
+        ("watched conditions", "changed[part] |= both.any(axis=0) & ~both.all(axis=0)", "changed[part] |= both.all(axis=0)"),
+    ),
+    Mutant(
+        "block of lanes",
+        "backends/numpy/runtime.py",
+        "return max(1, min(self.room // max(1, width), MAX_LANES) // lanes)",
+        "return max(1, min(self.room // max(1, width), MAX_LANES) // lanes // 2)",
+        (NUMPY,),
+        "how many lanes run at a time changes no result",
+    ),
+    *_of(
+        "backends/shared/substitutions.py",
+        SUBSTITUTED,
+        ("derivative of a cubic place", "6.0 * t * (1.0 - t)", "6.0 * t"),
+        ("derivative of a tail", "1.0 / ((1.0 - t) * (1.0 - t))", "1.0 / (1.0 - t)"),
+        ("derivative of cosh", "(xp.cosh(t), xp.sinh(t))", "(xp.cosh(t), xp.cosh(t))"),
+        ("derivative of a sixth power", "6.0 * (t * t * t * t * t)", "t * t * t * t * t"),
+    ),
+    *_of(
+        "backends/c/runtime/teg_runtime.h",
+        (SMALL, C),
+        ("ties of the second order in C", "return ctx->order > 0 ? r : !r;", "return r;"),
+        ("ties are noted in C", "        ctx->tied = 1;\n        return ctx->order", "        return ctx->order"),
+    ),
+    *_of(
+        "backends/c/batch.py",
+        (SMALL, C),
+        ("mean of two orders", "row[j] = 0.5 * (row[j] + other[j]);", "row[j] = other[j];"),
+        (
+            "points that are not live",
+            'f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = 0.0;", "continue;"',
+            'f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = 1.0;", "continue;"',
+        ),
+        ("points left over", "at + (k < few ? k : few - 1)", "at + (k < few ? k : 0) * 0"),
+        ("simple strides", "simple &= stride[i] == 0 || stride[i] == 1;", "simple &= 1;"),
+    ),
+    *_of(
+        "backends/jax/runtime.py",
+        ("tests/backends/test_jax_backend.py", JAX),
+        ("ties of the second order in JAX", "jnp.where(order > 0, r, jnp.logical_not(r))", "r"),
+        ("reversed bounds in JAX", "sign = jnp.where(lo <= hi, 1.0, -1.0)", "sign = 1.0"),
+        (
+            "Gauss's rule in JAX",
+            "sums = half * jnp.sum(weights[:, None] * found, axis=0)",
+            "sums = jnp.sum(weights[:, None] * found, axis=0)",
+        ),
+        ("sorted breaks in JAX", "points = jnp.sort(points)", "points = points"),
+    ),
+    *_of(
+        "backends/jax/roots.py",
+        ("tests/backends/test_jax_backend.py", JAX),
+        (
+            "points of a sum in JAX",
+            "found = [jnp.where(when, jnp.where(refused, jnp.nan, v), jnp.inf)",
+            "found = [jnp.where(when, jnp.where(refused, jnp.nan, v), 0.0)",
+        ),
+    ),
+    *_of(
+        "backends/numpy/polygon.py",
+        (SMALL, NUMPY, "tests/backends/test_polygon.py"),
+        ("start of a segment", "np.maximum(start, root), start)", "start, start)"),
+        (
+            "ties of a segment",
+            "found[i] = ties, resolution if run.order > 0 else np.logical_not(resolution)",
+            "found[i] = ties, resolution",
+        ),
+    ),
+)

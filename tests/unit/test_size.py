@@ -1,0 +1,118 @@
+"""The size of functions: at most 60 lines, and at most six parameters unless users call them."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+LINES, PARAMETERS = 60, 6
+
+TABLES = {"teg/symbolic/reader.py functions"}
+"""Long functions that are one table."""
+
+PUBLIC = {
+    "examples/bouncing_ball/run.py run_bouncing_ball",
+    "examples/mesh_network/run.py run_mesh_network",
+    "examples/perlin/run.py run_perlin",
+    "examples/triangulation/run.py run_triangulation",
+    "teg/evaluator/compile.py compile",
+    "teg/interop/jax.py jax_function",
+    "teg/interop/torch.py torch_function",
+    "teg/maps/__init__.py cylindrical",
+    "teg/maps/__init__.py spherical",
+    "teg/evaluator/explain.py explain",
+}
+"""Functions with more parameters that users call by name."""
+
+TOO_LONG = {
+    "backends/c/batch.py batch_loop",
+    "backends/c/loops.py _ArrayPrinter._chunks",
+    "backends/c/loops.py _ArrayPrinter._entry",
+    "backends/c/printer.py Printer._call",
+    "backends/c/quadrature.py adaptive_piece",
+    "backends/jax/roots.py _search",
+    "backends/jax/roots.py _search.step",
+    "backends/jax/runtime.py _adaptive",
+    "teg/evaluator/compile.py compile",
+    "teg/passes/lower/integrals.py _Scheduler.integrate",
+}
+"""Functions with more lines. This list only becomes shorter."""
+
+TOO_MANY_PARAMETERS = {
+    "backends/c/frame.py Frame.__init__",
+    "backends/c/poles.py rational_piece",
+    "backends/c/quadrature.py adaptive_piece",
+    "backends/jax/derivative.py Family.__init__",
+    "backends/jax/guard.py Guard.hides",
+    "backends/jax/hyperbola.py moments",
+    "backends/jax/loops.py _Trace._inside",
+    "backends/jax/polygon.py _clipped",
+    "backends/jax/polygon.py _with_coordinates",
+    "backends/jax/polygon.py polygon",
+    "backends/jax/polygon.py segment",
+    "backends/jax/roots.py _search",
+    "backends/jax/roots.py isolate",
+    "backends/jax/roots.py locate",
+    "backends/jax/runtime.py _adaptive",
+    "backends/jax/runtime.py _midpoint",
+    "backends/jax/runtime.py integrate",
+    "backends/numpy/guard.py Guard._unseen",
+    "backends/numpy/guard.py Guard.hides",
+    "backends/numpy/hyperbola.py HyperbolaMoments.__call__",
+    "backends/numpy/polygon.py Domain._totals",
+    "backends/numpy/polygon.py PolygonIntegral.__call__",
+    "backends/numpy/polygon.py _clipped",
+    "backends/numpy/roots.py Location.__call__",
+    "backends/numpy/roots.py _evaluated",
+    "backends/numpy/runtime.py AdaptiveIntegral._measure",
+    "backends/numpy/runtime.py AdaptiveIntegral._search",
+    "backends/numpy/runtime.py Integral.__call__",
+    "backends/numpy/runtime.py Integral._pieces",
+    "backends/shared/bends.py _around",
+    "backends/shared/bends.py _zeros",
+    "backends/shared/bends.py substitution",
+    "backends/shared/poles.py pole_at",
+    "backends/shared/polygons.py least_and_most",
+    "backends/shared/roots.py examined",
+    "backends/shared/roots.py newton_step",
+    "backends/shared/samples.py coordinate",
+    "teg/evaluator/options.py Options.__init__",
+    "teg/program/interpreter/integrate.py _Piece._hides",
+    "teg/report/inventory.py Inventory.__init__",
+}
+"""Internal functions with more parameters. This list only becomes shorter."""
+
+
+def functions(node: ast.AST, prefix: str = "", in_class: bool = False) -> Iterator[tuple[str, int, int]]:
+    """The functions below a node: the qualified name, the lines, and the parameters without `self` and `cls`."""
+    for child in ast.iter_child_nodes(node):
+        match child:
+            case ast.FunctionDef() | ast.AsyncFunctionDef():
+                names = [a.arg for a in (*child.args.posonlyargs, *child.args.args, *child.args.kwonlyargs)]
+                own = names[1:] if in_class and names[:1] in (["self"], ["cls"]) else names
+                yield prefix + child.name, (child.end_lineno or 0) - child.lineno + 1, len(own)
+                yield from functions(child, f"{prefix}{child.name}.")
+            case ast.ClassDef():
+                yield from functions(child, f"{prefix}{child.name}.", True)
+            case _:
+                yield from functions(child, prefix, in_class)
+
+
+def all_functions() -> dict[str, tuple[int, int]]:
+    """Lines and parameters of every function, by file and name."""
+    sizes = {}
+    for folder in ("teg", "backends", "examples"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            for name, lines, parameters in functions(ast.parse(path.read_text(encoding="utf-8"))):
+                sizes[f"{path.relative_to(ROOT).as_posix()} {name}"] = (lines, parameters)
+    return sizes
+
+
+def test_functions_are_short() -> None:
+    assert {name for name, (lines, _) in all_functions().items() if lines > LINES} - TABLES == TOO_LONG
+
+
+def test_internal_functions_have_few_parameters() -> None:
+    assert {name for name, (_, parameters) in all_functions().items() if parameters > PARAMETERS} - PUBLIC == TOO_MANY_PARAMETERS
