@@ -6,7 +6,8 @@ The digest in the name makes an entry one file: written elsewhere, renamed into 
 is loaded (loading a truncated library can end the process). Concurrent processes may build the same entry
 twice; each renames a whole library.
 
-The cache is `TEG_CACHE_DIR`, else `$XDG_CACHE_HOME/teg`, else `~/.cache/teg`, of mode 0700. A folder that
+The cache is `TEG_CACHE_DIR`, else where the system keeps caches of the user (Linux: `$XDG_CACHE_HOME/teg` or
+`~/.cache/teg`, macOS: `~/Library/Caches/teg`, Windows: `%LOCALAPPDATA%\\teg\\Cache`), of mode 0700. A folder that
 cannot be written, that others could write, that is full, or from which no library may be loaded (noexec), is
 not used: a private temporary folder, removed at exit, replaces it.
 
@@ -46,7 +47,7 @@ ABANDONED = 24 * 3600
 def cache_folder() -> Path:
     """The folder of the cache, made if it is missing, or a private temporary one if it cannot be used."""
     try:
-        folder = Path(os.environ.get("TEG_CACHE_DIR") or Path(_user_cache(), "teg")).absolute()
+        folder = Path(os.environ.get("TEG_CACHE_DIR") or _user_cache()).absolute()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if _is_private(folder) and os.access(folder, os.R_OK | os.W_OK | os.X_OK):
             return folder
@@ -56,10 +57,13 @@ def cache_folder() -> Path:
 
 
 def _user_cache() -> Path:
-    configured = os.environ.get("XDG_CACHE_HOME", "")
-    if not os.path.isabs(configured) and os.environ.get("HOME") == "":
+    """The folder in which the system keeps what programs can compute again. Raises RuntimeError if there is no home."""
+    if os.environ.get("HOME") == "" and not os.path.isabs(os.environ.get("XDG_CACHE_HOME", "")):
         raise RuntimeError("HOME is empty")  # which Python takes for the root folder
-    return Path(configured) if os.path.isabs(configured) else Path.home() / ".cache"
+    from platformdirs import user_cache_path
+
+    folder = user_cache_path("teg", appauthor=False)
+    return folder if folder.is_absolute() else Path.home() / ".cache" / "teg"
 
 
 def _is_private(folder: Path) -> bool:
@@ -111,14 +115,14 @@ class Entry(NamedTuple):
 
 def entries_of(cache: Path) -> list[Entry]:
     """All entries, the one used longest ago first."""
-    found = []
+    entries = []
     for key in _keys(cache):
         for path in key.glob("*.*"):
             if path.suffix in (SUFFIX, OBJECT):
                 with suppress(OSError):  # it was removed meanwhile
                     status = path.stat()
-                    found.append(Entry(path, status.st_size, status.st_mtime))
-    return sorted(found, key=lambda entry: entry.used)
+                    entries.append(Entry(path, status.st_size, status.st_mtime))
+    return sorted(entries, key=lambda entry: entry.used)
 
 
 def trim(cache: Path) -> None:

@@ -117,6 +117,7 @@ class _ArrayPrinter:
         self.printer = Printer()
         self.routines: dict[int, Routine] = {}
         self.space = 0
+        self.copied: frozenset[int] = frozenset()  # the outputs of which the chunk that is printed has a copy, t{j}_
         self.straights: dict[int, Straight] = {}  # of the only flat program of an innermost loop
         for step in steps(program.body):
             if isinstance(step, Loop) and (only := _only_run(step)):
@@ -191,7 +192,8 @@ class _ArrayPrinter:
                 case Load():
                     lines.append(f"const double {step.name} = a{step.array}[{_flat(step.array, step.subscripts)}];")
                 case Scatter():
-                    lines.append(f"t{step.output}[{_flat(step.array, step.subscripts)}] += {_spell(step.value)};")
+                    own = "_" if step.output in self.copied else ""
+                    lines.append(f"t{step.output}{own}[{_flat(step.array, step.subscripts)}] += {_spell(step.value)};")
                 case Run():
                     lines += [*self._run(step), *_named(step)]
                     if step is decisive:
@@ -421,11 +423,10 @@ class _ArrayPrinter:
 
     def _in_chunk(self, step: Loop, targets: Sequence[int]) -> list[str]:
         """The iterations of a chunk, which scatter into its own copies."""
+        self.copied = frozenset(targets)
         lines = self._iterations(step, "first", "last", 1)
-        if not targets:
-            return lines
-        names = re.compile(r"\bt(" + "|".join(map(str, targets)) + r")\[")
-        return [names.sub(r"t\1_[", line) for line in lines]
+        self.copied = frozenset()
+        return lines
 
     # -- the batch -----------------------------------------------------------------------------------------------------
 

@@ -194,9 +194,9 @@ def _around(
     def inverse(v: Any, at_power: Any) -> Any:
         t = sign * (v - m)
         s = t / h
-        found = xp.where(kind == SQUARE, xp.sqrt(xp.maximum(0.0, t)), xp.where(kind == EXP, xp.log(t), at_power))
-        found = xp.where(kind == SINH, xp.arcsinh(s), xp.where(kind == SINE, xp.arcsin(xp.clip(s, -1.0, 1.0)), found))
-        return xp.where(kind == COSH, xp.arccosh(xp.maximum(1.0, s)), found)
+        result = xp.where(kind == SQUARE, xp.sqrt(xp.maximum(0.0, t)), xp.where(kind == EXP, xp.log(t), at_power))
+        result = xp.where(kind == SINH, xp.arcsinh(s), xp.where(kind == SINE, xp.arcsin(xp.clip(s, -1.0, 1.0)), result))
+        return xp.where(kind == COSH, xp.arccosh(xp.maximum(1.0, s)), result)
 
     start = inverse(p, xp.where(at_p, 0.0, 1.0))
     step = inverse(q, xp.where(at_p, 1.0, 0.0)) - start
