@@ -13,9 +13,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from teg.backends.numpy import bends as numpy_bends
 from teg.backends.numpy import roots as numpy_roots
 from teg.backends.numpy import runtime as numpy_runtime
+from teg.backends.shared.bends import Substitution, substitution
 from teg.backends.shared.poles import pole_weights
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import (
@@ -210,28 +210,28 @@ class RecordedRun:
             case _:
                 raise NotImplementedError(f"a recorded run does not know the rule {type(stmt.rule).__name__}")
 
-    def _places(self, stmt: Integrate, rule: Adaptive, names: Values, p: float, q: float) -> numpy_bends.Substitution:
+    def _places(self, stmt: Integrate, rule: Adaptive, names: Values, p: float, q: float) -> Substitution:
         """Where on the piece the coordinate u in (0, 1) is."""
         bends = []
         for bend in stmt.bends:
             _check(bend)
             bends.append((bend.kind, *(_get(names, c) for c in bend.coefficients), _get(names, bend.when)))
-        return numpy_bends.substitution(np.array([p]), np.array([q]), _get(names, stmt.base), bends, rule.cubic, 1.0)
+        return substitution(NUMPY, np.array([p]), np.array([q]), _get(names, stmt.base), bends, rule.cubic, False, 1.0)
 
-    def _adaptive(self, stmt: Integrate, rule: Adaptive, piece: Piece, places: numpy_bends.Substitution, at: Any) -> np.ndarray:
+    def _adaptive(self, stmt: Integrate, rule: Adaptive, piece: Piece, places: Substitution, at: Any) -> np.ndarray:
         total, enough, used = np.zeros(len(stmt.values)), np.empty(0), 0
         waiting = [(0.0, 1.0, rule.order if stmt.watch else rule.first)]
         while waiting:
             left, width, nodes = waiting.pop(0)
             used += 1
             u = left + 0.5 * width * (1.0 + np.array(gauss_legendre(nodes)[0])[:, None])
-            place, rate = (column[:, 0] for column in places(u))
+            place, rate = (column[:, 0] for column in places_of(places, u))
             marks, runs = len(self.marks), [at(v) for v in place]
             found = np.array([[float(_get(r, v)) for v in stmt.values] for r in runs]) * (0.5 * width * rate)[:, None]
             whole, size, error = numpy_runtime.measure(found, nodes)
             enough = enough if enough.size else rule.tol * (size + ABSOLUTE_FLOOR)
             seen = len(self.marks)
-            ends = places(np.array([[left], [left + width]]))[0][:, 0] if stmt.watch else ()
+            ends = places_of(places, np.array([[left], [left + width]]))[0][:, 0] if stmt.watch else ()
             watched = [[bool(_get(r, w)) for w in stmt.watch] for r in (*runs, *map(at, ends))]
             del self.marks[seen:]
             changed = any(any(column) and not all(column) for column in zip(*watched, strict=True))

@@ -26,7 +26,7 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import coincide
 from teg.analysis.isolation import MARGIN, MAX_ROOTS, Isolation, Location, isolate, locate
-from teg.analysis.polynomial import Degrees, P, Point, Poly, Ratio, Shadow, divided, residue
+from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow, divided, residue
 from teg.analysis.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients, solve
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.errors import NotDifferentiableError
@@ -103,15 +103,6 @@ class Breaks:
     rooted: bool
     bends: tuple[Turn, ...] = ()
     matters: Mapping[Expr, Cond] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Pole:
-    """The pole of a rational integrand: a linear function, the degree of the numerator, and the power in the denominator."""
-
-    turn: Turn
-    degree: int
-    power: int
 
 
 Meeting = tuple[Expr, Expr, Var, Expr, Expr]
@@ -333,29 +324,10 @@ class BreakAnalysis:
         """Returns the degree of the integrand in the variable on each piece; None if it is not known to be a polynomial."""
         if not self.of(node).complete:
             return None
-        return self._shadow((node.var,)).degree(node.body)
+        return self.shadow((node.var,)).degree(node.body)
 
-    def pole(self, node: Integral) -> Pole | None:
-        """Returns the pole of an integrand that is a polynomial divided by a power of a linear function, on each piece.
-
-        The integrand must be a polynomial where the pole does not count. None if it has no pole, has others, or is not known to be of
-        this form.
-        """
-        breaks, x = self.of(node), node.var
-        turns = [turn for turn in breaks.bends if turn.kind == "pole"]
-        if not breaks.complete or breaks.isolated or len(turns) != 1:
-            return None
-        turn, shadow = turns[0], self._shadow((x,))
-        linear, ratio = shadow.polynomial(turn.function), shadow.of(node.body)
-        if ratio is None or linear is None or max(linear) != (1,):
-            return None
-        at = divided(-linear.get((0,), 0), linear[1,])
-        above, numerator = _without_zero(ratio[0], at)
-        below, denominator = _without_zero(ratio[1], at)
-        degree, power = max((i for (i,) in numerator), default=0), below - above
-        return Pole(turn, degree, power) if max(denominator) == (0,) and power > 0 else None
-
-    def _shadow(self, variables: tuple[Var, ...]) -> Shadow:
+    def shadow(self, variables: tuple[Var, ...]) -> Shadow:
+        """Returns normal forms of integrands as polynomials in variables; integrals inside them are written out."""
         if variables not in self._shadows:
             self._shadows[variables] = Shadow(variables, integral=lambda inner: self._integral_shadow(inner, variables), kinks=True)
         return self._shadows[variables]
@@ -365,10 +337,10 @@ class BreakAnalysis:
         breaks = self.of(node)
         if not breaks.complete or node.var in variables or any(v in i.g.free for i in breaks.isolated for v in variables):
             return None
-        inner = self._shadow((node.var, *variables)).polynomial(node.body)
+        inner = self.shadow((node.var, *variables)).polynomial(node.body)
         if inner is None:
             return None
-        shadow = self._shadow(variables)
+        shadow = self.shadow(variables)
         ends = [shadow.of(e) for e in (node.lo, node.hi, *breaks.points)]
         if any(e is None for e in ends):
             return None
@@ -502,19 +474,6 @@ class _Projection:
         for other, rate, at_origin in self.affine:
             if not (coincide(other, f) or self._apart(other, f)):
                 self._put(cast(Expr, substitute(f, {z: sub(self.origin, at_origin / rate)})))
-
-
-def _without_zero(poly: Poly, at: int) -> tuple[int, Poly]:
-    """Returns the multiplicity of the zero of a polynomial in one variable at a point, and the polynomial divided by that power."""
-    times, coefficients = 0, [poly.get((i,), 0) for i in range(max((i for (i,) in poly), default=0), -1, -1)]
-    while len(coefficients) > 1:
-        quotient = [coefficients[0]]
-        for c in coefficients[1:]:
-            quotient.append((quotient[-1] * at + c) % P)
-        if quotient.pop():
-            break
-        times, coefficients = times + 1, quotient
-    return times, {(i,): c for i, c in enumerate(reversed(coefficients)) if c}
 
 
 def _antiderivative_at(shadow: Shadow, inner: Poly, end: Ratio) -> Ratio | None:

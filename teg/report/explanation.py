@@ -80,6 +80,8 @@ class Explanation:
     def _remarks(self) -> list[str]:
         data = self.data
         lines = [f"No {name}: {data[key]}" for name, key in (("value", "value_error"), ("gradient", "gradient_error")) if data[key]]
+        if not data["options"]["intrinsics"]:
+            lines.append("Fast paths of single shapes of programs are off: intrinsics=False.")
         if not data["integrals"] and not data["value_error"]:
             lines.append("There is no integral in the value.")
         elif not data["surfaces"] and not data["value_error"]:
@@ -122,6 +124,8 @@ class ArrayExplanation(Explanation):
     def _remarks(self) -> list[str]:
         data = self.data
         lines = [f"No {name}: {data[key]}" for name, key in (("value", "value_error"), ("gradient", "gradient_error")) if data[key]]
+        if not data["options"]["intrinsics"]:
+            lines.append("Fast paths of single shapes of programs are off: intrinsics=False.")
         if data["assumed_length"] is not None:
             lines.append(
                 f"A sum inside an integral is written out when the lengths of arrays are known; this is for lengths of "

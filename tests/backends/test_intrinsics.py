@@ -129,6 +129,7 @@ def test_it_is_taken_and_can_be_turned_off(case: Case) -> None:
     for f, on in ((compiled(case, "numpy"), True), (off, False)):
         report = f.explain()
         assert report.data["options"]["intrinsics"] is on
+        assert ("intrinsics=False" in str(report)) is not on
         rules = {row["rule"] for key in ("integrals", "boundary") for row in report.data[key]}
         assert on == any(rule.startswith("clipped") or rule.endswith(("closed form", "with a pole, exact")) for rule in rules)
 

@@ -1,4 +1,4 @@
-"""Rational integrands with one pole: P(x)/D(x)ᵐ, D linear, on each piece between breaks.
+"""Rational integrands with one pole: P(x)/D(x)ᵐ, D linear, on each piece between breaks; `match` says which are some.
 
     operands    the pole, as the only bend of an `Integrate`
     results     exact with Gauss nodes and the weights of the rule `Rational`, however near the pole is
@@ -14,11 +14,9 @@ from typing import cast
 
 from teg.analysis.breaks import BreakAnalysis
 from teg.ir.integral import Integral
+from teg.passes.intrinsics.pole.match import match_pole
 from teg.passes.lower.intrinsic import Intrinsic
 from teg.program import Rational, Rule
-
-MAX_NUMERATOR, MAX_POWER = 4, 3
-"""Degree of the numerator, power in the denominator."""
 
 
 class PoleRule:
@@ -30,14 +28,12 @@ class PoleRule:
 
     def match(self, node: Integral, analysis: BreakAnalysis) -> Rational | None:
         """As many nodes as the numerator needs."""
-        pole = analysis.pole(node)
-        if pole is None or pole.degree > MAX_NUMERATOR or pole.power > MAX_POWER:
-            return None
-        return Rational(pole.degree + 1, pole.power)
+        pole = match_pole(node, analysis)
+        return None if pole is None else Rational(pole.degree + 1, pole.power)
 
     def key(self, node: Integral, analysis: BreakAnalysis) -> object:
         """The pole, and where it counts."""
-        pole = analysis.pole(node)
+        pole = match_pole(node, analysis)
         assert pole is not None
         return analysis.key(pole.turn.function), pole.turn.when
 
