@@ -47,7 +47,6 @@ class CKernel:
         self._call = Caller(library)
         self._noted = needs_context(program.body, counted)
         self._type, self._inputs, self._outputs = np.dtype(dtype), len(program.parameters), len(program.outputs)
-        self._rows = np.arange(self._outputs, dtype=np.uintp)
         self._values: Any = element * (self._inputs + self._outputs)
 
     @property
@@ -71,13 +70,15 @@ class CKernel:
         if not out.size:
             return Outcome(out, False, 0)
         size = self._type.itemsize
-        pointers = np.array([_address(column) for column in kept], dtype=np.uintp)
+        first, row = _address(out), n * size
+        pointers = np.array([*map(_address, kept), *range(first, first + self._outputs * row, row)], dtype=np.uintp)
+        inputs = _address(pointers)
+        outputs = inputs + self._inputs * pointers.itemsize
         strides = np.array([column.strides[0] // size if column.ndim else 0 for column in kept], dtype=LONG)
         notes = np.empty(n, dtype=LONG) if self._noted else None
         threads = min(self.threads or os.cpu_count() or 1, n)
         told = None if notes is None else _address(notes)
-        rows = self._rows * np.uintp(n * size) + np.uintp(_address(out))
-        if self._call.batch(n, _address(pointers), _address(strides), None, _address(rows), told, threads):
+        if self._call.batch(n, inputs, _address(strides), None, outputs, told, threads):
             raise BackendError("there is no memory for the kernel's workspace")
         if notes is None:
             return Outcome(out, False, 0)
