@@ -57,18 +57,20 @@ class MapChecks:
         import numpy as np
 
         elements = np.unique(np.linspace(0, n - 1, min(n, ELEMENTS)).astype(int)) if n else ()
-        given = [_Element(columns, arrays, int(i)) for i in elements]
+        sampled = [_Element(columns, arrays, int(i)) for i in elements]
         for path, symbols, checks in self.cells:
             if not path and not symbols.of:
                 checks.run(columns)
                 continue
             wanted = list(dict.fromkeys(p for case in checks.cases for p in case.every))
             rows = [
-                [at.value(symbols.meaning.get(p, p), around) for p in wanted] for at in given for around in at.iterations(path, len(given))
+                [at.value(symbols.meaning.get(p, p), around) for p in wanted]
+                for at in sampled
+                for around in at.iterations(path, len(sampled))
             ]
             if rows:
-                found = np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted))
-                checks.run({p.name: found[:, k] for k, p in enumerate(wanted)})
+                table = np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted))
+                checks.run({p.name: table[:, k] for k, p in enumerate(wanted)})
 
 
 class _Case(NamedTuple):
@@ -122,7 +124,7 @@ class _CellChecks:
 def nests_over(e: Expr, variables: Sequence[Var]) -> list[tuple[Chain, Expr]]:
     """The nests of integrals, from the outermost of the program inwards, that bind all these variables, and what they integrate."""
     wanted = set(variables)
-    found: dict[tuple[Chain, Expr], None] = {}
+    nests: dict[tuple[Chain, Expr], None] = {}
     seen: set[tuple[Node, frozenset[Var]]] = set()
     stack: list[tuple[Node, Chain]] = [(e, ())]
     while stack:
@@ -135,12 +137,12 @@ def nests_over(e: Expr, variables: Sequence[Var]) -> list[tuple[Chain, Expr]]:
             stack += [(node.lo, chain), (node.hi, chain)]
             inner = (*chain, Binder(node.var, node.lo, node.hi))
             if wanted <= {b.var for b in inner}:
-                found[inner, node.body] = None
+                nests[inner, node.body] = None
             else:
                 stack.append((node.body, inner))
         else:
             stack.extend((c, chain) for c in node.children)
-    return list(found)
+    return list(nests)
 
 
 class _Element:
@@ -155,15 +157,15 @@ class _Element:
         import numpy as np
 
         each = max(2, round((ITERATIONS / elements) ** (1 / max(len(path), 1))))
-        found: list[dict[Node, int]] = [{}]
+        reached: list[dict[Node, int]] = [{}]
         for s in path:
             wider: list[dict[Node, int]] = []
-            for around in found:
+            for around in reached:
                 lo, hi = self.integer(s.lo, around), self.integer(s.hi, around)
                 picked = np.unique(np.linspace(lo, hi - 1, min(each, hi - lo)).astype(int)) if hi > lo else ()
                 wider += [{**around, s.index: int(k)} for k in picked]
-            found = wider
-        yield from found
+            reached = wider
+        yield from reached
 
     def integer(self, root: Index, around: Mapping[Node, int]) -> int:
         """An integer expression in an iteration."""
