@@ -21,7 +21,7 @@ Maps = pipeline.Maps
 
 
 def diff(e: object, by: Param, maps: Maps = ()) -> Expr:
-    """The derivative of e by a parameter, deltas visible. A δ in e is eliminated first. A tuple is differentiated entry by entry.
+    """Returns the derivative of e by a parameter, deltas visible. A δ in e is eliminated first. A tuple is differentiated entry by entry.
 
     By a whole array: `teg.grad`.
     """
@@ -33,7 +33,7 @@ def diff(e: object, by: Param, maps: Maps = ()) -> Expr:
 
 
 def jvp(e: object, direction: Mapping[Any, object], maps: Maps = ()) -> Expr:
-    """The directional derivative Σ ∂e/∂p · direction[p] (forward mode), deltas visible. The direction of an array is an array."""
+    """Returns the directional derivative Σ ∂e/∂p · direction[p] (forward mode), deltas visible. The direction of an array is an array."""
     if not _with_arrays(e):
         return pipeline.jvp(e, direction, maps)
     parameters_and_arrays(list(direction))
@@ -41,10 +41,11 @@ def jvp(e: object, direction: Mapping[Any, object], maps: Maps = ()) -> Expr:
 
 
 def grad(e: object, by: Sequence[Parameter] | Parameter | None = None, maps: Maps = ()) -> Tuple:
-    """The derivatives of e by each parameter (reverse mode; default: all), a tuple, deltas visible. For a tuple e: a tuple of these.
+    """Returns the derivatives of e by each parameter (reverse mode; default: all), a tuple, deltas visible. For a tuple e: a tuple of
+    these.
 
-    The derivative by an array is an expression whose value is an array of its shape: sums of numbers times `1[V; i, …]`, the array that is
-    1 at one place.
+    The derivative by an array is an expression whose value is an array of its shape: sums of numbers times `1[V; i, …]`, the array that
+    is 1 at one place.
     """
     if not _with_arrays(e):
         return pipeline.grad(e, by, maps)  # type: ignore[arg-type]
@@ -59,7 +60,7 @@ def grad(e: object, by: Sequence[Parameter] | Parameter | None = None, maps: Map
 
 
 def hessian(e: object, by: Sequence[Param] | Param | None = None, maps: Maps = ()) -> Tuple:
-    """The matrix of second derivatives of e, a tuple of tuples, deltas of the second differentiation visible."""
+    """Returns the matrix of second derivatives of e, a tuple of tuples, with the deltas of the second differentiation visible."""
     if _with_arrays(e):
         raise ParameterError(
             "the Hessian of a program with arrays is not written out",
@@ -70,7 +71,7 @@ def hessian(e: object, by: Sequence[Param] | Param | None = None, maps: Maps = (
 
 
 def eliminate(e: object, maps: Maps = ()) -> Expr:
-    """e without δ: each brought to one variable and sifted, by the user's maps where they help."""
+    """Returns e without δ: each is reduced to one variable and sifted, with the user's maps if they help."""
     if not _with_arrays(e):
         return pipeline.eliminate(e, maps)
     return _by_entry(e, lambda entry: arrays.on_cells(entry, partial(pipeline.normal_form, maps=maps)))
@@ -87,7 +88,7 @@ def _every(e: object) -> list[Parameter]:
 
 
 def _by_entry(e: object, step: Any) -> Expr:
-    """A step on an outlined expression; on the entries of a tuple one by one."""
+    """Returns the result of a step on an outlined expression; on a tuple, entry by entry."""
     whole = e if isinstance(e, Tuple) else as_number(e)
     check_indices(whole)
     try:

@@ -54,18 +54,18 @@ ProgramPass = Callable[[Program], Program]
 Maps = Sequence[Diffeomorphism]
 
 ESTIMATORS: dict[str, Pass] = {
-    "sift": eliminate_deltas,  # ours: the boundary integrals
-    "ignore": ignore_discontinuities,  # what plain automatic differentiation computes
+    "sift": eliminate_deltas,  # the boundary integrals
+    "ignore": ignore_discontinuities,  # plain automatic differentiation
 }
-"""What becomes of the deltas of a derivative, by the name that `compile(discontinuities=…)` takes."""
+"""The treatment of the deltas of a derivative, by the name that `compile(discontinuities=…)` takes."""
 
 
 def to_atoms(keep_moving: bool, maps: Maps, canonical: Canonical) -> list[tuple[str, Pass]]:
-    """Canonical atoms, split integrals; with `keep_moving` surfaces that are carried along have a δ."""
+    """Returns the passes to canonical atoms and split integrals. With `keep_moving`, surfaces that are carried along get a δ."""
     return [
-        ("inline", write_out),  # what jumps inside of a function has to be seen
+        ("inline", write_out),  # passes must see the jumps inside of functions
         ("differences", with_differences),  # before products of far coordinates are differentiated
-        *([] if maps else [("corners", with_local_boxes)]),  # maps are between coordinates as users write them
+        *([] if maps else [("corners", with_local_boxes)]),  # maps are between the user's coordinates
         *([("carried", with_deltas)] if keep_moving else []),
         ("steps", enumerate_steps),  # the steps of floor are brackets, hence atoms
         ("canonicalise", canonical),  # a surface must be one expression before its jump can be taken
@@ -73,7 +73,8 @@ def to_atoms(keep_moving: bool, maps: Maps, canonical: Canonical) -> list[tuple[
 
 
 def eliminations(keep_moving: bool, maps: Maps, canonical: Canonical, remarks: Remarks | None = None) -> list[tuple[str, Pass]]:
-    """No δ; but for those that are carried along, if the program is to be differentiated again (`keep_moving`)."""
+    """Returns the passes that remove δ; with `keep_moving`, those deltas stay that are carried along when the program is differentiated
+    again."""
     return [
         ("finite bounds", with_finite_bounds),
         ("eliminate", partial(eliminate_deltas, keep_moving=keep_moving, families=families_with(maps), remarks=remarks)),
@@ -82,16 +83,16 @@ def eliminations(keep_moving: bool, maps: Maps, canonical: Canonical, remarks: R
 
 
 def to_finished(errors: bool) -> list[tuple[str, ProgramPass]]:
-    """A flat program that a backend prints; with `errors`, an estimate of the error of each output behind them."""
+    """Returns the passes to a flat program that a backend prints; with `errors`, error estimates follow the outputs."""
     return [
         *([("errors", with_error_estimates)] if errors else []),
-        ("sink", sink),  # behind estimates: what one polygon uses is computed in it
+        ("sink", sink),  # after estimates: values that one polygon uses are computed in it
         ("link", with_bodies),
     ]
 
 
 def run_pass(name: str, step: Pass, e: Expr) -> Expr:
-    """One pass over an expression, with the checks and prints the environment asks for."""
+    """Returns the result of one pass over an expression. The environment may ask for it to be printed and verified."""
     result = step(e)
     if is_dumped(name):
         sys.stderr.write(f"-- after {name} --\n{dump(result)}\n")
@@ -101,42 +102,45 @@ def run_pass(name: str, step: Pass, e: Expr) -> Expr:
 
 
 def run_passes(passes: Sequence[tuple[str, Pass]], e: Expr) -> Expr:
-    """Passes over an expression, in their order."""
+    """Returns the result of passes over an expression, in their order."""
     for name, step in passes:
         e = run_pass(name, step, e)
     return e
 
 
 def checked(name: str, program: Program) -> Program:
-    """The program that a pass made, with the checks and prints the environment asks for."""
+    """Returns the program that a pass made. The environment may ask for it to be printed and verified."""
     if is_dumped(name):
         sys.stderr.write(f"-- after {name} --\n{listing(program)}\n")
     return verified(program, f"after {name}")
 
 
 def is_dumped(name: str) -> bool:
-    """Whether the environment asks for the program after a pass."""
+    """Returns whether the environment asks for the program after a pass."""
     return os.environ.get("TEG_DUMP", "") in ("all", name)
 
 
 def normal_form(
     e: Expr, keep_moving: bool = False, maps: Maps = (), canonical: Canonical | None = None, remarks: Remarks | None = None
 ) -> Expr:
-    """Canonical atoms, split integrals, no δ; but for those that are carried along, if e is to be differentiated again (`keep_moving`).
-    `remarks` are told what passes decide."""
+    """Returns e with canonical atoms, split integrals, and no δ.
+
+    With `keep_moving`, those deltas stay that are carried along when e is differentiated again. Decisions are added to `remarks`.
+    """
     canonical = canonical or Canonical()
     e = run_passes(to_atoms(keep_moving, maps, canonical), e)
     return run_passes(eliminations(keep_moving, maps, canonical, remarks), e) if e.has_delta else e
 
 
 def diff(e: object, by: Param, maps: Maps = ()) -> Expr:
-    """The derivative of e by a parameter, deltas visible. A δ in e is eliminated first. A tuple is differentiated entry by entry."""
+    """Returns the derivative of e by a parameter, deltas visible. A δ in e is eliminated first. A tuple is
+    differentiated entry by entry."""
     (p,) = check_parameters(by)
     return jvp(e, {p: ONE}, maps)
 
 
 def jvp(e: object, direction: Mapping[Param, object], maps: Maps = ()) -> Expr:
-    """The directional derivative Σ ∂e/∂p · direction[p] (forward mode), deltas visible."""
+    """Returns the directional derivative Σ ∂e/∂p · direction[p] (forward mode), deltas visible."""
     if not isinstance(direction, Mapping):
         raise ParameterError("a direction is a dict parameter -> change", None, "write teg.jvp(e, {t: 1})")
     check_parameters(list(direction))
@@ -146,20 +150,21 @@ def jvp(e: object, direction: Mapping[Param, object], maps: Maps = ()) -> Expr:
 
 
 def grad(e: object, by: Sequence[Param] | Param | None = None, maps: Maps = ()) -> Tuple:
-    """The derivatives of e by each parameter (reverse mode; default: all), a tuple, deltas visible. For a tuple e: a tuple of these."""
+    """Returns the derivatives of e by each parameter (reverse mode; default: all), a tuple, deltas visible. For a tuple e: a tuple of
+    these."""
     wrt = _chosen(e, by)
     normal = _with_moving_steps(normal_form(_expression(e), keep_moving=True, maps=maps), wrt)
     return cast(Tuple, run_pass("adjoint", lambda u: gradient_of(u, wrt), normal))
 
 
 def hessian(e: object, by: Sequence[Param] | Param | None = None, maps: Maps = ()) -> Tuple:
-    """The matrix of second derivatives of e, a tuple of tuples, deltas of the second differentiation visible."""
+    """Returns the matrix of second derivatives of e, a tuple of tuples, with the deltas of the second differentiation visible."""
     wrt = _chosen(e, by)
     return grad(grad(e, wrt, maps), wrt, maps)
 
 
 def eliminate(e: object, maps: Maps = ()) -> Expr:
-    """e without δ: each brought to one variable and sifted, by the user's maps where they help."""
+    """Returns e without δ: each is reduced to one variable and sifted, with the user's maps if they help."""
     return normal_form(_expression(e), maps=maps)
 
 
@@ -172,14 +177,14 @@ def compiled_outputs(
     closed_forms: bool = True,
     remarks: Remarks | None = None,
 ) -> list[Expr]:
-    """[value], [value, gradient], or [value, gradient, Hessian] as δ-free expressions in canonical form, ready to be lowered together.
+    """Returns [value], [value, gradient], or [value, gradient, Hessian], without δ and in canonical form, ready to be lowered together.
 
-    Boundary terms without a rule of integration are among them only with `closed_forms`. `remarks` are told what passes decide.
+    Boundary terms in closed form occur only with `closed_forms`. Decisions are added to `remarks`.
     """
     e, families, sifted = write_out(e), families_with(maps), discontinuities == "sift"
     last_families = closing(families, boundary_terms(remarks)) if closed_forms else families
     estimate = partial(eliminate_deltas, families=last_families, remarks=remarks) if sifted else ESTIMATORS[discontinuities]
-    canonical = Canonical()  # what is canonical already is met again at the end
+    canonical = Canonical()  # canonical nodes are met again at the end
     outputs = [normal_form(e, maps=maps, canonical=canonical, remarks=remarks)]
     source = normal_form(e, True, maps, canonical, remarks) if e.has_delta else outputs[0]
     for order in range(orders):
@@ -188,7 +193,7 @@ def compiled_outputs(
         last = order + 1 == orders
         if sifted:
             raw = run_pass("finite bounds", with_finite_bounds, raw)
-        if not last and sifted:  # what is carried along is eliminated beside, not before, the next derivative
+        if not last and sifted:  # deltas that are carried along are eliminated beside, not before, the next derivative
             raw = run_pass("eliminate", partial(eliminate_deltas, keep_moving=True, families=families, remarks=remarks), raw)
         outputs.append(run_pass(discontinuities, estimate, raw))
         if not last:
@@ -199,12 +204,12 @@ def compiled_outputs(
 
 
 def flat_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration, remarks: Remarks | None = None) -> Program:
-    """The flat program of outputs without δ, before the passes over flat programs; `remarks` are told how integrals are computed."""
+    """Returns the flat program of outputs without δ, before the passes over flat programs. Decisions are added to `remarks`."""
     return checked("lower", schedule(outputs, names, how, intrinsics_for(how), remarks))
 
 
 def finished(program: Program, errors: bool = False) -> Program:
-    """The program after the passes over flat programs."""
+    """Returns the program after the passes over flat programs."""
     for name, step in to_finished(errors):
         program = checked(name, step(program))
     return program
@@ -213,12 +218,12 @@ def finished(program: Program, errors: bool = False) -> Program:
 def program_for(
     outputs: Sequence[Expr], names: Sequence[str], how: Integration, errors: bool = False, remarks: Remarks | None = None
 ) -> Program:
-    """The finished program of outputs without δ; with `errors`, an estimate of the error of each behind them."""
+    """Returns the finished program of outputs without δ; with `errors`, an estimate of the error of each follows them."""
     return finished(flat_program(outputs, names, how, remarks), errors)
 
 
 def cell_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration) -> Program:
-    """The same for a part of a program with arrays, without estimates: these follow the loops."""
+    """Returns the same for a part of a program with arrays, without estimates: these follow the loops."""
     return program_for(outputs, names, how)
 
 
@@ -227,7 +232,7 @@ def _expression(e: object) -> Expr:
 
 
 def _with_moving_steps(e: Expr, wrt: Sequence[Param]) -> Expr:
-    """A normal form that is to be differentiated: NaN where steps were too many to be written out, an error where they cannot be."""
+    """Returns a normal form ready to be differentiated: NaN where too many steps move, an error where no steps can be written out."""
     e = without_uncounted(e, wrt)
     check_steps(e, wrt)
     return e
@@ -238,7 +243,7 @@ def _chosen(e: object, by: Sequence[Param] | Param | None) -> list[Param]:
 
 
 def flatten(e: Expr) -> list[Expr]:
-    """The entries of nested tuples, in order."""
+    """Returns the entries of nested tuples, in order."""
     flat: list[Expr] = []
     stack = [e]
     while stack:

@@ -1,6 +1,6 @@
-"""Remarks: what a pass decided and why, recorded where it decides. Reports print them.
+"""Remarks: the decisions of passes and their reasons, recorded where they are taken. Reports print them.
 
-A pass that decides something takes a `Remarks` and adds to it; what nobody reads costs a few tuples.
+A pass that decides takes a `Remarks` and adds to it. Unread remarks cost a few tuples.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from teg.ir.expr import Expr
 
 @dataclass(frozen=True)
 class Remark:
-    """One decision: the pass, the surface g or the integral it is about, what was chosen, and the reason."""
+    """One decision: the pass, the surface g or the integral concerned, the choice, and the reason."""
 
     stage: str
     subject: Expr

@@ -42,7 +42,7 @@ SATURATED = 1e-13
 FAR_ARGUMENT = 3.0
 """The largest change of a wave's argument between two nodes."""
 MAX_NODES = 4000
-"""The largest number of nodes of a guard's bounds. Beyond it every box counts as unsafe."""
+"""The largest number of nodes of a guard's bounds. Beyond it every box matters."""
 _INFINITY = const(math.inf)
 _NO_NUMBER = const(math.nan)
 

@@ -230,7 +230,7 @@ def _factors(argument: Expr) -> list[Expr]:
 
 @dataclass(frozen=True)
 class Surface:
-    """A surface g = 0 on which an integrand is singular, with ∂g/∂t at a fixed point (0: the surface stays) and the slopes of g."""
+    """A surface g = 0 on which an integrand is singular, with the slopes of g and its rate of change at a fixed point (0: it stays)."""
 
     g: Expr
     rate: Expr

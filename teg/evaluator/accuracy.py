@@ -1,4 +1,4 @@
-"""What a call says where the tolerance was not reached: a warning with the estimate, or an error."""
+"""Reports of missed tolerances: a warning with the estimate, or an error."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     Results = np.ndarray | Sequence[np.ndarray]
 
 FLOOR = 1e-3
-"""Below this size a result's tolerance is absolute."""
+"""The tolerance of a result smaller than this is absolute."""
 SLACK = 10.0
-"""An estimate is a bound for nearly all programs: it is about so much larger than the error of the usual one."""
+"""The factor by which an estimate usually exceeds the error. Estimates are bounds for nearly all programs."""
 
 
 class AccuracyWarning(UserWarning):
@@ -29,7 +29,7 @@ class AccuracyWarning(UserWarning):
 
 
 def has_samples(program: Program | ArrayProgram) -> bool:
-    """Whether integrals of a program are sampled."""
+    """Returns whether integrals of a program are sampled."""
     flat = [program] if isinstance(program, Program) else [s.program for s in steps(program.body) if isinstance(s, Run)]
     return any(isinstance(s, Sample) for p in flat for s in statements(p.body))
 
@@ -37,10 +37,11 @@ def has_samples(program: Program | ArrayProgram) -> bool:
 def report_missed(
     values: Results, errors: Results, names: Sequence[str], call: Call, how: tuple[float, str], sampled: bool = False
 ) -> bool:
-    """Warn of the entry of the results that misses its tolerance most, or raise; returns whether there was anything to say.
+    """Warns of, or raises for, the entry of the results that misses its tolerance most. Returns whether any entry misses it.
 
-    `values` and `errors` are the results, (n, *shape of one), and the estimates of their errors; `names` say what each result is; `how`
-    is the tolerance, and "warn" or "raise"; `sampled` says that the program has integrals that were sampled because they are too deep.
+    `values` and `errors` are the results, (n, *shape of one), and the estimates of their errors; `names` are titles of the results;
+    `how` is the tolerance, and "warn" or "raise"; `sampled` says that integrals of the program are sampled because they are nested too
+    deeply.
     """
     import numpy as np
 
@@ -72,8 +73,10 @@ def report_missed(
 
 
 def report_not_a_number(values: Results, names: Sequence[str], call: Call, inaccurate: str, crowded: bool = False) -> bool:
-    """Warn of the first entry of the results, or raise, that is no number though all arguments are; returns whether there was anything to
-    say. `crowded`: a condition has more roots than are looked for."""
+    """Warns of, or raises for, the first entry of the results that is NaN though no argument is. Returns whether there is one.
+
+    `crowded`: a condition has more roots than are searched for.
+    """
     import numpy as np
 
     if not any(np.isnan(v).any() for v in ([values] if isinstance(values, np.ndarray) else values)):
@@ -93,7 +96,7 @@ def report_not_a_number(values: Results, names: Sequence[str], call: Call, inacc
 
 
 def _rows(results: Results) -> np.ndarray:
-    """Every entry of results (n, *shape of one) as a row."""
+    """Returns every entry of results (n, *shape of one) as a row."""
     import numpy as np
 
     if isinstance(results, np.ndarray):
@@ -102,7 +105,7 @@ def _rows(results: Results) -> np.ndarray:
 
 
 def _title(results: Results, names: Sequence[str], row: int) -> str:
-    """What a row is: a result, or an entry of one."""
+    """Returns the title of a row: a result, or an entry of one."""
     import numpy as np
 
     for v, name in zip(results, names, strict=False):
@@ -115,20 +118,21 @@ def _title(results: Results, names: Sequence[str], row: int) -> str:
 
 
 def _place(call: Call, j: int) -> str:
-    """Where in a batch that is, in words."""
+    """Returns the place in a batch, in words."""
     shown = [f"{k} = {float(v if v.ndim == 0 else v[j]):.6g}" for k, v in list(zip(call.names, call.columns, strict=True))[:8]]
     return f" at {', '.join(shown)}" + (", …" if len(call.names) > 8 else "") if shown else ""
 
 
 def _say(what: str, hint: str, inaccurate: str) -> None:
-    """Warn the caller, or raise."""
+    """Warns the caller, or raises."""
     if inaccurate == "raise":
         raise AccuracyError(what, None, hint)
     warnings.warn(f"{what}\n  hint: {hint}", AccuracyWarning, stacklevel=_level_of_the_caller())
 
 
 def _level_of_the_caller() -> int:
-    """How many frames up the first one outside of this package is, and of PyTorch, which calls it back, as `warnings.warn` counts."""
+    """Returns the number of frames up to the first one outside of this package, and of PyTorch, which calls it back,
+    for `warnings.warn`."""
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in (__name__.split(".")[0], "torch"):
         level, frame = level + 1, frame.f_back

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 EXACT = 2.0**53
-"""Integer parameters come as floats, which hold whole numbers up to this one."""
+"""Integer parameters come as floats, which hold integers exactly up to this one."""
 
 
 class Call(NamedTuple):
@@ -39,13 +39,13 @@ class Call(NamedTuple):
 
     @property
     def doubles(self) -> list[np.ndarray]:
-        """The columns as float64."""
+        """Returns the columns as float64."""
         import numpy as np
 
         return [np.asarray(column, dtype=np.float64) for column in self.columns]
 
     def elements(self, usable: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Which elements have `usable` numbers only, (n,)."""
+        """Returns which elements have `usable` numbers only, (n,)."""
         import numpy as np
 
         found = np.ones(self.n, dtype=bool)
@@ -57,7 +57,7 @@ class Call(NamedTuple):
         return found
 
     def check(self, program: ArrayProgram) -> None:
-        """Raise ArrayIndexError where a program would read outside of an array."""
+        """Raises ArrayIndexError if a program would read outside of an array."""
         from teg.backends.plan import check_ranges
 
         check_ranges(program, self.integers, self.arrays, self.shapes)
@@ -66,12 +66,12 @@ class Call(NamedTuple):
 def read_call(
     parameters: Sequence[Param | ArrayName], given: Mapping[str, Any], integers: Collection[str] = (), dtype: str = "float64"
 ) -> Call:
-    """The call with the value `given` for each parameter, rounded to `dtype`; a number is an array of dimension 0.
+    """Returns the call with the value `given` for each parameter, rounded to `dtype`; a number is an array of dimension 0.
 
-    Raises ParameterError for values that are no real numbers, or of shapes that do not broadcast together; ArrayIndexError where one of
-    `integers`, or an entry of an array of indices, is no integer.
+    Raises ParameterError for values that are not real numbers, or of shapes that do not broadcast together; ArrayIndexError if one of
+    `integers`, or an entry of an array of indices, is not an integer.
     """
-    import numpy as np  # when it is needed: `import teg` stays fast
+    import numpy as np  # imported here, so that `import teg` stays fast
 
     scalars = [p.name for p in parameters if isinstance(p, Param)]
     named = [p for p in parameters if isinstance(p, ArrayName)]
@@ -89,7 +89,7 @@ def read_call(
     if any(leading):
         shape = batch_shape([*scalars, *(a.name for a in named)], leading)
         n = math.prod(shape)
-        columns = [c if c.ndim == 0 else np.broadcast_to(c, shape).reshape(n) for c in columns]  # copied only where they must be
+        columns = [c if c.ndim == 0 else np.broadcast_to(c, shape).reshape(n) for c in columns]  # copied only if necessary
         arrays = [
             v if v.ndim == len(own) else np.ascontiguousarray(np.broadcast_to(v, (*shape, *own))).reshape(n, *own)
             for v, own in zip(arrays, shapes, strict=True)
@@ -99,7 +99,7 @@ def read_call(
 
 
 def batch_shape(names: Sequence[str], leading: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
-    """The shape of the batch: that to which the axes in front of every value's own broadcast."""
+    """Returns the shape of the batch, to which the axes in front of every value's own broadcast."""
     import numpy as np
 
     try:
@@ -110,7 +110,7 @@ def batch_shape(names: Sequence[str], leading: Sequence[tuple[int, ...]]) -> tup
 
 
 def values_by_name(names: Sequence[str], args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
-    """The value given for each of the names. Raises ParameterError where one is missing, unknown or given twice."""
+    """Returns the value given for each of the names. Raises ParameterError if one is missing, unknown or given twice."""
     given: dict[str, Any] = {}
     if len(args) == 1 and isinstance(args[0], Mapping):
         given = {name_of(k): v for k, v in args[0].items()}
@@ -130,8 +130,11 @@ def values_by_name(names: Sequence[str], args: tuple[Any, ...], named: Mapping[s
 
 
 def plain_numbers(names: Sequence[str], args: tuple[Any, ...], named: Mapping[str, Any]) -> Sequence[float] | None:
-    """The values in the order of the names, if all are given by name or all by position, and are Python's or NumPy's floats or small whole
-    numbers; else None, and `batch` says what is wrong, if anything is. It is all that a call at one point needs, and quick."""
+    """Returns the values in the order of the names, if all are given by name or all by position, as Python's or NumPy's floats or small
+    integers.
+
+    Else None: the general way then reads the call and reports mistakes. This is all that a call at one point needs, and fast.
+    """
     if args:
         found: Sequence[Any] = args
         if named or len(args) != len(names):
@@ -150,7 +153,7 @@ def plain_numbers(names: Sequence[str], args: tuple[Any, ...], named: Mapping[st
 
 
 def refuse_masked(name: str, value: Any) -> None:
-    """Raise ParameterError for an array with masked entries, or a list of arrays of which one has any: NumPy reads through the mask."""
+    """Raises ParameterError for an array with masked entries, or a list with such an array: NumPy reads through the mask."""
     masked = sys.modules.get("numpy.ma")
     if masked is None or isinstance(value, Real | Decimal):
         return
@@ -169,7 +172,7 @@ def refuse_masked(name: str, value: Any) -> None:
 
 
 def as_floats(name: str, value: Any, dtype: str = "float64") -> np.ndarray:
-    """A value as an array of floats. Raises ParameterError where it is not a real number or an array of them."""
+    """Returns a value as an array of floats. Raises ParameterError if it is not a real number or an array of them."""
     import numpy as np
 
     refuse_masked(name, value)
@@ -187,7 +190,7 @@ def as_floats(name: str, value: Any, dtype: str = "float64") -> np.ndarray:
 
 
 def as_entries(a: ArrayName, value: Any, dtype: str) -> np.ndarray:
-    """An array as it was given: float64, rounded to a dtype, or 64-bit integers."""
+    """Returns an array as it was given: float64, rounded to a dtype, or 64-bit integers."""
     import numpy as np
 
     refuse_masked(a.name, value)
@@ -212,7 +215,7 @@ def as_entries(a: ArrayName, value: Any, dtype: str) -> np.ndarray:
 
 
 def whole_numbers(name: str, column: np.ndarray) -> np.ndarray:
-    """The integers that an integer parameter holds."""
+    """Returns the integers that an integer parameter holds."""
     import numpy as np
 
     if not np.all(np.isfinite(column)) or np.any(column != np.floor(column)):
@@ -226,7 +229,7 @@ def whole_numbers(name: str, column: np.ndarray) -> np.ndarray:
 
 
 def name_of(key: Any) -> str:
-    """The name of a parameter or an array, or the name itself."""
+    """Returns the name of a parameter or an array, or the name itself."""
     name: str = key.name if isinstance(key, Param | ArrayName) else key
     return name
 
@@ -236,7 +239,7 @@ def _signature(names: Sequence[str]) -> str:
 
 
 def rounded(results: np.ndarray) -> np.ndarray:
-    """Results as float32; what is too large for it is infinite."""
+    """Returns results as float32; results that are too large for it are infinite."""
     import numpy as np
 
     with np.errstate(over="ignore"):
@@ -244,7 +247,7 @@ def rounded(results: np.ndarray) -> np.ndarray:
 
 
 def with_rounding(values: np.ndarray, errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Results and the estimates of their errors as float32, the estimates with what rounding the results adds."""
+    """Returns results and the estimates of their errors as float32; the rounding of the results is added to the estimates."""
     import numpy as np
 
     with np.errstate(all="ignore"):

@@ -20,22 +20,24 @@ _STEPS = tuple(0.1 * 2.0**-k for k in range(4, 22, 2))
 
 
 DIRECTIONS = 3
-"""Random directions of an array, all of its entries at once,"""
+"""The number of random directions of an array, all of its entries at once,"""
 ENTRIES = 4
-"""and single entries: the one with the largest derivative, and random ones."""
+"""and of single entries: the one with the largest derivative, and random ones."""
 
 
 @dataclass(frozen=True)
 class GradientReport:
-    """One row a parameter: the derivative, the difference quotient, and their distance relative to max(1, |derivative|). An array has a
-    row for each of some random directions, in which its largest entry is 1, and for some of its entries."""
+    """A row for each parameter: the derivative, the difference quotient, and their distance relative to max(1, |derivative|).
+
+    An array has a row for each of some random directions, in which its largest entry is 1, and for some of its entries.
+    """
 
     rows: dict[str, tuple[float, float, float]]
     tol: float
 
     @property
     def ok(self) -> bool:
-        """All within the tolerance."""
+        """Returns whether all distances are within the tolerance."""
         return all(error <= self.tol for _, _, error in self.rows.values())
 
     def __bool__(self) -> bool:
@@ -52,7 +54,8 @@ class GradientReport:
 
 
 def check_gradient(f: Evaluator, *args: Any, tol: float = 1e-6, seed: int = 0, **named: Any) -> GradientReport:
-    """Compare f's gradient at one point with central differences of order 8 of its value; of ten steps the most consistent one counts.
+    """Returns a comparison of f's gradient at one point with central differences of order 8 of its value; the most consistent of ten steps
+    counts.
 
     Arrays are moved in random directions, from `seed`, and some of their entries alone. Differences are good to some ten digits at best,
     and wrong where a step crosses a non-smooth point.
@@ -89,7 +92,7 @@ def check_gradient(f: Evaluator, *args: Any, tol: float = 1e-6, seed: int = 0, *
 
 
 def _at_one_point(f: Evaluator, args: tuple[Any, ...], named: dict[str, Any]) -> dict[str, Any]:
-    """The values by name; raises ParameterError for a batch."""
+    """Returns the values by name; raises ParameterError for a batch."""
     import numpy as np
 
     dimensions = f.dimensions
@@ -103,7 +106,7 @@ def _at_one_point(f: Evaluator, args: tuple[Any, ...], named: dict[str, Any]) ->
 
 
 def _leaves(value: Any) -> list[Any]:
-    """The entries of nested tuples, in order."""
+    """Returns the entries of nested tuples, in order."""
     flat: list[Any] = []
     stack = [value]
     while stack:
@@ -116,7 +119,7 @@ def _leaves(value: Any) -> list[Any]:
 
 
 def _directions(name: str, shape: tuple[int, ...], gradient: Sequence[np.ndarray], seed: int) -> Iterator[tuple[str, np.ndarray]]:
-    """Directions of a parameter, and what the rows for them are called."""
+    """Yields directions of a parameter, with the titles of their rows."""
     import numpy as np
 
     if not shape:

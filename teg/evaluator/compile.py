@@ -90,9 +90,9 @@ def compile(
 
 
 def evaluate(e: object, values: Mapping[Any, Any] | None = None, *, backend: str = "numpy", **options: Any) -> Any:
-    """The value of an expression at parameter values (keys are parameters or their names); e may hold deltas and derivatives.
+    """Returns the value of an expression at parameter values (keys are parameters or their names); e may hold deltas and derivatives.
 
-    Values of parameters that e does not have are passed over: a derivative may have lost some.
+    Values of parameters that e does not have are ignored, because a derivative may have lost some.
     """
     f = compile(e, backend=backend, **options)
     names = {(k.name if isinstance(k, Param | ArrayName) else k): v for k, v in (values or {}).items()}

@@ -1,4 +1,4 @@
-"""What `teg.compile` gives: an Evaluator."""
+"""The evaluator, the result of `teg.compile`."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ if TYPE_CHECKING:
     import numpy as np
 
 KEPT = 16
-"""Plans that are kept for different lengths of arrays, where they must be known."""
+"""The number of plans kept for different lengths of arrays, if lengths must be known."""
 
 
 class Evaluator:
     """A compiled expression. Call it with parameters and arrays by name, by position (in the order of `parameters`) or as one dict.
 
     Values are scalars or arrays that broadcast together to the batch's shape; results have that shape (a NumPy scalar if there is no
-    batch). A parameter that is an array has the shape that its dimensions say; axes in front of these are a batch, and broadcast with the
-    shape of the scalars. The derivative by an array has the array's shape. A tuple expression gives a tuple. Evaluators are immutable to
-    their users, safe to share between threads, and pickle.
+    batch). An array parameter has the shape of its dimensions; axes in front of these are a batch, and broadcast with the shape of the
+    scalars. The derivative by an array has the array's shape. A tuple expression gives a tuple. Evaluators are immutable to their users,
+    safe to share between threads, and pickle.
     """
 
     def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options) -> None:
@@ -62,9 +62,9 @@ class Evaluator:
         self._entries = len(flatten(e))
         self._program = write_all_out(e) if options.functions == "inlined" else self.expression
         self._quick = options.backend == "c" and not self._loops and not (options.maps and options.check_maps)
-        self._watches: Kept[tuple[Wanted, Integration], NumberWatch] = Kept(2)  # what diagnoses have compiled
+        self._watches: Kept[tuple[Wanted, Integration], NumberWatch] = Kept(2)  # programs compiled for diagnoses
         self._made: Kept[tuple[int, ...], Kernels] = Kept(KEPT)
-        self._kernels: Kernels | None = None  # those for any lengths of arrays
+        self._kernels: Kernels | None = None  # kernels for any lengths of arrays
         try:
             self._kernels = self._compiled(self._program)
             self._kernels.kernel_of(VALUE)
@@ -74,36 +74,42 @@ class Evaluator:
     # -- calls ---------------------------------------------------------------------------------------------------------
 
     def __call__(self, *args: Any, **named: Any) -> Any:
-        """The value."""
+        """Returns the value."""
         rows, shape = self._run(0, args, named)
         return _nested(self.expression, iter(rows), shape)
 
     def value_and_grad(self, *args: Any, **named: Any) -> tuple[Any, dict[str, Any]]:
-        """The value, and a dict name -> derivative: a number for a parameter, for an array an array of its shape (for a tuple expression: a
-        tuple of derivatives)."""
+        """Returns the value, and a dict name -> derivative: a number for a parameter, an array of its shape for an array (for a tuple
+        expression: a tuple of derivatives)."""
         found, shape = self._run(1, args, named)
         rows = iter(found)
         return _nested(self.expression, rows, shape), self._by_name(rows, shape)
 
     def grad(self, *args: Any, **named: Any) -> dict[str, Any]:
-        """The dict name -> derivative."""
+        """Returns the dict name -> derivative."""
         return self.value_and_grad(*args, **named)[1]
 
     def value_and_error(self, *args: Any, **named: Any) -> tuple[Any, Any]:
-        """The value, and an estimate of its error of the same shape: a bound for nearly all programs; with the rules "montecarlo" and "qmc"
-        the standard error. Those of the terms of a sum are added up."""
+        """Returns the value, and an estimate of its error of the same shape.
+
+        The estimate is a bound for nearly all programs; with the rules "montecarlo" and "qmc" it is the standard error. The estimates of
+        the terms of a sum are added up.
+        """
         values, errors, shape = self._estimated(VALUE, args, named)
         return _nested(self.expression, iter(values), shape), _nested(self.expression, iter(errors), shape)
 
     def grad_and_error(self, *args: Any, **named: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """The dict name -> derivative, and the dict of estimates of their errors, of the same shapes."""
+        """Returns the dict name -> derivative, and the dict of estimates of their errors, of the same shapes."""
         slopes, errors, shape = self._estimated(GRADIENT, args, named)
         first, second = (self._by_name(iter(part[self._entries :]), shape) for part in (slopes, errors))
         return first, second
 
     def hessian(self, *args: Any, **named: Any) -> dict[tuple[str, str], Any]:
-        """Second derivatives, a dict (name, name) -> array, with both orders of the names; by an array of shape s and one of shape r it has
-        the shape s + r, behind that of the batch. With arrays it is one product with a direction a number: `hvp` is what scales."""
+        """Returns second derivatives, a dict (name, name) -> array, with both orders of the names.
+
+        By an array of shape s and one of shape r it has the shape s + r, behind that of the batch. With arrays it takes one product with
+        a direction for each number: `hvp` scales better.
+        """
         if self._loops:
             return self._hessian_by_products(values_by_name(self.parameters, args, named))
         found, shape = self._run(2, args, named)
@@ -113,9 +119,10 @@ class Evaluator:
         return {(a, b): _in_structure(self.expression, iter([block[a, b] for block in blocks])) for a in names for b in names}
 
     def hvp(self, values: Mapping[str, Any], direction: Mapping[str, Any]) -> dict[str, Any]:
-        """The Hessian times a direction (a dict name -> number, or array of the parameter's shape), a dict; no matrix is formed.
+        """Returns the Hessian times a direction (a dict name -> number, or array of the parameter's shape), a dict; no matrix is formed.
 
-        What the direction does not name does not move. Cost: a small multiple of the gradient's, whatever the number of parameters.
+        Parameters that the direction does not name do not move. Cost: a small multiple of the gradient's, whatever the number of
+        parameters.
         """
         wanted, given = self._moved(values_by_name(self.parameters, (values,), {}), direction)
         call, kernels = self._call(wanted, given)
@@ -123,13 +130,13 @@ class Evaluator:
         return self._by_name(iter(rows), call.shape)
 
     def jvp(self, values: Mapping[str, Any], direction: Mapping[str, Any]) -> tuple[Any, Any]:
-        """The value, and the derivative along a direction (a dict name -> number, or array of the parameter's shape)."""
+        """Returns the value, and the derivative along a direction (a dict name -> number, or array of the parameter's shape)."""
         value, slopes = self.value_and_grad(values)
         dimensions = self.dimensions
         return value, _along(value, [(slopes[k], d, dimensions[k]) for k, d in self._direction(direction).items()])
 
     def vjp(self, values: Mapping[str, Any], cotangent: Any = 1.0) -> tuple[Any, dict[str, Any]]:
-        """The value, and the dict name -> Σ cotangent · derivative; a tuple expression takes a tuple of cotangents."""
+        """Returns the value, and the dict name -> Σ cotangent · derivative; a tuple expression takes a tuple of cotangents."""
         value, slopes = self.value_and_grad(values)
         dimensions = self.dimensions
         if not isinstance(value, tuple):
@@ -138,8 +145,11 @@ class Evaluator:
         return value, {k: sum(_weighted(s, w, dimensions[k]) for s, w in zip(ss, weights, strict=True)) for k, ss in slopes.items()}
 
     def evaluations(self, *args: Any, derivatives: int = 0, **named: Any) -> int:
-        """At how many points a call (`derivatives`: 0 the value, 1 value and gradient, 2 Hessian too) evaluates integrands that have no
-        integral inside, over all iterations and the whole batch. What a bracket decides about a whole piece is no evaluation."""
+        """Returns the number of points at which a call evaluates integrands without an inner integral, over all iterations and the whole
+        batch.
+
+        `derivatives`: 0 the value, 1 value and gradient, 2 Hessian too. The decision of a bracket on a whole piece is not an evaluation.
+        """
         if derivatives not in (0, 1, 2):
             raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value, 1: and gradient, 2: and Hessian")
         given = values_by_name(self.parameters, args, named)
@@ -149,39 +159,48 @@ class Evaluator:
         return sum(self._counted(*each) for each in wanted)
 
     def kernel(self, orders: int) -> Any:
-        """The compiled program of the value (0), of value and gradient (1), or of value, gradient and Hessian (2), built when it is first
-        needed; that of a program that depends on the lengths of its arrays is built when it is called (None)."""
+        """Returns the compiled program of the value (0), of value and gradient (1), or of value, gradient and Hessian (2), built when first
+        needed.
+
+        None for a program that depends on the lengths of its arrays, which is built in the call.
+        """
         return None if self._kernels is None else self._kernels.kernel_of(ORDERS[orders])
 
     # -- programs and reports ------------------------------------------------------------------------------------------
 
     def outputs(self, orders: int) -> list[Expr]:
-        """The δ-free expressions of value, gradient, Hessian (as many as asked for) of a program without arrays."""
+        """Returns value, gradient and Hessian (up to the given order) without δ, of a program without arrays."""
         return self._any().plan.outputs(ORDERS[orders])
 
     def program(self, orders: int, errors: bool = False) -> Program | ArrayProgram:
-        """The scheduled program of the value (0), value and gradient (1), and these with the Hessian (2); with arrays, with the product of
-        the Hessian and a direction, whose parameters stand behind the others: that of t is called ∂t. Raises ArrayIndexError where lengths
-        of arrays must be known. With `errors`, an estimate of the error of each output stands behind them."""
+        """Returns the lowered program of the value (0), value and gradient (1), and these with the Hessian (2).
+
+        With arrays, the product of the Hessian and a direction takes the Hessian's place; its parameters stand behind the others, that
+        of t is called ∂t. Raises ArrayIndexError if lengths of arrays must be known. With `errors`, estimates of the errors of the
+        outputs follow them.
+        """
         kernels = self._any()
         wanted = Wanted(True, 1, (self.wrt,)) if self._loops and orders == 2 else ORDERS[orders]
         return kernels.plan.program(wanted, errors=errors, how=kernels.room_of(wanted))
 
     def explain(self, derivatives: int = 0) -> Explanation:
-        """What the compiler found and did: loops, surfaces, reparameterisations, rules and nodes; `derivatives` as of `teg.explain`. A
-        program that is compiled for lengths of arrays is explained for those of the first call."""
+        """Returns a report of the compiler's findings: loops, surfaces, reparameterisations, rules and nodes; `derivatives` as in
+        `teg.explain`.
+
+        A program that is compiled for lengths of arrays is explained for those of the first call.
+        """
         options, made = self._options, self._kernels or self._made.first()
         asked = Asked(options.integration, options.discontinuities, options.maps, checked_derivatives(derivatives))
         return explained(self._program if made is None else made.plan.expression, self.wrt, asked)
 
     def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:
-        """Where and why the expression is not differentiable at these values, and in which iteration of its sums; an empty list where it
-        is."""
+        """Returns where and why the expression is not differentiable at these values, and in which iteration of its sums; [] if it is
+        differentiable."""
         call, kernels = self._call(GRADIENT, values_by_name(self.parameters, args, named))
         return diagnose(self._loop_watch(kernels, call) if self._loops else self._number_watch(kernels, call), call)
 
     def _number_watch(self, kernels: Kernels, call: Call) -> Watch:
-        """What looks at a program without loops: at its Hessian too, if anyone has asked for that. Compiled once."""
+        """Returns the watch of a program without loops; of its Hessian too, if that was asked for before. Compiled once."""
         wanted = HESSIAN if kernels.has(HESSIAN) else GRADIENT
         kernels.outcome(Key(wanted), call)  # with room for all roots
         how = kernels.room_of(wanted)
@@ -192,7 +211,7 @@ class Evaluator:
         return self._watches.get((wanted, how), made)
 
     def _loop_watch(self, kernels: Kernels, call: Call) -> Watch:
-        """What looks at a program with loops."""
+        """Returns the watch of a program with loops."""
         import numpy as np
 
         plan, options = kernels.plan, self._options
@@ -215,22 +234,22 @@ class Evaluator:
 
     @property
     def dtype(self) -> str:
-        """What values of parameters and results are: "float64" or "float32"."""
+        """Returns the type of parameter values and results: "float64" or "float32"."""
         return self._options.dtype
 
     @property
     def dimensions(self) -> dict[str, int]:
-        """How many dimensions each parameter has, 0 for a number."""
+        """Returns the number of dimensions of each parameter, 0 for a number."""
         return {p.name: dimensions_of(p) for p in self._leaves}
 
     @property
     def integers(self) -> frozenset[str]:
-        """The parameters that hold an integer."""
+        """Returns the parameters that hold an integer."""
         return self._integers
 
     def output_names(self, derivatives: int = 0) -> list[str]:
-        """What each output of `program` is, in order: "value", "d value / d t", "d2 value / d t d a"; of a tuple "value[0]" and so on; with
-        arrays "d2 value / d t d direction"."""
+        """Returns the title of each output of `program`, in order: "value", "d value / d t", "d2 value / d t d a"; of a tuple "value[0]"
+        and so on; with arrays "d2 value / d t d direction"."""
         entries, names = _places(self.expression, "value"), [p.name for p in self.wrt]
         slopes = [f"d {entry} / d {a}" for entry in entries for a in names]
         seconds = ["direction"] if self._loops else names
@@ -239,7 +258,7 @@ class Evaluator:
 
     @property
     def source(self) -> str:
-        """The text of everything generated: value, and value with gradient."""
+        """Returns the generated text: value, and value with gradient."""
         made = self._kernels or self._made.first()
         if made is None:
             return "nothing yet: this program is compiled for the shapes of its arrays, when it is first called"
@@ -255,7 +274,7 @@ class Evaluator:
     # -- inside --------------------------------------------------------------------------------------------------------
 
     def _run(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[Any, tuple[int, ...]]:
-        """The results of value (0), gradient (1) or Hessian (2), and the shape of the batch."""
+        """Returns the results of value (0), gradient (1) or Hessian (2), and the shape of the batch."""
         if self._quick and self._kernels is not None and (numbers := plain_numbers(self.parameters, args, named)) is not None:
             quick = self._kernels.at_point(orders, numbers)
             if quick is not None:
@@ -270,7 +289,7 @@ class Evaluator:
     def _estimated(
         self, wanted: Wanted, args: tuple[Any, ...], named: Mapping[str, Any]
     ) -> tuple[Sequence[Any], Sequence[Any], tuple[int, ...]]:
-        """Results, the estimates of their errors, and the shape of the batch."""
+        """Returns results, the estimates of their errors, and the shape of the batch."""
         call, kernels = self._call(wanted, values_by_name(self.parameters, args, named))
         values, errors = kernels.estimated(wanted, call, partial(self._titles, wanted))
         if self._options.dtype == "float32":
@@ -283,7 +302,7 @@ class Evaluator:
         return kernels.counted(wanted, call)
 
     def _hessian_by_products(self, given: dict[str, Any]) -> dict[tuple[str, str], Any]:
-        """The Hessian as products with unit directions."""
+        """Returns the Hessian as products with unit directions."""
         found: dict[tuple[str, str], Any] = {}
         for q in self.wrt:
             columns: dict[str, list[Any]] = {p.name: [] for p in self.wrt}
@@ -295,11 +314,11 @@ class Evaluator:
         return found
 
     def _shape(self, given: Mapping[str, Any], p: Parameter) -> tuple[int, ...]:
-        """The shape of a parameter, without a batch."""
+        """Returns the shape of a parameter, without a batch."""
         return as_entries(p, given[p.name], "float64").shape[-p.dimensions :] if isinstance(p, Array) else ()
 
     def _units(self, given: Mapping[str, Any], q: Parameter) -> Iterator[Any]:
-        """A direction for each of the entries of a parameter."""
+        """Yields a direction for each of the entries of a parameter."""
         import numpy as np
 
         shape = self._shape(given, q)
@@ -309,14 +328,14 @@ class Evaluator:
             yield direction
 
     def _direction(self, direction: Mapping[Any, Any]) -> dict[str, Any]:
-        """A direction by name. Raises ParameterError for what is not differentiated by."""
+        """Returns a direction by name. Raises ParameterError for a parameter by which no derivative is taken."""
         moved, names = {name_of(k): v for k, v in direction.items()}, [p.name for p in self.wrt]
         if unknown := sorted(moved.keys() - set(names)):
             raise ParameterError(f"{unknown[0]!r} is not differentiated by", None, "parameters: " + ", ".join(names))
         return moved
 
     def _moved(self, given: dict[str, Any], direction: Mapping[str, Any]) -> tuple[Wanted, dict[str, Any]]:
-        """The product with a direction, and what is given with the components of the direction."""
+        """Returns the product with a direction, and the values with the components of the direction added."""
         moved = self._direction(direction)
         which = tuple(p for p in self.wrt if p.name in moved)
         wanted = Wanted(False, 1, (which,))
@@ -324,7 +343,7 @@ class Evaluator:
         return wanted, {**given, **{components[p].name: moved[p.name] for p in which}}
 
     def _call(self, wanted: Wanted, given: Mapping[str, Any]) -> tuple[Call, Kernels]:
-        """What a call is given, and the kernels for its lengths."""
+        """Returns the call, and the kernels for its lengths."""
         if not wanted.along and self._kernels is not None:
             return read_call(self._leaves, given, self._integers, self._options.dtype), self._kernels
         along = {p: q for direction in directions_of(wanted, self._leaves) for p, q in direction.items()}
@@ -337,7 +356,7 @@ class Evaluator:
         return call, self._kernels or self._for_lengths(shapes)
 
     def _for_lengths(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> Kernels:
-        """What is compiled for these lengths of arrays."""
+        """Returns the kernels for these lengths of arrays."""
 
         def made() -> Kernels:
             lengths = {n for node in postorder([self._program]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)}
@@ -353,14 +372,14 @@ class Evaluator:
         return Kernels(Plan(outlined(e) if self._loops else e, self._options, self.wrt, self._leaves))
 
     def _any(self) -> Kernels:
-        """The kernels for any lengths of arrays."""
+        """Returns the kernels for any lengths of arrays."""
         if self._kernels is None:
             hint = "give the sum inside the integral a range of numbers, or write the integral inside the sum"
             raise ArrayIndexError("this program is made for the lengths of its arrays, and these are not known", self.expression, hint)
         return self._kernels
 
     def _titles(self, wanted: Wanted) -> list[str]:
-        """What each result is, for messages."""
+        """Returns the title of each result, for messages."""
         values = ["the value"] * self._entries if wanted.values else []
         many, slopes = len(self.wrt), "the Hessian times the direction" if wanted.along else "the gradient"
         if self._loops:
@@ -375,29 +394,29 @@ class Evaluator:
 
 
 def _one(row: np.ndarray, shape: tuple[int, ...]) -> Any:
-    """A result of the shape of the batch, or of its only element."""
+    """Returns a result in the shape of the batch, or of its only element."""
     return row.reshape(shape + row.shape[1:]) if shape else row[0]
 
 
 def _in_structure(e: Expr, entries: Iterator[Any]) -> Any:
-    """Entries in the structure of a tuple expression."""
+    """Returns entries in the structure of a tuple expression."""
     return tuple(_in_structure(entry, entries) for entry in e.children) if isinstance(e, Tuple) else next(entries)
 
 
 def _nested(e: Expr, rows: Iterator[Any], shape: tuple[int, ...]) -> Any:
-    """Results in the structure of a tuple expression."""
+    """Returns results in the structure of a tuple expression."""
     return tuple(_nested(entry, rows, shape) for entry in e.children) if isinstance(e, Tuple) else _one(next(rows), shape)
 
 
 def _places(e: Expr, name: str) -> list[str]:
-    """The name of each entry of a tuple expression, nested ones in order."""
+    """Returns the name of each entry of a tuple expression, nested ones in order."""
     if not isinstance(e, Tuple):
         return [name]
     return [place for i, entry in enumerate(e.children) for place in _places(entry, f"{name}[{i}]")]
 
 
 def _along(value: Any, terms: Sequence[tuple[Any, Any, int]]) -> Any:
-    """Σ slope · direction, over the entries of parameters of these dimensions, in the structure of a value."""
+    """Returns Σ slope · direction, over the entries of parameters of these dimensions, in the structure of a value."""
     import numpy as np
 
     if isinstance(value, tuple):
@@ -407,14 +426,14 @@ def _along(value: Any, terms: Sequence[tuple[Any, Any, int]]) -> Any:
 
 
 def _weighted(slope: Any, weight: Any, dimensions: int) -> Any:
-    """A derivative times a cotangent of the shape of the batch."""
+    """Returns a derivative times a cotangent of the shape of the batch."""
     import numpy as np
 
     return slope * np.asarray(weight).reshape(np.shape(weight) + (1,) * dimensions) if dimensions else slope * weight
 
 
 def _stacked(columns: Sequence[Any], rows: tuple[int, ...], behind: tuple[int, ...]) -> Any:
-    """Products with unit directions as a block of the Hessian, of shape rows + behind (behind a batch)."""
+    """Returns products with unit directions as a block of the Hessian, of shape rows + behind (behind a batch)."""
     import numpy as np
 
     if columns and isinstance(columns[0], tuple):

@@ -26,7 +26,7 @@ from teg.report.explain import Asked, explain_cell, explain_loops
 from teg.report.explanation import Explanation
 
 ASSUMED = 2
-"""The length of every array, where the program must be known for lengths and none are given."""
+"""The assumed length of every array, if the program must be known for lengths and none are given."""
 
 
 def explain(
@@ -43,17 +43,18 @@ def explain(
     max_roots: int = MAX_ROOTS,
     intrinsics: bool = True,
 ) -> Explanation:
-    """For each surface its owner and how its δ is eliminated, or why it has none; for each integral its breaks, rule and nodes; the cost.
+    """Returns a report on an expression: the owner of each surface and the elimination of its δ; breaks, rule and nodes of each integral;
+    the cost.
 
-    `wrt` are the parameters that the program is differentiated by (default: all); `tol`, `rule`, `order`, `seed`, `discontinuities`,
-    `maps`, `max_roots` and `intrinsics` are those of `compile`, and `f.explain()` fills them in. The integrals are those of the value and,
-    of the gradient, those over surfaces (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate: every
-    break inside the bounds, adaptive integrals as smooth as they can be (`f.evaluations(…)` counts those of a call).
+    Derivatives are taken by the parameters `wrt` (default: all). `tol`, `rule`, `order`, `seed`, `discontinuities`, `maps`, `max_roots`
+    and `intrinsics` are those of `compile`, and `f.explain()` fills them in. The integrals are those of the value and, of the gradient,
+    those over surfaces (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate: every break inside
+    the bounds, adaptive integrals as smooth as they can be (`f.evaluations(…)` counts those of a call).
 
-    A program with arrays is explained cell by cell (`explanation.ArrayExplanation`): the parts between its sums are scalar programs of the
-    entries they read, and of the sums inside; and its loops are listed.
+    A program with arrays is explained cell by cell (`explanation.ArrayExplanation`): the parts between its sums are scalar programs of
+    the entries they read, and of the sums inside; and its loops are listed.
 
-    Raises OptionError for a `derivatives` that is not 0 or 1, and what `compile` raises for an expression that is not closed.
+    Raises OptionError for a `derivatives` other than 0 or 1, and the errors of `compile` for an expression that is not closed.
     """
     e = expression if isinstance(expression, Tuple) else as_number(expression)
     check_program(e)
@@ -64,14 +65,14 @@ def explain(
 
 
 def checked_derivatives(derivatives: int) -> int:
-    """The option `derivatives`. Raises OptionError if it is not 0 or 1."""
+    """Returns the option `derivatives`. Raises OptionError if it is not 0 or 1."""
     if derivatives not in (0, 1):
         raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value and boundary integrals; 1: all of the gradient")
     return derivatives
 
 
 def explained(e: Expr, wrt: Sequence[Parameter] | None, asked: Asked) -> Explanation:
-    """The explanation of a program that is differentiated by some parameters (default: all)."""
+    """Returns the explanation of a program that is differentiated by some parameters (default: all)."""
     if not has_arrays(e):
         return explain_cell(e, cast("Sequence[Param]", parameters(e) if wrt is None else wrt), asked)
     e = write_all_out(e)

@@ -1,4 +1,4 @@
-"""What the functions of JAX and of PyTorch share: the names of their arguments, how a call gives them, and the programs for its shapes."""
+"""The common part of functions of JAX and of PyTorch: names of arguments, reading of calls, and programs for their shapes."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from teg.passes.normalise.sums import NeedsLengths
 Parameter = Param | Array
 Made = TypeVar("Made")
 KEPT = 16
-"""What is kept for different shapes, integer parameters and index arrays, where they make a difference."""
+"""The number of programs kept for different shapes, integer parameters and index arrays, if these make a difference."""
 
 
 class FrameworkFunction:
-    """A program as a function of the values of its parameters and arrays, by name; the part that no framework has a say in.
+    """A program as a function of the values of its parameters and arrays, by name: the part that does not depend on the framework.
 
-    `_leaves` are the real parameters and arrays, those that are differentiated by first, and then the arrays of indices; `_integers` are
-    the parameters that hold an integer.
+    `_leaves` are the real parameters and arrays, first those by which derivatives are taken, and then the arrays of indices; `_integers`
+    are the parameters that hold an integer.
     """
 
     framework: ClassVar[str]
@@ -68,7 +68,7 @@ class FrameworkFunction:
             self._plan = self._planned(outlined(self._program))
         except NeedsLengths:
             return  # a plan for the shapes of each call
-        self._plan.program(VALUE)  # what cannot be scheduled is told now
+        self._plan.program(VALUE)  # programs that cannot be lowered are reported now
 
     def __reduce__(self) -> tuple[object, ...]:
         return (type(self), self._given)
@@ -76,7 +76,7 @@ class FrameworkFunction:
     # -- arguments -----------------------------------------------------------------------------------------------------
 
     def _values(self, values: Mapping[Any, Any] | None, named: Mapping[str, Any]) -> dict[str, Any]:
-        """The value given for each parameter. Raises ParameterError where one is missing, unknown or given twice."""
+        """Returns the value given for each parameter. Raises ParameterError if one is missing, unknown or given twice."""
         if values is not None and not isinstance(values, Mapping):
             text = f"a {self.framework} function is called with a dict, name -> value"
             raise ParameterError(text, None, f"the parameters are {self._signature}")
@@ -103,7 +103,7 @@ class FrameworkFunction:
     # -- programs ------------------------------------------------------------------------------------------------------
 
     def _plan_for(self, shapes: Mapping[ArrayName, tuple[int, ...]]) -> Plan:
-        """The programs of arrays of these shapes: the same for all, or, where they must be known, made for their lengths."""
+        """Returns the plan for arrays of these shapes: one for all shapes, or one for their lengths if these must be known."""
         if self._plan is not None:
             return self._plan
 
@@ -119,7 +119,7 @@ class FrameworkFunction:
 
 
 def checked_expression(e: object) -> Expr:
-    """The program of a user's expression, checked."""
+    """Returns the program of a user's expression, checked."""
     program = e if isinstance(e, Tuple) else as_number(e)
     check_program(program)
     check_indices(program)
@@ -127,8 +127,10 @@ def checked_expression(e: object) -> Expr:
 
 
 def check_entries(p: Param | ArrayName, kind: str, dtype: object, shape: tuple[int, ...], hint: str) -> None:
-    """Raise where what is given for a parameter or an array cannot be its value, by the kind of its type ("i" integers, "f" real numbers,
-    "b" truth values, "" others) and its shape; `hint` says how to get integers."""
+    """Raises an error if a value cannot be that of a parameter or an array, by the kind of its type and its shape.
+
+    Kinds: "i" integers, "f" real numbers, "b" truth values, "" others. `hint` says how to get integers.
+    """
     if isinstance(p, IndexArray):
         if kind != "i":
             raise ArrayIndexError(f"the entries of {p.name!r} are indices, and {dtype} was given", None, hint)
@@ -139,5 +141,5 @@ def check_entries(p: Param | ArrayName, kind: str, dtype: object, shape: tuple[i
 
 
 def nested(e: Expr, found: Iterator[Any]) -> Any:
-    """Results in the structure of a tuple expression."""
+    """Returns results in the structure of a tuple expression."""
     return tuple(nested(entry, found) for entry in e.children) if isinstance(e, Tuple) else next(found)

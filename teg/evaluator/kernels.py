@@ -1,4 +1,4 @@
-"""The programs of a plan, compiled for a backend; their results, and what is said about these."""
+"""The programs of a plan, compiled for a backend; their results, and the reports about these."""
 
 from __future__ import annotations
 
@@ -24,8 +24,11 @@ if TYPE_CHECKING:
 
 
 class Kernel(Protocol):
-    """What a backend makes of a program. One without loops has `outcome(columns, n)`, of columns of shape () or (n,), and, if C made it,
-    `at_point(numbers)`; one with loops has `results(columns, arrays, n)`, of arrays of their own shapes or with an axis n in front."""
+    """A compiled program.
+
+    Without loops it has `outcome(columns, n)`, of columns of shape () or (n,), and, if C made it, `at_point(numbers)`. With loops it has
+    `results(columns, arrays, n)`, of arrays of their own shapes or with an axis n in front.
+    """
 
     @property
     def source(self) -> str: ...
@@ -34,7 +37,7 @@ class Kernel(Protocol):
 
 
 class Key(NamedTuple):
-    """Which kernel: what is wanted, of all entries or of one; with estimates of errors, or one that counts evaluations."""
+    """Identifies a kernel: the wanted derivatives, of all entries or of one; with estimates of errors, or with a count of evaluations."""
 
     wanted: Wanted
     entry: int | None = None
@@ -48,13 +51,13 @@ class Kernels:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self._kernels: Kept[Key, Kernel] = Kept()
-        self._room: Kept[Key, Integration] = Kept()  # of what met more roots than there was room for
+        self._room: Kept[Key, Integration] = Kept()  # for kernels that met more roots than there was room for
         self._sampled: Kept[tuple[Wanted, int | None], bool] = Kept()
         self._checks: Kept[None, MapChecks] = Kept()
         self._points: dict[int, Callable[[Sequence[float]], Outcome]] = {}
 
     def kernel(self, key: Key) -> Kernel:
-        """The compiled program."""
+        """Returns the compiled program."""
         return self._kernels.get(key, lambda: self._made(key))
 
     def _made(self, key: Key) -> Kernel:
@@ -64,36 +67,38 @@ class Kernels:
         return kernel
 
     def room(self, key: Key) -> Integration:
-        """How a kernel integrates: as the options say, or with more room for roots."""
+        """Returns the integration of a kernel: that of the options, or with more room for roots."""
         return self._room.peek(key, self.plan.options.integration)
 
     def kernel_of(self, wanted: Wanted) -> Kernel:
-        """The compiled program of all that is wanted."""
+        """Returns the compiled program of all that is wanted."""
         return self.kernel(Key(wanted))
 
     def room_of(self, wanted: Wanted) -> Integration:
-        """How the kernel of what is wanted integrates."""
+        """Returns the integration of the kernel of what is wanted."""
         return self.room(Key(wanted))
 
     @property
     def sources(self) -> list[str]:
-        """The texts of the kernels of value, gradient and Hessian that there are."""
+        """Returns the texts of the existing kernels of value, gradient and Hessian."""
         return [self.kernel(key).source for key in map(Key, ORDERS) if key in self._kernels]
 
     def has(self, wanted: Wanted) -> bool:
-        """Whether this has been asked for."""
+        """Returns whether this kernel exists."""
         return Key(wanted) in self._kernels
 
     @property
     def has_products(self) -> bool:
-        """Whether derivatives along directions have been asked for."""
+        """Returns whether derivatives along directions were asked for before."""
         return any(key.wanted.along for key in self._kernels)
 
     # -- results -------------------------------------------------------------------------------------------------------
 
     def at_point(self, orders: int, numbers: Sequence[float]) -> np.ndarray | None:
-        """The results of value (0), gradient (1) or Hessian (2) at one point by a kernel of C, (results, 1); None if there is anything to
-        say about them, which `results` does. Only of a program without loops."""
+        """Returns the results of value (0), gradient (1) or Hessian (2) at one point by a kernel of C, (results, 1).
+
+        None if there is anything to report, which `results` does. Only for a program without loops.
+        """
         if orders not in self._points:
             if self._is_sampled(ORDERS[orders], None):
                 return None
@@ -106,10 +111,10 @@ class Kernels:
     def results(
         self, wanted: Wanted, call: Call, titles: Callable[[], Sequence[str]], entry: int | None = None, check_maps: bool = True
     ) -> Sequence[np.ndarray]:
-        """The results, (n,) for a number, (n, *shape) for what is shaped like an array; `titles` say what each is.
+        """Returns the results, (n,) for a number, (n, *shape) for a result shaped like an array; `titles` name them.
 
-        Raises ArrayIndexError where an index is out of its range, DiffeomorphismError where a map of the user's is none for these values.
-        Where a tolerance was missed it warns, or raises AccuracyError, as the plan's options say.
+        Raises ArrayIndexError for an index out of its range, DiffeomorphismError if a user's map is not one-to-one for these values. If
+        a tolerance was missed it warns, or raises AccuracyError, depending on the plan's options.
         """
         options, key = self.plan.options, Key(wanted, entry)
         self.check(key, call, check_maps)
@@ -128,7 +133,7 @@ class Kernels:
     def estimated(
         self, wanted: Wanted, call: Call, titles: Callable[[], Sequence[str]]
     ) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:
-        """The results, and the estimates of their errors."""
+        """Returns the results, and the estimates of their errors."""
         key = Key(wanted, errors=True)
         self.check(key, call)
         outcome = self.outcome(key, call)
@@ -138,13 +143,13 @@ class Kernels:
         return outcome.values[:half], outcome.values[half:]
 
     def counted(self, wanted: Wanted, call: Call) -> int:
-        """At how many points a call evaluates integrands that have no integral inside."""
+        """Returns the number of points at which a call evaluates integrands without an inner integral."""
         key = Key(wanted, counted=True)
         self.check(key, call, check_maps=False)
         return int(self.outcome(key, call).evaluations)
 
     def check(self, key: Key, call: Call, check_maps: bool = True) -> None:
-        """Raise where an index is out of its range, or a map of the user's is none for these values."""
+        """Raises an error for an index out of its range, or a user's map that is not one-to-one for these values."""
         options = self.plan.options
         if self.plan.has_loops:
             call.check(self.kernel(key).program)
@@ -154,8 +159,10 @@ class Kernels:
             checks.run(dict(zip(call.names, call.columns, strict=True)), dict(zip(arrays, call.arrays, strict=False)), call.n)
 
     def outcome(self, key: Key, call: Call) -> Any:
-        """What a kernel gives. As long as a condition has more roots than there is room for, and a result is no number, it is made again
-        with more room."""
+        """Returns the outcome of a kernel.
+
+        As long as a condition has more roots than there is room for, and a result is NaN, the kernel is made again with more room.
+        """
         import numpy as np
 
         while True:
@@ -180,7 +187,7 @@ class Kernels:
         return kernel.outcome(call.columns, call.n)
 
     def _is_sampled(self, wanted: Wanted, entry: int | None) -> bool:
-        """Whether samples are taken that nobody asked for: they rarely reach a tolerance."""
+        """Returns whether integrals are sampled though no sampling rule was chosen: they rarely reach a tolerance."""
         how = self.plan.options.integration
         return how.rule == "auto" and self._sampled.get(
             (wanted, entry), lambda: has_samples(self.plan.program(wanted, entry, how=self.room(Key(wanted, entry))))
@@ -200,8 +207,10 @@ class DerivativeKernels:
         self.dimensions = tuple(dimensions_of(p) for p in (*plan.leaves, *plan.integers))
 
     def run(self, order: int, entry: int | None, operands: Sequence[Any], n: int) -> list[Any]:
-        """The results of the program of an order (`plan.derivative_of_order`), of all values or of one entry: float64, (n,) for a number,
-        (n, *shape) for what is shaped like an array; warns and raises as `Kernels.results` does."""
+        """Returns the results of the program of an order (`plan.derivative_of_order`), of all values or of one entry.
+
+        float64, (n,) for a number, (n, *shape) for a result shaped like an array; warns and raises as `Kernels.results` does.
+        """
         import numpy as np
 
         wanted = derivative_of_order(order, self.plan.wrt)
@@ -220,7 +229,7 @@ class DerivativeKernels:
         return found if call.n == n else [np.repeat(v, n, axis=0) for v in found]
 
     def _titles(self, order: int) -> list[str]:
-        """What each result is, for messages."""
+        """Returns the title of each result, for messages."""
         if order > 0:
             return [f"the derivative of order {order + 1} by {p.name}" for p in self.plan.wrt]
         values = ["the value"] * self.entries
@@ -228,8 +237,11 @@ class DerivativeKernels:
 
 
 def build_kernel(program: Program | ArrayProgram, options: Options, dtype: str = "float64", counted: bool = False) -> Any:
-    """A backend's kernel of a program; a `counted` one counts evaluations (JAX does not, nor do loops in C: its twin is NumPy's). Of the
-    backends C alone has use for another dtype than float64, and in programs without loops only."""
+    """Returns a backend's kernel of a program; a `counted` one counts evaluations.
+
+    JAX does not count, nor do loops in C: NumPy's twin does. Only C supports another dtype than float64, and in programs without loops
+    only.
+    """
     from teg.backends.numpy.kernel import compile_numpy
 
     by_numpy: Callable[[Program], Any] = partial(compile_numpy, memory=options.memory)
@@ -255,5 +267,5 @@ def build_kernel(program: Program | ArrayProgram, options: Options, dtype: str =
 
 
 def dimensions_of(p: Param | ArrayName) -> int:
-    """How many dimensions a parameter's value has, 0 for a number."""
+    """Returns the number of dimensions of a parameter's value, 0 for a number."""
     return p.dimensions if isinstance(p, ArrayName) else 0

@@ -14,12 +14,12 @@ BACKENDS = ("numpy", "c", "jax")
 INACCURATE = ("warn", "raise", "ignore")
 FUNCTIONS = ("linked", "inlined")
 DTYPES = ("float64", "float32")
-"""What parameters and results are. Everything between them is computed in float64."""
+"""The types of parameters and results. All intermediate values are float64."""
 DEFAULT_TOLS = {"float64": DEFAULT_TOL, "float32": 1e-6}
 
 
 class Options:
-    """Checked options of a compilation; `teg.compile` says what they mean. Raises OptionError for a value that one cannot have."""
+    """Checked options of a compilation; `teg.compile` documents them. Raises OptionError for a value outside of its range."""
 
     def __init__(
         self,
@@ -53,10 +53,10 @@ class Options:
 
 
 def checked_dtype(dtype: object) -> str:
-    """The name of a dtype: "float64" or "float32", for these names, NumPy's types or anything NumPy understands as one of them."""
+    """Returns the name of a dtype: "float64" or "float32", for these names, NumPy's types and their equivalents."""
     if isinstance(dtype, str) and dtype in DTYPES:
         return dtype
-    import numpy as np  # when it is needed: `import teg` stays fast
+    import numpy as np  # imported here, so that `import teg` stays fast
 
     try:
         name = np.dtype(cast(Any, dtype)).name if dtype is not None else "None"

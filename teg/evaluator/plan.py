@@ -1,16 +1,16 @@
-"""What is made of a program: the expressions of its values and derivatives without δ, and the programs that compute them.
+"""The expressions of a program's values and derivatives without δ, and the programs that compute them.
 
     VALUE                             e(p)
     GRADIENT, HESSIAN                 e(p) and ∂e/∂p, and ∂²e/∂p²
     Wanted(False, 1, (u₁, …, uₖ))     Dᵏ⁺¹e(p)[u₁, …, uₖ, ·]: the gradient of the k-th directional derivative
 
-Each is the symbolic derivative: e is differentiated forward along each direction, whose components are parameters of their own, and then in
-reverse. A program without loops is one cell, and its plan one flat program; else every cell goes through the same passes, the chain rule
-goes through sums, and the plan is a program of loops around flat programs.
+Each is the symbolic derivative: e is differentiated forward along each direction, whose components are parameters of their own, and then
+in reverse. A program without loops is one cell, and its plan one flat program. Otherwise every cell goes through the same passes, the
+chain rule goes through sums, and the plan is a program of loops around flat programs.
 
-A program with functions is derived with slots in their places (`teg.function`), so programs that differ in the bodies of their functions
-only share a derivation, and with it all that the passes do. It lives as long as a plan that uses it: the table of derivations holds weak
-references only.
+A program with functions is derived with slots in their places (`teg.function`), so programs that differ only in the bodies of their
+functions share a derivation, and with it the work of all passes. It lives as long as a plan that uses it: the table of derivations holds
+weak references only.
 """
 
 from __future__ import annotations
@@ -40,14 +40,17 @@ from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
 KEPT = 64
-"""Programs that a derivation keeps; the oldest is dropped, and made again where it is asked for again."""
+"""The largest number of programs that a derivation keeps. The oldest is dropped, and made again when it is needed."""
 K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
 
 
 class Wanted(NamedTuple):
-    """What a program computes: the values, if `values`; and the derivatives of order up to `orders` of the value (if `values`) and of its
-    derivative along directions (if there are any), each direction given by the parameters that move."""
+    """The outputs of a program: the values, if `values`, and derivatives of order up to `orders`.
+
+    Derivatives are those of the value (if `values`) and of its derivative along directions (if there are any). A direction is given by
+    the parameters that move.
+    """
 
     values: bool
     orders: int
@@ -59,12 +62,13 @@ ORDERS = (VALUE, GRADIENT, HESSIAN)
 
 
 def derivative_of_order(order: int, wrt: tuple[Parameter, ...]) -> Wanted:
-    """What the functions of JAX and PyTorch need: values (-1), values and gradients (0), or the derivative along `order` directions."""
+    """Returns the outputs for functions of JAX and PyTorch: values (-1), values and gradients (0), or the derivative along `order`
+    directions."""
     return VALUE if order < 0 else GRADIENT if order == 0 else Wanted(False, 1, (wrt,) * order)
 
 
 def directions_of(wanted: Wanted, known: Sequence[Param | ArrayName]) -> list[dict[Parameter, Parameter]]:
-    """For each direction its components, of t, ∂t; named unlike all that is `known`."""
+    """Returns the components of each direction, ∂t of t, with names that differ from all `known` ones."""
     names = {p.name for p in known}
     found: list[dict[Parameter, Parameter]] = []
     for k, moving in enumerate(wanted.along):
@@ -77,7 +81,7 @@ def directions_of(wanted: Wanted, known: Sequence[Param | ArrayName]) -> list[di
 
 
 class Kept(Generic[K, V]):
-    """A table of what was made last, at most `most` entries. Safe to share between threads."""
+    """A table of the latest entries, at most `most` of them. Safe to share between threads."""
 
     def __init__(self, most: int = KEPT) -> None:
         self._most = most
@@ -85,7 +89,7 @@ class Kept(Generic[K, V]):
         self._lock = threading.RLock()
 
     def get(self, key: K, make: Callable[[], V]) -> V:
-        """What the table has for a key, made where it has nothing; the oldest entries are dropped."""
+        """Returns the entry of a key, made if it is missing; the oldest entries are dropped."""
         found = self._table.get(key)
         if found is not None:
             return found
@@ -97,11 +101,11 @@ class Kept(Generic[K, V]):
             return self._table[key]
 
     def peek(self, key: K, default: V) -> V:
-        """What the table has for a key, or the default."""
+        """Returns the entry of a key, or the default."""
         return self._table.get(key, default)
 
     def put(self, key: K, value: V) -> None:
-        """Replace an entry."""
+        """Replaces an entry."""
         with self._lock:
             self._table.pop(key, None)
             self.get(key, lambda: value)
@@ -110,22 +114,24 @@ class Kept(Generic[K, V]):
         return key in self._table
 
     def first(self) -> V | None:
-        """The oldest entry, if there is any."""
+        """Returns the oldest entry, or None."""
         return next(iter(self._table.values()), None)
 
     def __iter__(self) -> Iterator[K]:
         return iter(list(self._table))
 
     def drop(self, key: K) -> None:
-        """Forget an entry, if there is one."""
+        """Drops an entry, if there is one."""
         with self._lock:
             self._table.pop(key, None)
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be derived: of which expression, by which parameters, as a program of which arguments (`leaves`, then the directions, and
-    the integers among the numbers at the end), how."""
+    """The input of a derivation: the expression, the parameters of its derivatives, the arguments of the program, and the options.
+
+    Arguments are `leaves`, then the directions, and the integers among the numbers at the end.
+    """
 
     expression: Expr
     wrt: tuple[Parameter, ...]
@@ -137,7 +143,7 @@ class Task:
 
 
 class Derivation:
-    """Outputs and programs of one task, by what is wanted."""
+    """Outputs and programs of one task, by the wanted derivatives."""
 
     def __init__(self, task: Task) -> None:
         self.task = task
@@ -147,24 +153,26 @@ class Derivation:
         self._programs: Kept[tuple[Wanted, int | None, bool, Integration], Program | ArrayProgram] = Kept()
 
     def outputs(self, wanted: Wanted, entry: int | None = None) -> list[Expr]:
-        """The δ-free expressions of a program without loops: value, gradient, Hessian (as many as asked for)."""
+        """Returns the outputs of a program without loops, without δ: value, gradient, Hessian (up to the given order)."""
         return self._outputs.get((wanted, entry), lambda: self._flat_outputs(wanted, entry))
 
     def program(
         self, wanted: Wanted, entry: int | None = None, errors: bool = False, how: Integration | None = None
     ) -> Program | ArrayProgram:
-        """The program of all values or of one entry; with `errors` an estimate of the error of each output stands behind them; integrated
-        as the task says, or as `how` does."""
+        """Returns the program of all values or of one entry; with `errors`, estimates of the errors of the outputs follow them.
+
+        It is integrated by the task's options, or by `how`.
+        """
         how = how or self.task.integration
         make = self._looped if self.has_loops else self._flat
         return self._programs.get((wanted, entry, errors, how), lambda: make(wanted, entry, errors, how))
 
     def directions(self, wanted: Wanted) -> list[dict[Parameter, Parameter]]:
-        """For each direction its components: of t, ∂t."""
+        """Returns the components of each direction: ∂t of t."""
         return directions_of(wanted, [*self.task.leaves, *self.task.integers])
 
     def arguments(self, wanted: Wanted) -> list[Param | ArrayName]:
-        """The parameters of a program in order; arrays are counted by themselves."""
+        """Returns the parameters of a program in order; arrays are counted by themselves."""
         return [*self.task.leaves, *(q for d in self.directions(wanted) for q in d.values()), *self.task.integers]
 
     # -- without loops -------------------------------------------------------------------------------------------------
@@ -188,18 +196,19 @@ class Derivation:
         return with_array_error_estimates(program) if errors else program
 
     def scheduled(self, outputs: Sequence[Output], wanted: Wanted, how: Integration, unfinished: bool = False) -> ArrayProgram:
-        """The program of some outputs, with the arguments of `wanted`; an unfinished one lacks the last passes over flat programs."""
+        """Returns the program of some outputs, with the arguments of `wanted`; an unfinished one lacks the last passes
+        over flat programs."""
         arguments = self.arguments(wanted)
 
         def flat(cells: Sequence[Expr], names: Sequence[str]) -> Program:
-            together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that they share loops
+            together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that outputs share loops
             return (flat_program if unfinished else cell_program)(list(together.children), names, how)
 
         scalars = [p.name for p in arguments if isinstance(p, Param)]
         return schedule_arrays(outputs, scalars, [p for p in arguments if isinstance(p, ArrayName)], flat)
 
     def _looped_outputs(self, wanted: Wanted, entry: int | None) -> list[Output]:
-        """The numbers and arrays that are computed, without δ."""
+        """Returns the computed numbers and arrays, without δ."""
         task, entries = self.task, self.entries if entry is None else [self.entries[entry]]
         normal = partial(normal_form, maps=task.maps)
 
@@ -222,14 +231,17 @@ class Derivation:
         return leaf
 
     def _without_deltas(self, e: Expr) -> Expr:
-        """A tangent as it is differentiated again: where discontinuities are ignored, without what they contribute."""
+        """Returns a tangent that is to be differentiated again; if discontinuities are ignored, without their contributions."""
         how = self.task.discontinuities
         return e if how == "sift" else on_cells(e, ESTIMATORS[how])
 
 
 class Plan:
-    """A derivation, and the functions that stand in its slots. `entries` are the values, `leaves` the parameters and arrays, of which `wrt`
-    are differentiated by; `integers` are the parameters that stand behind all others."""
+    """A derivation, and the functions that stand in its slots.
+
+    `entries` are the values, `leaves` the parameters and arrays; derivatives are taken by the leaves in `wrt`; `integers` are the
+    parameters that stand behind all others.
+    """
 
     def __init__(
         self,
@@ -248,14 +260,14 @@ class Plan:
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
 
     def outputs(self, wanted: Wanted) -> list[Expr]:
-        """The δ-free expressions of a program without loops, with its functions."""
+        """Returns the outputs of a program without loops, without δ, with its functions."""
         found = self.derivation.outputs(wanted)
         return [without_slots(e, self._functions) for e in found] if self._functions else found
 
     def program(
         self, wanted: Wanted, entry: int | None = None, errors: bool = False, how: Integration | None = None
     ) -> Program | ArrayProgram:
-        """The program of all values or of one entry, as `Derivation.program` gives it, with the bodies of the functions."""
+        """Returns the program of all values or of one entry, as `Derivation.program` does, with the bodies of the functions."""
         if not self._functions:
             return self.derivation.program(wanted, entry, errors, how)
 
@@ -266,7 +278,7 @@ class Plan:
 
 
 def _derivation(task: Task, shared: bool) -> Derivation:
-    """What is derived for a task; a shared one is that of all programs that differ in the bodies of functions only."""
+    """Returns the derivation of a task. A shared one serves all programs that differ only in the bodies of functions."""
     if not shared:
         return Derivation(task)
     with _lock:

@@ -122,21 +122,21 @@ class JaxFunction(FrameworkFunction):
         _import_jax(self._dtype)
         from teg.backends.jax.derivative import derivative
 
-        given = self._values(values, named)
-        operands, batch, precision = self._operands(given)
-        family = self._family(given, operands, batch)
-        found = iter(derivative(family, -1, batch, precision, operands))
-        return nested(self.expression, found)
+        by_name = self._values(values, named)
+        operands, batch, precision = self._operands(by_name)
+        family = self._family(by_name, operands, batch)
+        results = iter(derivative(family, -1, batch, precision, operands))
+        return nested(self.expression, results)
 
     # -- inside --------------------------------------------------------------------------------------------------------
 
-    def _operands(self, given: Mapping[str, Any]) -> tuple[list[Any], tuple[tuple[int | None, ...], ...], str]:
+    def _operands(self, by_name: Mapping[str, Any]) -> tuple[list[Any], tuple[tuple[int | None, ...], ...], str]:
         """Returns the leaves without leading axes of length 1, the batch axes of each leaf, and the type of results."""
         import jax.numpy as jnp
 
         leaves: list[Any] = []
         for p in self._leaves:
-            value = given[p.name]
+            value = by_name[p.name]
             try:
                 leaf = _as_array(p, value)
             except (TypeError, ValueError, OverflowError):
@@ -160,7 +160,7 @@ class JaxFunction(FrameworkFunction):
                 leaves[i] = leaves[i].reshape(*kept, *leaves[i].shape[len(s) :])
         return leaves, tuple(batch), dtype
 
-    def _family(self, given: Mapping[str, Any], operands: Sequence[Any], batch: Sequence[Sequence[int | None]]) -> Any:
+    def _family(self, by_name: Mapping[str, Any], operands: Sequence[Any], batch: Sequence[Sequence[int | None]]) -> Any:
         """Returns the family of programs for the shapes, integers and index arrays of a call. Checks the indices, if they are known."""
         import jax
         import numpy as np
@@ -170,11 +170,11 @@ class JaxFunction(FrameworkFunction):
             for i, v in enumerate(operands)
             if isinstance(self._leaves[i], ArrayName)
         ]
-        integers = tuple(_whole(p.name, given[p.name]) for p in self._integers)
+        integers = tuple(_whole(p.name, by_name[p.name]) for p in self._integers)
         known: list[Any] = []
         for p in self._leaves:
             if isinstance(p, IndexArray):
-                value = given[p.name]
+                value = by_name[p.name]
                 known.append(None if isinstance(value, jax.core.Tracer) else np.asarray(value))
         arrays = [p for p in self._leaves if isinstance(p, ArrayName)]
         plan = self._plan_for(dict(zip(arrays, shapes, strict=True)))

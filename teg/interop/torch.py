@@ -123,20 +123,20 @@ class TorchFunction(FrameworkFunction):
         call = self._arguments(self._values(values, named))
         arrays = {p: tuple(v.shape[call.front :]) for p, v in zip(self._leaves, call.operands, strict=False) if isinstance(p, ArrayName)}
         kernels = self._kernels_of(self._plan_for(arrays))
-        found = backend.values(kernels, call.front, call.dtype, call.operands)
-        return nested(self.expression, iter([v.to(call.device) for v in found]))
+        results = backend.values(kernels, call.front, call.dtype, call.operands)
+        return nested(self.expression, iter([v.to(call.device) for v in results]))
 
     def _kernels_of(self, plan: Plan) -> DerivativeKernels:
         return self._compiled.get(plan, lambda: DerivativeKernels(plan))
 
-    def _arguments(self, given: Mapping[str, Any]) -> _Call:
+    def _arguments(self, by_name: Mapping[str, Any]) -> _Call:
         """Returns the arguments of a call in the form of `teg.backends.torch.derivative`: on the CPU, of one type, with the batch's axes in
         front."""
         import torch
 
         names = (*self._leaves, *self._integers)
-        tensors = [_tensor(p, given[p.name]) for p in names]
-        real = [(v, given[p.name]) for p, v in zip(self._leaves, tensors, strict=False) if not isinstance(p, IndexArray)]
+        tensors = [_tensor(p, by_name[p.name]) for p in names]
+        real = [(v, by_name[p.name]) for p, v in zip(self._leaves, tensors, strict=False) if not isinstance(p, IndexArray)]
         dtype = getattr(torch, self._dtype) if self._dtype else _common_type(real)
         device = _common_device([v for v, _ in real])
         fronts = [tuple(v.shape[: v.ndim - dimensions_of(p)]) for p, v in zip(names, tensors, strict=True)]
@@ -163,19 +163,19 @@ def _tensor(p: Param | ArrayName, value: Any) -> torch.Tensor:
     import torch
 
     if isinstance(value, torch.Tensor):
-        found = value
+        tensor = value
         if value.layout != torch.strided or value.device.type == "meta":
             what = "has no values" if value.device.type == "meta" else f"has the layout {value.layout}"
             raise ParameterError(f"the tensor given for {p.name!r} {what}", None, "give a dense tensor")
     else:
         if isinstance(value, list | tuple) and any(isinstance(v, torch.Tensor) for v in value):
             raise ParameterError(f"the value of {p.name!r} is a list of tensors", None, "torch.stack makes one tensor of them")
-        found = _of_numbers(p, value)
-    if isinstance(p, IndexArray) and not found.numel():
-        found = found.to(torch.int64)
-    kind = "f" if found.is_floating_point() else "" if found.is_complex() else "b" if found.dtype == torch.bool else "i"
-    check_entries(p, kind, found.dtype, tuple(found.shape), "use .long()")
-    return found
+        tensor = _of_numbers(p, value)
+    if isinstance(p, IndexArray) and not tensor.numel():
+        tensor = tensor.to(torch.int64)
+    kind = "f" if tensor.is_floating_point() else "" if tensor.is_complex() else "b" if tensor.dtype == torch.bool else "i"
+    check_entries(p, kind, tensor.dtype, tuple(tensor.shape), "use .long()")
+    return tensor
 
 
 def _of_numbers(p: Param | ArrayName, value: Any) -> torch.Tensor:
@@ -205,7 +205,7 @@ def _common_type(values: Sequence[tuple[torch.Tensor, Any]]) -> Any:
     import numpy as np
     import torch
 
-    typed = [v for v, given in values if v.is_floating_point() and isinstance(given, torch.Tensor | np.ndarray)]
+    typed = [v for v, original in values if v.is_floating_point() and isinstance(original, torch.Tensor | np.ndarray)]
     kinds = [v.dtype for v in typed if v.ndim] or [v.dtype for v in typed]
     return reduce(torch.promote_types, kinds) if kinds else torch.get_default_dtype()
 

@@ -1,8 +1,8 @@
-"""Are the maps of a program right for the values of a call? Every call verifies them: that each is one, and reaches what it is used for.
+"""Checks of the maps of a program in every call: each map is one-to-one, and covers the integrals it is used for.
 
-Each cell of a program is a scalar program of its symbols. A program without sums is one cell, and its parameters are given; for the other
-cells the values of symbols are looked up in the arrays, in a sample of the iterations. Nests whose bounds or integrands hold a sum are
-passed over. Cost: some 64 iterations a cell and call.
+Each cell of a program is a scalar program of its symbols. A program without sums is one cell, whose parameters are given. In other cells
+the values of symbols are looked up in the arrays, in a sample of the iterations. Nests whose bounds or integrands hold a sum are not
+checked. Cost: some 64 iterations a cell and call.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     Entries = np.ndarray
 
 ITERATIONS = 64
-"""Iterations of a cell that are looked at, over the elements of a batch,"""
+"""The number of iterations of a cell that are checked, over the elements of a batch."""
 ELEMENTS = 8
-"""of which there are so many."""
+"""The number of elements of a batch among which these iterations are spread."""
 
 
 class MapChecks:
-    """The maps of a program, and the cells they are for."""
+    """The maps of a program, and the cells they apply to."""
 
     def __init__(self, e: Expr, maps: Sequence[Diffeomorphism]) -> None:
         self.cells: list[tuple[tuple[Sum, ...], Symbols, _CellChecks]] = []
@@ -52,27 +52,31 @@ class MapChecks:
             self.cells.append(((), Symbols(), _CellChecks(ZERO, alone)))
 
     def run(self, columns: Mapping[str, Entries], arrays: Mapping[ArrayName, Entries], n: int) -> None:
-        """Raise DiffeomorphismError if a map is none, or does not reach a nest. Columns are (n,) or (), arrays have an axis n in front of
-        their own where the batch does not share them."""
+        """Checks the maps for the values of a call. Raises DiffeomorphismError.
+
+        Columns are (n,) or (), arrays have an axis n in front of their own if the batch does not share them.
+        """
         import numpy as np
 
         elements = np.unique(np.linspace(0, n - 1, min(n, ELEMENTS)).astype(int)) if n else ()
-        given = [_Element(columns, arrays, int(i)) for i in elements]
+        sampled = [_Element(columns, arrays, int(i)) for i in elements]
         for path, symbols, checks in self.cells:
             if not path and not symbols.of:
                 checks.run(columns)
                 continue
             wanted = list(dict.fromkeys(p for case in checks.cases for p in case.every))
             rows = [
-                [at.value(symbols.meaning.get(p, p), around) for p in wanted] for at in given for around in at.iterations(path, len(given))
+                [at.value(symbols.meaning.get(p, p), around) for p in wanted]
+                for at in sampled
+                for around in at.iterations(path, len(sampled))
             ]
             if rows:
-                found = np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted))
-                checks.run({p.name: found[:, k] for k, p in enumerate(wanted)})
+                table = np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted))
+                checks.run({p.name: table[:, k] for k, p in enumerate(wanted)})
 
 
 class _Case(NamedTuple):
-    """A map with the nests that it, or its inverse, is for; the parameters of it and their bounds, and of all with what is integrated."""
+    """A map with the nests that it, or its inverse, applies to; its parameters and those of the bounds; and these with the integrand's."""
 
     map: Diffeomorphism
     nests: list[tuple[Diffeomorphism, Chain, Expr]]
@@ -81,7 +85,7 @@ class _Case(NamedTuple):
 
 
 class _CellChecks:
-    """Maps in one cell; what was verified last is not verified again."""
+    """Maps in one cell. The last verified values are not verified again."""
 
     def __init__(self, e: Expr, maps: Sequence[Diffeomorphism]) -> None:
         self.cases: list[_Case] = []
@@ -92,10 +96,10 @@ class _CellChecks:
             every = list(dict.fromkeys([*deciding, *parameters(*(body for _, _, body in nests))]))
             self.cases.append(_Case(m, nests, deciding, every))
         self.verified: dict[int, object] = {}
-        self.looked_at: set[int] = set()  # closely, once
+        self.looked_at: set[int] = set()  # maps that had their first, closer check
 
     def run(self, values: Mapping[str, Any]) -> None:
-        """Raise DiffeomorphismError if a map is none, or does not reach a nest, at parameter values: arrays of shape () or (n,)."""
+        """Checks the maps at parameter values: arrays of shape () or (n,). Raises DiffeomorphismError."""
         import numpy as np
 
         for i, case in enumerate(self.cases):
@@ -105,7 +109,7 @@ class _CellChecks:
             key = tuple(columns[p].tobytes() for p in case.deciding)
             if self.verified.get(i) == key:
                 continue
-            numbers = np.ones(len(chosen), dtype=bool)  # NaN in is NaN out, and no error
+            numbers = np.ones(len(chosen), dtype=bool)  # NaN in gives NaN out, and no error
             for column in columns.values():
                 numbers &= np.isfinite(column)
             if not numbers.any():
@@ -120,9 +124,9 @@ class _CellChecks:
 
 
 def nests_over(e: Expr, variables: Sequence[Var]) -> list[tuple[Chain, Expr]]:
-    """The nests of integrals, from the outermost of the program inwards, that bind all these variables, and what they integrate."""
+    """Returns the nests of integrals that bind all these variables, from the outermost of the program inwards, and their integrands."""
     wanted = set(variables)
-    found: dict[tuple[Chain, Expr], None] = {}
+    nests: dict[tuple[Chain, Expr], None] = {}
     seen: set[tuple[Node, frozenset[Var]]] = set()
     stack: list[tuple[Node, Chain]] = [(e, ())]
     while stack:
@@ -135,38 +139,38 @@ def nests_over(e: Expr, variables: Sequence[Var]) -> list[tuple[Chain, Expr]]:
             stack += [(node.lo, chain), (node.hi, chain)]
             inner = (*chain, Binder(node.var, node.lo, node.hi))
             if wanted <= {b.var for b in inner}:
-                found[inner, node.body] = None
+                nests[inner, node.body] = None
             else:
                 stack.append((node.body, inner))
         else:
             stack.extend((c, chain) for c in node.children)
-    return list(found)
+    return list(nests)
 
 
 class _Element:
-    """What one element of a batch is given."""
+    """The values of one element of a batch."""
 
     def __init__(self, columns: Mapping[str, Entries], arrays: Mapping[ArrayName, Entries], i: int) -> None:
         self.numbers = {name: float(c if c.ndim == 0 else c[i]) for name, c in columns.items()}
         self.arrays = {a: v if v.ndim == a.dimensions else v[i] for a, v in arrays.items()}
 
     def iterations(self, path: Sequence[Sum], elements: int) -> Iterator[dict[Node, int]]:
-        """The indices of iterations, spread over the ranges, first and last ones among them."""
+        """Yields the indices of iterations, spread over the ranges, first and last ones among them."""
         import numpy as np
 
         each = max(2, round((ITERATIONS / elements) ** (1 / max(len(path), 1))))
-        found: list[dict[Node, int]] = [{}]
+        reached: list[dict[Node, int]] = [{}]
         for s in path:
             wider: list[dict[Node, int]] = []
-            for around in found:
+            for around in reached:
                 lo, hi = self.integer(s.lo, around), self.integer(s.hi, around)
                 picked = np.unique(np.linspace(lo, hi - 1, min(each, hi - lo)).astype(int)) if hi > lo else ()
                 wider += [{**around, s.index: int(k)} for k in picked]
-            found = wider
-        yield from found
+            reached = wider
+        yield from reached
 
     def integer(self, root: Index, around: Mapping[Node, int]) -> int:
-        """An integer expression in an iteration."""
+        """Returns the value of an integer expression in an iteration."""
         known: dict[Node, int] = dict(around)
         for node in index_leaves([root]):
             args = [known[c] for c in node.children]
@@ -186,7 +190,7 @@ class _Element:
         return known[root]
 
     def value(self, leaf: Node, around: Mapping[Node, int]) -> float:
-        """A parameter, an entry, or an integer as a number, in an iteration."""
+        """Returns the value of a parameter, an entry, or an integer in an iteration."""
         match leaf:
             case Param():
                 return self.numbers[leaf.name]

@@ -37,19 +37,19 @@ BORDER = "a condition on parameters only"
 STEP = 2.0**-50
 STEP_OVER_TIES = 2.0**-42
 NOTHING = 1e-18
-"""Derivatives below that are rounding."""
+"""Smaller derivatives are rounding errors."""
 CHANGE = 1e-3
-"""A relative change of the gradient over two relative steps that no smooth function of ordinary curvature makes."""
+"""A relative change of the gradient over two relative steps that exceeds that of smooth functions of ordinary curvature."""
 
 STEPS = ("floor", "ceil", "round", "mod")
 LONGER = 16
-"""A step so many times as long tells a kink, whose change stays what it is, from a slope, which changes as much more."""
+"""The factor of a longer step. It tells a kink, whose change stays the same, from a slope, whose change grows with the step."""
 MOVES = 6
-"""One-sided derivatives that one message tells."""
+"""The largest number of one-sided derivatives in one message."""
 DIRECTIONS = 2
-"""Directions along which the gradient of a program with arrays is compared with itself; all entries of all parameters move at once."""
+"""The number of directions along which the gradient of a program with arrays is compared; all entries of all parameters move at once."""
 MOST = 100
-"""Diagnoses of one kind in one element of a batch."""
+"""The largest number of diagnoses of one kind in one element of a batch."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Diagnosis:
 
 
 class Arguments(Protocol):
-    """What a call is given (`evaluator.arguments.Call`)."""
+    """The arguments of a call (`teg.evaluator.arguments.Call`)."""
 
     @property
     def n(self) -> int: ...
@@ -100,7 +100,7 @@ class Element(NamedTuple):
 
 
 class Look(NamedTuple):
-    """The results at an element, the diagnoses of ties that were met, and how far to go to either side of it."""
+    """The results at an element, the diagnoses of ties that were met, and the distance to go to either side."""
 
     results: Any
     ties: list[Diagnosis]
@@ -116,8 +116,10 @@ class Watch(Protocol):
 
 
 def diagnose(watch: Watch, given: Arguments) -> list[Diagnosis]:
-    """One Diagnosis a reason, iteration and element: of ties; of results that are infinite or no numbers; where there are none of these, of
-    a gradient that is another one a few roundings away."""
+    """Returns one Diagnosis for each reason, iteration and element: ties, and results that are infinite or NaN.
+
+    If there are none of these: gradients that change within a few roundings.
+    """
     import numpy as np
 
     found: list[Diagnosis] = []
@@ -139,8 +141,11 @@ def diagnose(watch: Watch, given: Arguments) -> list[Diagnosis]:
 
 
 class NumberWatch:
-    """The program of `outputs`, of which the first `first_order` are values and first derivatives, called `names`; and of the conditions on
-    parameters. `wrt` are differentiated by; `parameters` are the arguments."""
+    """The program of `outputs`, and of the conditions on parameters.
+
+    The first `first_order` outputs are values and first derivatives, called `names`. Derivatives are taken by `wrt`; `parameters` are
+    the arguments.
+    """
 
     def __init__(
         self,
@@ -162,7 +167,8 @@ class NumberWatch:
         self.searched = any(isinstance(s, Isolate) for s in statements(self.program.body))  # roots that meet to rounding are a tangency
 
     def look(self, at: Element) -> Look:
-        """Of surfaces that coincide the derivative is told beside the one-sided ones; those that merely cross are no tie."""
+        """Returns the results and ties. For coinciding surfaces the derivative is given beside the one-sided ones; surfaces that merely
+        cross do not tie."""
         import numpy as np
 
         results, met = self.kernel.values_and_ties(at.columns, 1)
@@ -182,7 +188,7 @@ class NumberWatch:
         return Look(results, ties, STEP_OVER_TIES if met or self.searched else STEP)
 
     def of_results(self, look: Look, at: Element) -> list[Diagnosis]:
-        """Derivatives that are infinite, values and derivatives that are not numbers."""
+        """Returns diagnoses of infinite derivatives, and of values and derivatives that are NaN."""
         import numpy as np
 
         first, second = look.results[: self.first_order], look.results[self.first_order :]
@@ -196,7 +202,7 @@ class NumberWatch:
         return [Diagnosis(kind, (), at.values, message, at.number)] if kind else []
 
     def one_sided(self, look: Look, at: Element) -> list[Diagnosis]:
-        """The largest change along each parameter."""
+        """Returns a diagnosis of the largest change along each parameter."""
         first = {m.parameter: m for m in reversed(self._moves(at, look.results[: self.first_order, 0], look.step))}
         found = []
         for move in reversed(first.values()):
@@ -206,9 +212,9 @@ class NumberWatch:
         return found
 
     def _moves(self, at: Element, here: Numbers, relative: float) -> list[_Move]:
-        """The results that change at once along a parameter, the largest change of each parameter first.
+        """Returns the results that jump along a parameter, the largest jump of each parameter first.
 
-        What changes in proportion to the step is smooth: a step LONGER times as long shows it.
+        A change in proportion to the step is smooth: a step LONGER times as long shows it.
         """
         import numpy as np
 
@@ -233,7 +239,7 @@ class NumberWatch:
 
 @dataclass(frozen=True)
 class _Move:
-    """What becomes of one result where one parameter moves a few roundings: below, above, and here."""
+    """The values of one result while one parameter moves a few roundings: below, above, and at the point."""
 
     result: str
     parameter: str
@@ -254,7 +260,8 @@ class _Move:
 
 
 def _of_pair(pair: tuple[str, str], moves: Sequence[_Move], at: Element) -> Diagnosis:
-    """Two surfaces that coincide, or parameters on the border of a condition; and which of the one-sided derivatives is given."""
+    """Returns the diagnosis of two coinciding surfaces, or of parameters on the border of a condition, and says which one-sided derivative
+    is given."""
     first, second = pair
     own = [m for m in moves if m.result.endswith(f"/ d {m.parameter}") or not m.result.startswith("d ")][:MOVES]
     sides = "; ".join(m.text for m in own)
@@ -266,7 +273,7 @@ def _of_pair(pair: tuple[str, str], moves: Sequence[_Move], at: Element) -> Diag
 
 
 def _probes(e: Expr) -> list[Expr]:
-    """Expressions that meet a tie on the border of a condition on parameters, and on the steps of a floor of parameters.
+    """Returns expressions that meet a tie on the border of a condition on parameters, and on the steps of a floor of parameters.
 
     A condition on such floors alone, [floor(a) > 0], is on its border on whole intervals: it changes at their steps only.
     """
@@ -281,21 +288,21 @@ def _probes(e: Expr) -> list[Expr]:
 
 
 def steps_of_parameters(e: Expr) -> list[tuple[str, Expr]]:
-    """Floors and their kin of parameters alone, as users write them: a text for their steps, and a function that is 0 there."""
+    """Returns floors and their kin of parameters alone, as users write them: a text for their steps, and a function that is 0 there."""
     found: list[tuple[str, Expr]] = []
     for node in postorder([e]):
         if isinstance(node, Call) and node.name in STEPS and not node.free and parameters_in(node):
             u = node.children[0] if node.name != "mod" else node.children[0] / node.children[1]
             if node.name == "round":
                 u = u + 0.5
-            if only_in_steps(u):  # it changes where the steps inside do
+            if only_in_steps(u):  # it changes where the inner steps do
                 continue
             found.append((f"a step of {show(node, 300)}", u - call("floor", u + 0.5)))
     return found
 
 
 def _steps_in_numbers(e: Expr, values: dict[str, float]) -> dict[str, str]:
-    """For the texts of surfaces that are steps of floors of variables: others, in which the number of the step is a number.
+    """Returns other texts for surfaces that are steps of floors of variables, with the number of the step as a number.
 
     The steps are counted from a floor that users did not write, the least one over the range.
     """
@@ -313,7 +320,8 @@ def _steps_in_numbers(e: Expr, values: dict[str, float]) -> dict[str, str]:
 
 
 def only_in_steps(g: Expr) -> bool:
-    """Whether parameters occur in g inside of floors and their kin only, so that it is constant between their steps; mod is none."""
+    """Returns whether parameters occur in g only inside of floors and their kin, so that g is constant between their
+    steps; mod is not one."""
     stack: list[Node] = [g]
     seen: set[Node] = set()
     while stack:
@@ -332,7 +340,7 @@ def parameters_in(e: Expr) -> bool:
 
 
 def _once(pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Each pair of surfaces in one of its orders."""
+    """Returns each pair of surfaces in one of its orders."""
     return list({frozenset(pair): pair for pair in reversed(pairs)}.values())[::-1]
 
 
@@ -340,8 +348,10 @@ def _once(pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
 
 
 class LoopWatch:
-    """A program of values and derivatives by `wrt`, and that of `probes_of` the normal form of the values. `second` says of each element
-    whether its second derivatives are finite, if anyone has asked for them."""
+    """A program of values and derivatives by `wrt`, and `probes_of` the normal form of the values.
+
+    `second` returns, for each element, whether its second derivatives are finite, if they were asked for before.
+    """
 
     def __init__(self, wrt: Sequence[Param | ArrayName], program: ArrayProgram, probes: ArrayProgram, second: Any = None) -> None:
         from teg.backends.numpy.ties import TieWatch
@@ -352,14 +362,14 @@ class LoopWatch:
         self.searched = any(isinstance(s, Isolate) for s in flat)
 
     def look(self, at: Element) -> Look:
-        """Ties are looked for in every iteration."""
+        """Returns the results, and the ties of every iteration."""
         results, met = self.watch.ties(at.columns, at.arrays, 1)
         _, on_border = self.borders.ties(at.columns, at.arrays, 1)
         ties = [*_ties(met, at, _tie), *_ties(on_border, at, _border)]
         return Look(results.values, ties, STEP_OVER_TIES if self.watch.noted or self.searched else STEP)
 
     def of_results(self, look: Look, at: Element) -> list[Diagnosis]:
-        """Derivatives that are infinite, values and derivatives that are no numbers."""
+        """Returns diagnoses of infinite derivatives, and of values and derivatives that are NaN."""
         import numpy as np
 
         for name, slopes in _slopes(self.wrt, look.results):
@@ -377,7 +387,7 @@ class LoopWatch:
         return []
 
     def one_sided(self, look: Look, at: Element) -> list[Diagnosis]:
-        """Derivatives that change at once where all parameters move a few roundings, in random directions."""
+        """Returns diagnoses of derivatives that jump while all parameters move a few roundings, in random directions."""
         import numpy as np
 
         program, relative = self.program, look.step
@@ -416,9 +426,8 @@ class LoopWatch:
 
 
 def probes_of(e: Expr) -> Expr:
-    """An expression that meets a tie where the entries, parameters and sums of a normal form are on the border of a condition on them
-    alone."""
-    new: dict[Node, Expr] = {}  # of sums: the probes in their bodies
+    """Returns an expression that meets a tie where entries, parameters and sums are on the border of a condition on them alone."""
+    new: dict[Node, Expr] = {}  # for sums: the probes in their bodies
     order = postorder([e])
     for node in order:
         if isinstance(node, Sum):
@@ -436,12 +445,12 @@ def _cell_probes(cell: Expr, sums: dict[Node, Expr]) -> Expr:
 
 
 def _varies(g: Expr, symbols: Symbols) -> bool:
-    """Whether it depends on more than indices."""
+    """Returns whether an expression depends on more than indices."""
     return any(isinstance(n, Param) and isinstance(symbols.meaning.get(n, n), Param | Gather | Sum) for n in postorder([g]))
 
 
 def _ties(met: Sequence[MetTie], at: Element, said: Callable[[tuple[str, str]], tuple[str, tuple[str, ...], str]]) -> list[Diagnosis]:
-    """Each pair of surfaces once an iteration."""
+    """Returns each pair of surfaces once for each iteration."""
     found: dict[tuple[object, ...], Diagnosis] = {}
     for tie in met:
         key = tie.surfaces, tuple(tie.iteration.items())
@@ -465,7 +474,7 @@ def _border(surfaces: tuple[str, str]) -> tuple[str, tuple[str, ...], str]:
 
 
 def _slopes(wrt: Sequence[Param | ArrayName], results: Sequence[Numbers]) -> Iterator[tuple[str, Numbers]]:
-    """Derivatives of every leaf by every parameter, with what they are by."""
+    """Yields derivatives of every leaf by every parameter, with the name of the parameter."""
     leaves = len(results) // (1 + len(wrt))
     for j, slopes in enumerate(results[leaves:]):
         yield wrt[j % len(wrt)].name, slopes

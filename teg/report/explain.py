@@ -1,5 +1,6 @@
-"""What the compiler found and did: every surface with its owner and its family, every integral with its breaks and its rule, the loops, the
-cost. A program with arrays is explained cell by cell, each as the scalar program that it is.
+"""Findings and decisions of the compiler: owner and family of every surface, breaks and rule of every integral, loops, and cost.
+
+A program with arrays is explained cell by cell, each as a scalar program.
 """
 
 from __future__ import annotations
@@ -39,8 +40,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Asked:
-    """How a program is compiled, and of which `derivatives` all integrals are listed; the length that arrays are taken to have, if the
-    program must be known for lengths and none are given."""
+    """The options of a compilation, and the order of `derivatives` of which all integrals are listed.
+
+    Also the assumed length of arrays, if the program must be known for lengths and none are given.
+    """
 
     integration: Integration
     discontinuities: str
@@ -50,14 +53,14 @@ class Asked:
 
     @property
     def options(self) -> dict[str, Any]:
-        """The options as data."""
+        """Returns the options as data."""
         how = self.integration
         named = {"tol": how.tol, "rule": how.rule, "order": how.order}
         return {**named, "discontinuities": self.discontinuities, "max_roots": how.max_roots, "intrinsics": how.intrinsics}
 
 
 def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
-    """The explanation of a program without sums, or of one cell."""
+    """Returns the explanation of a program without sums, or of one cell."""
     how, maps, discontinuities = asked.integration, asked.maps, asked.discontinuities
     functions, shown, number, e = _functions(e), text_of(e), nodes(e), write_out(e)
     before = canonicalise(enumerate_steps(e))
@@ -108,7 +111,7 @@ def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
 
 
 def _told(remarks: Remarks) -> list[dict[str, Any]]:
-    """What the passes decided, each once: the pass, the surface or the integral, the choice, and the reason."""
+    """Returns the decisions of the passes, each once: the pass, the surface or the integral, the choice, and the reason."""
 
     def about(e: Expr) -> str:
         return f"∫ d{e.var.name} from {text_of(e.lo)} to {text_of(e.hi)}" if isinstance(e, Integral) else f"{text_of(e)} = 0"
@@ -118,7 +121,7 @@ def _told(remarks: Remarks) -> list[dict[str, Any]]:
 
 
 def _functions(e: Expr) -> list[dict[str, Any]]:
-    """Each function that is applied: how often, and how often it is written out for which reasons."""
+    """Returns each applied function with the number of its applications, and of those written out, with the reasons."""
     rows: dict[Function, dict[str, Any]] = {}
     for node, why in reasons(e).items():
         function = cast(Function, node.callee)
@@ -132,7 +135,7 @@ def _functions(e: Expr) -> list[dict[str, Any]]:
 
 
 def _attempted(work: Callable[[], T]) -> tuple[T | None, str]:
-    """A result, or what is wrong with the program."""
+    """Returns a result, or the mistake in the program."""
     try:
         return work(), ""
     except TegError as problem:
@@ -146,12 +149,12 @@ _TABLES = ("surfaces", "dropped", "integrals", "boundary", "interior", "remarks"
 
 
 def _active(leaf: Node, wrt: set[Node]) -> bool:
-    """Whether an entry or a sum depends on what is differentiated by."""
+    """Returns whether an entry or a sum depends on a parameter by which derivatives are taken."""
     return any(n in wrt or (isinstance(n, Gather) and n.array in wrt) for n in postorder([leaf]))
 
 
 def _explain_cell(data: dict[str, Any], path: tuple[Sum, ...], body: Expr, wrt: Sequence[Parameter], asked: Asked) -> None:
-    """Add the explanation of a cell to that of the program."""
+    """Adds the explanation of a cell to that of the program."""
     symbols = Symbols()
     (cell,) = symbols.into([body])
     given = set[Node](wrt)
@@ -178,11 +181,12 @@ def _explain_cell(data: dict[str, Any], path: tuple[Sum, ...], body: Expr, wrt: 
 def explain_loops(
     e: Expr, plain: Expr, wrt: Sequence[Parameter], asked: Asked, program_of: Callable[[int], ArrayProgram]
 ) -> ArrayExplanation:
-    """The loops of the program of the value (`program_of(0)`), and of that of value and gradient (`program_of(1)`); surfaces and integrals
-    cell by cell. `plain` is the program with its sums outside of integrals.
+    """Returns the loops of the programs of the value (`program_of(0)`) and of value and gradient (`program_of(1)`); surfaces and integrals
+    by cell.
 
-    `data` has the keys of a scalar program's, in which each surface and integral has its "cell", the number of an entry of data["cells"];
-    data["loops"] are the loops of both programs. A sum inside an integral that has to be written out is so for arrays of length 2.
+    `plain` is the program with its sums outside of integrals. `data` has the keys of a scalar program's, in which each surface and
+    integral has its "cell", the number of an entry of data["cells"]; data["loops"] are the loops of both programs. A sum inside an
+    integral that has to be written out is written out for arrays of length 2.
     """
     data: dict[str, Any] = {
         "expression": text_of(e),
@@ -215,7 +219,7 @@ def explain_loops(
 
 
 def _add_program(data: dict[str, Any], name: str, program: ArrayProgram) -> int:
-    """Add the loops and the cost of a program; its size."""
+    """Adds the loops and the cost of a program; returns its size."""
     texts: dict[Arg, str] = {f"p{k}": p for k, p in enumerate(program.parameters)}
     rows = [_row(None, program.body, 0, program, texts)]
     waiting: list[tuple[Step, int]] = [(s, 0) for s in reversed(program.body)]
@@ -240,7 +244,7 @@ def _add_program(data: dict[str, Any], name: str, program: ArrayProgram) -> int:
 
 
 def _row(loop: Loop | None, block: Sequence[Step], depth: int, program: ArrayProgram, texts: Mapping[Arg, str]) -> dict[str, Any]:
-    """What a loop does in one iteration, without the loops inside; for None what is done once a call."""
+    """Returns the contents of one iteration of a loop, without inner loops; for None those of the whole call."""
     costs = [cost_of(s.program) for s in block if isinstance(s, Run)]
     least = 1 + LEAST // max(work(tuple(block)), 1)
     return {

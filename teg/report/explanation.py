@@ -13,13 +13,13 @@ from teg.passes.lower.intrinsic import CLOSED_FORM
 WIDTH = 100
 GAP = "  "
 MAX_ROWS = 16
-"""Rows of one table that are printed; `data` has all of them."""
+"""The largest number of printed rows of one table; `data` has all of them."""
 NARROWEST = 12
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column: of numbers, aligned on the right; of expressions, which are shortened; of prose, which goes on in the next line."""
+    """One column: of numbers, aligned on the right; of expressions, which are shortened; of prose, which is wrapped."""
 
     title: str
     kind: str = "prose"  # "number", "expression", "prose"
@@ -37,12 +37,12 @@ class Table:
 
 @dataclass
 class Explanation:
-    """What the compiler found and did. `str()` is a report to read, `data` the same, unshortened, as dicts, lists, strings and numbers.
+    """The compiler's findings. `str()` is a report to read, `data` the same, unshortened, as dicts, lists, strings and numbers.
 
-    data["functions"] are those applied (not in a program with arrays, where all are written out), data["surfaces"] the surfaces on
-    which integrands change, data["dropped"] those of the program that are not among them, and
-    data["integrals"], data["boundary"] and data["interior"] the integrals of the value and the two kinds of the gradient.
-    data["remarks"] are the decisions of the passes as they were taken: the pass, the surface or integral, the choice and the reason.
+    data["functions"] are the applied functions (not in a program with arrays, where all are written out). data["surfaces"] are the
+    surfaces on which integrands change, data["dropped"] the other surfaces of the program. data["integrals"], data["boundary"] and
+    data["interior"] are the integrals of the value and the two kinds of the gradient. data["remarks"] are the decisions of the passes:
+    the pass, the surface or integral, the choice and the reason.
     """
 
     data: dict[str, Any] = field(default_factory=dict)
@@ -97,9 +97,8 @@ class Explanation:
 class ArrayExplanation(Explanation):
     """The same for a program with arrays: the tables of each cell, and the loops around the cells.
 
-    Surfaces and integrals have a "cell", the number of an entry of data["cells"], which says in which sums it stands. data["loops"] has
-    the loops of the value, and those of value and gradient: what an iteration does, without the loops inside; the first row is what is
-    done once a call.
+    Surfaces and integrals have a "cell", the number of an entry of data["cells"], which names its sums. data["loops"] has the loops of
+    the value, and those of value and gradient: the contents of an iteration, without inner loops; the first row is done once a call.
     """
 
     def _tables(self) -> list[Table]:
@@ -166,7 +165,7 @@ def _counted(n: int, one: str, several: str) -> str:
 
 
 def _applied(functions: Sequence[dict[str, Any]]) -> Table:
-    """Functions, and whether they are compiled by themselves."""
+    """Returns the table of functions, and whether they are compiled by themselves."""
     columns = Column("function", "expression"), Column("applications", "number"), Column("how")
     rows = []
     for f in functions:
@@ -229,7 +228,7 @@ def _grouped(n: int) -> str:
 
 
 def shortened(text: str, width: int) -> str:
-    """One line of at most `width` characters: what is too long loses its middle."""
+    """Returns one line of at most `width` characters: a longer text loses its middle."""
     text = " ".join(text.split())
     if len(text) <= width:
         return text
@@ -238,7 +237,7 @@ def shortened(text: str, width: int) -> str:
 
 
 def _widths(table: Table, room: int) -> list[int]:
-    """The widths of the columns: what they need, and where that is too much the widest ones less."""
+    """Returns the widths of the columns: their natural widths, with the widest ones reduced if there is no room."""
     cells = [tuple(c.title for c in table.columns), *table.rows]
     widths = [max(len(row[i]) for row in cells) for i in range(len(table.columns))]
     least = [w if c.kind == "number" else min(w, NARROWEST) for w, c in zip(widths, table.columns, strict=True)]

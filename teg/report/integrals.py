@@ -20,7 +20,7 @@ from teg.report.inventory import nests, text_of
 
 
 class Integrals:
-    """Breaks and rules of integrals, as the scheduler has them."""
+    """Breaks and rules of integrals, as lowering chooses them."""
 
     def __init__(self, how: Integration) -> None:
         self.how = how
@@ -30,7 +30,8 @@ class Integrals:
         self._described: dict[Integral, Description | None] = {}
 
     def of(self, roots: Sequence[Expr], but: Sequence[Expr] = ()) -> list[dict[str, Any]]:
-        """The integrals of expressions, outer ones first, without those of others; those that look the same are counted together."""
+        """Returns the integrals of expressions, outer ones first, without those of `but`; integrals that look the same are counted
+        together."""
         known = {node for root in but for node in nests(root)}
         rows: dict[tuple[object, ...], dict[str, Any]] = {}
         for root in roots:
@@ -46,7 +47,7 @@ class Integrals:
         return list(rows.values())
 
     def _describe(self, node: Integral) -> Description | None:
-        """What an intrinsic makes of an integral; None if none computes it."""
+        """Returns the description by an intrinsic that computes an integral; None if none does."""
         if node not in self._described:
             found = (intrinsic.describe(node) for intrinsic in self.intrinsics)
             self._described[node] = next((d for d in found if d is not None), None)
@@ -89,17 +90,17 @@ class Integrals:
 
 
 SAMPLES_OF = {"montecarlo": "Monte Carlo samples", "qmc": "scrambled Sobol' points"}
-"""What the rules take that sample."""
+"""The names of the samples that sampling rules take."""
 
 
 def _unbroken(rule: str) -> dict[str, Any]:
-    """An integral without breaks."""
+    """Returns an integral without breaks."""
     counts = dict.fromkeys(("formula", "isolated", "located", "breaks"), 0)
     return {"kind": "integral", "surface": "", "rule": rule, "degree": None, **counts, "searched": False, "pieces": 1}
 
 
 def _nodes_a_piece(rule: Rule) -> int:
-    """How many nodes a piece has, if it is not cut further."""
+    """Returns the number of nodes of a piece, if it is not cut further."""
     return rule.first if isinstance(rule, Adaptive) else rule.nodes
 
 
@@ -107,7 +108,8 @@ def _nodes_a_piece(rule: Rule) -> int:
 
 
 def cost_of(program: Program) -> dict[str, Any]:
-    """The size of a program, and how often integrands are evaluated in one run: pieces × nodes, times those of the integral around."""
+    """Returns the size of a program, and the number of evaluations of integrands in one run: pieces × nodes, times those of the outer
+    integral."""
     every = list(statements(program.body))
     integrals = [s for s in every if isinstance(s, Integrate)]
     hints = {r for s in every if isinstance(s, Locate) for r in s.results}
@@ -121,8 +123,10 @@ def cost_of(program: Program) -> dict[str, Any]:
 
 
 def _evaluations(block: Iterable[Stmt], hints: Container[Arg]) -> int:
-    """Of integrands without integrals inside, with all breaks inside the bounds, but for the hints, of which few are there. A search for
-    roots evaluates no integrand, nor does a sum over them."""
+    """Returns the evaluations of integrands without inner integrals, with all breaks inside the bounds except hints, of which few occur.
+
+    A search for roots evaluates no integrand, nor does a sum over them.
+    """
     total = 0
     for stmt in block:
         match stmt:

@@ -27,15 +27,15 @@ from teg.passes.normalise.canonicalise import canonicalise
 
 LONGEST = 2000
 LARGEST = 400
-"""Nodes of an expression that is printed."""
+"""The largest number of nodes of an expression that is printed."""
 
 Nest = tuple[Integral, ...]
-"""Integrals inside each other, the outermost first."""
+"""Nested integrals, the outermost first."""
 Entry = dict[str, Any]
 
 
 def text_of(e: Expr) -> str:
-    """One line, or how many nodes there are."""
+    """Returns one line, or the number of nodes."""
     order = postorder([e])
     long = f"an expression of {len(order)} nodes"
     if len(order) > LARGEST:
@@ -45,7 +45,7 @@ def text_of(e: Expr) -> str:
 
 
 def nests(root: Node) -> dict[Node, Nest]:
-    """Every integral (itself last) and every δ, with the integrals it stands in; outer ones come before inner ones."""
+    """Returns the integrals around every integral (itself last) and every δ; outer ones come before inner ones."""
     found: dict[Node, Nest] = {}
     seen: set[Node] = set()
     stack: list[tuple[Node, Nest]] = [(root, ())]
@@ -88,7 +88,7 @@ class Inventory:
         self.closed = closed
         self.max_roots = max_roots
         bound = [n.var for root in (before, normal) for n in postorder([root]) if isinstance(n, Integral)]
-        self.variables: list[Var] = list(dict.fromkeys(bound))  # innermost first, as the elimination has them
+        self.variables: list[Var] = list(dict.fromkeys(bound))  # innermost first, as in the elimination
         self._points = (Point("first"), Point("second"))
         self._along = tuple(Point("along", {v: residue("along", i, v.name) for v in self.variables}) for i in range(3))
         self._families: dict[tuple[Expr, Nest], Entry] = {}
@@ -99,7 +99,7 @@ class Inventory:
     # -- surfaces with an owner ----------------------------------------------------------------------------------------
 
     def surfaces(self) -> list[Entry]:
-        """The surfaces that integrals own, each once, steps of one floor together; and those of the δ that the user wrote."""
+        """Returns the surfaces that integrals own, each once, with the steps of one floor together, and the surfaces of the user's δ."""
         found: dict[tuple[Expr, str], Entry] = {}
         if self.before.has_delta:
             for node, around in nests(self.before).items():
@@ -112,7 +112,7 @@ class Inventory:
             if isinstance(node, Integral):
                 for g in owned_surfaces(node.body, node.var):
                     if g not in own and not self._moves(g):
-                        continue  # a bound of a δ that the user wrote
+                        continue  # a bound of a user's δ
                     key = (g, f"∫ d{node.var.name}")
                     if key not in found or found[key]["status"] == "kink":
                         entry = self._of(g, node, around)
@@ -145,12 +145,12 @@ class Inventory:
         return {**entry_of(g, owner, "eliminated", before + how["treatment"]), **{k: v for k, v in how.items() if k != "treatment"}}
 
     def _family(self, g: Expr, around: Nest) -> Entry:
-        """What the elimination will choose, from the same list of families; `treatment` in words."""
+        """Returns the choice of the elimination, from the same list of families; `treatment` in words."""
         found = find_family(g, [v for v in self.variables if v in g.free], self.families)
         note = ""
         if found is not None and any(b.free for i in around if i.var in found[0].variables for b in (i.lo, i.hi)):
             chain = _chain(around, found[0].variables)
-            if chain and found[1](g, ONE, chain, found[0]) is None:  # as in the elimination: the innermost variable that will do
+            if chain and found[1](g, ONE, chain, found[0]) is None:  # as in the elimination: the innermost possible variable
                 single = (find_family(g, [b.var], self.families) for b in reversed(chain) if b.var in g.free)
                 found = next((f for f in single if f is not None), None)
                 note = ", the only one, as the bounds are curved"
@@ -169,7 +169,7 @@ class Inventory:
         }
 
     def _charts(self, g: Expr, data: object, around: Nest) -> list[Entry]:
-        """For the variables that are solved for: how many roots, and how they are found."""
+        """Returns, for each eliminated variable, the number of roots and the way they are found."""
         if not isinstance(data, Implicit | Solvable):
             return []
         charts = []
@@ -186,7 +186,7 @@ class Inventory:
     # -- steps ---------------------------------------------------------------------------------------------------------
 
     def _differences(self, e: Expr, sign: int = 1) -> object:
-        """The same for expressions whose difference is free of variables."""
+        """Returns a key that is equal for expressions whose difference is free of variables."""
         a, b, c = (p.value(e) for p in self._along)
         return None if a is None or b is None or c is None else (sign * (a - b) % P, sign * (a - c) % P)
 
@@ -212,7 +212,7 @@ class Inventory:
     # -- surfaces without one ------------------------------------------------------------------------------------------
 
     def dropped(self) -> list[Entry]:
-        """The conditions of the program that have become no surface of an integral, or the same one as another."""
+        """Returns the conditions of the program that became no surface of an integral, or the same one as another."""
         found = [
             entry_of(a.g, "", "parameters only", "parameters only: belongs to no integral, the derivative there is one-sided")
             for a in atoms_of(self.normal)
@@ -245,13 +245,13 @@ class Inventory:
         return entry_of(h, name, "cancelled", "cancels: the simplified program does not depend on it")
 
     def _key(self, g: Expr) -> object:
-        """The same for proportional surfaces."""
+        """Returns a key that is equal for proportional surfaces."""
         u, v = (p.value(g) for p in self._points)
         return divided(v, u) if u and v else g
 
 
 def entry_of(g: Expr, owner: str, status: str, treatment: str) -> Entry:
-    """One surface as data."""
+    """Returns one surface as data."""
     return {
         "surface": f"{text_of(g)} = 0",
         "owner": owner,
@@ -267,13 +267,13 @@ def entry_of(g: Expr, owner: str, status: str, treatment: str) -> Entry:
 
 
 def _chain(around: Nest, variables: Sequence[Var]) -> tuple[Binder, ...]:
-    """The integrals from the outermost one that takes part inwards."""
+    """Returns the integrals from the outermost one that takes part inwards."""
     first = next((k for k, i in enumerate(around) if i.var in variables), len(around))
     return tuple(Binder(i.var, i.lo, i.hi) for i in around[first:])
 
 
 def _conditions(written: Expr) -> dict[Compare, list[Expr]]:
-    """The conditions without steps that a program was written with, and the canonical surfaces that each becomes when it stands alone."""
+    """Returns the conditions without steps that a program was written with, and the canonical surfaces that each becomes by itself."""
     stepping = _holding_steps(written)
     atoms = [a for a in atoms_of(written) if a.resolution is None and a.g not in stepping]
     if not atoms:
@@ -283,7 +283,7 @@ def _conditions(written: Expr) -> dict[Compare, list[Expr]]:
 
 
 def _holding_steps(root: Expr) -> set[Node]:
-    """The nodes with a floor, or another function with steps, of variables in them."""
+    """Returns the nodes with a floor, or another function with steps, of variables in them."""
     found: set[Node] = set()
     for node in postorder([root]):
         steps = isinstance(node, Call) and node.name in ("floor", "ceil", "round", "mod") and bool(node.free)
@@ -293,7 +293,7 @@ def _holding_steps(root: Expr) -> set[Node]:
 
 
 def _coordinates(data: object, charts: Sequence[Entry]) -> str:
-    """Which variables a family eliminates, in words."""
+    """Returns the variables that a family eliminates, in words."""
     names = [v.name for v in reversed(cast(Any, data).variables)]
     match data:
         case Affine() if len(names) == 1:
@@ -315,7 +315,7 @@ def _coordinates(data: object, charts: Sequence[Entry]) -> str:
 
 
 def _roots(chart: Entry) -> str:
-    """A variable, and its roots, in words."""
+    """Returns a variable, and its roots, in words."""
     most = "" if chart["how"] == "formula" else "≤ "
     if chart["beyond"]:
         return f"{chart['variable']} ({chart['roots']} roots at first, {chart['how']})"

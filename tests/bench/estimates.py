@@ -177,7 +177,7 @@ def measure(every: Sequence[Shape], programs: int, seed: int, tolerances: Sequen
 
 
 def random_systems(count: int, seed: int, tol: float) -> Row:
-    """DESIGN 5: relative errors of random systems of 1-3 conics whose region is not tiny, and evaluations."""
+    """Relative errors of random systems of 1-3 conics whose region is not tiny, and evaluations."""
     rng = np.random.default_rng(seed)
     errors, evaluations, programs = [], 0, 0
     for shape in systems():

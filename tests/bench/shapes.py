@@ -123,7 +123,7 @@ def conic(i: int) -> Expr:
 
 
 def random_conic(rng: Random) -> list[float]:
-    """A line, circle, ellipse or hyperbola about the unit square, as DESIGN 5 drew them: six coefficients."""
+    """A line, circle, ellipse or hyperbola about the unit square: six coefficients."""
     cx, cy = rng.random(2)
     sign = rng.choice([-1.0, 1.0])
     match rng.integers(0, 4):
@@ -234,5 +234,5 @@ def shapes() -> list[Shape]:
 
 
 def systems() -> list[Shape]:
-    """One to three random conics, exp(x)·cos(y): DESIGN 5."""
+    """One to three random conics, exp(x)·cos(y)."""
     return [Shape("conics", f"{n} conics", *_over_square(inside(n) * EXP_COS), conics(n)) for n in (1, 2, 3)]

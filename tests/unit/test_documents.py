@@ -19,20 +19,13 @@ FILES = {p.relative_to(ROOT).as_posix() for folder in FOLDERS for p in (ROOT / f
 FILES |= {f"{name}/" for name in FILES if (ROOT / name).is_dir()} | {f"{folder}/" for folder in FOLDERS}
 PATH = re.compile(r"`([\w./<>-]+(?:\.py|\.h|/))`")
 MODULE = re.compile(r"\bteg(?:\.[a-z_]\w*)+")
-PENDING = {
-    "at_roots.py",
-    "clipped.py",
-    "lowering.py",
-    "pole/",
-}
-"""Names that texts use before, or after, a file has them."""
 PACKAGES = {p.parent.relative_to(ROOT).as_posix().replace("/", ".") for p in SOURCES if p.name == "__init__.py"}
 
 
 def is_there(path: str) -> bool:
     """Whether a path from the root, or the end of one, names a file or folder; one with a <placeholder> names its folder."""
     path = path[: path.rindex("/", 0, path.index("<")) + 1] if "<" in path else path
-    return path in FILES | PENDING or any(name.endswith("/" + path) for name in FILES)
+    return path in FILES or any(name.endswith("/" + path) for name in FILES)
 
 
 @pytest.mark.parametrize("document", ["ARCHITECTURE.md", "CONTRIBUTING.md", "README.md"])

@@ -20,9 +20,9 @@ from teg.passes.intrinsics.polygon import POLYGON
 from teg.passes.lower.intrinsic import Intrinsic, Statement
 
 INTRINSICS: tuple[Intrinsic, ...] = (HYPERBOLA, POLYGON, POLE)
-"""In the order in which they are asked."""
+"""In the order in which they are tried."""
 STATEMENTS: dict[type, Statement] = {kind: known for intrinsic in INTRINSICS for kind, known in intrinsic.statements.items()}
-"""What is known of the statements of all intrinsics, whether they are used or not."""
+"""The data of the statements of all intrinsics, whether the intrinsics are turned on or not."""
 
 
 def intrinsics_for(how: Integration) -> tuple[Intrinsic, ...]:
@@ -31,6 +31,6 @@ def intrinsics_for(how: Integration) -> tuple[Intrinsic, ...]:
 
 
 def boundary_terms(remarks: Remarks | None = None) -> tuple[Closed, ...]:
-    """Returns the closed forms of boundary terms that are not differentiated again; `remarks` are told where one is taken."""
+    """Returns the closed forms of boundary terms that are not differentiated again. Uses of them are added to `remarks`."""
     known = Remarks() if remarks is None else remarks
     return tuple(noted(i.boundary, i.name, known) for i in INTRINSICS if i.boundary is not None)

@@ -26,7 +26,7 @@ Truths = tuple[Arg, Arg]  # holds, fails
 NAN = float("nan")
 SHORT = 4
 CLEAR = 2.0**10 * TIE_EPS
-"""In parts of its scale: a function that is larger is certainly not 0."""
+"""A function larger than this, relative to its scale, is certainly not 0."""
 _EPSILON = 2.0**-52
 _SLACK = 8.0
 """So many roundings of a product are within the factor 4 of `TIE_EPS`."""
@@ -34,9 +34,9 @@ _SLACK = 8.0
 
 @dataclass
 class Level:
-    """The inside of one integral (or the outside of all): where statements go, and what has a name already.
+    """The inside of one integral, or the outside of all: where statements go, and the nodes that have a name.
 
-    An integral has two: the nodes of a piece, and its `middle`, where everything that is constant on the piece is evaluated.
+    An integral has two levels: the nodes of a piece, and its `middle`, where everything that is constant on the piece is evaluated.
     """
 
     var: Var | None
@@ -50,21 +50,23 @@ class Level:
     errors: dict[Expr, Arg] = field(default_factory=dict)
     groups: dict[Integral, list[Integral]] = field(default_factory=dict)
     guards: dict[Integral, Cond] = field(default_factory=dict)
-    weights: dict[Integral, Expr] = field(default_factory=dict)  # what integrals are multiplied by while they are computed
+    weights: dict[Integral, Expr] = field(default_factory=dict)  # the factors by which integrals are multiplied while they are computed
     isolated: dict[object, tuple[Arg, ...]] = field(default_factory=dict)
-    coincident: dict[Compare, Arg] = field(default_factory=dict)  # of a sum over roots: the conditions that may tie with its surface
+    coincident: dict[Compare, Arg] = field(default_factory=dict)  # for a sum over roots: the conditions that may tie with its surface
     constant: dict[Node, bool] = field(default_factory=dict)  # on a piece
-    elsewhere: Callable[[], Sequence[Level]] | None = None  # of a middle: other places of the piece, where its ties are looked at again
-    twisted: bool = False  # at a root of a surface that is no polynomial of low degree: nothing there is one
-    coordinates: dict[Integral, str] | None = None  # of the nest of integrals that is sampled here: theirs, but for the outermost one's
-    constants: Level | None = None  # where what is constant here is computed, as one factor or term; powers here are products
+    elsewhere: Callable[[], Sequence[Level]] | None = None  # for a middle: other places of the piece, where its ties are evaluated again
+    twisted: bool = False  # at a root of a surface that is not a polynomial of low degree: no function there is one
+    coordinates: dict[Integral, str] | None = (
+        None  # for the nest of integrals that is sampled here: the coordinates of all but the outermost one
+    )
+    constants: Level | None = None  # the level for values that are constant here, computed as one factor or term; powers here are products
 
     def inside(self, var: Var, name: Arg) -> Level:
-        """The level one deeper, where a variable has that name."""
+        """Returns the level one deeper, where a variable has that name."""
         return Level(var, self, self.depth + 1, names={var: name}, coordinates=self.coordinates)
 
     def is_constant(self, node: Node) -> bool:
-        """Does the node depend on this level's variable through conditions that are constant on a piece only?"""
+        """Returns whether the node depends on this level's variable only through conditions that are constant on a piece."""
         known, handled = self.constant, cast(Breaks, self.breaks).handled
         stack = [node]
         while stack:
@@ -110,21 +112,21 @@ class Emitter:
         self._binders: dict[Node, frozenset[Var]] = {}
 
     def fresh(self, kind: str) -> str:
-        """A name that nothing has: "v…" for a number, "b…" for a boolean, "x…" for a variable."""
+        """Returns an unused name: "v…" for a number, "b…" for a boolean, "x…" for a variable."""
         self._count += 1
         return f"{kind}{self._count}"
 
     def binders(self, nodes: Sequence[Node]) -> frozenset[Var]:
-        """The variables of the integrals inside."""
+        """Returns the variables of the integrals inside."""
         for node in nodes:
             if node not in self._binders:
                 self._binders[node] = binders_inside(node)
         return frozenset().union(*(self._binders[n] for n in nodes))
 
-    # -- where things go -----------------------------------------------------------------------------------------------
+    # -- levels of values ----------------------------------------------------------------------------------------------
 
     def home_of(self, node: Node, level: Level) -> Level:
-        """The outermost level where the inputs of a node exist."""
+        """Returns the outermost level where the inputs of a node exist."""
         while level.var is not None:
             if level.var in node.free:
                 return level.middle if level.middle is not None and level.is_constant(node) else level
@@ -132,7 +134,7 @@ class Emitter:
         return level
 
     def assign(self, home: Level, kind: str, op: str, *args: Arg) -> str:
-        """The name of op(args), computed once a level."""
+        """Returns the name of op(args), computed once a level."""
         key = (op, args)
         if key not in home.computed:
             home.computed[key] = self.fresh(kind)
@@ -140,17 +142,17 @@ class Emitter:
         return home.computed[key]
 
     def number(self, e: Expr, level: Level) -> Arg:
-        """The name of an expression, or its literal."""
+        """Returns the name of an expression, or its literal."""
         self.emit(e, level)
         return self._number_of(e, level)
 
     def truths(self, c: Cond, level: Level) -> Truths:
-        """The names of *holds* and *fails*."""
+        """Returns the names of *holds* and *fails*."""
         self.emit(c, level)
         return self._truths_of(c, level)
 
     def emit(self, root: Node, level: Level) -> None:
-        """Give the node and everything below it a name, children first, without recursion (but for the nesting of integrals)."""
+        """Gives the node and everything below it a name, children first, without recursion (except for nested integrals)."""
         stack: list[tuple[Node, Level]] = [(root, level)]
         while stack:
             node, at = stack[-1]
@@ -180,7 +182,7 @@ class Emitter:
     # -- values -------------------------------------------------------------------------------------------------------
 
     def value(self, e: Expr, home: Level) -> Arg:
-        """A number whose children have names."""
+        """Returns the name of a number whose children have names."""
         match e:
             case Const():
                 return cast(float, e.data)
@@ -215,7 +217,8 @@ class Emitter:
                 raise AssertionError(f"{type(e).__name__} cannot be scheduled")
 
     def sum(self, e: Add, home: Level) -> Arg:
-        """Terms are added from the left in the order written; a term -u is subtracted. What is constant is added first, outside."""
+        """Returns a sum. Terms are added from the left in the order written; a term -u is subtracted. Constants are
+        added first, outside."""
         if home.constants is not None:
             outside = [term for term in e.children if not self._varies(term, home)]
             if len(outside) >= 2:
@@ -231,7 +234,7 @@ class Emitter:
         return total[0] if len(total) == 1 else self.assign(home, "v", "add", *total)
 
     def product(self, e: Mul, home: Level) -> Arg:
-        """Factors are multiplied from the left, then divided by what stands below, then negated."""
+        """Returns a product. Factors are multiplied from the left, then divided by the denominators, then negated."""
         if home.constants is not None:
             return self._product_with_constant(e, home, home.constants)
         above: list[Arg] = []
@@ -254,11 +257,11 @@ class Emitter:
     # -- where many nodes are computed side by side --------------------------------------------------------------------
 
     def _varies(self, e: Expr, home: Level) -> bool:
-        """Whether an expression is not constant where many nodes are computed side by side."""
+        """Returns whether an expression is not constant where many nodes are computed side by side."""
         return self.home_of(e, home).constants is not None
 
     def _product_with_constant(self, e: Mul, home: Level, outside: Level) -> Arg:
-        """What is constant is multiplied first, outside; a division is one by one number, done once."""
+        """Returns a product whose constants are multiplied first, outside; a division is one by one number, done once."""
         constant = [f for f in e.children if not self._varies(f, home)]
         varying = [self.number(f, home) for f in e.children if self._varies(f, home)]
         if not constant:
@@ -274,7 +277,7 @@ class Emitter:
         return 1.0 if not numbers else numbers[0] if len(numbers) == 1 else self.assign(home, "v", "mul", *numbers)
 
     def _power_by_products(self, e: Pow, home: Level) -> Arg:
-        """A power by repeated squaring, for lanes of numbers have no other."""
+        """Returns a power by repeated squaring, because lanes of numbers have no other."""
         base, result, k = self.number(e.base, home), None, e.exponent
         while k:
             if k & 1:
@@ -286,7 +289,7 @@ class Emitter:
     # -- conditions ----------------------------------------------------------------------------------------------------
 
     def condition(self, c: Cond, home: Level) -> Truths:
-        """A condition whose children have names."""
+        """Returns the truths of a condition whose children have names."""
         match c:
             case Truth():
                 return (bool(c.data), not c.data)
@@ -312,7 +315,7 @@ class Emitter:
     # -- ties, and the rounding errors behind them ---------------------------------------------------------------------
 
     def tie(self, c: Compare, g: Arg, home: Level) -> Truths:
-        """A condition on a surface: decided by its sign, or by its resolution where it ties."""
+        """Returns the truths of a condition on a surface: decided by its sign, or by its resolution where it ties."""
         holds_first = self._truths_of(cast(Cond, c.resolution), home)[0]
         scale = self.tie_scale(c.g, home)
         if home.elsewhere is not None and not c.g.has_integral and not self.is_short(c.g, home):
@@ -326,13 +329,16 @@ class Emitter:
         return (holds, self.assign(home, "b", "and", fails, ok))
 
     def is_short(self, g: Expr, home: Level) -> bool:
-        """Whether a function is a polynomial of so low a degree that it is not as good as 0 in the middle of a piece without roots."""
+        """Returns whether a function is a polynomial of low degree, which cannot be nearly 0 in the middle of a piece without roots."""
         degree = Shadow((cast(Var, home.var),)).degree(g) if home.var in g.free and not home.twisted else None
         return degree is not None and degree <= SHORT
 
     def _clearest(self, e: Expr, g: Arg, scale: Arg, home: Level) -> tuple[Arg, Arg]:
-        """A function that has no roots on a piece and its scale, where it is not as good as 0. It has one sign there, so surfaces that only
-        approach each other are told apart where they are apart; those that coincide are a tie at every place."""
+        """Returns a function without roots on a piece, and its scale, at a place where it is not nearly 0.
+
+        It has one sign there, so surfaces that only approach each other are told apart where they are apart; those that coincide are a
+        tie at every place.
+        """
         reach = self.assign(home, "v", "mul", TIE_EPS, scale)
         unclear = self.assign(home, "b", "ge0", self.assign(home, "v", "sub", reach, self._size_of(g, home)))
         for other in cast("Callable[[], Sequence[Level]]", home.elsewhere)():
@@ -346,12 +352,13 @@ class Emitter:
         return abs(value) if isinstance(value, float | int) else self.assign(home, "v", "abs", value)
 
     def tie_scale(self, g: Expr, home: Level) -> Arg:
-        """What, times a few ε, an atom may be off by where it is 0: Σ|terms|, and the rounding errors its terms come with."""
+        """Returns the scale of a tie: Σ|terms| of an atom, and the rounding errors of its terms. Times a few ε it bounds the atom's error
+        near 0."""
         terms, error = self._terms_size(g, home), self.error(g, home)
         return terms if error == 0.0 else self.assign(home, "v", "add", terms, error)
 
     def _terms_size(self, g: Expr, home: Level) -> Arg:
-        """Σ|terms|, of the branch that is taken and behind a number in front."""
+        """Returns Σ|terms|, of the branch that is taken and after a numerical factor in front."""
         if isinstance(g, Where):
             holds = self.truths(g.condition, home)[0]
             return self.assign(home, "v", "select", holds, self._terms_size(g.then, home), self._terms_size(g.otherwise, home))
@@ -362,11 +369,12 @@ class Emitter:
         return self.assign(home, "v", "add", *(self.size(t, home) for t in g.children))
 
     def size(self, e: Expr, home: Level) -> Arg:
-        """|e|."""
+        """Returns |e|."""
         return self._size_of(self.number(e, home), home)
 
     def error(self, root: Expr, level: Level) -> Arg:
-        """A running error bound in units of ε: parameters and variables are exact (but those in `errors`), each operation rounds once."""
+        """Returns a running error bound in units of ε. Parameters and variables are exact (except those in `errors`); each operation rounds
+        once."""
         stack: list[tuple[Expr, Level]] = [(root, level)]
         while stack:
             e, at = stack[-1]
@@ -388,7 +396,7 @@ class Emitter:
         return self.home_of(root, level).errors[root]
 
     def _own_error(self, e: Expr, errors: list[Arg], home: Level) -> Arg:
-        """The bound for one operation, from those of its children."""
+        """Returns the bound for one operation, from those of its children."""
 
         def put(op: str, *args: Arg) -> Arg:
             return self.assign(home, "v", op, *args)
@@ -430,7 +438,7 @@ class Emitter:
                 return size(e)
 
     def _weighted(self, weight: float, value: Arg, home: Level) -> Arg:
-        """weight·value."""
+        """Returns weight·value."""
         return value if weight == 1.0 else self.assign(home, "v", "mul", weight, value)
 
     def _carried_by(self, e: Call, errors: list[Arg], home: Level) -> list[Arg]:
@@ -471,7 +479,7 @@ class Emitter:
                 return errors
 
     def _carried_by_power(self, e: Call, errors: list[Arg], home: Level) -> list[Arg]:
-        """Returns bounds of what the errors of base and exponent do to a power: |y|·|x|^(y-1)·Δx and |log x|·|x|^y·Δy."""
+        """Returns bounds of the effect of the errors of base and exponent on a power: |y|·|x|^(y-1)·Δx and |log x|·|x|^y·Δy."""
 
         def put(op: str, *args: Arg) -> Arg:
             return self.assign(home, "v", op, *args)

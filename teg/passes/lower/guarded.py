@@ -1,11 +1,10 @@
-"""The guard of an adaptive integral: bounds of its integrands and of their sharp values over a box, for `teg.program` (Integrate).
+"""The guard of an adaptive integral: bounds of its integrands and of their sharp values over a box, for `Integrate` of `teg.program`.
 
-A feature that lies between all nodes changes no value that the rule has; but the node it comes from (`teg.analysis.sharp`) has an
-enclosure over
-the gap, to be compared with its values at the nodes beside it. Where it stands in an integral inside, the bound over the gap and the
-inner range is compared with those over the nodes and the inner range: both come from one enclosure, so they agree in a gap that is short
-enough. (The largest value that the inner integral sees is no such measure: brackets may cut the range.) At the ends of the inner range the
-sharp value is one of the outer variable alone: a ridge that leaves the domain has a layer there.
+A feature between all nodes changes no value of the rule. But its node (`teg.analysis.sharp`) has an enclosure over the gap, which is
+compared with its values at the nodes beside it. If the node stands in an inner integral, the bound over the gap and the inner range is
+compared with those over the nodes and the inner range: both come from one enclosure, so they agree in a gap that is short enough. (The
+largest value in the inner integral is no such measure, because brackets may cut the range.) At the ends of the inner range the sharp
+value is one of the outer variable alone: a ridge that leaves the domain has a layer there.
 """
 
 from __future__ import annotations
@@ -28,14 +27,14 @@ from teg.passes.lower.emit import Emitter, Level
 from teg.program import Adaptive, Arg, Guard
 
 CUBIC_RATE = 1.5
-"""How much faster than on a straight line a cubic's place goes."""
+"""The factor by which a cubic's place may move faster than on a straight line."""
 WIDE_GAP = 0.4
-"""The largest part of a piece in one gap, for rules that are not known yet."""
+"""The largest fraction of a piece in one gap, for rules that are not known yet."""
 _LARGEST = 1e300
 
 
 def widest_gap(rule: Adaptive) -> float:
-    """The largest part of a piece that lies between neighbouring nodes, or beside an end, on a straight line or a cubic."""
+    """Returns the largest fraction of a piece between neighbouring nodes, or beside an end, on a straight line or a cubic."""
     widest = 0.0
     for nodes in {rule.first, rule.order}:
         places = [-1.0, *gauss_legendre(nodes)[0], 1.0]
@@ -45,7 +44,7 @@ def widest_gap(rule: Adaptive) -> float:
 
 @dataclass(frozen=True)
 class Peak:
-    """A node of an integrand inside, and the integrals around it from the outermost one."""
+    """A node of an inner integrand, and the integrals around it from the outermost one."""
 
     node: Expr
     path: tuple[Integral, ...]
@@ -53,7 +52,7 @@ class Peak:
 
 @dataclass(frozen=True)
 class Bounded:
-    """A sharp value: what a node sees of it, and its bounds over the box of the guard."""
+    """A sharp value: its value at a node, and its bounds over the box of the guard."""
 
     seen: Arg
     upper: Expr
@@ -66,11 +65,11 @@ class Guards:
     def __init__(self, out: Emitter) -> None:
         self.out = out
         self.degrees = Degrees()
-        self.ranges: Mapping[Var, Interval] = {}  # of the variables of the integrals around, where they are known in numbers
+        self.ranges: Mapping[Var, Interval] = {}  # of the variables of outer integrals, if they are known in numbers
         self.peaks: dict[Integral, tuple[Peak, ...]] = {}
 
     def guard(self, bodies: Sequence[Expr], x: Var, known: Sequence[Sharp], level: Level, home: Level, gap: float | None) -> Guard | None:
-        """The guard of integrands in x that share a loop, with these sharp values of their own and those of the integrals inside."""
+        """Returns the guard of integrands in x that share a loop, with these sharp values of their own and those of inner integrals."""
         taken = frozenset[Var]().union(*(b.free for b in bodies), *(s.value.free for s in known))
         left, right = fresh(x.name + "₋", taken), fresh(x.name + "₊", taken)
         boxed = Enclosure({x: (left, right)})
@@ -85,7 +84,7 @@ class Guards:
             slices = [_around(peak, {x: ends}) for ends in ((left, right), (x, x))]
             known_bounds = [bounds(sharp, Enclosure(box)) for box in slices if box is not None]
             if len(known_bounds) == 2 and all(known_bounds):
-                # a singularity inside is nothing to be looked for
+                # an inner singularity is not searched for
                 upper, seen = (where(positive(sub(const(_LARGEST), b[0])), b[0], ZERO) for b in known_bounds if b is not None)
                 found.append(Bounded(self.out.number(seen, level), upper, upper))
         if not found:
@@ -100,11 +99,11 @@ class Guards:
         return Guard(*names, block, extents, upper_names, lower_names, tuple(b.seen for b in found))
 
     def not_tame(self, known: Sequence[Sharp], x: Var, gap: float | None) -> list[Sharp]:
-        """The sharp values that may change much between neighbouring nodes in x."""
+        """Returns the sharp values that may change much between neighbouring nodes in x."""
         return [s for s, tame in zip(known, tame_ones(known, self.ranges, x, gap), strict=True) if not tame]
 
     def note_peaks(self, group: Sequence[Integral], level: Level) -> None:
-        """Keep what may be sharp as seen from the integrals around."""
+        """Records the nodes that may be sharp as seen from outer integrals."""
         outside = list(_variables(level.outer))
         if not outside:
             return
@@ -117,7 +116,7 @@ class Guards:
             self.peaks[node] = tuple(p for p in peaks if p.node in sharp)
 
     def _sharp_outside(self, nodes: Sequence[Expr], outside: Sequence[Var]) -> set[Expr]:
-        """Those nodes that are sharp as seen from one of the integrals around."""
+        """Returns the nodes that are sharp as seen from one of the outer integrals."""
         found: set[Expr] = set()
         for v in outside:
             seen = [sharp_value(n, v, self.degrees, 2) for n in nodes if v in n.free and n not in found]
@@ -125,7 +124,7 @@ class Guards:
         return found
 
     def _peaks_in(self, bodies: Sequence[Expr], x: Var) -> list[Peak]:
-        """What is known of the integrals that stand in these integrands, and depend on x, but not of those inside of them."""
+        """Returns the recorded peaks of the integrals in these integrands that depend on x, without those of deeper integrals."""
         found: list[Peak] = []
         seen: set[Node] = set()
         stack: list[Node] = list(reversed(bodies))
@@ -141,7 +140,7 @@ class Guards:
         return list(dict.fromkeys(found))
 
     def _inside(self, bodies: Sequence[Expr], x: Var, gap: float | None) -> list[Peak]:
-        """The sharp values of the integrals inside that are not tame as seen from x."""
+        """Returns the sharp values of inner integrals that are not tame as seen from x."""
         paths: dict[tuple[Integral, ...], list[tuple[Peak, Sharp]]] = {}
         for peak in self._peaks_in(bodies, x):
             sharp = sharp_value(peak.node, x, self.degrees, 2) if x in peak.node.free else None
@@ -157,7 +156,7 @@ class Guards:
         return found
 
     def _faces(self, peak: Peak, x: Var) -> Iterator[Sharp]:
-        """A sharp value at both ends of the range of the only integral around it."""
+        """Yields a sharp value at both ends of the range of the only integral around it."""
         if len(peak.path) != 1:
             return
         (inner,) = peak.path
@@ -170,7 +169,7 @@ class Guards:
 
 
 def _variables(level: Level | None) -> Iterator[Var]:
-    """The variables of the integrals around."""
+    """Yields the variables of the outer integrals."""
     while level is not None:
         if level.var is not None:
             yield level.var
@@ -178,7 +177,7 @@ def _variables(level: Level | None) -> Iterator[Var]:
 
 
 def _around(peak: Peak, box: Mapping[Var, Interval]) -> dict[Var, Interval] | None:
-    """The box with the ranges of the variables of the integrals around a node; None where they are not known."""
+    """Returns the box with the ranges of the variables of the integrals around a node; None if they are not known."""
     larger = dict(box)
     for node in peak.path:
         low, high = range_of(node, larger)

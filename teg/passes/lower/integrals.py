@@ -1,12 +1,12 @@
 """From a closed expression without δ to the flat program of `teg.program`.
 
-The parts: `emit` gives every value a name at the outermost level where its inputs exist; `rules` chooses a rule for each integral, `pieces`
-its breaks, `guarded` what finds peaks between its nodes; `roots` sums over roots; `samples` integrates without breaks; intrinsics
-compute integrals of their shapes. Here they meet: what an integral becomes, one statement of one of these.
+The parts: `emit` gives every value a name at the outermost level where its inputs exist; `rules` chooses a rule for each integral,
+`pieces` its breaks, `guarded` its guard against peaks between nodes; `roots` sums over roots; `samples` integrates without breaks;
+intrinsics compute integrals of their shapes. This module joins them: each integral becomes one statement of one of these.
 
-Integrals of one level with the same variable, bounds, breaks, rule and guard share one statement, with several results. Inside, what is
-constant on a piece (conditions whose roots are breaks, and what depends on x through them only) goes to its `flags`, the rest to its
-`body`.
+Integrals of one level with the same variable, bounds, breaks, rule and guard share one statement, with several results. Inside, values
+that are constant on a piece (conditions whose roots are breaks, and values that depend on x through them only) go to its `flags`, the
+others to its `body`.
 """
 
 from __future__ import annotations
@@ -55,7 +55,10 @@ from teg.program.dce import without_dead_code
 
 SHAPE, DEEP = "the shape of an intrinsic", "too many adaptive integrals inside each other"
 PLACES = (2.0**-12, 0.2361, 0.7639, 1 - 2.0**-12)
-"""Where on a piece a tie of its middle is looked at again, in parts of its length: surfaces approach each other towards an end, or both."""
+"""The places on a piece, as fractions of its length, where a tie of its middle is evaluated again.
+
+Surfaces approach each other towards one end, or both.
+"""
 
 
 def schedule(
@@ -65,7 +68,7 @@ def schedule(
     intrinsics: Sequence[Intrinsic],
     remarks: Remarks | None = None,
 ) -> Program:
-    """One program for several outputs; `intrinsics` may compute integrals of their shapes. `remarks` are told how each is computed."""
+    """Returns one program for several outputs. `intrinsics` may compute integrals of their shapes; decisions are added to `remarks`."""
     return _Integrals(parameters, how, intrinsics, Remarks() if remarks is None else remarks).run(outputs)
 
 
@@ -84,7 +87,7 @@ class _Integrals:
         self._claimed: dict[Node, Lowering] = {}
 
     def run(self, outputs: Sequence[Expr]) -> Program:
-        """The program of the outputs."""
+        """Returns the program of the outputs."""
         top = Level(None, None, 0)
         self.samples.deciding = deciding_integrals(outputs)
         self.plan(top, outputs)
@@ -93,7 +96,7 @@ class _Integrals:
         return without_dead_code(Program(self.parameters, tuple(top.block), names, tuple(Tie(t) for t in self.out.ties), functions))
 
     def plan(self, level: Level, roots: Sequence[Expr]) -> None:
-        """Find the integrals that belong to this level, when each is needed, and which of them share a loop."""
+        """Finds the integrals of this level, their guards, and the groups that share a loop."""
         order = postorder(roots)
         claimed = self._claimed_at(level, order)
         inner = self.out.binders(roots)
@@ -129,17 +132,17 @@ class _Integrals:
                 level.groups[node] = group
 
     def _claimed_at(self, level: Level, order: Sequence[Node]) -> dict[Node, Lowering]:
-        """The integrals that are computed alone, with what computes them."""
+        """Returns the integrals that are computed alone, with the lowering that computes each."""
         for lowering in self.lowerings:
             self._claimed.update(dict.fromkeys(lowering.claim(level, order), lowering))
         return self._claimed
 
     def _shape(self, node: Integral, level: Level) -> Lowering | None:
-        """The intrinsic that computes an integral of this level."""
+        """Returns the intrinsic that computes an integral of this level."""
         return next((lowering for lowering in self.lowerings if lowering.key(node, level) is not None), None)
 
     def integrate(self, node: Integral, home: Level) -> None:
-        """Give an integral, and those that share its statement, a name."""
+        """Gives an integral, and those that share its statement, a name."""
         if home.coordinates is not None and node in home.coordinates:
             self.samples.sample_inside(node, home)
             return
@@ -176,12 +179,12 @@ class _Integrals:
         home.names.update(zip(group, results, strict=True))
 
     def _note(self, group: Sequence[Integral], choice: str, reason: str) -> None:
-        """Record how integrals are computed."""
+        """Records the choice for a group of integrals."""
         for node in group:
             self.remarks.add("lower", node, choice, reason)
 
     def _by_pieces(self, group: Sequence[Integral], home: Level, when: str | None) -> Sequence[Arg]:
-        """The results of integrals that share a loop over pieces: one `Integrate`."""
+        """Returns the results of integrals that share a loop over pieces: one `Integrate`."""
         node, infinite = group[0], is_unbounded(group[0])
         lo, hi, breaks = self.pieces.of(group, home, when)
         rule = self.rules.shared(group, home.depth)
@@ -214,14 +217,14 @@ class _Integrals:
         return tuple(self.out.assign(home, "v", "div", r, by) for r in results)
 
     def closed_form(self, e: ClosedForm, home: Level) -> Arg:
-        """The name of a number that an intrinsic computes."""
+        """Returns the name of a number that an intrinsic computes."""
         for lowering in self.lowerings:
             if (name := lowering.closed_form(e, home)) is not None:
                 return name
         raise AssertionError(f"{e.name} was made by an intrinsic that is off")
 
     def _guard(self, group: Sequence[Integral], weight: Expr, level: Level, home: Level, rule: Rule, bends: Sequence[Bend]) -> Guard | None:
-        """What finds features of the integrands between all nodes; None where there can be none."""
+        """Returns the guard against features of the integrands between all nodes; None if there can be none."""
         if not isinstance(rule, Adaptive) or rule.tol == math.inf:
             return None
         x, bodies = group[0].var, [i.body for i in group]
@@ -231,7 +234,7 @@ class _Integrals:
         return self.guards.guard([mul(weight, b) for b in bodies], x, self.guards.not_tame(known, x, gap), level, home, gap)
 
     def _without_peaks(self, group: Sequence[Integral], known: Sequence[Sharp]) -> list[Sharp]:
-        """The sharp values without narrow Gaussians, which are breaks: an exponential of a quadratic that opens downwards."""
+        """Returns the sharp values without narrow Gaussians (exponentials of quadratics that open downwards), which are breaks."""
         x, inner = group[0].var, self.out.binders([i.body for i in group])
         quadratic = self.pieces.exponentials(group)[1]
         rest = []
@@ -246,7 +249,7 @@ class _Integrals:
         return rest
 
     def _elsewhere(self, middle: Level, ends: tuple[str, str]) -> Sequence[Level]:
-        """Other places of a piece than its middle, whose statements are the middle's."""
+        """Returns other places of a piece than its middle, whose statements are the middle's."""
         x, (p, q) = cast(Var, middle.var), ends
         length = self.out.assign(middle, "v", "sub", q, p)
         levels = []
@@ -258,7 +261,7 @@ class _Integrals:
         return levels
 
     def _unless_empty(self, group: Sequence[Integral], needed: Arg, home: Level) -> Arg:
-        """Whether an outermost integral is needed, which it is not where intervals show that its integrand is 0 on the whole domain."""
+        """Returns whether an outermost integral is needed: not if intervals show that its integrand is 0 on the whole domain."""
         empty: list[Cond] = []
         for node in group:
             found = certainly_empty(node)
@@ -272,7 +275,7 @@ class _Integrals:
         return occupied if needed is True else self.out.assign(home, "b", "and", needed, occupied)
 
     def _need(self, bodies: Sequence[Expr], level: Level) -> str | None:
-        """A condition, constant on a piece, without which all integrands are 0 there."""
+        """Returns a condition, constant on a piece, without which all integrands are 0 there."""
         conditions: list[Cond] = []
         for body in bodies:
             c = support(body)
@@ -289,7 +292,7 @@ class _Integrals:
             return None
         home = self.out.home_of(total, level)
         if home is level.middle:
-            home.names[total] = (holds, False)  # on the pieces that are not skipped: it holds, or is not a number
+            home.names[total] = (holds, False)  # on the pieces that are not skipped it holds, or is NaN
         name = self.out.fresh("b")
         cast(Level, level.middle).block.append(Assign(name, "not", (fails,)))
         return name

@@ -1,4 +1,4 @@
-"""What the passes and reports ask of an intrinsic, a fast path of one shape of program. `teg.passes.intrinsics` lists all of them.
+"""The interface of an intrinsic, a fast path of one shape of program. `teg.passes.intrinsics` lists all of them.
 
 An intrinsic computes whole integrals by statements of its own (`Lowering`), or integrates between breaks by a rule of its own
 (`ExactRule`). It may also have closed forms for boundary terms. Without it, integrals are computed by pieces and the general rules, and
@@ -20,15 +20,16 @@ from teg.program import Arg, Rule, Stmt
 
 
 class Lowering:
-    """How one intrinsic computes the integrals of one program. Each intrinsic defines the methods it needs; these compute nothing."""
+    """The computation of the integrals of one program by one intrinsic. Each intrinsic defines the methods it needs;
+    these compute nothing."""
 
     name: str
-    """What the intrinsic is called in remarks."""
+    """The name of the intrinsic in remarks."""
 
     def claim(self, level: Level, order: Sequence[Node]) -> Iterable[Integral]:
         """Returns those integrals among the nodes of a level that are computed alone, without a guard (`emit_claimed`).
 
-        `order` has the nodes below what the level computes, children first.
+        `order` has the nodes of the level, children first.
         """
         return ()
 
@@ -37,7 +38,7 @@ class Lowering:
         raise AssertionError(f"{node} was not claimed")
 
     def key(self, node: Integral, level: Level) -> object | None:
-        """Returns a key that integrals have in common if one statement can compute them together; None for what is no such integral."""
+        """Returns a key that is equal for integrals which one statement can compute together; None for other integrals."""
         return None
 
     def emit(self, group: Sequence[Integral], home: Level, when: str | None) -> Sequence[Arg]:
@@ -58,7 +59,7 @@ class ExactRule(Protocol):
 
     @property
     def title(self) -> str:
-        """What it is called in reports."""
+        """The name in reports."""
 
     @property
     def bend(self) -> str:
@@ -68,20 +69,20 @@ class ExactRule(Protocol):
         """Returns the rule for an integral between finite bounds, or None."""
 
     def key(self, node: Integral, analysis: BreakAnalysis) -> object:
-        """The same for integrals of the rule that can share a loop."""
+        """Returns a key that is equal for integrals of the rule that can share a loop."""
 
     def shared(self, rules: Sequence[Rule]) -> Rule:
-        """One rule for all integrals of a loop."""
+        """Returns one rule for all integrals of a loop."""
 
 
 ROUNDINGS = 16 * 2.0**-52
 """A few roundings of a number, relative to it."""
 LEAST = 1e-300
-"""In the place of a divisor that is 0."""
+"""Replaces a divisor that is 0."""
 
 
 class Errors(Protocol):
-    """What an error rule may ask of the pass that carries errors through a program (`teg.passes.program.errors`).
+    """The operations that an error rule may use, of the pass that carries errors through a program (`teg.passes.program.errors`).
 
     An error is a name or a literal, 0.0 for a number that is exact. Statements are appended to `out`.
     """
@@ -89,36 +90,39 @@ class Errors(Protocol):
     errors: dict[Arg, Arg]
 
     def fresh(self, kind: str) -> str:
-        """A name that nothing has."""
+        """Returns an unused name."""
 
     def error(self, arg: Arg) -> Arg:
-        """The error of a number."""
+        """Returns the error of a number."""
 
     def block(self, block: Sequence[Stmt]) -> tuple[Stmt, ...]:
-        """A block with the errors of its values."""
+        """Returns a block with the errors of its values."""
 
     def op(self, out: list[Stmt], op: str, *args: Arg) -> Arg:
-        """The name of op(args)."""
+        """Returns the name of op(args)."""
 
     def sum_of(self, parts: Iterable[Arg], out: list[Stmt]) -> Arg:
-        """The sum of errors."""
+        """Returns the sum of errors."""
 
     def times(self, out: list[Stmt], size: Arg, error: Arg) -> Arg:
-        """|size|·error."""
+        """Returns |size|·error."""
 
 
 ErrorRule = Callable[[Errors, Any, list[Stmt]], None]
-"""Appends a statement with what its errors need, and sets the errors of its results."""
+"""Appends a statement with the values its errors need, and sets the errors of its results."""
 
 
 CLOSED_FORM = "closed form"
-"""How the name of a rule without nodes ends."""
+"""The last words in the name of a rule without nodes."""
 
 
 @dataclass(frozen=True)
 class Description:
-    """An integral that an intrinsic computes, for reports: the name of the rule, its nodes a piece and pieces, and the degree of the
-    integrand, where there are such; and the integrals inside it that are computed with it."""
+    """An integral that an intrinsic computes, for reports.
+
+    The name of the rule, its nodes a piece and pieces, and the degree of the integrand, if there are any; and the inner integrals
+    computed with it.
+    """
 
     rule: str
     nodes: int | None
@@ -129,7 +133,8 @@ class Description:
 
 @dataclass(frozen=True)
 class Statement:
-    """What passes and reports need to know of a statement of an intrinsic: its error rule, and how often a run evaluates its integrand."""
+    """The data of an intrinsic's statement for passes and reports: its error rule, and the number of evaluations of
+    its integrand in a run."""
 
     errors: ErrorRule
     evaluations: Callable[[Any], int]

@@ -1,10 +1,10 @@
 """From an outlined expression, and derivatives by arrays, to the loops of `teg.program.arrays`.
 
-Level by level. What a level needs of sums becomes loops, those over the same range one loop; what the level computes itself is one cell,
-scheduled to one flat program whose parameters are entries, integers, and the sums' results. Then each flat program is cut where its
-statements stop depending on an index: what is the same for all iterations of a loop runs before it (`_split`).
+Level by level. The sums that a level needs become loops, one loop for sums over the same range. The level's own values are one cell,
+lowered to one flat program whose parameters are entries, integers, and the sums' results. Then each flat program is cut where its
+statements stop depending on an index: values that are the same for all iterations of a loop are computed before it (`_split`).
 
-A derivative by an array, Σ_k w_k·1[V; F[k]], is taken apart into its places and what is added there; a weight in front of a sum goes
+A derivative by an array, Σ_k w_k·1[V; F[k]], is taken apart into its places and the numbers added there; a weight in front of a sum goes
 inside.
 """
 
@@ -40,30 +40,30 @@ from teg.program.fields import renamed
 from teg.program.verify import verified_arrays
 
 Schedule = Callable[[Sequence[Expr], Sequence[str]], Program]
-"""A flat program of scalar outputs, given them and the names of the parameters."""
+"""Returns a flat program of scalar outputs, given these and the names of the parameters."""
 Output = Expr | tuple[Array, Expr]
 """A number, or an array and the derivative by it."""
 
 
 def schedule_arrays(outputs: Sequence[Output], parameters: Sequence[str], arrays: Sequence[ArrayName], flat: Schedule) -> ArrayProgram:
-    """One program for several outputs."""
+    """Returns one program for several outputs."""
     return verified_arrays(_ArrayScheduler(parameters, arrays, flat).run(outputs), "after schedule arrays")
 
 
 def output_of(e: Expr) -> Output:
-    """A number, or what a derivative by an array is."""
+    """Returns a number as it is, and a derivative by an array with its array."""
     arrays = {n.array for n in postorder([e]) if isinstance(n, Unit)}
     return (arrays.pop(), e) if len(arrays) == 1 else e
 
 
 def array_specs(arrays: Iterable[ArrayName]) -> tuple[ArraySpec, ...]:
-    """How arrays are given."""
+    """Returns the form in which arrays are given."""
     return tuple(ArraySpec(a.name, a.dimensions, isinstance(a, IndexArray)) for a in arrays)
 
 
 @dataclass(slots=True)
 class _Level:
-    """One loop: its index, its name, the steps so far, and what has a name there."""
+    """One loop: its index, its name, the steps so far, and the nodes that have a name there."""
 
     depth: int
     index: IndexVar | None
@@ -79,7 +79,7 @@ class _ArrayScheduler:
         self.flat = flat
         self._number = {a: k for k, a in enumerate(self.arrays)}
         self._count = 0
-        self._depth: dict[Arg, int] = {}  # of names: the level where they are given
+        self._depth: dict[Arg, int] = {}  # by name: the level where it is defined
         self._open: dict[Node, frozenset[IndexVar]] = {}
 
     def run(self, outputs: Sequence[Output]) -> ArrayProgram:
@@ -102,8 +102,10 @@ class _ArrayScheduler:
     # -- levels --------------------------------------------------------------------------------------------------------
 
     def _level(self, level: _Level, roots: Sequence[Expr], linear: Sequence[tuple[int, Expr, Expr]]) -> list[Arg]:
-        """Steps for numbers, whose names are returned, and for arrays: (output, expression with units, weight). Recursion is as deep as
-        sums stand inside each other."""
+        """Emits steps for numbers, whose names are returned, and for arrays: (output, expression with units, weight).
+
+        The recursion is as deep as sums are nested.
+        """
         units: list[tuple[int, Unit, Expr]] = []
         sums: list[tuple[int, Sum, Expr]] = []
         for output, e, weight in linear:
@@ -121,7 +123,7 @@ class _ArrayScheduler:
         return names[: len(roots)]
 
     def _loops(self, level: _Level, roots: Sequence[Expr], linear: Sequence[tuple[int, Sum, Expr]]) -> None:
-        """A loop for every sum that belongs to this level, those that others need first."""
+        """Emits a loop for every sum of this level, in the order of their dependence."""
         bodies = [*roots, *(s for _, s, _ in linear)]
         outside = self._indices(level)
         within = frozenset(self._bound(level))
@@ -167,7 +169,7 @@ class _ArrayScheduler:
         return next((at.names[node] for at in levels if node in at.names), None)
 
     def _home(self, node: Node, level: _Level, opened: frozenset[IndexVar]) -> _Level:
-        """The outermost level where the indices of a node exist."""
+        """Returns the outermost level where the indices of a node exist."""
         at = level
         while at.outer is not None and at.index not in opened:
             at = at.outer
@@ -205,7 +207,7 @@ class _ArrayScheduler:
         return cast(Arg, self._known(node, levels))
 
     def _leaf(self, leaf: Expr, level: _Level) -> Arg:
-        """The name of an entry, an integer as a number, a parameter, or a sum."""
+        """Returns the name of an entry, an integer as a number, a parameter, or a sum."""
         levels = self._indices(level)
         known = self._known(leaf, levels)
         if known is not None:
@@ -227,7 +229,7 @@ class _ArrayScheduler:
     # -- cells ---------------------------------------------------------------------------------------------------------
 
     def _cell(self, level: _Level, values: Sequence[Expr]) -> list[Arg]:
-        """Names of numbers at a level: what is no leaf is computed by flat programs, cut where they stop depending on an index."""
+        """Returns names of numbers at a level. Expressions are computed by flat programs, cut where they stop depending on an index."""
         levels = self._indices(level)
         simple = {v for v in values if isinstance(v, Const | Gather | IndexValue) or self._known(v, levels) is not None}
         rest = list(dict.fromkeys(v for v in values if v not in simple))
@@ -253,7 +255,8 @@ class _ArrayScheduler:
         return self._split(level, program, given, depths)
 
     def _split(self, level: _Level, program: Program, given: Sequence[Arg], depths: Sequence[int]) -> list[Arg]:
-        """A flat program, cut: statements that depend on no index of the inner levels go further out. What meets ties stays together."""
+        """Returns the results of a flat program that is cut: statements without an inner index go further out. Values that meet ties stay
+        together."""
         depth: dict[str, int] = {f"p{k}": d for k, d in enumerate(depths)}
         home: list[int] = []
         for stmt in program.body:
@@ -271,7 +274,7 @@ class _ArrayScheduler:
         return [name[o] if isinstance(o, str) else float(o) for o in program.outputs]
 
     def _run(self, at: _Level, block: tuple[Stmt, ...], across: Sequence[str], name: Mapping[str, Arg], program: Program) -> list[str]:
-        """The results of a part of a flat program; a boolean is handed on as 1 or 0."""
+        """Returns the results of a part of a flat program; a boolean is passed on as 1 or 0."""
         if not across:
             return []
         used = {n: None for s in block for n in free_names(s) if n in name}
@@ -291,7 +294,7 @@ class _ArrayScheduler:
 
 
 def _outside_of(known: set[Sum], roots: Sequence[Node]) -> list[Node]:
-    """Every node, children first, but for what has been computed and what is in it: there, an index may be that of another loop."""
+    """Returns every node, children first, without computed nodes and their insides, where an index may be that of another loop."""
     order: list[Node] = []
     done: set[Node] = set(known)
     stack: list[tuple[Node, bool]] = [(r, False) for r in reversed(roots)]
@@ -307,7 +310,7 @@ def _outside_of(known: set[Sum], roots: Sequence[Node]) -> list[Node]:
 
 
 def _taken_apart(e: Expr, weight: Expr) -> list[tuple[Unit | Sum, Expr]]:
-    """weight·e, e linear in units and in sums that hold some, as the weights of these."""
+    """Returns weight·e as weights of units and sums; e is linear in units and in sums that contain units."""
     parts: dict[Node, list[Expr]] = {e: [weight]}
     found: list[tuple[Unit | Sum, Expr]] = []
     order = postorder([e])

@@ -1,8 +1,8 @@
-"""Between which places an integral is computed: its bounds, its breaks, and what its rule is told of them.
+"""The places between which an integral is computed: its bounds, its breaks, and the data of its rule about them.
 
 bends      where the integrand turns into another branch, or has a pole: coordinates follow them
 watched    conditions that may change where no break is known
-peaks      narrow Gaussians, which the nodes of the whole range would pass by
+peaks      narrow Gaussians, which the nodes of the whole range would miss
 scale      the length on which tails fall off
 """
 
@@ -49,7 +49,7 @@ from teg.program import Arg, Bend, Rule
 
 MAX_SCALES = 4
 PEAK = 8.5
-"""Beyond so many standard deviations nothing of a Gaussian is left: exp(-8.5²/2) = 2e-16."""
+"""A Gaussian is 0 to rounding beyond this many standard deviations: exp(-8.5²/2) = 2e-16."""
 
 
 class Pieces:
@@ -60,7 +60,7 @@ class Pieces:
         self.analysis = rules.analysis
 
     def of(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[Arg, Arg, tuple[Arg, ...]]:
-        """Lower bound, upper bound, and the breaks between them."""
+        """Returns the lower bound, the upper bound, and the breaks between them."""
         node = group[0]
         analysis = self.analysis.of(node)
         lo, hi = self.out.number(node.lo, home), self.out.number(node.hi, home)
@@ -74,7 +74,7 @@ class Pieces:
         decisive = self._decisive(group, home)
         for isolation in analysis.isolated:
             found = self.roots.isolated_in(node, isolation, home, when, wide=True)
-            if isolation.g in decisive:  # too many roots: no number
+            if isolation.g in decisive:  # too many roots: NaN
                 lo = self.out.assign(home, "v", "select", self.out.assign(home, "b", "ok", found[0]), lo, NAN)
             breaks += self._mattering(found, analysis.matters[isolation.g], node.var, home)
         for location in analysis.located:
@@ -82,8 +82,11 @@ class Pieces:
         return lo, hi, breaks
 
     def _decisive(self, group: Sequence[Integral], home: Level) -> set[Expr]:
-        """The functions of an integral without whose roots it would be wrong: those of its own conditions; all of them where a rule of
-        fixed order, or conditions decided in the middle of pieces, rely on them. The others only help the adaptive rule."""
+        """Returns the functions without whose roots an integral would be wrong.
+
+        They are those of its own conditions; all of them if a rule of fixed order, or conditions decided in the middle of pieces, rely
+        on them. The others only help the adaptive rule.
+        """
         functions, bodies = set(self.analysis.of(group[0]).functions), [i.body for i in group]
         exact = any(self.rules.is_exact(i, home.depth) for i in group)
         if exact or any(isinstance(n, PointMasses) for n in postorder(bodies)):
@@ -94,7 +97,7 @@ class Pieces:
         return {f for f in functions if self.analysis.key(f) in keys}
 
     def _mattering(self, roots: Sequence[Arg], matters: Cond, x: Var, home: Level) -> tuple[Arg, ...]:
-        """Roots where they matter, NaN elsewhere."""
+        """Returns roots where they matter, NaN elsewhere."""
         if matters is TRUE:
             return tuple(roots)
         kept = []
@@ -104,7 +107,7 @@ class Pieces:
         return tuple(kept)
 
     def exponentials(self, group: Sequence[Integral]) -> tuple[list[Expr], list[tuple[Expr, Expr]]]:
-        """Of exponentials of polynomials in the integrands: rates of the linear ones, slope at 0 and curvature of the quadratic ones."""
+        """Returns the rates of linear exponents in the integrands, and slope at 0 and curvature of the quadratic ones."""
         x, bodies = group[0].var, [i.body for i in group]
         inner = self.out.binders(bodies)
         linear: dict[Expr, None] = {}
@@ -122,7 +125,8 @@ class Pieces:
         return list(linear)[:MAX_SCALES], list(quadratic)[:MAX_SCALES]
 
     def quadratic(self, node: Call, x: Var, inner: frozenset[Var]) -> tuple[Expr, Expr] | None:
-        """Of an exponential of a linear or quadratic polynomial: its exponent's slope at 0 and curvature, ZERO for a linear one."""
+        """Returns slope at 0 and curvature of the exponent of an exponential of a linear or quadratic polynomial; curvature ZERO for a
+        linear one."""
         exponent = self._at_ridge(node.children[0], inner)
         degree = Shadow((x,)).degree(exponent)
         if degree not in (1, 2):
@@ -134,7 +138,7 @@ class Pieces:
         return at_0, ZERO if degree == 1 else curvature
 
     def _at_ridge(self, exponent: Expr, inner: frozenset[Var]) -> Expr:
-        """An exponent that is quadratic in variables of the integrals inside, at its stationary point in these."""
+        """Returns an exponent that is quadratic in variables of inner integrals, at its stationary point in these."""
         for v in [v for v in inner if v in exponent.free]:
             if Shadow((v,)).degree(exponent) != 2:
                 return exponent
@@ -144,7 +148,7 @@ class Pieces:
         return exponent
 
     def _peaks(self, group: Sequence[Integral], home: Level) -> tuple[Arg, ...]:
-        """Where a narrow Gaussian stands in an integrand: its middle and where it ends. Nodes of the whole range would pass it by."""
+        """Returns the middle and the ends of each narrow Gaussian in an integrand. Nodes of the whole range would miss it."""
         node = group[0]
         if all(self.rules.is_exact(i, home.depth) for i in group):
             return ()
@@ -160,7 +164,7 @@ class Pieces:
         return tuple(places)
 
     def scale(self, group: Sequence[Integral], home: Level) -> Arg:
-        """The length of tails: on which an exponential in the integrands falls off, 1 if there is none."""
+        """Returns the length of tails, on which an exponential in the integrands falls off; 1 if there is none."""
         linear, quadratic = self.exponentials(group)
         scales = [div(ONE, call("magnitude", rate)) for rate in linear] + [div(ONE, call("root", c)) for _, c in quadratic]
         smallest = [self.out.number(s, home) for s in dict.fromkeys(scales)]
@@ -178,8 +182,10 @@ class Pieces:
         return least
 
     def bends(self, group: Sequence[Integral], level: Level, home: Level, rule: Rule) -> tuple[Arg, tuple[Bend, ...]]:
-        """Where the integrands bend: coefficients are numbers from outside, whether a bend counts is decided in the middle of a piece. The
-        operands of a rule of an intrinsic are among them whether they are known to count or not."""
+        """Returns where the integrands bend. Coefficients are numbers from outside; the middle of a piece decides whether a bend counts.
+
+        The operands of an intrinsic's rule are included whether they are known to count or not.
+        """
         x, lo = group[0].var, group[0].lo
         turns: dict[object, Turn] = {}
         operand = self.rules.bend_of(rule)
@@ -200,11 +206,11 @@ class Pieces:
         return self.out.number(base, home) if bends else 0.0, tuple(bends)
 
     def watched(self, bodies: Sequence[Expr], level: Level) -> tuple[str, ...]:
-        """What may change inside a piece because its roots have no formula: the rule closes in on such places."""
+        """Returns conditions that may change inside a piece because their roots have no formula: the rule bisects towards such places."""
         x, handled = cast(Var, level.var), cast(Breaks, level.breaks).handled
         inner = self.out.binders(bodies)
         conditions: dict[Cond, None] = {}
-        atoms = {c for b in bodies for c in atoms_of(b, x)}  # not what only decides a tie
+        atoms = {c for b in bodies for c in atoms_of(b, x)}  # without atoms that only decide a tie
         for node in postorder(bodies):
             if x not in node.free or node.free & inner:
                 continue

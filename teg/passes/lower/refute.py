@@ -42,13 +42,13 @@ from teg.ir.traverse import rewrite, substitute
 
 MAX_LEVELS = 32
 MAX_SIDES = 4
-"""Surfaces and sides of the domain whose signs are asked for."""
+"""The largest number of surfaces and sides of the domain whose signs are tested."""
 MAX_NODES = 400
-"""Nodes of the test: a longer one costs more than it saves."""
+"""The largest number of nodes of the test. A longer one costs more than it saves."""
 
 
 def certainly_empty(node: Integral) -> Cond:
-    """A condition on what is outside of an integral under which its integrand vanishes everywhere; FALSE where none is known."""
+    """Returns a condition on outer values under which an integrand vanishes everywhere; FALSE if none is known."""
     conditions, nest = _reach(node)
     enclosure = Enclosure({})
     fails: list[Cond] = []
@@ -71,7 +71,7 @@ def certainly_empty(node: Integral) -> Cond:
 
 
 def _reach(node: Integral) -> tuple[list[Cond], list[Integral]]:
-    """Conditions outside of which nothing contributes, and the integrals whose variables they may hold, outermost first."""
+    """Returns conditions outside of which nothing contributes, and the integrals whose variables they may contain, outermost first."""
     conditions: list[Cond] = []
     nest: list[Integral] = []
     e: Expr = node
@@ -102,15 +102,18 @@ def _extreme(name: str, ends: list[Expr]) -> Expr:
 
 
 def _refutations(c: Cond, enclosure: Enclosure) -> list[Cond]:
-    """A condition under which c fails everywhere; where c may tie, by more than rounding, if it is as simple as that."""
+    """Returns conditions under which c fails everywhere; if c may tie, by more than rounding."""
     if isinstance(c, Compare) and c.resolution is not None:
         return [_clearly_negative(c.g, enclosure)]
     return [enclosure.decision(c)[1]] if all(a.resolution is None for a in atoms_of(c)) else []
 
 
 def _one_sided(conditions: list[Cond], node: Integral) -> list[Cond]:
-    """Conditions under which everything that may tie has one sign between the bounds, where that refutes the whole: [y* < h] - [y* < l] of
-    a surface that passes the domain, whatever the sign of its slope is. What may tie is affine here, its ends decide."""
+    """Returns conditions under which all atoms that may tie have one sign between the bounds, if that refutes the whole.
+
+    The whole is [y* < h] - [y* < l] of a surface that passes the domain, whatever the sign of its slope is. Atoms that may tie are
+    affine here, so their ends decide.
+    """
     ties = dict.fromkeys(a for c in conditions for a in atoms_of(c) if a.resolution is not None)
     functions = dict.fromkeys(a.g for a in ties)
     if not 1 < len(functions) <= MAX_SIDES or any(Shadow((node.var,)).degree(g) != 1 for g in functions):
@@ -125,13 +128,13 @@ def _one_sided(conditions: list[Cond], node: Integral) -> list[Cond]:
 
 
 def _is_refuted(c: Cond) -> bool:
-    """Whether a conjunction holds a condition together with its negation."""
+    """Returns whether a conjunction contains a condition together with its negation."""
     parts = set(c.children if isinstance(c, And) else (c,))
     return c is FALSE or any(negation(part) in parts for part in parts)
 
 
 def _clearly_negative(g: Expr, enclosure: Enclosure) -> Cond:
-    """A condition under which g < 0 everywhere, by more than rounding."""
+    """Returns a condition under which g < 0 everywhere, by more than rounding."""
     sizes: list[Expr] = []
     for term in g.children if isinstance(g, Add) else (g,):
         least, most = enclosure.of(term)

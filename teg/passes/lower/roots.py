@@ -1,10 +1,10 @@
-"""Roots as statements of `teg.program`, and what is summed over them.
+"""Roots as statements of `teg.program`, and sums over them.
 
-`∫ F·δ(g) dx` is, once |∂g/∂x| has been divided out, the sum of F over the roots of g in x. Where all roots have formulas these are written
-out, one after the other (`solve`); otherwise an `Isolate` finds them at run time and a `SumOver` goes through them. A `Locate` finds where
-two surfaces meet, for the breaks of an outer integral.
+`∫ F·δ(g) dx`, with |∂g/∂x| divided out, is the sum of F over the roots of g in x. If all roots have formulas these are written out, one
+after the other (`solve`); otherwise an `Isolate` finds them at run time and a `SumOver` sums over them. A `Locate` finds where two
+surfaces meet, for the breaks of an outer integral.
 
-A root is not exact: what is evaluated there carries its error, so that conditions on surfaces through the same point tie (`Emitter.tie`).
+A root is not exact: values at a root carry its error, so that conditions on surfaces through the same point tie (`Emitter.tie`).
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from teg.program import ISOLATE_WIDTH, TIE_EPS, Arg, Isolate, Locate, SumOver
 
 _NOWHERE = float("inf")
 BOXES = 8
-"""Boxes of a level for which there is room, in parts of the number of roots."""
+"""The room for boxes of a level, as a multiple of the number of roots."""
 _ROOT_ERROR = 4.0
-"""A root found at run time is off by at most so many ε of its size."""
+"""The largest error of a root found at run time, in ε of its size."""
 
 
 class Roots:
-    """Finds roots, and sums over them. `when`: the guard of the integral that asks, if it has one."""
+    """Finds roots, and sums over them. `when` is the guard of the integral concerned, if it has one."""
 
     def __init__(self, out: Emitter, plan: Plan, max_roots: int, tol: float) -> None:
         self.out, self.plan = out, plan
@@ -42,7 +42,7 @@ class Roots:
     # -- roots ---------------------------------------------------------------------------------------------------------
 
     def isolated(self, isolation: Isolation, lo: Expr, hi: Expr, home: Level, when: str | None) -> tuple[Arg, ...]:
-        """The roots of a function between two bounds, found at run time."""
+        """Returns the roots of a function between two bounds, found at run time."""
         key = (isolation.g, isolation.var, lo, hi, when)
         if key not in home.isolated:
             ends = self.out.number(lo, home), self.out.number(hi, home)
@@ -63,14 +63,14 @@ class Roots:
         return home.isolated[key]
 
     def _noise(self, isolation: Isolation, left: str, right: str, at_both: Level) -> Arg:
-        """How far rounding may move g in the middle of a box."""
+        """Returns a bound of the effect of rounding on g in the middle of a box."""
         middle = self.out.assign(at_both, "v", "mul", 0.5, self.out.assign(at_both, "v", "add", left, right))
         at_middle = at_both.inside(isolation.var, middle)
         at_middle.block = at_both.block
         return self.out.assign(at_middle, "v", "mul", TIE_EPS, self.out.tie_scale(isolation.g, at_middle))
 
     def isolated_in(self, node: Integral, isolation: Isolation, home: Level, when: str | None, wide: bool = False) -> tuple[Arg, ...]:
-        """The roots of a function within the bounds of an integral (or a little beyond them), up to infinity if need be."""
+        """Returns the roots of a function within the bounds of an integral (or a little beyond them), up to infinity if need be."""
         if not is_unbounded(node):
             return self.isolated(isolation, *(widened(node.lo, node.hi) if wide else (node.lo, node.hi)), home, when)
         s, (start, end), place, _ = finite_place(node, [v for v in isolation.g.free if isinstance(v, Var)])
@@ -87,7 +87,7 @@ class Roots:
         )
 
     def located(self, location: Location, lo: Expr, hi: Expr, home: Level, when: str | None) -> tuple[Arg, ...]:
-        """Where two surfaces meet, seen from the outer variable."""
+        """Returns where two surfaces meet, seen from the outer variable."""
         key = (location.f, location.g, location.inner, location.outer, location.low, location.high, lo, hi, when)
         if key not in home.isolated:
             rectangle = (*off_the_grid(lo, hi), *off_the_grid(location.low, location.high))
@@ -100,13 +100,13 @@ class Roots:
             bounds = tuple(self.out.number(b, level) for b in location.bounds)
             enclosure = tuple(s for block in blocks for s in block)
             results = tuple(self.out.fresh("v") for _ in range(max(MAX_ROOTS, self.max_roots)))
-            lost = self.out.fresh("v") if location.smooth else None  # of surfaces with kinks much is given up that holds nothing
+            lost = self.out.fresh("v") if location.smooth else None  # for surfaces with kinks many empty rectangles are given up
             home.block.append(Locate(first, last, low, high, left, right, bottom, top, enclosure, bounds, results, when, lost))
             home.isolated[key] = results
         return home.isolated[key]
 
     def point(self, root: Root, home: Level) -> Arg:
-        """A root by its formula; +inf where it does not exist."""
+        """Returns a root by its formula; +inf where it does not exist."""
         holds, fails = self.out.truths(root.exists, home)
         at = self.out.number(root.point, home)
         known = self.out.assign(home, "v", "select", self.out.assign(home, "b", "ok", at), at, _NOWHERE)  # 0/0: the degree is lower
@@ -114,14 +114,14 @@ class Roots:
         return known if holds is True else self.out.assign(home, "v", "select", holds, known, absent)
 
     def _level_at_roots(self, x: Var, home: Level) -> tuple[str, Level]:
-        """The name of a root found at run time, and the inside of the sum over such roots: there x is not exact."""
+        """Returns the name of a root found at run time, and the inside of the sum over such roots, where x is not exact."""
         var = self.out.fresh("x")
         level = home.inside(x, var)
         level.errors[x] = self.out.assign(level, "v", "mul", _ROOT_ERROR, self.out.size(x, level))
         return var, level
 
     def _level_at_formula(self, x: Var, root: Root, home: Level) -> Level:
-        """The place of a root that has a formula. It has no inside: statements go where those of its home go."""
+        """Returns the level of a root that has a formula. It has no inside: statements go where those of its home go."""
         level = home.inside(x, self.point(root, home))
         level.block = home.block
         level.errors[x] = self.out.error(root.point, home)
@@ -130,7 +130,7 @@ class Roots:
     # -- sums over roots -----------------------------------------------------------------------------------------------
 
     def sum_over_roots(self, group: Sequence[Integral], masses: PointMasses, home: Level, when: str | None) -> tuple[Arg, ...]:
-        """Σ over the roots of g of what multiplies its point masses, for each of the integrals that share them."""
+        """Returns Σ over the roots of g of the factor of its point masses, for each of the integrals that share them."""
         node = group[0]
         bodies = [cast(Expr, replace_node(i.body, masses, ONE)) for i in group]
         roots = solve(masses.g, node.var, node.lo, node.hi)
@@ -160,8 +160,11 @@ class Roots:
         return tuple(self.out.assign(level, "v", "select", unknown, NAN, v) for v in values)
 
     def _sum_of_branches(self, g: Expr, bodies: Sequence[Expr], x: Var, roots: Sequence[Root], home: Level) -> tuple[Arg, ...]:
-        """The same where the roots have formulas: one after the other. On a piece between complete breaks the conditions at a root are
-        constant, and are decided in its middle, away from where they change."""
+        """Returns the same for roots with formulas, one after the other.
+
+        On a piece between complete breaks the conditions at a root are constant, and are decided in its middle, away from where they
+        change.
+        """
         inner = self.out.binders(bodies)
         atoms = [c for c in dict.fromkeys(c for b in bodies for c in atoms_of(b, x)) if not c.g.free & inner]
         terms: list[list[Arg]] = [[] for _ in bodies]
@@ -184,8 +187,11 @@ class Roots:
         return tuple(found[0] if len(found) == 1 else self.out.assign(home, "v", "add", *found) if found else 0.0 for found in terms)
 
     def _decided(self, atom: Compare, middle: Level, level: Level) -> Truths:
-        """Returns the truths of a condition that is constant on a piece: its sign at the node where that is clear, else what was decided
-        for the piece. Surfaces that approach each other may be as good as one in the middle of a long piece, and apart at its ends."""
+        """Returns the truths of a condition that is constant on a piece: its sign at the node where that is clear, else the decision for
+        the piece.
+
+        Surfaces that approach each other may coincide to rounding in the middle of a long piece, and be apart at its ends.
+        """
         holds, fails = self.out.truths(atom, middle)
         if atom.resolution is None or middle.elsewhere is None or atom.g.has_integral or self.out.is_short(atom.g, middle):
             return holds, fails
@@ -202,12 +208,14 @@ class Roots:
         return chosen(above, holds), chosen(below, fails)
 
     def _roots_elsewhere(self, x: Var, root: Root, places: Callable[[], Sequence[Level]]) -> Sequence[Level]:
-        """A root of a formula at other places of a piece of the integral outside."""
+        """Returns a root of a formula at other places of a piece of the outer integral."""
         return [self._level_at_formula(x, root, place) for place in places()]
 
     def _coincident(self, node: Integral, isolation: Isolation, bodies: Sequence[Expr], middle: Level) -> dict[Compare, Arg]:
-        """Which conditions tie with the surface g in the middle of a piece of the integral outside: only they can do so all along it. That
-        the two touch in a point is no tie."""
+        """Returns the conditions that tie with the surface g in the middle of a piece of the outer integral.
+
+        Only these can tie all along the piece. Two surfaces that touch in a point do not tie.
+        """
         inner = self.out.binders(bodies)
         rivals = dict.fromkeys(c for b in bodies for c in atoms_of(b, node.var) if c.resolution is not None and not c.g.free & inner)
         if not rivals:

@@ -1,7 +1,7 @@
-"""Which rule integrates what, with how many nodes.
+"""The choice of a rule and its number of nodes for each integral.
 
-Gauss with as many nodes as a polynomial between known breaks needs; a rule of an intrinsic that is exact; adaptive for anything else,
-tighter inside, with the fewer nodes to begin with the less is asked for. A fixed order is an adaptive rule that accepts everything.
+Gauss with as many nodes as a polynomial between known breaks needs; an exact rule of an intrinsic; adaptive for all others, with a
+tighter tolerance inside, and fewer first nodes for a larger tolerance. A fixed order is an adaptive rule that accepts everything.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from teg.program import Adaptive, Gauss, Rule
 MAX_GAUSS = 24
 TIGHTEST = 1e-14
 ORDERS = ((1e-6, 6, 12), (1e-13, 8, 16), (0.0, 10, 18))
-"""By tolerance: the nodes of the first look at a piece (OUTER more where an integral stands inside) and of the intervals after it."""
+"""By tolerance: the nodes of the first look at a piece (OUTER more if it has an inner integral) and of the intervals after it."""
 OUTER = 2
 MAX_NEST = 6
-"""Adaptive integrals inside each other; deeper nests are sampled."""
+"""The largest depth of nested adaptive integrals; deeper nests are sampled."""
 FIXED = 16
-"""Nodes of the rule \"gauss\", unless told."""
+"""The default number of nodes of the rule "gauss"."""
 INNER_TIGHTER = 0.1
-"""An integral inside another one is computed to a tenth of its tolerance, so that the outer one sees a smooth function."""
+"""An inner integral is computed to a tenth of its tolerance, so that the outer one sees a smooth function."""
 
 
 class Rules:
@@ -41,13 +41,13 @@ class Rules:
         self._known: dict[tuple[Integral, int], tuple[Rule, str]] = {}
 
     def of(self, node: Integral, depth: int) -> Rule:
-        """The rule of an integral that stands in so many others."""
+        """Returns the rule of an integral at that depth."""
         if (node, depth) not in self._known:
             self._known[node, depth] = self._choose(node, depth)
         return self._known[node, depth][0]
 
     def reason(self, node: Integral, depth: int) -> str:
-        """Why it is that rule."""
+        """Returns the reason for that rule."""
         self.of(node, depth)
         return self._known[node, depth][1]
 
@@ -72,7 +72,7 @@ class Rules:
         return Adaptive(tol, first + OUTER * outer, order, cubic), "no exact rule is known" if how.rule == "auto" else "asked for"
 
     def title(self, rule: Rule) -> str:
-        """What a rule is called in reports."""
+        """Returns the name of a rule in reports."""
         match rule:
             case Gauss():
                 return "Gauss, exact"
@@ -86,12 +86,12 @@ class Rules:
                 raise AssertionError(f"no integral has the rule {rule}")
 
     def kind(self, node: Integral, depth: int) -> object:
-        """The same for integrals that can share a loop if the rest agrees."""
+        """Returns a key that is equal for integrals that can share a loop if everything else agrees."""
         rule = type(self.of(node, depth))
         return (rule, self._exact[rule].key(node, self.analysis)) if rule in self._exact else rule
 
     def shared(self, group: Sequence[Integral], depth: int) -> Rule:
-        """One rule for all integrals of a loop, which are of one kind."""
+        """Returns one rule for all integrals of a loop, which are of one kind."""
         rules = [self.of(node, depth) for node in group]
         first = rules[0]
         if type(first) in self._exact:
@@ -101,15 +101,15 @@ class Rules:
         return max(rules, key=lambda r: cast(Gauss, r).nodes)
 
     def is_exact(self, node: Integral, depth: int) -> bool:
-        """Whether a rule relies on all breaks."""
+        """Returns whether a rule relies on all breaks."""
         return not isinstance(self.of(node, depth), Adaptive)
 
     def bend_of(self, rule: Rule) -> str | None:
-        """The kind of bend that a rule of an intrinsic has as an operand."""
+        """Returns the kind of bend that a rule of an intrinsic has as an operand."""
         return self._exact[type(rule)].bend if type(rule) in self._exact else None
 
     def is_too_deep(self, node: Integral) -> bool:
-        """More than MAX_NEST adaptive integrals inside each other: their nodes multiply."""
+        """Returns whether more than MAX_NEST adaptive integrals are nested: their nodes multiply."""
         if not any(c.has_integral for c in node.children):
             return False
         nodes = postorder([node])

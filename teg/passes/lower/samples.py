@@ -33,13 +33,13 @@ from teg.program import Arg, Integrate, Midpoint, Sample
 
 SAMPLED = ("montecarlo", "qmc")
 SAMPLES, MIDPOINTS, DEEP_SAMPLES = 2**14, 256, 2**17
-"""The order of a rule that is not told: samples in all, points a variable, and samples of a nest that is too deep for anything else."""
+"""The default orders of rules: samples in all, points a variable, and samples of a nest that is too deep for another rule."""
 
 
 class Samples:
-    """Integrates without breaks, where the rule is one of these, or a nest is too deep for another one.
+    """Integrates without breaks, by one of these rules, or a nest that is too deep for another one.
 
-    `deciding` holds what stands in conditions and bounds.
+    `deciding` holds the integrals in conditions and bounds.
     """
 
     def __init__(self, out: Emitter, plan: Plan, how: Integration, is_too_deep: Callable[[Integral], bool]) -> None:
@@ -47,19 +47,19 @@ class Samples:
         self.deciding: set[Node] = set()
 
     def is_sampled(self, node: Integral, level: Level) -> bool:
-        """Whether an integral of this level is the outermost one of a nest that is sampled."""
+        """Returns whether an integral of this level is the outermost one of a nest that is sampled."""
         if level.coordinates is not None or node in self.deciding:
             return False
         return self.how.rule in SAMPLED or (self.how.rule == "auto" and level.var is None and self.is_too_deep(node))
 
     def is_unbroken(self, node: Integral, level: Level) -> bool:
-        """Whether an integral of this level has no breaks."""
+        """Returns whether an integral of this level has no breaks."""
         return self.how.rule == "midpoint" or self.is_sampled(node, level)
 
     # -- nests ---------------------------------------------------------------------------------------------------------
 
     def sample(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[Arg, ...]:
-        """The means that nests are, over the same points."""
+        """Returns the means of nests over the same points."""
         nests = [nest(node, self.deciding) for node in group]
         dimensions = 1 + max((d for found in nests for d in found.values()), default=0)
         if self.how.rule != "montecarlo" and dimensions > DIMENSIONS:
@@ -81,20 +81,20 @@ class Samples:
         return results
 
     def sample_inside(self, node: Integral, home: Level) -> None:
-        """Give an integral that belongs to a nest a name, at the present point."""
+        """Gives an integral of a nest a name, at the present point."""
         inside = home.inside(node.var, "")
         inside.block, inside.computed = home.block, home.computed
         home.names[node] = self._at_point(node, cast("dict[Integral, str]", home.coordinates)[node], home, inside)
 
     def _at_point(self, node: Integral, u: str, home: Level, inside: Level) -> Arg:
-        """The integrand at the coordinate u in (0, 1), times dx/du."""
+        """Returns the integrand at the coordinate u in (0, 1), times dx/du."""
         inside.names[node.var], weight = self._place(node, u, home, inside)
         self.plan(inside, [node.body])
         value = self.out.number(node.body, inside)
         return value if weight == 1.0 else self.out.assign(inside, "v", "mul", weight, value)
 
     def _place(self, node: Integral, u: str, home: Level, inside: Level) -> tuple[Arg, Arg]:
-        """The variable at u, and dx/du."""
+        """Returns the variable at u, and dx/du."""
 
         def put(op: str, *args: Arg) -> str:
             return self.out.assign(inside, "v", op, *args)
@@ -116,7 +116,7 @@ class Samples:
         return x, put("neg", rate) if backwards else rate
 
     def _stretched(self, lo: Arg, hi: Arg, u: str, home: Level, inside: Level) -> tuple[Arg, Arg]:
-        """The same between finite bounds: l + (h - l)·u and h - l."""
+        """Returns the same between finite bounds: l + (h - l)·u and h - l."""
         if isinstance(lo, str) or isinstance(hi, str):
             length: Arg = hi if lo == 0.0 else self.out.assign(home, "v", "sub", hi, lo)
         else:
@@ -127,7 +127,7 @@ class Samples:
     # -- the midpoint rule ---------------------------------------------------------------------------------------------
 
     def midpoint(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[Arg, ...]:
-        """Integrals of one variable over the same bounds by the midpoint rule, as one loop."""
+        """Returns integrals of one variable over the same bounds by the midpoint rule, as one loop."""
         node = group[0]
         for bound in (node.lo, node.hi):
             if is_infinite(bound, inf) or is_infinite(bound, -inf):
@@ -146,12 +146,12 @@ class Samples:
 
 
 def is_infinite(bound: Expr, value: float) -> bool:
-    """Whether a bound is that infinity."""
+    """Returns whether a bound is that infinity."""
     return isinstance(bound, Const) and bound.data == value
 
 
 def deciding_integrals(roots: Iterable[Expr]) -> set[Node]:
-    """What stands in a condition or in a bound: a small error there is no small error of the program."""
+    """Returns the integrals in conditions and bounds: a small error there is not a small error of the program."""
     found: set[Node] = set()
     for node in reversed(postorder(roots)):
         if node in found or isinstance(node, Compare):
@@ -162,7 +162,7 @@ def deciding_integrals(roots: Iterable[Expr]) -> set[Node]:
 
 
 def nest(root: Integral, deciding: set[Node]) -> dict[Integral, int]:
-    """The integrals inside that are sampled together with it, and their coordinates 1, 2, …: more than those of all around them."""
+    """Returns the inner integrals that are sampled together with `root`, and their coordinates 1, 2, …: larger than those around them."""
     order = postorder([root.body])
     bound = binders_inside(root)
     holds: dict[Node, bool] = {}  # integrals of the nest, in any position
@@ -188,7 +188,7 @@ def nest(root: Integral, deciding: set[Node]) -> dict[Integral, int]:
 
 
 def _linear(node: Node, holds: dict[Node, bool]) -> Sequence[int]:
-    """The places of the children that a node is linear in, as far as they hold integrals of the nest."""
+    """Returns the places of the children in which a node is linear, if they hold integrals of the nest."""
     match node:
         case Integral():
             return (0,)

@@ -1,7 +1,7 @@
-"""How much an integral counts in the results: the factors in front of it.
+"""The weight of an integral in the results: the factors in front of it.
 
-The tolerance of an adaptive integral is relative, down to an absolute floor. An integral of 1e-27 that a factor of 1e27 stands in front of
-is below every floor, so such an integral is computed times that factor, and divided by it afterwards. Linear.
+The tolerance of an adaptive integral is relative, down to an absolute floor. An integral of 1e-27 behind a factor of 1e27 is below every
+floor, so such an integral is computed times that factor, and divided by it afterwards. Linear.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from teg.ir.integral import ClosedForm, Integral, PointMasses
 from teg.ir.node import Node
 
 SMALL_FACTOR = 100.0
-"""A number that is no larger in front of an integral does not matter."""
+"""A factor up to this size in front of an integral is ignored."""
 LARGEST_FACTOR = 1e200
 MAX_PLACES = 4
-"""An integral that stands in more places counts as in the first of them."""
+"""An integral in more places has the weight of the first of them."""
 
 
 Front = tuple[Expr, Cond]
-"""The product of the factors in front of a node, and under which condition it is looked at."""
+"""The product of the factors in front of a node, and the condition under which its value is used."""
 
 
 def weights(roots: Sequence[Expr], order: Sequence[Node]) -> dict[Integral, Expr]:
-    """Returns by how much to multiply the integrals of one level: between 1 and LARGEST_FACTOR, where that is not 1.
+    """Returns the factors by which to multiply the integrals of one level: between 1 and LARGEST_FACTOR, without those that are 1.
 
-    `order` has the nodes below the roots, children first. An integral that a result does not depend on linearly counts as it is.
+    `order` has the nodes below the roots, children first. An integral on which no result depends linearly has the weight 1.
     """
     fronts: dict[Node, dict[Front, None]] = {root: {(ONE, TRUE): None} for root in roots}
     found: dict[Integral, Expr] = {}
@@ -59,7 +59,7 @@ def _put(fronts: dict[Node, dict[Front, None]], children: Sequence[Node], front:
 
 
 def _guarded(front: Front) -> Expr:
-    """What stands in front in a branch that is not taken may be no number."""
+    """Returns the factor under its condition: in a branch that is not taken it may be NaN."""
     return where(front[1], front[0], ONE)
 
 

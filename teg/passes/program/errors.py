@@ -1,7 +1,7 @@
 """Error estimates carried through a flat program: for every output one more, an estimate of its error.
 
-Errors begin in the integrals: each has its rule's own estimate (`Integrate.estimates`), to which the integral of its integrand's error is
-added. What is computed from inexact numbers is inexact to first order,
+Errors begin in the integrals: each has its rule's own estimate (`Integrate.estimates`), to which the integral of its integrand's error
+is added. Values computed from inexact numbers are inexact to first order,
 
     Δ(u + v) = Δu + Δv     Δ(u·v) = |v|·Δu + |u|·Δv + Δu·Δv     Δf(u) = |f′(u)|·Δu     (Higham 2002, chapter 3)
 
@@ -42,13 +42,16 @@ Errors = dict[Arg, Arg]
 
 
 def with_error_estimates(program: Program) -> Program:
-    """The program with twice the outputs: the old ones, then an error estimate of each."""
+    """Returns the program with twice the outputs: the old ones, then an error estimate of each."""
     return _Estimator(program).run(ROUNDINGS)
 
 
 def with_errors_of(program: Program, inexact: Sequence[int]) -> Program:
-    """The same for a part of a larger program: parameters of these numbers are inexact, and their errors are parameters behind the others.
-    Roundings of the outputs are left to what uses them; an output without an error has the literal 0.0."""
+    """Returns the same for a part of a larger program: parameters of these numbers are inexact, and their errors are parameters behind the
+    others.
+
+    Roundings of the outputs are left to their users; an output without an error has the literal 0.0.
+    """
     return _Estimator(program, inexact).run(0.0)
 
 
@@ -74,7 +77,7 @@ class _Estimator:
         return without_dead_code(Program(self.program.parameters, body, outputs, self.program.ties, functions))
 
     def _rounding(self, output: Arg, roundings: float, out: list[Stmt]) -> Arg:
-        """A few roundings of what is computed outside of all integrals."""
+        """Returns a few roundings of a value that is computed outside of all integrals."""
         if not isinstance(output, str) or not roundings:
             return 0.0
         return self.op(out, "mul", roundings, self.op(out, "abs", output))
@@ -93,7 +96,7 @@ class _Estimator:
         return self.errors.get(arg, False) if isinstance(arg, str) else False
 
     def block(self, block: Sequence[Stmt]) -> tuple[Stmt, ...]:
-        """A block with the companions of its values."""
+        """Returns a block with the companions of its values."""
         out: list[Stmt] = []
         for stmt in block:
             match stmt:
@@ -123,8 +126,10 @@ class _Estimator:
     # -- statements ----------------------------------------------------------------------------------------------------
 
     def _integral(self, stmt: Integrate, out: list[Stmt]) -> None:
-        """The rule's estimates, and the integral of the error of the integrand; a bound that is off moves the result by the integrand's
-        mean size, a break by its mean size where it is not 0."""
+        """Appends an integral with the rule's estimates, and the integral of the error of the integrand.
+
+        An inexact bound moves the result by the integrand's mean size, an inexact break by its mean size where it is not 0.
+        """
         flags = self.block(stmt.flags)
         body = self._body(stmt)
         companions = [self.error(v) for v in stmt.values]
@@ -146,7 +151,7 @@ class _Estimator:
         ends = self.sum_of((self.error(stmt.lo), self.error(stmt.hi)), out)
         for i, (result, estimate) in enumerate(zip(stmt.results, estimates, strict=True)):
             parts: list[Arg] = [estimate]
-            if i in more:  # the companion is not negative, but the bounds may be the wrong way round
+            if i in more:  # the companion is not negative, but the bounds may be reversed
                 parts.append(self.op(out, "abs", more[i]))
             for part, area in given_up:
                 parts.append(self.op(out, "mul", part, self.op(out, "add", area, self.op(out, "abs", result))))
@@ -156,14 +161,17 @@ class _Estimator:
             if i in sizes:
                 size, extent = (self.op(out, "abs", v) for v in sizes[i])
                 mean = self.op(out, "div", size, self.op(out, "max", extent, LEAST))
-                if self._has_clusters:  # a piece that is taken for empty hides how large the integrand is in it
+                if self._has_clusters:  # a piece that is taken for empty hides the size of the integrand in it
                     mean = self.op(out, "select", self.op(out, "gt0", extent), mean, 1.0)
                 parts.append(self.op(out, "mul", inside, mean))
             self.errors[result] = self.sum_of(parts, out)
 
     def _body(self, stmt: Integrate) -> tuple[Stmt, ...]:
-        """The body with companions. At the end of a piece where the integrand is a power that is no whole or half number, the variable is
-        inexact: beside a singularity at c, (v - c)^-0.9 is known to the rounding of v only, which holds (ε|c|)^0.1 of the integral."""
+        """Returns the body with companions.
+
+        At the end of a piece where the integrand is a power that is not a multiple of ½, the variable is inexact: beside a singularity
+        at c, (v - c)^-0.9 is known to the rounding of v only, which holds (ε|c|)^0.1 of the integral.
+        """
         if not any(b.kind == "end" for b in stmt.bends):
             return self.block(stmt.body)
         rounded: list[Stmt] = []
@@ -173,9 +181,11 @@ class _Estimator:
         return (*rounded, *body)
 
     def _given_up(self, stmt: Integrate, out: list[Stmt]) -> list[tuple[Arg, Arg]]:
-        """Of every rectangle in which the breaks of an integral were looked for: the part that was given up, and its area. An unseen region
-        there is taken to be as dense as the integral, or to be 1. Of a boundary term the root of the part counts: a region of area A can
-        have a perimeter of √A and more."""
+        """Returns, for every rectangle in which the breaks of an integral were searched for, the part that was given up, and its area.
+
+        An unseen region there is taken to be as dense as the integral, or to be 1. Of a boundary term the root of the part counts: a
+        region of area A can have a perimeter of √A and more.
+        """
         rectangles = dict.fromkeys(self._lost[b] for b in stmt.breaks if b in self._lost)
         border = any(isinstance(s, SumOver) for s in stmt.body)
         found: list[tuple[Arg, Arg]] = []
@@ -186,12 +196,15 @@ class _Estimator:
         return found
 
     def _size_and_extent(self, value: Arg, out: list[Stmt]) -> tuple[Arg, Arg]:
-        """|value|, and 1 where it is not 0."""
+        """Returns |value|, and 1 where it is not 0."""
         size = self.op(out, "abs", value)
         return size, self.op(out, "select", self.op(out, "gt0", size), 1.0, 0.0)
 
     def _roots(self, stmt: Isolate, out: list[Stmt]) -> None:
-        """A root in a cluster may be anywhere in it. A root is off by Δg/|g'|: both are computed there, where the function is inexact."""
+        """Appends roots with their errors. A root in a cluster may be anywhere in it.
+
+        A root of an inexact function is off by Δg/|g'|: both are computed there.
+        """
         point = list(self.block(stmt.point))
         error = self.error(stmt.value)
         for root, cluster in zip(stmt.results, stmt.errors, strict=True):
@@ -227,7 +240,7 @@ class _Estimator:
         self.errors.update(zip((stmt.results[i] for i in inexact), results, strict=True))
 
     def _sample(self, stmt: Sample, out: list[Stmt]) -> None:
-        """The standard errors, and the means of what the values are off by at the points."""
+        """Appends samples with their standard errors, and the means of the errors of the values at the points."""
         body = self.block(stmt.body)
         companions = [self.error(v) for v in stmt.values]
         inexact = [i for i, c in enumerate(companions) if c != 0.0]
@@ -253,13 +266,13 @@ class _Estimator:
         return kept[0] if len(kept) == 1 else self.op(out, "add", *kept)
 
     def times(self, out: list[Stmt], size: Arg, error: Arg) -> Arg:
-        """|size|·error."""
+        """Returns |size|·error."""
         if error == 0.0:
             return 0.0
         return self.op(out, "mul", self.op(out, "abs", size), error)
 
     def _assignment(self, stmt: Assign, out: list[Stmt]) -> None:
-        """The companion of an assignment, where an argument has one."""
+        """Appends the companion of an assignment, if an argument has one."""
         op, args = stmt.op, stmt.args
         self._made[stmt.name] = stmt
         if not any(isinstance(a, str) and a in self.errors for a in args):
@@ -331,7 +344,7 @@ class _Estimator:
                 raise AssertionError(f"no error estimate for {op}")
 
     def _of_call(self, args: Sequence[Arg], errors: Sequence[Arg], out: list[Stmt]) -> Arg:
-        """Input by input, by the derivatives of the function."""
+        """Returns the error of a function: input by input, by its derivatives."""
         callee, order = list(self._functions)[int(args[0])]
         parts = []
         for i, error in enumerate(errors[1:]):
@@ -342,7 +355,7 @@ class _Estimator:
         return self.sum_of(parts, out)
 
     def _of_product(self, args: Sequence[Arg], errors: Sequence[Arg], out: list[Stmt]) -> Arg:
-        """Factor by factor: Δ(u·v) = |v|·Δu + |u|·Δv + Δu·Δv."""
+        """Returns the error of a product, factor by factor: Δ(u·v) = |v|·Δu + |u|·Δv + Δu·Δv."""
         value, error = args[0], errors[0]
         for arg, more in zip(args[1:], errors[1:], strict=True):
             parts = [self.times(out, arg, error), self.times(out, value, more)]
@@ -353,14 +366,14 @@ class _Estimator:
         return error
 
     def _other_value(self, otherwise: Arg) -> Arg:
-        """What would be taken if a condition did not hold, and not NaN for a condition that neither holds nor fails."""
+        """Returns the value taken if a condition did not hold, and not the NaN for a condition that neither holds nor fails."""
         made = self._made.get(otherwise)
         if made is not None and made.op == "select" and isinstance(made.args[2], float) and made.args[2] != made.args[2]:
             return made.args[1]
         return otherwise
 
     def _of_choice(self, stmt: Assign, out: list[Stmt]) -> Arg:
-        """The error of the value taken; where the choice is doubtful, how far the other one is as well."""
+        """Returns the error of the value taken; if the choice is doubtful, with the distance of the other value."""
         condition, then, otherwise = stmt.args
         first, second = self.error(then), self.error(otherwise)
         chosen: Arg = first if first == second else self.op(out, "select", condition, first, second)

@@ -4,9 +4,9 @@
     w = kernel(u, v, …)         Δw by the flat program's own estimates, in which Δu, Δv, … are parameters (`errors.py`)
     V̄[i] += w                   an array of errors, V̄[i] += Δw + ε·(16 + √n)·|w|,    n iterations of all loops around
 
-Entries of arrays and integers are exact. A number that has no error costs nothing but the rounding where it enters a sum. The roundings
-of a sum grow like √n, those of an ordinary one: a bound would be n, and is not met. Cost: a small multiple of the program's; a program
-is transformed once, before it is printed.
+Entries of arrays and integers are exact. A number without an error costs nothing but the rounding where it enters a sum. The roundings
+of an ordinary sum grow like √n; the bound would be n, and is not attained. Cost: a small multiple of the program's; a program is
+transformed once, before it is printed.
 """
 
 from __future__ import annotations
@@ -29,8 +29,10 @@ EPSILON = 2.0**-52
 
 
 def with_array_error_estimates(program: ArrayProgram) -> ArrayProgram:
-    """The program with twice the outputs: the old ones, then an error estimate of each, of the same shape. Its flat programs are as they
-    were scheduled; those of the result are finished."""
+    """Returns the program with twice the outputs: the old ones, then an error estimate of each, of the same shape.
+
+    Its flat programs are as they were lowered; those of the result are finished.
+    """
     return verified_arrays(_ArrayEstimator(program).run(), "after array error estimates")
 
 
@@ -55,8 +57,10 @@ class _ArrayEstimator:
         return f"v{self._count}"
 
     def _block(self, block: Sequence[Step], iterations: Arg, roundings: Arg) -> list[Step]:
-        """A block with the errors of its numbers; `iterations` of the loops around, and how many roundings, in units of the value, a number
-        that is scattered stands for. Recursion is as deep as loops are."""
+        """Returns a block with the errors of its numbers. The recursion is as deep as loops are nested.
+
+        `iterations` are those of the loops around; `roundings` is the error of a scattered number, in units of its value.
+        """
         out: list[Step] = []
         places: list[Scatter] = []
         for step in block:
@@ -77,7 +81,7 @@ class _ArrayEstimator:
         return out
 
     def _kernel(self, step: Run) -> Run:
-        """A flat program whose results have errors."""
+        """Returns a flat program whose results have errors."""
         inexact = tuple(i for i, a in enumerate(step.inputs) if a in self.errors)
         key = id(step.program), inexact
         if key not in self._made:
@@ -112,7 +116,7 @@ class _ArrayEstimator:
         out.append(replace(step, body=(*body, *last), values=values, results=names))
 
     def _rounded(self, pairs: Sequence[tuple[Arg, Arg]]) -> tuple[list[Step], list[Arg]]:
-        """The errors of numbers that leave a block, and so many roundings of each."""
+        """Returns the errors of numbers that leave a block, with so many roundings of each."""
         if not pairs:
             return [], []
         body: list[Assign] = []
@@ -134,8 +138,11 @@ def _finished(program: Program) -> Program:
 
 
 def _roundings_of_a_loop() -> Program:
-    """From the ends of a range and the iterations of the loops around: roundings of a sum over it, roundings of what is scattered in it,
-    and the iterations of all these loops."""
+    """Returns a program from the ends of a range and the iterations of the loops around to roundings.
+
+    Its results are the roundings of a sum over the range, the roundings of a number scattered in it, and the iterations of all these
+    loops.
+    """
     body = (
         Assign("v0", "sub", ("p1", "p0")),
         Assign("v1", "max", ("v0", 0.0)),
@@ -154,6 +161,6 @@ _ROUNDINGS_OF_A_LOOP = _roundings_of_a_loop()
 
 
 def _last_number(program: ArrayProgram) -> int:
-    """The largest number in the names of a program."""
+    """Returns the largest number in the names of a program."""
     names = [name for step in steps(program.body) for name in (*result_names(step), *variables(step))]
     return max((int(name[1:]) for name in names), default=0)

@@ -1,7 +1,7 @@
 """The bodies of functions as flat programs, and programs with these in their places.
 
-What stands around an application is scheduled without its body (`teg.function`). Here the two meet: a body is differentiated and scheduled
-once, whatever applies it, and a program is bound to other bodies without being looked at.
+A program with an application is lowered without its body (`teg.function`). The two are joined here: a body is differentiated and lowered
+once for all applications, and a program is bound to other bodies without being visited.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from teg.program import Assign, Called, Program
 
 
 def with_bodies(program: Program, functions: Sequence[Function] = ()) -> Program:
-    """The program with the bodies of its functions, those of slots being `functions`; the rest is shared with it."""
+    """Returns the program with the bodies of its functions, those of slots being `functions`; the other parts are shared with it."""
     if not program.functions:
         return program
     bound = []
@@ -29,13 +29,13 @@ def with_bodies(program: Program, functions: Sequence[Function] = ()) -> Program
         callee = functions[f.callee.number] if isinstance(f.callee, Slot) and functions else f.callee
         bound.append(Called(callee, f.derivative, body_program(callee, f.derivative)) if isinstance(callee, Function) else f)
     linked = replace(program, functions=tuple(bound))
-    object.__setattr__(linked, "printed", program.printed)  # its text is the same, whatever the functions are
+    object.__setattr__(linked, "printed", program.printed)  # the text is the same for all functions
     return linked
 
 
 @lru_cache(maxsize=256)
 def body_program(function: Function, derivative: tuple[int, ...]) -> Program:
-    """The flat program of a derivative of a function: a parameter an input, one output."""
+    """Returns the flat program of a derivative of a function: one parameter for each input, one output."""
     variables, body = body_of(function, derivative)
     names = [str(i) for i in range(len(variables))]
     inputs = [Param.make(name, ()) for name in names]

@@ -1,10 +1,10 @@
-"""Move what only one polygon, segment or hyperbola uses into it: it is then computed where it is needed, and nowhere else.
+"""Moves values that only one polygon, segment or hyperbola uses into it: they are then computed only where they are needed.
 
     v = op(…);  results = ∫∫ over a polygon: body with v        →        results = ∫∫ over a polygon: setup v = op(…); body with v
 
-What decides the domain of a polygon stays outside, as the decision does; what only the ties of a segment or a
-hyperbola need goes to its `scales`. An assignment is moved once and never copied, so a program does not grow; a `tie` stays where it is.
-Linear in the size of the program.
+Values that decide the domain of a polygon stay outside, as the decision does; values that only the ties of a segment or a hyperbola need
+go to its `scales`. An assignment is moved once and never copied, so a program does not grow; a `tie` stays where it is. Linear in the
+size of the program.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from teg.program import Arg, Assign, Program, Stmt, assigned, blocks, compound, 
 from teg.program.fields import inner_blocks, operands, with_blocks
 
 Place = tuple[int, int]
-"""A block that receives statements: the number of its statement in the block around it, and its own among those that receive."""
+"""A block that receives statements: the number of its statement in the block around it, and its own among the receiving blocks."""
 
 
 def sink(program: Program) -> Program:
-    """The program in which polygons, segments and hyperbolas compute for themselves what nothing else uses."""
+    """Returns the program in which polygons, segments and hyperbolas compute the values that nothing else uses."""
     if not any(_receiving(s) for s in compound(program.body)):
         return program
     return replace(program, body=_sunk(program.body, program.outputs))
@@ -57,18 +57,18 @@ def _sunk(block: tuple[Stmt, ...], outputs: Iterable[Arg]) -> tuple[Stmt, ...]:
 
 
 def _receiving(stmt: Stmt) -> list[str]:
-    """The blocks of a statement that statements may be moved into, in the order in which they are run."""
+    """Returns the blocks of a statement that statements may be moved into, in the order in which they are run."""
     return [] if isinstance(stmt, Assign) else [name for name, role, _ in inner_blocks(stmt) if role.receives]
 
 
 def _only_place(users: set[Place | None]) -> Place | None:
-    """Where all users of a value are, if that is one statement: in the first of its blocks if several use it."""
+    """Returns the place of all users of a value, if they are in one statement: the first of its blocks if several use it."""
     places = {place for place in users if place is not None}
     return min(places) if None not in users and len({number for number, _ in places}) == 1 else None
 
 
 def _filled(stmt: Stmt, number: int, moved: dict[Place, list[Stmt]]) -> Stmt:
-    """The statement with what was moved into its blocks, before what is there."""
+    """Returns the statement with statements moved to the beginning of its blocks."""
     if not (receiving := _receiving(stmt)):
         return stmt
     inside = {name: block for name, _, block in inner_blocks(stmt)}
@@ -76,7 +76,7 @@ def _filled(stmt: Stmt, number: int, moved: dict[Place, list[Stmt]]) -> Stmt:
 
 
 def _inside(stmt: Stmt) -> Stmt:
-    """The same in the blocks of a statement that receives nothing itself."""
+    """Returns the same inside the blocks of a statement that receives nothing itself."""
     if not any(_receiving(s) for block in blocks(stmt) for s in compound(block)):
         return stmt
     inside = list(inner_blocks(stmt))

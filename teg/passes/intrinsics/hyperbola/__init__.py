@@ -1,4 +1,4 @@
-"""Moments of hyperbolas: `match` says which integrals and boundary terms are some, `lowering` makes the statement, `errors` its estimates.
+"""Moments of hyperbolas: `match` recognises integrals and boundary terms, `lowering` makes the statement, `errors` its estimates.
 
 operands    the values of a bilinear g at the corners of the unit square; coefficients of polynomials
 results     Σ c·∫∫ uʲvᵏ over g > 0, over g <= 0, or along g = 0
@@ -22,12 +22,12 @@ from teg.program import Hyperbola
 
 
 def boundary(g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
-    """The boundary term of a bilinear surface where the coefficient is a polynomial."""
+    """Returns the boundary term of a bilinear surface, if the coefficient is a polynomial; else None."""
     return match_border(g, coefficient, chain) if isinstance(data, Bilinear) else None
 
 
 def describe(node: Integral) -> Description | None:
-    """Moments of a hyperbola, in words."""
+    """Returns the description of moments of a hyperbola."""
     if match_hyperbola(node) is None:
         return None
     inside = tuple(n for n in postorder([node.body]) if isinstance(n, Integral))

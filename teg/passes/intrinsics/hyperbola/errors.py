@@ -9,7 +9,8 @@ from teg.program import Arg, Hyperbola, Moments, Stmt
 
 
 def with_errors(errors: Errors, stmt: Hyperbola, out: list[Stmt]) -> None:
-    """Roundings of the terms, what the coefficients are off by, and what the corners are, relative to the largest of them."""
+    """Appends the statement with its errors: roundings of the terms, errors of the coefficients, and of the corners relative to the
+    largest."""
     kinds: dict[tuple[str, int, int], str] = {}
     for m in stmt.moments:
         for j, k, _ in m.terms:

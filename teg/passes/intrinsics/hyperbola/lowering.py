@@ -1,4 +1,4 @@
-"""Moments of hyperbolas as statements: value, boundary terms and what decides ties, of all integrals that share a surface and a box."""
+"""Moments of hyperbolas as statements: values, boundary terms and scales of ties, of all integrals that share a surface and a box."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from teg.program import Arg, Hyperbola, Moments
 
 @dataclass
 class _Together:
-    """What is asked of one surface over one box."""
+    """The moments needed of one surface over one box."""
 
     regions: list[tuple[Integral, Sides]] = field(default_factory=list)
     borders: list[Border] = field(default_factory=list)
@@ -33,7 +33,7 @@ class HyperbolaLowering(Lowering):
         self._of: dict[Node, Corners] = {}
 
     def claim(self, level: Level, order: Sequence[Node]) -> list[Integral]:
-        """Returns the integrals of the outermost level that are moments in closed form; notes these and the borders."""
+        """Returns the integrals of the outermost level that are moments in closed form; records these and the borders."""
         if level.var is not None or level.coordinates is not None:
             return []
         claimed: list[Integral] = []
@@ -52,7 +52,7 @@ class HyperbolaLowering(Lowering):
         self._emit_moments(self._of[node], home)
 
     def closed_form(self, e: ClosedForm, home: Level) -> Arg | None:
-        """A border is a moment."""
+        """Returns the name of a border's moment."""
         if not isinstance(e, Border):
             return None
         if e not in home.names:

@@ -4,11 +4,10 @@
 
 On the box scaled to the unit square both are Σ c_jk·M_jk with the coefficients c_jk of P at a corner and the moments M_jk of the region,
 or of the curve, which depend on the four values of g at the corners (`teg.numerics.moments`). All integrals that share these values
-share the
-crossings of the curve with the sides and the logarithm of each branch: one statement, `Hyperbola`.
+share the crossings of the curve with the sides and the logarithm of each branch: one statement, `Hyperbola`.
 
-A boundary term stands in an expression as a `Border` of the corner values and the coefficients. It is made where derivatives end only, as
-it has none itself. P has at most degree 3 in each variable (2 in the region), so that no moment costs digits.
+A boundary term stands in an expression as a `Border` of the corner values and the coefficients. It is made only where derivatives end,
+because it has no derivative. P has at most degree 3 in each variable (2 in the region), so that no moment costs digits.
 """
 
 from __future__ import annotations
@@ -33,12 +32,15 @@ MAX_BORDER, MAX_INSIDE = 3, 2
 Corners = tuple[Expr, Expr, Expr, Expr]
 """The values of g, counterclockwise from the corner of both lower bounds, x being the inner variable."""
 Coefficients = dict[tuple[int, int], Expr]
-"""Of xʲyᵏ, relative to that corner and to the extents of the box."""
+"""The coefficients of xʲyᵏ, relative to that corner and to the extents of the box."""
 
 
 class Border(ClosedForm):
-    """∫∫ over the unit square of Σ c·uʲvᵏ·δ(g), g affine in u and in v: a function of the values of g at the corners, counterclockwise
-    from (0, 0), and of the coefficients. Data are a text for g = 0, one for each side, and the powers (j, k). It has no derivative."""
+    """∫∫ over the unit square of Σ c·uʲvᵏ·δ(g), g affine in u and in v.
+
+    A function of the values of g at the corners, counterclockwise from (0, 0), and of the coefficients. Data are a text for g = 0, one
+    for each side, and the powers (j, k). It has no derivative.
+    """
 
     __slots__ = ()
 
@@ -58,7 +60,7 @@ class Border(ClosedForm):
 
     @property
     def rivals(self) -> list[tuple[str, str]]:
-        """What may tie: the surface and each side, which begins at the corner of its number."""
+        """Returns the possible ties: the surface and each side, which begins at the corner of its number."""
         return [(self.data[0], bound) for bound in self.data[1]]
 
 
@@ -73,7 +75,8 @@ class Sides:
 
 
 def match_border(g: Expr, coefficient: Expr, chain: Chain) -> Expr | None:
-    """∫∫ coefficient·δ(g) over a chain of two integrals, as a function of the values of g at the corners; None if it is none."""
+    """Returns ∫∫ coefficient·δ(g) over a chain of two integrals, as a function of the values of g at the corners; None
+    for other surfaces."""
     if len(chain) != 2 or not _is_bilinear(g, chain) or any(e.free for b in chain for e in (b.lo, b.hi)):
         return None
     if any(isinstance(e, Const) and abs(e.data) == float("inf") for b in chain for e in (b.lo, b.hi)):
@@ -92,7 +95,7 @@ def match_border(g: Expr, coefficient: Expr, chain: Chain) -> Expr | None:
 
 
 def match_hyperbola(node: Integral) -> Sides | None:
-    """A closed integral over a box of what is a polynomial on either side of a bilinear surface, or None."""
+    """Returns a closed integral over a box of an integrand that is a polynomial on either side of a bilinear surface, or None."""
     if node.free or node.has_delta or is_unbounded(node):
         return None
     inner, terms = _terms(node)
@@ -113,7 +116,8 @@ def match_hyperbola(node: Integral) -> Sides | None:
 
 
 def _terms(node: Integral) -> tuple[Integral | None, Expr]:
-    """The inner integral of a nest of two, and the integrand; if its body is a sum of products, each with one over the same interval."""
+    """Returns the inner integral of a nest of two, and the integrand; also for a body that is a sum of products with integrals over one
+    interval."""
     box: Integral | None = None
     total: list[Expr] = []
     for term in node.body.children if isinstance(node.body, Add) else (node.body,):
@@ -133,7 +137,7 @@ def _terms(node: Integral) -> tuple[Integral | None, Expr]:
 
 
 def _is_bilinear(g: Expr, chain: Chain) -> bool:
-    """Whether g is affine in each variable, with a mixed term, and made of parameters else."""
+    """Returns whether g is affine in each variable, with a mixed term, and depends on parameters otherwise."""
     variables = tuple(b.var for b in chain)
     if g.has_integral or g.has_delta or not g.free <= set(variables) or any(atoms_of(g, v) for v in variables):
         return False
@@ -152,7 +156,7 @@ def _area(chain: Chain) -> Expr:
 
 
 def _coefficients(e: Expr, chain: Chain, most: int) -> Coefficients | None:
-    """Those of a polynomial of so low a degree in each variable; None if it is none."""
+    """Returns the coefficients of a polynomial of low degree in each variable; None for others."""
     outer, inner = chain
     x, y = inner.var, outer.var
     if e.has_integral or e.has_delta or not e.free <= {x, y} or any(atoms_of(e, v) for v in (x, y)):

@@ -1,7 +1,7 @@
-"""Clipped polygons and segments: `match` says which integrals are some, `lowering` makes the statements, `errors` their estimates.
+"""Clipped polygons and segments: `match` recognises integrals, `lowering` makes the statements, `errors` their estimates.
 
 operands    the box (width, height) or the unit interval; half-planes or half-lines; a polynomial body
-results     factors · ∫∫ of each value over what the half-planes leave
+results     factors · ∫∫ of each value over the domain that the half-planes leave
 off         two integrals by pieces, with a break wherever two lines meet or one crosses a side
 """
 
@@ -17,7 +17,7 @@ from teg.program import Polygon, Segment
 
 
 def describe(node: Integral) -> Description | None:
-    """A clipped polygon or interval, in words."""
+    """Returns the description of a clipped polygon or interval."""
     clipped = match_clipped(node) if masses_of(node.body, node.var) is None else None
     if clipped is None:
         return None
@@ -28,18 +28,18 @@ def describe(node: Integral) -> Description | None:
 
 
 def nodes_of(degree: int, half_planes: int) -> tuple[int, int]:
-    """Nodes of a triangle, and triangles: at most, those of a box from which each half-plane cuts a corner."""
+    """Returns the nodes of a triangle, and the largest number of triangles: those of a box from which each half-plane cuts a corner."""
     return len(triangle_rule(degree)), half_planes + 2 if degree else 1
 
 
 def of_polygon(stmt: Polygon) -> int:
-    """Evaluations of the integrand."""
+    """Returns the number of evaluations of the integrand."""
     nodes, triangles = nodes_of(stmt.degree, len(stmt.half_planes))
     return nodes * triangles
 
 
 def of_segment(stmt: Segment) -> int:
-    """Evaluations of the integrand."""
+    """Returns the number of evaluations of the integrand."""
     return stmt.nodes
 
 

@@ -9,8 +9,11 @@ from teg.program import EDGE, ROUNDING, Arg, Polygon, Segment, Stmt, clipped_by
 
 
 def with_errors(errors: Errors, stmt: Polygon | Segment, out: list[Stmt]) -> None:
-    """Roundings of the sum, of the corners (of a sliver much), what the integrand is off by, and what the domain is, relative to the
-    numbers that decide it."""
+    """Appends the statement with its errors: roundings of the sum and of the corners (large for a sliver), errors of the integrand and the
+    domain.
+
+    The error of the domain is relative to the numbers that decide it.
+    """
     setup, body = errors.block(stmt.setup), list(errors.block(stmt.body))
     sizes = {v: errors.op(body, "abs", v) if isinstance(v, str) else abs(v) for v in stmt.values}
     companions = [errors.error(v) for v in stmt.values]

@@ -1,10 +1,10 @@
-"""Clipped polygons and segments as statements: the numbers that decide the domain, what is integrated, and the constants in front.
+"""Clipped polygons and segments as statements: the numbers that decide the domain, the integrands, and their constant factors.
 
-Everything is relative to a corner of the box (x = l + u): differences of large coordinates are taken once, outside, and slivers keep their
-digits. What is constant but does not look so (a triangle's area as the sum of its barycentric coordinates) is found in the normal form of
-`teg.analysis.polynomial` and evaluated at the corner; an atom that is a factor of the integrand, too, is c + a·u + b·v. In a triangle
-whose vertices
-are known (`vertices.py`) barycentric coordinates are variables of their own: of a sliver c + a·u + b·v would lose them.
+Everything is relative to a corner of the box (x = l + u): differences of large coordinates are taken once, outside, and slivers keep
+their digits. Hidden constants (a triangle's area as the sum of its barycentric coordinates) are found in the normal form of
+`teg.analysis.polynomial` and evaluated at the corner; an atom that is also a factor of the integrand is c + a·u + b·v. In a triangle
+whose vertices are known (`teg.passes.eliminate.vertices`) barycentric coordinates are variables of their own: of a sliver c + a·u + b·v
+would lose them.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class PolygonLowering(Lowering):
         self._keys: dict[Integral, object | None] = {}
 
     def key(self, node: Integral, level: Level) -> object | None:
-        """The same for integrals over the same polygon or segment."""
+        """Returns a key that is equal for integrals over the same polygon or segment."""
         if level.coordinates is not None:
             return None
         if node not in self._keys:
@@ -67,7 +67,7 @@ class PolygonLowering(Lowering):
         return self._keys[node]
 
     def emit(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[str, ...]:
-        """The results of integrals over the same polygon or segment."""
+        """Returns the results of integrals over the same polygon or segment."""
         clipped = [self._clipped[node] for node in group]
         return (self._polygon if len(clipped[0].boxes) == 2 else self._segment)(clipped, home, when)
 
@@ -121,8 +121,10 @@ class PolygonLowering(Lowering):
         return results
 
     def _met(self, clipped: Clipped, home: Level) -> Arg:
-        """A boolean that is false only where a half-plane fails on all of the box, made of the same numbers as the conditions of its
-        edges."""
+        """Returns the predicate `met`, which is False only if some half-plane contains no point of the box.
+
+        It reuses the values computed for the edge predicates.
+        """
         inner, outer = clipped.boxes
         corner = {outer.var: outer.lo, inner.var: inner.lo}
         extents = [sub(b.hi, b.lo) for b in (outer, inner)]
@@ -159,7 +161,7 @@ class PolygonLowering(Lowering):
         return results
 
     def _half_line(self, half: Half, ends: Sequence[Arg], node: Integral, home: Level) -> HalfLine:
-        """A half-line by its ends; if it may tie, with what decides that."""
+        """Returns a half-line by its ends; if it may tie, with the scale and the resolution of the tie."""
         atom, (first, last), x, bounds = half.atom, ends, node.var, (node.lo, node.hi)
         if atom.resolution is None:
             return HalfLine(first, last, half.closed)
@@ -175,7 +177,7 @@ class PolygonLowering(Lowering):
         return a if a == b else self.out.assign(home, "v", "max", a, b)
 
     def _size_of_terms(self, g: Expr, x: Var, bounds: tuple[Expr, Expr], home: Level) -> Arg:
-        """A bound of the terms of an affine function between the bounds, as they stand before anything cancels."""
+        """Returns a bound of the terms of an affine function between the bounds, before anything cancels."""
         known: dict[Expr, Arg] = {}
         most = self._larger([self.out.size(end, home) for end in bounds], home)
         stack = [g]
@@ -218,7 +220,7 @@ class PolygonLowering(Lowering):
     def _integrands(
         self, group: Sequence[Clipped], local: _Local, variables: Sequence[Var], levels: Sequence[Level], home: Level, factor: Expr = ONE
     ) -> tuple[tuple[Arg, ...], tuple[Arg, ...]]:
-        """What is to be integrated, and the constant in front of each."""
+        """Returns the integrands, and the constant factor of each."""
         values: list[Arg] = []
         factors: list[Arg] = []
         for level in levels:
@@ -238,7 +240,7 @@ def _has_leaf(e: Add) -> bool:
 
 
 def _regrouped(e: Expr) -> Expr:
-    """e with (l + u) - x₁ as (l - x₁) + u: what cancels is taken first, and exactly."""
+    """Returns e with (l + u) - x₁ as (l - x₁) + u: terms that cancel are subtracted first, and exactly."""
 
     def visit(old: Node, node: Node) -> Node:
         if not isinstance(node, Add) or not any(isinstance(t, Add) and _has_leaf(t) for t in node.children):
@@ -266,11 +268,11 @@ class _Local:
         self._moved: dict[Node, Node] = {}
 
     def constants(self, e: Expr) -> Expr:
-        """e with its subexpressions of degree 0 evaluated at the corner."""
+        """Returns e with its subexpressions of degree 0 evaluated at the corner."""
         return self._rewritten(e, self._constants, lambda node: None)
 
     def of(self, e: Expr) -> Expr:
-        """e at the corner plus the offsets."""
+        """Returns e at the corner plus the offsets."""
         return self._rewritten(e, self._moved, lambda node: self.places.get(cast(Var, node), self.affine.get(node)))
 
     def _rewritten(self, root: Expr, new: dict[Node, Node], replace: Callable[[Expr], Expr | None]) -> Expr:
@@ -293,7 +295,7 @@ class _Local:
                 stack.extend(missing)
                 continue
             children = [new[c] for c in node.children]
-            if isinstance(node, Add):  # l + u - x₁ is to become (l - x₁) + u
+            if isinstance(node, Add):  # l + u - x₁ becomes (l - x₁) + u
                 terms: list[Node] = []
                 for old, c in zip(node.children, children, strict=True):
                     terms.extend(c.children if isinstance(c, Add) and (isinstance(old, Var) or _has_leaf(c)) else (c,))
@@ -303,7 +305,7 @@ class _Local:
         return cast(Expr, new[root])
 
     def _steady(self, node: Expr) -> Expr | None:
-        """The value of what is constant in truth."""
+        """Returns the value of a hidden constant; None for other nodes."""
         if isinstance(node, Var) or self._shadow.degree(node) != 0:
             return None
         return cast(Expr, substitute(node, self.corner)) if self._shadow.polynomial(node) else ZERO

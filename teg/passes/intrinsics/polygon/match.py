@@ -3,10 +3,10 @@
     ∫∫ P(x, y)·Π[gᵢ(x, y) > 0] dx dy      gᵢ affine      → `Polygon`: the box is clipped by each half-plane, a rule on a fan of triangles
     ∫ P(x)·Π[gᵢ(x) > 0] dx                gᵢ affine      → `Segment`: the interval is clipped, one piece and no search for others
 
-Without them the outer integral has a break wherever two lines meet or one crosses a side, O(n²) of them, and the inner one n in each piece.
-A `Segment` is what a boundary term along an edge becomes: its half-lines are the sides of the box and the other edges, and may tie.
+Without them the outer integral has a break wherever two lines meet or one crosses a side, O(n²) of them, and the inner one n in each
+piece. A boundary term along an edge becomes a `Segment`: its half-lines are the sides of the box and the other edges, and may tie.
 
-What is constant but does not look so, or of degree 1, is judged in the normal form of `teg.analysis.polynomial`; `lowering.py` makes the
+Hidden constants, and hidden functions of degree 1, are found in the normal form of `teg.analysis.polynomial`; `lowering.py` makes the
 statements.
 Source: Sutherland and Hodgman 1974 (clipping); Cyrus and Beck 1978 (of an interval).
 """
@@ -54,7 +54,7 @@ from teg.program import MAX_HALF_PLANES
 MAX_DEGREE = 24
 MAX_NODES = 16
 MAX_TERMS = 256
-"""Of a sum of integrals over one box."""
+"""The largest number of terms of a sum of integrals over one box."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Half:
 
 @dataclass(frozen=True)
 class Clipped:
-    """A polynomial of a degree, in variables (innermost first), on a box, or an interval, and in halves of it."""
+    """A polynomial of a degree, in variables (innermost first), on the part of a box, or an interval, inside its halves."""
 
     boxes: tuple[Integral, ...]
     halves: tuple[Half, ...]
@@ -85,12 +85,12 @@ class Clipped:
 
     @property
     def key(self) -> object:
-        """The same for integrals that share a loop."""
+        """Returns a key that is equal for integrals that share a loop."""
         return (len(self.boxes), *((b.var, b.lo, b.hi) for b in self.boxes), frozenset(self.halves))
 
 
 def match_polygon(node: Integral) -> Clipped | None:
-    """A polynomial on a box in two variables in the intersection of half-planes, or None."""
+    """Returns a polynomial on a box in two variables in the intersection of half-planes, or None."""
     outside, rest = _split(node.body)
     terms = _terms(rest)
     if not terms or any(i.has_delta or masses_of(i.body, i.var) is not None for _, i in terms):
@@ -106,7 +106,7 @@ def match_polygon(node: Integral) -> Clipped | None:
 
 
 def _terms(e: Expr) -> list[tuple[Expr, Integral]]:
-    """The sum of factors times integrals that an integrand is, sums inside of products written out; nothing if it is none."""
+    """Returns an integrand as a sum of factors times integrals, with sums inside of products written out; [] if it is not one."""
     found: list[tuple[Expr, Integral]] = []
     stack: list[tuple[Expr, Expr]] = [(ONE, e)]
     while stack:
@@ -128,19 +128,19 @@ def _terms(e: Expr) -> list[tuple[Expr, Integral]]:
 
 
 def match_segment(node: Integral) -> Clipped | None:
-    """A polynomial on an interval in the intersection of half-lines, one of which may tie, or None."""
+    """Returns a polynomial on an interval in the intersection of half-lines, one of which may tie, or None."""
     ties = any(a.resolution is not None for a in atoms_of(node.body, node.var))
     found = _match((node,), *_split(node.body)) if ties else None
     return found if found is not None and any(h.atom.resolution is not None for h in found.halves) else None
 
 
 def match_clipped(node: Integral) -> Clipped | None:
-    """The integral as a polygon or a segment, if it is one."""
+    """Returns the integral as a polygon or a segment, or None."""
     return match_polygon(node) or match_segment(node)
 
 
 def _split(body: Expr) -> tuple[Cond, Expr]:
-    """A condition outside of which a body is 0, and what it is there."""
+    """Returns a condition outside of which a body is 0, and the body where the condition holds."""
     if isinstance(body, Where) and body.otherwise is ZERO:
         return body.condition, body.then
     if isinstance(body, Where) and body.then is ZERO:
@@ -149,7 +149,8 @@ def _split(body: Expr) -> tuple[Cond, Expr]:
 
 
 def _match(boxes: tuple[Integral, ...], condition: Cond, integrand: Expr, inside: tuple[Integral, ...] = ()) -> Clipped | None:
-    """The integrand on boxes where a condition holds, if it is a polynomial there and the condition that of halves."""
+    """Returns the integrand on boxes where a condition holds, if it is a polynomial there and the condition an intersection of halves; else
+    None."""
     variables = tuple(b.var for b in boxes)
     if any(is_unbounded(b) or masses_of(b.body, b.var) is not None for b in boxes) or integrand.has_delta or condition is TRUE:
         return None
@@ -164,7 +165,7 @@ def _match(boxes: tuple[Integral, ...], condition: Cond, integrand: Expr, inside
         return None
     resolutions = [h.atom.resolution for h in halves if h.atom.resolution is not None]
     if resolutions and (len(boxes) > 1 or any(v in r.free for r in resolutions for v in variables)):
-        return None  # which side a tie belongs to must be known before the interval is cut
+        return None  # the side of a tie must be known before the interval is cut
     degree = shadow.degree(integrand)
     if degree is None or degree > MAX_DEGREE or (len(boxes) == 1 and degree // 2 + 1 > MAX_NODES):
         return None
@@ -178,7 +179,8 @@ def _match(boxes: tuple[Integral, ...], condition: Cond, integrand: Expr, inside
 
 
 def _halves(condition: Cond, variables: Sequence[Var], integrand: Expr) -> tuple[tuple[Half, ...], Expr] | None:
-    """The halves whose intersection a condition is, and the integrand there; None if it is none, or holds conditions on something else."""
+    """Returns the halves whose intersection a condition is, and the integrand there; None for other conditions, or other conditions in the
+    integrand."""
     halves: dict[Half, None] = {}
     for part in _conjuncts(condition):
         pair = _between(part, variables) if len(variables) == 1 else None
@@ -197,7 +199,7 @@ def _halves(condition: Cond, variables: Sequence[Var], integrand: Expr) -> tuple
 
 
 def _conjuncts(condition: Cond) -> list[Cond]:
-    """The conditions that all must hold; a long conjunction is one of shorter ones."""
+    """Returns the conditions that all must hold; a long conjunction is one of shorter ones."""
     found: dict[Cond, None] = {}
     stack = [condition]
     while stack:
@@ -210,7 +212,7 @@ def _conjuncts(condition: Cond) -> list[Cond]:
 
 
 def _between(part: Cond, variables: Sequence[Var]) -> tuple[Compare, Compare, Cond] | None:
-    """Of (a ∧ ¬b) ∨ (¬a ∧ b), between two bounds whose order is not known: a, b, and whether a holds there. Their slopes are the same."""
+    """Returns a, b, and whether a holds there, of (a ∧ ¬b) ∨ (¬a ∧ b): between two bounds in unknown order. Their slopes are the same."""
     if not isinstance(part, Or) or len(part.children) != 2:
         return None
     one, other = part.children
@@ -230,7 +232,7 @@ def _denied(c: Node) -> Node:
 
 
 def _turned(atom: Compare, forward: Cond) -> Compare:
-    """The atom where `forward` holds, its negation elsewhere."""
+    """Returns the atom where `forward` holds, its negation elsewhere."""
     g = where(forward, atom.g, mul(MINUS_ONE, atom.g))
     r = atom.resolution
     truth = None if r is None else disjunction(conjunction(forward, r), conjunction(negation(forward), negation(r)))
