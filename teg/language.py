@@ -75,7 +75,7 @@ def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
         v, lo, hi = triple
         if not isinstance(v, Var):
             kind = "a parameter" if isinstance(v, Param) else f"{type(v).__name__}"
-            raise ScopeError(f"one integrates over a variable, not over {kind}", v, 'make one with x = teg.var("x")')
+            raise ScopeError(f"an integral runs over a variable, not over {kind}", v, 'make one with x = teg.var("x")')
         bounds = as_number(lo), as_number(hi)
         for bound in bounds:
             if isinstance(bound, Const) and math.isnan(bound.data):
@@ -255,11 +255,11 @@ def check_parameters(wrt: object) -> list[Param]:
     if isinstance(wrt, Param):
         return [wrt]
     if isinstance(wrt, Expr) or not isinstance(wrt, Iterable):
-        raise ParameterError("one differentiates by parameters", wrt, 'make one with t = teg.param("t")')
+        raise ParameterError("derivatives are taken by parameters", wrt, 'make one with t = teg.param("t")')
     chosen: dict[Param, None] = {}
     for p in wrt:
         if not isinstance(p, Param):
-            raise ParameterError("one differentiates by parameters", p, 'make one with t = teg.param("t")')
+            raise ParameterError("derivatives are taken by parameters", p, 'make one with t = teg.param("t")')
         if p in chosen:
             raise ParameterError(f"the parameter {p.name!r} is listed twice")
         chosen[p] = None

@@ -12,8 +12,33 @@ from teg.backends.c.lanes import SIDE, Straight
 from teg.backends.c.text import indent
 from teg.program import Program, has_ties
 
+ABI = """\
+#ifndef TEG_ARRAY
+#define TEG_ARRAY
+/* An array: its numbers, row by row (double; int64_t for arrays of indices), how many of them lie between two elements of the
+   batch (0: the batch shares one), and its shape. */
+typedef struct {
+    const void *data;
+    long stride;
+    const int64_t *shape;
+} teg_array;
+#endif"""
+"""The type of an argument that is an array; every kernel has one interface, whether it takes arrays or not."""
 TOGETHER = 64
 """Points whose outputs are written together, at most."""
+
+
+def exported(name: str, real: str = "double") -> tuple[list[str], list[str]]:
+    """The heads of the two functions of every kernel: that which is watched, and that which is not."""
+    first = f"long n, const {real} *const *p, const long *stride, const teg_array *a, {real} *const *out, long *notes, int threads"
+    watched = [f"TEG_EXPORT int {name}_watched(", f"    {first},", "    long (*poll)(void *data), void *data)"]
+    return watched, [f"TEG_EXPORT int {name}(", f"    {first})"]
+
+
+def unwatched(name: str, real: str = "double") -> list[str]:
+    """The function that is not watched."""
+    body = indent(f"return {name}_watched(n, p, stride, a, out, notes, threads, NULL, NULL);")
+    return [*exported(name, real)[1], "{", *body, "}"]
 
 
 def together(program: Program) -> int:
@@ -81,8 +106,6 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
     gather = f"for (int j = 0; j < {inputs}; j++) w[j] = in[j][k];"
     note = "8 * ctx.evaluations + 4 * ctx.crowded + 2 * ctx.missed + ctx.tied"
     cast = "" if real == "double" else f"({real})"
-    first = f"long n, const {real} *const *p, const long *stride, {real} *out, long *notes, int threads"
-    second = "long (*poll)(void *data), void *data"
     decided: list[str] = []
     if straight:
         given = [f"in[{i}]" for i in straight.decided_by]
@@ -101,12 +124,10 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
         *indent(f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = 0.0;", "continue;"),
         "}",
     ]
-    written = f"out[j * n + first + k] = {cast}results[{apart} * j + k];"
+    written = f"out[j][first + k] = {cast}results[{apart} * j + k];"
     once, here = _inputs(inputs, real, straight)
     yield from (
-        f"TEG_EXPORT int {name}_watched(",
-        f"    {first},",
-        f"    {second})",
+        *exported(name, real)[0],
         "{",
         *indent(
             "const int team = threads > 1 ? threads : 1;",
@@ -114,7 +135,7 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
             "const long share = each / (32 * together) + 1;",
             "teg_watch watch = {poll, data, 0};",
             "int failed = 0, working = 0;",
-            "(void)p, (void)stride, (void)share, (void)working;",
+            "(void)p, (void)stride, (void)a, (void)share, (void)working;",
         ),
         "#ifdef _OPENMP",
         "#pragma omp parallel num_threads(team) if (team > 1)",
@@ -186,9 +207,5 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
         ),
         "}",
         "",
-        f"TEG_EXPORT int {name}(",
-        f"    {first})",
-        "{",
-        *indent(f"return {name}_watched(n, p, stride, out, notes, threads, NULL, NULL);"),
-        "}",
+        *unwatched(name, real),
     )

@@ -9,7 +9,6 @@ A `Step` declares everything its lines read: `uses` (values and captured literal
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -70,6 +69,7 @@ class Scope:
     count: list[int] = field(default_factory=lambda: [0])
     slots: dict[Arg, int] = field(default_factory=dict)
     declared: Collection[Arg] | None = None
+    lanes: Collection[Arg] = ()  # those with a value for each of the points that are computed side by side
 
     def __call__(self, arg: Arg) -> str:
         return self.spell(arg).text
@@ -83,6 +83,10 @@ class Scope:
             return Text(str(int(arg)), ATOM)
         return Text(self.names.get(float(arg)) or literal(float(arg)), ATOM)
 
+    def kind(self, arg: Arg) -> str:
+        """The C type of a value."""
+        return "teg_lanes_8" if arg in self.lanes else kind(arg)
+
     def name(self, value: str, letter: str = "") -> str:
         """A new name for a value."""
         self.count[0] += 1
@@ -92,7 +96,8 @@ class Scope:
 
 class Frame:
     """A C function; a part is a C function of its own that runs a stretch of a long block; part 0 is the function itself. The numbers of
-    blocks that must not be cut are in `whole`; `own` are the arguments that the function spells between its blocks."""
+    blocks that must not be cut are in `whole`; `own` are the arguments that the function spells between its blocks; `lanes` those that are
+    several numbers side by side."""
 
     def __init__(
         self,
@@ -104,6 +109,7 @@ class Frame:
         prefix: str = "c",
         by_value: int = BY_VALUE,
         whole: Container[int] = (),
+        lanes: Collection[Arg] = (),
     ) -> None:
         steps = [step for block in blocks for step in block]
         self.captured, self.blocks, self.context, self.variables = captured, blocks, context, variables or {}
@@ -114,7 +120,7 @@ class Frame:
         self.parts: list[str] = []  # their texts
         self._count = [0]
         self._cuts = _cut(blocks, whole)
-        self._between = frozenset(own)
+        self._between, self._lanes = frozenset(own), lanes
         known: set[Arg] = set(self.names)
         times: dict[Arg, int] = {}  # how often a name is spelled
         stored: dict[Arg, None] = {}
@@ -156,7 +162,7 @@ class Frame:
     def scope(self) -> Scope:
         """Names as they are spelled in the function itself, between its blocks."""
         elsewhere = {arg: self._load(arg) for arg in self._uses[0] if arg in self._home}
-        return Scope(self.names, self.size, elsewhere, count=self._count, slots=self._slots, declared=self._between)
+        return Scope(self.names, self.size, elsewhere, count=self._count, slots=self._slots, declared=self._between, lanes=self._lanes)
 
     def signature(self, *pointers: str) -> str:
         """Name and C parameters of the function."""
@@ -232,7 +238,7 @@ class Frame:
         """Values out of the workspace."""
         by_kind: dict[str, list[str]] = {"double": [], "int": []}
         for arg in args:
-            self.names[arg] = re.sub(r"\[(\d+)\]", r"_\1", self.names[arg])  # not in an array any more
+            self.names[arg] = self.names[arg].replace("[", "_").replace("]", "")  # not in an array any more
             by_kind[kind(arg)].append(f"{self.names[arg]} = {self._load(arg)}")
         return [line for c, parts in by_kind.items() for line in packed(parts, f"const {c} ", ", ", ";")]
 
@@ -292,7 +298,7 @@ def _value(stmt: Assign, uses: Sequence[Arg], scope: Scope) -> Text:
 
 def _declared(name: Arg, value: Text, scope: Scope) -> str:
     assert isinstance(name, str)
-    return f"const {kind(name)} {scope.name(name)} = {value.text};"
+    return f"const {scope.kind(name)} {scope.name(name)} = {value.text};"
 
 
 def _cut(blocks: list[list[Step]], whole: Container[int]) -> list[list[tuple[int, list[Step]]]]:

@@ -47,6 +47,7 @@ class CKernel:
         self._call = Caller(library)
         self._noted = needs_context(program.body, counted)
         self._type, self._inputs, self._outputs = np.dtype(dtype), len(program.parameters), len(program.outputs)
+        self._rows = np.arange(self._outputs, dtype=np.uintp)
         self._values: Any = element * (self._inputs + self._outputs)
 
     @property
@@ -75,7 +76,8 @@ class CKernel:
         notes = np.empty(n, dtype=LONG) if self._noted else None
         threads = min(self.threads or os.cpu_count() or 1, n)
         told = None if notes is None else _address(notes)
-        if self._call.batch(n, _address(pointers), _address(strides), _address(out), told, threads):
+        rows = self._rows * np.uintp(n * size) + np.uintp(_address(out))
+        if self._call.batch(n, _address(pointers), _address(strides), None, _address(rows), told, threads):
             raise BackendError("there is no memory for the kernel's workspace")
         if notes is None:
             return Outcome(out, False, 0)
@@ -85,7 +87,7 @@ class CKernel:
     def at_point(self, values: Sequence[float]) -> Outcome:
         """The outcome of one point, given as plain numbers in the order of the parameters; quicker than a batch of one."""
         array = self._values(*values)
-        note = self._call.once(array, self._inputs)
+        note = self._call.once(array, self._inputs, self._outputs)
         if note < 0:
             raise BackendError("there is no memory for the kernel's workspace")
         out = np.frombuffer(array, dtype=self._type)[self._inputs :].reshape(self._outputs, 1)

@@ -13,11 +13,9 @@ is depends on that point alone, and a batch of one is computed as eight points: 
 
 from __future__ import annotations
 
-import re
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Collection, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
-from math import inf
 from typing import Any
 
 from teg.backends.c.frame import Frame, Scope, Step, assignments, captured_by
@@ -31,8 +29,6 @@ from teg.program import (
     Arg,
     Assign,
     Hyperbola,
-    Isolate,
-    Locate,
     Polygon,
     Program,
     Stmt,
@@ -41,16 +37,15 @@ from teg.program import (
     statements,
 )
 from teg.program.dce import without_dead_code
+from teg.program.fields import absent
 
 SIDE = 8
 """Points side by side."""
 LONGEST, MOST = 400, 1600
 """Statements of a straight line or of a decision, each one C function that is not cut; and of a program that is looked at."""
 DECIDING = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select"}
-DECLARED, ADDED, WORD = re.compile(r" *(?:const )?double (\w+) = (.*);$"), re.compile(r" *(\w+) \+= (.*);$"), re.compile(r"\w+")
 STRAIGHT = SIDE_BY_SIDE | {"choose"}
 BRANCHLESS = {"and": "all", "or": "any"}
-CHOSEN = re.compile(r" *teg_lanes_8 (\w+);$")
 LARGEST = 1.7976931348623157e308
 
 
@@ -158,9 +153,7 @@ class _Line:
                     if stmt.when is None:
                         return False
                     self.conditions.append(self.assign("b", "not", stmt.when))
-                    self.absent |= dict.fromkeys(assigned(stmt), 0.0)
-                    if isinstance(stmt, Isolate | Locate):
-                        self.absent |= dict.fromkeys(stmt.results, inf)
+                    self.absent.update(absent(stmt))
         return True
 
     def plain(self, stmt: Assign) -> list[Assign]:
@@ -315,11 +308,11 @@ def signature(inputs: Sequence[int], varying: Container[int], *more: str) -> str
     return ", ".join([*(f"const double *q{i}" if i in varying else f"double p{i}" for i in inputs), *more])
 
 
-def _framed(blocks: list[list[Step]], own: Sequence[Arg], variables: Iterable[str] = ()) -> Frame:
+def _framed(blocks: list[list[Step]], own: Sequence[Arg], variables: Iterable[str] = (), lanes: Collection[Arg] = ()) -> Frame:
     """A C function of these blocks in which parameter i is called p{i}."""
     names = {name: name for name in captured_by(own, [step for block in blocks for step in block], ()) if isinstance(name, str)}
     known = {**{n: n for n in names if n[0] == "p"}, **{v: v for v in variables}}
-    return Frame([], blocks, own, False, known, whole=range(len(blocks)))
+    return Frame([], blocks, own, False, known, whole=range(len(blocks)), lanes=lanes)
 
 
 def decision(found: Packed, varying: Container[int]) -> list[str]:
@@ -354,19 +347,20 @@ def straight(found: Packed, varying: Container[int], apart: int) -> list[str]:
         blocks += [_steps(stmt.body), [_totals(stmt)]]
         boxes.append(stmt)
         own += [stmt.width, stmt.height, *stmt.values]
-    frame = _framed(blocks, own, [v for box in boxes for v in box.variables])
     inputs = _inputs(found.straight, found.outputs)
+    lanes = _values_in_lanes(found.straight, {f"p{i}" for i in inputs if i in varying})
+    frame = _framed(blocks, own, [v for box in boxes for v in box.variables], lanes)
     lines = [f"const teg_lanes_8 p{i} = *(const teg_lanes_8 *)(q{i} + k);" for i in inputs if i in varying]
     lines += frame.block(0)
     for number, box in enumerate(boxes):
-        lines += _over_a_box(box, frame, 2 * number + 1)
+        lines += _over_a_box(box, frame, 2 * number + 1, lanes)
         lines += frame.block(2 * number + 2)
     scope = frame.scope()
     lines += [f"*(teg_lanes_8 *)(f + {apart * j} + k) = {scope(o)} + zero;" for j, o in enumerate(found.outputs)]
     return [
         "const teg_lanes_8 zero = {0.0};",
         f"for (int k = 0; k < {SIDE}; k += (int)(sizeof(teg_lanes_8) / sizeof(double))) {{",
-        *indent(*_typed(lines, {"zero", *(f"p{i}" for i in inputs if i in varying)})),
+        *indent(*lines),
         "}",
     ]
 
@@ -375,19 +369,48 @@ def _steps(block: Iterable[Stmt]) -> list[Step]:
     return [step for s in block if isinstance(s, Assign) for step in assignments(s)]
 
 
+def _values_in_lanes(straight: Sequence[Stmt], inputs: set[str]) -> set[Arg]:
+    """The values that differ between points side by side, if these inputs do. What `choose` gives counts as one."""
+    lanes: set[Arg] = set(inputs)
+
+    def through(block: Iterable[Stmt]) -> None:
+        for s in block:
+            if isinstance(s, Assign) and s.op == "choose":
+                lanes.add(s.name)
+            elif isinstance(s, Assign):
+                for step in assignments(s):
+                    lanes.update(step.defines if lanes.intersection(step.uses) else ())
+
+    for stmt in straight:
+        through([stmt])
+        if isinstance(stmt, Polygon):
+            sides = (stmt.width, stmt.height)
+            through(stmt.setup)
+            lanes.update(v for v, side in zip(stmt.variables, sides, strict=True) if side in lanes)
+            through(stmt.body)
+            terms = zip(stmt.results, stmt.values, stmt.factors, strict=True)
+            lanes.update(result for result, value, factor in terms if lanes.intersection((*sides, value, factor)))
+    return lanes
+
+
+def _type_of(args: Sequence[Arg], lanes: Collection[Arg]) -> str:
+    """The C type of what is computed from these values."""
+    return "teg_lanes_8" if any(arg in lanes for arg in args) else "double"
+
+
 def _choice(stmt: Assign) -> Step:
     """The second of three values where the first is positive, else the third."""
 
     def lines(scope: Scope) -> list[str]:
         of = [scope(a) for a in stmt.args]
         name = scope.name(stmt.name)
-        given = [f"const double {letter}_{name} = {text} + zero;" for letter, text in zip("gxy", of, strict=True)]
+        given = [f"const teg_lanes_8 {letter}_{name} = {text} + zero;" for letter, text in zip("gxy", of, strict=True)]
         return [*given, f"teg_lanes_8 {name};", f"teg_choose_8(&{name}, &g_{name}, &x_{name}, &y_{name});"]
 
     return Step((stmt.name,), stmt.args, lines=lines, weight=4)
 
 
-def _over_a_box(stmt: Polygon, frame: Frame, block: int) -> Iterator[str]:
+def _over_a_box(stmt: Polygon, frame: Frame, block: int, lanes: Collection[Arg]) -> Iterator[str]:
     """A product rule: what it adds up is called sum_{variable}_0, …"""
     scope, n, own = frame.scope(), _nodes(stmt), stmt.variables[0]
     nodes, weights = gauss_legendre(n)
@@ -397,13 +420,14 @@ def _over_a_box(stmt: Polygon, frame: Frame, block: int) -> Iterator[str]:
     yield from indent(*in_few_lines(texts))
     yield "};"
     width, height = scope(stmt.width), scope(stmt.height)
-    yield f"const double area_{own} = {width} * {height};"
     x, y = stmt.variables
-    inside = [f"const double {x} = {width} * rule_{own}[i][0];", f"const double {y} = {height} * rule_{own}[i][1];"]
+    area = _type_of([stmt.width, stmt.height], lanes)
+    yield f"const {area} area_{own} = {width} * {height};"
+    inside = [f"const {scope.kind(x)} {x} = {width} * rule_{own}[i][0];", f"const {scope.kind(y)} {y} = {height} * rule_{own}[i][1];"]
     inside += [f"(void){x}, (void){y};", *frame.block(block)]
-    inside.append(f"const double weight_{own} = area_{own} * rule_{own}[i][2];")
+    inside.append(f"const {area} weight_{own} = area_{own} * rule_{own}[i][2];")
     for j, value in enumerate(dict.fromkeys(stmt.values)):
-        yield f"double sum_{own}_{j} = {{0.0}};"
+        yield f"{_type_of([stmt.width, stmt.height, value], lanes)} sum_{own}_{j} = {{0.0}};"
         inside.append(f"sum_{own}_{j} += weight_{own} * {scope(value)};")
     yield f"for (int i = 0; i < {n * n}; i++) {{"
     yield from indent(*inside)
@@ -418,20 +442,7 @@ def _totals(stmt: Polygon) -> Step:
         made = []
         for result, value, factor in zip(stmt.results, stmt.values, stmt.factors, strict=True):
             times = "" if factor == 1.0 else f"{operand(scope.spell(factor), UNARY)} * "
-            made.append(f"const double {scope.name(result)} = {times}sum_{stmt.variables[0]}_{distinct.index(value)};")
+            made.append(f"const {scope.kind(result)} {scope.name(result)} = {times}sum_{stmt.variables[0]}_{distinct.index(value)};")
         return made
 
     return Step(stmt.results, stmt.factors, lines=lines, weight=len(stmt.results))
-
-
-def _typed(lines: Sequence[str], varying: set[str]) -> list[str]:
-    """The lines with values that vary in lanes; `varying` are the names of those from outside. A sum is declared before what it adds up."""
-    there = set(varying)
-    for line in lines:
-        if (m := CHOSEN.match(line)) or ((m := DECLARED.match(line) or ADDED.match(line)) and there.intersection(WORD.findall(m[2]))):
-            there.add(m[1])
-    texts = []
-    for line in lines:
-        declared = DECLARED.match(line)
-        texts.append(line.replace("double ", "teg_lanes_8 ", 1) if declared and declared[1] in there else line)
-    return texts

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends.branches import with_branches_in_loops
+from teg.backends.c.batch import ABI, exported, unwatched
 from teg.backends.c.build import load_library
 from teg.backends.c.frame import Routine
 from teg.backends.c.kernel import LONG, optimisation
@@ -38,22 +40,9 @@ BY_VALUE = 120
 ON_STACK = 512
 """Numbers in a workspace that is on the C stack."""
 
-ABI = """\
-/* An array: its numbers, row by row (double; int64_t for arrays of indices), how many of them lie between two elements of the
-   batch (0: the batch shares one), and its shape. */
-typedef struct {
-    const void *data;
-    long stride;
-    const int64_t *shape;
-} teg_array;"""
-
 
 class _View(ctypes.Structure):
     _fields_ = [("data", ctypes.c_void_p), ("stride", ctypes.c_long), ("shape", ctypes.c_void_p)]
-
-
-class _Given(ctypes.Structure):
-    _fields_ = [("p", ctypes.c_void_p), ("a", ctypes.c_void_p)]
 
 
 class CArrayKernel:
@@ -88,10 +77,9 @@ class CArrayKernel:
         strides = np.array([1 if c.ndim else 0 for c in kept] or [0], dtype=LONG)
         targets = np.array([o.ctypes.data for o in out] or [0], dtype=np.uintp)
         notes = np.zeros(n, dtype=LONG)
-        given = _Given(pointers.ctypes.data, ctypes.addressof(views))
         team = self.threads or os.cpu_count() or 1
         told = notes.ctypes.data
-        if n and self._call.batch(n, ctypes.addressof(given), strides.ctypes.data, targets.ctypes.data, told, team):
+        if n and self._call.batch(n, pointers.ctypes.data, strides.ctypes.data, ctypes.addressof(views), targets.ctypes.data, told, team):
             raise BackendError("there is no memory for the kernel's workspace")
         noted = int(np.bitwise_or.reduce(notes)) if n else 0
         return Results(out, bool(noted & 2), 0, bool(noted & 4))
@@ -124,7 +112,8 @@ def _title(program: ArrayProgram) -> str:
 
 class _ArrayPrinter:
     def __init__(self, program: ArrayProgram, name: str) -> None:
-        self.program, self.name = program, name
+        self.program, self.name = with_branches_in_loops(program), name
+        program = self.program
         self.printer = Printer()
         self.routines: dict[int, Routine] = {}
         self.space = 0
@@ -443,18 +432,9 @@ class _ArrayPrinter:
     def _entry(self) -> Iterator[str]:
         """The exported functions. A single element is given all threads, elements of a batch one each."""
         yield from (
-            "typedef struct {",
-            "    const double *const *p;",
-            "    const teg_array *a;",
-            "} teg_given;",
-            "",
-            f"TEG_EXPORT int {self.name}_watched(",
-            "    long n, const void *values, const long *stride, void *results, long *notes, int threads,",
-            "    long (*poll)(void *data), void *data)",
+            *exported(self.name)[0],
             "{",
             *indent(
-                "const teg_given *const given = values;",
-                "double *const *const out = (double *const *)results;",
                 "const int team = threads > 1 && n > 1 ? threads : 1, inner = n > 1 ? 1 : threads;",
                 "teg_watch watch = {poll, data, 0};",
                 "int failed = 0, working = 0;",
@@ -479,7 +459,7 @@ class _ArrayPrinter:
                     *indent(
                         "long note;",
                         "if (teg_stopped(&pace)) continue;",
-                        "note = element(e, given->p, stride, given->a, out, &pace, inner);",
+                        "note = element(e, p, stride, a, out, &pace, inner);",
                         "if (note < 0) failed = 1;",
                         "if (notes) notes[e] = note;",
                     ),
@@ -493,14 +473,7 @@ class _ArrayPrinter:
             ),
             "}",
             "",
-            f"TEG_EXPORT int {self.name}(",
-            "    long n, const double *const *p, const long *stride, const teg_array *a, double *const *out, long *notes, int threads)",
-            "{",
-            *indent(
-                "const teg_given given = {p, a};",
-                f"return {self.name}_watched(n, &given, stride, (void *)out, notes, threads, NULL, NULL);",
-            ),
-            "}",
+            *unwatched(self.name),
         )
 
 

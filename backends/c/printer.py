@@ -21,9 +21,10 @@ from dataclasses import replace
 from functools import partial
 from typing import cast
 
+from teg.backends.branches import with_branches
 from teg.backends.c import frame as c_frame
 from teg.backends.c import lanes as c_packed
-from teg.backends.c.batch import batch_loop, together
+from teg.backends.c.batch import ABI, batch_loop, together
 from teg.backends.c.bodies import merged, used_inputs, with_inputs
 from teg.backends.c.frame import BY_VALUE, CONTEXT, RESULTS, WORKSPACE, Frame, Routine, Scope, Step, assignments, captured_by
 from teg.backends.c.hyperbola import along_a_branch, along_function, hyperbola
@@ -100,6 +101,7 @@ def print_kernel(
     """The translation unit: constants, runtime, Gauss tables, integrals inside out, element, batch loop. A `counted` one counts the
     evaluations of integrands. `real` is the type of parameters and outputs, "double" or "float"; between them all is double.
     `declare` gives the declarations of the functions that are called; else these are in the text themselves."""
+    program = with_branches(program)
     printer = Printer(counted)
     element = printer.element(program)
     packed = None if counted else printer.packed(program, range(len(program.parameters)), together(program))
@@ -107,7 +109,8 @@ def print_kernel(
     tables = printer.tables()
     called = tuple(sorted(printer.called))
     functions = declare(called) if declare is not None else [text for ks in called for text in _static_function(program, ks)]
-    return "\n\n".join([title(program), *runtime([*tables, *functions, *texts]), *tables, *functions, *texts]) + "\n"
+    first, *needed = runtime([*tables, *functions, *texts])
+    return "\n\n".join([title(program), first, ABI, *needed, *tables, *functions, *texts]) + "\n"
 
 
 def function_name(called: Together) -> str:

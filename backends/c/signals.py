@@ -35,7 +35,7 @@ SOURCE = """\
 #endif
 
 typedef int teg_kernel(
-    long n, const void *p, const long *stride, void *out, long *notes, int threads, long (*poll)(void *), void *data);
+    long n, const void *p, const long *stride, const void *a, void *out, long *notes, int threads, long (*poll)(void *), void *data);
 
 /* What Python calls PyEval_SaveThread, PyEval_RestoreThread and PyErr_CheckSignals. */
 typedef struct {
@@ -81,29 +81,29 @@ static long teg_ask_python(void *data)
 
 /* Run a kernel on a batch. Called with Python's lock, which it gives away. */
 TEG_EXPORT int teg_call(
-    const teg_python *python, teg_kernel *kernel, long n, const void *p, const long *stride, void *out, long *notes,
-    int threads, int watched)
+    const teg_python *python, teg_kernel *kernel, long n, const void *p, const long *stride, const void *a, void *out,
+    long *notes, int threads, int watched)
 {
     teg_caller s = {python, python->give(), 0.0, 0.0, 0};
-    const int status = kernel(n, p, stride, out, notes, threads, watched ? teg_ask_python : NULL, &s);
+    const int status = kernel(n, p, stride, a, out, notes, threads, watched ? teg_ask_python : NULL, &s);
     python->take(s.thread);
     return status;
 }
 
-/* Run a kernel at one point: so many parameters of so many bytes, and then the outputs, in one array. Returns a note, or
-   -1 without memory, -2 if it was stopped. */
+/* Run a kernel without arrays at one point: so many parameters of so many bytes, and then the outputs, in one array. Returns a
+   note, or -1 without memory, -2 if it was stopped. */
 TEG_EXPORT long teg_call_once(
-    const teg_python *python, teg_kernel *kernel, char *values, int inputs, int size, int watched)
+    const teg_python *python, teg_kernel *kernel, char *values, int inputs, int outputs, int size, int watched)
 {
-    const void *few[32], **const p = inputs > 32 ? malloc((size_t)inputs * sizeof *p) : few;
-    const long shared[32] = {0};
-    long note = 0, *const stride = inputs > 32 ? calloc((size_t)inputs, sizeof *stride) : NULL;
+    char *few[64], **const places = inputs + outputs > 64 ? malloc((size_t)(inputs + outputs) * sizeof *places) : few;
+    const long shared[64] = {0};
+    long note = 0, *const stride = inputs > 64 ? calloc((size_t)inputs, sizeof *stride) : NULL;
     int status = 1;
-    if (p && (stride || inputs <= 32)) {
-        for (int i = 0; i < inputs; i++) p[i] = values + (long)i * size;
-        status = teg_call(python, kernel, 1, p, stride ? stride : shared, values + (long)inputs * size, &note, 1, watched);
+    if (places && (stride || inputs <= 64)) {
+        for (int i = 0; i < inputs + outputs; i++) places[i] = values + (long)i * size;
+        status = teg_call(python, kernel, 1, places, stride ? stride : shared, NULL, places + inputs, &note, 1, watched);
     }
-    if (p != few) free((void *)p);
+    if (places != few) free(places);
     free(stride);
     return status ? -status : note;
 }
@@ -134,21 +134,21 @@ class Caller:
         callers, python = _library()
         address = ctypes.c_void_p(ctypes.addressof(python))
         pointer = ctypes.c_void_p
-        batch = ctypes.PYFUNCTYPE(ctypes.c_int, pointer, pointer, ctypes.c_long, *[pointer] * 4, ctypes.c_int, ctypes.c_int)
-        once = ctypes.PYFUNCTYPE(ctypes.c_long, *[pointer] * 3, *[ctypes.c_int] * 3)
+        batch = ctypes.PYFUNCTYPE(ctypes.c_int, pointer, pointer, ctypes.c_long, *[pointer] * 5, ctypes.c_int, ctypes.c_int)
+        once = ctypes.PYFUNCTYPE(ctypes.c_long, *[pointer] * 3, *[ctypes.c_int] * 4)
         self._batch, self._once = batch(("teg_call", callers)), once(("teg_call_once", callers))
         self._given = address, kernel
 
-    def batch(self, n: int, pointers: int, strides: int, out: int, notes: int | None, threads: int) -> int:
+    def batch(self, n: int, pointers: int, strides: int, arrays: int | None, out: int, notes: int | None, threads: int) -> int:
         """Run it on a batch, arguments as the kernel's; returns its status. Raises what a handler of a signal raised."""
         team = 1 if _Teams.lost else threads
         _Teams.used |= team > 1
-        status: int = self._batch(*self._given, n, pointers, strides, out, notes, team, _is_main())
+        status: int = self._batch(*self._given, n, pointers, strides, arrays, out, notes, team, _is_main())
         return status
 
-    def once(self, values: ctypes.Array[Any], inputs: int) -> int:
+    def once(self, values: ctypes.Array[Any], inputs: int, outputs: int) -> int:
         """Run it at one point, the parameters and places for the outputs in one array; returns the note, MEMORY or STOPPED."""
-        note: int = self._once(*self._given, values, inputs, ctypes.sizeof(values._type_), _is_main())
+        note: int = self._once(*self._given, values, inputs, outputs, ctypes.sizeof(values._type_), _is_main())
         return note
 
 

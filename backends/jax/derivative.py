@@ -140,7 +140,6 @@ class Family:
             if order not in self._numbers:
                 self._numbers[order] = self.native.bind(program, order)
             number = self._numbers[order]
-        arrays = isinstance(program, ArrayProgram)
         inaccurate = self.native.inaccurate
 
         def function(*operands: Any) -> tuple[Any, ...]:
@@ -152,7 +151,7 @@ class Family:
             columns += [jnp.asarray(float(k)) for k in self.integers]
             kinds += [-1] * len(self.integers)
             results = tuple(_own_shapes(self, order, batch, operands))
-            found = call(Call(number, arrays, tuple(kinds), results, inaccurate), columns, lengths)
+            found = call(Call(number, tuple(kinds), results, inaccurate), columns, lengths)
             return tuple(v.astype(dtype) for v in found)
 
         return function

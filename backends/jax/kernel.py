@@ -24,6 +24,7 @@ from typing import Any, assert_never, cast
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends.branches import with_selects
 from teg.backends.text import Dialect, assignment, inside, strict, value
 from teg.errors import BackendError, MissingPackageError
 from teg.numerics.quadrature import triangle_rule
@@ -51,7 +52,6 @@ from teg.program import (
     When,
     assigned,
     statements,
-    without_branches,
 )
 
 DIALECT = Dialect("jnp", guard=" + zero", call="function_{k}(order, zero, {arguments})[0][0]")
@@ -169,7 +169,7 @@ class JaxKernel:
 def _printed(program: Program) -> str:
     """The text of a program without the bodies of its functions."""
     if "jax" not in program.printed:
-        program.printed["jax"] = "\n".join(_kernel(without_branches(program)))
+        program.printed["jax"] = "\n".join(_kernel(with_selects(program)))
     return cast(str, program.printed["jax"])
 
 

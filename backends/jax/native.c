@@ -6,17 +6,14 @@
 #include <string.h>
 #include "xla/ffi/api/c_api.h"
 
-typedef int teg_kernel(
-    long n, const void *p, const long *stride, void *out, long *notes, int threads, long (*poll)(void *data), void *data);
 typedef struct {
     const void *data;
     long stride;
     const int64_t *shape;
 } teg_array;
-typedef struct {
-    const double *const *p;
-    const teg_array *a;
-} teg_given;
+typedef int teg_kernel(
+    long n, const double *const *p, const long *stride, const teg_array *a, double *const *out, long *notes, int threads,
+    long (*poll)(void *data), void *data);
 
 /* Functions of Python's, and the class of the warning. */
 typedef struct {
@@ -107,14 +104,16 @@ static void teg_warn(teg_entry *e)
     if (!__atomic_exchange_n(&e->told, 1, __ATOMIC_ACQ_REL) && python.later(teg_warned, e)) __atomic_store_n(&e->told, 0, __ATOMIC_RELEASE);
 }
 
-/* A batch of numbers that XLA's threads share: each takes parts until none is left; the last to leave frees the job. A task that starts
-   late finds no part, so no thread waits for a task that has not begun. */
+/* A batch that XLA's threads share: each takes parts until none is left; the last to leave frees the job. A task that starts late finds no
+   part, so no thread waits for a task that has not begun. */
 typedef struct {
     teg_kernel *kernel;
-    const double **p, **results;
+    const double **p;      /* the numbers, and how far it is from one element of the batch to the next: 0 or 1 */
     long *stride;
-    long inputs, outputs, n, each, parts, next, done;
-    long noted;
+    teg_array *a;          /* the arrays */
+    double **out;          /* the results, and how many numbers each has an element */
+    long *size;
+    long numbers, arrays, outputs, n, each, parts, next, done, noted;
     int failed, users;
 } teg_job;
 
@@ -123,29 +122,41 @@ static void teg_leave(teg_job *job)
     if (!__atomic_sub_fetch(&job->users, 1, __ATOMIC_ACQ_REL)) free(job);
 }
 
-static void teg_part(teg_job *job, long i, const double **p, double *block, long *notes)
+/* Places for the arguments of one part. */
+static void *teg_room(const teg_job *job)
+{
+    return malloc((size_t)(job->arrays + 1) * sizeof(teg_array) + (size_t)(job->numbers + job->outputs + 1) * sizeof(double *)
+                  + (size_t)job->each * sizeof(long));
+}
+
+static void teg_part(teg_job *job, long i, void *room)
 {
     const long first = i * job->each, n = job->n - first < job->each ? job->n - first : job->each;
-    long noted = 0;
-    for (long j = 0; j < job->inputs; j++) p[j] = job->p[j] + first * job->stride[j];
+    teg_array *const a = room;
+    const double **const p = (const double **)(a + job->arrays + 1);
+    double **const out = (double **)(p + job->numbers);
+    long *const notes = (long *)(out + job->outputs + 1), noted = 0;
+    for (long j = 0; j < job->numbers; j++) p[j] = job->p[j] + first * job->stride[j];
+    for (long j = 0; j < job->arrays; j++) {
+        a[j] = job->a[j];
+        a[j].data = (const double *)a[j].data + first * a[j].stride;  /* of 8 bytes, as integers are */
+    }
+    for (long j = 0; j < job->outputs; j++) out[j] = job->out[j] + first * job->size[j];
     memset(notes, 0, (size_t)n * sizeof *notes);
-    if (job->kernel(n, p, job->stride, block, notes, 1, NULL, NULL)) __atomic_store_n(&job->failed, 1, __ATOMIC_RELAXED);
-    for (long j = 0; j < job->outputs; j++) memcpy((double *)job->results[j] + first, block + j * n, (size_t)n * sizeof *block);
+    if (job->kernel(n, p, job->stride, a, out, notes, 1, NULL, NULL)) __atomic_store_n(&job->failed, 1, __ATOMIC_RELAXED);
     for (long k = 0; k < n; k++) noted |= notes[k];
     __atomic_fetch_or(&job->noted, noted, __ATOMIC_RELAXED);
 }
 
 static void teg_work(teg_job *job)
 {
-    double *const block = malloc((size_t)(job->outputs * job->each) * sizeof *block);
-    const double **const p = malloc((size_t)(job->inputs + 1) * sizeof *p);
-    long *const notes = malloc((size_t)job->each * sizeof *notes);
+    void *const room = teg_room(job);
     for (long i; (i = __atomic_fetch_add(&job->next, 1, __ATOMIC_RELAXED)) < job->parts;) {
-        if (block && p && notes) teg_part(job, i, p, block, notes);
+        if (room) teg_part(job, i, room);
         else __atomic_store_n(&job->failed, 1, __ATOMIC_RELAXED);
         __atomic_add_fetch(&job->done, 1, __ATOMIC_RELEASE);
     }
-    free(block), free(p), free(notes);
+    free(room);
 }
 
 static void teg_task(void *data)
@@ -154,34 +165,54 @@ static void teg_task(void *data)
     teg_leave(data);
 }
 
-/* Numbers: columns in, one column for each output. Returns the status; `noted` becomes the union of the notes. */
-static int teg_numbers(const XLA_FFI_CallFrame *frame, teg_kernel *kernel, long n, long *noted)
+/* A job for a batch of n: `own` says of each operand how many axes an element has, -1 for a number of the program, and then of each result.
+   NULL without memory. */
+static teg_job *teg_prepared(const XLA_FFI_CallFrame *frame, teg_kernel *kernel, const int64_t *own, long n)
+{
+    const int64_t inputs = frame->args.size, outputs = frame->rets.size;
+    const size_t an_input = sizeof(teg_array) + sizeof(double *) + sizeof(long), a_result = sizeof(double *) + sizeof(long);
+    teg_job *const job = malloc(sizeof *job + (size_t)(inputs + 1) * an_input + (size_t)(outputs + 1) * a_result);
+    if (!job) return NULL;
+    *job = (teg_job){.kernel = kernel, .a = (teg_array *)(job + 1), .outputs = outputs, .n = n, .users = 1};
+    job->p = (const double **)(job->a + inputs + 1), job->stride = (long *)(job->p + inputs + 1);
+    job->out = (double **)(job->stride + inputs + 1), job->size = (long *)(job->out + outputs + 1);
+    for (int64_t i = 0; i < inputs; i++) {
+        const XLA_FFI_Buffer *const b = frame->args.args[i];
+        if (own[i] < 0) {
+            job->p[job->numbers] = b->data, job->stride[job->numbers++] = b->rank > 0;
+            continue;
+        }
+        long size = 1;
+        for (int64_t k = b->rank - own[i]; k < b->rank; k++) size *= b->dims[k];
+        job->a[job->arrays++] = (teg_array){b->data, b->rank > own[i] ? size : 0, b->dims + (b->rank - own[i])};
+    }
+    for (int64_t j = 0; j < outputs; j++) {
+        const XLA_FFI_Buffer *const b = frame->rets.rets[j];
+        job->out[j] = b->data, job->size[j] = 1;
+        for (int64_t k = b->rank - own[inputs + j]; k < b->rank; k++) job->size[j] *= b->dims[k];
+        if (own[inputs + j]) memset(b->data, 0, (size_t)(n * job->size[j]) * sizeof(double));  /* what is shaped like an array is added to */
+    }
+    return job;
+}
+
+/* Run a batch, with the help of XLA's threads if it is large. Returns the status; `noted` becomes the union of the notes. */
+static int teg_run(const XLA_FFI_CallFrame *frame, teg_kernel *kernel, const int64_t *own, long n, long *noted)
 {
     const XLA_FFI_Api *const api = frame->api;
-    const int64_t inputs = frame->args.size, outputs = frame->rets.size;
-    XLA_FFI_ThreadPool_NumThreads_Args ask = {XLA_FFI_ThreadPool_NumThreads_Args_STRUCT_SIZE, NULL, frame->ctx, NULL};
+    teg_job *const job = teg_prepared(frame, kernel, own, n);
+    if (!job) return 1;
     int64_t threads = 1;
-    ask.num_threads = &threads;
-    if (n >= TEG_ALONE) {
+    if (n >= TEG_ALONE || (job->arrays && n > 1)) {
+        XLA_FFI_ThreadPool_NumThreads_Args ask = {XLA_FFI_ThreadPool_NumThreads_Args_STRUCT_SIZE, NULL, frame->ctx, &threads};
         XLA_FFI_Error *const error = api->XLA_FFI_ThreadPool_NumThreads(&ask);
         if (error) dropped(api, error), threads = 1;
     }
-    const size_t pointers = (size_t)(inputs + outputs + 1) * sizeof(double *), strides = (size_t)(inputs + 1) * sizeof(long);
-    teg_job *const job = malloc(sizeof *job + pointers + strides);
-    if (!job) return 1;
-    *job = (teg_job){.kernel = kernel, .p = (const double **)(job + 1), .inputs = inputs, .outputs = outputs, .n = n};
-    job->results = job->p + inputs, job->stride = (long *)(job->results + outputs + 1);
-    for (int64_t i = 0; i < inputs; i++) {
-        const XLA_FFI_Buffer *const b = frame->args.args[i];
-        job->p[i] = b->data, job->stride[i] = b->rank > 0;
-    }
-    for (int64_t j = 0; j < outputs; j++) job->results[j] = ((XLA_FFI_Buffer *)frame->rets.rets[j])->data;
     job->each = threads == 1 ? n : (n + TEG_SHARES * threads - 1) / (TEG_SHARES * threads);
-    if (threads > 1) job->each = (job->each + TEG_SIDE - 1) / TEG_SIDE * TEG_SIDE;
+    if (threads > 1 && !job->arrays) job->each = (job->each + TEG_SIDE - 1) / TEG_SIDE * TEG_SIDE;
     if (job->each > TEG_MOST) job->each = TEG_MOST;
     job->parts = (n + job->each - 1) / job->each;
     const long others = threads - 1 < job->parts - 1 ? threads - 1 : job->parts - 1;
-    job->users = 1 + (int)others;
+    job->users += (int)others;
     for (long i = 0; i < others; i++) {
         XLA_FFI_ThreadPool_Schedule_Args go = {XLA_FFI_ThreadPool_Schedule_Args_STRUCT_SIZE, NULL, frame->ctx, teg_task, job};
         XLA_FFI_Error *const error = api->XLA_FFI_ThreadPool_Schedule(&go);
@@ -195,44 +226,8 @@ static int teg_numbers(const XLA_FFI_CallFrame *frame, teg_kernel *kernel, long 
     return failed;
 }
 
-/* Programs with arrays: `own` says of each operand how many axes an element of the batch has, -1 for a number of the program. */
-static int teg_arrays(const XLA_FFI_CallFrame *frame, teg_kernel *kernel, const int64_t *own, long n, long *noted)
-{
-    const int64_t inputs = frame->args.size, outputs = frame->rets.size;
-    const size_t each = sizeof(teg_array) + sizeof(double *) + sizeof(long);
-    char *const space = malloc((size_t)(inputs + 1) * each + (size_t)(outputs + 1) * sizeof(void *) + (size_t)n * sizeof(long));
-    if (!space) return 1;
-    teg_array *const a = (teg_array *)space;
-    const double **const p = (const double **)(a + inputs + 1);
-    void **const out = (void **)(p + inputs + 1);
-    long *const stride = (long *)(out + outputs + 1), *const notes = stride + inputs + 1;
-    int64_t numbers = 0, arrays = 0;
-    for (int64_t i = 0; i < inputs; i++) {
-        const XLA_FFI_Buffer *const b = frame->args.args[i];
-        if (own[i] < 0) {
-            p[numbers] = b->data, stride[numbers++] = b->rank > 0;
-            continue;
-        }
-        long size = 1;
-        for (int64_t k = b->rank - own[i]; k < b->rank; k++) size *= b->dims[k];
-        a[arrays++] = (teg_array){b->data, b->rank > own[i] ? size : 0, b->dims + (b->rank - own[i])};
-    }
-    for (int64_t j = 0; j < outputs; j++) {
-        const XLA_FFI_Buffer *const b = frame->rets.rets[j];
-        size_t size = sizeof(double);
-        for (int64_t k = 0; k < b->rank; k++) size *= (size_t)b->dims[k];
-        out[j] = memset(b->data, 0, size);
-    }
-    memset(notes, 0, (size_t)n * sizeof *notes);
-    const teg_given given = {p, a};
-    const int status = kernel(n, &given, stride, out, notes, 1, NULL, NULL);
-    for (long k = 0; k < n; k++) *noted |= notes[k];
-    free(space);
-    return status;
-}
-
-/* Attributes: `kernel`, its number; `arrays`, whether it is a program with arrays; `own`, of operands and then of results (see teg_arrays);
-   `inaccurate`, what is done where a tolerance was missed. */
+/* Attributes: `kernel`, its number; `own`, of operands and then of results (see teg_prepared); `inaccurate`, what is done where a tolerance
+   was missed. */
 XLA_FFI_Error *teg_native(XLA_FFI_CallFrame *frame)
 {
     const XLA_FFI_Extension_Base *const more = frame->extension_start;
@@ -243,10 +238,9 @@ XLA_FFI_Error *teg_native(XLA_FFI_CallFrame *frame)
     }
     const XLA_FFI_Api *const api = frame->api;
     const XLA_FFI_Scalar *const number = attribute(&frame->attrs, "kernel", XLA_FFI_AttrType_SCALAR);
-    const XLA_FFI_Scalar *const kind = attribute(&frame->attrs, "arrays", XLA_FFI_AttrType_SCALAR);
     const XLA_FFI_Scalar *const inaccurate = attribute(&frame->attrs, "inaccurate", XLA_FFI_AttrType_SCALAR);
     const XLA_FFI_Array *const own = attribute(&frame->attrs, "own", XLA_FFI_AttrType_ARRAY);
-    if (!number || !kind || !inaccurate || !own || own->size != (size_t)(frame->args.size + frame->rets.size))
+    if (!number || !inaccurate || !own || own->size != (size_t)(frame->args.size + frame->rets.size))
         return failure(api, XLA_FFI_Error_Code_INVALID_ARGUMENT, "teg: this call was compiled by another version of teg");
     teg_entry *const entry = teg_find(*(const int64_t *)number->value);
     if (!entry)
@@ -256,12 +250,12 @@ XLA_FFI_Error *teg_native(XLA_FFI_CallFrame *frame)
     const int64_t *const dims = own->data;
     const XLA_FFI_Buffer *const first = frame->rets.rets[0];
     long n = 1, noted = 0;
-    for (int64_t k = 0; k < first->rank - (dims[frame->args.size] < 0 ? 0 : dims[frame->args.size]); k++) n *= first->dims[k];
+    for (int64_t k = 0; k < first->rank - dims[frame->args.size]; k++) n *= first->dims[k];
     if (!n) return NULL;
     __atomic_fetch_add(&calls, 1, __ATOMIC_RELAXED);
-    const int arrays = *(const int32_t *)kind->value, answer = *(const int32_t *)inaccurate->value;
-    const int status = arrays ? teg_arrays(frame, entry->kernel, dims, n, &noted) : teg_numbers(frame, entry->kernel, n, &noted);
-    if (status) return failure(api, XLA_FFI_Error_Code_RESOURCE_EXHAUSTED, "teg: there is no memory for the kernel's workspace");
+    const int answer = *(const int32_t *)inaccurate->value;
+    if (teg_run(frame, entry->kernel, dims, n, &noted))
+        return failure(api, XLA_FFI_Error_Code_RESOURCE_EXHAUSTED, "teg: there is no memory for the kernel's workspace");
     if (noted & (TEG_MISSED | TEG_CROWDED)) {
         if (answer == TEG_RAISE) return failure(api, XLA_FFI_Error_Code_INTERNAL, entry->text);
         if (answer == TEG_WARN) teg_warn(entry);

@@ -42,11 +42,10 @@ _LOCK = threading.Lock()
 
 @dataclass(frozen=True)
 class Call:
-    """A call of a kernel: its number; whether its program has arrays; of each operand how many axes of its own it has behind those of the
+    """A call of a kernel: its number; of each operand how many axes of its own it has behind those of the
     batch, -1 for a number; the shapes of the results of one element; and what a missed tolerance does."""
 
     number: int
-    arrays: bool
     own: tuple[int, ...]
     results: tuple[tuple[int, ...], ...]
     inaccurate: str
@@ -106,7 +105,6 @@ def _lower(context: Any, *operands: Any, call: Call, batch: tuple[int, ...]) -> 
         context,
         *operands,
         kernel=np.int64(call.number),
-        arrays=np.int32(call.arrays),
         own=np.array([*call.own, *results], np.int64),
         inaccurate=np.int32(INACCURATE[call.inaccurate]),
     )

@@ -31,6 +31,7 @@ from typing import Any, assert_never, cast
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends.branches import with_selects
 from teg.backends.numpy import guard as guards
 from teg.backends.numpy import hyperbola as hyperbolas
 from teg.backends.numpy import poles, roots
@@ -156,7 +157,7 @@ class NumpyKernel:
 def _printed(program: Program) -> tuple[str, int]:
     """The text of a program without the bodies of its functions, and how many doubles a lane it may hold."""
     if "numpy" not in program.printed:
-        printer = _Printer(without_branches(program))
+        printer = _Printer(with_selects(program))
         program.printed["numpy"] = "\n".join(printer.lines), printer.width
     return cast("tuple[str, int]", program.printed["numpy"])
 

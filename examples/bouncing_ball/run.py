@@ -64,7 +64,7 @@ def run_bouncing_ball(
     require_packages("bouncing ball", PACKAGES, progress)
     throw = make_throw(contacts, speed, duration)
     if steps < 1:
-        raise InputError(f"{steps} steps", None, "1 or more")
+        raise InputError(f"{steps} steps are not possible", None, "1 or more")
     chosen = backend or default_backend()
     folder = result_folder(Path(out))
     times, heights, least = exact(throw)

@@ -67,9 +67,9 @@ class Throw:
 def make_throw(contacts: int, speed: float, duration: float | None = None) -> Throw:
     """Returns a throw with that many contacts. Raises InputError if there is none, or none in that time."""
     if not CONTACTS[0] <= contacts <= CONTACTS[1]:
-        raise InputError(f"{contacts} contacts", None, f"between {CONTACTS[0]} and {CONTACTS[1]}")
+        raise InputError(f"{contacts} contacts are not possible", None, f"between {CONTACTS[0]} and {CONTACTS[1]}")
     if not math.isfinite(speed):
-        raise InputError(f"a lift with the speed {speed}", None, "a number of m/s")
+        raise InputError(f"a lift cannot have the speed {speed}", None, "a number of m/s")
     longest = _duration(Throw(contacts, speed, math.inf), _slowest(Throw(contacts, speed, math.inf)))
     if duration is None:
         return Throw(contacts, speed, LEISURE * longest)

@@ -9,7 +9,7 @@ import hashlib
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from teg.errors import InputError
 from teg.examples.descent_record import RecordedDescent
 from teg.examples.harness import demo_command, machine, ratio, require_packages, result_folder, versions, write_report
 from teg.examples.mesh_network.mesh import make_mesh, signed_areas
+
+if TYPE_CHECKING:
+    from teg.examples.mesh_network.training import State, Trainer
 
 EPOCHS = 60
 CELLS = (4, 128)
@@ -44,9 +47,9 @@ class Options:
     def check(self) -> None:
         """Raises InputError for numbers that make no picture."""
         if not CELLS[0] <= self.cells <= CELLS[1]:
-            raise InputError(f"a mesh of {self.cells} cells a side", None, f"between {CELLS[0]} and {CELLS[1]}")
+            raise InputError(f"a mesh of {self.cells} cells a side is not possible", None, f"between {CELLS[0]} and {CELLS[1]}")
         if self.epochs < 0:
-            raise InputError(f"{self.epochs} epochs", None, "0 or more")
+            raise InputError(f"{self.epochs} epochs are not possible", None, "0 or more")
         if self.seed < 0:
             raise InputError(f"the seed {self.seed} is negative", None, "0, 1, 2, …")
 
@@ -84,8 +87,7 @@ def run_mesh_network(
     folder = result_folder(Path(out))
     begun = time.perf_counter()
     trainer = Trainer(exact_cover(discontinuities), training_photos(), target, mesh, seed)
-    identity = {k: getattr(options, k) for k in ("cells", "seed", "discontinuities")}
-    identity |= {"crops": trainer.crops, "batch": trainer.batch, "target": hashlib.sha256(target.tobytes()).hexdigest()}
+    identity = _identity(options, trainer, target)
     start = trainer.first_state()
     sampled_slope = trainer.largest_slope(start, sampled_cover)
     run = RecordedDescent(start, trainer.next_state, folder / "checkpoint.npz", identity, resume)
@@ -93,16 +95,9 @@ def run_mesh_network(
     interrupted = run.descend(epochs, progress)
 
     drawings = [(vertices, trainer.colours(vertices)) for vertices in map(trainer.vertices, (run.start, run.state))]
-    lines = {EXACT if discontinuities == "sift" else discontinuities: run.losses}
-    if sampled_slope == 0:
-        lines[SAMPLED] = run.losses[:1]
-    _draw(folder, target, mesh.triangles, drawings, run, lines)
-    report = {
-        "loss": {"start": run.losses[0], "end": run.losses[-1], "ratio": ratio(run.losses[-1], run.losses[0])},
-        "training": run.state.training.tolist(),
-        "epochs": len(run.state.training),
+    _draw(folder, target, mesh.triangles, drawings, run, _lines(run.losses, discontinuities, sampled_slope))
+    report = _progress(run, discontinuities) | {
         "interrupted": interrupted,
-        "note": NOTHING_LEARNT if run.state.stuck and discontinuities == "ignore" else "",
         "sampled": {"largest_slope": sampled_slope},
         "mesh": _movement(drawings[0][0], drawings[1][0], mesh.triangles),
         "seconds": {"setup": setup, "training": run.seconds},
@@ -116,6 +111,28 @@ def run_mesh_network(
     }
     write_report(folder / "run.json", report)
     return report
+
+
+def _identity(options: Options, trainer: Trainer, target: np.ndarray) -> dict[str, Any]:
+    """Returns the settings that a checkpoint must agree with."""
+    settings = {k: getattr(options, k) for k in ("cells", "seed", "discontinuities")}
+    return settings | {"crops": trainer.crops, "batch": trainer.batch, "target": hashlib.sha256(target.tobytes()).hexdigest()}
+
+
+def _lines(losses: list[float], discontinuities: str, sampled_slope: float) -> dict[str, list[float]]:
+    """Returns the losses to draw, by label. A sampled loss with slope 0 stays where it began."""
+    label = EXACT if discontinuities == "sift" else discontinuities
+    return {label: losses} | ({SAMPLED: losses[:1]} if sampled_slope == 0 else {})
+
+
+def _progress(run: RecordedDescent[State], discontinuities: str) -> dict[str, Any]:
+    """Returns the part of the report on the training."""
+    return {
+        "loss": {"start": run.losses[0], "end": run.losses[-1], "ratio": ratio(run.losses[-1], run.losses[0])},
+        "training": run.state.training.tolist(),
+        "epochs": len(run.state.training),
+        "note": NOTHING_LEARNT if run.state.stuck and discontinuities == "ignore" else "",
+    }
 
 
 def _movement(start: np.ndarray, end: np.ndarray, triangles: np.ndarray) -> dict[str, Any]:

@@ -54,9 +54,9 @@ class Options:
     def check(self) -> None:
         """Raises InputError for numbers that make no picture."""
         if not SIZES[0] <= self.size <= SIZES[1]:
-            raise InputError(f"a picture of {self.size} pixels a side", None, f"between {SIZES[0]} and {SIZES[1]}")
+            raise InputError(f"a picture of {self.size} pixels a side is not possible", None, f"between {SIZES[0]} and {SIZES[1]}")
         if self.steps < 0:
-            raise InputError(f"{self.steps} steps", None, "0 or more")
+            raise InputError(f"{self.steps} steps are not possible", None, "0 or more")
         if self.seed < 0:
             raise InputError(f"the seed {self.seed} is negative", None, "0, 1, 2, …")
 

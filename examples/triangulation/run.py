@@ -49,15 +49,17 @@ class Options:
     def check(self) -> None:
         """Raises InputError for numbers that make no picture."""
         if not SIZES[0] <= self.size <= SIZES[1]:
-            raise InputError(f"a picture of {self.size} pixels a side", None, f"between {SIZES[0]} and {SIZES[1]}")
+            raise InputError(f"a picture of {self.size} pixels a side is not possible", None, f"between {SIZES[0]} and {SIZES[1]}")
         if not 2 <= self.triangles <= self.size**2:
-            raise InputError(f"{self.triangles} triangles for {self.size}² pixels", None, "at least 2, at most one a pixel")
+            raise InputError(
+                f"a mesh of {self.triangles} triangles for {self.size}² pixels is not possible", None, "at least 2, at most one a pixel"
+            )
         if self.steps < 0:
-            raise InputError(f"{self.steps} steps", None, "0 or more")
+            raise InputError(f"{self.steps} steps are not possible", None, "0 or more")
         if self.seed < 0:
             raise InputError(f"the seed {self.seed} is negative", None, "0, 1, 2, …")
         if self.shared_by and self.backend != "jax":
-            raise InputError(f"a picture is shared out between JAX's devices, not in the backend {self.backend!r}", None, "backend jax")
+            raise InputError(f"a picture is shared between JAX's devices, not in the backend {self.backend!r}", None, "backend jax")
 
 
 def run_triangulation(
@@ -85,7 +87,6 @@ def run_triangulation(
     """
     require_packages("triangulation", PACKAGES, progress)
     from teg.examples.photo import read_target
-    from teg.examples.triangulation import pictures
 
     chosen = backend or ("jax" if shared_by else default_backend())
     name = None if photo is None else str(photo)
@@ -106,11 +107,7 @@ def run_triangulation(
     setup = time.perf_counter() - started
     interrupted = run.descend(steps, progress)
 
-    for picture, shown in (("before.png", run.start), ("after.png", run.state)):
-        pictures.draw_mesh(folder / picture, shown.vertices, mesh.triangles, shown.colours, size)
-    pictures.draw_target(folder / "target.png", target)
-    pictures.draw_loss(folder / "loss.png", run.losses)
-    pictures.write_svg(folder / "mesh.svg", run.state.vertices, mesh.triangles, run.state.colours, size)
+    _draw(folder, run, mesh.triangles, target)
     report = _outcome(run, mesh.triangles, discontinuities) | {
         "interrupted": interrupted,
         "seconds": {"setup": setup, "descent": run.seconds, "kernels": image.seconds},
@@ -125,6 +122,18 @@ def run_triangulation(
     }
     write_report(folder / "run.json", report)
     return report
+
+
+def _draw(folder: Path, run: RecordedDescent[State], triangles: np.ndarray, target: np.ndarray) -> None:
+    """Draws the mesh before and after, the target and the loss."""
+    from teg.examples.triangulation import pictures
+
+    size = len(target)
+    for picture, shown in (("before.png", run.start), ("after.png", run.state)):
+        pictures.draw_mesh(folder / picture, shown.vertices, triangles, shown.colours, size)
+    pictures.draw_target(folder / "target.png", target)
+    pictures.draw_loss(folder / "loss.png", run.losses)
+    pictures.write_svg(folder / "mesh.svg", run.state.vertices, triangles, run.state.colours, size)
 
 
 def _outcome(run: RecordedDescent[State], triangles: np.ndarray, discontinuities: str) -> dict[str, Any]:
@@ -148,7 +157,7 @@ def _outcome(run: RecordedDescent[State], triangles: np.ndarray, discontinuities
 def _loss(options: Options, target: np.ndarray, triangles: np.ndarray) -> PictureLoss:
     if options.shared_by:
         if util.find_spec("jax") is None:
-            raise MissingPackageError("a picture is shared out between the devices of JAX", None, 'pip install "teg[jax]"')
+            raise MissingPackageError("a picture is computed on the devices of JAX", None, 'pip install "teg[jax]"')
         from teg.examples.triangulation.sharded import ShardedLoss
 
         return ShardedLoss(options.shared_by, target, triangles, discontinuities=options.discontinuities)

@@ -69,7 +69,7 @@ class Enclosure:
 
     def __init__(self, box: Mapping[Var, Interval]) -> None:
         self.box = dict(box)
-        self.found: dict[Node, Interval | Decision] = {}
+        self.enclosed: dict[Node, Interval | Decision] = {}
 
     def of(self, e: Expr) -> Interval:
         """Returns bounds of e."""
@@ -85,14 +85,14 @@ class Enclosure:
         """Encloses the nodes that depend on the box. Every other node is its own bound; it may hold a variable of the same name, bound
         elsewhere."""
         for node in postorder_through(root, self.box):
-            if node not in self.found:
-                self.found[node] = self._decision(node) if isinstance(node, Cond) else self._interval(cast(Expr, node))
+            if node not in self.enclosed:
+                self.enclosed[node] = self._decision(node) if isinstance(node, Cond) else self._interval(cast(Expr, node))
 
     def _bounds(self, e: Expr) -> Interval:
-        return cast(Interval, self.found.get(e, (e, e)))
+        return cast(Interval, self.enclosed.get(e, (e, e)))
 
     def _truth(self, c: Cond) -> Decision:
-        return cast(Decision, self.found[c]) if c in self.found else (c, negation(c))
+        return cast(Decision, self.enclosed[c]) if c in self.enclosed else (c, negation(c))
 
     def _interval(self, e: Expr) -> Interval:
         parts = [self._bounds(cast(Expr, c)) for c in e.children if not isinstance(c, Cond)]

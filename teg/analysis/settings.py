@@ -29,10 +29,11 @@ MAX_ORDER = 64
 
 @dataclass(frozen=True)
 class Integration:
-    """How to integrate: tolerance, rule, order, seed and room for roots.
+    """How to integrate: tolerance, rule, order, seed, room for roots and intrinsics.
 
     `tol` is absolute and relative at once. `order` None means the rule's own choice. `seed` is that of samples. `max_roots` is the first
-    number of places for the roots of a condition whose number no theorem bounds. Raises OptionError for values outside of their ranges.
+    number of places for the roots of a condition whose number no theorem bounds. `intrinsics` allows the fast paths of one shape of
+    program. Raises OptionError for values outside of their ranges.
     """
 
     tol: float = DEFAULT_TOL
@@ -40,6 +41,7 @@ class Integration:
     order: int | None = None
     seed: int = 0
     max_roots: int = MAX_ROOTS
+    intrinsics: bool = True
 
     def __post_init__(self) -> None:
         tol: Any = self.tol
@@ -60,14 +62,15 @@ class Integration:
             raise OptionError(f"seed={self.seed!r} is not a seed", None, "a whole number from 0 to 2³² - 1")
         if not _is_whole(self.max_roots) or not 1 <= self.max_roots <= MOST_ROOTS:
             raise OptionError(f"max_roots={self.max_roots!r} is not a number of roots", None, "1 to 4096; each takes a place in the loops")
+        if not isinstance(self.intrinsics, bool):
+            raise OptionError(f"intrinsics={self.intrinsics!r} is not known", None, "True or False")
         object.__setattr__(self, "seed", int(self.seed))
         object.__setattr__(self, "max_roots", int(self.max_roots))
 
     @property
     def closed_forms(self) -> bool:
-        """Returns whether an integral may be computed without a rule (clipped polygons, moments of hyperbolas): only if the user chose no
-        rule."""
-        return self.rule == "auto" and self.order is None
+        """Returns whether an integral may be computed by an intrinsic, without a rule: only if the user chose no rule."""
+        return self.intrinsics and self.rule == "auto" and self.order is None
 
 
 def with_more_room(how: Integration) -> Integration | None:

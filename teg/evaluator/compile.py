@@ -35,6 +35,7 @@ def compile(
     maps: Sequence[Diffeomorphism] = (),
     check_maps: bool = True,
     functions: str = "linked",
+    intrinsics: bool = True,
 ) -> Evaluator:
     """An Evaluator of a closed expression, of its gradient and of its Hessian.
 
@@ -71,13 +72,17 @@ def compile(
     `functions` says how those of `teg.function` are compiled: "linked" each by itself, so that a program with other bodies shares what was
     done for the rest; "inlined" as if they were written out by hand: faster code, and nothing is shared.
 
+    `intrinsics=False` turns off the fast paths of single shapes of programs (`teg.passes.intrinsics`): clipped polygons, moments of
+    hyperbolas, weights for poles. The results are the same to the tolerance, by slower and more general means. A `rule` or an `order`
+    turns them off too.
+
     Raises ScopeError for a free variable, NameClashError for one name given to two things, OptionError for an option that is unknown.
     The gradient is derived when it is first asked for; a surface that no family can reduce raises NoReparameterisationError then.
     """
     program = e if isinstance(e, Tuple) else as_number(e)
     check_program(program)
     precision = checked_dtype(dtype)
-    integration = Integration(DEFAULT_TOLS[precision] if tol is None else tol, rule, order, seed, max_roots)
+    integration = Integration(DEFAULT_TOLS[precision] if tol is None else tol, rule, order, seed, max_roots, intrinsics)
     options = Options(backend, integration, inaccurate, precision, threads, memory, discontinuities, maps, check_maps, functions)
     if parameters is None:
         return Evaluator(program, None, options)

@@ -41,12 +41,13 @@ def explain(
     derivatives: int = 0,
     maps: Sequence[Diffeomorphism] = (),
     max_roots: int = MAX_ROOTS,
+    intrinsics: bool = True,
 ) -> Explanation:
     """For each surface its owner and how its δ is eliminated, or why it has none; for each integral its breaks, rule and nodes; the cost.
 
     `wrt` are the parameters that the program is differentiated by (default: all); `tol`, `rule`, `order`, `seed`, `discontinuities`,
-    `maps` and `max_roots` are those of `compile`, and `f.explain()` fills them in. The integrals are those of the value and, of the
-    gradient, those over surfaces (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate: every
+    `maps`, `max_roots` and `intrinsics` are those of `compile`, and `f.explain()` fills them in. The integrals are those of the value and,
+    of the gradient, those over surfaces (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate: every
     break inside the bounds, adaptive integrals as smooth as they can be (`f.evaluations(…)` counts those of a call).
 
     A program with arrays is explained cell by cell (`explanation.ArrayExplanation`): the parts between its sums are scalar programs of the
@@ -56,7 +57,7 @@ def explain(
     """
     e = expression if isinstance(expression, Tuple) else as_number(expression)
     check_program(e)
-    asked = Asked(Integration(tol, rule, order, seed, max_roots), discontinuities, maps, checked_derivatives(derivatives))
+    asked = Asked(Integration(tol, rule, order, seed, max_roots, intrinsics), discontinuities, maps, checked_derivatives(derivatives))
     if wrt is None:
         return explained(e, None, asked)
     return explained(e, (parameters_and_arrays if has_arrays(e) else check_parameters)(wrt), asked)

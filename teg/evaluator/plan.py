@@ -30,13 +30,12 @@ from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
-from teg.passes.lower.integrals import schedule
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
-from teg.pipeline import ESTIMATORS, cell_program, compiled_outputs, flatten, jvp, normal_form, program_for
+from teg.pipeline import ESTIMATORS, cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
@@ -194,7 +193,7 @@ class Derivation:
 
         def flat(cells: Sequence[Expr], names: Sequence[str]) -> Program:
             together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that they share loops
-            return (schedule if unfinished else cell_program)(list(together.children), names, how)
+            return (flat_program if unfinished else cell_program)(list(together.children), names, how)
 
         scalars = [p.name for p in arguments if isinstance(p, Param)]
         return schedule_arrays(outputs, scalars, [p for p in arguments if isinstance(p, ArrayName)], flat)

@@ -48,6 +48,7 @@ def jax_function(
     maps: Sequence[Any] = (),
     kernel: str = "auto",
     inaccurate: str = "warn",
+    intrinsics: bool = True,
 ) -> JaxFunction:
     """Returns a pure function of JAX: from a dict of parameters and arrays by name (a pytree) to the value, or a tuple of values.
 
@@ -81,7 +82,7 @@ def jax_function(
     """
     program = checked_expression(e)
     precision = None if dtype is None else checked_dtype(dtype)
-    integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots)
+    integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots, intrinsics)
     options = Options("jax", integration, inaccurate, precision or "float64", 1, 2**28, discontinuities, maps, False)
     wrt = None if params is None else parameters_and_arrays(params)
     if kernel not in KERNELS:

@@ -51,6 +51,7 @@ def torch_function(
     max_roots: int = MAX_ROOTS,
     maps: Sequence[Any] = (),
     check_maps: bool = True,
+    intrinsics: bool = True,
 ) -> TorchFunction:
     """Returns a function of PyTorch: from a dict of parameters and arrays by name to the value, a tensor, or a tuple of values.
 
@@ -82,7 +83,7 @@ def torch_function(
     precision = None if dtype is None else checked_dtype(_name_of_type(dtype))
     if backend not in BACKENDS:
         raise OptionError(f"backend={backend!r} is not for PyTorch", None, "one of: " + ", ".join(BACKENDS))
-    integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots)
+    integration = Integration(DEFAULT_TOLS[precision or "float64"] if tol is None else tol, rule, order, seed, max_roots, intrinsics)
     options = Options(backend, integration, inaccurate, "float64", threads, memory, discontinuities, maps, check_maps)
     wrt = None if params is None else parameters_and_arrays(params)
     return TorchFunction(program, wrt, options, precision, indices or {})

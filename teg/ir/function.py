@@ -200,7 +200,7 @@ def function(name: str, args: Sequence[Param | Var], body: object, *, inline: bo
         raise ParameterError(f"the arguments of {name} are a list of parameters or variables", args, 'teg.function("f", [u, v], body)')
     for formal in args:
         if not isinstance(formal, Param | Var):
-            raise ParameterError(f"{formal!r:.80} is no name for an argument of {name}", None, 'teg.param("u") or teg.var("u")')
+            raise ParameterError(f"{formal!r:.80} is not a name for an argument of {name}", None, 'teg.param("u") or teg.var("u")')
     formals = tuple(args)
     if len({f.name for f in formals}) != len(formals):
         raise NameClashError(f"an argument of {name} is named twice", None, ", ".join(f.name for f in formals))

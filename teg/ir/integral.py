@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 from teg.ir.expr import ONE, ZERO, Add, And, Call, Cond, Const, Expr, Mul, Tuple, Var, Where, conjunction, mul, sub, tuple_of, where
 from teg.ir.node import union
@@ -37,32 +37,10 @@ class Integral(Expr):
         return union([inner, self.children[1].free, self.children[2].free])
 
 
-class Border(Call):
-    """∫∫ over the unit square of Σ c·uʲvᵏ·δ(g), g affine in u and in v.
-
-    A function of the values of g at the corners, counterclockwise from (0, 0), and of the coefficients. Data are a text for g = 0, one
-    for each side, and the powers (j, k). It has no derivative.
-    """
+class ClosedForm(Call):
+    """A number that an intrinsic computes from its children. Data say which; it has no derivative."""
 
     __slots__ = ()
-
-    @property
-    def name(self) -> str:
-        return "border"
-
-    @property
-    def corners(self) -> tuple[Expr, Expr, Expr, Expr]:
-        return cast("tuple[Expr, Expr, Expr, Expr]", self.children[:4])
-
-    @property
-    def coefficients(self) -> dict[tuple[int, int], Expr]:
-        powers = cast("tuple[tuple[int, int], ...]", self.data[2])
-        return {p: c for p, c in zip(powers, self.children[4:], strict=True) if c is not ZERO}
-
-    @property
-    def rivals(self) -> list[tuple[str, str]]:
-        """Returns the possible ties: the surface and each side, which begins at the corner of its number."""
-        return [(self.data[0], bound) for bound in self.data[1]]
 
 
 class Delta(Expr):

@@ -27,7 +27,7 @@ from teg.ir.expr import (
     Where,
 )
 from teg.ir.function import Apply
-from teg.ir.integral import Border, Delta, Integral, PointMasses, delta, integral_over
+from teg.ir.integral import ClosedForm, Delta, Integral, PointMasses, delta, integral_over
 from teg.ir.node import Node, postorder, postorder_through, union
 
 CompareHook = Callable[[Compare, Expr, "Cond | None"], Cond]
@@ -61,8 +61,8 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
             return ex.integer_power(c[0], node.exponent)
         case Apply():
             return Apply.make(node.data, c)
-        case Border():
-            return Border.make(node.data, c)
+        case ClosedForm():
+            return type(node).make(node.data, c)
         case UncountedFloor():
             return ex.uncounted_floor(*c)
         case Call():

@@ -60,7 +60,7 @@ def affine(
     """x = A·u + b, A a matrix by rows whose determinant is not 0."""
     n = len(old)
     if len(matrix) != n or any(len(row) != n for row in matrix):
-        raise ScopeError(f"the matrix of {n} old variables has {n} rows of {n} entries", None, "[[a, b], [c, d]]")
+        raise ScopeError(f"the matrix of {n} old variables must have {n} rows of {n} entries", None, "[[a, b], [c, d]]")
     a = [[as_number(e) for e in row] for row in matrix]
     b = [as_number(e) for e in (offset if offset is not None else [0] * n)]
     rows = _rows(old, new, b)

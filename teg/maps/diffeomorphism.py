@@ -79,7 +79,7 @@ class Diffeomorphism:
             raise ScopeError(
                 f"{len(old)} old variables, {_names(old)}, and {len(new)} new ones, {_names(new)}",
                 None,
-                "give as many new variables as old ones, with other names; what stays as it is needs no entry",
+                "give as many new variables as old ones, with other names; variables that stay the same need no entry",
             )
         self._set("forward", {v: _smooth(e, new, f"forward[{v.name}]") for v, e in forward.items()})
         self._set("inverse", {v: _smooth(e, old, f"inverse[{v.name}]") for v, e in inverse.items()})
@@ -269,7 +269,7 @@ class Diffeomorphism:
 def checked_maps(maps: object) -> tuple[Diffeomorphism, ...]:
     """Returns the list of maps a user gives as a tuple; raises OptionError for anything else."""
     if not isinstance(maps, list | tuple) or not all(isinstance(m, Diffeomorphism) for m in maps):
-        raise OptionError(f"maps={maps!r:.80} is no list of maps", None, "maps=[m] with an m made by teg.Diffeomorphism or in teg.maps")
+        raise OptionError(f"maps={maps!r:.80} is not a list of maps", None, "maps=[m] with an m made by teg.Diffeomorphism or in teg.maps")
     return tuple(maps)
 
 
@@ -320,7 +320,7 @@ def _intervals(pairs: Mapping[Var, tuple[object, object]] | None, new: Sequence[
     for v, pair in (pairs or {}).items():
         if v not in new or not isinstance(pair, tuple | list) or len(pair) != 2:
             raise ScopeError(
-                f"{what}[{v}] = {pair!r:.80} is no interval of a new variable", None, f"a dict of {_names(new)} -> (lower, upper)"
+                f"{what}[{v}] = {pair!r:.80} is not an interval of a new variable", None, f"a dict of {_names(new)} -> (lower, upper)"
             )
         allowed = new[new.index(v) + 1 :] if what == "bounds" else ()
         lo = MINUS_INFINITY if pair[0] is None else _smooth(pair[0], allowed, what)
@@ -350,7 +350,7 @@ def _check_values(given: Mapping[Any, float] | None, known: Sequence[Param]) -> 
     for k, v in (given or {}).items():
         if not isinstance(k, Param) and k not in names:
             raise ParameterError(
-                f"check_at names {k!r}, which is no parameter of the map", None, f"parameters: {', '.join(names) or 'none'}"
+                f"check_at names {k!r}, which is not a parameter of the map", None, f"parameters: {', '.join(names) or 'none'}"
             )
         numbers[k if isinstance(k, Param) else names[k]] = float(v)
     return numbers

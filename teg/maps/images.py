@@ -76,7 +76,7 @@ class _Image:
         self.left = [b for b in chain if b.var in m.forward]
         self.inner = _depending([b for b in chain if b.var not in m.forward], m.old)
         self.done: dict[Var, Expr] = {}
-        self.found: list[Binder] = []
+        self.placed: list[Binder] = []
         self.boxed: set[Var] = set()
         self.sides: list[Binder] = []
         self.signs: list[Expr] = []  # signs of the slopes of the bounds carried over
@@ -91,7 +91,7 @@ class _Image:
         inner = [Binder(b.var, _at(b.lo, at), _at(b.hi, at)) for b in self.inner]
         known = {_at(m.inverse[u], at): cast(Expr, u) for u in m.new}
         return Image(
-            chain=(*outer, *self.found, *inner),
+            chain=(*outer, *self.placed, *inner),
             at=at,
             weight=mul(*self.signs, m.weight()) if self.boxed else mul(*self.rates),
             sides=tuple(self._side(b) for b in self.sides),
@@ -108,7 +108,7 @@ class _Image:
 
     def _waiting(self, b: Binder) -> set[Var]:
         """Returns the new variables that an old variable depends on and that have no integral yet."""
-        return set(self.m.forward[b.var].free) - {f.var for f in self.found}
+        return set(self.m.forward[b.var].free) - {f.var for f in self.placed}
 
     def _carried(self, b: Binder) -> bool:
         """Carries the bounds of one old variable over, if they determine the bounds of one new variable. Returns whether it did."""
@@ -135,7 +135,7 @@ class _Image:
         elif sign is not ONE:
             self.signs.append(sign)
         self.rates.append(rate)
-        self.found.append(Binder(u, *ends))
+        self.placed.append(Binder(u, *ends))
         self._finish([b])
         return True
 
@@ -151,7 +151,7 @@ class _Image:
         ranges = _ranges(self.whole)
         for u in reversed(self.m.new):  # the first one is innermost
             if u in waiting:
-                self.found.append(Binder(u, *_enclosure(self.m, u, ranges)))
+                self.placed.append(Binder(u, *_enclosure(self.m, u, ranges)))
         self.boxed |= waiting
         if not self.exact:
             self.sides += block

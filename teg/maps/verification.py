@@ -130,7 +130,7 @@ def hold(samples: Samples, holds: Any, values: tuple[Any, Any], text: str, hint:
     pair = cast("tuple[float, float]", tuple(float(np.broadcast_to(v, shape)[place]) for v in values))
     names = ", ".join(f"{k} = {number(v)}" for k, v in point.items())
     raise DiffeomorphismError(
-        f"this is no diffeomorphism: at {names}, {text.replace('{0}', number(pair[0])).replace('{1}', number(pair[1]))}",
+        f"the map is not a diffeomorphism: at {names}, {text.replace('{0}', number(pair[0])).replace('{1}', number(pair[1]))}",
         samples.map,
         hint,
         point,

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal, TypeVar, get_args, get_type_hints
+from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_type_hints
 
 Kind = Literal["number", "condition", "integer", "any"]
 """What a name or a literal stands for; "any" where the operation of the statement says it."""
@@ -53,13 +53,15 @@ class Result:
 
     Of the entries of a field that nobody uses are left out, unless the results are `fixed`: then their number is part of the meaning.
     With `of`, the name of another field, entry k belongs to entry k of that field: all of them are left out, or none but with those.
-    With `made_in`, the name of a block, the names are those of results of statements in that block.
+    With `made_in`, the name of a block, the names are those of results of statements in that block. Where the condition `when` of the
+    statement fails nothing is run, and the results are `absent`.
     """
 
     kind: Kind = "number"
     fixed: bool = False
     of: str = ""
     made_in: str = ""
+    absent: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +89,7 @@ CONDITION = Operand("condition")
 INTEGER = Operand("integer")
 
 
-@dataclass(frozen=True, slots=True)
-class Declared:
+class Declared(NamedTuple):
     """A field and its role."""
 
     name: str
@@ -141,6 +142,11 @@ def variables(node: object, block: str | None = None) -> list[str]:
 def result_names(node: object) -> tuple[str, ...]:
     """The names that a statement gives values, known after it."""
     return tuple(name for role, name in leaves(node) if isinstance(role, Result))
+
+
+def absent(node: object) -> dict[str, float]:
+    """The results of a statement where its condition fails."""
+    return {name: role.absent for role, name in leaves(node) if isinstance(role, Result)}
 
 
 def inner_blocks(node: object) -> Iterator[tuple[str, Block, tuple[Any, ...]]]:

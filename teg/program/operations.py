@@ -14,13 +14,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from teg.program.fields import Kind
 
 
-@dataclass(frozen=True, slots=True)
-class Operation:
+class Operation(NamedTuple):
     """The kinds of the operands and of the result; the last operand may be `repeated`."""
 
     operands: tuple[Kind, ...]

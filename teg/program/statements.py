@@ -169,7 +169,7 @@ class Guard:
 class Integrate:
     """results = ∫ values over `var` from lo to hi by `rule`, piece by piece between the breaks.
 
-    Where `when` fails every result is 0. If lo or hi is NaN, or infinite in an integral that is not `infinite`, every result is NaN. Each
+    If lo or hi is NaN, or infinite in an integral that is not `infinite`, every result is NaN. Each
     break is clamped to the interval (one that is NaN is absent), and pieces (p, q) thinner than PIECE_EPS·max(|p|, |q|) are skipped.
     `flags`, what is constant on an open piece, is run with var at its part INSIDE and `ends`, if there are any, at p and q; the piece is
     skipped if `need` then fails. `scale` is the length of a tail, where q - p is infinite.
@@ -246,14 +246,14 @@ class Isolate:
     point: Annotated[tuple[Stmt, ...], Block()]
     value: Annotated[Arg, Operand(at="point")]
     slope: Annotated[Arg, Operand(at="point")]
-    results: Annotated[tuple[str, ...], Result(fixed=True)]
+    results: Annotated[tuple[str, ...], Result(fixed=True, absent=math.inf)]
     when: Annotated[str | None, CONDITION] = None
     curving: Annotated[tuple[Arg, Arg], Operand(at="enclosure")] = (-math.inf, math.inf)
     noise: Annotated[Arg, Operand(at="enclosure")] = 0.0
     curvature: Annotated[Arg, Operand(at="point")] = math.nan
     tol: float = math.inf
     width: int = ISOLATE_WIDTH
-    errors: Annotated[tuple[str, ...], Result(of="results")] = ()
+    errors: Annotated[tuple[str, ...], Result(of="results", absent=math.inf)] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,7 +287,7 @@ class Locate:
     top: Annotated[str, Variable(("enclosure",))]
     enclosure: Annotated[tuple[Stmt, ...], Block()]
     bounds: Annotated[tuple[Arg, ...], Operand(at="enclosure")]
-    results: Annotated[tuple[str, ...], Result(fixed=True)]
+    results: Annotated[tuple[str, ...], Result(fixed=True, absent=math.inf)]
     when: Annotated[str | None, CONDITION] = None
     lost: Annotated[str | None, Result(fixed=True)] = None
 
@@ -355,7 +355,7 @@ class Polygon:
     on; a new vertex divides the coordinates of an edge as it does u and v. Else they are the values of half-planes 1 and 2, times
     1/across.
 
-    `met` names a condition that fails only where a half-plane fails; it is there for the pass that makes branches, and in no program that
+    `met` names a condition that fails only where a half-plane fails; backends make branches of it, and it is in no program that
     is printed.
     """
 

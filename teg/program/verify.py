@@ -8,7 +8,6 @@ declarations of the statements (`teg.program.fields`).
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 
 from teg.program.arrays import ArrayProgram, Integers, Like, Load, Run, Scatter, Step
 from teg.program.fields import Kind, Operand, Part, Result, Variable, declared, flat, inner_blocks, leaves
@@ -69,13 +68,11 @@ def verify_array_program(program: ArrayProgram, stage: str = "") -> None:
     _Arrays(program, stage).run()
 
 
-@dataclass
 class _Verifier:
     """What flat programs and programs with arrays have in common."""
 
-    stage: str
-
-    def __post_init__(self) -> None:
+    def __init__(self, stage: str) -> None:
+        self.stage = stage
         self.given: set[str] = set()  # all results so far, anywhere
 
     def fail(self, what: str, statement: object = None) -> None:
@@ -171,11 +168,8 @@ def _is(literal: object, kind: Kind) -> bool:
             return isinstance(literal, int | float) and not isinstance(literal, bool)
 
 
-@dataclass
 class _Flat(_Verifier):
     """One flat program."""
-
-    program: Program
 
     def __init__(self, program: Program, stage: str) -> None:
         super().__init__(stage)
@@ -277,11 +271,8 @@ class _Flat(_Verifier):
                     self._branches(inner, True)
 
 
-@dataclass
 class _Arrays(_Verifier):
     """One program with arrays."""
-
-    program: ArrayProgram
 
     def __init__(self, program: ArrayProgram, stage: str) -> None:
         super().__init__(stage)

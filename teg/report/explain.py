@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
+from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
 from teg.errors import TegError
 from teg.ir.arrays import Gather, Sum, arrays_of
@@ -15,11 +16,13 @@ from teg.ir.cells import Symbols, cells_of
 from teg.ir.expr import Expr, Param
 from teg.ir.function import Function
 from teg.ir.index import IndexArray
+from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters
 from teg.ir.traverse import size as nodes
 from teg.passes.differentiate.through_sums import Parameter
 from teg.passes.eliminate.families import closing, families_with
+from teg.passes.intrinsics import boundary_terms
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import reasons, write_out
 from teg.passes.normalise.steps import enumerate_steps
@@ -50,7 +53,7 @@ class Asked:
         """The options as data."""
         how = self.integration
         named = {"tol": how.tol, "rule": how.rule, "order": how.order}
-        return {**named, "discontinuities": self.discontinuities, "max_roots": how.max_roots}
+        return {**named, "discontinuities": self.discontinuities, "max_roots": how.max_roots, "intrinsics": how.intrinsics}
 
 
 def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
@@ -58,10 +61,13 @@ def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
     how, maps, discontinuities = asked.integration, asked.maps, asked.discontinuities
     functions, shown, number, e = _functions(e), text_of(e), nodes(e), write_out(e)
     before = canonicalise(enumerate_steps(e))
-    normal, value_error = _attempted(lambda: normal_form(e, maps=maps))
-    ignoring, families = discontinuities == "ignore", closing(families_with(maps))
+    remarks = Remarks()
+    normal, value_error = _attempted(lambda: normal_form(e, maps=maps, remarks=remarks))
+    closed = boundary_terms() if how.closed_forms else ()
+    families = closing(families_with(maps), closed) if how.closed_forms else families_with(maps)
     final = before if normal is None else normal
-    inventory = Inventory(e, before, final, chosen, ignoring=ignoring, families=families, max_roots=how.max_roots)
+    ignoring = discontinuities == "ignore"
+    inventory = Inventory(e, before, final, chosen, ignoring=ignoring, families=families, closed=closed, max_roots=how.max_roots)
     names = list(dict.fromkeys(p.name for p in (*chosen, *parameters(e), *(p for m in maps for p in m.parameters))))
     integrals = Integrals(how)
     data: dict[str, Any] = {
@@ -74,6 +80,7 @@ def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
         "integrals": [] if normal is None else integrals.of([normal]),
         "boundary": [],
         "interior": [],
+        "remarks": [],
         "cost": {},
         "value_statements": None,
         "gradient_statements": None,
@@ -82,19 +89,32 @@ def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
     }  # fmt: skip
     if normal is None:
         return Explanation(data)
-    program = program_for(flatten(normal), names, how)
+    program = program_for(flatten(normal), names, how, remarks=remarks)
+    data["remarks"] = _told(remarks)
     data["value_statements"], data["cost"]["value"] = size(program), cost_of(program)
     if not chosen:
         return Explanation(data)
-    outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, discontinuities, maps, how.closed_forms))
+    closed_forms = how.closed_forms
+    outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, discontinuities, maps, closed_forms, remarks))
     if outputs is not None:
-        program = program_for([leaf for o in outputs for leaf in flatten(o)], names, how)
+        program = program_for([leaf for o in outputs for leaf in flatten(o)], names, how, remarks=remarks)
+        data["remarks"] = _told(remarks)
         data["gradient_statements"], data["cost"]["value and gradient"] = size(program), cost_of(program)
         interior = compiled_outputs(e, chosen, 1, "ignore")[1]
         data["boundary"] = integrals.of([outputs[1]], but=[normal, outputs[0], interior])
         if asked.derivatives:
             data["interior"] = integrals.of([interior], but=[normal, outputs[0]])
     return Explanation(data)
+
+
+def _told(remarks: Remarks) -> list[dict[str, Any]]:
+    """What the passes decided, each once: the pass, the surface or the integral, the choice, and the reason."""
+
+    def about(e: Expr) -> str:
+        return f"∫ d{e.var.name} from {text_of(e.lo)} to {text_of(e.hi)}" if isinstance(e, Integral) else f"{text_of(e)} = 0"
+
+    rows = [(r.stage, about(r.subject), r.choice, r.reason) for r in remarks]
+    return [dict(zip(("pass", "about", "choice", "reason"), row, strict=True)) for row in dict.fromkeys(rows)]
 
 
 def _functions(e: Expr) -> list[dict[str, Any]]:
@@ -122,7 +142,7 @@ def _attempted(work: Callable[[], T]) -> tuple[T | None, str]:
 
 # -- cells ---------------------------------------------------------------------------------------------------------------
 
-_TABLES = ("surfaces", "dropped", "integrals", "boundary", "interior")
+_TABLES = ("surfaces", "dropped", "integrals", "boundary", "interior", "remarks")
 
 
 def _active(leaf: Node, wrt: set[Node]) -> bool:

@@ -8,13 +8,13 @@ from html import escape
 from textwrap import wrap
 from typing import Any
 
+from teg.passes.lower.intrinsic import CLOSED_FORM
+
 WIDTH = 100
 GAP = "  "
 MAX_ROWS = 16
 """Rows of one table that are printed; `data` has all of them."""
 NARROWEST = 12
-CLOSED_FORM = "hyperbola, closed form"
-"""The rule of a polynomial on either side of a bilinear surface."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class Explanation:
     data["functions"] are those applied (not in a program with arrays, where all are written out), data["surfaces"] the surfaces on
     which integrands change, data["dropped"] those of the program that are not among them, and
     data["integrals"], data["boundary"] and data["interior"] the integrals of the value and the two kinds of the gradient.
+    data["remarks"] are the decisions of the passes as they were taken: the pass, the surface or integral, the choice and the reason.
     """
 
     data: dict[str, Any] = field(default_factory=dict)
@@ -84,7 +85,7 @@ class Explanation:
         elif not data["surfaces"] and not data["value_error"]:
             lines.append("There is no surface: no integrand jumps.")
         if data["gradient_statements"] and not data["boundary"] and any(s["status"] == "eliminated" for s in data["surfaces"]):
-            closed = any(i["rule"] == CLOSED_FORM for i in data["integrals"])
+            closed = any(i["rule"].endswith(CLOSED_FORM) for i in data["integrals"])
             terms = "moments in closed form" if closed else "values at points"
             lines.append(f"The boundary terms of the gradient are {terms}: they need no integral.")
         return lines

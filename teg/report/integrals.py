@@ -2,44 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Container, Iterable, Sequence
-from typing import Any, assert_never
+from typing import Any
 
-from teg.analysis.breaks import BreakAnalysis
 from teg.analysis.isolation import MAX_ROOTS, max_roots
 from teg.analysis.roots import solve
 from teg.analysis.settings import Integration
 from teg.ir.expr import Expr
 from teg.ir.integral import Integral, masses_of
-from teg.numerics.quadrature import triangle_rule
 from teg.numerics.sobol import replicated
-from teg.passes.intrinsics.hyperbola.match import match_hyperbola
-from teg.passes.intrinsics.polygon.match import Clipped, match_clipped
-from teg.passes.lower.integrals import rule_for
+from teg.passes.intrinsics import STATEMENTS, intrinsics_for
+from teg.passes.lower.intrinsic import Description
+from teg.passes.lower.rules import Rules
 from teg.passes.lower.samples import MIDPOINTS, SAMPLES
-from teg.program import (
-    Adaptive,
-    Arg,
-    Assign,
-    Gauss,
-    Hyperbola,
-    Integrate,
-    Isolate,
-    Locate,
-    Midpoint,
-    Polygon,
-    Program,
-    Rational,
-    Rule,
-    Sample,
-    Segment,
-    Stmt,
-    SumOver,
-    When,
-    statements,
-)
-from teg.report.explanation import CLOSED_FORM
+from teg.program import Adaptive, Arg, Integrate, Isolate, Locate, Program, Rule, Sample, Stmt, SumOver, When, statements
 from teg.report.inventory import nests, text_of
 
 
@@ -48,8 +24,10 @@ class Integrals:
 
     def __init__(self, how: Integration) -> None:
         self.how = how
-        self.analysis = BreakAnalysis(how.max_roots)
-        self._closed: dict[Integral, bool] = {}
+        self.intrinsics = intrinsics_for(how)
+        self.rules = Rules(how, [i.rule for i in self.intrinsics if i.rule is not None])
+        self.analysis = self.rules.analysis
+        self._described: dict[Integral, Description | None] = {}
 
     def of(self, roots: Sequence[Expr], but: Sequence[Expr] = ()) -> list[dict[str, Any]]:
         """The integrals of expressions, outer ones first, without those of others; those that look the same are counted together."""
@@ -58,9 +36,7 @@ class Integrals:
         for root in roots:
             depths: dict[Integral, int] = {}
             for node, around in nests(root).items():
-                if not isinstance(node, Integral) or any(node in c.inside for c in map(self._clipped, around[:-1]) if c):
-                    continue
-                if any(isinstance(i, Integral) and self._is_closed(i) for i in around[:-1]):
+                if not isinstance(node, Integral) or any(node in d.inside for d in map(self._describe, around[:-1]) if d):
                     continue
                 depths[node] = next((depths[i] + 1 for i in reversed(around[:-1]) if i.var in node.free), 0)
                 if node not in known:
@@ -69,14 +45,12 @@ class Integrals:
                     same["count"] += 1
         return list(rows.values())
 
-    def _clipped(self, node: Expr) -> Clipped | None:
-        return match_clipped(node, self.how) if isinstance(node, Integral) and masses_of(node.body, node.var) is None else None
-
-    def _is_closed(self, node: Integral) -> bool:
-        """Whether an integral, and the one inside it, are moments of a hyperbola."""
-        if node not in self._closed:
-            self._closed[node] = match_hyperbola(node, self.how) is not None
-        return self._closed[node]
+    def _describe(self, node: Integral) -> Description | None:
+        """What an intrinsic makes of an integral; None if none computes it."""
+        if node not in self._described:
+            found = (intrinsic.describe(node) for intrinsic in self.intrinsics)
+            self._described[node] = next((d for d in found if d is not None), None)
+        return self._described[node]
 
     def _row(self, node: Integral, depth: int) -> dict[str, Any]:
         row = {"variable": node.var.name, "lower": text_of(node.lo), "upper": text_of(node.hi), "depth": depth}
@@ -92,21 +66,18 @@ class Integrals:
             isolated = 0 if formula else max_roots(masses.g, node.var, self.how.max_roots)
             kind = {"kind": "sum over roots", "surface": f"{text_of(masses.g)} = 0", "rule": "sum", "nodes": None, "degree": None}
             return {**row, **kind, "formula": formula, "isolated": isolated, "located": 0, "searched": False, "breaks": 0, "pieces": 0}
-        if self._is_closed(node):
-            return {**row, **_unbroken(CLOSED_FORM), "nodes": None}
-        clipped = self._clipped(node)
-        if clipped is not None:
-            polygon = len(clipped.boxes) > 1
-            nodes_each = len(triangle_rule(clipped.degree)) if polygon else clipped.degree // 2 + 1
-            name, pieces = ("clipped polygon", len(clipped.halves) + 2 if clipped.degree else 1) if polygon else ("clipped interval", 1)
-            return {**row, **_unbroken(name), "nodes": nodes_each, "degree": clipped.degree, "pieces": pieces}
-        breaks = self.analysis.of(node)
+        described = self._describe(node)
+        if described is not None:
+            counts = {"nodes": described.nodes, "degree": described.degree, "pieces": described.pieces}
+            return {**row, **_unbroken(described.rule), **counts}
+        rule, breaks = self.rules.of(node, depth), self.analysis.of(node)
         formula, isolated, located = len(breaks.points), sum(i.count for i in breaks.isolated), MAX_ROOTS * len(breaks.located)
         return {
             **row,
             "kind": "integral",
             "surface": "",
-            **_described(rule_for(node, self.analysis, self.how, depth)),
+            "rule": self.rules.title(rule),
+            "nodes": _nodes_a_piece(rule),
             "degree": self.analysis.degree(node),
             "formula": formula,
             "isolated": isolated,
@@ -127,34 +98,9 @@ def _unbroken(rule: str) -> dict[str, Any]:
     return {"kind": "integral", "surface": "", "rule": rule, "degree": None, **counts, "searched": False, "pieces": 1}
 
 
-def _described(rule: Rule) -> dict[str, Any]:
-    match rule:
-        case Gauss():
-            text = "Gauss, exact"
-        case Rational():
-            text = "Gauss with a pole, exact"
-        case Midpoint():
-            text = "midpoint"
-        case Adaptive():
-            text = (
-                f"Gauss, {rule.order} nodes"
-                if rule.tol == math.inf
-                else f"adaptive to {rule.tol:.0e}" + (", smooth ends" if rule.cubic else "")
-            )
-        case _:
-            assert_never(rule)
-    return {"rule": text, "nodes": _nodes_a_piece(rule)}
-
-
 def _nodes_a_piece(rule: Rule) -> int:
     """How many nodes a piece has, if it is not cut further."""
-    match rule:
-        case Gauss() | Rational() | Midpoint():
-            return rule.nodes
-        case Adaptive():
-            return rule.first
-        case _:
-            assert_never(rule)
+    return rule.first if isinstance(rule, Adaptive) else rule.nodes
 
 
 # -- cost ----------------------------------------------------------------------------------------------------------------
@@ -167,7 +113,7 @@ def cost_of(program: Program) -> dict[str, Any]:
     hints = {r for s in every if isinstance(s, Locate) for r in s.results}
     return {
         "statements": len(every),
-        "integrals": len(integrals) + sum(isinstance(s, Sample | Polygon | Segment | Hyperbola) for s in every),
+        "integrals": len(integrals) + sum(isinstance(s, Sample) or type(s) in STATEMENTS for s in every),
         "isolations": sum(isinstance(s, Isolate | Locate) for s in every),
         "evaluations": _evaluations(program.body, hints),
         "adaptive": any(isinstance(s.rule, Adaptive) for s in integrals),
@@ -190,16 +136,8 @@ def _evaluations(block: Iterable[Stmt], hints: Container[Arg]) -> int:
             case Sample():
                 replicates, points = replicated(stmt.kind, stmt.count)
                 total += replicates * points * (_evaluations(stmt.body, hints) or 1)
-            case Polygon():
-                total += (
-                    (len(stmt.half_planes) + 2 if stmt.degree else 1)
-                    * len(triangle_rule(stmt.degree))
-                    * (_evaluations(stmt.body, hints) or 1)
-                )
-            case Segment():
-                total += stmt.nodes * (_evaluations(stmt.body, hints) or 1)
-            case Isolate() | Locate() | Hyperbola() | Assign():
-                continue
+            case _ if type(stmt) in STATEMENTS:
+                total += STATEMENTS[type(stmt)].evaluations(stmt)
             case _:
-                assert_never(stmt)
+                continue
     return total

@@ -19,11 +19,10 @@ from teg.ir.show import show
 from teg.ir.traverse import parameters, rename_apart, substitute
 from teg.passes.eliminate.affine import Affine
 from teg.passes.eliminate.bilinear import Bilinear
-from teg.passes.eliminate.families import Families, find_family
+from teg.passes.eliminate.families import Closed, Families, find_family
 from teg.passes.eliminate.implicit import Implicit
 from teg.passes.eliminate.mapped import Mapped
 from teg.passes.eliminate.univariate import Solvable
-from teg.passes.intrinsics.hyperbola.match import border_of
 from teg.passes.normalise.canonicalise import canonicalise
 
 LONGEST = 2000
@@ -69,7 +68,16 @@ class Inventory:
     """The surfaces of `normal`, the normal form of what the user wrote. `before` is that form with the user's δ still in it."""
 
     def __init__(
-        self, written: Expr, before: Expr, normal: Expr, wrt: Iterable[Param], *, ignoring: bool, families: Families, max_roots: int
+        self,
+        written: Expr,
+        before: Expr,
+        normal: Expr,
+        wrt: Iterable[Param],
+        *,
+        ignoring: bool,
+        families: Families,
+        closed: Sequence[Closed],
+        max_roots: int,
     ) -> None:
         self.written = written
         self.before = before
@@ -77,6 +85,7 @@ class Inventory:
         self.wrt = frozenset(wrt)
         self.ignoring = ignoring
         self.families = families
+        self.closed = closed
         self.max_roots = max_roots
         bound = [n.var for root in (before, normal) for n in postorder([root]) if isinstance(n, Integral)]
         self.variables: list[Var] = list(dict.fromkeys(bound))  # innermost first, as the elimination has them
@@ -148,7 +157,7 @@ class Inventory:
         if found is None:
             return {"status": "stuck", "family": "", "variables": [], "charts": [], "treatment": "its δ cannot be eliminated: no family"}
         data = found[0]
-        if isinstance(data, Bilinear) and border_of(g, ONE, _chain(around, data.variables)) is not None:
+        if any(form(g, ONE, _chain(around, data.variables), data) is not None for form in self.closed):
             note = "; in closed form if what is integrated is a polynomial"
         charts = self._charts(g, data, around)
         by_formula = isinstance(data, Implicit) and all(c["how"] == "formula" for c in charts)

@@ -50,7 +50,7 @@ def to_sympy(e: object, *, evaluate: bool = False, conditions: str = "auto", sym
     """
     root = write_all_out(e if isinstance(e, Cond | Tuple) else ex.as_number(e))
     if conditions not in CONDITIONS:
-        raise OptionError(f"conditions={conditions!r} is none of {', '.join(CONDITIONS)}")
+        raise OptionError(f"conditions={conditions!r} is not one of {', '.join(CONDITIONS)}")
     if evaluate and written_out(root) > _WRITTEN_OUT:
         raise OptionError(f"written out, the expression has more than {_WRITTEN_OUT} nodes", root, "leave evaluate=False")
     for node, symbol in (symbols or {}).items():
@@ -86,7 +86,7 @@ def from_sympy(s: Any, variables: Iterable[Any] = (), *, heaviside_at_zero: floa
         root = sympy.Tuple(*(sympy.Tuple(*row) for row in s.tolist())) if isinstance(s, sympy.MatrixBase) else sympy.sympify(s)
         root = sympy.Tuple(*root) if isinstance(root, list | tuple) else root
     except (sympy.SympifyError, TypeError, AttributeError) as error:
-        raise OperandError(f"{type(s).__name__} is no expression of SymPy: {s!r:.80}") from error
+        raise OperandError(f"{type(s).__name__} is not an expression of SymPy: {s!r:.80}") from error
     if isinstance(variables, str):
         variables = variables.replace(",", " ").split()
     chosen = [variables] if isinstance(variables, Var | sympy.Symbol) else list(variables)

@@ -69,7 +69,8 @@ def count_of_calls(counted: Program, call: str, function: str, p: float) -> int:
     counter = ctypes.c_int.in_dll(library, "calls")
     counter.value = 0
     value, out, stride = ctypes.c_double(p), ctypes.c_double(), ctypes.c_long(0)
-    assert library.teg_kernel(ctypes.c_long(1), ctypes.byref(ctypes.pointer(value)), ctypes.byref(stride), ctypes.byref(out), None, 1) == 0
+    inputs, outputs = ctypes.byref(ctypes.pointer(value)), ctypes.byref(ctypes.pointer(out))
+    assert library.teg_kernel(ctypes.c_long(1), inputs, ctypes.byref(stride), None, outputs, None, 1) == 0
     return counter.value
 
 
@@ -89,11 +90,12 @@ def standalone_files_work(folder: Path, whole: Program, name: str, given: Sequen
 #include <stdio.h>
 #include "{name}.h"
 int main(void) {{
-    double t[{n}] = {{{", ".join(map(literal, given))}}}, out[{n * outputs}];
+    double t[{n}] = {{{", ".join(map(literal, given))}}}, found[{n * outputs}], *out[{outputs}];
     const double *p[1] = {{t}};
     const long stride[1] = {{1}};
-    const int status = {name}({n}, p, stride, out, NULL, 1);
-    for (int i = 0; i < {n * outputs}; i++) printf("%.17g\\n", out[i]);
+    for (int j = 0; j < {outputs}; j++) out[j] = found + j * {n};
+    const int status = {name}({n}, p, stride, NULL, out, NULL, 1);
+    for (int i = 0; i < {n * outputs}; i++) printf("%.17g\\n", found[i]);
     return status;
 }}
 """)
@@ -127,12 +129,14 @@ def behaviour_is_defined(folder: Path, cases: Iterable[Case], counted: bool = Fa
         table = ", ".join(f"{{{', '.join(map(literal, map(float, column)))}}}" for column in given) or "{0.0}"
         rows, outputs = max(1, len(given)), len(case.program.outputs)
         calls += [
-            f"int case_{i}(long, const double *const *, const long *, double *, long *, int);",
+            f"int case_{i}(long, const double *const *, const long *, const void *, double *const *, long *, int);",
             f"static int run_{i}(void) {{",
-            f"    static double t[{rows}][{case.n}] = {{{table}}}, out[{outputs * case.n}];",
+            f"    static double t[{rows}][{case.n}] = {{{table}}}, found[{outputs * case.n}];",
             f"    const double *p[{rows}]; long stride[{rows}], notes[{case.n}];",
             f"    for (int k = 0; k < {rows}; k++) p[k] = t[k], stride[k] = 1;",
-            f"    return case_{i}({case.n}, p, stride, out, notes, 1);",
+            f"    double *out[{max(outputs, 1)}] = {{0}};",
+            f"    for (int j = 0; j < {outputs}; j++) out[j] = found + j * {case.n};",
+            f"    return case_{i}({case.n}, p, stride, 0, out, notes, 1);",
             "}",
         ]
     run = " + ".join(f"run_{i}()" for i in range(len(sources) - 1))

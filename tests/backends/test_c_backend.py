@@ -326,7 +326,7 @@ def test_the_order_of_operations_is_kept() -> None:
 
 
 def test_only_what_is_needed_of_the_runtime_is_printed() -> None:
-    always = {"teg_kernel", "teg_kernel_watched", "teg_watch", "teg_pace", "teg_ask", "teg_stopped", "teg_wait"}
+    always = {"teg_kernel", "teg_kernel_watched", "teg_watch", "teg_pace", "teg_ask", "teg_stopped", "teg_wait", "teg_array"}
     assert set(re.findall(r"\bteg_\w+", print_kernel(square()))) == always
     disc = print_kernel(DISC)
     assert "teg_nodes_18[18]" in disc

@@ -92,11 +92,12 @@ def test_standalone_files(tmp_path: Path) -> None:
     listed = re.findall(r"^ +p\[(\d+)\]  (.*)$", texts[1], re.MULTILINE)
     assert [int(i) for i, _ in listed] == list(range(len(NAMES)))
     assert [shown.rstrip() for _, shown in listed] == [harmless(name).rstrip() for name in NAMES]
-    assert len(re.findall(r"^ +out\[\d+ \* n \+ k\]", texts[1], re.MULTILINE)) == 1 + len(NAMES)
+    assert len(re.findall(r"^ +out\[\d+\]", texts[1], re.MULTILINE)) == 1 + len(NAMES)
     (tmp_path / "main.c").write_text(
-        '#include <stdio.h>\n#include "odd.h"\nint main(void) { double one = 0.5, out[ODD_OUTPUTS]; const double *p[ODD_INPUTS]; '
-        "long stride[ODD_INPUTS]; for (int i = 0; i < ODD_INPUTS; i++) p[i] = &one, stride[i] = 0;\n"
-        'const int bad = odd(1, p, stride, out, NULL, 1); printf("%.17g", out[0]); return bad; }\n'
+        '#include <stdio.h>\n#include "odd.h"\nint main(void) { double one = 0.5, found[ODD_OUTPUTS], *out[ODD_OUTPUTS];\n'
+        "const double *p[ODD_INPUTS]; long stride[ODD_INPUTS]; for (int i = 0; i < ODD_INPUTS; i++) p[i] = &one, stride[i] = 0;\n"
+        "for (int j = 0; j < ODD_OUTPUTS; j++) out[j] = &found[j];\n"
+        'const int bad = odd(1, p, stride, NULL, out, NULL, 1); printf("%.17g", found[0]); return bad; }\n'
     )
     _compile(tmp_path, *STRICT, "-Wcomment", "-Wtrigraphs", "main.c", "odd.c", "-o", "main", "-lm")
     printed = subprocess.run([str(tmp_path / "main")], check=True, capture_output=True, text=True).stdout

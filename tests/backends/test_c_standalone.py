@@ -59,12 +59,13 @@ def run_main(folder: Path, name: str, real: str = "double", flags: tuple[str, ..
 #include "{name}.h"
 int main(void)
 {{
-    {real} values[3][3] = {{{rows}}}, out[{name.upper()}_OUTPUTS * {batch}];
+    {real} values[3][3] = {{{rows}}}, found[{name.upper()}_OUTPUTS * {batch}], *out[{name.upper()}_OUTPUTS];
     const {real} *p[{name.upper()}_INPUTS + 1] = {{0}};
     long stride[{name.upper()}_INPUTS + 1] = {{0}}, notes[{batch}];
     for (int i = 0; i < {name.upper()}_INPUTS; i++) p[i] = values[i], stride[i] = i != 1;
-    if ({name}({batch}, p, stride, out, notes, 2)) return 1;
-    for (int j = 0; j < {name.upper()}_OUTPUTS * {batch}; j++) printf("%.17g\\n", (double)out[j]);
+    for (int j = 0; j < {name.upper()}_OUTPUTS; j++) out[j] = found + j * {batch};
+    if ({name}({batch}, p, stride, NULL, out, notes, 2)) return 1;
+    for (int j = 0; j < {name.upper()}_OUTPUTS * {batch}; j++) printf("%.17g\\n", (double)found[j]);
     return 0;
 }}
 """)
@@ -135,7 +136,8 @@ def test_a_program_without_parameters(source: Path) -> None:
 def test_the_header_is_for_cpp_too(source: Path) -> None:
     assert main(["compile", f"{source}:affine", "-o", str(source.with_name("scene.c"))]) == 0
     folder = source.parent
-    (folder / "main.cpp").write_text('#include "scene.h"\nint main() { return scene(0, nullptr, nullptr, nullptr, nullptr, 1); }\n')
+    call = "scene(0, nullptr, nullptr, nullptr, nullptr, nullptr, 1)"
+    (folder / "main.cpp").write_text(f'#include "scene.h"\nint main() {{ return {call}; }}\n')
     _compile(folder, "-std=c99", "-c", "scene.c")
     subprocess.run(["g++", "-Wall", "-Wextra", "-Werror", "main.cpp", "scene.o", "-o", "cpp", "-lm"], cwd=folder, check=True)
     subprocess.run([str(folder / "cpp")], check=True)
@@ -147,7 +149,7 @@ def test_two_programs_in_one_binary(source: Path) -> None:
         assert main(["compile", f"{source}:{name}", "-o", str(folder / f"{name}.c")]) == 0
     (folder / "two.c").write_text(
         '#include "affine.h"\n#include "disk.h"\nint main(void) { return AFFINE_INPUTS + DISK_INPUTS - 6 + '
-        "affine(0, 0, 0, 0, 0, 1) + disk(0, 0, 0, 0, 0, 1); }\n"
+        "affine(0, 0, 0, 0, 0, 0, 1) + disk(0, 0, 0, 0, 0, 0, 1); }\n"
     )
     _compile(folder, *STRICT, "two.c", "affine.c", "disk.c", "-o", "two", "-lm")
     subprocess.run([str(folder / "two")], check=True)
@@ -171,13 +173,14 @@ static long poll(void *data)
 }
 int main(void)
 {
-    static double t[4000], out[8000];
+    static double t[4000], found[8000];
+    double *const out[2] = {found, found + 4000};
     const double *p[1] = {t};
     const long stride[1] = {1};
     state s[3] = {{0, -1, 100}, {0, -1, 1000}, {0, 5, 100}};
     int status[3];
     for (int i = 0; i < 4000; i++) t[i] = 1.0;
-    for (int k = 0; k < 3; k++) status[k] = disc_watched(4000, p, stride, out, NULL, 1, poll, &s[k]);
+    for (int k = 0; k < 3; k++) status[k] = disc_watched(4000, p, stride, NULL, out, NULL, 1, poll, &s[k]);
     for (int k = 0; k < 3; k++) printf("%d %d\\n", status[k], s[k].asked);
     return 0;
 }
@@ -209,7 +212,8 @@ def test_notes_say_of_each_point_what_happened_there() -> None:
     pointers = np.array([column.ctypes.data for column in columns], dtype=np.uintp)
     stride, out, notes = np.ones(2, dtype=np.dtype(ctypes.c_long)), np.empty((2, 4)), np.full(4, -1, dtype=np.dtype(ctypes.c_long))
     for told in (notes.ctypes.data, None):
-        given = (ctypes.c_void_p(x) for x in (pointers.ctypes.data, stride.ctypes.data, out.ctypes.data, told))
+        rows = np.array([row.ctypes.data for row in out], dtype=np.uintp)
+        given = (ctypes.c_void_p(x) for x in (pointers.ctypes.data, stride.ctypes.data, None, rows.ctypes.data, told))
         assert run(ctypes.c_long(4), *given, ctypes.c_int(1)) == 0
         np.testing.assert_array_equal(out[0], [1.0, 2.0, 1.0, 2.0])
     assert (notes & 3).tolist() == [0, 1, 2, 3]
@@ -217,7 +221,7 @@ def test_notes_say_of_each_point_what_happened_there() -> None:
     assert (notes >> 3)[3] == 2 * (notes >> 3)[2] > 1000
     header = standalone_c(whole, "told")[1]
     assert "notes    NULL, or room for n" in header
-    assert "double *out, long *notes, int threads);" in header
+    assert "double *const *out, long *notes, int threads);" in header
 
 
 # Names

@@ -12,10 +12,11 @@ import pytest
 import teg
 from teg import Expr
 from teg.backends import plan as array_plan
+from teg.backends.branches import with_branches, with_selects
 from teg.backends.c.kernel import compile_c
 from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.expr import Param
-from teg.program import Polygon, Segment, When, statements, without_branches
+from teg.program import Polygon, Segment, When, statements
 from tests.bench.scenes import picture, triangle_pixel
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -91,14 +92,15 @@ def test_nothing_is_evaluated_where_nothing_is(order: int, compiled: Any) -> Non
 
 def test_behind_the_branches_is_everything_but_the_classification() -> None:
     for order in range(3):
-        program = teg.compile(*triangle_pixel(order), backend="numpy").program(1)
+        plain = teg.compile(*triangle_pixel(order), backend="numpy").program(1)
+        program = with_branches(plain)
         (outer,) = [s for s in program.body if isinstance(s, When)]
         (inner,) = [s for s in outer.body if isinstance(s, When)]
         assert set(program.outputs) == set(outer.results)
         assert [type(s) for s in statements(outer.body) if isinstance(s, Polygon)] == [Polygon]
         assert [type(s) for s in statements(inner.body) if isinstance(s, Polygon | Segment)] == [Segment] * 3
         assert len(program.body) < 90
-        assert not any(isinstance(s, When) for s in statements(without_branches(program).body))
+        assert not any(isinstance(s, When) for made in (plain, with_selects(plain)) for s in statements(made.body))
 
 
 @pytest.mark.parametrize("backend", ["numpy", "c"])
@@ -177,7 +179,7 @@ def test_several_polygons_have_a_branch_each() -> None:
     expected, slopes = pieces.value_and_grad(at)
     for backend in ("numpy", "c"):
         f = teg.compile(e, wrt, backend=backend)
-        assert sum(isinstance(s, When) for s in f.program(1).body) == 4
+        assert sum(isinstance(s, When) for s in with_branches(f.program(1)).body) == 4
         value, gradient = f.value_and_grad(at)
         np.testing.assert_allclose(value, expected, rtol=1e-12, atol=1e-13)
         for p in wrt:
@@ -190,7 +192,7 @@ def test_many_polygons_have_none() -> None:
     e = sum(
         (teg.integral(teg.bracket((x + a * y < b) & (x - y > c)), (x, 0, 1), (y, 0, 1)) for a, b, c in wedges), start=0 * teg.param("a0")
     )
-    program = teg.compile(e, [p for wedge in wedges for p in wedge], backend="numpy").program(1)
+    program = with_branches(teg.compile(e, [p for wedge in wedges for p in wedge], backend="numpy").program(1))
     assert not any(isinstance(s, When) for s in statements(program.body))
     assert all(s.met is True for s in statements(program.body) if isinstance(s, Polygon))
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pytest
 
 import teg
+from teg.backends.branches import with_branches
 from teg.backends.c import kernel as c_backend
 from teg.backends.c import lanes as c_packed
 from teg.backends.c.kernel import compile_c, print_kernel
@@ -102,7 +103,7 @@ def plain(straight: tuple[Stmt, ...]) -> Iterator[Stmt]:
 def test_the_straight_line_is_the_program_where_points_are_fast(name: str) -> None:
     """Points are of all three kinds; what is not live is 0; on the straight line, with whole boxes, outputs are the program's."""
     program = program_of(name)
-    found = packed(program)
+    found = packed(with_branches(program))
     assert found is not None
     columns = points(program, 4000)
     live, fast = decided(found, program, columns)

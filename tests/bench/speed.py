@@ -64,8 +64,9 @@ class Kernel:
         self._pointers = np.array([address(c).value for c in self._columns], dtype=np.uintp)
         self._strides = np.array([int(c.ndim > 0) for c in self._columns], dtype=np.dtype(ctypes.c_long))
         self.results = np.zeros((len(program.outputs), n))
-        given = map(address, (self._pointers, self._strides, self.results))
-        self._arguments = [ctypes.c_long(n), *given, None, ctypes.c_int(1)]
+        self._rows = np.array([address(row).value for row in self.results], dtype=np.uintp)
+        pointers, strides, rows = map(address, (self._pointers, self._strides, self._rows))
+        self._arguments = [ctypes.c_long(n), pointers, strides, None, rows, None, ctypes.c_int(1)]
 
     def __call__(self) -> None:
         self._library.scene(*self._arguments)

@@ -11,8 +11,8 @@ from teg.ir.integral import Integral
 from teg.numerics.quadrature import triangle_rule
 from teg.passes.intrinsics.polygon.match import match_clipped, match_polygon, match_segment
 from teg.passes.program.sink import sink
-from teg.pipeline import normal_form
-from teg.program import Assign, Integrate, Polygon, Segment, When, blocks, size, statements
+from teg.pipeline import normal_form, program_for
+from teg.program import Assign, Integrate, Polygon, Segment, blocks, size, statements
 from tests.bench.scenes import half_planes, triangle_pixel
 
 x, y = teg.vars("x y")
@@ -68,12 +68,15 @@ def test_what_is_none(integrand: Expr, bounds: tuple[tuple[object, ...], ...]) -
 
 
 @pytest.mark.parametrize(
-    "how", [Integration(rule="adaptive"), Integration(rule="gauss"), Integration(order=8)], ids=["adaptive", "gauss", "order"]
+    "how",
+    [Integration(rule="adaptive"), Integration(rule="gauss"), Integration(order=8), Integration(intrinsics=False)],
+    ids=["adaptive", "gauss", "order", "off"],
 )
 def test_a_rule_that_is_asked_for_is_taken(how: Integration) -> None:
     e = nest_of(teg.bracket(HALF))
-    assert match_clipped(e, Integration()) is not None
-    assert match_clipped(e, how) is None
+    assert match_clipped(e) is not None
+    assert [type(s) for s in program_for([e], ["a", "b", "t"], Integration()).body if not isinstance(s, Assign)] == [Polygon]
+    assert not any(isinstance(s, Polygon | Segment) for s in statements(program_for([e], ["a", "b", "t"], how).body))
 
 
 def test_an_ordinary_interval_is_no_segment() -> None:
@@ -85,7 +88,7 @@ def test_a_triangle_is_one_polygon_and_its_gradient_three_segments_more() -> Non
         e, wrt = triangle_pixel(order)
         f = teg.compile(e, wrt, backend="numpy")
         kinds = [type(s) for s in statements(f.program(1).body) if not isinstance(s, Assign)]
-        assert kinds == [When, Polygon, When, Segment, Segment, Segment]
+        assert kinds == [Polygon, Segment, Segment, Segment]
         (polygon, *segments) = [s for s in statements(f.program(1).body) if isinstance(s, Polygon | Segment)]
         assert isinstance(polygon, Polygon)
         assert polygon.degree == 2 * order

@@ -79,6 +79,15 @@ def test_what_other_rules_give_at_a_bilinear_surface() -> None:
     assert teg.compile(FAMILIES["bilinear"], rule="adaptive").grad(t=0.3, a=0.2)["t"] == pytest.approx(exact, rel=1e-10)
 
 
+def test_the_explanation_promises_closed_forms_only_where_they_are() -> None:
+    for options, there in (({}, True), ({"rule": "midpoint"}, False), ({"order": 9}, False), ({"intrinsics": False}, False)):
+        report = teg.compile(FAMILIES["bilinear"], **options).explain()  # type: ignore[arg-type]
+        (surface,) = report.data["surfaces"]
+        assert ("closed form" in surface["treatment"]) is there
+        assert ("closed form" in str(report)) is there
+        assert bool(report.data["boundary"]) is not there
+
+
 def test_the_rule_holds_in_sums_and_in_products_with_directions() -> None:
     corners, k = teg.array("V", 1), teg.index("k")
     e = teg.sum(volume(x * y + corners[k] * x < t), (k, 0, teg.length(corners, 0)))

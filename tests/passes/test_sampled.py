@@ -13,9 +13,8 @@ from teg.backends.numpy.kernel import compile_numpy
 from teg.errors import OptionError
 from teg.ir.expr import const
 from teg.ir.integral import Integral, integral_over
-from teg.passes.lower.integrals import schedule
 from teg.passes.lower.samples import MIDPOINTS, SAMPLES, deciding_integrals, nest
-from teg.pipeline import compiled_outputs, flatten
+from teg.pipeline import compiled_outputs, flat_program, flatten
 from teg.program import Assign, Integrate, Midpoint, Program, Sample, Stmt, SumOver, assigned, statements
 from tests.passes.test_schedule import names_of
 from tests.references import Reference, untagged
@@ -26,8 +25,8 @@ UNIT = (0, 1)
 
 
 def program(e: teg.Expr, *names: str, rule: str = "qmc", orders: int = 0, order: int | None = None, seed: int = 0) -> Program:
-    outputs = compiled_outputs(e, [teg.param(n) for n in names], orders, "sift")
-    found = schedule([o for entry in outputs for o in flatten(entry)], names, Integration(rule=rule, order=order, seed=seed))
+    outputs = compiled_outputs(e, [teg.param(n) for n in names], orders, "sift", closed_forms=False)
+    found = flat_program([o for entry in outputs for o in flatten(entry)], names, Integration(rule=rule, order=order, seed=seed))
     names_of(found)
     return found
 
@@ -227,9 +226,9 @@ def test_sobol_points_have_a_last_dimension() -> None:
     variables = teg.vars(" ".join(f"x{i}" for i in range(22)))
     e = teg.integral(teg.exp(sum(variables[1:], start=variables[0] * t)), *((v, *UNIT) for v in variables))
     with pytest.raises(OptionError) as problem:
-        schedule([e], ["t"], Integration(rule="qmc"))
+        flat_program([e], ["t"], Integration(rule="qmc"))
     assert "montecarlo" in problem.value.hint
-    (found,) = [s for s in statements(schedule([e], ["t"], Integration(rule="montecarlo")).body) if isinstance(s, Sample)]
+    (found,) = [s for s in statements(flat_program([e], ["t"], Integration(rule="montecarlo")).body) if isinstance(s, Sample)]
     assert len(found.points) == 22
 
 
@@ -247,9 +246,9 @@ MISSED = {"sliver-1e-6", "sliver-triangle", "integral-in-a-condition", "st-scale
 def test_value_and_gradient_are_those_of_the_references(reference: Reference) -> None:
     """The mean over 8 seeds is as near to the exact numbers as the seeds are to each other."""
     given = [np.asarray(v) for v in reference.params.values()]
-    outputs = compiled_outputs(reference.build(), [teg.param(k) for k in reference.params], 1, "sift")
+    outputs = compiled_outputs(reference.build(), [teg.param(k) for k in reference.params], 1, "sift", closed_forms=False)
     flat, names = [o for entry in outputs for o in flatten(entry)], list(reference.params)
-    runs = [compile_numpy(schedule(flat, names, Integration(rule="qmc", order=1024, seed=s)))(given, 1)[:, 0] for s in range(8)]
+    runs = [compile_numpy(flat_program(flat, names, Integration(rule="qmc", order=1024, seed=s)))(given, 1)[:, 0] for s in range(8)]
     exact = np.array([float(reference.value), *(float(reference.grad[k]) for k in reference.params)])
     error = np.std(runs, axis=0, ddof=1) / math.sqrt(8.0)
     assert (np.abs(np.mean(runs, axis=0) - exact) <= 7.0 * error + 1e-9 * (1.0 + np.abs(exact))).all()

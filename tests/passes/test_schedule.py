@@ -6,8 +6,7 @@ import pytest
 
 import teg
 from teg.analysis.settings import Integration
-from teg.passes.lower.integrals import schedule
-from teg.pipeline import flatten, normal_form
+from teg.pipeline import flat_program, flatten, normal_form
 from teg.program import (
     Assign,
     Hyperbola,
@@ -31,7 +30,7 @@ t, a = teg.params("t a")
 
 
 def program(e: teg.Expr, *names: str) -> Program:
-    return schedule(flatten(normal_form(e)), names, Integration())
+    return flat_program(flatten(normal_form(e)), names, Integration())
 
 
 def test_the_smallest_program() -> None:
@@ -201,6 +200,6 @@ def test_scheduling_is_deterministic() -> None:
 
 def test_the_adaptive_rule_is_everywhere_if_asked_for() -> None:
     e = normal_form(teg.integral(teg.bracket(x < t), (x, 0, 1)))
-    p = schedule([e], ["t"], Integration(1e-6, "adaptive"))
+    p = flat_program([e], ["t"], Integration(1e-6, "adaptive"))
     rules = [s.rule for s in statements(p.body) if isinstance(s, Integrate)]
     assert [getattr(r, "tol", None) for r in rules] == [1e-6]

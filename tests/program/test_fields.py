@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from typing import Annotated, Any
 
@@ -43,6 +44,7 @@ from teg.program.fields import (
     Part,
     Result,
     Variable,
+    absent,
     declared,
     operands,
     renamed,
@@ -168,3 +170,10 @@ def test_every_field_that_may_hold_a_name_has_a_role(cls: type) -> None:
 def test_so_has_every_field_of_parts_and_steps(cls: type) -> None:
     plain = {f.name for f in fields(cls)} - {f.name for f in declared(cls)}
     assert plain <= {"kind", "closed", "k", "op", "array", "program", "title", "output"}
+
+
+def test_results_are_absent_where_the_condition_fails() -> None:
+    assert absent(INNER) == dict.fromkeys(("v4", "v5", "v6", "v7"), 0.0)
+    roots = Isolate("x0", 0.0, 1.0, "x1", "x2", (), (1.0,) * 4, (), 1.0, 1.0, ("v1", "v2"), errors=("v3", "v4"))
+    assert absent(roots) == dict.fromkeys(("v1", "v2", "v3", "v4"), math.inf)
+    assert absent(Locate(0.0, 1.0, 0.0, 1.0, "a", "b", "c", "d", (), (1.0,) * 4, ("v1",), lost="v2")) == {"v1": math.inf, "v2": 0.0}

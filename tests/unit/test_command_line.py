@@ -66,8 +66,8 @@ def test_what_compile_writes_runs_without_python(program: Path, tmp_path: Path) 
     caller = tmp_path / "caller.c"
     caller.write_text(
         '#include <stdio.h>\n#include "area.h"\n'
-        "int main(void) { double t = 0.5, out[2]; const double *p[] = {&t}; long stride[] = {0};\n"
-        'int bad = area(1, p, stride, out, NULL, 1); printf("%g %g", out[0], out[1]); return bad; }\n'
+        "int main(void) { double t = 0.5, found[2], *out[] = {found, found + 1}; const double *p[] = {&t}; long stride[] = {0};\n"
+        'int bad = area(1, p, stride, NULL, out, NULL, 1); printf("%g %g", found[0], found[1]); return bad; }\n'
     )
     binary = tmp_path / "caller"
     subprocess.run(["cc", "-std=c99", "area.c", "caller.c", "-o", str(binary), "-lm"], cwd=tmp_path, check=True)

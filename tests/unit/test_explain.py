@@ -221,7 +221,14 @@ def test_the_evaluators_options_count() -> None:
     assert "Gauss" in str(teg.compile(e, rule="gauss").explain())
     loose = teg.compile(e, tol=1e-4, rule="adaptive").explain()
     assert [i["rule"] for i in loose.data["integrals"]] == ["adaptive to 1e-04", "adaptive to 1e-05"]
-    assert loose.data["options"] == {"tol": 1e-4, "rule": "adaptive", "order": None, "discontinuities": "sift", "max_roots": 16}
+    assert loose.data["options"] == {
+        "tol": 1e-4,
+        "rule": "adaptive",
+        "order": None,
+        "discontinuities": "sift",
+        "max_roots": 16,
+        "intrinsics": True,
+    }
     plain = teg.compile(e, discontinuities="ignore").explain()
     assert only(plain.data["surfaces"])["status"] == "ignored"
     assert plain.data["boundary"] == []

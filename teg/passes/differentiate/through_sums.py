@@ -156,7 +156,9 @@ def parameters_and_arrays(wrt: object) -> list[Parameter]:
             raise ParameterError(f"{p.name} is an array of indices: nothing is differentiable by it", None, "arrays of numbers: teg.array")
         if not isinstance(p, Param | Array):
             shown = show(p, 80) if isinstance(p, Expr) else repr(p)[:80]
-            raise ParameterError(f"one differentiates by parameters and arrays, not by {shown}", None, 'teg.param("t"), teg.array("V", 2)')
+            raise ParameterError(
+                f"derivatives are taken by parameters and arrays, not by {shown}", None, 'teg.param("t"), teg.array("V", 2)'
+            )
         if p in chosen:
             raise ParameterError(f"the parameter {p.name!r} is listed twice")
         chosen[p] = None

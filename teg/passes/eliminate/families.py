@@ -11,11 +11,13 @@ of the integrals that take part; outer factors are moved inside.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.polynomial import Shadow
+from teg.analysis.remarks import Remarks
 from teg.analysis.sift import deltas_of, linear_part, without
 from teg.errors import DeltaError, NoReparameterisationError
 from teg.ir.expr import ZERO, Cond, Const, Expr, Mul, Var, Where, add, conjunction, mul, where
@@ -30,11 +32,12 @@ from teg.passes.eliminate.implicit import match_implicit, rewrite_implicit
 from teg.passes.eliminate.mapped import user_families
 from teg.passes.eliminate.steep import Graph, match_steep, rewrite_steep
 from teg.passes.eliminate.univariate import match_solvable, rewrite_solvable
-from teg.passes.intrinsics.hyperbola.match import border_of
 
 Match = Callable[[Expr, Sequence[Var]], Any]
 Rewrite = Callable[[Expr, Expr, tuple[Binder, ...], Any], Expr | None]
 
+Closed = Callable[[Expr, Expr, Chain, Any], Expr | None]
+"""∫∫ coefficient·δ(g) in closed form, from g, the coefficient, the chain and the data of the family; None if there is none."""
 Families = tuple[tuple[Match, Rewrite], ...]
 
 FORMULAS: Families = (
@@ -49,20 +52,44 @@ FAMILIES: Families = (
 )
 
 
-def rewrite_closed(g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
-    """Returns a bilinear surface's boundary term in closed form, if there is one and it is not differentiated again; else its charts."""
-    closed = border_of(g, coefficient, chain)
-    return rewrite_bilinear(g, coefficient, chain, data) if closed is None else closed
+FIRST = "the first family that matches"
+STEEP = "the graph is steep somewhere"
+CURVED = "in one variable only, as the bounds are curved"
+CARRIED = "carried along, as it is differentiated again"
 
 
-def closing(families: Families) -> Families:
-    """Returns the families for boundary terms that are not differentiated again: some of their charts would be hard to differentiate."""
+def noted(form: Closed, name: str, remarks: Remarks) -> Closed:
+    """Returns the same closed form, which tells `remarks` when it is taken."""
+
+    def taken(g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
+        term = form(g, coefficient, chain, data)
+        if term is not None:
+            remarks.add("eliminate", g, name, "a boundary term in closed form, which is not differentiated again")
+        return term
+
+    return taken
+
+
+def closing(families: Families, closed: Sequence[Closed]) -> Families:
+    """Returns the families for boundary terms that are not differentiated again: some of their charts would be hard to differentiate.
+
+    `closed` are closed forms that are tried before the charts of a family.
+    """
     last: list[tuple[Match, Rewrite]] = []
     for match, rewrite in families:
         if match is match_implicit:
             last.append((match_turning, rewrite_affine))
-        last.append((match, rewrite_closed if rewrite is rewrite_bilinear else rewrite))
+        last.append((match, partial(_rewrite_closed, closed, rewrite)))
     return tuple(last)
+
+
+def _rewrite_closed(closed: Sequence[Closed], rewrite: Rewrite, g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
+    """A boundary term in closed form, where there is one; else in the charts of its family."""
+    for form in closed:
+        term = form(g, coefficient, chain, data)
+        if term is not None:
+            return term
+    return rewrite(g, coefficient, chain, data)
 
 
 def families_with(maps: Sequence[Diffeomorphism]) -> Families:
@@ -77,13 +104,14 @@ def families_with(maps: Sequence[Diffeomorphism]) -> Families:
     return (*alone, *FORMULAS, *formulas, *FAMILIES[len(FORMULAS) :], *others)
 
 
-def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families = FAMILIES) -> Expr:
+def eliminate_deltas(root: Expr, keep_moving: bool = False, families: Families = FAMILIES, remarks: Remarks | None = None) -> Expr:
     """Returns the program without δ. Raises NoReparameterisationError for a surface that no family reduces, DeltaError for a misplaced δ.
 
-    `keep_moving` leaves those deltas in the program that are carried along when it is differentiated again.
+    `keep_moving` leaves those deltas in the program that are carried along when it is differentiated again. `remarks` are told which
+    family each surface has.
     """
     while root.has_delta:  # a product of deltas loses one factor in each round
-        round_ = _Elimination(cast(Expr, rename_apart(root)), keep_moving, families)
+        round_ = _Elimination(cast(Expr, rename_apart(root)), keep_moving, families, Remarks() if remarks is None else remarks)
         reduced = round_.run()
         if reduced is root and round_.kept:
             break
@@ -118,14 +146,15 @@ def find_family(g: Expr, variables: Sequence[Var], families: Families = FAMILIES
 class _Elimination:
     """One program: its variables from the innermost outwards, and the decision for each surface."""
 
-    def __init__(self, root: Expr, keep_moving: bool, families: Families) -> None:
-        self.root = root
+    def __init__(self, root: Expr, keep_moving: bool, families: Families, remarks: Remarks) -> None:
+        self.root, self.remarks = root, remarks
         self.families = families
         self.keep_moving = keep_moving
         self.kept = False
         self.binders = {n.var: Binder(n.var, n.lo, n.hi) for n in postorder([root]) if isinstance(n, Integral)}
         self.variables = list(self.binders)
         self.decisions: dict[Expr, tuple[Any, Rewrite]] = {}
+        self.reasons: dict[Expr, str] = {}  # of a decision that is not the first family that matches
         self.sifted: dict[tuple[Delta, Expr, Chain], Expr] = {}
 
     def run(self) -> Expr:
@@ -158,6 +187,7 @@ class _Elimination:
             steep = without_steep_graphs(g, family[0], [self.binders[v] for v in reversed(mine)])
             if steep is not None and not (self.keep_moving and isinstance(steep[0], Graph)):
                 family = steep
+                self.reasons[g] = STEEP
             self.decisions[g] = family
         return self.decisions[g]
 
@@ -171,6 +201,8 @@ class _Elimination:
                 ready.append((d, data, rewrite))
         ready.sort(key=lambda r: r[1].moves)  # in a product of deltas the one with a formula goes first
         if not any(not self._is_kept(node.body, d, data) for d, data, _ in ready):
+            for d, data, _ in ready:
+                self.remarks.add("eliminate", d.g, data.name, CARRIED)
             return node
         terms: list[Expr] = []
         body = node.body
@@ -184,6 +216,7 @@ class _Elimination:
                 coefficient = without(coefficient, set(others))
                 if self.keep_moving and data.moves:
                     terms.append(nest(mul(d, coefficient), whole))
+                    self.remarks.add("eliminate", d.g, data.name, CARRIED)
                 elif coefficient is not ZERO:
                     factor, weight = _apart(coefficient, {b.var for b in whole})
                     if (d, weight, whole) not in self.sifted:  # the derivatives by many parameters differ in the factor only
@@ -200,15 +233,16 @@ class _Elimination:
         for other in deltas_of(coefficient):
             if other.g.free <= set(data.variables) and len(data.variables) == 1:
                 raise DeltaError("a product of two deltas of one variable has no meaning", mul(d, other))
-        result = rewrite(d.g, coefficient, chain, data)
+        result, reason = rewrite(d.g, coefficient, chain, data), self.reasons.get(d.g, FIRST)
         if result is None:
-            result = self._innermost(d.g, coefficient, chain)
+            result, reason = self._innermost(d.g, coefficient, chain), CURVED
         if result is None:
             raise NoReparameterisationError(
                 f"the δ on {d.g} cannot be brought to one variable inside these bounds",
                 d.g,
                 "use bounds that are affine in the outer variables",
             )
+        self.remarks.add("eliminate", d.g, data.name, reason)
         return result
 
     def _crossing(self, d: Delta, other: Delta, coefficient: Expr, chain: Chain) -> Expr:

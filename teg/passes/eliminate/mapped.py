@@ -198,7 +198,7 @@ def change_variables(
     if bounds is not None:
         m = m.with_bounds(bounds)
     if exact and set(m.bounds) != set(m.new):
-        raise BoundError("exact=True goes with bounds of every new variable", m, "bounds={r: (0, 1), p: (-math.pi, math.pi)}")
+        raise BoundError("exact=True needs bounds for every new variable", m, "bounds={r: (0, 1), p: (-math.pi, math.pi)}")
     root = rename_apart(e if isinstance(e, Tuple) else as_number(e))
     taken = {p.name for p in parameters(root)}
     new: dict[Node, Node] = {}

@@ -1,0 +1,36 @@
+"""The fast paths of one shape of program, each in a folder of its own; only this list names them.
+
+    polygon      polynomials on half-planes over a box, and on half-lines over an interval: the domain is clipped, exactly
+    hyperbola    polynomials on either side of a bilinear surface over a box, and along it: moments in closed form
+    pole         polynomials over a power of a linear function: Gauss nodes with weights of their own
+
+They are used where no rule and no order is asked for, and can be turned off (`intrinsics=False`): the general path computes the same
+integrals by pieces, which is what tests of an intrinsic compare it with. To add one: a folder with an `Intrinsic` (`teg.passes.lower.
+intrinsic`) in it, a line here, and, if it has a statement of its own, that statement in `teg.program` and in the backends.
+"""
+
+from __future__ import annotations
+
+from teg.analysis.remarks import Remarks
+from teg.analysis.settings import Integration
+from teg.passes.eliminate.families import Closed, noted
+from teg.passes.intrinsics.hyperbola import HYPERBOLA
+from teg.passes.intrinsics.pole import POLE
+from teg.passes.intrinsics.polygon import POLYGON
+from teg.passes.lower.intrinsic import Intrinsic, Statement
+
+INTRINSICS: tuple[Intrinsic, ...] = (HYPERBOLA, POLYGON, POLE)
+"""In the order in which they are asked."""
+STATEMENTS: dict[type, Statement] = {kind: known for intrinsic in INTRINSICS for kind, known in intrinsic.statements.items()}
+"""What is known of the statements of all intrinsics, whether they are used or not."""
+
+
+def intrinsics_for(how: Integration) -> tuple[Intrinsic, ...]:
+    """Returns the intrinsics that may be used: all, or none."""
+    return INTRINSICS if how.closed_forms else ()
+
+
+def boundary_terms(remarks: Remarks | None = None) -> tuple[Closed, ...]:
+    """Returns the closed forms of boundary terms that are not differentiated again; `remarks` are told where one is taken."""
+    known = Remarks() if remarks is None else remarks
+    return tuple(noted(i.boundary, i.name, known) for i in INTRINSICS if i.boundary is not None)

@@ -9,17 +9,16 @@ terms (Wilkinson, Rounding Errors in Algebraic Processes, 1963).
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
 from teg.analysis.breaks import Breaks
 from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import binders_inside
-from teg.ir.expr import MINUS_ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where
+from teg.ir.expr import MINUS_ONE, ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where, add
 from teg.ir.function import Apply, Callee
-from teg.ir.integral import Delta, Integral
+from teg.ir.integral import ClosedForm, Delta, Integral
 from teg.ir.node import Node
 from teg.program import TIE_EPS, Arg, Assign, Stmt
 
@@ -58,6 +57,7 @@ class Level:
     elsewhere: Callable[[], Sequence[Level]] | None = None  # of a middle: other places of the piece, where its ties are looked at again
     twisted: bool = False  # at a root of a surface that is no polynomial of low degree: nothing there is one
     coordinates: dict[Integral, str] | None = None  # of the nest of integrals that is sampled here: theirs, but for the outermost one's
+    constants: Level | None = None  # where what is constant here is computed, as one factor or term; powers here are products
 
     def inside(self, var: Var, name: Arg) -> Level:
         """The level one deeper, where a variable has that name."""
@@ -88,19 +88,26 @@ class Level:
         return known[node]
 
 
-class Emitter(ABC):
-    """Names for expressions and conditions, and the statements that compute them; how an integral is computed is left open."""
+Plan = Callable[[Level, Sequence[Expr]], None]
+"""Finds the integrals that belong to a new level, before anything there is emitted."""
 
-    def __init__(self, parameters: Sequence[str]) -> None:
+
+class Emitter:
+    """Names for expressions and conditions, and the statements that compute them.
+
+    `integrate` gives an integral a name in `names` of its level; its body has none yet. `closed_form` names a number that an intrinsic
+    computes.
+    """
+
+    def __init__(
+        self, parameters: Sequence[str], integrate: Callable[[Integral, Level], None], closed_form: Callable[[ClosedForm, Level], Arg]
+    ) -> None:
+        self.integrate, self.closed_form = integrate, closed_form
         self.parameter_names = {p: f"p{i}" for i, p in enumerate(parameters)}
         self.ties: dict[tuple[str, str], int] = {}
         self.functions: dict[tuple[Callee, tuple[int, ...]], int] = {}
         self._count = 0
         self._binders: dict[Node, frozenset[Var]] = {}
-
-    @abstractmethod
-    def integrate(self, node: Integral, home: Level) -> None:
-        """Give an integral a name in `home.names`; its body has none yet."""
 
     def fresh(self, kind: str) -> str:
         """A name that nothing has: "v…" for a number, "b…" for a boolean, "x…" for a variable."""
@@ -170,7 +177,7 @@ class Emitter(ABC):
     def _truths_of(self, c: Cond, level: Level) -> Truths:
         return self.home_of(c, level).names[c]  # type: ignore[return-value]
 
-    # -- values and conditions -----------------------------------------------------------------------------------------
+    # -- values -------------------------------------------------------------------------------------------------------
 
     def value(self, e: Expr, home: Level) -> Arg:
         """A number whose children have names."""
@@ -183,12 +190,16 @@ class Emitter(ABC):
                 return self.sum(e, home)
             case Mul():
                 return self.product(e, home)
+            case Pow() if e.exponent >= 3 and home.constants is not None:
+                return self._power_by_products(e, home)
             case Pow():
                 base = self._number_of(e.base, home)
                 return self.assign(home, "v", "div", 1.0, base) if e.exponent == -1 else self.assign(home, "v", "powi", base, e.exponent)
             case Apply():
                 k = self.functions.setdefault((e.callee, e.derivative), len(self.functions))
                 return self.assign(home, "v", "call", k, *(self._number_of(c, home) for c in e.children))
+            case ClosedForm():
+                return self.closed_form(e, home)
             case Call():
                 args = [self._number_of(c, home) for c in e.children]
                 if e.name == "root":
@@ -204,7 +215,11 @@ class Emitter(ABC):
                 raise AssertionError(f"{type(e).__name__} cannot be scheduled")
 
     def sum(self, e: Add, home: Level) -> Arg:
-        """Terms are added from the left in the order written; a term -u is subtracted."""
+        """Terms are added from the left in the order written; a term -u is subtracted. What is constant is added first, outside."""
+        if home.constants is not None:
+            outside = [term for term in e.children if not self._varies(term, home)]
+            if len(outside) >= 2:
+                e = Add.make(None, (add(*outside), *(term for term in e.children if self._varies(term, home))))
         total: list[Arg] = []
         for term in e.children:
             negative = isinstance(term, Mul) and isinstance(term.children[0], Const) and term.children[0].data == -1.0
@@ -217,6 +232,8 @@ class Emitter(ABC):
 
     def product(self, e: Mul, home: Level) -> Arg:
         """Factors are multiplied from the left, then divided by what stands below, then negated."""
+        if home.constants is not None:
+            return self._product_with_constant(e, home, home.constants)
         above: list[Arg] = []
         below: list[Arg] = []
         sign = False
@@ -233,6 +250,40 @@ class Emitter(ABC):
         for divisor in below:
             result = self.assign(home, "v", "div", result, divisor)
         return self.assign(home, "v", "neg", result) if sign else result
+
+    # -- where many nodes are computed side by side --------------------------------------------------------------------
+
+    def _varies(self, e: Expr, home: Level) -> bool:
+        """Whether an expression is not constant where many nodes are computed side by side."""
+        return self.home_of(e, home).constants is not None
+
+    def _product_with_constant(self, e: Mul, home: Level, outside: Level) -> Arg:
+        """What is constant is multiplied first, outside; a division is one by one number, done once."""
+        constant = [f for f in e.children if not self._varies(f, home)]
+        varying = [self.number(f, home) for f in e.children if self._varies(f, home)]
+        if not constant:
+            return self.assign(home, "v", "mul", *varying)
+        if len(constant) == 1 and constant[0] is MINUS_ONE:
+            result = varying[0] if len(varying) == 1 else self.assign(home, "v", "mul", *varying)
+            return self.assign(home, "v", "neg", result)
+        return self.assign(home, "v", "mul", self.constant(constant, outside), *varying)
+
+    def constant(self, factors: Iterable[Expr], home: Level) -> Arg:
+        """Returns the name of a product of numbers."""
+        numbers = [self.number(f, home) for f in factors if f is not ONE]
+        return 1.0 if not numbers else numbers[0] if len(numbers) == 1 else self.assign(home, "v", "mul", *numbers)
+
+    def _power_by_products(self, e: Pow, home: Level) -> Arg:
+        """A power by repeated squaring, for lanes of numbers have no other."""
+        base, result, k = self.number(e.base, home), None, e.exponent
+        while k:
+            if k & 1:
+                result = base if result is None else self.assign(home, "v", "mul", result, base)
+            k >>= 1
+            base = self.assign(home, "v", "mul", base, base) if k else base
+        return cast(Arg, result)
+
+    # -- conditions ----------------------------------------------------------------------------------------------------
 
     def condition(self, c: Cond, home: Level) -> Truths:
         """A condition whose children have names."""
@@ -264,7 +315,7 @@ class Emitter(ABC):
         """A condition on a surface: decided by its sign, or by its resolution where it ties."""
         holds_first = self._truths_of(cast(Cond, c.resolution), home)[0]
         scale = self.tie_scale(c.g, home)
-        if home.elsewhere is not None and not c.g.has_integral and not self._is_short(c.g, home):
+        if home.elsewhere is not None and not c.g.has_integral and not self.is_short(c.g, home):
             g, scale = self._clearest(c.g, g, scale, home)
         if c in home.coincident:
             scale = self.assign(home, "v", "select", home.coincident[c], scale, 0.0)
@@ -274,7 +325,7 @@ class Emitter(ABC):
         ok = self.assign(home, "b", "ok", g)
         return (holds, self.assign(home, "b", "and", fails, ok))
 
-    def _is_short(self, g: Expr, home: Level) -> bool:
+    def is_short(self, g: Expr, home: Level) -> bool:
         """Whether a function is a polynomial of so low a degree that it is not as good as 0 in the middle of a piece without roots."""
         degree = Shadow((cast(Var, home.var),)).degree(g) if home.var in g.free and not home.twisted else None
         return degree is not None and degree <= SHORT

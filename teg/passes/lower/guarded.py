@@ -18,15 +18,13 @@ from typing import cast
 
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
-from teg.analysis.settings import Integration
 from teg.analysis.sharp import Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
 from teg.ir.expr import ZERO, Const, Expr, Var, const, positive, sub, where
 from teg.ir.integral import Integral
 from teg.ir.node import Node
 from teg.ir.traverse import fresh, substitute
 from teg.numerics.quadrature import gauss_legendre
-from teg.passes.intrinsics.hyperbola.emit import CurvedEmitter
-from teg.passes.lower.emit import Level
+from teg.passes.lower.emit import Emitter, Level
 from teg.program import Adaptive, Arg, Guard
 
 CUBIC_RATE = 1.5
@@ -62,11 +60,11 @@ class Bounded:
     lower: Expr
 
 
-class GuardedEmitter(CurvedEmitter):
-    """An emitter that also guards adaptive integrals."""
+class Guards:
+    """Makes the guards of adaptive integrals. Statements go to `out`."""
 
-    def __init__(self, parameters: Sequence[str], how: Integration) -> None:
-        super().__init__(parameters, how)
+    def __init__(self, out: Emitter) -> None:
+        self.out = out
         self.degrees = Degrees()
         self.ranges: Mapping[Var, Interval] = {}  # of the variables of the integrals around, where they are known in numbers
         self.peaks: dict[Integral, tuple[Peak, ...]] = {}
@@ -81,7 +79,7 @@ class GuardedEmitter(CurvedEmitter):
         found = []
         for sharp in known:
             if (b := bounds(sharp, boxed)) is not None:
-                found.append(Bounded(self.number(sharp.value, level), *b))
+                found.append(Bounded(self.out.number(sharp.value, level), *b))
         for peak in inside:
             sharp = cast(Sharp, sharp_value(peak.node, x, self.degrees, 2))
             slices = [_around(peak, {x: ends}) for ends in ((left, right), (x, x))]
@@ -89,15 +87,15 @@ class GuardedEmitter(CurvedEmitter):
             if len(known_bounds) == 2 and all(known_bounds):
                 # a singularity inside is nothing to be looked for
                 upper, seen = (where(positive(sub(const(_LARGEST), b[0])), b[0], ZERO) for b in known_bounds if b is not None)
-                found.append(Bounded(self.number(seen, level), upper, upper))
+                found.append(Bounded(self.out.number(seen, level), upper, upper))
         if not found:
             return None
-        names = self.fresh("x"), self.fresh("x")
+        names = self.out.fresh("x"), self.out.fresh("x")
         at_left = home.inside(left, names[0])
         at_both = at_left.inside(right, names[1])
-        extents = tuple(self.number(e, at_both) for e in sizes(bodies, boxed))
-        upper_names = tuple(self.number(b.upper, at_both) for b in found)
-        lower_names = tuple(self.number(b.lower, at_both) for b in found)
+        extents = tuple(self.out.number(e, at_both) for e in sizes(bodies, boxed))
+        upper_names = tuple(self.out.number(b.upper, at_both) for b in found)
+        lower_names = tuple(self.out.number(b.lower, at_both) for b in found)
         block = (*at_left.block, *at_both.block)
         return Guard(*names, block, extents, upper_names, lower_names, tuple(b.seen for b in found))
 
@@ -111,7 +109,7 @@ class GuardedEmitter(CurvedEmitter):
         if not outside:
             return
         x, bodies = group[0].var, [i.body for i in group]
-        own = [s.node for s in sharp_values(bodies, x, self.binders(bodies), self.degrees, 2) if not s.wave]
+        own = [s.node for s in sharp_values(bodies, x, self.out.binders(bodies), self.degrees, 2) if not s.wave]
         inside = self._peaks_in(bodies, x)
         sharp = self._sharp_outside([*own, *(p.node for p in inside)], outside)
         for node in group:

@@ -33,7 +33,6 @@ from teg.ir.index import (
     index_leaves,
 )
 from teg.ir.node import Node, postorder
-from teg.passes.program.group import group
 from teg.program import Assign, Program, Stmt, assigned, free_names, has_ties
 from teg.program.arrays import Arg, ArrayProgram, ArraySpec, Integers, Like, Load, Loop, Number, Run, Scatter, Step
 from teg.program.dce import without_dead_code
@@ -285,7 +284,7 @@ class _ArrayScheduler:
         titles = tuple(program.parameters[int(n[1:])] if n[0] == "p" else n for n in used)
         body = (*before, *(renamed(s, number) for s in block), *after)
         ties = program.ties if has_ties(block) else ()
-        part = group(without_dead_code(replace(program, parameters=titles, body=body, outputs=results, ties=ties)))
+        part = without_dead_code(replace(program, parameters=titles, body=body, outputs=results, ties=ties))
         names = tuple(self._fresh("v", at) for _ in across)
         at.steps.append(Run(part, tuple(name[n] for n in used), names))
         return list(names)

@@ -9,7 +9,6 @@ A root is not exact: what is evaluated there carries its error, so that conditio
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
@@ -23,7 +22,7 @@ from teg.analysis.tails import finite_place, is_unbounded
 from teg.ir.expr import ONE, Compare, Expr, Var
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.traverse import replace_node, substitute
-from teg.passes.lower.emit import NAN, SHORT, Emitter, Level, Truths
+from teg.passes.lower.emit import NAN, SHORT, Emitter, Level, Plan, Truths
 from teg.program import ISOLATE_WIDTH, TIE_EPS, Arg, Isolate, Locate, SumOver
 
 _NOWHERE = float("inf")
@@ -33,16 +32,12 @@ _ROOT_ERROR = 4.0
 """A root found at run time is off by at most so many ε of its size."""
 
 
-class RootEmitter(Emitter):
-    """An emitter that also finds roots, and sums over them; `when`: the guard of the integral that asks, if it has one."""
+class Roots:
+    """Finds roots, and sums over them. `when`: the guard of the integral that asks, if it has one."""
 
-    def __init__(self, parameters: Sequence[str], max_roots: int, tol: float) -> None:
-        super().__init__(parameters)
+    def __init__(self, out: Emitter, plan: Plan, max_roots: int, tol: float) -> None:
+        self.out, self.plan = out, plan
         self.max_roots, self.tol = max_roots, tol
-
-    @abstractmethod
-    def plan_integrals(self, level: Level, roots: Sequence[Expr]) -> None:
-        """Find the integrals that belong to a new level, before anything there is emitted."""
 
     # -- roots ---------------------------------------------------------------------------------------------------------
 
@@ -50,16 +45,16 @@ class RootEmitter(Emitter):
         """The roots of a function between two bounds, found at run time."""
         key = (isolation.g, isolation.var, lo, hi, when)
         if key not in home.isolated:
-            ends = self.number(lo, home), self.number(hi, home)
-            left, right, var = (self.fresh("x") for _ in range(3))
+            ends = self.out.number(lo, home), self.out.number(hi, home)
+            left, right, var = (self.out.fresh("x") for _ in range(3))
             at_left = home.inside(isolation.left, left)
             at_both = at_left.inside(isolation.right, right)
-            bounds = cast("tuple[Arg, Arg, Arg, Arg]", tuple(self.number(b, at_both) for b in isolation.bounds))
-            curving = cast("tuple[Arg, Arg]", tuple(self.number(b, at_both) for b in isolation.curving))
+            bounds = cast("tuple[Arg, Arg, Arg, Arg]", tuple(self.out.number(b, at_both) for b in isolation.bounds))
+            curving = cast("tuple[Arg, Arg]", tuple(self.out.number(b, at_both) for b in isolation.curving))
             noise = self._noise(isolation, left, right, at_both)
             at_point = home.inside(isolation.var, var)
-            value, rate, curvature = (self.number(e, at_point) for e in (isolation.g, isolation.slope, isolation.curvature))
-            results = tuple(self.fresh("v") for _ in range(isolation.count))
+            value, rate, curvature = (self.out.number(e, at_point) for e in (isolation.g, isolation.slope, isolation.curvature))
+            results = tuple(self.out.fresh("v") for _ in range(isolation.count))
             enclosure, point = (*at_left.block, *at_both.block), tuple(at_point.block)
             width = max(ISOLATE_WIDTH, BOXES * self.max_roots)
             found = Isolate(var, *ends, left, right, enclosure, bounds, point, value, rate, results, when)
@@ -69,10 +64,10 @@ class RootEmitter(Emitter):
 
     def _noise(self, isolation: Isolation, left: str, right: str, at_both: Level) -> Arg:
         """How far rounding may move g in the middle of a box."""
-        middle = self.assign(at_both, "v", "mul", 0.5, self.assign(at_both, "v", "add", left, right))
+        middle = self.out.assign(at_both, "v", "mul", 0.5, self.out.assign(at_both, "v", "add", left, right))
         at_middle = at_both.inside(isolation.var, middle)
         at_middle.block = at_both.block
-        return self.assign(at_middle, "v", "mul", TIE_EPS, self.tie_scale(isolation.g, at_middle))
+        return self.out.assign(at_middle, "v", "mul", TIE_EPS, self.out.tie_scale(isolation.g, at_middle))
 
     def isolated_in(self, node: Integral, isolation: Isolation, home: Level, when: str | None, wide: bool = False) -> tuple[Arg, ...]:
         """The roots of a function within the bounds of an integral (or a little beyond them), up to infinity if need be."""
@@ -83,9 +78,11 @@ class RootEmitter(Emitter):
         if bent is None:
             raise AssertionError(f"the roots of {isolation.g} cannot be isolated")
         found = self.isolated(bent, start, end, home, when)
-        places = [self.number(place, Level(s, home, home.depth + 1, names={s: root}, block=home.block)) for root in found]
+        places = [self.out.number(place, Level(s, home, home.depth + 1, names={s: root}, block=home.block)) for root in found]
         return tuple(
-            self.assign(home, "v", "select", self.assign(home, "b", "lt0", self.assign(home, "v", "sub", root, _NOWHERE)), at, root)
+            self.out.assign(
+                home, "v", "select", self.out.assign(home, "b", "lt0", self.out.assign(home, "v", "sub", root, _NOWHERE)), at, root
+            )
             for root, at in zip(found, places, strict=True)
         )
 
@@ -94,40 +91,40 @@ class RootEmitter(Emitter):
         key = (location.f, location.g, location.inner, location.outer, location.low, location.high, lo, hi, when)
         if key not in home.isolated:
             rectangle = (*off_the_grid(lo, hi), *off_the_grid(location.low, location.high))
-            first, last, low, high = (self.number(e, home) for e in rectangle)
-            left, right, bottom, top = (self.fresh("x") for _ in location.corners)
+            first, last, low, high = (self.out.number(e, home) for e in rectangle)
+            left, right, bottom, top = (self.out.fresh("x") for _ in location.corners)
             level, blocks = home, []
             for corner, name in zip(location.corners, (left, right, bottom, top), strict=True):
                 level = level.inside(corner, name)
                 blocks.append(level.block)
-            bounds = tuple(self.number(b, level) for b in location.bounds)
+            bounds = tuple(self.out.number(b, level) for b in location.bounds)
             enclosure = tuple(s for block in blocks for s in block)
-            results = tuple(self.fresh("v") for _ in range(max(MAX_ROOTS, self.max_roots)))
-            lost = self.fresh("v") if location.smooth else None  # of surfaces with kinks much is given up that holds nothing
+            results = tuple(self.out.fresh("v") for _ in range(max(MAX_ROOTS, self.max_roots)))
+            lost = self.out.fresh("v") if location.smooth else None  # of surfaces with kinks much is given up that holds nothing
             home.block.append(Locate(first, last, low, high, left, right, bottom, top, enclosure, bounds, results, when, lost))
             home.isolated[key] = results
         return home.isolated[key]
 
     def point(self, root: Root, home: Level) -> Arg:
         """A root by its formula; +inf where it does not exist."""
-        holds, fails = self.truths(root.exists, home)
-        at = self.number(root.point, home)
-        known = self.assign(home, "v", "select", self.assign(home, "b", "ok", at), at, _NOWHERE)  # 0/0: the degree is lower
-        absent = _NOWHERE if fails is True else self.assign(home, "v", "select", fails, _NOWHERE, NAN)
-        return known if holds is True else self.assign(home, "v", "select", holds, known, absent)
+        holds, fails = self.out.truths(root.exists, home)
+        at = self.out.number(root.point, home)
+        known = self.out.assign(home, "v", "select", self.out.assign(home, "b", "ok", at), at, _NOWHERE)  # 0/0: the degree is lower
+        absent = _NOWHERE if fails is True else self.out.assign(home, "v", "select", fails, _NOWHERE, NAN)
+        return known if holds is True else self.out.assign(home, "v", "select", holds, known, absent)
 
     def _level_at_roots(self, x: Var, home: Level) -> tuple[str, Level]:
         """The name of a root found at run time, and the inside of the sum over such roots: there x is not exact."""
-        var = self.fresh("x")
+        var = self.out.fresh("x")
         level = home.inside(x, var)
-        level.errors[x] = self.assign(level, "v", "mul", _ROOT_ERROR, self.size(x, level))
+        level.errors[x] = self.out.assign(level, "v", "mul", _ROOT_ERROR, self.out.size(x, level))
         return var, level
 
     def _level_at_formula(self, x: Var, root: Root, home: Level) -> Level:
         """The place of a root that has a formula. It has no inside: statements go where those of its home go."""
         level = home.inside(x, self.point(root, home))
         level.block = home.block
-        level.errors[x] = self.error(root.point, home)
+        level.errors[x] = self.out.error(root.point, home)
         return level
 
     # -- sums over roots -----------------------------------------------------------------------------------------------
@@ -146,26 +143,26 @@ class RootEmitter(Emitter):
         var, level = self._level_at_roots(node.var, home)
         if home.middle is not None:
             level.coincident = self._coincident(node, isolation, bodies, home.middle)
-        self.plan_integrals(level, bodies)
-        values = tuple(self.number(b, level) for b in bodies)
+        self.plan(level, bodies)
+        values = tuple(self.out.number(b, level) for b in bodies)
         if masses.g.free == {node.var}:
             values = self._where_slope_is_known(isolation.slope, values, level)
-        results = tuple(self.fresh("v") for _ in group)
+        results = tuple(self.out.fresh("v") for _ in group)
         home.block.append(SumOver(var, points, tuple(level.block), values, results, when))
         return results
 
     def _where_slope_is_known(self, slope: Expr, values: Sequence[Arg], level: Level) -> tuple[Arg, ...]:
         """Returns values that are divided by the slope at a root; NaN where rounding alone could have made that slope."""
-        size = self.size(slope, level)
-        noise = self.assign(level, "v", "mul", TIE_EPS, self.tie_scale(slope, level))
-        small = self.assign(level, "b", "ge0", self.assign(level, "v", "sub", noise, size))
-        unknown = self.assign(level, "b", "and", small, self.assign(level, "b", "gt0", size))
-        return tuple(self.assign(level, "v", "select", unknown, NAN, v) for v in values)
+        size = self.out.size(slope, level)
+        noise = self.out.assign(level, "v", "mul", TIE_EPS, self.out.tie_scale(slope, level))
+        small = self.out.assign(level, "b", "ge0", self.out.assign(level, "v", "sub", noise, size))
+        unknown = self.out.assign(level, "b", "and", small, self.out.assign(level, "b", "gt0", size))
+        return tuple(self.out.assign(level, "v", "select", unknown, NAN, v) for v in values)
 
     def _sum_of_branches(self, g: Expr, bodies: Sequence[Expr], x: Var, roots: Sequence[Root], home: Level) -> tuple[Arg, ...]:
         """The same where the roots have formulas: one after the other. On a piece between complete breaks the conditions at a root are
         constant, and are decided in its middle, away from where they change."""
-        inner = self.binders(bodies)
+        inner = self.out.binders(bodies)
         atoms = [c for c in dict.fromkeys(c for b in bodies for c in atoms_of(b, x)) if not c.g.free & inner]
         terms: list[list[Arg]] = [[] for _ in bodies]
         degree = Shadow((x,) if home.var is None else (x, home.var)).degree(g)
@@ -179,28 +176,28 @@ class RootEmitter(Emitter):
                 for atom in atoms:
                     level.names[atom] = self._decided(atom, middle, level)
             at = cast(Arg, level.names[x])
-            finite = self.assign(home, "b", "ok", self.assign(home, "v", "sub", at, at))
-            absent = self.assign(home, "v", "select", self.assign(home, "b", "ok", at), 0.0, NAN)
-            self.plan_integrals(level, bodies)
+            finite = self.out.assign(home, "b", "ok", self.out.assign(home, "v", "sub", at, at))
+            absent = self.out.assign(home, "v", "select", self.out.assign(home, "b", "ok", at), 0.0, NAN)
+            self.plan(level, bodies)
             for body, found in zip(bodies, terms, strict=True):
-                found.append(self.assign(home, "v", "select", finite, self.number(body, level), absent))
-        return tuple(found[0] if len(found) == 1 else self.assign(home, "v", "add", *found) if found else 0.0 for found in terms)
+                found.append(self.out.assign(home, "v", "select", finite, self.out.number(body, level), absent))
+        return tuple(found[0] if len(found) == 1 else self.out.assign(home, "v", "add", *found) if found else 0.0 for found in terms)
 
     def _decided(self, atom: Compare, middle: Level, level: Level) -> Truths:
         """Returns the truths of a condition that is constant on a piece: its sign at the node where that is clear, else what was decided
         for the piece. Surfaces that approach each other may be as good as one in the middle of a long piece, and apart at its ends."""
-        holds, fails = self.truths(atom, middle)
-        if atom.resolution is None or middle.elsewhere is None or atom.g.has_integral or self._is_short(atom.g, middle):
+        holds, fails = self.out.truths(atom, middle)
+        if atom.resolution is None or middle.elsewhere is None or atom.g.has_integral or self.out.is_short(atom.g, middle):
             return holds, fails
-        g = self.number(atom.g, level)
-        room = self.assign(level, "v", "mul", TIE_EPS, self.tie_scale(atom.g, level))
-        clear = self.assign(level, "b", "gt0", self.assign(level, "v", "sub", self.size(atom.g, level), room))
-        above = self.assign(level, "b", "gt0", g)
-        unclear, below = self.assign(level, "b", "not", clear), self.assign(level, "b", "not", above)
+        g = self.out.number(atom.g, level)
+        room = self.out.assign(level, "v", "mul", TIE_EPS, self.out.tie_scale(atom.g, level))
+        clear = self.out.assign(level, "b", "gt0", self.out.assign(level, "v", "sub", self.out.size(atom.g, level), room))
+        above = self.out.assign(level, "b", "gt0", g)
+        unclear, below = self.out.assign(level, "b", "not", clear), self.out.assign(level, "b", "not", above)
 
         def chosen(sign: Arg, verdict: Arg) -> Arg:
-            here, piece = self.assign(level, "b", "and", clear, sign), self.assign(level, "b", "and", unclear, verdict)
-            return self.assign(level, "b", "or", here, piece)
+            here, piece = self.out.assign(level, "b", "and", clear, sign), self.out.assign(level, "b", "and", unclear, verdict)
+            return self.out.assign(level, "b", "or", here, piece)
 
         return chosen(above, holds), chosen(below, fails)
 
@@ -211,7 +208,7 @@ class RootEmitter(Emitter):
     def _coincident(self, node: Integral, isolation: Isolation, bodies: Sequence[Expr], middle: Level) -> dict[Compare, Arg]:
         """Which conditions tie with the surface g in the middle of a piece of the integral outside: only they can do so all along it. That
         the two touch in a point is no tie."""
-        inner = self.binders(bodies)
+        inner = self.out.binders(bodies)
         rivals = dict.fromkeys(c for b in bodies for c in atoms_of(b, node.var) if c.resolution is not None and not c.g.free & inner)
         if not rivals:
             return {}
@@ -219,9 +216,9 @@ class RootEmitter(Emitter):
         var, level = self._level_at_roots(node.var, middle)
         values = []
         for c in rivals:
-            room = self.assign(level, "v", "mul", TIE_EPS, self.tie_scale(c.g, level))
-            near = self.assign(level, "b", "ge0", self.assign(level, "v", "sub", room, self.size(c.g, level)))
-            values.append(self.assign(level, "v", "select", near, 1.0, 0.0))
-        results = tuple(self.fresh("v") for _ in rivals)
+            room = self.out.assign(level, "v", "mul", TIE_EPS, self.out.tie_scale(c.g, level))
+            near = self.out.assign(level, "b", "ge0", self.out.assign(level, "v", "sub", room, self.out.size(c.g, level)))
+            values.append(self.out.assign(level, "v", "select", near, 1.0, 0.0))
+        results = tuple(self.out.fresh("v") for _ in rivals)
         middle.block.append(SumOver(var, points, tuple(level.block), tuple(values), results))
-        return {c: self.assign(middle, "b", "gt0", r) for c, r in zip(rivals, results, strict=True)}
+        return {c: self.out.assign(middle, "b", "gt0", r) for c, r in zip(rivals, results, strict=True)}

@@ -17,8 +17,7 @@ Conditions are decided at the points. A tail is brought to (0, 1) by
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import inf
 from typing import cast
 
@@ -29,8 +28,7 @@ from teg.ir.expr import Add, Compare, Const, Expr, Mul, Where
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import Node, postorder
 from teg.numerics.sobol import DIMENSIONS
-from teg.passes.lower.emit import Level
-from teg.passes.lower.roots import RootEmitter
+from teg.passes.lower.emit import Emitter, Level, Plan
 from teg.program import Arg, Integrate, Midpoint, Sample
 
 SAMPLED = ("montecarlo", "qmc")
@@ -38,27 +36,21 @@ SAMPLES, MIDPOINTS, DEEP_SAMPLES = 2**14, 256, 2**17
 """The order of a rule that is not told: samples in all, points a variable, and samples of a nest that is too deep for anything else."""
 
 
-class UnbrokenEmitter(RootEmitter):
-    """An emitter that also integrates without breaks, where the rule is one of these."""
+class Samples:
+    """Integrates without breaks, where the rule is one of these, or a nest is too deep for another one.
 
-    def __init__(self, parameters: Sequence[str], how: Integration) -> None:
-        super().__init__(parameters, how.max_roots, how.tol)
-        self.how = how
+    `deciding` holds what stands in conditions and bounds.
+    """
+
+    def __init__(self, out: Emitter, plan: Plan, how: Integration, is_too_deep: Callable[[Integral], bool]) -> None:
+        self.out, self.plan, self.how, self.is_too_deep = out, plan, how, is_too_deep
         self.deciding: set[Node] = set()
-
-    @abstractmethod
-    def plan_integrals(self, level: Level, roots: Sequence[Expr]) -> None:
-        """Find the integrals that belong to a new level, before anything there is emitted."""
 
     def is_sampled(self, node: Integral, level: Level) -> bool:
         """Whether an integral of this level is the outermost one of a nest that is sampled."""
         if level.coordinates is not None or node in self.deciding:
             return False
         return self.how.rule in SAMPLED or (self.how.rule == "auto" and level.var is None and self.is_too_deep(node))
-
-    @abstractmethod
-    def is_too_deep(self, node: Integral) -> bool:
-        """Whether a nest has more adaptive integrals inside each other than can be computed."""
 
     def is_unbroken(self, node: Integral, level: Level) -> bool:
         """Whether an integral of this level has no breaks."""
@@ -73,7 +65,7 @@ class UnbrokenEmitter(RootEmitter):
         if self.how.rule != "montecarlo" and dimensions > DIMENSIONS:
             hint = 'rule="montecarlo" takes any number'
             raise OptionError(f'rule="qmc" takes up to {DIMENSIONS} integrals inside each other, here are {dimensions}', group[0], hint)
-        points = tuple(self.fresh("x") for _ in range(dimensions))
+        points = tuple(self.out.fresh("x") for _ in range(dimensions))
         loop = Level(None, None, 0)
         values = []
         for node, found in zip(group, nests, strict=True):
@@ -81,7 +73,7 @@ class UnbrokenEmitter(RootEmitter):
             inside.block, inside.computed = loop.block, loop.computed
             inside.coordinates = {i: points[d] for i, d in found.items()}
             values.append(self._at_point(node, points[0], home, inside))
-        results = tuple(self.fresh("v") for _ in group)
+        results = tuple(self.out.fresh("v") for _ in group)
         block = tuple(loop.block)
         kind = self.how.rule if self.how.rule in SAMPLED else "qmc"
         count = (self.how.order or SAMPLES) if self.how.rule in SAMPLED else DEEP_SAMPLES
@@ -97,40 +89,40 @@ class UnbrokenEmitter(RootEmitter):
     def _at_point(self, node: Integral, u: str, home: Level, inside: Level) -> Arg:
         """The integrand at the coordinate u in (0, 1), times dx/du."""
         inside.names[node.var], weight = self._place(node, u, home, inside)
-        self.plan_integrals(inside, [node.body])
-        value = self.number(node.body, inside)
-        return value if weight == 1.0 else self.assign(inside, "v", "mul", weight, value)
+        self.plan(inside, [node.body])
+        value = self.out.number(node.body, inside)
+        return value if weight == 1.0 else self.out.assign(inside, "v", "mul", weight, value)
 
     def _place(self, node: Integral, u: str, home: Level, inside: Level) -> tuple[Arg, Arg]:
         """The variable at u, and dx/du."""
 
         def put(op: str, *args: Arg) -> str:
-            return self.assign(inside, "v", op, *args)
+            return self.out.assign(inside, "v", op, *args)
 
         backwards = is_infinite(node.lo, inf) or is_infinite(node.hi, -inf)
         lo, hi = (node.hi, node.lo) if backwards else (node.lo, node.hi)
         from_below, to_above = is_infinite(lo, -inf), is_infinite(hi, inf)
         if not from_below and not to_above:
-            return self._stretched(self.number(lo, home), self.number(hi, home), u, home, inside)
+            return self._stretched(self.out.number(lo, home), self.out.number(hi, home), u, home, inside)
         rest = put("sub", 1.0, u)
         if from_below and to_above:
             t = put("sub", put("mul", 2.0, u), 1.0)
             below = put("mul", 4.0, u, rest)  # 1 - t², without cancellation
             x, rate = put("div", t, below), put("div", put("add", 2.0, put("mul", 2.0, t, t)), put("mul", below, below))
         elif to_above:
-            x, rate = put("add", self.number(lo, home), put("div", u, rest)), put("div", 1.0, put("mul", rest, rest))
+            x, rate = put("add", self.out.number(lo, home), put("div", u, rest)), put("div", 1.0, put("mul", rest, rest))
         else:
-            x, rate = put("sub", self.number(hi, home), put("div", rest, u)), put("div", 1.0, put("mul", u, u))
+            x, rate = put("sub", self.out.number(hi, home), put("div", rest, u)), put("div", 1.0, put("mul", u, u))
         return x, put("neg", rate) if backwards else rate
 
     def _stretched(self, lo: Arg, hi: Arg, u: str, home: Level, inside: Level) -> tuple[Arg, Arg]:
         """The same between finite bounds: l + (h - l)·u and h - l."""
         if isinstance(lo, str) or isinstance(hi, str):
-            length: Arg = hi if lo == 0.0 else self.assign(home, "v", "sub", hi, lo)
+            length: Arg = hi if lo == 0.0 else self.out.assign(home, "v", "sub", hi, lo)
         else:
             length = hi - lo
-        way = u if length == 1.0 else self.assign(inside, "v", "mul", length, u)
-        return way if lo == 0.0 else self.assign(inside, "v", "add", lo, way), length
+        way = u if length == 1.0 else self.out.assign(inside, "v", "mul", length, u)
+        return way if lo == 0.0 else self.out.assign(inside, "v", "add", lo, way), length
 
     # -- the midpoint rule ---------------------------------------------------------------------------------------------
 
@@ -140,13 +132,13 @@ class UnbrokenEmitter(RootEmitter):
         for bound in (node.lo, node.hi):
             if is_infinite(bound, inf) or is_infinite(bound, -inf):
                 raise OptionError('rule="midpoint" needs finite bounds', node, 'rule="auto" and rule="qmc" substitute tails')
-        lo, hi = self.number(node.lo, home), self.number(node.hi, home)
-        var = self.fresh("x")
+        lo, hi = self.out.number(node.lo, home), self.out.number(node.hi, home)
+        var = self.out.fresh("x")
         level = home.inside(node.var, var)
         bodies = [i.body for i in group]
-        self.plan_integrals(level, bodies)
-        values = tuple(self.number(b, level) for b in bodies)
-        results = tuple(self.fresh("v") for _ in group)
+        self.plan(level, bodies)
+        values = tuple(self.out.number(b, level) for b in bodies)
+        results = tuple(self.out.fresh("v") for _ in group)
         home.block.append(
             Integrate(var, lo, hi, (), (), None, tuple(level.block), values, results, Midpoint(self.how.order or MIDPOINTS), when)
         )

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from teg.ir.expr import ONE, TRUE, Add, Cond, Const, Expr, Mul, Tuple, Where, call, conjunction, const, mul, negation, where
-from teg.ir.integral import Border, Integral, PointMasses
+from teg.ir.integral import ClosedForm, Integral, PointMasses
 from teg.ir.node import Node
 
 SMALL_FACTOR = 100.0
@@ -46,7 +46,7 @@ def weights(roots: Sequence[Expr], order: Sequence[Node]) -> dict[Integral, Expr
                 _put(fronts, (node.then,), (front, conjunction(path, node.condition)))
                 _put(fronts, (node.otherwise,), (front, conjunction(path, negation(node.condition))))
             case Mul():
-                factors = [c for c in node.children if not (c.has_integral or isinstance(c, PointMasses | Border))]
+                factors = [c for c in node.children if not (c.has_integral or isinstance(c, PointMasses | ClosedForm))]
                 _put(fronts, [c for c in node.children if c.has_integral], (mul(front, *factors), path))
             case _:
                 _put(fronts, node.children, (ONE, TRUE))

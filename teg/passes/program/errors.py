@@ -16,35 +16,27 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import cast
 
+from teg.passes.intrinsics import STATEMENTS
+from teg.passes.lower.intrinsic import LEAST, ROUNDINGS
 from teg.program import (
     EDGE,
-    ROUNDING,
     Arg,
     Assign,
     Called,
-    Hyperbola,
     Integrate,
     Isolate,
     Locate,
-    Moments,
-    Polygon,
     Program,
     Sample,
-    Segment,
     Stmt,
     SumOver,
     assigned,
-    clipped_by,
     statements,
-    without_branches,
 )
 from teg.program.dce import without_dead_code
 
 STEEP = ("div", "powi", "pow", "log", "sqrt", "asin", "acos", "tan", "atan2")
 """Operations whose slope can be infinite."""
-ROUNDINGS = 16 * 2.0**-52
-LEAST = 1e-300
-"""In the place of a divisor that is 0."""
 Errors = dict[Arg, Arg]
 """By name: the error of a number (0.0 if it is not there), or whether a condition is doubtful (False if it is not there)."""
 
@@ -62,7 +54,6 @@ def with_errors_of(program: Program, inexact: Sequence[int]) -> Program:
 
 class _Estimator:
     def __init__(self, program: Program, inexact: Sequence[int] = ()) -> None:
-        program = without_branches(program)
         first = len(program.parameters)
         titles = (f"error of {program.parameters[i]}" for i in inexact)
         self.program = replace(program, parameters=(*program.parameters, *titles))
@@ -75,9 +66,9 @@ class _Estimator:
         self._taken = {name for stmt in statements(program.body) for name in assigned(stmt)}
 
     def run(self, roundings: float) -> Program:
-        body = self._block(self.program.body)
+        body = self.block(self.program.body)
         ends: list[Stmt] = []
-        errors = [self._sum_of((self._error(o), self._rounding(o, roundings, ends)), ends) for o in self.program.outputs]
+        errors = [self.sum_of((self.error(o), self._rounding(o, roundings, ends)), ends) for o in self.program.outputs]
         body, outputs = (*body, *ends), (*self.program.outputs, *errors)
         functions = tuple(Called(*f) for f in self._functions)
         return without_dead_code(Program(self.program.parameters, body, outputs, self.program.ties, functions))
@@ -86,22 +77,22 @@ class _Estimator:
         """A few roundings of what is computed outside of all integrals."""
         if not isinstance(output, str) or not roundings:
             return 0.0
-        return self._op(out, "mul", roundings, self._op(out, "abs", output))
+        return self.op(out, "mul", roundings, self.op(out, "abs", output))
 
-    def _fresh(self, kind: str) -> str:
+    def fresh(self, kind: str) -> str:
         while True:
             self._count += 1
             name = f"{kind}{self._count}e"
             if name not in self._taken:
                 return name
 
-    def _error(self, arg: Arg) -> Arg:
+    def error(self, arg: Arg) -> Arg:
         return self.errors.get(arg, 0.0) if isinstance(arg, str) else 0.0
 
     def _doubt(self, arg: Arg) -> Arg:
         return self.errors.get(arg, False) if isinstance(arg, str) else False
 
-    def _block(self, block: Sequence[Stmt]) -> tuple[Stmt, ...]:
+    def block(self, block: Sequence[Stmt]) -> tuple[Stmt, ...]:
         """A block with the companions of its values."""
         out: list[Stmt] = []
         for stmt in block:
@@ -115,20 +106,18 @@ class _Estimator:
                     self._sum(stmt, out)
                 case Sample():
                     self._sample(stmt, out)
-                case Polygon() | Segment():
-                    self._clipped(stmt, out)
-                case Hyperbola():
-                    self._moments(stmt, out)
                 case Isolate():
-                    stmt = replace(stmt, errors=tuple(self._fresh("v") for _ in stmt.results))
+                    stmt = replace(stmt, errors=tuple(self.fresh("v") for _ in stmt.results))
                     out.append(stmt)
                     self._roots(stmt, out)
                 case Locate():
                     out.append(stmt)
                     if stmt.lost is not None:
                         self._lost.update(dict.fromkeys(stmt.results, stmt))
+                case _ if type(stmt) in STATEMENTS:
+                    STATEMENTS[type(stmt)].errors(self, stmt, out)
                 case _:
-                    self._other(stmt, out)
+                    raise AssertionError(f"no error estimate for {type(stmt).__name__}")
         return tuple(out)
 
     # -- statements ----------------------------------------------------------------------------------------------------
@@ -136,50 +125,50 @@ class _Estimator:
     def _integral(self, stmt: Integrate, out: list[Stmt]) -> None:
         """The rule's estimates, and the integral of the error of the integrand; a bound that is off moves the result by the integrand's
         mean size, a break by its mean size where it is not 0."""
-        flags = self._block(stmt.flags)
+        flags = self.block(stmt.flags)
         body = self._body(stmt)
-        companions = [self._error(v) for v in stmt.values]
+        companions = [self.error(v) for v in stmt.values]
         inexact = [i for i, c in enumerate(companions) if c != 0.0]
-        estimates = tuple(self._fresh("v") for _ in stmt.values)
-        results = tuple(self._fresh("v") for _ in inexact)
+        estimates = tuple(self.fresh("v") for _ in stmt.values)
+        results = tuple(self.fresh("v") for _ in inexact)
         values = (*stmt.values, *(companions[i] for i in inexact))
-        inside = self._sum_of(map(self._error, dict.fromkeys(stmt.breaks)), out)
+        inside = self.sum_of(map(self.error, dict.fromkeys(stmt.breaks)), out)
         sizes: dict[int, tuple[Arg, Arg]] = {}
         if inside != 0.0:
             also = list(body)
             sizes = {i: self._size_and_extent(v, also) for i, v in enumerate(stmt.values)}
             body, values = tuple(also), (*values, *(v for pair in sizes.values() for v in pair))
-            sizes = {i: (self._fresh("v"), self._fresh("v")) for i in sizes}
+            sizes = {i: (self.fresh("v"), self.fresh("v")) for i in sizes}
         found = (*stmt.results, *results, *(str(v) for pair in sizes.values() for v in pair))
         out.append(replace(stmt, flags=flags, body=body, values=values, results=found, estimates=estimates))
         more = dict(zip(inexact, results, strict=True))
         given_up = self._given_up(stmt, out)
-        ends = self._sum_of((self._error(stmt.lo), self._error(stmt.hi)), out)
+        ends = self.sum_of((self.error(stmt.lo), self.error(stmt.hi)), out)
         for i, (result, estimate) in enumerate(zip(stmt.results, estimates, strict=True)):
             parts: list[Arg] = [estimate]
             if i in more:  # the companion is not negative, but the bounds may be the wrong way round
-                parts.append(self._op(out, "abs", more[i]))
+                parts.append(self.op(out, "abs", more[i]))
             for part, area in given_up:
-                parts.append(self._op(out, "mul", part, self._op(out, "add", area, self._op(out, "abs", result))))
+                parts.append(self.op(out, "mul", part, self.op(out, "add", area, self.op(out, "abs", result))))
             if ends != 0.0:
-                length = self._op(out, "abs", self._op(out, "sub", stmt.hi, stmt.lo))
-                parts.append(self._op(out, "mul", ends, self._op(out, "div", self._op(out, "abs", result), length)))
+                length = self.op(out, "abs", self.op(out, "sub", stmt.hi, stmt.lo))
+                parts.append(self.op(out, "mul", ends, self.op(out, "div", self.op(out, "abs", result), length)))
             if i in sizes:
-                size, extent = (self._op(out, "abs", v) for v in sizes[i])
-                mean = self._op(out, "div", size, self._op(out, "max", extent, LEAST))
+                size, extent = (self.op(out, "abs", v) for v in sizes[i])
+                mean = self.op(out, "div", size, self.op(out, "max", extent, LEAST))
                 if self._has_clusters:  # a piece that is taken for empty hides how large the integrand is in it
-                    mean = self._op(out, "select", self._op(out, "gt0", extent), mean, 1.0)
-                parts.append(self._op(out, "mul", inside, mean))
-            self.errors[result] = self._sum_of(parts, out)
+                    mean = self.op(out, "select", self.op(out, "gt0", extent), mean, 1.0)
+                parts.append(self.op(out, "mul", inside, mean))
+            self.errors[result] = self.sum_of(parts, out)
 
     def _body(self, stmt: Integrate) -> tuple[Stmt, ...]:
         """The body with companions. At the end of a piece where the integrand is a power that is no whole or half number, the variable is
         inexact: beside a singularity at c, (v - c)^-0.9 is known to the rounding of v only, which holds (ε|c|)^0.1 of the integral."""
         if not any(b.kind == "end" for b in stmt.bends):
-            return self._block(stmt.body)
+            return self.block(stmt.body)
         rounded: list[Stmt] = []
-        self.errors[stmt.var] = self._op(rounded, "mul", EDGE, self._op(rounded, "abs", stmt.var))
-        body = self._block(stmt.body)
+        self.errors[stmt.var] = self.op(rounded, "mul", EDGE, self.op(rounded, "abs", stmt.var))
+        body = self.block(stmt.body)
         self.errors.pop(stmt.var)
         return (*rounded, *body)
 
@@ -191,143 +180,83 @@ class _Estimator:
         border = any(isinstance(s, SumOver) for s in stmt.body)
         found: list[tuple[Arg, Arg]] = []
         for r in rectangles:
-            area = self._op(out, "mul", *(self._op(out, "abs", self._op(out, "sub", q, p)) for p, q in ((r.lo, r.hi), (r.low, r.high))))
+            area = self.op(out, "mul", *(self.op(out, "abs", self.op(out, "sub", q, p)) for p, q in ((r.lo, r.hi), (r.low, r.high))))
             lost = cast(Arg, r.lost)
-            found.append((self._op(out, "sqrt", lost) if border else lost, area))
+            found.append((self.op(out, "sqrt", lost) if border else lost, area))
         return found
 
     def _size_and_extent(self, value: Arg, out: list[Stmt]) -> tuple[Arg, Arg]:
         """|value|, and 1 where it is not 0."""
-        size = self._op(out, "abs", value)
-        return size, self._op(out, "select", self._op(out, "gt0", size), 1.0, 0.0)
+        size = self.op(out, "abs", value)
+        return size, self.op(out, "select", self.op(out, "gt0", size), 1.0, 0.0)
 
     def _roots(self, stmt: Isolate, out: list[Stmt]) -> None:
         """A root in a cluster may be anywhere in it. A root is off by Δg/|g'|: both are computed there, where the function is inexact."""
-        point = list(self._block(stmt.point))
-        error = self._error(stmt.value)
+        point = list(self.block(stmt.point))
+        error = self.error(stmt.value)
         for root, cluster in zip(stmt.results, stmt.errors, strict=True):
-            known = self._op(out, "gt0", self._op(out, "sub", math.inf, cluster))
-            self.errors[root] = self._op(out, "select", known, cluster, 0.0)
+            known = self.op(out, "gt0", self.op(out, "sub", math.inf, cluster))
+            self.errors[root] = self.op(out, "select", known, cluster, 0.0)
         if error == 0.0 or not all(isinstance(s, Assign) for s in point):
             return
-        slope = self._op(point, "max", self._op(point, "abs", stmt.slope), LEAST)
-        off = self._op(point, "div", error, slope)
+        slope = self.op(point, "max", self.op(point, "abs", stmt.slope), LEAST)
+        off = self.op(point, "div", error, slope)
         for root in stmt.results:
             names: dict[Arg, Arg] = {}
             body = []
             for s in point:
                 assert isinstance(s, Assign)
                 args = tuple(names.get(a, a) if isinstance(a, str) else a for a in s.args)
-                names[s.name] = self._fresh(s.name[0])
+                names[s.name] = self.fresh(s.name[0])
                 body.append(Assign(str(names[s.name]), s.op, args))
-            moved = self._fresh("v")
+            moved = self.fresh("v")
             out.append(SumOver(stmt.var, (root,), tuple(body), (names[off],), (moved,), stmt.when))
-            self.errors[root] = self._op(out, "add", self.errors[root], moved)
+            self.errors[root] = self.op(out, "add", self.errors[root], moved)
 
     def _sum(self, stmt: SumOver, out: list[Stmt]) -> None:
-        for error in {self._error(p): None for p in stmt.points if self._error(p) != 0.0}:
-            known = self._error(stmt.var)
-            self.errors[stmt.var] = error if known == 0.0 else self._op(out, "max", known, error)
-        body = self._block(stmt.body)
+        for error in {self.error(p): None for p in stmt.points if self.error(p) != 0.0}:
+            known = self.error(stmt.var)
+            self.errors[stmt.var] = error if known == 0.0 else self.op(out, "max", known, error)
+        body = self.block(stmt.body)
         self.errors.pop(stmt.var, None)
-        companions = [self._error(v) for v in stmt.values]
+        companions = [self.error(v) for v in stmt.values]
         inexact = [i for i, c in enumerate(companions) if c != 0.0]
-        results = tuple(self._fresh("v") for _ in inexact)
+        results = tuple(self.fresh("v") for _ in inexact)
         values = (*stmt.values, *(companions[i] for i in inexact))
         out.append(replace(stmt, body=body, values=values, results=(*stmt.results, *results)))
         self.errors.update(zip((stmt.results[i] for i in inexact), results, strict=True))
 
     def _sample(self, stmt: Sample, out: list[Stmt]) -> None:
         """The standard errors, and the means of what the values are off by at the points."""
-        body = self._block(stmt.body)
-        companions = [self._error(v) for v in stmt.values]
+        body = self.block(stmt.body)
+        companions = [self.error(v) for v in stmt.values]
         inexact = [i for i, c in enumerate(companions) if c != 0.0]
-        estimates = tuple(self._fresh("v") for _ in stmt.values)
-        results = tuple(self._fresh("v") for _ in inexact)
+        estimates = tuple(self.fresh("v") for _ in stmt.values)
+        results = tuple(self.fresh("v") for _ in inexact)
         values = (*stmt.values, *(companions[i] for i in inexact))
         out.append(replace(stmt, body=body, values=values, results=(*stmt.results, *results), estimates=estimates))
         more = dict(zip(inexact, results, strict=True))
         for i, (result, estimate) in enumerate(zip(stmt.results, estimates, strict=True)):
-            self.errors[result] = self._op(out, "add", estimate, self._op(out, "abs", more[i])) if i in more else estimate
-
-    def _clipped(self, stmt: Polygon | Segment, out: list[Stmt]) -> None:
-        """Roundings of the sum, of the corners (of a sliver much), what the integrand is off by, and what the domain is, relative to the
-        numbers that decide it."""
-        setup, body = self._block(stmt.setup), list(self._block(stmt.body))
-        sizes = {v: self._op(body, "abs", v) if isinstance(v, str) else abs(v) for v in stmt.values}
-        companions = [self._error(v) for v in stmt.values]
-        inexact = [i for i, c in enumerate(companions) if c != 0.0]
-        names = {v: self._fresh("v") for v in sizes}
-        extent, more = self._fresh("v"), {i: self._fresh("v") for i in inexact}
-        values = (*stmt.values, *sizes.values(), 1.0, *(companions[i] for i in inexact))
-        factors = (*stmt.factors, *(1.0 for _ in (*sizes, extent, *inexact)))
-        results = (*stmt.results, *names.values(), extent, *more.values())
-        if isinstance(stmt, Polygon):
-            out.append(replace(stmt, setup=setup, body=tuple(body), values=values, factors=factors, results=results))
-            box = self._op(out, "abs", self._op(out, "mul", stmt.width, stmt.height))
-        else:
-            out.append(replace(stmt, setup=setup, body=tuple(body), values=values, factors=factors, results=results))
-            box = 1.0
-        thin = self._op(out, "div", box, self._op(out, "max", self._op(out, "abs", extent), LEAST))
-        relative = self._op(out, "add", 0.5 * ROUNDING, self._op(out, "mul", EDGE, thin))
-        for arg in clipped_by(stmt):
-            if isinstance(arg, str) and arg[0] != "b" and self._error(arg) != 0.0:
-                size = self._op(out, "max", self._op(out, "abs", arg), LEAST)
-                relative = self._op(out, "add", relative, self._op(out, "div", self._error(arg), size))
-        for i, (result, value, factor) in enumerate(zip(stmt.results, stmt.values, stmt.factors, strict=True)):
-            size = self._op(out, "abs", names[value])
-            parts = [self._op(out, "mul", relative, size)]
-            if i in more:
-                parts.append(self._op(out, "abs", more[i]))
-            total = self._times(out, factor, self._sum_of(parts, out)) if factor != 1.0 else self._sum_of(parts, out)
-            spread = self._error(factor)
-            self.errors[result] = total if spread == 0.0 else self._sum_of((total, self._op(out, "mul", spread, size)), out)
-
-    def _moments(self, stmt: Hyperbola, out: list[Stmt]) -> None:
-        """Roundings of the terms, what the coefficients are off by, and what the corners are, relative to the largest of them."""
-        kinds: dict[tuple[str, int, int], str] = {}
-        for m in stmt.moments:
-            for j, k, _ in m.terms:
-                kinds.setdefault((m.kind, j, k), self._fresh("v"))
-        single = tuple(Moments(kind, ((j, k, 1.0),)) for kind, j, k in kinds)
-        out.append(replace(stmt, scales=self._block(stmt.scales), moments=stmt.moments + single, results=(*stmt.results, *kinds.values())))
-        relative: Arg = ROUNDINGS
-        off = self._sum_of((self._error(c) for c in stmt.corners), out)
-        if off != 0.0:
-            largest: Arg = LEAST
-            for c in stmt.corners:
-                largest = self._op(out, "max", largest, self._op(out, "abs", c))
-            relative = self._op(out, "add", relative, self._op(out, "div", off, largest))
-        for result, m in zip(stmt.results, stmt.moments, strict=True):
-            parts: list[Arg] = []
-            for j, k, c in m.terms:
-                moment = self._op(out, "abs", kinds[m.kind, j, k])
-                parts.append(self._op(out, "mul", relative, self._op(out, "abs", c), moment))
-                if self._error(c) != 0.0:
-                    parts.append(self._op(out, "mul", self._error(c), moment))
-            self.errors[result] = self._sum_of(parts, out)
-
-    def _other(self, stmt: Stmt, out: list[Stmt]) -> None:
-        raise AssertionError(f"no error estimate for {type(stmt).__name__}")
+            self.errors[result] = self.op(out, "add", estimate, self.op(out, "abs", more[i])) if i in more else estimate
 
     # -- operations ----------------------------------------------------------------------------------------------------
 
-    def _op(self, out: list[Stmt], op: str, *args: Arg) -> Arg:
-        name = self._fresh("b" if op in ("gt0", "ge0", "lt0", "le0", "ok", "and", "or", "not") else "v")
+    def op(self, out: list[Stmt], op: str, *args: Arg) -> Arg:
+        name = self.fresh("b" if op in ("gt0", "ge0", "lt0", "le0", "ok", "and", "or", "not") else "v")
         out.append(Assign(name, op, args))
         return name
 
-    def _sum_of(self, parts: Iterable[Arg], out: list[Stmt]) -> Arg:
+    def sum_of(self, parts: Iterable[Arg], out: list[Stmt]) -> Arg:
         kept = [p for p in parts if p != 0.0]
         if not kept:
             return 0.0
-        return kept[0] if len(kept) == 1 else self._op(out, "add", *kept)
+        return kept[0] if len(kept) == 1 else self.op(out, "add", *kept)
 
-    def _times(self, out: list[Stmt], size: Arg, error: Arg) -> Arg:
+    def times(self, out: list[Stmt], size: Arg, error: Arg) -> Arg:
         """|size|·error."""
         if error == 0.0:
             return 0.0
-        return self._op(out, "mul", self._op(out, "abs", size), error)
+        return self.op(out, "mul", self.op(out, "abs", size), error)
 
     def _assignment(self, stmt: Assign, out: list[Stmt]) -> None:
         """The companion of an assignment, where an argument has one."""
@@ -337,17 +266,17 @@ class _Estimator:
             return
         if op in ("and", "or", "not"):
             doubts = [d for d in map(self._doubt, args) if d is not False]
-            self.errors[stmt.name] = doubts[0] if len(doubts) == 1 else self._op(out, "or", *doubts)
+            self.errors[stmt.name] = doubts[0] if len(doubts) == 1 else self.op(out, "or", *doubts)
         elif op in ("gt0", "ge0", "lt0", "le0", "tie"):
-            error = self._error(args[0])
+            error = self.error(args[0])
             if error != 0.0:
-                near = self._op(out, "ge0", self._op(out, "sub", error, self._op(out, "abs", args[0])))
-                self.errors[stmt.name] = self._op(out, "and", near, self._op(out, "gt0", error))  # 0 may be exact
+                near = self.op(out, "ge0", self.op(out, "sub", error, self.op(out, "abs", args[0])))
+                self.errors[stmt.name] = self.op(out, "and", near, self.op(out, "gt0", error))  # 0 may be exact
         elif op != "ok":
             error = self._of_number(stmt, out)
             if op in STEEP and error != 0.0:  # an exact argument where the slope is infinite: 0·∞
-                exact = self._op(out, "le0", self._sum_of(map(self._error, args), out))
-                error = self._op(out, "select", exact, 0.0, error)
+                exact = self.op(out, "le0", self.sum_of(map(self.error, args), out))
+                error = self.op(out, "select", exact, 0.0, error)
             if error != 0.0:
                 self.errors[stmt.name] = error
 
@@ -355,45 +284,45 @@ class _Estimator:
         op, args, result = stmt.op, stmt.args, stmt.name
 
         def o(name: str, *operands: Arg) -> Arg:
-            return self._op(out, name, *operands)
+            return self.op(out, name, *operands)
 
-        errors = [self._error(a) for a in args]
+        errors = [self.error(a) for a in args]
         match op:
             case "add" | "sub":
-                return self._sum_of(errors, out)
+                return self.sum_of(errors, out)
             case "neg" | "abs" | "sin" | "cos" | "atan" | "tanh" | "const":
                 return errors[0]
             case "mul":
                 return self._of_product(args, errors, out)
             case "div":
-                quotient = self._times(out, result, errors[1])
-                return o("div", self._sum_of((errors[0], quotient), out), o("abs", args[1]))
+                quotient = self.times(out, result, errors[1])
+                return o("div", self.sum_of((errors[0], quotient), out), o("abs", args[1]))
             case "powi":
                 n = int(args[1])
-                return self._times(out, o("mul", float(n), o("powi", args[0], n - 1)), errors[0])
+                return self.times(out, o("mul", float(n), o("powi", args[0], n - 1)), errors[0])
             case "pow":
-                by_base = self._times(out, o("mul", args[1], o("div", result, args[0])), errors[0])
-                by_exponent = self._times(out, o("mul", result, o("log", args[0])), errors[1])
-                return self._sum_of((by_base, by_exponent), out)
+                by_base = self.times(out, o("mul", args[1], o("div", result, args[0])), errors[0])
+                by_exponent = self.times(out, o("mul", result, o("log", args[0])), errors[1])
+                return self.sum_of((by_base, by_exponent), out)
             case "min" | "max":
                 return errors[0] if errors[1] == 0.0 else errors[1] if errors[0] == 0.0 else o("max", *errors)
             case "select":
                 return self._of_choice(stmt, out)
             case "exp":
-                return self._times(out, result, errors[0])
+                return self.times(out, result, errors[0])
             case "log":
                 return o("div", errors[0], o("abs", args[0]))
             case "sqrt":  # √(x + Δ) - √x <= Δ/√max(x, Δ)
                 return o("div", errors[0], o("sqrt", o("max", args[0], errors[0])))
             case "tan":
-                return self._times(out, o("add", 1.0, o("powi", result, 2)), errors[0])
+                return self.times(out, o("add", 1.0, o("powi", result, 2)), errors[0])
             case "asin" | "acos":
                 return o("div", errors[0], o("sqrt", o("sub", 1.0, o("powi", args[0], 2))))
             case "sinh" | "cosh":
-                return self._times(out, o("add", 1.0, o("abs", result)), errors[0])
+                return self.times(out, o("add", 1.0, o("abs", result)), errors[0])
             case "atan2":
                 square = o("add", o("powi", args[0], 2), o("powi", args[1], 2))
-                return o("div", self._sum_of((self._times(out, args[1], errors[0]), self._times(out, args[0], errors[1])), out), square)
+                return o("div", self.sum_of((self.times(out, args[1], errors[0]), self.times(out, args[0], errors[1])), out), square)
             case "floor" | "mod":
                 return errors[0] if op == "mod" else 0.0
             case "call":
@@ -409,18 +338,18 @@ class _Estimator:
             if error != 0.0:
                 slope = (callee, (*order[:i], order[i] + 1, *order[i + 1 :]))
                 k = self._functions.setdefault(slope, len(self._functions))
-                parts.append(self._times(out, self._op(out, "call", k, *args[1:]), error))
-        return self._sum_of(parts, out)
+                parts.append(self.times(out, self.op(out, "call", k, *args[1:]), error))
+        return self.sum_of(parts, out)
 
     def _of_product(self, args: Sequence[Arg], errors: Sequence[Arg], out: list[Stmt]) -> Arg:
         """Factor by factor: Δ(u·v) = |v|·Δu + |u|·Δv + Δu·Δv."""
         value, error = args[0], errors[0]
         for arg, more in zip(args[1:], errors[1:], strict=True):
-            parts = [self._times(out, arg, error), self._times(out, value, more)]
+            parts = [self.times(out, arg, error), self.times(out, value, more)]
             if error != 0.0 and more != 0.0:
-                parts.append(self._op(out, "mul", error, more))
-            error = self._sum_of(parts, out)
-            value = self._op(out, "mul", value, arg)
+                parts.append(self.op(out, "mul", error, more))
+            error = self.sum_of(parts, out)
+            value = self.op(out, "mul", value, arg)
         return error
 
     def _other_value(self, otherwise: Arg) -> Arg:
@@ -433,13 +362,13 @@ class _Estimator:
     def _of_choice(self, stmt: Assign, out: list[Stmt]) -> Arg:
         """The error of the value taken; where the choice is doubtful, how far the other one is as well."""
         condition, then, otherwise = stmt.args
-        first, second = self._error(then), self._error(otherwise)
-        chosen: Arg = first if first == second else self._op(out, "select", condition, first, second)
+        first, second = self.error(then), self.error(otherwise)
+        chosen: Arg = first if first == second else self.op(out, "select", condition, first, second)
         doubt = self._doubt(condition)
         if doubt is False:
             return chosen
         other = self._other_value(otherwise)
         if isinstance(other, float) and other != other:  # NaN, where a condition neither holds nor fails
             return chosen
-        apart = self._op(out, "abs", self._op(out, "sub", then, other))
-        return self._op(out, "select", doubt, self._op(out, "add", apart, self._op(out, "max", first, second)), chosen)
+        apart = self.op(out, "abs", self.op(out, "sub", then, other))
+        return self.op(out, "select", doubt, self.op(out, "add", apart, self.op(out, "max", first, second)), chosen)

@@ -14,7 +14,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from teg.passes.program.errors import ROUNDINGS, with_errors_of
+from teg.passes.lower.intrinsic import ROUNDINGS
+from teg.passes.program.errors import with_errors_of
 from teg.passes.program.link import with_bodies
 from teg.passes.program.sink import sink
 from teg.program import Arg as FlatArg

@@ -40,7 +40,7 @@ def body_program(function: Function, derivative: tuple[int, ...]) -> Program:
     names = [str(i) for i in range(len(variables))]
     inputs = [Param.make(name, ()) for name in names]
     closed = cast(Expr, substitute(write_all_out(body), dict(zip(variables, inputs, strict=True))))
-    program = schedule([closed], names, Integration())
+    program = schedule([closed], names, Integration(), ())
     value = program.outputs[0]
     if not isinstance(value, str):  # a number
         program = replace(program, body=(*program.body, Assign("v0", "const", (value,))), outputs=("v0",))

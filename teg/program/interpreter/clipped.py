@@ -23,8 +23,6 @@ Line = tuple[float, float, float]
 def polygon(machine: Machine, stmt: Polygon) -> list[float]:
     """The results."""
     nothing = [0.0] * len(stmt.results)
-    if not machine.holds(stmt.when):
-        return nothing
     width, height, across = machine.numbers((stmt.width, stmt.height, stmt.across))
     planes: list[Line] = [(machine.number(g.a), machine.number(g.b), machine.number(g.c)) for g in stmt.half_planes]
     ranges = [_range(line, width, height) for line in planes]
@@ -115,8 +113,6 @@ def _thin(machine: Machine, stmt: Polygon, width: float, height: float, planes: 
 def segment(machine: Machine, stmt: Segment) -> list[float]:
     """The results."""
     nothing = [0.0] * len(stmt.results)
-    if not machine.holds(stmt.when):
-        return nothing
     machine.run(stmt.setup)
     start, stop, outside, undefined = 0.0, 1.0, False, False
     near = [_is_near(machine, g) for g in stmt.half_lines]

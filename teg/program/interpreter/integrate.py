@@ -41,17 +41,16 @@ if TYPE_CHECKING:
 def integrate(machine: Machine, stmt: Integrate) -> list[float]:
     """The results, then the estimates."""
     piece = _Piece(machine, stmt)
-    if machine.holds(stmt.when):
-        lo, hi = machine.numbers((stmt.lo, stmt.hi))
-        if lo != lo or hi != hi or not (stmt.infinite or (math.isfinite(lo) and math.isfinite(hi))):
-            return [math.nan] * (len(stmt.results) + len(stmt.estimates))
-        a, b = (lo, hi) if lo <= hi else (hi, lo)
-        points = sorted([a, *((x if x < b else b) if x > a else a for x in machine.numbers(stmt.breaks)), b])
-        for p, q in pairwise(points):
-            if q - p > PIECE_EPS * max(abs(p), abs(q)) or (math.isinf(q - p) and p < q):
-                piece.add(p, q)
-        if lo > hi:
-            piece.sums = [-s for s in piece.sums]
+    lo, hi = machine.numbers((stmt.lo, stmt.hi))
+    if lo != lo or hi != hi or not (stmt.infinite or (math.isfinite(lo) and math.isfinite(hi))):
+        return [math.nan] * (len(stmt.results) + len(stmt.estimates))
+    a, b = (lo, hi) if lo <= hi else (hi, lo)
+    points = sorted([a, *((x if x < b else b) if x > a else a for x in machine.numbers(stmt.breaks)), b])
+    for p, q in pairwise(points):
+        if q - p > PIECE_EPS * max(abs(p), abs(q)) or (math.isinf(q - p) and p < q):
+            piece.add(p, q)
+    if lo > hi:
+        piece.sums = [-s for s in piece.sums]
     return [*piece.sums, *piece.errors[: len(stmt.estimates)]]
 
 

@@ -20,8 +20,6 @@ Root = tuple[float, float]
 def isolate(machine: Machine, stmt: Isolate) -> list[float]:
     """The roots in ascending order, then +inf; behind them their errors, if the statement has them."""
     count, errors = len(stmt.results), len(stmt.errors)
-    if not machine.holds(stmt.when):
-        return [math.inf] * (count + errors)
     lo, hi = machine.numbers((stmt.lo, stmt.hi))
     if not (math.isfinite(lo) and math.isfinite(hi)):
         return [math.nan] * (count + errors)

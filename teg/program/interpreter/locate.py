@@ -32,7 +32,7 @@ def locate(machine: Machine, stmt: Locate) -> list[float]:
     lo, hi, low, high = ends = machine.numbers((stmt.lo, stmt.hi, stmt.low, stmt.high))
     places: list[float] = []
     lost = 0.0
-    if machine.holds(stmt.when) and all(map(math.isfinite, ends)) and lo != hi and low != high:
+    if all(map(math.isfinite, ends)) and lo != hi and low != high:
         search = _Search(machine, stmt, min(lo, hi), abs(hi - lo), min(low, high), abs(high - low))
         search.run()
         places, lost = search.places()

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, assert_never
 
 from teg.numerics.sobol import random_coordinate, replicated, sobol_coordinate
+from teg.program.fields import absent
 from teg.program.interpreter.clipped import polygon, segment
 from teg.program.interpreter.integrate import integrate, is_leaf
 from teg.program.interpreter.isolate import isolate
@@ -105,13 +106,15 @@ class Machine:
         for stmt in block:
             if isinstance(stmt, Assign):
                 self.values[stmt.name] = self._operation(stmt)
+            elif not self.holds(stmt.when):
+                self.values.update(absent(stmt))
             elif isinstance(stmt, When):
-                self._branch(stmt)
+                self.run(stmt.body)
             else:
                 self.values.update(zip(assigned(stmt), self._results(stmt), strict=True))
 
     def _results(self, stmt: Stmt) -> Sequence[float]:
-        """The numbers that a statement with blocks gives its results."""
+        """The numbers that a statement with blocks gives its results, where its condition holds."""
         match stmt:
             case Integrate():
                 return integrate(self, stmt)
@@ -150,16 +153,8 @@ class Machine:
         assert meaning is not None
         return meaning(*args)
 
-    def _branch(self, stmt: When) -> None:
-        if self.holds(stmt.when):
-            self.run(stmt.body)
-        else:
-            self.values.update(dict.fromkeys(stmt.results, 0.0))
-
     def _sum(self, stmt: SumOver) -> list[float]:
         sums = [0.0] * len(stmt.results)
-        if not self.holds(stmt.when):
-            return sums
         points = self.numbers(stmt.points)
         if any(math.isnan(x) for x in points):
             return [math.nan] * len(sums)
@@ -171,8 +166,6 @@ class Machine:
 
     def _mean(self, stmt: Sample) -> list[float]:
         count, tested = len(stmt.values), len(stmt.estimates)
-        if not self.holds(stmt.when):
-            return [0.0] * (count + tested)
         replicates, each = replicated(stmt.kind, stmt.count)
         rows: list[list[list[float]]] = [[] for _ in range(replicates)]  # of each replicate, the values at its points
         for r in range(replicates):

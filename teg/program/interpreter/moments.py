@@ -20,8 +20,6 @@ MIDDLES = ((0.5, 0.0), (1.0, 0.5), (0.5, 1.0), (0.0, 0.5))
 
 def hyperbola(machine: Machine, stmt: Hyperbola) -> list[float]:
     """The results."""
-    if not machine.holds(stmt.when):
-        return [0.0] * len(stmt.results)
     f = machine.numbers(stmt.corners)
     on = _tied(machine, stmt, f)
     f = [0.0 if tied else v for tied, v in zip(on, f, strict=True)]

@@ -21,12 +21,11 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder, Chain
 from teg.analysis.polynomial import Shadow
-from teg.analysis.settings import Integration
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import FALSE, TRUE, ZERO, Add, Const, Expr, Mul, Var, add, const, integer_power, mul, sub
-from teg.ir.integral import Border, Integral, masses_of
+from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.show import show
 from teg.ir.traverse import replace_node, substitute
 
@@ -35,6 +34,32 @@ Corners = tuple[Expr, Expr, Expr, Expr]
 """The values of g, counterclockwise from the corner of both lower bounds, x being the inner variable."""
 Coefficients = dict[tuple[int, int], Expr]
 """Of xʲyᵏ, relative to that corner and to the extents of the box."""
+
+
+class Border(ClosedForm):
+    """∫∫ over the unit square of Σ c·uʲvᵏ·δ(g), g affine in u and in v: a function of the values of g at the corners, counterclockwise
+    from (0, 0), and of the coefficients. Data are a text for g = 0, one for each side, and the powers (j, k). It has no derivative."""
+
+    __slots__ = ()
+
+    @property
+    def name(self) -> str:
+        return "border"
+
+    @property
+    def corners(self) -> Corners:
+        return cast(Corners, self.children[:4])
+
+    @property
+    def coefficients(self) -> Coefficients:
+        powers = cast("tuple[tuple[int, int], ...]", self.data[2])
+        values = cast("Sequence[Expr]", self.children[4:])
+        return {p: c for p, c in zip(powers, values, strict=True) if c is not ZERO}
+
+    @property
+    def rivals(self) -> list[tuple[str, str]]:
+        """What may tie: the surface and each side, which begins at the corner of its number."""
+        return [(self.data[0], bound) for bound in self.data[1]]
 
 
 @dataclass(frozen=True)
@@ -47,7 +72,7 @@ class Sides:
     area: Expr
 
 
-def border_of(g: Expr, coefficient: Expr, chain: Chain) -> Expr | None:
+def match_border(g: Expr, coefficient: Expr, chain: Chain) -> Expr | None:
     """∫∫ coefficient·δ(g) over a chain of two integrals, as a function of the values of g at the corners; None if it is none."""
     if len(chain) != 2 or not _is_bilinear(g, chain) or any(e.free for b in chain for e in (b.lo, b.hi)):
         return None
@@ -66,9 +91,9 @@ def border_of(g: Expr, coefficient: Expr, chain: Chain) -> Expr | None:
     return mul(_area(chain), border)
 
 
-def match_hyperbola(node: Integral, how: Integration) -> Sides | None:
+def match_hyperbola(node: Integral) -> Sides | None:
     """A closed integral over a box of what is a polynomial on either side of a bilinear surface, or None."""
-    if how.rule != "auto" or how.order is not None or node.free or node.has_delta or is_unbounded(node):
+    if node.free or node.has_delta or is_unbounded(node):
         return None
     inner, terms = _terms(node)
     if inner is None or inner.free - {node.var} or any(e.free for e in (inner.lo, inner.hi, node.lo, node.hi)):

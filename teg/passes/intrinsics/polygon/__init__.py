@@ -1,0 +1,51 @@
+"""Clipped polygons and segments: `match` says which integrals are some, `lowering` makes the statements, `errors` their estimates.
+
+operands    the box (width, height) or the unit interval; half-planes or half-lines; a polynomial body
+results     factors · ∫∫ of each value over what the half-planes leave
+off         two integrals by pieces, with a break wherever two lines meet or one crosses a side
+"""
+
+from __future__ import annotations
+
+from teg.ir.integral import Integral, masses_of
+from teg.numerics.quadrature import triangle_rule
+from teg.passes.intrinsics.polygon.errors import with_errors
+from teg.passes.intrinsics.polygon.lowering import PolygonLowering
+from teg.passes.intrinsics.polygon.match import match_clipped
+from teg.passes.lower.intrinsic import Description, Intrinsic, Statement
+from teg.program import Polygon, Segment
+
+
+def describe(node: Integral) -> Description | None:
+    """A clipped polygon or interval, in words."""
+    clipped = match_clipped(node) if masses_of(node.body, node.var) is None else None
+    if clipped is None:
+        return None
+    if len(clipped.boxes) == 1:
+        return Description("clipped interval", clipped.degree // 2 + 1, clipped.degree, 1, clipped.inside)
+    nodes, pieces = nodes_of(clipped.degree, len(clipped.halves))
+    return Description("clipped polygon", nodes, clipped.degree, pieces, clipped.inside)
+
+
+def nodes_of(degree: int, half_planes: int) -> tuple[int, int]:
+    """Nodes of a triangle, and triangles: at most, those of a box from which each half-plane cuts a corner."""
+    return len(triangle_rule(degree)), half_planes + 2 if degree else 1
+
+
+def of_polygon(stmt: Polygon) -> int:
+    """Evaluations of the integrand."""
+    nodes, triangles = nodes_of(stmt.degree, len(stmt.half_planes))
+    return nodes * triangles
+
+
+def of_segment(stmt: Segment) -> int:
+    """Evaluations of the integrand."""
+    return stmt.nodes
+
+
+POLYGON = Intrinsic(
+    "polygon",
+    PolygonLowering,
+    describe=describe,
+    statements={Polygon: Statement(with_errors, of_polygon), Segment: Statement(with_errors, of_segment)},
+)

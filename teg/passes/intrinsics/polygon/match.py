@@ -6,7 +6,7 @@
 Without them the outer integral has a break wherever two lines meet or one crosses a side, O(n²) of them, and the inner one n in each piece.
 A `Segment` is what a boundary term along an edge becomes: its half-lines are the sides of the box and the other edges, and may tie.
 
-What is constant but does not look so, or of degree 1, is judged in the normal form of `teg.analysis.polynomial`; `clipped.py` makes the
+What is constant but does not look so, or of degree 1, is judged in the normal form of `teg.analysis.polynomial`; `lowering.py` makes the
 statements.
 Source: Sutherland and Hodgman 1974 (clipping); Cyrus and Beck 1978 (of an interval).
 """
@@ -19,7 +19,6 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.polynomial import Shadow
-from teg.analysis.settings import Integration
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
@@ -135,9 +134,9 @@ def match_segment(node: Integral) -> Clipped | None:
     return found if found is not None and any(h.atom.resolution is not None for h in found.halves) else None
 
 
-def match_clipped(node: Integral, how: Integration) -> Clipped | None:
-    """The integral as a polygon or a segment, if it is one and no other rule is asked for."""
-    return (match_polygon(node) or match_segment(node)) if how.closed_forms else None
+def match_clipped(node: Integral) -> Clipped | None:
+    """The integral as a polygon or a segment, if it is one."""
+    return match_polygon(node) or match_segment(node)
 
 
 def _split(body: Expr) -> tuple[Cond, Expr]:

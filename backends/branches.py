@@ -7,8 +7,11 @@ are then known to be 0, in every such case, are computed in a `When`, with what 
 the segments: where the box is covered no edge is met, and what they contribute to is 0.
 
 A product with a factor 0 counts as 0: over an empty domain c·∫∫f is ∫∫c·f, and that c is not a number (the slope of a degenerate triangle)
-does not matter. Only the outermost block is looked at. Each statement is moved once and none is copied. A polygon takes time linear in the
-size of the block times the number of its half-planes; where that is much for all of them, no branches are made.
+does not matter. This is part of what a program means, so every backend starts from here: C prints the branches (`with_branches`); NumPy and
+JAX, in which many points run together, replace what is not wanted by 0 (`with_selects`).
+
+Only the outermost block is looked at. Each statement is moved once and none is copied. A polygon takes time linear in the size of the block
+times the number of its half-planes; where that is much for all of them, no branches are made.
 """
 
 from __future__ import annotations
@@ -20,21 +23,20 @@ from itertools import count
 from teg.program import (
     Arg,
     Assign,
-    Integrate,
     Polygon,
     Program,
-    Sample,
     Segment,
     Stmt,
-    SumOver,
     When,
     assigned,
     compound,
     free_names,
     statements,
+    without_branches,
 )
+from teg.program.arrays import ArrayProgram, Loop, Run, Step
 from teg.program.dce import without_dead_code
-from teg.program.fields import inner_blocks, with_blocks
+from teg.program.fields import absent, inner_blocks, with_blocks
 
 OPPOSITE = {"gt0": "le0", "le0": "gt0", "ge0": "lt0", "lt0": "ge0", "and": "or", "or": "and"}
 IMPLIED = {"lt0": ("le0",), "gt0": ("ge0",)}
@@ -44,7 +46,33 @@ MOST = 30_000
 """Statements that are looked at, at most: half-planes of all polygons times statements of the block."""
 
 
-def group(program: Program) -> Program:
+def with_selects(program: Program) -> Program:
+    """The program without `met` in its polygons; what a branch would not compute is replaced by 0."""
+    return without_branches(with_branches(program))
+
+
+def with_branches_in_loops(program: ArrayProgram) -> ArrayProgram:
+    """The program whose flat programs have branches; what is one flat program stays one."""
+    made: dict[int, Program] = {}
+
+    def inside(block: tuple[Step, ...]) -> tuple[Step, ...]:
+        steps: list[Step] = []
+        for step in block:
+            match step:
+                case Run():
+                    if id(step.program) not in made:
+                        made[id(step.program)] = with_branches(step.program)
+                    steps.append(replace(step, program=made[id(step.program)]))
+                case Loop():
+                    steps.append(replace(step, body=inside(step.body)))
+                case _:
+                    steps.append(step)
+        return tuple(steps)
+
+    return replace(program, body=inside(program.body))
+
+
+def with_branches(program: Program) -> Program:
     """The program with what vanishes together behind branches, and without `met` in its polygons."""
     if not any(isinstance(s, Polygon) and s.met is not True for s in compound(program.body)):
         return program
@@ -214,7 +242,7 @@ def _zeros(block: Sequence[Stmt], facts: Mapping[str, bool], opposites: Mapping[
     for stmt in block:  # and upwards
         if isinstance(stmt, Assign):
             _follow(stmt, truth, zeros, opposites)
-        elif isinstance(stmt, Polygon | Segment | Integrate | SumOver | Sample) and (
+        elif not any(absent(stmt).values()) and (
             (stmt.when is not None and truth.get(stmt.when) is False)
             or (isinstance(stmt, Polygon) and isinstance(stmt.met, str) and truth.get(stmt.met) is False)
         ):

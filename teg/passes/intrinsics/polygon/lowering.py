@@ -9,14 +9,13 @@ are known (`vertices.py`) barycentric coordinates are variables of their own: of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.guards import middle_and_reach
 from teg.analysis.polynomial import Shadow
-from teg.analysis.settings import Integration
 from teg.ir.expr import (
     MINUS_ONE,
     ONE,
@@ -26,7 +25,6 @@ from teg.ir.expr import (
     Expr,
     Mul,
     Param,
-    Pow,
     Var,
     Where,
     add,
@@ -42,31 +40,36 @@ from teg.ir.traverse import fresh, rebuild, rewrite, substitute
 from teg.passes.eliminate.barycentric import Inside
 from teg.passes.eliminate.vertices import match_triangle
 from teg.passes.intrinsics.polygon.match import Clipped, Half, match_clipped
-from teg.passes.lower.emit import Level
-from teg.passes.lower.samples import UnbrokenEmitter
+from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.intrinsic import Lowering
 from teg.program import Arg, HalfLine, HalfPlane, Polygon, Segment
 
 
-class ClippedEmitter(UnbrokenEmitter):
-    """An emitter that also clips polygons and segments."""
+class PolygonLowering(Lowering):
+    """Polygons and segments of one program. Statements go to `out`."""
 
-    def __init__(self, parameters: Sequence[str], how: Integration) -> None:
-        super().__init__(parameters, how)
-        self._matched: dict[Integral, Clipped | None] = {}
-        self._insides: dict[int, tuple[Level, Level]] = {}  # of polygons and segments: by id, the level, and the one around it
+    name = "polygon"
 
-    def clipped(self, node: Integral, level: Level) -> Clipped | None:
-        """The integral as a polygon or a segment, if it is one and the rule is left to us."""
+    def __init__(self, out: Emitter) -> None:
+        self.out = out
+        self._clipped: dict[Integral, Clipped] = {}
+        self._keys: dict[Integral, object | None] = {}
+
+    def key(self, node: Integral, level: Level) -> object | None:
+        """The same for integrals over the same polygon or segment."""
         if level.coordinates is not None:
             return None
-        if node not in self._matched:
-            self._matched[node] = match_clipped(node, self.how)
-        return self._matched[node]
+        if node not in self._keys:
+            clipped = match_clipped(node)
+            if clipped is not None:
+                self._clipped[node] = clipped
+            self._keys[node] = None if clipped is None else clipped.key
+        return self._keys[node]
 
-    def clip(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
+    def emit(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[str, ...]:
         """The results of integrals over the same polygon or segment."""
-        emit = self._polygon if len(group[0].boxes) == 2 else self._segment
-        return emit(group, home, when)
+        clipped = [self._clipped[node] for node in group]
+        return (self._polygon if len(clipped[0].boxes) == 2 else self._segment)(clipped, home, when)
 
     def _polygon(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
         inner, outer = group[0].boxes
@@ -82,7 +85,7 @@ class ClippedEmitter(UnbrokenEmitter):
         for half in group[0].halves:
             g = steady.constants(half.g)
             at = [cast(Expr, substitute(e, corner)) for e in (slope(g, x), slope(g, y), g)]
-            a, b, c = (self.number(e, home) for e in at)
+            a, b, c = (self.out.number(e, home) for e in at)
             planes.append(HalfPlane(a, b, c, half.closed))
             if not half.negated:
                 affine[half.atom.g] = add(mul(at[0], u), mul(at[1], v), at[2])
@@ -97,16 +100,18 @@ class ClippedEmitter(UnbrokenEmitter):
             if any(w in c.integrand.free for c in simpler for w in coordinates):
                 group = simpler
                 variables += coordinates
-                corners = tuple((self.number(sub(p, inner.lo), home), self.number(sub(q, outer.lo), home)) for p, q in triangle.points)
-                across = self.number(triangle.across, home)
+                corners = tuple(
+                    (self.out.number(sub(p, inner.lo), home), self.out.number(sub(q, outer.lo), home)) for p, q in triangle.points
+                )
+                across = self.out.number(triangle.across, home)
                 planes = [planes[k] for k in triangle.lines] + [g for k, g in enumerate(planes) if k not in triangle.lines]
         levels = [home]
-        names = tuple(self.fresh("x") for _ in variables)
+        names = tuple(self.out.fresh("x") for _ in variables)
         for var, name in zip(variables, names, strict=True):
             levels.append(levels[-1].inside(var, name))
         values, factors = self._integrands(group, local, variables, levels[1:], home)
-        width, height = (self.number(sub(b.hi, b.lo), home) for b in (inner, outer))
-        results = tuple(self.fresh("v") for _ in group)
+        width, height = (self.out.number(sub(b.hi, b.lo), home) for b in (inner, outer))
+        results = tuple(self.out.fresh("v") for _ in group)
         body = tuple(stmt for level in levels[1:] for stmt in level.block)
         degree = max(c.degree for c in group)
         met = self._met(group[0], home)
@@ -125,8 +130,8 @@ class ClippedEmitter(UnbrokenEmitter):
         for half in clipped.halves:
             middle, reach = middle_and_reach(half.atom.g, corner, extents)
             parts.append(positive(add(mul(MINUS_ONE, middle) if half.negated else middle, reach), strict=False))
-        fails = self.truths(conjunction(*parts), home)[1]
-        return self.assign(home, "b", "not", fails) if isinstance(fails, str) else True
+        fails = self.out.truths(conjunction(*parts), home)[1]
+        return self.out.assign(home, "b", "not", fails) if isinstance(fails, str) else True
 
     def _segment(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
         (node,) = group[0].boxes
@@ -140,15 +145,15 @@ class ClippedEmitter(UnbrokenEmitter):
         for half in group[0].halves:
             g = steady.constants(half.g)
             first, last = (_regrouped(cast(Expr, substitute(g, {x: end}))) for end in (lo, hi))
-            ends = [self.number(e, home) for e in (first, last)]
+            ends = [self.out.number(e, home) for e in (first, last)]
             lines.append(self._half_line(half, ends, node, home))
             if not half.negated:
                 affine[half.atom.g] = add(mul(sub(last, first), t), first)
         local = _Local((x,), {x: lo}, steady.places, affine)
-        name = self.fresh("x")
+        name = self.out.fresh("x")
         inside = home.inside(t, name)
         values, factors = self._integrands(group, local, (t,), (inside,), home, length)
-        results = tuple(self.fresh("v") for _ in group)
+        results = tuple(self.out.fresh("v") for _ in group)
         nodes = max(c.degree for c in group) // 2 + 1
         home.block.append(Segment(name, tuple(lines), (), (), tuple(inside.block), values, factors, results, nodes, when))
         return results
@@ -158,21 +163,21 @@ class ClippedEmitter(UnbrokenEmitter):
         atom, (first, last), x, bounds = half.atom, ends, node.var, (node.lo, node.hi)
         if atom.resolution is None:
             return HalfLine(first, last, half.closed)
-        holds = self.truths(negation(atom.resolution) if half.negated else atom.resolution, home)[0]
-        k = self.ties.setdefault(cast("tuple[str, str]", atom.rivals), len(self.ties))
-        scales = [self.tie_scale(cast(Expr, substitute(atom.g, {x: end})), home) for end in bounds]
+        holds = self.out.truths(negation(atom.resolution) if half.negated else atom.resolution, home)[0]
+        k = self.out.ties.setdefault(cast("tuple[str, str]", atom.rivals), len(self.out.ties))
+        scales = [self.out.tie_scale(cast(Expr, substitute(atom.g, {x: end})), home) for end in bounds]
         return HalfLine(first, last, half.closed, k, holds, self._size_of_terms(atom.g, x, bounds, home), self._larger(scales, home))
 
     def _larger(self, sizes: Sequence[Arg], home: Level) -> Arg:
         a, b = sizes
         if isinstance(a, float) and isinstance(b, float):
             return max(a, b)
-        return a if a == b else self.assign(home, "v", "max", a, b)
+        return a if a == b else self.out.assign(home, "v", "max", a, b)
 
     def _size_of_terms(self, g: Expr, x: Var, bounds: tuple[Expr, Expr], home: Level) -> Arg:
         """A bound of the terms of an affine function between the bounds, as they stand before anything cancels."""
         known: dict[Expr, Arg] = {}
-        most = self._larger([self.size(end, home) for end in bounds], home)
+        most = self._larger([self.out.size(end, home) for end in bounds], home)
         stack = [g]
         while stack:
             e = stack[-1]
@@ -193,19 +198,19 @@ class ClippedEmitter(UnbrokenEmitter):
             stack.pop()
             sizes = [known[p] for p in parts]
             if isinstance(e, Add):
-                known[e] = self.assign(home, "v", "add", *sizes)
+                known[e] = self.out.assign(home, "v", "add", *sizes)
             elif e is x:
                 known[e] = most
             elif x not in e.free:
-                known[e] = self.size(e, home)
+                known[e] = self.out.size(e, home)
             elif isinstance(e, Mul):
-                sizes += [self.size(c, home) for c in cast("Sequence[Expr]", e.children) if x not in c.free]
+                sizes += [self.out.size(c, home) for c in cast("Sequence[Expr]", e.children) if x not in c.free]
                 sizes = [s for s in sizes if s != 1.0] or [1.0]
-                known[e] = sizes[0] if len(sizes) == 1 else self.assign(home, "v", "mul", *sizes)
+                known[e] = sizes[0] if len(sizes) == 1 else self.out.assign(home, "v", "mul", *sizes)
             elif isinstance(e, Where):
-                known[e] = self.assign(home, "v", "select", self.truths(e.condition, home)[0], *sizes)
+                known[e] = self.out.assign(home, "v", "select", self.out.truths(e.condition, home)[0], *sizes)
             else:
-                known[e] = self.assign(home, "v", "add", *(self.size(cast(Expr, substitute(e, {x: b})), home) for b in bounds))
+                known[e] = self.out.assign(home, "v", "add", *(self.out.size(cast(Expr, substitute(e, {x: b})), home) for b in bounds))
         return known[g]
 
     # -- integrands ----------------------------------------------------------------------------------------------------
@@ -216,63 +221,16 @@ class ClippedEmitter(UnbrokenEmitter):
         """What is to be integrated, and the constant in front of each."""
         values: list[Arg] = []
         factors: list[Arg] = []
-        self._insides.update((id(level), (level, home)) for level in levels)
+        for level in levels:
+            level.constants = home
         for clipped in group:
             e = local.of(clipped.integrand)
             parts = e.children if isinstance(e, Mul) else (e,)
             outside = [p for p in parts if not any(v in p.free for v in variables)]
             rest = mul(*(p for p in parts if any(v in p.free for v in variables)))
-            values.append(self.number(rest, levels[-1]))
-            factors.append(self._constant((factor, *outside), home))
+            values.append(self.out.number(rest, levels[-1]))
+            factors.append(self.out.constant((factor, *outside), home))
         return tuple(values), tuple(factors)
-
-    def _constant(self, parts: Iterable[Expr], home: Level) -> Arg:
-        """A product of what does not depend on the inner variables; a division is one by one number, done once."""
-        numbers = [self.number(p, home) for p in parts if p is not ONE]
-        return 1.0 if not numbers else numbers[0] if len(numbers) == 1 else self.assign(home, "v", "mul", *numbers)
-
-    def product(self, e: Mul, home: Level) -> Arg:
-        """Inside a polygon or segment what is constant there is multiplied first, outside."""
-        around = self._around(home)
-        if around is None:
-            return super().product(e, home)
-        factors = e.children
-        outside = [f for f in factors if not self._varies(f, home)]
-        inside = [self.number(f, home) for f in factors if self._varies(f, home)]
-        if not outside:
-            return self.assign(home, "v", "mul", *inside)
-        if len(outside) == 1 and outside[0] is MINUS_ONE:
-            result = inside[0] if len(inside) == 1 else self.assign(home, "v", "mul", *inside)
-            return self.assign(home, "v", "neg", result)
-        return self.assign(home, "v", "mul", self._constant(outside, around), *inside)
-
-    def sum(self, e: Add, home: Level) -> Arg:
-        """Inside a polygon or segment what is constant there is added first, outside."""
-        terms = e.children
-        outside = [f for f in terms if not self._varies(f, home)] if self._around(home) is not None else []
-        if len(outside) < 2:
-            return super().sum(e, home)
-        return super().sum(Add.make(None, (add(*outside), *(f for f in terms if self._varies(f, home)))), home)
-
-    def _around(self, level: Level) -> Level | None:
-        """The level around a polygon or segment, if this is the inside of one."""
-        return self._insides.get(id(level), (None, None))[1]
-
-    def _varies(self, e: Expr, home: Level) -> bool:
-        """Whether an expression inside a polygon or segment is not constant there."""
-        return self._around(self.home_of(e, home)) is not None
-
-    def value(self, e: Expr, home: Level) -> Arg:
-        """Inside a polygon or segment a power is a product, for lanes of numbers have no other."""
-        if not isinstance(e, Pow) or e.exponent < 3 or self._around(home) is None:
-            return super().value(e, home)
-        base, result, k = self.number(e.base, home), None, e.exponent
-        while k:
-            if k & 1:
-                result = base if result is None else self.assign(home, "v", "mul", result, base)
-            k >>= 1
-            base = self.assign(home, "v", "mul", base, base) if k else base
-        return cast(Arg, result)
 
 
 def _has_leaf(e: Add) -> bool:

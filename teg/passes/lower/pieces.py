@@ -1,0 +1,228 @@
+"""Between which places an integral is computed: its bounds, its breaks, and what its rule is told of them.
+
+bends      where the integrand turns into another branch, or has a pole: coordinates follow them
+watched    conditions that may change where no break is known
+peaks      narrow Gaussians, which the nodes of the whole range would pass by
+scale      the length on which tails fall off
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import cast
+
+from teg.analysis.breaks import MAX_BENDS, Breaks, Turn
+from teg.analysis.calculus import slope
+from teg.analysis.polynomial import Shadow
+from teg.analysis.roots import local_origin
+from teg.analysis.surfaces import atoms_of
+from teg.analysis.tails import infinite_ends, is_unbounded
+from teg.errors import NotDifferentiableError
+from teg.ir.expr import (
+    MINUS_ONE,
+    ONE,
+    TRUE,
+    ZERO,
+    Call,
+    Compare,
+    Cond,
+    Expr,
+    Var,
+    add,
+    call,
+    conjunction,
+    const,
+    div,
+    mul,
+    positive,
+    sub,
+    where,
+)
+from teg.ir.integral import Integral, PointMasses
+from teg.ir.node import postorder
+from teg.ir.traverse import substitute
+from teg.passes.lower.emit import NAN, Emitter, Level
+from teg.passes.lower.roots import Roots
+from teg.passes.lower.rules import Rules
+from teg.program import Arg, Bend, Rule
+
+MAX_SCALES = 4
+PEAK = 8.5
+"""Beyond so many standard deviations nothing of a Gaussian is left: exp(-8.5²/2) = 2e-16."""
+
+
+class Pieces:
+    """Pieces of the integrals of one program. Statements go to `out`."""
+
+    def __init__(self, out: Emitter, rules: Rules, roots: Roots) -> None:
+        self.out, self.rules, self.roots = out, rules, roots
+        self.analysis = rules.analysis
+
+    def of(self, group: Sequence[Integral], home: Level, when: str | None) -> tuple[Arg, Arg, tuple[Arg, ...]]:
+        """Lower bound, upper bound, and the breaks between them."""
+        node = group[0]
+        analysis = self.analysis.of(node)
+        lo, hi = self.out.number(node.lo, home), self.out.number(node.hi, home)
+        breaks = tuple(self.out.number(p, home) for p in analysis.points)
+        if all(infinite_ends(node)):
+            breaks += (0.0,)
+        breaks += self._peaks(group, home)
+        ends = [turn for turn in analysis.bends if turn.kind == "end"]
+        if not is_unbounded(node) and (len(ends) > 1 or any(Shadow((node.var,)).degree(turn.function) == 2 for turn in ends)):
+            breaks += (self.out.number(mul(const(0.5), add(node.lo, node.hi)), home),)  # no piece is singular at both ends
+        decisive = self._decisive(group, home)
+        for isolation in analysis.isolated:
+            found = self.roots.isolated_in(node, isolation, home, when, wide=True)
+            if isolation.g in decisive:  # too many roots: no number
+                lo = self.out.assign(home, "v", "select", self.out.assign(home, "b", "ok", found[0]), lo, NAN)
+            breaks += self._mattering(found, analysis.matters[isolation.g], node.var, home)
+        for location in analysis.located:
+            breaks += self.roots.located(location, node.lo, node.hi, home, when)
+        return lo, hi, breaks
+
+    def _decisive(self, group: Sequence[Integral], home: Level) -> set[Expr]:
+        """The functions of an integral without whose roots it would be wrong: those of its own conditions; all of them where a rule of
+        fixed order, or conditions decided in the middle of pieces, rely on them. The others only help the adaptive rule."""
+        functions, bodies = set(self.analysis.of(group[0]).functions), [i.body for i in group]
+        exact = any(self.rules.is_exact(i, home.depth) for i in group)
+        if exact or any(isinstance(n, PointMasses) for n in postorder(bodies)):
+            return functions
+        inner = self.out.binders(bodies)
+        own = {a.g for i in group for a in atoms_of(i.body, i.var) if not a.g.free & inner}
+        keys = {self.analysis.key(g) for g in own}
+        return {f for f in functions if self.analysis.key(f) in keys}
+
+    def _mattering(self, roots: Sequence[Arg], matters: Cond, x: Var, home: Level) -> tuple[Arg, ...]:
+        """Roots where they matter, NaN elsewhere."""
+        if matters is TRUE:
+            return tuple(roots)
+        kept = []
+        for root in roots:
+            at_root = Level(x, home, home.depth + 1, names={x: root}, block=home.block)
+            kept.append(self.out.assign(home, "v", "select", self.out.truths(matters, at_root)[0], root, NAN))
+        return tuple(kept)
+
+    def exponentials(self, group: Sequence[Integral]) -> tuple[list[Expr], list[tuple[Expr, Expr]]]:
+        """Of exponentials of polynomials in the integrands: rates of the linear ones, slope at 0 and curvature of the quadratic ones."""
+        x, bodies = group[0].var, [i.body for i in group]
+        inner = self.out.binders(bodies)
+        linear: dict[Expr, None] = {}
+        quadratic: dict[tuple[Expr, Expr], None] = {}
+        for node in postorder(bodies):
+            if not isinstance(node, Call) or node.name != "exp" or x not in node.free:
+                continue
+            pair = self.quadratic(node, x, inner)
+            if pair is None:
+                continue
+            if pair[1] is ZERO:
+                linear[pair[0]] = None
+            else:
+                quadratic[pair] = None
+        return list(linear)[:MAX_SCALES], list(quadratic)[:MAX_SCALES]
+
+    def quadratic(self, node: Call, x: Var, inner: frozenset[Var]) -> tuple[Expr, Expr] | None:
+        """Of an exponential of a linear or quadratic polynomial: its exponent's slope at 0 and curvature, ZERO for a linear one."""
+        exponent = self._at_ridge(node.children[0], inner)
+        degree = Shadow((x,)).degree(exponent)
+        if degree not in (1, 2):
+            return None
+        rate = slope(exponent, x)
+        at_0, curvature = (cast(Expr, substitute(e, {x: ZERO})) for e in (rate, slope(rate, x)))
+        if (at_0.free | curvature.free) & inner:
+            return None
+        return at_0, ZERO if degree == 1 else curvature
+
+    def _at_ridge(self, exponent: Expr, inner: frozenset[Var]) -> Expr:
+        """An exponent that is quadratic in variables of the integrals inside, at its stationary point in these."""
+        for v in [v for v in inner if v in exponent.free]:
+            if Shadow((v,)).degree(exponent) != 2:
+                return exponent
+            rate = slope(exponent, v)
+            at_0, curvature = (cast(Expr, substitute(e, {v: ZERO})) for e in (rate, slope(rate, v)))
+            exponent = cast(Expr, substitute(exponent, {v: div(mul(MINUS_ONE, at_0), curvature)}))
+        return exponent
+
+    def _peaks(self, group: Sequence[Integral], home: Level) -> tuple[Arg, ...]:
+        """Where a narrow Gaussian stands in an integrand: its middle and where it ends. Nodes of the whole range would pass it by."""
+        node = group[0]
+        if all(self.rules.is_exact(i, home.depth) for i in group):
+            return ()
+        places: list[Arg] = []
+        for rate, curvature in self.exponentials(group)[1]:
+            width = div(const(PEAK), call("root", curvature))
+            middle = div(mul(MINUS_ONE, rate), curvature)
+            narrow: Cond = positive(mul(MINUS_ONE, curvature))
+            if not is_unbounded(node):
+                narrow = conjunction(narrow, positive(sub(call("magnitude", sub(node.hi, node.lo)), mul(const(4.0), width))))
+            for place in (sub(middle, width), middle, add(middle, width)):
+                places.append(self.out.number(where(narrow, place, const(math.nan)), home))
+        return tuple(places)
+
+    def scale(self, group: Sequence[Integral], home: Level) -> Arg:
+        """The length of tails: on which an exponential in the integrands falls off, 1 if there is none."""
+        linear, quadratic = self.exponentials(group)
+        scales = [div(ONE, call("magnitude", rate)) for rate in linear] + [div(ONE, call("root", c)) for _, c in quadratic]
+        smallest = [self.out.number(s, home) for s in dict.fromkeys(scales)]
+        least: Arg = 1.0
+        for i, s in enumerate(smallest):
+            usable = self.out.assign(
+                home,
+                "b",
+                "and",
+                self.out.assign(home, "b", "ok", s),
+                self.out.assign(home, "b", "gt0", self.out.assign(home, "v", "div", 1.0, s)),
+            )
+            s = self.out.assign(home, "v", "select", usable, s, 1.0)
+            least = s if i == 0 else self.out.assign(home, "v", "min", least, s)
+        return least
+
+    def bends(self, group: Sequence[Integral], level: Level, home: Level, rule: Rule) -> tuple[Arg, tuple[Bend, ...]]:
+        """Where the integrands bend: coefficients are numbers from outside, whether a bend counts is decided in the middle of a piece. The
+        operands of a rule of an intrinsic are among them whether they are known to count or not."""
+        x, lo = group[0].var, group[0].lo
+        turns: dict[object, Turn] = {}
+        operand = self.rules.bend_of(rule)
+        for node in group:
+            for turn in self.analysis.of(node).bends:
+                if operand not in (None, turn.kind):
+                    continue
+                turns.setdefault((turn.kind, self.analysis.key(turn.function)), turn)
+        base = local_origin(lo, group[0].hi)
+        bends = []
+        for turn in list(turns.values())[:MAX_BENDS]:
+            first = slope(turn.function, x)
+            coefficients = turn.function, first, mul(const(0.5), slope(first, x))
+            numbers = tuple(self.out.number(cast(Expr, substitute(c, {x: base})), home) for c in coefficients)
+            holds = self.out.truths(turn.when, cast(Level, level.middle))[0]
+            if holds is not False or operand is not None:
+                bends.append(Bend(turn.kind, cast("tuple[Arg, Arg, Arg]", numbers), holds))
+        return self.out.number(base, home) if bends else 0.0, tuple(bends)
+
+    def watched(self, bodies: Sequence[Expr], level: Level) -> tuple[str, ...]:
+        """What may change inside a piece because its roots have no formula: the rule closes in on such places."""
+        x, handled = cast(Var, level.var), cast(Breaks, level.breaks).handled
+        inner = self.out.binders(bodies)
+        conditions: dict[Cond, None] = {}
+        atoms = {c for b in bodies for c in atoms_of(b, x)}  # not what only decides a tie
+        for node in postorder(bodies):
+            if x not in node.free or node.free & inner:
+                continue
+            if isinstance(node, Compare) and node.g not in handled and node in atoms:
+                conditions[node] = None
+                turning = _slope_of(node.g, x)
+                if turning is not None:
+                    conditions[positive(turning)] = None  # two jumps between neighbouring nodes have a turning point between them
+            elif isinstance(node, Call) and node.name in ("floor", "mod"):
+                u = node.children[0] if node.name == "floor" else div(*node.children)
+                conditions[positive(sub(const(0.5), sub(u, call("floor", u))))] = None  # false before a step, true after it
+        names = [self.out.truths(c, level)[0] for c in conditions]
+        return tuple(dict.fromkeys(n for n in names if isinstance(n, str)))
+
+
+def _slope_of(g: Expr, x: Var) -> Expr | None:
+    try:
+        rate = slope(g, x)
+    except NotDifferentiableError:
+        return None
+    return rate if x in rate.free else None
