@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 SMALL = "tests/end_to_end/test_small_errors.py"
-REFERENCES = "tests/backends/test_references.py"
+REFERENCES = "tests/end_to_end/test_references.py"
 NUMPY, C, JAX = (f"{REFERENCES}::test_{backend}" for backend in ("numpy", "c", "jax"))
 SUBSTITUTED = ("tests/backends/test_bends.py", NUMPY)
 
@@ -39,7 +39,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/passes/normalise/sums.py",
-        (SMALL, "tests/unit/test_arrays.py"),
+        (SMALL, "tests/ir/test_arrays.py"),
         ("other branch around sums", "(where(e.condition, ZERO, ONE), e.otherwise)", "(where(e.condition, ONE, ZERO), e.otherwise)"),
         ("other branch around sums left out", "if branch is not ZERO:", "if branch is e.then:"),
         ("factor around sums", "stack.append((chain, mul(factor, others), cast", "stack.append((chain, others, cast"),
@@ -174,7 +174,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/numpy/runtime.py",
-        (SMALL, NUMPY, "tests/backends/test_numpy_backend.py"),
+        (SMALL, NUMPY, "tests/backends/numpy/test_kernel.py"),
         ("bisection", "left[1::2] += width", "left[0::2] += width"),
         ("watched conditions", "changed[part] |= both.any(axis=0) & ~both.all(axis=0)", "changed[part] |= both.all(axis=0)"),
     ),
@@ -188,7 +188,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/shared/rules.py",
-        (SMALL, NUMPY, "tests/backends/test_numpy_backend.py"),
+        (SMALL, NUMPY, "tests/backends/numpy/test_kernel.py"),
         ("ties of the second order", "xp.where(order > 0, resolution, xp.logical_not(resolution))", "resolution"),
         ("infinite values tie", "(xp.abs(g) <= TIE_EPS * scale) & xp.isfinite(g)", "(xp.abs(g) <= TIE_EPS * scale)"),
         ("error of Gauss's rule", "error = 4.0 * tail * powi(", "error = 0.0 * tail * powi("),
@@ -228,7 +228,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/jax/runtime.py",
-        ("tests/backends/test_jax_backend.py", JAX),
+        ("tests/backends/jax/test_kernel.py", JAX),
         ("reversed bounds in JAX", "sign = jnp.where(lo <= hi, 1.0, -1.0)", "sign = 1.0"),
         (
             "Gauss's rule in JAX",
@@ -239,7 +239,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/jax/roots.py",
-        ("tests/backends/test_jax_backend.py", JAX),
+        ("tests/backends/jax/test_kernel.py", JAX),
         (
             "points of a sum in JAX",
             "found = [jnp.where(when, jnp.where(refused, jnp.nan, v), jnp.inf)",
