@@ -56,6 +56,17 @@ def test_sums_beside_factors_and_in_functions_in_an_integral(backend: str) -> No
     np.testing.assert_allclose(gradient["A"], [1 / 3 / math.sqrt(2.5)] * 2, rtol=1e-9)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_one_surface_in_both_branches(backend: str) -> None:
+    """t(a + a²/2) + (1 - a)(t + t²/2)."""
+    inner = teg.integral(teg.bracket(x < t), (x, 0, 1))
+    weighted = teg.integral(teg.bracket(x < t) * (1 + x), (x, 0, 1))
+    f = teg.compile(teg.integral(teg.where(y < a, inner * (1 + y), weighted), (y, 0, 1)), [t, a], backend=backend)
+    gradient = f.grad(t=0.4, a=0.3)
+    assert gradient["t"] == pytest.approx(0.3 + 0.045 + 0.7 * 1.4, rel=1e-12)
+    assert gradient["a"] == pytest.approx(0.4 * 1.3 - (0.4 + 0.08), rel=1e-12)
+
+
 @UNSURE
 def test_a_moving_condition_on_steps_that_are_too_many() -> None:
     """The steps do not move, but the condition on them does: beyond the steps written out there is no derivative, and none is given."""
