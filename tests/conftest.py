@@ -15,7 +15,7 @@ import pytest
 from teg.backends.c import build, kernel
 
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")  # read when JAX is imported
-QUICK_IN_JAX = ("test_jax_backend.py", "test_jax_function.py", "test_references.py::test_jax[", "test_floors.py")
+QUICK_IN_JAX = ("backends/jax/test_kernel.py", "interop/test_jax.py", "test_references.py::test_jax[", "test_floors.py")
 """Where JAX is tested in the quick run too: XLA takes half a second to some seconds for each program."""
 
 AS_RELEASED = kernel.OPTIMISATION, build.OPTIMISE

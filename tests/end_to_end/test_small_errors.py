@@ -42,6 +42,31 @@ def test_both_branches_around_sums_in_an_integral(backend: str) -> None:
     assert gradient["t"] == pytest.approx(2.5 * 0.4 - 4.25 * 0.16, rel=1e-13)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_sums_beside_factors_and_in_functions_in_an_integral(backend: str) -> None:
+    """Σ Aₖ (t²/2 + t), and ∫₀¹ √(Σ Aₖ x) dx = 2/3 √Σ Aₖ."""
+    k, A = teg.index("k"), teg.array("A", 1)
+    parts = teg.sum(A[k] * teg.bracket(x < t), (k, 0, teg.length(A, 0)))
+    f = teg.compile(teg.integral((x + 1) * parts, (x, 0, 1)), [t], backend=backend)
+    assert f(t=0.4, A=[0.5, 2.0]) == pytest.approx(2.5 * (0.08 + 0.4), rel=1e-13)
+    assert f.grad(t=0.4, A=[0.5, 2.0])["t"] == pytest.approx(2.5 * 1.4, rel=1e-13)
+    g = teg.compile(teg.integral(teg.sqrt(teg.sum(A[k] * x, (k, 0, teg.length(A, 0)))), (x, 0, 1)), [A], backend=backend)
+    value, gradient = g.value_and_grad(A=[0.5, 2.0])
+    assert value == pytest.approx(2 / 3 * math.sqrt(2.5), rel=1e-9)
+    np.testing.assert_allclose(gradient["A"], [1 / 3 / math.sqrt(2.5)] * 2, rtol=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_one_surface_in_both_branches(backend: str) -> None:
+    """t(a + a²/2) + (1 - a)(t + t²/2)."""
+    inner = teg.integral(teg.bracket(x < t), (x, 0, 1))
+    weighted = teg.integral(teg.bracket(x < t) * (1 + x), (x, 0, 1))
+    f = teg.compile(teg.integral(teg.where(y < a, inner * (1 + y), weighted), (y, 0, 1)), [t, a], backend=backend)
+    gradient = f.grad(t=0.4, a=0.3)
+    assert gradient["t"] == pytest.approx(0.3 + 0.045 + 0.7 * 1.4, rel=1e-12)
+    assert gradient["a"] == pytest.approx(0.4 * 1.3 - (0.4 + 0.08), rel=1e-12)
+
+
 @UNSURE
 def test_a_moving_condition_on_steps_that_are_too_many() -> None:
     """The steps do not move, but the condition on them does: beyond the steps written out there is no derivative, and none is given."""

@@ -24,7 +24,7 @@ from teg.ir.traverse import substitute
 from teg.symbolic import from_sympy, jacobian_determinant, to_sympy
 from teg.symbolic.nodes import as_it_is, sympy_package
 from teg.symbolic.reader import functions
-from tests.properties.strategies import Scene, scenes
+from tests.end_to_end.strategies import Scene, scenes
 from tests.references import REFERENCES, Reference
 
 sympy: Any = pytest.importorskip("sympy")

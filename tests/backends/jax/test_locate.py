@@ -8,8 +8,8 @@ import pytest
 from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from tests.backends.locate_programs import NESTS, PLACES, locate, point
+from tests.backends.numpy.test_locate import circles_at_random
 from tests.backends.programs import INF, Case, columns, expected, program
-from tests.backends.test_locate_numpy import circles_at_random
 
 pytestmark = pytest.mark.slow  # XLA compiles every program
 

@@ -16,7 +16,7 @@ from tests.backends.c_checks import in_c
 from tests.backends.programs import TWO_VARIABLES, Case, columns, expected
 
 pytestmark = [*in_c, pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")]
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 SOON = 0.5
 """Seconds: 50 ms between two looks at the signals, and room for a busy machine."""
 

@@ -8,8 +8,8 @@ import pytest
 from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from tests.backends.isolate_programs import EXTREMES, ROOTS, SUMS, cubic, kink, root, sum_over, wave
+from tests.backends.numpy.test_isolate import polynomial, polynomials_at_random, roots
 from tests.backends.programs import INF, Case, columns, expected, let, program
-from tests.backends.test_isolate_numpy import polynomial, polynomials_at_random, roots
 
 pytestmark = pytest.mark.slow  # XLA compiles every program
 

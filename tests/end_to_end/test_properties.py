@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, assume, given, settings
 
 import teg
 from teg.ir.traverse import substitute
-from tests.properties.strategies import Scene, scenes, x, y
+from tests.end_to_end.strategies import Scene, scenes, x, y
 
 TOLERANCE = 1e-9
 

@@ -16,7 +16,7 @@ from teg.ir.integral import Integral, integral_over
 from teg.passes.lower.samples import MIDPOINTS, SAMPLES, deciding_integrals, nest
 from teg.pipeline import compiled_outputs, flat_program, flatten
 from teg.program import Assign, Integrate, Midpoint, Program, Sample, Stmt, SumOver, assigned, statements
-from tests.passes.test_schedule import names_of
+from tests.passes.lower.test_integrals import names_of
 from tests.references import Reference, untagged
 
 x, y, z, w = teg.vars("x y z w")

@@ -18,7 +18,7 @@ from teg.backends.c import cache as c_cache
 from teg.errors import CompilerError, OptionError
 
 pytestmark = pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="POSIX")
 SCRIPT = """
 import sys, teg.backends.c.build as c_build, teg.backends.c.cache as c_cache
