@@ -232,10 +232,11 @@ def test_standalone_text_holds_the_functions(tmp_path: Path) -> None:
     subprocess.run(["cc", *flags, "-o", str(library), str(tmp_path / "scene.c"), "-lm"], check=True)
     values = [(ctypes.c_double * 1)(AT[name]) for name in f.parameters]
     pointers = (ctypes.POINTER(ctypes.c_double) * 3)(*values)
-    out = (ctypes.c_double * 4)()
-    assert ctypes.CDLL(str(library)).scene(ctypes.c_long(1), pointers, (ctypes.c_long * 3)(), out, None, 1) == 0
+    results = [ctypes.c_double() for _ in range(4)]
+    out = (ctypes.POINTER(ctypes.c_double) * 4)(*map(ctypes.pointer, results))
+    assert ctypes.CDLL(str(library)).scene(ctypes.c_long(1), pointers, (ctypes.c_long * 3)(), None, out, None, 1) == 0
     value, gradient = f.value_and_grad(AT)
-    assert list(out) == pytest.approx([value, *(gradient[p.name] for p in f.wrt)], rel=1e-13)
+    assert [r.value for r in results] == pytest.approx([value, *(gradient[p.name] for p in f.wrt)], rel=1e-13)
 
 
 @needs_compiler
