@@ -1,5 +1,5 @@
 # make demo    a photo in triangles, in out/triangulation
-# make test    every test        make fast    without the slow ones
+# make test    the tests         make fast    without the slow ones         make thorough    with those of ten seconds and more
 # make bench   measurements      make lint    format, ruff, mypy
 # make fuzz    random programs against references of their own (N=5000; goes on where it was interrupted)
 # make chart   the chart and the tables of docs/integration.md, minutes; what is there already is kept (make chart FRESH=--fresh)
@@ -14,7 +14,7 @@ OUT := out/triangulation
 N ?= 300
 PARALLEL := -n auto --dist worksteal
 
-.PHONY: demo test fast fuzz bench chart lint
+.PHONY: demo test thorough fast fuzz bench chart lint
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -22,6 +22,9 @@ demo: $(READY)
 	@echo "look at $(OUT)/before.png, $(OUT)/after.png and $(OUT)/loss.png"
 
 test: $(READY)
+	$(BIN)/python -m pytest $(PARALLEL) -m "not thorough"
+
+thorough: $(READY)
 	$(BIN)/python -m pytest $(PARALLEL)
 
 fast: $(READY)

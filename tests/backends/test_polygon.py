@@ -187,9 +187,9 @@ def test_counts_are_those_of_both_backends() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("x64")
 @pytest.mark.parametrize("degree", [3])
 def test_jax_agrees(degree: int) -> None:
-    pytest.importorskip("jax").config.update("jax_enable_x64", True)
     e, wrt = n_gon(4, COLOUR[degree]())
     at = places(4, 40)
     value, gradient = teg.compile(e, wrt, backend="jax").value_and_grad(at)

@@ -96,7 +96,7 @@ def test_what_the_command_line_writes(source: Path, which: str, order: int, caps
         wanted = expected(f, order, {name: AT[name][k] for name in "tab"})
         np.testing.assert_allclose(found[:, k], wanted, rtol=1e-12, atol=1e-12)
     header = source.with_name("scene.h").read_text()
-    listed = re.findall(r"out\[(\d+) \* n \+ k\]  (.*)", header)
+    listed = re.findall(r"out\[(\d+)\]  (.*)", header)
     assert [int(j) for j, _ in listed] == list(range(len(found)))
     assert [text for _, text in listed] == f.output_names(order)
     assert re.findall(r"p\[(\d)\]  (.*)", header) == [("0", "t"), ("1", "a"), ("2", "b")]

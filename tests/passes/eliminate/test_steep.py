@@ -110,10 +110,7 @@ def test_a_small_root_of_a_quadratic_beside_a_large_one() -> None:
         assert teg.compile(e).grad(t=0.5, p=at)["t"] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.usefixtures("x64")
 def test_tiny_and_huge_literals_in_jax() -> None:
-    pytest.importorskip("jax")
-    import jax
-
-    jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call]
     for e in (volume(x * x + 1e-18 * y < t), volume(1e15 * x * x + y < 1e15 * t)):
         assert teg.compile(e, backend="jax").grad(t=0.01)["t"] == pytest.approx(5.0, rel=1e-12)

@@ -104,11 +104,8 @@ def test_sums_over_pixels() -> None:
         assert np.abs(here[1]["C"] - there[1]["C"]).max() <= 1e-12
 
 
+@pytest.mark.usefixtures("x64")
 def test_a_disk_far_away_in_jax() -> None:
-    pytest.importorskip("jax")
-    import jax
-
-    jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call]
     f = teg.compile(SCENES["a disk, written out"], [cx, cy, r], backend="jax")
     here, there = (f.value_and_grad(moved(f, *shift)) for shift in ((0, 0), (65536, 4096)))
     assert abs(here[0] - there[0]) <= 1e-12

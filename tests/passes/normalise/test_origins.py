@@ -68,11 +68,8 @@ def test_a_pixel_and_its_triangle_are_moved_together(form: str, backend: str) ->
         assert max(np.abs(moved[name] - gradient[name]).max() for name in known) <= 1e-12
 
 
+@pytest.mark.usefixtures("x64")
 def test_a_triangle_far_away_in_jax() -> None:
-    pytest.importorskip("jax")
-    import jax
-
-    jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call]
     (ax, ay), (bx, by), (cx, cy) = VERTICES
     edges = [edge(1, 2, "determinant"), edge(2, 0, "determinant"), edge(0, 1, "determinant")]
     e = teg.integral(teg.bracket((edges[0] > 0) & (edges[1] > 0) & (edges[2] > 0)), (x, LEFT, RIGHT), (y, BOTTOM, TOP))

@@ -352,10 +352,9 @@ def test_c_to_second_order(name: str) -> None:
     check(name, "c", 2)
 
 
+@pytest.mark.usefixtures("x64")
 @pytest.mark.parametrize("name", IN_JAX)
 def test_jax(name: str) -> None:
-    jax = pytest.importorskip("jax")
-    jax.config.update("jax_enable_x64", True)
     check(name, "jax", 1)
 
 
