@@ -46,8 +46,21 @@ THOROUGH = (
     "analysis/test_singularities.py::test_the_gradient_in_jax[both bounds]",
     "end_to_end/test_properties.py::test_jax_agrees_with_numpy",
     "interop/test_jax.py::test_against_c[a hyperbola-xla]",
+    "end_to_end/test_growth.py::test_an_expression_20_000_deep",
+    "ir/test_pickle_and_threads.py::test_a_deep_sum_evaluates_and_differentiates",
+    "backends/test_classification.py::test_exactly_touching[1-jax]",
+    "passes/normalise/test_self_comparison.py::test_planes_over_a_box[jax]",
+    "passes/normalise/test_self_comparison.py::test_a_thing_does_not_hide_itself[a quotient-jax]",
+    "passes/eliminate/test_mapped.py::test_a_moving_centre",
+    "end_to_end/test_conics.py::test_conics_without_a_gradient[two lines, one horizontal]",
+    "backends/c/test_evaluator.py::test_any_number_of_threads_gives_the_same_bits[disk]",
+    "examples/test_sharded.py::test_eight_devices_give_what_numpy_gives[faces]",
+    "backends/jax/test_locate.py::test_value_and_agreement",
+    "backends/jax/test_isolate.py::test_value_and_agreement",
+    "examples/test_mesh_network.py::test_loss_gradient",
+    "examples/test_mesh_network.py::test_without_the_motion",
 )
-"""Tests of ten seconds and more: `make thorough` runs them too."""
+"""The tests that take longest: `make thorough` runs them too."""
 
 AS_RELEASED = kernel.OPTIMISATION, build.OPTIMISE
 """The C compiler's flags when no test has changed them."""

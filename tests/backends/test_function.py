@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import pickle
 import shutil
 import subprocess
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 
 import teg
+from teg.analysis import bodies
 from teg.backends.c import build as c_build
 from teg.backends.c import functions as c_functions
 from teg.backends.c.standalone import standalone_c
@@ -93,6 +95,9 @@ def test_jax_in_one_variable(x64: None) -> None:
 def work(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Counter[str]:
     """What was done: derivations, schedules of programs and of bodies, texts printed, runs of the compiler by the kind of result."""
     done: Counter[str] = Counter()
+    gc.collect()  # programs of earlier tests
+    for kept in (linking.body_program, bodies.body_of):
+        kept.cache_clear()
 
     def counting(module: Any, name: str, what: Callable[..., str]) -> None:
         real = getattr(module, name)
