@@ -2,7 +2,7 @@
 # make test    the tests         make fast    without the slow ones         make thorough    with those of ten seconds and more
 # make bench   measurements      make lint    format, ruff, mypy
 # make fuzz    random programs against references of their own (N=5000; goes on where it was interrupted)
-# make chart   the chart and the tables of docs/integration.md, minutes; what is there already is kept (make chart FRESH=--fresh)
+# make chart   the charts and the tables of docs/integration.md and docs/estimators.md, minutes; what is there already is kept (make chart FRESH=--fresh)
 #
 # The first of them creates .venv with the project (editable) and all extras. Another Python: make test PYTHON=python3.12
 
@@ -39,6 +39,8 @@ bench: $(READY)
 chart: $(READY)
 	$(BIN)/teg chart stability -o docs/integration --page docs/integration.md $(FRESH)
 	$(BIN)/teg chart integration -o docs/integration --page docs/integration.md $(FRESH)
+	$(BIN)/teg chart estimators -o docs/estimators --page docs/estimators.md $(FRESH)
+	$(BIN)/teg report stability -o docs/estimators --page docs/estimators.md --backend numpy $(FRESH)
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

@@ -80,6 +80,8 @@ def operation(op: str, args: tuple[Arg, ...], dialect: Dialect) -> str:
             if isinstance(power, int) and 0 < power < 4:
                 return " * ".join([first] * power) + guard
             return f"rt.powi({first}, {power}){guard}"
+        case "erf" | "erfc":
+            return f"rt.{op}({first})"
         case "call":
             return dialect.call.format(k=args[0], arguments=", ".join(strict(arg, module) for arg in args[1:]))
         case _:

@@ -17,6 +17,7 @@ from teg.backends.numpy import roots as numpy_roots
 from teg.backends.numpy import runtime as numpy_runtime
 from teg.backends.numpy.arrays import NUMPY, places_of
 from teg.backends.shared.bends import Substitution, substitution
+from teg.backends.shared.error_function import erf, erfc
 from teg.backends.shared.poles import pole_weights
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import (
@@ -333,9 +334,10 @@ def _operation(stmt: Assign, names: Values) -> Any:
 
 _FOLDED = {"add": np.add, "mul": np.multiply, "and": np.logical_and, "or": np.logical_or}
 _COMPARED = {"gt0": np.greater, "ge0": np.greater_equal, "lt0": np.less, "le0": np.less_equal}
-_SAME = ("abs", "floor", "sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
+_SAME = ("abs", "floor", "sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "expm1", "log", "log1p", "sqrt")
 _FUNCTIONS = {op: getattr(np, op) for op in _SAME} | {
     "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2, "pow": np.power, "min": np.minimum, "max": np.maximum,
+    "erf": lambda x: erf(NUMPY, x), "erfc": lambda x: erfc(NUMPY, x),
 }  # fmt: skip
 
 

@@ -15,6 +15,9 @@ from teg import errors
 from teg.errors import AccuracyError, ArrayIndexError, DiffeomorphismError, TegError
 from teg.ir.arrays import array, index, indices, length
 from teg.ir.arrays import sum_ as sum
+from teg.ir.choices import all_ as all
+from teg.ir.choices import any_ as any
+from teg.ir.choices import maximum_of, minimum_of, nearest, prod
 from teg.ir.expr import Cond, Expr
 from teg.ir.function import Function, function
 from teg.ir.latex import latex
@@ -31,10 +34,14 @@ from teg.language import (
     cos,
     cosh,
     delta,
+    erf,
+    erfc,
     exp,
+    expm1,
     floor,
     integral,
     log,
+    log1p,
     maximum,
     minimum,
     mod,
@@ -94,13 +101,13 @@ compiler takes 0.2 s."""
 __version__ = "0.1.0"
 
 __all__ = [
-    "AccuracyError", "AccuracyWarning", "ArrayEvaluator", "ArrayIndexError", "Cond", "Diagnosis", "Diffeomorphism",
-    "DiffeomorphismError", "Evaluator", "Explanation", "Expr", "Function", "GradientReport", "TegError", "abs", "acos", "array", "asin",
-    "atan", "atan2", "bracket", "ceil", "change_variables", "check_gradient", "compile", "cos", "cosh", "delta", "diff", "dump",
-    "eliminate", "errors", "evaluate", "exp", "explain", "floor", "from_sympy", "function", "grad", "hessian", "index", "indices",
-    "integral", "jax_function", "jvp", "latex", "length", "log", "maps", "maximum", "minimum", "mod", "param", "params", "polar",
-    "round", "scipy_function", "sign", "sin", "sinh", "size", "sqrt", "sum", "tan", "tanh", "to_sympy", "torch_function", "tuple",
-    "var", "vars", "where",
+    "AccuracyError", "AccuracyWarning", "ArrayEvaluator", "ArrayIndexError", "Cond", "Diagnosis", "Diffeomorphism", "DiffeomorphismError",
+    "Evaluator", "Explanation", "Expr", "Function", "GradientReport", "TegError", "abs", "acos", "all", "any", "array", "asin", "atan",
+    "atan2", "bracket", "ceil", "change_variables", "check_gradient", "compile", "cos", "cosh", "delta", "diff", "dump", "eliminate",
+    "erf", "erfc", "errors", "evaluate", "exp", "explain", "expm1", "floor", "from_sympy", "function", "grad", "hessian", "index",
+    "indices", "integral", "jax_function", "jvp", "latex", "length", "log", "log1p", "maps", "maximum", "maximum_of", "minimum",
+    "minimum_of", "mod", "nearest", "param", "params", "polar", "prod", "round", "scipy_function", "sign", "sin", "sinh", "size", "sqrt",
+    "sum", "tan", "tanh", "to_sympy", "torch_function", "tuple", "var", "vars", "where",
 ]  # fmt: skip
 
 _MODULE_OF = {name: module for module, names in _LOADED_ON_FIRST_USE.items() for name in names}

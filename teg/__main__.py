@@ -1,4 +1,4 @@
-"""The command line: `teg demo`, `teg chart`, `teg explain`, `teg compile`, `teg cache`."""
+"""The command line: `teg demo`, `teg chart`, `teg report`, `teg explain`, `teg compile`, `teg cache`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from teg.analysis.settings import DEFAULT_TOL
 from teg.errors import AccuracyError, InputError, TegError
 from teg.evaluator.options import BACKENDS, DTYPES
 from teg.ir.expr import Expr
-from teg.pipeline import ESTIMATORS
+from teg.pipeline import ALIASES
 from teg.program.arrays import ArrayProgram
 
 if TYPE_CHECKING:
@@ -155,6 +155,30 @@ def demo_shaders(options: argparse.Namespace) -> int:
     return 0
 
 
+def demo_voronoi(options: argparse.Namespace) -> int:
+    """Optimal transport from a density to points: print Newton's steps on exact cell masses, and draw the cells."""
+    from teg.examples.harness import default_backend, require_packages, result_folder
+    from teg.examples.voronoi import main as run_voronoi
+
+    require_packages("voronoi demo", {"matplotlib": "matplotlib"}, progress=False)
+    out = result_folder(Path(options.out))
+    run_voronoi(options.sites, options.seed, options.backend or default_backend(), out)
+    print(f"pictures: {out / 'cells.png'}")
+    return 0
+
+
+def demo_occlusion(options: argparse.Namespace) -> int:
+    """The pose of a mesh from one picture, with its parts in front of each other: print the descent, and draw it."""
+    from teg.examples.harness import default_backend, require_packages, result_folder
+    from teg.examples.occlusion import main as run_occlusion
+
+    require_packages("occlusion demo", {"matplotlib": "matplotlib", "scipy": "scipy"}, progress=False)
+    out = result_folder(Path(options.out))
+    run_occlusion(options.size, options.steps, options.backend or default_backend(), out)
+    print(f"pictures: {out / 'pose.png'}")
+    return 0
+
+
 def _parts(options: argparse.Namespace, report: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     """A demo's own report, and that of the run beside it, with what became of the discontinuities in each."""
     beside = report["beside"]
@@ -183,6 +207,13 @@ def chart_stability(options: argparse.Namespace) -> int:
     return _chart(options, run_stability)
 
 
+def chart_estimators(options: argparse.Namespace) -> int:
+    """Gradients by all estimators of discontinuous derivatives: error against time and against evaluations."""
+    from teg.examples.charts.run_estimators import run_estimators
+
+    return _chart(options, run_estimators)
+
+
 def _chart(options: argparse.Namespace, run: Callable[..., dict[str, Any]]) -> int:
     from teg.examples.charts.run import summary
 
@@ -194,7 +225,7 @@ def _chart(options: argparse.Namespace, run: Callable[..., dict[str, Any]]) -> i
         backend=options.backend,
         progress=not options.quiet,
     )
-    print(summary(report))
+    print(report["summary"] if "summary" in report else summary(report))
     print(f"results in {options.out}" + (f", tables in {options.page}" if options.page else ""))
     if report["interrupted"]:
         print("interrupted: the same command goes on from here")
@@ -209,7 +240,21 @@ def list_charts(options: argparse.Namespace) -> int:
     return 0
 
 
-CHARTS = {"integration": (chart_integration, "error against cost"), "stability": (chart_stability, "difficult cases")}
+CHARTS = {
+    "integration": (chart_integration, "error against cost"),
+    "stability": (chart_stability, "difficult cases"),
+    "estimators": (chart_estimators, "estimators of derivatives"),
+}
+
+
+def report_stability(options: argparse.Namespace) -> int:
+    """Gradients of difficult cases by all estimators: right, imprecise, said in the call, by diagnose only, silently wrong, crash."""
+    from teg.examples.charts.run_report import run_case, run_report
+
+    if options.case is None:
+        return _chart(options, run_report)
+    print(run_case(options.case, options.backend))
+    return 0
 
 
 def explain(options: argparse.Namespace) -> int:
@@ -321,7 +366,22 @@ def _parser() -> argparse.ArgumentParser:
     shaders.add_argument("--backend", choices=BACKENDS, default="numpy", help="(%(default)s)")
     shaders.set_defaults(run=demo_shaders)
 
+    voronoi = demos.add_parser("voronoi", help="optimal transport to points", description=demo_voronoi.__doc__)
+    voronoi.add_argument("--sites", type=int, default=200, metavar="N", help="(%(default)s)")
+    voronoi.add_argument("--seed", type=int, default=0, help="of the sites and their masses (%(default)s)")
+    voronoi.add_argument("--backend", choices=BACKENDS, help="c if there is a C compiler, else numpy")
+    voronoi.add_argument("-o", "--out", default="out/voronoi", metavar="DIR", help="folder of the results (%(default)s)")
+    voronoi.set_defaults(run=lambda options: _run_demo(demo_voronoi, options))
+
+    occlusion = demos.add_parser("occlusion", help="the pose of a mesh from a picture", description=demo_occlusion.__doc__)
+    occlusion.add_argument("--size", type=int, default=48, metavar="S", help="pixels a side (%(default)s)")
+    occlusion.add_argument("--steps", type=int, default=60, metavar="K", help="of the descent, at most (%(default)s)")
+    occlusion.add_argument("--backend", choices=BACKENDS, help="c if there is a C compiler, else numpy")
+    occlusion.add_argument("-o", "--out", default="out/occlusion", metavar="DIR", help="folder of the results (%(default)s)")
+    occlusion.set_defaults(run=lambda options: _run_demo(demo_occlusion, options))
+
     _add_charts(commands)
+    _add_reports(commands)
 
     about = "a Python file, and the name of an expression in it (e)"
     show = commands.add_parser("explain", help="say what the compiler finds in an expression", description=explain.__doc__)
@@ -401,20 +461,36 @@ def _add_charts(commands: Demos) -> None:
     names = charts.add_subparsers(metavar="NAME")
     for name, (run, about) in CHARTS.items():
         chart = names.add_parser(name, help=about, description=run.__doc__)
-        chart.add_argument("-o", "--out", default="out/charts", metavar="DIR", help="folder of the results (%(default)s)")
-        chart.add_argument("--page", metavar="FILE.md", help="a page whose tables, between marks, are written anew")
-        chart.add_argument("--quick", action="store_true", help="a few points only, in seconds")
-        chart.add_argument("--fresh", action="store_true", help="measure again what DIR has already")
-        chart.add_argument("--backend", choices=["numpy", "c"], help="c if there is a C compiler, else numpy")
-        chart.add_argument("--quiet", action="store_true", help="no progress bar")
+        _add_measuring(chart, "out/charts")
         chart.set_defaults(run=run)
+
+
+def _add_reports(commands: Demos) -> None:
+    names = commands.add_parser("report", help="judge all methods on difficult cases").add_subparsers(required=True, metavar="NAME")
+    about = report_stability.__doc__
+    report = names.add_parser("stability", help="gradients of difficult cases by all estimators", description=about)
+    report.add_argument("--case", metavar="NAME", help="this case only, with errors and notes; nothing is stored")
+    _add_measuring(report, "out/report")
+    report.set_defaults(run=report_stability)
+
+
+def _add_measuring(chart: argparse.ArgumentParser, out: str) -> None:
+    """The options of commands that measure."""
+    chart.add_argument("-o", "--out", default=out, metavar="DIR", help="folder of the results (%(default)s)")
+    chart.add_argument("--page", metavar="FILE.md", help="a page whose tables, between marks, are written anew")
+    chart.add_argument("--quick", action="store_true", help="a few points only, in seconds")
+    chart.add_argument("--fresh", action="store_true", help="measure again what DIR has already")
+    chart.add_argument("--backend", choices=["numpy", "c"], help="c if there is a C compiler, else numpy")
+    chart.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
 def _add_common(demo: argparse.ArgumentParser, run: Callable[[argparse.Namespace], int], out: str, backends: bool = True) -> None:
     """The options that every demo has; `backends` says that it runs in several."""
     demo.add_argument("-o", "--out", default=out, metavar="DIR", help="folder of the results (%(default)s)")
     plain = "ignore: what plain automatic differentiation does (%(default)s)"
-    demo.add_argument("--discontinuities", choices=list(ESTIMATORS), default="sift", help=plain)
+    demo.add_argument(
+        "--discontinuities", choices=["exact", "ignore"], type=lambda name: ALIASES.get(name, name), default="exact", help=plain
+    )
     if backends:
         demo.add_argument("--backend", choices=BACKENDS, help="c if there is a C compiler, else numpy")
     demo.add_argument("--quiet", action="store_true", help="no progress bar")

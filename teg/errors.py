@@ -136,6 +136,17 @@ class NoReparameterisationError(TegError, ValueError):
     """
 
 
+class EstimatorError(TegError, ValueError):
+    """An estimator of discontinuous derivatives that does not apply to a program.
+
+    Estimators other than "exact" and "ignore" give first derivatives of programs without arrays, and those that move points inside of the
+    integrals need integrals over boxes. Way out: `discontinuities="exact"`, or the estimator that the hint names.
+
+    >>> x, t = teg.var("x"), teg.param("t")
+    >>> teg.compile(teg.integral(teg.bracket(x < t), (x, 0, 1)), [t], discontinuities="warp").hessian(t=0.5)
+    """
+
+
 class DiffeomorphismError(TegError, ValueError):
     """A change of variables that is not one-to-one, does not invert as stated, or misses a part of the integral.
 

@@ -165,9 +165,35 @@ def exp(u: object) -> Expr:
     return ex.call("exp", as_number(u))
 
 
+def expm1(u: object) -> Expr:
+    """Returns exp(u) - 1, accurate also where u is small: ``teg.evaluate(teg.expm1(teg.param("r")), {"r": 1e-20})`` is 1e-20."""
+    return ex.call("expm1", as_number(u))
+
+
 def log(u: object) -> Expr:
     """Returns the natural logarithm."""
     return ex.call("log", as_number(u))
+
+
+def log1p(u: object) -> Expr:
+    """Returns log(1 + u), accurate also where u is small; NaN for u < -1."""
+    return ex.call("log1p", as_number(u))
+
+
+def erf(u: object) -> Expr:
+    """Returns the error function, 2/√π·∫ exp(-s²) ds over (0, u).
+
+    The distribution function of a normal number of mean m and deviation s is 1/2·erfc((m - x)/(s·√2)):
+
+        x, m, s = teg.params("x m s")
+        normal = 0.5 * teg.erfc((m - x) / (s * 2**0.5))
+    """
+    return ex.call("erf", as_number(u))
+
+
+def erfc(u: object) -> Expr:
+    """Returns 1 - erf(u), accurate also where erf(u) is nearly 1."""
+    return ex.call("erfc", as_number(u))
 
 
 def sqrt(u: object) -> Expr:

@@ -19,7 +19,7 @@ from typing import cast
 
 from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
-from teg.errors import ParameterError
+from teg.errors import EstimatorError, OptionError, ParameterError
 from teg.ir import expr as ex
 from teg.ir.expr import ONE, Expr, Param, Tuple, as_number
 from teg.ir.show import dump
@@ -27,9 +27,17 @@ from teg.ir.traverse import parameters
 from teg.ir.verify import verify
 from teg.language import check_parameters
 from teg.maps.diffeomorphism import Diffeomorphism
+from teg.passes.differentiate.estimators.differences import Differences
+from teg.passes.differentiate.estimators.estimator import Estimator
+from teg.passes.differentiate.estimators.exact import Exact
+from teg.passes.differentiate.estimators.ignore import Ignore, ignore_discontinuities
+from teg.passes.differentiate.estimators.smooth import Smooth
+from teg.passes.differentiate.estimators.spsa import Spsa
+from teg.passes.differentiate.estimators.warp import Warp
+from teg.passes.differentiate.estimators.warp_blur import WarpBlur
 from teg.passes.differentiate.forward import tangent_of
-from teg.passes.differentiate.ignore import ignore_discontinuities
 from teg.passes.differentiate.reverse import gradient_of
+from teg.passes.eliminate.edge_mc import EdgeMc
 from teg.passes.eliminate.families import closing, eliminate_deltas, families_with
 from teg.passes.eliminate.implicit import with_deltas
 from teg.passes.intrinsics import boundary_terms, intrinsics_for
@@ -53,11 +61,10 @@ Pass = Callable[[Expr], Expr]
 ProgramPass = Callable[[Program], Program]
 Maps = Sequence[Diffeomorphism]
 
-ESTIMATORS: dict[str, Pass] = {
-    "sift": eliminate_deltas,  # the boundary integrals
-    "ignore": ignore_discontinuities,  # plain automatic differentiation
-}
-"""The treatment of the deltas of a derivative, by the name that `compile(discontinuities=…)` takes."""
+ESTIMATORS: dict[str, Estimator] = {e.name: e for e in (Exact(), Ignore(), Differences(), Spsa(), EdgeMc(), Warp(), WarpBlur(), Smooth())}
+"""The treatments of the jumps of a derivative, by the names that `compile(discontinuities=…)` takes."""
+ALIASES = {"sift": "exact"}
+"""Other names of estimators."""
 
 
 def to_atoms(keep_moving: bool, maps: Maps, canonical: Canonical) -> list[tuple[str, Pass]]:
@@ -168,11 +175,20 @@ def eliminate(e: object, maps: Maps = ()) -> Expr:
     return normal_form(_expression(e), maps=maps)
 
 
+def estimator_for(discontinuities: str, options: Mapping[str, object] | None = None, how: Integration | None = None) -> Estimator:
+    """Returns the estimator of a name with these options, fitted to an integration. Raises OptionError for an unknown name or option."""
+    name = ALIASES.get(discontinuities, discontinuities) if isinstance(discontinuities, str) else ""
+    if name not in ESTIMATORS:
+        raise OptionError(f"discontinuities={discontinuities!r} is not known", None, "one of: " + ", ".join([*ESTIMATORS, *ALIASES]))
+    estimator = ESTIMATORS[name].with_options(options or {})
+    return estimator if how is None else estimator.fitted(how)
+
+
 def compiled_outputs(
     e: Expr,
     wrt: Sequence[Param],
     orders: int,
-    discontinuities: str,
+    estimator: Estimator,
     maps: Maps = (),
     closed_forms: bool = True,
     remarks: Remarks | None = None,
@@ -181,9 +197,11 @@ def compiled_outputs(
 
     Boundary terms in closed form occur only with `closed_forms`. Decisions are added to `remarks`.
     """
-    e, families, sifted = write_out(e), families_with(maps), discontinuities == "sift"
+    if not estimator.has_all_orders and orders:
+        return _estimated_outputs(e, wrt, orders, estimator, maps)
+    e, families, sifted = write_out(e), families_with(maps), isinstance(estimator, Exact)
     last_families = closing(families, boundary_terms(remarks)) if closed_forms else families
-    estimate = partial(eliminate_deltas, families=last_families, remarks=remarks) if sifted else ESTIMATORS[discontinuities]
+    estimate = partial(eliminate_deltas, families=last_families, remarks=remarks) if sifted else ignore_discontinuities
     canonical = Canonical()  # canonical nodes are met again at the end
     outputs = [normal_form(e, maps=maps, canonical=canonical, remarks=remarks)]
     source = normal_form(e, True, maps, canonical, remarks) if e.has_delta else outputs[0]
@@ -195,12 +213,34 @@ def compiled_outputs(
             raw = run_pass("finite bounds", with_finite_bounds, raw)
         if not last and sifted:  # deltas that are carried along are eliminated beside, not before, the next derivative
             raw = run_pass("eliminate", partial(eliminate_deltas, keep_moving=True, families=families, remarks=remarks), raw)
-        outputs.append(run_pass(discontinuities, estimate, raw))
+        outputs.append(run_pass(estimator.name, estimate, raw))
         if not last:
             source = run_pass("canonicalise", canonical, raw if sifted else outputs[-1])
-    outputs = [run_pass("centre", centred, output) for output in outputs]
-    together = run_pass("canonicalise", canonical, ex.tuple_of(*outputs))  # one surface is one expression, so that outputs share loops
-    return list(cast(Tuple, together).children)
+    return _together(outputs, canonical)
+
+
+def _estimated_outputs(e: Expr, wrt: Sequence[Param], orders: int, estimator: Estimator, maps: Maps) -> list[Expr]:
+    """Returns [value, gradient] for an estimator that is a pass over the whole program."""
+    name = estimator.name
+    if orders > 1:
+        raise EstimatorError(f"discontinuities={name!r} gives first derivatives only", None, '"exact" and "ignore" give any order')
+    if e.has_delta:
+        hint = 'discontinuities="exact" moves it with its surface'
+        raise EstimatorError(f"discontinuities={name!r} does not differentiate a program with a delta", e, hint)
+    if maps:
+        raise EstimatorError(
+            f"discontinuities={name!r} uses no maps", None, "teg.change_variables(e, m) changes the variables of a program"
+        )
+    canonical = Canonical()
+    value = normal_form(write_out(e), canonical=canonical)
+    gradient = run_pass(name, partial(estimator.gradient, wrt=wrt), _with_moving_steps(value, wrt))
+    return [*_together([value], canonical), gradient]  # not canonical: integrals would be split into terms, and their errors added
+
+
+def _together(outputs: Sequence[Expr], canonical: Canonical) -> list[Expr]:
+    """Returns the outputs in canonical form: one surface is one expression, so that they share loops."""
+    centred_outputs = [run_pass("centre", centred, output) for output in outputs]
+    return list(cast(Tuple, run_pass("canonicalise", canonical, ex.tuple_of(*centred_outputs))).children)
 
 
 def flat_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration, remarks: Remarks | None = None) -> Program:

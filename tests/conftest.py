@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from math import inf
+from pathlib import Path
 
 import pytest
 
@@ -18,48 +19,7 @@ os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")  # read when JAX is
 QUICK_IN_JAX = ("backends/jax/test_kernel.py", "interop/test_jax.py", "test_references.py::test_jax[", "test_floors.py")
 """Where JAX is tested in the quick run too: XLA takes half a second to some seconds for each program."""
 
-THOROUGH = (
-    "examples/test_mesh_network.py::test_the_network_learns",
-    "end_to_end/test_conics.py::test_conics_without_a_gradient[an ellipse born in the square]",
-    "end_to_end/test_conics.py::test_more_conics_at_random",
-    "end_to_end/test_growth.py::test_thousands_of_brackets",
-    "report/test_array_reports.py::test_a_one_sided_derivative",
-    "report/test_array_reports.py::test_float32[jax]",
-    "backends/c/test_frame.py::test_every_reference_compiles_in_parts",
-    "backends/c/test_evaluator.py::test_a_thousand_brackets_are_right_whatever_the_flags",
-    "backends/c/test_locate.py::test_no_undefined_behaviour",
-    "backends/c/test_isolate.py::test_no_undefined_behaviour",
-    "backends/test_bends.py::test_no_undefined_behaviour",
-    "backends/test_hyperbola.py::test_behaviour_is_defined",
-    "backends/test_any_roots.py::test_any_number_of_roots[jax]",
-    "backends/test_float32.py::test_scalars_and_arrays_are_single[jax]",
-    "backends/test_polygon.py::test_jax_agrees",
-    "examples/test_sharded.py::test_eight_devices_give_what_numpy_gives[pairs]",
-    "examples/test_sharded.py::test_a_descent_on_shares_is_the_same",
-    "examples/test_charts.py::test_a_quick_chart_and_what_a_second_run_does",
-    "passes/eliminate/test_steep.py::test_tiny_and_huge_literals_in_jax",
-    "passes/normalise/test_corners.py::test_a_disk_far_away_in_jax",
-    "passes/normalise/test_centre.py::test_value_and_gradient_in_jax[arcsine law]",
-    "passes/normalise/test_steps.py::test_second_derivatives_where_cells_are_many",
-    "passes/normalise/test_steps.py::test_deep_expressions",
-    "passes/normalise/test_self_comparison.py::test_things_chosen_by_an_index_array[jax]",
-    "analysis/test_singularities.py::test_the_gradient_in_jax[both bounds]",
-    "end_to_end/test_properties.py::test_jax_agrees_with_numpy",
-    "interop/test_jax.py::test_against_c[a hyperbola-xla]",
-    "end_to_end/test_growth.py::test_an_expression_20_000_deep",
-    "ir/test_pickle_and_threads.py::test_a_deep_sum_evaluates_and_differentiates",
-    "backends/test_classification.py::test_exactly_touching[1-jax]",
-    "passes/normalise/test_self_comparison.py::test_planes_over_a_box[jax]",
-    "passes/normalise/test_self_comparison.py::test_a_thing_does_not_hide_itself[a quotient-jax]",
-    "passes/eliminate/test_mapped.py::test_a_moving_centre",
-    "end_to_end/test_conics.py::test_conics_without_a_gradient[two lines, one horizontal]",
-    "backends/c/test_evaluator.py::test_any_number_of_threads_gives_the_same_bits[disk]",
-    "examples/test_sharded.py::test_eight_devices_give_what_numpy_gives[faces]",
-    "backends/jax/test_locate.py::test_value_and_agreement",
-    "backends/jax/test_isolate.py::test_value_and_agreement",
-    "examples/test_mesh_network.py::test_loss_gradient",
-    "examples/test_mesh_network.py::test_without_the_motion",
-)
+THOROUGH = tuple(line for line in (Path(__file__).parent / "thorough.txt").read_text().splitlines() if not line.startswith("#"))
 """The tests that take longest: `make thorough` runs them too."""
 
 AS_RELEASED = kernel.OPTIMISATION, build.OPTIMISE

@@ -1,6 +1,8 @@
 """The exported functions of a kernel: the loop over the points of a batch, shared by threads.
 
-for blocks of points:  for SIDE points:  inputs -> (decision, straight line) -> the element at the others;  outputs of the block
+for blocks of points:  for SIDE points:  inputs -> (decision, straight line) -> the others wait, or the element at each
+                       for SIDE points that wait:  inputs -> the line of points that surfaces cross -> the element at the others
+                       outputs of the block
 """
 
 from __future__ import annotations
@@ -57,17 +59,26 @@ def _in_both_orders(call: str, outputs: int) -> list[str]:
     ]
 
 
-def _inputs(inputs: int, real: str, straight: Straight | None) -> tuple[list[str], list[str]]:
-    """Lines that are run once, and lines that make in[i] the values of input i at the points from `at` on: where these are, eight copies of
-    the one that all points share, or copies, in which the last point is repeated."""
-    lanes = f"{SIDE}" if straight else "few"
-    copy = [
-        f"double *const column = columns + {SIDE} * i;",
-        f"for (long k = 0; k < {lanes}; k++) column[k] = p[i][(at + (k < few ? k : few - 1)) * stride[i]];",
-        "in[i] = column;",
+def _copies(inputs: int, lanes: str, place: str) -> list[str]:
+    """Lines that make in[i] copies of input i at the `few` points whose places are known by k; the last point is repeated."""
+    return [
+        f"for (int i = 0; i < {inputs}; i++) {{",
+        *indent(
+            f"double *const column = columns + {SIDE} * i;",
+            f"for (long k = 0; k < {lanes}; k++) column[k] = p[i][{place.replace('k', '(k < few ? k : few - 1)')} * stride[i]];",
+            "in[i] = column;",
+        ),
+        "}",
     ]
+
+
+def _inputs(inputs: int, real: str, straight: Straight | None) -> tuple[list[str], list[str], list[str]]:
+    """Lines that are run once, and lines that make in[i] the values of input i at the points from `at` on, or at points that wait: where
+    these are, eight copies of the one that all points share, or copies."""
+    copies = _copies(inputs, f"{SIDE}" if straight else "few", "(at + k)")
+    waiting = _copies(inputs, f"{SIDE}", "(first + waits[g + k])")
     if real != "double":
-        return [], [f"for (int i = 0; i < {inputs}; i++) {{", *indent(*copy), "}"]
+        return [], copies, waiting
     once = [
         "int simple = 1;",
         f"for (int i = 0; w && in && n >= {SIDE} && i < {inputs}; i++) {{",
@@ -79,13 +90,14 @@ def _inputs(inputs: int, real: str, straight: Straight | None) -> tuple[list[str
         ),
         "}",
     ]
-    here = [
-        f"if (simple && few == {SIDE}) for (int i = 0; i < {inputs}; i++) in[i] = base[i] + at * stride[i];",
-        f"else for (int i = 0; i < {inputs}; i++) {{",
-        *indent(*copy),
-        "}",
-    ]
-    return once, here
+
+    def where(condition: str, at: str, otherwise: list[str]) -> list[str]:
+        direct = f"if ({condition}) for (int i = 0; i < {inputs}; i++) in[i] = base[i] + {at} * stride[i];"
+        return [direct, f"else {otherwise[0]}", *otherwise[1:]]
+
+    here = where(f"simple && few == {SIDE}", "at", copies)
+    side_by_side = f"simple && few == {SIDE} && waits[g + {SIDE - 1}] == waits[g] + {SIDE - 1}"
+    return once, here, where(side_by_side, "(first + waits[g])", waiting)
 
 
 def batch_loop(program: Program, name: str, element: Routine, real: str, straight: Straight | None) -> Iterator[str]:
@@ -100,6 +112,7 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
     arrays = [
         f"double *const columns = w + {space}, *const results = columns + {SIDE * inputs};",
         f"double *const row = results + {apart * outputs}{f', *const other = row + {outputs}' if ties else ''};",
+        *([f"double *const across = row + {(1 + ties) * outputs};"] if straight and straight.crossed else []),
     ]
     run = [*([] if element.indirect else values), "to" if ties else "row", *["w"] * (space > 0), *["&ctx"] * context]
     call = f"element({', '.join(run)});"
@@ -118,14 +131,53 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
             given = [f"in[{i}]" for i in straight.used]
             decided.append(f"if (some & 2) {straight.line}({', '.join([*given, 'f'])});")
         decided.append(f"{'else ' if straight.line else ''}if (!some) {zero}")
+    crossed = straight.crossed if straight else None
+    rows = apart + 1 + ties + (SIDE if crossed else 0)
     passed = [
         "if (fast[k]) continue;",
         "if (!live[k]) {",
         *indent(f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = 0.0;", "continue;"),
         "}",
+        *(["waits[waiting++] = (int)(g + k);"] if crossed else []),
+    ]
+    alone = [
+        "if ((stopped = teg_stopped(&pace))) break;",
+        *([gather] if element.indirect else []),
+        *(["teg_context ctx = {+1, 0, 0, 0, 0, 0, &pace};"] if context else []),
+        *(_in_both_orders(call, outputs) if ties else [call]),
+    ]
+    told = note if context else "0"
+    each = [
+        *(passed if straight else []),
+        *([] if crossed else [*alone, f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = row[j];"]),
+        *([] if crossed else [f"if (notes) notes[at + k] = {told};"]),
     ]
     written = f"out[j][first + k] = {cast}results[{apart} * j + k];"
-    once, here = _inputs(inputs, real, straight)
+    once, here, gathered = _inputs(inputs, real, straight)
+    queue: list[str] = []
+    if straight and crossed:
+        given = [f"in[{i}]" for i in straight.crossed_by]
+        queue = [
+            f"for (int g = 0; g < waiting && !stopped; g += {SIDE}) {{",
+            *indent(
+                f"const int few = waiting - g < {SIDE} ? waiting - g : {SIDE};",
+                f"double good[{SIDE}];",
+                *gathered,
+                f"{crossed}({', '.join([*given, 'across', 'good'])});",
+                "for (int k = 0; k < few; k++) {",
+                *indent(
+                    "double *const f = results + waits[g + k];",
+                    "if (good[k] != 0.0) {",
+                    *indent(f"for (int j = 0; j < {outputs}; j++) f[{apart} * j] = across[{SIDE} * j + k];", "continue;"),
+                    "}",
+                    *alone,
+                    f"for (int j = 0; j < {outputs}; j++) f[{apart} * j] = row[j];",
+                    f"if (notes) notes[first + waits[g + k]] = {told};",
+                ),
+                "}",
+            ),
+            "}",
+        ]
     yield from (
         *exported(name, real)[0],
         "{",
@@ -143,7 +195,7 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
         *indent(
             "{",
             *indent(
-                f"double *const w = malloc({space + SIDE * inputs + apart * outputs + (1 + ties) * outputs + 1} * sizeof *w);",
+                f"double *const w = malloc({space + SIDE * inputs + rows * outputs + 1} * sizeof *w);",
                 *arrays,
                 f"const double **const in = malloc({2 * inputs + 1} * sizeof *in){', **const base = in + ' + str(inputs) if once else ''};",
                 *once,
@@ -165,7 +217,7 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
                 "for (long first = 0; first < n; first += together) {",
                 *indent(
                     "const long count = n - first < together ? n - first : together;",
-                    "int stopped = 0;",
+                    f"int stopped = 0{f', waiting = 0, waits[{apart}]' if crossed else ''};",
                     "if (!w || !in) {",
                     *indent("failed = 1;", "continue;"),
                     "}",
@@ -178,18 +230,11 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
                         *(["if (notes) for (long k = 0; k < few; k++) notes[at + k] = 0;"] if straight else []),
                         *decided,
                         f"for (long k = 0; {'some && ' if straight else ''}k < few; k++) {{",
-                        *indent(
-                            *(passed if straight else []),
-                            "if ((stopped = teg_stopped(&pace))) break;",
-                            *([gather] if element.indirect else []),
-                            *(["teg_context ctx = {+1, 0, 0, 0, 0, 0, &pace};"] if context else []),
-                            *(_in_both_orders(call, outputs) if ties else [call]),
-                            f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = row[j];",
-                            f"if (notes) notes[at + k] = {note if context else '0'};",
-                        ),
+                        *indent(*each),
                         "}",
                     ),
                     "}",
+                    *queue,
                     "if (stopped) continue;",
                     f"for (int j = 0; j < {outputs}; j++) for (long k = 0; k < count; k++) {written}",
                 ),

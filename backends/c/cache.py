@@ -42,6 +42,10 @@ RECENT = 600
 KEY_LENGTH = 40
 ABANDONED = 24 * 3600
 """Seconds after which a build is over: its process was killed."""
+PAUSE = 60.0
+"""The least seconds between two looks at all entries."""
+TRIMMED = "trimmed"
+"""A file that is as old as the last look at all entries."""
 
 
 def cache_folder() -> Path:
@@ -126,8 +130,16 @@ def entries_of(cache: Path) -> list[Entry]:
 
 
 def trim(cache: Path) -> None:
-    """Remove what killed processes left, and entries until the others are within the limit, but none that may be in use."""
-    now = time.time()
+    """Remove what killed processes left, and entries until the others are within the limit, but none that may be in use.
+
+    Nothing is done within `PAUSE` seconds of the last time.
+    """
+    now, last = time.time(), cache / TRIMMED
+    with suppress(OSError):  # nothing was trimmed before
+        if 0.0 <= now - last.stat().st_mtime < PAUSE:
+            return
+    with suppress(OSError):
+        last.touch(mode=0o600)
     for key in _keys(cache):
         for build in key.glob("build-*"):
             with suppress(OSError):
@@ -149,6 +161,8 @@ def clear(cache: Path) -> list[Entry]:
     entries = entries_of(cache)
     for key in _keys(cache):
         shutil.rmtree(key, ignore_errors=True)
+    with suppress(OSError):
+        (cache / TRIMMED).unlink()
     return [entry for entry in entries if not entry.path.exists()]
 
 

@@ -118,7 +118,7 @@ class Frame:
         self.names: dict[Arg, str] = {arg: f"{prefix}{i}" for i, arg in enumerate(captured)}
         self.names.update(self.variables)
         self.parts: list[str] = []  # their texts
-        self._count = [0]
+        self.count = [0]
         self._cuts = _cut(blocks, whole)
         self._between, self._lanes = frozenset(own), lanes
         known: set[Arg] = set(self.names)
@@ -162,7 +162,7 @@ class Frame:
     def scope(self) -> Scope:
         """Names as they are spelled in the function itself, between its blocks."""
         elsewhere = {arg: self._load(arg) for arg in self._uses[0] if arg in self._home}
-        return Scope(self.names, self.size, elsewhere, count=self._count, slots=self._slots, declared=self._between, lanes=self._lanes)
+        return Scope(self.names, self.size, elsewhere, count=self.count, slots=self._slots, declared=self._between, lanes=self._lanes)
 
     def signature(self, *pointers: str) -> str:
         """Name and C parameters of the function."""
@@ -189,7 +189,7 @@ class Frame:
     def _call(self, number: int, part: list[Step]) -> list[str]:
         """Print a part; the line that calls it."""
         loads = self._declarations(arg for arg in self._uses[number] if self._home.get(arg, 0) != number)
-        inside = indent(*loads, *self._lines(part, Scope(self.names, self.size, count=self._count, slots=self._slots)))
+        inside = indent(*loads, *self._lines(part, Scope(self.names, self.size, count=self.count, slots=self._slots)))
         used = {local for step in part for local in step.locals}
         if loads or any(name in self._slots for step in part for name in step.defines):
             used.add(WORKSPACE)
@@ -286,6 +286,8 @@ def _assignment(stmt: Assign) -> Step:
             uses = stmt.args[:3]
         case "call":
             uses = stmt.args[1:]
+        case "lower" | "upper":
+            uses = stmt.args * 2
         case _:
             uses = stmt.args
     return Step((stmt.name,), uses, stmt, weight=1 + len(uses) // 8, locals=(CONTEXT,) if stmt.op == "tie" else ())

@@ -64,12 +64,15 @@ class Packed:
 
 @dataclass(frozen=True, slots=True)
 class Straight:
-    """C functions of eight points, and which inputs are given to them: where the outputs are 0 or simple, and these."""
+    """C functions of eight points, and which inputs are given to them: where the outputs are 0 or simple, and these; and the outputs where
+    surfaces cross the points' boxes."""
 
     decision: str
     decided_by: list[int]
     line: str | None
     used: list[int]
+    crossed: str | None
+    crossed_by: list[int]
 
 
 def decisive_branch(program: Program) -> When | None:

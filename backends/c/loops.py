@@ -26,19 +26,43 @@ from teg.backends.c.frame import Routine
 from teg.backends.c.kernel import LONG, optimisation
 from teg.backends.c.lanes import SIDE, Straight, decisive_branch
 from teg.backends.c.printer import Printer
+from teg.backends.c.queues import Queue, queue_of, with_enclosing
 from teg.backends.c.runtime import runtime
 from teg.backends.c.signals import Caller
 from teg.backends.c.text import indent, literal, packed, wrapped
 from teg.backends.numpy.loops import Results
 from teg.errors import BackendError
+from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import Integrate, compound, has_ties
-from teg.program.arrays import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, scattered, steps, work
+from teg.program.arrays import (
+    Arg,
+    ArrayProgram,
+    Cells,
+    Factors,
+    Integers,
+    Least,
+    Like,
+    Load,
+    Loop,
+    Number,
+    Run,
+    Scatter,
+    Step,
+    Take,
+    scattered,
+    steps,
+    work,
+)
 from teg.program.fields import operands, result_names
 
 BY_VALUE = 120
 """Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""
 ON_STACK = 512
 """Numbers in a workspace that is on the C stack."""
+NO_MEMORY = 16
+"""The bit of a note that says that there was no memory for cells."""
+CELLS_ON_STACK = 1024
+"""Numbers of candidates and tables that are on the C stack."""
 
 
 class _View(ctypes.Structure):
@@ -116,19 +140,26 @@ class _ArrayPrinter:
         program = self.program
         self.printer = Printer()
         self.routines: dict[int, Routine] = {}
+        self.tables: dict[str, Cells] = {}
+        self.shapes: dict[str, str] = {}  # the rules of the shapes of cells, by name
         self.space = 0
         self.copied: frozenset[int] = frozenset()  # the outputs of which the chunk that is printed has a copy, t{j}_
         self.straights: dict[int, Straight] = {}  # of the only flat program of an innermost loop
-        for step in steps(program.body):
-            if isinstance(step, Loop) and (only := _only_run(step)):
-                inside = {name for s in step.body for name in result_names(s)}
+        self.queues: dict[int, Queue] = {}  # of such a flat program
+        for loop, around in with_enclosing(program.body):
+            if only := _only_run(loop):
+                inside = {name for s in loop.body for name in result_names(s)}
                 varying = {i for i, arg in enumerate(only.inputs) if arg in inside}
-                if varying and (found := self.printer.packed(only.program, varying, SIDE)):
+                queue = queue_of(loop, only, around)
+                if varying and (found := self.printer.packed(only.program, varying, SIDE, queue.varying if queue else None)):
                     self.straights[id(only)] = found
+                    if queue and found.crossed:
+                        self.queues[id(only)] = queue
         for step in steps(program.body):
             if isinstance(step, Run):
                 branch = None if id(step) in self.straights else decisive_branch(step.program)
-                routine = self.printer.element(step.program, "run", BY_VALUE, branch.when if branch else None)
+                kind = "rest" if id(step) in self.queues else "run"
+                routine = self.printer.element(step.program, kind, BY_VALUE, branch.when if branch else None)
                 self.routines[id(step)] = routine
                 again = len(step.results) if has_ties(step.program.body) else 0
                 self.space = max(self.space, routine.workspace + again + len(step.results))
@@ -138,7 +169,7 @@ class _ArrayPrinter:
         printer = self.printer
         loops = wrapped(list(self._element()))
         entry = wrapped(list(self._entry()))
-        texts = [*printer.tables(), *printer.texts, loops, entry]
+        texts = [*printer.tables(), *printer.texts, *self.shapes.values(), loops, entry]
         first, *needed = runtime([*texts, "teg_context"])
         return "\n\n".join([_title(self.program), first, ABI, *needed, *texts]) + "\n"
 
@@ -183,6 +214,7 @@ class _ArrayPrinter:
     def _block(self, block: Sequence[Step], depth: int, decisive: Run | None = None) -> list[str]:
         """The lines of a block, in which a decisive flat program may end the iteration. Recursion is as deep as loops are."""
         lines: list[str] = []
+        held = [s for s in block if isinstance(s, Cells)]
         for step in block:
             match step:
                 case Integers():
@@ -198,11 +230,20 @@ class _ArrayPrinter:
                     lines += [*self._run(step), *_named(step)]
                     if step is decisive:
                         lines.append(f"if (!{_array(step)}_taken) continue;")
+                case Least() | Factors():
+                    lines += self._fold(step, depth)
+                case Cells():
+                    lines += self._cells(step, depth)
+                case Take():
+                    cells = self.tables[step.table]
+                    width = cells.shape.columns * (1 + cells.shape.order)
+                    row = f"({_spell(step.row)} - {_spell(cells.lo)})"
+                    lines.append(f"const double {step.name} = {step.table} ? {step.table}[{row} * {width} + {step.column}] : NAN;")
                 case Loop() if depth:
                     lines += self._loop(step, depth)
                 case Loop():
                     lines += self._chunks(step)
-        return lines
+        return [*lines, *(f"if ({s.results[0]}_rows != {s.results[0]}_here) free({s.results[0]}_rows);" for s in held)]
 
     def _integers(self, step: Integers) -> str:
         args = [_spell(a) for a in step.args]
@@ -258,13 +299,120 @@ class _ArrayPrinter:
             "}",
         ]
 
+    def _fold(self, step: Least | Factors, depth: int) -> list[str]:
+        """A loop for the index of the least value, or for a product."""
+        found = step.results
+        if isinstance(step, Factors):
+            start = [f"double {r} = 1.0;" for r in found]
+            each = [f"{r} *= {_spell(v)};" for r, v in zip(found, step.values, strict=True)]
+        else:
+            start = [f"double {r} = -1.0, {r}_least = INFINITY;" for r in found]
+            each = [
+                f"teg_least({_spell(v)}, {_spell(p)}, {step.index}, &{r}_least, &{r});"
+                for r, v, p in zip(found, step.values, step.eligible, strict=True)
+            ]
+        inside = ["if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *each]
+        lo, hi = _spell(step.lo), _spell(step.hi)
+        return [*start, f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
+
+    def _cells(self, step: Cells, depth: int) -> list[str]:
+        """The numbers of all candidates, and the cells that are made of them."""
+        shape, wide = step.shape, len(step.values)
+        at, count = step.results[0], len(step.results)
+        lo, hi = _spell(step.lo), _spell(step.hi)
+        columns = shape.columns * (1 + shape.order)
+        stored = [f"{at}_rows[({step.index} - {lo}) * {wide} + {j}] = {_spell(v)};" for j, v in enumerate(step.values)]
+        inside = ["if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *packed(stored)]
+        given = ", ".join(_spell(v) if isinstance(v, str) else literal(float(v)) for v in step.otherwise)
+        table = f"{at}_tables" if step.tables else "NULL"
+        lines = [
+            f"const int64_t {at}_n = {hi} - {lo};",
+            f"const size_t {at}_wide = (size_t){at}_n * {wide};",
+            f"const size_t {at}_size = {f'{count} * (size_t)({at}_n + 1) * {columns}' if step.tables else '0'};",
+            f"const size_t {at}_bytes = ({at}_wide + {at}_size) * sizeof(double);",
+            f"double {at}_here[{CELLS_ON_STACK}], {at}_values[{count}]{f', {at}_sizes[{count}]' if step.sizes else ''};",
+            f"double *const {at}_rows = {at}_bytes <= sizeof {at}_here ? {at}_here : malloc({at}_bytes);",
+            *([f"double *const {at}_tables = {at}_rows + {at}_wide;"] if step.tables else []),
+            f"const double {at}_otherwise[{len(step.otherwise)}] = {{{given}}};",
+            f"for (int64_t {step.index} = {lo}; {at}_rows && {step.index} < {hi}; {step.index}++) {{",
+            *indent(*inside),
+            "}",
+        ]
+        sizes = f"{at}_sizes" if step.sizes else "NULL"
+        call = f"teg_cells(&{self._shape(step)}, {at}_n, {at}_rows, {at}_otherwise, {at}_values, {sizes}, {table})"
+        lines += [f"if (!{at}_rows || {call}) {{", *indent(f"note |= {NO_MEMORY};", f"teg_fill({at}_values, {count}, NAN);"), "}"]
+        lines += packed([f"{r} = {at}_values[{j}]" for j, r in enumerate(step.results)], "const double ", ", ", ";")
+        lines += packed([f"{r} = {at}_sizes[{j}]" for j, r in enumerate(step.sizes)], "const double ", ", ", ";") if step.sizes else []
+        for j, name in enumerate(step.tables):
+            self.tables[name] = step
+            lines.append(f"const double *const {name} = {at}_rows ? {at}_tables + {j} * ({at}_n + 1) * {columns} : NULL;")
+        return lines
+
+    def _shape(self, step: Cells) -> str:
+        """The name of a shape, of which a table is printed."""
+        shape = step.shape
+        name = f"cells_{shape.parts}_{shape.guards}_{shape.degree}_{shape.order}_{len(step.results)}"
+        if name not in self.shapes:
+            rule = [literal(v) for node in triangle_rule(shape.degree) for v in node]
+            nodes, weights = gauss_legendre((shape.degree + 1) // 2 + 1)
+            gauss = [literal(v) for x, w in zip(nodes, weights, strict=True) for v in (0.5 + 0.5 * x, 0.5 * w)]
+            numbers = (
+                f"{shape.parts}, {shape.guards}, {shape.degree}, {shape.order}, {len(step.results)}, {len(rule) // 3}, {len(gauss) // 2}"
+            )
+            self.shapes[name] = "\n".join(
+                [
+                    f"static const double {name}_rule[] = {{{', '.join(rule)}}};",
+                    f"static const double {name}_gauss[] = {{{', '.join(gauss)}}};",
+                    f"static const teg_shape {name} = {{{numbers}, {name}_rule, {name}_gauss}};",
+                ]
+            )
+        return name
+
     def _loop(self, step: Loop, depth: int) -> list[str]:
         """A loop inside another one."""
         sums = packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if step.results else []
         return [*sums, *self._iterations(step, _spell(step.lo), _spell(step.hi), depth + 1)]
 
     def _iterations(self, step: Loop, lo: str, hi: str, depth: int) -> list[str]:
-        """The iterations of a loop that is `depth` deep, and what they add to its sums."""
+        """The iterations of a loop that is `depth` deep, and what they add to its sums, with what waits in queues."""
+        carried = [q for q in self.queues.values() if q.carrier is step]
+        opening = [line for q in carried for line in _opened(q)]
+        closing = [line for q in carried for line in (f"if (waiting_{q.name}) {{", *indent(*self._flushed(q)), "}")]
+        return [*opening, *self._each(step, lo, hi, depth), *closing]
+
+    def _flushed(self, queue: Queue) -> list[str]:
+        """Lines that compute the iterations in a queue; if it is not full, the last one is repeated."""
+        run, name, array, count = queue.run, queue.name, _array(queue.run), len(queue.run.results)
+        straight = self.straights[id(run)]
+        given = [f"queue_{name}[{queue.varying.index(i)}]" if i in queue.varying else _spell(run.inputs[i]) for i in straight.crossed_by]
+        declaration, *call = self._run(run)
+        inputs = [f"const double {run.inputs[i]} = queue_{name}[{m}][k];" for m, i in enumerate(queue.varying)]
+        scattered_into = [
+            *(f"const int64_t {index} = place_{name}[{m}][k];" for m, index in enumerate(queue.indices)),
+            *self._block([*queue.integers, *queue.after], 1),
+        ]
+        return [
+            f"for (int m = 0; m < {len(queue.varying)}; m++)",
+            *indent(f"for (int k = waiting_{name}; k < {SIDE}; k++) queue_{name}[m][k] = queue_{name}[m][waiting_{name} - 1];"),
+            f"double f[{SIDE * count}], good[{SIDE}];",
+            f"{straight.crossed}({', '.join([*given, 'f', 'good'])});",
+            f"for (int k = 0; k < waiting_{name}; k++) {{",
+            *indent(
+                declaration,
+                f"if (good[k] != 0.0) for (int j = 0; j < {count}; j++) {array}[j] = f[{SIDE} * j + k];",
+                "else {",
+                *indent(*inputs, *call),
+                "}",
+                *_named(run),
+                *(scattered_into if queue.after else []),
+                *(f"{total} += {_spell(value)};" for total, value in queue.sums),
+            ),
+            "}",
+            f"waiting_{name} = 0;",
+        ]
+
+    def _each(self, step: Loop, lo: str, hi: str, depth: int) -> list[str]:
+        """The iterations without what waits."""
         only = _only_run(step)
         if only and id(only) in self.straights:
             return self._side_by_side(step, only, lo, hi, depth)
@@ -273,7 +421,7 @@ class _ArrayPrinter:
 
     def _side_by_side(self, step: Loop, run: Run, lo: str, hi: str, depth: int) -> list[str]:
         """The iterations of a loop with one flat program, SIDE at a time; those that are not on the straight line one by one."""
-        straight, array, count = self.straights[id(run)], _array(run), len(run.results)
+        straight, count = self.straights[id(run)], len(run.results)
         at, lanes = f"{step.index}_first", f"{step.index}_count"
         cut = step.body.index(run)
         before, after = step.body[:cut], step.body[cut + 1 :]
@@ -302,18 +450,11 @@ class _ArrayPrinter:
         if straight.line:
             line = [*gathered(later), f"{straight.line}({arguments(straight.used, 'f')});"]
             decided += [f"double f[{SIDE * count}];", "if (some & 2) {", *indent(*line), "}"]
-        declaration, *call = self._run(run)
-        ways = [f"if (!live[k]) teg_fill({array}, {count}, 0.0);", "else {"] if adding else ["{"]
-        if straight.line:
-            ways[-1:] = [f"{ways[-1][:-1]}if (fast[k]) for (int j = 0; j < {count}; j++) {array}[j] = f[{SIDE} * j + k];", "else {"]
         each = [
             *([] if adding else ["if (!live[k]) continue;"]),
             f"const int64_t {step.index} = {at} + k;",
             *self._block(before, depth),
-            declaration,
-            *ways,
-            *indent(*call),
-            "}",
+            *self._way(run, straight, adding),
             *_named(run),
             *self._block(after, depth),
             *self._added(step),
@@ -329,6 +470,34 @@ class _ArrayPrinter:
                 "}",
             ),
             "}",
+        ]
+
+    def _way(self, run: Run, straight: Straight, adding: bool) -> list[str]:
+        """Lines that give one iteration its results: 0, those of the straight line, or those of the program, at once or from a queue."""
+        array, count = _array(run), len(run.results)
+        declaration, *call = self._run(run)
+        filled = f"teg_fill({array}, {count}, 0.0);"
+        copied = f"for (int j = 0; j < {count}; j++) {array}[j] = f[{SIDE} * j + k];"
+        if id(run) in self.queues:
+            waits = ["if (live[k] && !fast[k]) {", *indent(*self._pushed(self.queues[id(run)])), "}"]
+            ways = [f"if (!live[k]) {filled}"] if adding else []
+            ways += [f"else {copied}" if adding else copied] if straight.line else []
+            return [*waits, declaration, *ways]
+        ways = [f"if (!live[k]) {filled}", "else {"] if adding else ["{"]
+        if straight.line:
+            ways[-1:] = [f"{ways[-1][:-1]}if (fast[k]) {copied}", "else {"]
+        return [declaration, *ways, *indent(*call), "}"]
+
+    def _pushed(self, queue: Queue) -> list[str]:
+        """Lines by which an iteration joins its queue."""
+        name = queue.name
+        return [
+            *packed(f"queue_{name}[{m}][waiting_{name}] = {queue.run.inputs[i]};" for m, i in enumerate(queue.varying)),
+            *packed(f"place_{name}[{m}][waiting_{name}] = {index};" for m, index in enumerate(queue.indices)),
+            f"if (++waiting_{name} == {SIDE}) {{",
+            *indent(*self._flushed(queue)),
+            "}",
+            "continue;",
         ]
 
     def _added(self, step: Loop) -> list[str]:
@@ -461,7 +630,7 @@ class _ArrayPrinter:
                         "long note;",
                         "if (teg_stopped(&pace)) continue;",
                         "note = element(e, p, stride, a, out, &pace, inner);",
-                        "if (note < 0) failed = 1;",
+                        f"if (note < 0 || note & {NO_MEMORY}) failed = 1;",
                         "if (notes) notes[e] = note;",
                     ),
                     "}",
@@ -484,6 +653,13 @@ def _only_run(loop: Loop) -> Run | None:
     return runs[0] if len(runs) == 1 and not any(isinstance(s, Loop) for s in loop.body) else None
 
 
+def _opened(queue: Queue) -> list[str]:
+    """The declaration of a queue."""
+    name = queue.name
+    places = [f"int64_t place_{name}[{len(queue.indices)}][{SIDE}];"] if queue.indices else []
+    return [f"double queue_{name}[{max(1, len(queue.varying))}][{SIDE}];", *places, f"int waiting_{name} = 0;"]
+
+
 def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
     """The steps of a block without loops that matter for these names."""
     live, kept = set(wanted), []
@@ -496,6 +672,8 @@ def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
 
 def _decisive(loop: Loop) -> Run | None:
     """A flat program without whose branch an iteration adds nothing to anything."""
+    if any(isinstance(s, Cells) for s in loop.body):
+        return None  # what they hold is freed at the end of an iteration
     for number, step in enumerate(loop.body):
         if isinstance(step, Run) and decisive_branch(step.program) is not None:
             rest = loop.body[number + 1 :]

@@ -22,13 +22,14 @@ from functools import partial
 from typing import cast
 
 from teg.backends.branches import with_branches
+from teg.backends.c import crossed as c_crossed
 from teg.backends.c import frame as c_frame
 from teg.backends.c import lanes as c_packed
 from teg.backends.c.batch import ABI, batch_loop, together
 from teg.backends.c.bodies import merged, used_inputs, with_inputs
 from teg.backends.c.frame import BY_VALUE, CONTEXT, RESULTS, WORKSPACE, Frame, Routine, Scope, Step, assignments, captured_by
 from teg.backends.c.hyperbola import along_a_branch, along_function, hyperbola
-from teg.backends.c.lanes import Straight
+from teg.backends.c.lanes import SIDE, Straight
 from teg.backends.c.poles import plain_table, rational_piece, weights_function
 from teg.backends.c.polygon import (
     COORDINATES,
@@ -104,7 +105,8 @@ def print_kernel(
     program = with_branches(program)
     printer = Printer(counted)
     element = printer.element(program)
-    packed = None if counted else printer.packed(program, range(len(program.parameters)), together(program))
+    every = range(len(program.parameters))
+    packed = None if counted else printer.packed(program, every, together(program), every)
     texts = [*printer.texts, wrapped(batch_loop(program, name, element, real, packed))]
     tables = printer.tables()
     called = tuple(sorted(printer.called))
@@ -193,9 +195,9 @@ class Printer:
         storage = "TEG_INLINE" if kind == "run" and self.inlined and not frame.indirect else "static"
         return self._routine(kind, frame, f"{storage} {'void' if told is None else 'int'} {frame.signature('f')}", inside)
 
-    def packed(self, program: Program, varying: Container[int], apart: int) -> Straight | None:
+    def packed(self, program: Program, varying: Container[int], apart: int, in_queue: Container[int] | None = None) -> Straight | None:
         """The functions that take eight points at once, if there are any; inputs not in `varying` are the same for all, the outputs of a
-        point lie `apart`."""
+        point lie `apart`. There is one of points that surfaces cross if it is known which inputs differ `in_queue`."""
         found = c_packed.packed(program)
         if found is None:
             return None
@@ -206,7 +208,13 @@ class Printer:
         if found.fast is not False:
             given = c_packed.signature(used, varying, "double *f")
             line = self._side_by_side("straight", f"void @({given})", c_packed.straight(found, varying, apart))
-        return Straight(decision, decided_by, line, used)
+        across = None if in_queue is None else c_crossed.crossed(program)
+        name = None
+        if across is not None and in_queue is not None:
+            given = c_packed.signature(c_crossed.inputs_of(across), in_queue, "double *restrict f", "double *restrict good")
+            inside = c_crossed.function(across, in_queue, SIDE)
+            name = self._once("crossed", wrapped([f"static void @({given})", "{", *indent(*inside), "}"])).name
+        return Straight(decision, decided_by, line, used, name, c_crossed.inputs_of(across) if across else [])
 
     def _side_by_side(self, kind: str, head: str, inside: list[str]) -> str:
         """The name of such a function."""

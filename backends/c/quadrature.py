@@ -127,6 +127,8 @@ def adaptive_piece(
         place = ["double slope;", "x = teg_place(&way, u, &slope);", "slope *= half;"]
     elif rule.cubic:
         place = ["const double slope = half * (q - p) * (6.0 * u * (1.0 - u));", "x = p + (q - p) * (u * u * (3.0 - 2.0 * u));"]
+    if watched and not bent:
+        place.append("x = teg_within(p, q, x);")
     powers = [str(decay_power(n)) for n in (rule.first, rule.order)]
     if ends:
         powers = [f"(way.kind == TEG_POWER ? 0 : {power})" for power in powers]
@@ -167,7 +169,7 @@ def adaptive_piece(
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
         "waiting[0] = (teg_interval){0.0, 1.0, 0};",
         f"teg_fill(spent, {tested}, 0.0);",
-        *([] if guard is None else [f"teg_fill(whole, {tested}, 0.0);"]),
+        f"teg_fill(whole, {tested}, 0.0);",
         "for (int n = 1, used = 1; n > 0; used++) {",
         *indent(
             "const teg_interval here = waiting[--n];",

@@ -66,6 +66,9 @@ def expression(op: str, args: Sequence[Text], rest: Sequence[Arg]) -> Text:
         case "select":
             b, x, y = (operand(arg, COMPARISON) for arg in args)
             return Text(f"{b} ? {x} : {y}", CONDITIONAL)
+        case "lower" | "upper":
+            x, y = (operand(arg, SUM) for arg in args[:2])
+            return Text(f"{x} {'<' if op == 'lower' else '>'} {y} ? {x} : {y}", CONDITIONAL)
         case "call":
             return Text(f"teg_function_{rest[0]}({', '.join(arg.text for arg in args)})", ATOM)
         case "powi" if rest[0] == 2:

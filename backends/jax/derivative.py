@@ -89,9 +89,13 @@ class Family:
                     self._kernels[order] = self._arrays(program, order) if isinstance(program, ArrayProgram) else _numbers(program)
             return self._kernels[order]
 
+    def _are_arrays(self, order: int) -> list[bool]:
+        """Which operands of the program of an order are arrays."""
+        return [*self.arrays, *self.arrays[: self.moving] * max(order, 0)]
+
     def _arrays(self, program: ArrayProgram, order: int) -> Callable[[Operands], list[Any]]:
         run = ArrayFunction(program, compile_jax)
-        flags = [*self.arrays, *self.arrays[: self.moving] * max(order, 0)]
+        flags = self._are_arrays(order)
 
         def kernel(operands: Operands) -> list[Any]:
             scalars = [v for v, array in zip(operands, flags, strict=True) if not array]
@@ -145,9 +149,8 @@ class Family:
         def function(*operands: Any) -> tuple[Any, ...]:
             lengths = _lengths(batch, operands)
             own = [v.ndim - _front(batch, i) for i, v in enumerate(operands)]
-            flags = [*self.arrays, *self.arrays[: self.moving] * max(order, 0)]
             columns = [_column(v, [axes[i] is not None for axes in batch], lengths) for i, v in enumerate(operands)]
-            kinds = [n if flag else -1 for n, flag in zip(own, flags, strict=True)]
+            kinds = [n if flag else -1 for n, flag in zip(own, self._are_arrays(order), strict=True)]
             columns += [jnp.asarray(float(k)) for k in self.integers]
             kinds += [-1] * len(self.integers)
             results = tuple(_own_shapes(self, order, batch, operands))
@@ -166,10 +169,14 @@ class Native:
     inaccurate: str
 
 
+def _mapped_axes(batch: Batch, operands: Operands) -> list[tuple[Any, int]]:
+    """For each axis of the batch an operand that has it, and which one of its axes it is."""
+    return [next((v, _front(batch, i, k)) for i, v in enumerate(operands) if level[i] is not None) for k, level in enumerate(batch)]
+
+
 def _lengths(batch: Batch, operands: Operands) -> tuple[int, ...]:
     """The shape of the batch."""
-    axes = [next((v, _front(batch, i, k)) for i, v in enumerate(operands) if level[i] is not None) for k, level in enumerate(batch)]
-    return tuple(v.shape[k] for v, k in axes)
+    return tuple(v.shape[k] for v, k in _mapped_axes(batch, operands))
 
 
 def _column(v: Any, has: Sequence[bool], lengths: Sequence[int]) -> Any:
@@ -235,14 +242,13 @@ def _abstract(*operands: Any, family: Family, order: int, batch: Batch, dtype: s
     own = _own_shapes(family, order, batch, operands)
     if not operands:
         return [jax.core.ShapedArray(shape, np.dtype(dtype)) for shape in own]
-    axes = [next((v, _front(batch, i, k)) for i, v in enumerate(operands) if level[i] is not None) for k, level in enumerate(batch)]
-    lengths = [v.shape[k] for v, k in axes]
+    lengths = _lengths(batch, operands)
     kind = {"dtype": np.dtype(dtype), "weak_type": False}
     mesh = getattr(getattr(operands[0], "sharding", None), "mesh", None)
     if mesh is None or mesh.empty:
         return [operands[0].update(shape=(*lengths, *shape), **kind) for shape in own]
     partition: Any = jax.sharding.PartitionSpec
-    places = [v.sharding.spec[k] for v, k in axes]  # an axis of the batch lies where it does in the operands
+    places = [v.sharding.spec[k] for v, k in _mapped_axes(batch, operands)]  # an axis of the batch lies where it does in the operands
     found = []
     for shape in own:
         spec = partition(*places, *(None,) * len(shape))

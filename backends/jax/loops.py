@@ -24,10 +24,27 @@ from jax import lax
 from teg.backends.jax.kernel import JaxKernel
 from teg.backends.jax.lanes import on_lanes
 from teg.backends.jax.runtime import union
+from teg.backends.numpy.cells import cells_of_lanes
 from teg.backends.plan import exactly
 from teg.errors import ArrayIndexError
 from teg.program import Program
-from teg.program.arrays import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, steps
+from teg.program.arrays import (
+    Arg,
+    ArrayProgram,
+    Cells,
+    Factors,
+    Integers,
+    Least,
+    Like,
+    Load,
+    Loop,
+    Number,
+    Run,
+    Scatter,
+    Step,
+    Take,
+    steps,
+)
 
 NOWHERE = -(2**63)
 """What stands for an integer that is not known: an entry of an index array beyond its ends, and all that is computed from it, or a result
@@ -87,6 +104,7 @@ class _Trace:
 
     def __init__(self, function: ArrayFunction, arrays: Sequence[Any], lengths: Mapping[int, int]) -> None:
         self.function, self.arrays, self.lengths = function, arrays, lengths
+        self.tables: dict[str, Any] = {}
 
     def block(self, block: Sequence[Step], lanes: _Lanes, targets: dict[int, Any], note: Any) -> tuple[dict[int, Any], Any]:
         """The steps of a block on lanes, which get their values; targets of scatters, and the note. Recursion is as deep as loops are."""
@@ -104,8 +122,13 @@ class _Trace:
                     lanes.values[step.name] = self._entry(step.array, step.subscripts, lanes)
                 case Run():
                     note = note | self._run(step, lanes)
+                case Least() | Factors() | Cells():
+                    note = self._fold(step, lanes, note)
                 case Loop():
                     targets, note = self._loop(step, lanes, targets, note)
+                case Take():
+                    rows = _of(step.table, lanes) + _of(step.row, lanes)
+                    lanes.values[step.name] = self.tables[step.table][rows, step.column]
                 case Scatter():
                     places = tuple(jnp.broadcast_to(_of(p, lanes), (lanes.size,)) for p in step.subscripts)
                     terms = _live(jnp.broadcast_to(_of(step.value, lanes), (lanes.size,)), lanes)
@@ -150,6 +173,58 @@ class _Trace:
         found, notes = jax.vmap(run, in_axes=axes, out_axes=(1, 0))(*columns)
         lanes.values.update(zip(step.results, found, strict=True))
         return union(notes)
+
+    def _fold(self, step: Least | Factors | Cells, lanes: _Lanes, note: Any) -> Any:
+        """A loop whose iterations are not added up: all of them at once."""
+        total, size = self.lengths[id(step)], lanes.size
+        counts = jnp.maximum(jnp.broadcast_to(jnp.asarray(_of(step.hi, lanes) - _of(step.lo, lanes), jnp.int64), (size,)), 0)
+        counts = counts if lanes.live is None else jnp.where(lanes.live, counts, 0)
+        inner, parent = lanes, jnp.zeros(0, jnp.int64)
+        if total:
+            inner, parent = self._inside(step, lanes, 0, total, total, jnp.cumsum(counts), total)
+            _, note = self.block(step.body, inner, {}, note)
+
+        def number(arg: Arg) -> Any:
+            return jnp.broadcast_to(jnp.asarray(_of(arg, inner), jnp.float64), (total,))
+
+        match step:
+            case Cells():
+                wide = len(step.values)
+                rows = jnp.stack([number(v) for v in step.values], axis=1) if total else jnp.zeros((0, wide))
+                found = self._cells(step, lanes, rows, counts)
+            case Least():
+                found = [
+                    least_of_segments((number(v), number(p), inner.values[step.index], inner.live), parent, size)
+                    if total
+                    else -jnp.ones(size)
+                    for v, p in zip(step.values, step.eligible, strict=True)
+                ]
+            case _:
+                ones = [jnp.where(True if inner.live is None else inner.live, number(v), 1.0) for v in step.values] if total else []
+                found = [jax.ops.segment_prod(v, parent, size) for v in ones] if total else [jnp.ones(size)] * len(step.results)
+        single = size == 1 and lanes.live is None
+        lanes.values.update((name, v[0] if single else v) for name, v in zip(step.results, found, strict=True))
+        return note
+
+    def _cells(self, step: Cells, lanes: _Lanes, rows: Any, counts: Any) -> list[Any]:
+        """The values of cells, computed on the host (`teg.backends.numpy.cells`)."""
+        others = [jnp.broadcast_to(jnp.asarray(_of(v, lanes), jnp.float64), (lanes.size,)) for v in step.otherwise]
+        shape, bodies, columns = step.shape, len(step.results), step.shape.columns * (1 + step.shape.order)
+        height = rows.shape[0] + lanes.size if step.tables else 0
+
+        def host(rows: Any, counts: Any, otherwise: Any) -> tuple[Any, Any]:
+            values, _, tables = cells_of_lanes(shape, np.asarray(rows), np.asarray(counts), np.asarray(otherwise), bool(step.tables))
+            whole = np.zeros((bodies, height, columns))
+            for table, part in zip(whole, tables, strict=False):
+                table[: len(part)] = part
+            return values, whole
+
+        kinds = (_doubles(bodies, lanes.size), _doubles(bodies, height, columns))
+        values, tables = jax.pure_callback(host, kinds, rows, counts, jnp.stack(others, axis=1), vmap_method="sequential")
+        for name, table in zip(step.tables, tables, strict=False):
+            self.tables[name] = table
+            lanes.values[name] = jnp.cumsum(counts + 1) - (counts + 1) - _of(step.lo, lanes)
+        return list(values)
 
     def _loop(self, step: Loop, lanes: _Lanes, targets: dict[int, Any], note: Any) -> tuple[dict[int, Any], Any]:
         total = self.lengths[id(step)]
@@ -210,6 +285,26 @@ class _Trace:
         values = {name: v[parent] if getattr(v, "ndim", 0) else v for name, v in lanes.values.items()}
         values[step.index] = index
         return _Lanes(values, size, live), parent
+
+
+def _doubles(*shape: int) -> Any:
+    """What tells JAX the shape of an array that the host computes."""
+    kind: Any = jax.ShapeDtypeStruct
+    return kind(shape, np.float64)
+
+
+def least_of_segments(candidates: tuple[Any, Any, Any, Any], parent: Any, size: int) -> Any:
+    """The index of the least key of each segment; candidates are (key, whether they are eligible, index, whether they are live)."""
+    key, present, index, live = candidates
+    live = jnp.ones(key.shape, bool) if live is None else live
+    unknown = live & (jnp.isnan(present) | ((present != 0) & jnp.isnan(key)))
+    eligible = live & (present != 0) & ~unknown
+    least = jax.ops.segment_min(jnp.where(eligible, key, jnp.inf), parent, size)
+    hit = eligible & (key == least[parent])
+    none = -NOWHERE - 1
+    winner = jax.ops.segment_min(jnp.where(hit, index, none), parent, size)
+    lost = jax.ops.segment_max(unknown.astype(jnp.int32), parent, size) > 0
+    return jnp.where(lost, jnp.nan, jnp.where(winner == none, -1.0, winner.astype(jnp.float64)))
 
 
 def _nowhere_or(op: str, a: Any, b: Any) -> Any:

@@ -17,7 +17,7 @@ from jax import lax
 
 from teg.backends.jax.arrays import JAX
 from teg.backends.jax.guard import Guard
-from teg.backends.shared import rules
+from teg.backends.shared import error_function, rules
 from teg.backends.shared.bends import POWER, Substitution, inside, place, possible_kinds, substitution
 from teg.numerics.quadrature import gauss_legendre, null_rules
 from teg.program import DEEP, DIVERGENT, INSIDE, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
@@ -40,6 +40,16 @@ END = 2**MAX_DEPTH
 def powi(x: Scalar, n: int) -> Scalar:
     """x to an integer power."""
     return rules.powi(jnp, x, n)
+
+
+def erf(x: Scalar) -> Scalar:
+    """The error function."""
+    return error_function.erf(JAX, x)
+
+
+def erfc(x: Scalar) -> Scalar:
+    """1 - erf(x)."""
+    return error_function.erfc(JAX, x)
 
 
 def tie(order: Scalar, g: Scalar, scale: Scalar, r: Scalar) -> tuple[Scalar, Note]:

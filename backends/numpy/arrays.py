@@ -23,7 +23,7 @@ def _choose(mask: Any, compute: Callable[..., Values], operands: Values, otherwi
     return results
 
 
-NUMPY = Arrays(np, _choose, np.nextafter)
+NUMPY = Arrays(np, _choose)
 
 
 def places_of(s: Substitution, u: Any) -> tuple[Any, Any]:

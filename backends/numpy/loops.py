@@ -8,15 +8,32 @@ flat program then runs on as many lanes at once. The order of additions is that 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends.numpy.cells import cells_of_lanes
 from teg.backends.plan import apply
 from teg.program import Outcome, Program
-from teg.program.arrays import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step, steps
+from teg.program.arrays import (
+    Arg,
+    ArrayProgram,
+    Cells,
+    Factors,
+    Integers,
+    Least,
+    Like,
+    Load,
+    Loop,
+    Number,
+    Run,
+    Scatter,
+    Step,
+    Take,
+    steps,
+)
 from teg.program.fields import operands
 
 Array = npt.NDArray[Any]
@@ -92,6 +109,7 @@ class Running:
         self.batched = [a.ndim > s.dimensions for a, s in zip(arrays, self.specs, strict=True)]
         self.n = n
         self.targets: dict[int, Array] = {}
+        self.tables: dict[str, Array] = {}  # of all lanes, one below the other
         self.missed = self.crowded = False
         self.evaluations = 0
 
@@ -107,8 +125,17 @@ class Running:
                     lanes.values[step.name] = self._entry(step.array, step.subscripts, lanes)
                 case Run():
                     self._run(step, lanes)
+                case Least():
+                    self._least(step, lanes)
+                case Factors():
+                    self._factors(step, lanes)
+                case Cells():
+                    self._cells(step, lanes)
                 case Loop():
                     self._loop(step, lanes)
+                case Take():
+                    rows = lane_values(step.table, lanes) + lane_values(step.row, lanes)
+                    lanes.values[step.name] = self.tables[step.table][rows, step.column]
                 case Scatter():
                     self._scatter(step, lanes)
 
@@ -137,11 +164,11 @@ class Running:
         for name, row in zip(step.results, outcome.values, strict=True):
             lanes.values[name] = row[0] if shared and count else row
 
-    def _loop(self, step: Loop, lanes: Lanes) -> None:
+    def _iterations(self, step: Loop, lanes: Lanes) -> Iterator[tuple[Lanes, Array]]:
+        """Runs the iterations of a loop on lanes, block by block; yields these lanes, and the outer lane of each."""
         lo, hi = (np.broadcast_to(lane_values(a, lanes), (lanes.size,)) for a in (step.lo, step.hi))
         ends = np.cumsum(hi - lo)
         first = ends - (hi - lo)
-        sums = np.zeros((len(step.results), lanes.size))
         total = int(ends[-1]) if lanes.size else 0
         used = self.kernel._used[id(step)]
         for start in range(0, total, BLOCK):
@@ -151,10 +178,49 @@ class Running:
             inner[step.index] = flat - first[parent] + lo[parent]
             inside = Lanes(inner, flat.size, lanes.element[parent])
             self.block(step.body, inside)
+            yield inside, parent
+
+    def _loop(self, step: Loop, lanes: Lanes) -> None:
+        sums = np.zeros((len(step.results), lanes.size))
+        for inside, parent in self._iterations(step, lanes):
             for row, value in zip(sums, step.values, strict=True):
-                terms = np.broadcast_to(lane_values(value, inside), (flat.size,))
-                row += np.bincount(parent, weights=terms, minlength=lanes.size)
+                row += np.bincount(parent, weights=_numbers(value, inside), minlength=lanes.size)
         lanes.values.update(zip(step.results, sums, strict=True))
+
+    def _least(self, step: Least, lanes: Lanes) -> None:
+        best = np.full((len(step.results), lanes.size), np.inf)
+        winners = np.full((len(step.results), lanes.size), -1.0)
+        for inside, parent in self._iterations(step, lanes):
+            index = inside.values[step.index].astype(np.float64)
+            for least, winner, value, eligible in zip(best, winners, step.values, step.eligible, strict=True):
+                key, present = _numbers(value, inside), _numbers(eligible, inside)
+                unknown = np.isnan(present) | ((present != 0.0) & np.isnan(key))
+                lane = np.flatnonzero((present != 0.0) & ~unknown)
+                lane = lane[np.lexsort((index[lane], key[lane], parent[lane]))]
+                lane = lane[np.unique(parent[lane], return_index=True)[1]]  # the first of each outer lane
+                better = lane[(winner[parent[lane]] == -1.0) | (key[lane] < least[parent[lane]])]
+                least[parent[better]], winner[parent[better]] = key[better], index[better]
+                winner[parent[unknown]] = np.nan
+        lanes.values.update(zip(step.results, winners, strict=True))
+
+    def _factors(self, step: Factors, lanes: Lanes) -> None:
+        products = np.ones((len(step.results), lanes.size))
+        for inside, parent in self._iterations(step, lanes):
+            for row, value in zip(products, step.values, strict=True):
+                np.multiply.at(row, parent, _numbers(value, inside))
+        lanes.values.update(zip(step.results, products, strict=True))
+
+    def _cells(self, step: Cells, lanes: Lanes) -> None:
+        rows = [np.stack([_numbers(v, inside) for v in step.values], axis=1) for inside, _ in self._iterations(step, lanes)]
+        candidates = np.concatenate([np.zeros((0, len(step.values))), *rows])
+        lo, hi = (np.broadcast_to(lane_values(a, lanes), (lanes.size,)) for a in (step.lo, step.hi))
+        otherwise = np.stack([_numbers(v, lanes) for v in step.otherwise], axis=1)
+        values, sizes, tables = cells_of_lanes(step.shape, candidates, hi - lo, otherwise, bool(step.tables))
+        lanes.values.update(zip(step.results, values, strict=True))
+        lanes.values.update(zip(step.sizes, sizes, strict=False))
+        for name, table in zip(step.tables, tables, strict=False):
+            self.tables[name] = table
+            lanes.values[name] = np.cumsum(hi - lo + 1) - (hi - lo + 1) - lo  # the row of index 0
 
     def _scatter(self, step: Scatter, lanes: Lanes) -> None:
         k = step.array
@@ -168,6 +234,11 @@ class Running:
         self.targets[step.output] = self.targets[step.output] + added if step.output in self.targets else added
 
 
+def _numbers(arg: Arg, lanes: Lanes) -> Array:
+    """An argument of a step on lanes, a number for each."""
+    return np.broadcast_to(np.asarray(lane_values(arg, lanes), dtype=np.float64), (lanes.size,))
+
+
 def lane_values(arg: Arg, lanes: Lanes) -> Array:
     """An argument of a step on lanes."""
     return np.asarray(arg) if isinstance(arg, int | float) else lanes.values[arg]
@@ -175,7 +246,7 @@ def lane_values(arg: Arg, lanes: Lanes) -> Array:
 
 def _used(loop: Loop) -> frozenset[Arg]:
     """The names that the steps of a loop use, its own included."""
-    names: set[Arg] = set(loop.values)
+    names: set[Arg] = set(operands(loop, "body"))
     for step in steps(loop.body):
         names.update([f"p{step.args[0]}"] if isinstance(step, Integers) and step.op == "param" else operands(step))
     return frozenset(n for n in names if isinstance(n, str))

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from teg.backends.numpy.arrays import NUMPY, places_of
 from teg.backends.numpy.guard import Guard
-from teg.backends.shared import rules
+from teg.backends.shared import error_function, rules
 from teg.backends.shared.bends import POWER, Bend, Substitution, inside, substitution
 from teg.backends.shared.rules import null_rule_error, rounding, tolerated
 from teg.numerics.quadrature import gauss_legendre, null_rules
@@ -62,6 +62,16 @@ class Run:
 def powi(x: Value, n: int) -> Value:
     """x to an integer power."""
     return rules.powi(np, x, n)
+
+
+def erf(x: Value) -> Value:
+    """The error function."""
+    return error_function.erf(NUMPY, x)
+
+
+def erfc(x: Value) -> Value:
+    """1 - erf(x)."""
+    return error_function.erfc(NUMPY, x)
 
 
 def tie(run: Run, g: Value, scale: Value, r: Value, k: int) -> Value:

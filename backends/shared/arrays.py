@@ -12,9 +12,8 @@ class Arrays(NamedTuple):
     """An array module, and the operations for which NumPy and JAX need different code.
 
     `xp`: numpy or jax.numpy. `choose(mask, compute, operands, otherwise)`: arrays that are `compute(*operands)` where the mask, along the
-    last axis, is true, and `otherwise` elsewhere. `towards(p, q)`: the number next to p on the side of q.
+    last axis, is true, and `otherwise` elsewhere.
     """
 
     xp: Any
     choose: Callable[[Any, Callable[..., Values], Values, Values], Values]
-    towards: Callable[[Any, Any], Any]

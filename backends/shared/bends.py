@@ -5,6 +5,7 @@ The rules which bend counts, and the formulas, are those of `teg.program`. All a
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -68,8 +69,14 @@ def place(arrays: Arrays, s: Substitution, kinds: Iterable[int], u: Any) -> tupl
         values = arrays.choose(s.kind == kind, phis[kind], (t,), values)
     phi, slope = values
     at = s.centre + s.radius * phi
-    at = xp.where(at > s.p, at, arrays.towards(s.p, s.q))
-    return xp.where(at < s.q, at, arrays.towards(s.q, s.p)), s.radius * s.step * slope
+    at = xp.where(at > s.p, at, _beside(xp, s.p, s.q))
+    return xp.where(at < s.q, at, _beside(xp, s.q, s.p)), s.radius * s.step * slope
+
+
+def _beside(xp: Any, p: Any, q: Any) -> Any:
+    """Returns the next normal number to p towards q. Subnormal numbers are left out, because XLA takes them for 0."""
+    after, least = xp.nextafter(p, q), sys.float_info.min
+    return xp.where(xp.abs(after) < least, xp.sign(q - p) * least, after)
 
 
 def inside(xp: Any, p: Any, q: Any, part: float, infinite: bool, scale: Any) -> Any:

@@ -30,7 +30,7 @@ from teg.examples.harness import (
 
 STEPS = 300
 PACKAGES = {"scipy": "scipy", "matplotlib": "matplotlib", "tqdm": "tqdm"}
-LABELS = {"sift": "exact gradient", "ignore": "plain automatic differentiation"}
+LABELS = {"exact": "exact gradient", "ignore": "plain automatic differentiation"}
 SHEET = "bouncing_ball.png"
 LIFT_AT_REST = (
     "in a lift at rest automatic differentiation finds the same contacts: what it gives is then twice the gradient, "
@@ -46,7 +46,7 @@ def run_bouncing_ball(
     duration: float | None = None,
     steps: int = STEPS,
     out: str | Path = "out/bouncing-ball",
-    discontinuities: str = "sift",
+    discontinuities: str = "exact",
     compare: bool = True,
     backend: str | None = None,
     progress: bool = True,
@@ -144,7 +144,7 @@ def _report(descent: ActionDescent, kind: str, times: np.ndarray, least: float) 
     if kind == "ignore":
         halved = np.allclose(report["speed_of_lift_by_rebounds"], throw.speed / 2, atol=1e-6)
         report["note"] = LIFT_AT_REST if throw.speed == 0 else HALF_SPEED if halved else ELSEWHERE
-    elif kind == "sift":
+    elif kind == "exact":
         report["smallest_curvature"] = float(np.linalg.eigvalsh(descent.hessian())[0])  # positive: the action is a minimum
     return report
 

@@ -60,7 +60,7 @@ class CompiledScene:
     curvature: Evaluator
 
 
-def compile_scene(contacts: int, backend: str, discontinuities: str = "sift") -> CompiledScene:
+def compile_scene(contacts: int, backend: str, discontinuities: str = "exact") -> CompiledScene:
     """Returns the compiled action. It is quadratic in the heights without mixed terms: one Newton step finds the best heights."""
     path = action(contacts)
     heights = [teg.param(name) for name in height_names(contacts)]

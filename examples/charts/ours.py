@@ -28,7 +28,7 @@ class Timed:
     evaluations: int | None
 
 
-def compiled(problem: Problem, rule: str, setting: float, backend: str, discontinuities: str = "sift") -> Evaluator:
+def compiled(problem: Problem, rule: str, setting: float, backend: str, discontinuities: str = "exact") -> Evaluator:
     """Returns the evaluator of a problem. The setting is a tolerance for the rules "auto" and "adaptive", an order for the others."""
     e, parameters = expression(problem)
     options: dict[str, Any] = {"tol": setting} if rule in ("auto", "adaptive") else {"order": int(setting)}

@@ -29,9 +29,10 @@ def read_page(page: str | Path | None) -> str:
         raise InputError(f"cannot read the page {str(page)!r}", None, str(problem)) from None
 
 
-def write_page(page: str | Path, text: str, name: str, table: str) -> None:
-    """Puts a table between the marks of its name. Raises InputError if the page has none."""
-    begin, end = f"<!-- begin {name}: written by `teg chart {name}` -->", f"<!-- end {name} -->"
+def write_page(page: str | Path, text: str, name: str, table: str, command: str = "") -> None:
+    """Puts a table between the marks of its name, which the command `teg chart name`, or another one, writes. Raises InputError if the
+    page has none."""
+    begin, end = f"<!-- begin {name}: written by `{command or f'teg chart {name}'}` -->", f"<!-- end {name} -->"
     if begin not in text or end not in text or text.index(begin) > text.index(end):
         raise InputError(f"the page {str(page)!r} has no place for the table", None, f"it goes between the lines\n{begin}\n{end}")
     whole = text[: text.index(begin)] + begin + "\n\n" + table + "\n" + text[text.index(end) :]

@@ -30,7 +30,7 @@ PICTURES = (SHEET, "target.png", "before.png", "after.png", "mesh.svg")
 EXACT, SAMPLED = "exact gradient", "jax.grad of sampled triangles, which is 0"
 NOTHING_LEARNT = (
     "the gradient by the weights is exactly 0: automatic differentiation does not see that an edge moves, "
-    "so the network learns nothing (with --discontinuities sift, the default, it does)"
+    "so the network learns nothing (with --discontinuities exact, the default, it does)"
 )
 
 
@@ -59,7 +59,7 @@ def run_mesh_network(
     cells: int = 24,
     epochs: int = EPOCHS,
     out: str | Path = "out/mesh-network",
-    discontinuities: str = "sift",
+    discontinuities: str = "exact",
     progress: bool = True,
     resume: bool = False,
     seed: int = 0,
@@ -121,7 +121,7 @@ def _identity(options: Options, trainer: Trainer, target: np.ndarray) -> dict[st
 
 def _lines(losses: list[float], discontinuities: str, sampled_slope: float) -> dict[str, list[float]]:
     """Returns the losses to draw, by label. A sampled loss with slope 0 stays where it began."""
-    label = EXACT if discontinuities == "sift" else discontinuities
+    label = EXACT if discontinuities == "exact" else discontinuities
     return {label: losses} | ({SAMPLED: losses[:1]} if sampled_slope == 0 else {})
 
 

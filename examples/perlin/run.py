@@ -31,10 +31,10 @@ PACKAGES = {"PIL": "pillow", "matplotlib": "matplotlib", "scipy": "scipy", "tqdm
 SHEET = "perlin.png"
 PICTURES = ("target.png", "before.png", "after.png", "ignore.png")
 BUNDLED = "chelsea"
-LABELS = {"sift": "exact gradient", "ignore": "plain automatic differentiation"}
+LABELS = {"exact": "exact gradient", "ignore": "plain automatic differentiation"}
 NOTHING_MOVES = (
     "the gradient by the noise and the threshold is exactly 0: automatic differentiation does not see that the border of the "
-    "colours moves, so only the colours changed (with --discontinuities sift, the default, the noise does too)"
+    "colours moves, so only the colours changed (with --discontinuities exact, the default, the noise does too)"
 )
 
 
@@ -68,7 +68,7 @@ def run_perlin(
     size: int = 128,
     steps: int = STEPS,
     out: str | Path = "out/perlin",
-    discontinuities: str = "sift",
+    discontinuities: str = "exact",
     compare: bool = True,
     backend: str | None = None,
     progress: bool = True,

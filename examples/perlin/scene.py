@@ -61,7 +61,7 @@ class CompiledScene:
     colour: Evaluator
 
 
-def compile_scene(backend: str, discontinuities: str = "sift", threads: int = 1) -> CompiledScene:
+def compile_scene(backend: str, discontinuities: str = "exact", threads: int = 1) -> CompiledScene:
     """Returns the compiled loss, to be differentiated, and the compiled colour, to be shown."""
     return CompiledScene(
         teg.compile(pixel_loss(), moving(), backend=backend, discontinuities=discontinuities, threads=threads),

@@ -29,7 +29,7 @@ PACKAGES = {"PIL": "pillow", "matplotlib": "matplotlib", "tqdm": "tqdm"}
 PICTURES = ("target.png", "before.png", "after.png", "loss.png", "mesh.svg")
 NOTHING_MOVES = (
     "the gradient by the vertices is exactly 0: automatic differentiation does not see that an edge moves, "
-    "so no vertex did (with --discontinuities sift, the default, they do)"
+    "so no vertex did (with --discontinuities exact, the default, they do)"
 )
 
 
@@ -68,7 +68,7 @@ def run_triangulation(
     size: int = 256,
     steps: int = STEPS,
     out: str | Path = "out/triangulation",
-    discontinuities: str = "sift",
+    discontinuities: str = "exact",
     backend: str | None = None,
     progress: bool = True,
     resume: bool = False,

@@ -60,7 +60,7 @@ class CompiledScene:
     backend: str
 
 
-def compile_scene(backend: str, discontinuities: str = "sift", threads: int = 1) -> CompiledScene:
+def compile_scene(backend: str, discontinuities: str = "exact", threads: int = 1) -> CompiledScene:
     """Returns the program, compiled for both."""
     loss = picture_loss()
     return CompiledScene(

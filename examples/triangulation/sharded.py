@@ -65,7 +65,7 @@ class ShardedLoss:
         triangles: np.ndarray,
         devices: Sequence[Any] | None = None,
         dtype: str = "float64",
-        discontinuities: str = "sift",
+        discontinuities: str = "exact",
     ) -> None:
         if by not in WAYS:
             raise InputError(f"a picture is not shared out by {by!r}", None, "by pairs or by faces")
@@ -87,7 +87,7 @@ class ShardedLoss:
             program = loss_by_pairs() if by == "pairs" else loss_by_faces()
             by_vertices, by_colours, every = (
                 self._spread(teg.jax_function(program, wrt, dtype=dtype, discontinuities=how), mesh)
-                for wrt, how in (([VERTICES], discontinuities), ([COLOURS], "sift"), ([VERTICES, COLOURS], discontinuities))
+                for wrt, how in (([VERTICES], discontinuities), ([COLOURS], "exact"), ([VERTICES, COLOURS], discontinuities))
             )
         self._gradient = _jitted(jax.grad(by_vertices))
         self.step = _jitted(jax.value_and_grad(every, (0, 1)))

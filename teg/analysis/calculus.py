@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Mapping
 from typing import cast
@@ -63,8 +64,18 @@ def partials(node: Call) -> list[Expr]:
             return [sub(ONE, integer_power(node, 2))]
         case "exp":
             return [node]
+        case "expm1":
+            return [call("exp", u)]
         case "log":
             return [integer_power(u, -1)]
+        case "log1p":
+            return [integer_power(add(ONE, u), -1)]
+        case "erfinv" | "erfcinv":
+            steep = call("exp", integer_power(node, 2))
+            return [mul(const(math.copysign(0.5 * math.sqrt(math.pi), 1.0 if node.name == "erfinv" else -1.0)), steep)]
+        case "erf" | "erfc":
+            bell = call("exp", mul(MINUS_ONE, integer_power(u, 2)))
+            return [mul(const(math.copysign(2.0 / math.sqrt(math.pi), 1.0 if node.name == "erf" else -1.0)), bell)]
         case "sqrt" | "root":
             return [mul(const(0.5), integer_power(node, -1))]
         case "pow":

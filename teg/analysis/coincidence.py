@@ -1,6 +1,7 @@
 """Conditions that are equivalent in other words: shorter forms of a surface, and whether two surfaces coincide.
 
-    f(u) - f(v) > 0   is   u - v > 0           where f increases on all numbers: exp, sinh, tanh, atan, odd powers
+    f(u) - f(v) > 0   is   u - v > 0           where f increases on all numbers: exp, sinh, tanh, atan, erf, odd powers
+    f(u) - f(v) > 0   is   v - u > 0           where f decreases on all numbers: erfc
     f(u) - f(v) > 0   is   (u - v)(u + v) > 0  where f increases with |u|: cosh, even powers
     c·hᵏ > 0          is   c > 0               almost everywhere for even k; it is c·h > 0 for odd k, also where the power is written out
 
@@ -13,22 +14,25 @@ Whether a polynomial is a power, or shares a factor with another one, is decided
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 from typing import cast
 
 from teg.analysis.field_polynomials import coefficients, common_factor, derivative, one_root
 from teg.analysis.polynomial import P, Point, Shadow, divided, perfect_power
-from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Param, Pow, Var, add, integer_power, mul, sub
+from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Param, Pow, Var, add, call, integer_power, mul, sub
 from teg.ir.node import postorder
 
 MAX_DEGREE = 24
 """The largest degree of polynomials whose common factors are computed."""
 MAX_ROOT_DEGREE = 8
 """The largest degree of polynomials whose roots in the field are computed."""
-TRIALS = 4
-"""The number of random points tried. Half of all quadratics have no root in the field, so one point may not do."""
+TRIALS = 40
+"""The largest number of random points tried. Half of all quadratics have no root in the field, so a few may not do."""
+POINTS = 2
+"""The number of points that are enough."""
 
-_INCREASING = frozenset(("exp", "sinh", "tanh", "atan"))
-_INCREASING_WHERE_DEFINED = _INCREASING | {"log", "sqrt", "root", "asin"}
+_INCREASING = frozenset(("exp", "expm1", "sinh", "tanh", "atan", "erf"))
+_INCREASING_WHERE_DEFINED = _INCREASING | {"log", "log1p", "sqrt", "root", "asin", "erfinv"}
 
 
 def short_form(g: Expr) -> Expr:
@@ -95,8 +99,8 @@ def _points_on(g: Expr) -> list[Point]:
             return [p for p in points if p is not None]
     for v in symbols:
         if isinstance(v, Var) and 2 <= (Shadow((v,)).degree(g) or 0) <= MAX_ROOT_DEGREE:
-            roots = [(str(trial), one_root(_coefficients(g, v, str(trial)))) for trial in range(TRIALS)]
-            return [Point(trial, {v: root}) for trial, root in roots if root is not None]
+            roots = ((str(trial), one_root(_coefficients(g, v, str(trial)))) for trial in range(TRIALS))
+            return list(islice((Point(trial, {v: root}) for trial, root in roots if root is not None), POINTS))
     return []
 
 
@@ -126,10 +130,14 @@ def _without_function(g: Expr, partial: bool) -> Expr | None:
     if a != -b or not a:
         return None
     above, below = (first, second) if a > 0 else (second, first)
+    if {e.name for e in (above, below) if isinstance(e, Call)} == {"log", "log1p"}:  # log1p of variables is written log(1 + u)
+        above, below = (call("log", add(ONE, e.children[0])) if e.name == "log1p" else e for e in cast("tuple[Call, Call]", (above, below)))
     if isinstance(above, Call) and isinstance(below, Call) and above.name == below.name:
         u, v = above.children[0], below.children[0]
         if above.name in (_INCREASING_WHERE_DEFINED if partial else _INCREASING):
             return sub(u, v)
+        if above.name == "erfc":
+            return sub(v, u)
         if partial and (above.name == "acos" or (above.name == "pow" and above.children[1] is below.children[1])):
             return sub(u, v) if above.name == "pow" else sub(v, u)
         if above.name == "cosh":  # cosh increases with |u|

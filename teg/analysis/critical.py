@@ -16,6 +16,7 @@ from teg.analysis.polynomial import Shadow
 from teg.ir.expr import (
     MINUS_ONE,
     ONE,
+    TRUE,
     ZERO,
     Cond,
     Expr,
@@ -31,9 +32,12 @@ from teg.ir.expr import (
     sub,
     where,
 )
+from teg.ir.show import show
 from teg.ir.traverse import substitute
 
 ROUNDING = 8 * 2.0**-52
+APART = 2.0**-45
+"""What counts as 0 at the critical point, relative to the values on the box."""
 NOTHING = 1e-12
 """A factor of the boundary term counts as 0 at the critical point if it is smaller there than this fraction of its values on the box."""
 
@@ -70,6 +74,19 @@ def critical_point(g: Expr, boxes: Sequence[Binder]) -> Critical | None:
         *(positive(mul(sub(b.hi, point[b.var]), sub(point[b.var], b.lo)), strict=False) for b in boxes),
     )
     return Critical(point, _at(g, point), whole, inside, _size(g, boxes, middle))
+
+
+def is_above_birth(g: Expr, critical: Critical) -> Cond:
+    """Returns whether g is positive at its critical point, with a tie where it is 0 to rounding.
+
+    A region is born there (a disk of radius 0), the derivative is that of neither side, and the mean is taken.
+    """
+    return positive(critical.value, True, TRUE, (show(g, 300) + " = 0", "its own critical point, where a region is born or branches meet"))
+
+
+def least_height(critical: Critical) -> Expr:
+    """Returns the distance from its critical value at which a surface is taken if that value is 0 to rounding."""
+    return mul(const(APART), critical.size)
 
 
 def infinite_at_saddle(g: Expr, coefficient: Expr, boxes: Sequence[Binder]) -> Expr:

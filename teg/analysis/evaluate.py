@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from teg.errors import OperandError
-from teg.ir.expr import Add, And, Call, Compare, Const, Expr, Mul, Not, Or, Pow, Truth, Where, const
+from teg.ir.expr import FUNCTIONS, Add, And, Call, Compare, Const, Expr, Mul, Not, Or, Pow, Truth, Where, const
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters
 
@@ -51,6 +51,12 @@ def _value(node: Node, parts: list[Any], np: Any) -> Any:
                 return parts[0] - parts[1] * np.floor(parts[0] / parts[1])
             if node.name == "root":
                 return np.sqrt(np.abs(parts[0]))
+            if node.name in ("erf", "erfc"):
+                return np.vectorize(FUNCTIONS[node.name], otypes=[float])(*parts)
+            if node.name in ("erfinv", "erfcinv"):
+                least, most = (-1.0, 1.0) if node.name == "erfinv" else (0.0, 2.0)
+                inside = (parts[0] > least) & (parts[0] < most)
+                return np.where(inside, np.vectorize(FUNCTIONS[node.name], otypes=[float])(np.where(inside, parts[0], 0.5)), np.nan)
             return getattr(np, _NAMES.get(node.name, node.name))(*parts)
         case Where():
             return np.where(*parts)

@@ -124,6 +124,9 @@ _RULES: dict[str, Callable[[Extent], Extent]] = {
     "sin": lambda u: _WAVE,
     "cos": lambda u: _WAVE,
     "exp": _rising(math.exp, 0.0, math.inf),
+    "expm1": _rising(math.expm1, -1.0, math.inf),
+    "erf": _rising(math.erf, -1.0, 1.0),
+    "erfc": lambda u: (math.erfc(u[1]), math.erfc(u[0])),
     "sinh": _rising(math.sinh, -math.inf, math.inf),
     "cosh": lambda u: cast(Extent, tuple(_rising(math.cosh, 1.0, math.inf)((x, x))[0] for x in _sizes(u))),
     "tanh": _rising(math.tanh, -1.0, 1.0),
@@ -134,5 +137,6 @@ _RULES: dict[str, Callable[[Extent], Extent]] = {
     "root": lambda u: (0.0, math.inf),
     "pow": lambda u: (0.0, math.inf),
     "log": _rising(math.log, -math.inf, math.inf),
+    "log1p": _rising(math.log1p, -math.inf, math.inf),
     "magnitude": _sizes,
 }

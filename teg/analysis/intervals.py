@@ -258,11 +258,13 @@ def _tangent(u: Interval) -> Interval:
     return where(same, call("tan", u[0]), _EVERYTHING[0]), where(same, call("tan", u[1]), _EVERYTHING[1])
 
 
-def _logarithm(u: Interval) -> Interval:
+def _logarithm(name: str, u: Interval, least: Expr) -> Interval:
+    """Returns bounds of a logarithm that is defined above `least`."""
     lo, hi = u
+    somewhere, everywhere = positive(sub(hi, least)), positive(sub(lo, least))
     return (
-        where(positive(hi), where(positive(lo), call("log", lo), _EVERYTHING[0]), _NO_NUMBER),
-        where(positive(hi), call("log", hi), _NO_NUMBER),
+        where(somewhere, where(everywhere, call(name, lo), _EVERYTHING[0]), _NO_NUMBER),
+        where(somewhere, call(name, hi), _NO_NUMBER),
     )
 
 
@@ -285,6 +287,11 @@ def _remainder(u: Interval, m: Interval) -> Interval:
     return _least(ZERO, m[0]), _most(ZERO, m[1])
 
 
+def _falling(values: Interval) -> Interval:
+    """Returns bounds of a decreasing function from its values at both ends."""
+    return values[1], values[0]
+
+
 def _falling_arc(u: Interval) -> Interval:
     rising = _clipped("asin", u, -1.0, 1.0)
     quarter = const(math.pi / 2)
@@ -296,12 +303,16 @@ def _root_of_size(u: Interval) -> Interval:
     return call("sqrt", least), call("sqrt", most)
 
 
-_RISING = frozenset(("exp", "atan", "sinh", "tanh", "floor"))
+_RISING = frozenset(("exp", "expm1", "erf", "atan", "sinh", "tanh", "floor"))
 _BY_NAME: dict[str, Callable[[Interval], Interval]] = {
     "cos": lambda u: _wave(*u),
     "sin": lambda u: _wave(sub(u[0], const(math.pi / 2)), sub(u[1], const(math.pi / 2))),
     "tan": _tangent,
-    "log": _logarithm,
+    "log": lambda u: _logarithm("log", u, ZERO),
+    "log1p": lambda u: _logarithm("log1p", u, MINUS_ONE),
+    "erfc": lambda u: _falling((call("erfc", u[0]), call("erfc", u[1]))),
+    "erfinv": lambda u: _clipped("erfinv", u, -1.0, 1.0),
+    "erfcinv": lambda u: _falling(_clipped("erfcinv", u, 0.0, 2.0)),
     "sqrt": lambda u: _clipped("sqrt", u, 0.0, None),
     "asin": lambda u: _clipped("asin", u, -1.0, 1.0),
     "acos": _falling_arc,

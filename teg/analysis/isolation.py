@@ -39,7 +39,30 @@ _LARGEST = 20_000
 """The largest number of nodes of a surface and its enclosures together. Beyond it a box costs more than adaptive integration."""
 
 
-_SMOOTH = frozenset(["sin", "cos", "tan", "exp", "log", "sqrt", "asin", "acos", "atan", "sinh", "cosh", "tanh", "pow", "atan2"])
+_SMOOTH = frozenset(
+    [
+        "sin",
+        "cos",
+        "tan",
+        "exp",
+        "expm1",
+        "log",
+        "log1p",
+        "sqrt",
+        "asin",
+        "acos",
+        "atan",
+        "sinh",
+        "cosh",
+        "tanh",
+        "erf",
+        "erfc",
+        "erfinv",
+        "erfcinv",
+        "pow",
+        "atan2",
+    ]
+)
 """Functions without kinks. Between the ends of a box on which their curvature is bounded, the bound limits the change of their slope."""
 _NO_NUMBER = const(math.nan)
 _ANYTHING: tuple[Expr, Expr] = (const(-math.inf), const(math.inf))

@@ -20,6 +20,7 @@ from teg.ir.expr import Add, Call, Const, Expr, Mul, Param, Pow, Var, Where, add
 from teg.ir.function import Apply, Function
 from teg.ir.integral import Integral
 from teg.ir.node import digest, postorder
+from teg.ir.traverse import parameters
 
 P = 2**521 - 1
 MAX_TERMS = 400
@@ -336,12 +337,61 @@ Form = dict[Powers, Fraction]
 def shorter_form(e: Expr) -> Expr | None:
     """Returns the shorter of two normal forms of e: in parameters, or in parameters and differences of two parameters.
 
-    Differences of parameters do not cancel where far coordinates are squared. If both are equally long: `expanded(e)`.
+    Differences of parameters do not cancel where far coordinates are squared. If both are equally long: `expanded(e)`, unless such
+    parameters are multiplied in it. If e does not change when all parameters that are multiplied are moved together: a form in which
+    they stand as differences.
     """
     plain = expanded(e)
     differences = [n for n in postorder([e]) if isinstance(n, Expr) and _is_difference(n)]
     local = expanded(e, whole=differences) if differences else None
-    return plain if local is None or (plain is not None and _length(plain) <= _length(local)) else local
+    relative = None if plain is None else _relative(plain)
+    best = plain if local is None else local
+    if local is not None and plain is not None:
+        cancels = _multiplies(plain, {p for d in differences for p in parameters(d)})
+        best = plain if _length(plain) + cancels <= _length(local) else local
+    return relative if relative is not None and best is not None and _length(relative) <= _length(best) else best
+
+
+def _relative(e: Expr, limit: int = 48) -> Expr | None:
+    """Returns a sum of monomials in differences of the parameters that are squared in e; None if e depends on more than these."""
+    form, generators = _normal_form(e, limit)
+    if not form:
+        return None
+    number = len(generators)
+    for origin in range(number):
+        is_coordinate = isinstance(generators[origin], Param) and any((origin, 2) in m for m in form)
+        factors = {i for m in form if any(g == origin for g, _ in m) for i, _ in m} if is_coordinate else set()
+        others = [i for i in sorted(factors) if i != origin and isinstance(generators[i], Param)]
+        moved = form
+        for k, i in enumerate(others):
+            moved = _shifted(moved, i, origin, len(generators) + k)
+        if others and len(moved) <= len(form) and not any(g == origin for m in moved for g, _ in m):
+            form = moved
+            generators += [add(generators[i], mul(const(-1.0), generators[origin])) for i in others]
+    return _from_form(form, generators) if len(generators) > number else None
+
+
+def _shifted(form: Form, i: int, origin: int, difference: int) -> Form:
+    """Returns a form in which generator i is the sum of two others."""
+    result: Form = {}
+    for m, weight in form.items():
+        powers = dict(m)
+        k = powers.pop(i, 0)
+        for s in range(k + 1):
+            new = {**powers, origin: powers.get(origin, 0) + k - s, difference: powers.get(difference, 0) + s}
+            key = tuple(sorted((g, n) for g, n in new.items() if n))
+            result[key] = result.get(key, Fraction(0)) + weight * math.comb(k, s)
+    return {m: weight for m, weight in result.items() if weight}
+
+
+def _multiplies(e: Expr, factors: Collection[Expr]) -> bool:
+    """Returns whether two of these factors, or one and itself, are multiplied in a sum of monomials."""
+    for n in postorder([e]):
+        if isinstance(n, Pow) and n.exponent > 1 and n.base in factors:
+            return True
+        if isinstance(n, Mul) and sum(c in factors for c in n.children) > 1:
+            return True
+    return False
 
 
 def _length(e: Expr) -> int:

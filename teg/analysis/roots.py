@@ -356,6 +356,10 @@ def _within(c: Expr, least: float, most: float) -> Cond:
     return conjunction(positive(sub(c, const(least)), False), positive(sub(const(most), c), False))
 
 
+def _between(c: Expr, least: float, most: float) -> Cond:
+    return conjunction(positive(sub(c, const(least))), positive(sub(const(most), c)))
+
+
 def _log_of(c: Expr) -> list[tuple[Expr, Cond]]:
     return [(call("log", c), positive(c))]
 
@@ -373,12 +377,16 @@ def _acosh(c: Expr) -> list[tuple[Expr, Cond]]:
 
 _INVERSES: dict[str, Callable[[Expr], list[tuple[Expr, Cond]]]] = {
     "exp": _log_of,
+    "expm1": lambda c: _log_of(add(ONE, c)),
     "log": lambda c: [(call("exp", c), TRUE)],
+    "log1p": lambda c: [(call("expm1", c), TRUE)],
     "sqrt": lambda c: [(integer_power(c, 2), positive(c, False))],
     "root": lambda c: [(integer_power(c, 2), positive(c, False))],
     "asin": lambda c: [(call("sin", c), _within(c, -math.pi / 2, math.pi / 2))],
     "acos": lambda c: [(call("cos", c), _within(c, 0.0, math.pi))],
     "atan": lambda c: [(call("tan", c), _within(c, -math.pi / 2, math.pi / 2))],
+    "erf": lambda c: [(call("erfinv", c), _between(c, -1.0, 1.0))],
+    "erfc": lambda c: [(call("erfcinv", c), _between(c, 0.0, 2.0))],
     "sinh": lambda c: [(_asinh(c), TRUE)],
     "cosh": _acosh,
     "tanh": lambda c: [(mul(const(0.5), call("log", div(add(ONE, c), sub(ONE, c)))), _within(c, -1.0, 1.0))],

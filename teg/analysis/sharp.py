@@ -5,9 +5,10 @@ A narrow smooth feature of an integrand comes from few kinds of nodes. The size 
     exp u                   itself                       uᵏ, pow(u, k), k < 0 or large      itself
     cosh u, sinh u          cosh u                       sin u, cos u, u no polynomial      how far u goes in a gap
     tanh u                  1 - tanh²u                   atan u                             1/(1 + u²)
+    erf u, erfc u           exp(-u²)                     expm1 u                            exp u
     f(u, …) of the user     |f|
 
-For tanh and atan the slope counts, because the steps themselves are seen. A sharp value is *tame* if it cannot change much between
+For tanh, atan and erf the slope counts, because the steps themselves are seen. A sharp value is *tame* if it cannot change much between
 neighbouring nodes: its bounds over the whole domain are near each other, or the bounds of its logarithm's slope are small. This is
 decided at compile time if the domain is known in numbers. Bounds over a box are those of `teg.analysis.intervals`. An inner integral is
 bounded by the largest size of its integrand times the largest extent of its range. Linear in the size of the integrands.
@@ -38,7 +39,7 @@ LARGE_POWER = 16
 A negative power of a linear or quadratic function has its own treatment as a pole.
 """
 SATURATED = 1e-13
-"""Added to the slope of tanh. Where the slope is lost in the rounding of 1 the step is not narrow."""
+"""Added to the slopes of tanh and erf. Where the slope is lost in the rounding of 1 the step is not narrow."""
 FAR_ARGUMENT = 3.0
 """The largest change of a wave's argument between two nodes."""
 MAX_NODES = 4000
@@ -123,6 +124,11 @@ def _sharp_call(node: Call, x: Var, degrees: Degrees) -> Sharp | None:
             return Sharp(node, node, u, ONE)
         case "cosh" | "sinh":
             return Sharp(node, call("cosh", u), u, ONE)
+        case "expm1":
+            return Sharp(node, call("exp", u), u, ONE)
+        case "erf" | "erfc":
+            bell = call("exp", mul(MINUS_ONE, integer_power(u, 2)))
+            return Sharp(node, add(bell, const(SATURATED)), u, mul(const(2.0), call("magnitude", u)))
         case "tanh":
             return Sharp(node, add(sub(ONE, integer_power(node, 2)), const(SATURATED)), u, const(2.0))
         case "atan":

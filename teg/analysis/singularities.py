@@ -58,7 +58,7 @@ from teg.ir.traverse import rewrite, substitute
 SMOOTH = math.inf
 """The roughness of an expression that has integer powers only."""
 SINGULAR = frozenset(("sqrt", "root", "pow", "log", "asin", "acos"))
-_ODD = frozenset(("sin", "tan", "asin", "atan", "sinh", "tanh", "floor"))
+_ODD = frozenset(("sin", "tan", "asin", "atan", "sinh", "tanh", "floor", "erf", "expm1", "log1p"))
 """Functions of order 1 at 0."""
 _WRAPPED = frozenset(("sqrt", "root", "pow", "magnitude"))
 """Functions that vanish, or are infinite, where their first argument vanishes."""

@@ -369,7 +369,17 @@ def greatest_size(e: Expr) -> float:
     return sizes[e]
 
 
-_BOUNDED = {"sin": 1.0, "cos": 1.0, "tanh": 1.0, "asin": math.pi / 2, "acos": math.pi, "atan": math.pi / 2, "atan2": math.pi}
+_BOUNDED = {
+    "sin": 1.0,
+    "cos": 1.0,
+    "tanh": 1.0,
+    "erf": 1.0,
+    "erfc": 2.0,
+    "asin": math.pi / 2,
+    "acos": math.pi,
+    "atan": math.pi / 2,
+    "atan2": math.pi,
+}
 
 
 def _power_of_number(node: Node) -> Node:

@@ -87,7 +87,9 @@ def report_not_a_number(values: Results, names: Sequence[str], call: Call, inacc
         return False
     i, j = map(int, np.unravel_index(int(np.argmax(missing)), missing.shape))
     what = f"{_title(values, names, i)} is not a number{_place(call, j)}"
-    hint = "does the expression hold 0/0, inf - inf, or a root or a logarithm of a negative number there? f.diagnose(…) may say more"
+    hint = (
+        "does the expression hold 0/0, inf - inf, a root or a logarithm of a negative number, or a choice from nothing there? f.diagnose(…)"
+    )
     if crowded:
         what += ": a condition has more roots than are looked for"
         hint = "integrate over a smaller region"

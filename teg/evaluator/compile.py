@@ -8,13 +8,14 @@ from typing import Any
 from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration
 from teg.evaluator.evaluator import Evaluator
-from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype, rule_for
 from teg.ir.arrays import has_arrays
 from teg.ir.expr import Param, Tuple, as_number
 from teg.ir.index import ArrayName
 from teg.language import check_parameters, check_program
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.through_sums import Parameter, parameters_and_arrays
+from teg.pipeline import estimator_for
 
 
 def compile(
@@ -30,7 +31,10 @@ def compile(
     dtype: object = "float64",
     threads: int = 1,
     memory: int = 256 * 2**20,
-    discontinuities: str = "sift",
+    discontinuities: str = "exact",
+    samples: int | None = None,
+    sigma: float | None = None,
+    estimator: Mapping[str, Any] | None = None,
     max_roots: int = MAX_ROOTS,
     maps: Sequence[Diffeomorphism] = (),
     check_maps: bool = True,
@@ -42,7 +46,7 @@ def compile(
     `parameters` are those to differentiate by, arrays among them, in the order of `f.parameters` (default: all that occur in e; others
     that occur are arguments after them). `backend` is "numpy", "c" or "jax". `threads` are the C backend's (0: one for each processor;
     results are the same for any number), `memory` (bytes) bounds the NumPy backend's temporary arrays. `discontinuities` says what
-    becomes of the Dirac deltas of a derivative: "sift" (the right thing) or "ignore" (plain automatic differentiation, for comparison).
+    becomes of the jumps when the program is differentiated (see below).
     `max_roots` is for how many roots of a condition there is room at first, if no theorem bounds their number. A call that meets more of
     them makes the program again with more room, up to 4096.
 
@@ -59,6 +63,13 @@ def compile(
         "midpoint"    `order` (256) points a variable, breaks ignored: the uniform rule of Teg (2021), for comparison
         "montecarlo"  `order` (2¹⁴) independent samples of a whole nest of integrals, from `seed`
         "qmc"         `order` (2¹⁴) points of 8 scrambled Sobol' sequences
+
+    `discontinuities` names an estimator of derivatives. "exact" (or "sift") integrates along the surfaces and is right to `tol`; the others
+    are those of the literature, for comparison (docs/estimators.md): "ignore" (plain automatic differentiation), "differences", "spsa",
+    "edge-mc", "warp", "warp-blur" and "smooth". They give first derivatives of programs without arrays, in C and NumPy; their integrals,
+    the value's among them, are means over `samples` points (2¹⁴) from `seed`, unless `rule` is another one than "auto". `sigma` is the
+    width of "smooth" and "warp-blur"; `estimator` holds further options by name, as `{"richardson": True}`, which the estimators' classes
+    document. Errors that `f.grad_and_error` estimates are standard errors; a bias is not in them.
 
     `inaccurate` says what happens where the tolerance is not reached, or an integral diverges: "warn" (AccuracyWarning, with the
     estimate), "raise" (AccuracyError) or "ignore".
@@ -82,8 +93,11 @@ def compile(
     program = e if isinstance(e, Tuple) else as_number(e)
     check_program(program)
     precision = checked_dtype(dtype)
+    chosen = estimator_for(discontinuities, {**(estimator or {}), **({} if sigma is None else {"sigma": sigma})})
+    rule, order = rule_for(chosen, backend, rule, order, samples)
     integration = Integration(DEFAULT_TOLS[precision] if tol is None else tol, rule, order, seed, max_roots, intrinsics)
-    options = Options(backend, integration, inaccurate, precision, threads, memory, discontinuities, maps, check_maps, functions)
+    how = chosen.fitted(integration)
+    options = Options(backend, integration, inaccurate, precision, threads, memory, how, maps, check_maps, functions)
     if parameters is None:
         return Evaluator(program, None, options)
     return Evaluator(program, (parameters_and_arrays if has_arrays(program) else check_parameters)(parameters), options)

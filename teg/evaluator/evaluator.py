@@ -190,7 +190,7 @@ class Evaluator:
         A program that is compiled for lengths of arrays is explained for those of the first call.
         """
         options, made = self._options, self._kernels or self._made.first()
-        asked = Asked(options.integration, options.discontinuities, options.maps, checked_derivatives(derivatives))
+        asked = Asked(options.integration, options.estimator, options.maps, checked_derivatives(derivatives))
         return explained(self._program if made is None else made.plan.expression, self.wrt, asked)
 
     def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:

@@ -21,6 +21,7 @@ from teg.language import check_parameters, check_program
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.through_sums import Parameter, outlined, parameters_and_arrays
 from teg.passes.normalise.sums import NeedsLengths
+from teg.pipeline import estimator_for
 from teg.program.arrays import ArrayProgram
 from teg.report.explain import Asked, explain_cell, explain_loops
 from teg.report.explanation import Explanation
@@ -37,7 +38,7 @@ def explain(
     rule: str = "auto",
     order: int | None = None,
     seed: int = 0,
-    discontinuities: str = "sift",
+    discontinuities: str = "exact",
     derivatives: int = 0,
     maps: Sequence[Diffeomorphism] = (),
     max_roots: int = MAX_ROOTS,
@@ -58,7 +59,8 @@ def explain(
     """
     e = expression if isinstance(expression, Tuple) else as_number(expression)
     check_program(e)
-    asked = Asked(Integration(tol, rule, order, seed, max_roots, intrinsics), discontinuities, maps, checked_derivatives(derivatives))
+    how = Integration(tol, rule, order, seed, max_roots, intrinsics)
+    asked = Asked(how, estimator_for(discontinuities, how=how), maps, checked_derivatives(derivatives))
     if wrt is None:
         return explained(e, None, asked)
     return explained(e, (parameters_and_arrays if has_arrays(e) else check_parameters)(wrt), asked)
@@ -86,7 +88,7 @@ def explained(e: Expr, wrt: Sequence[Parameter] | None, asked: Asked) -> Explana
         assumed: dict[Index, Index] = {n: index_const(ASSUMED) for n in lengths}
         plain, asked = outlined(replace_integers(e, assumed)), replace(asked, assumed_length=ASSUMED)
     leaves = tuple(dict.fromkeys([*chosen, *parameters(e), *counted, *arrays_of(e)]))
-    task = Task(plain, tuple(chosen), leaves, (), asked.integration, asked.discontinuities, tuple(asked.maps))
+    task = Task(plain, tuple(chosen), leaves, (), asked.integration, asked.estimator, tuple(asked.maps))
     derivation = Derivation(task)
 
     def program_of(orders: int) -> ArrayProgram:

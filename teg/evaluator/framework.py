@@ -7,7 +7,7 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
 from teg.analysis.bodies import write_all_out
-from teg.errors import ArrayIndexError, ParameterError
+from teg.errors import ArrayIndexError, EstimatorError, ParameterError
 from teg.evaluator.arguments import name_of, refuse_masked
 from teg.evaluator.kernels import dimensions_of
 from teg.evaluator.options import Options
@@ -38,6 +38,9 @@ class FrameworkFunction:
     framework: ClassVar[str]
 
     def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options, dtype: str | None, indices: Mapping[Any, Any]) -> None:
+        if not options.estimator.has_all_orders:
+            name, hint = options.estimator.name, 'here are "exact" and "ignore"; teg.compile has all estimators'
+            raise EstimatorError(f"discontinuities={name!r} is not available for functions of {self.framework}", None, hint)
         self.expression = e
         self._given = (e, wrt, options, dtype, dict(indices))
         self._options, self._dtype = options, dtype

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from typing import Any, cast
 
 from teg.analysis.settings import DEFAULT_TOL, Integration
-from teg.errors import OptionError
+from teg.errors import EstimatorError, OptionError
 from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
-from teg.pipeline import ESTIMATORS
+from teg.passes.differentiate.estimators.estimator import Estimator
+from teg.passes.differentiate.estimators.exact import Exact
+from teg.pipeline import estimator_for
 
 BACKENDS = ("numpy", "c", "jax")
 INACCURATE = ("warn", "raise", "ignore")
@@ -29,7 +31,7 @@ class Options:
         dtype: object,
         threads: int,
         memory: int,
-        discontinuities: str,
+        discontinuities: str | Estimator,
         maps: Sequence[Diffeomorphism],
         check_maps: bool,
         functions: str = "linked",
@@ -42,14 +44,34 @@ class Options:
             raise OptionError(f"threads={threads!r} is not a number of threads", None, "1, 2, …, or 0 for one a processor")
         if not isinstance(memory, int) or memory < 2**16:
             raise OptionError(f"memory={memory!r} is not a number of bytes of at least 65536")
-        if discontinuities not in ESTIMATORS:
-            raise OptionError(f"discontinuities={discontinuities!r} is not known", None, "one of: " + ", ".join(ESTIMATORS))
         if functions not in FUNCTIONS:
             raise OptionError(f"functions={functions!r} is not known", None, "one of: " + ", ".join(map(repr, FUNCTIONS)))
         self.dtype, self.functions = checked_dtype(dtype), functions
         self.backend, self.threads, self.memory = backend, threads, memory
-        self.integration, self.inaccurate, self.discontinuities = integration, inaccurate, discontinuities
+        self.integration, self.inaccurate = integration, inaccurate
+        self.estimator = discontinuities if isinstance(discontinuities, Estimator) else estimator_for(discontinuities, how=integration)
         self.maps, self.check_maps = checked_maps(maps), bool(check_maps)
+
+
+def rule_for(estimator: Estimator, backend: str, rule: str, order: int | None, samples: int | None) -> tuple[str, int | None]:
+    """Returns the rule and the order of a compilation: samples, for an estimator that is sampled, unless the user names a rule.
+
+    Raises OptionError for `samples` beside `order` or without a rule that samples, EstimatorError for a backend that estimators do not
+    know.
+    """
+    name = estimator.name
+    if backend == "jax" and not estimator.has_all_orders:
+        raise EstimatorError(f'discontinuities={name!r} is not available with backend="jax"', None, '"numpy" and "c" have it')
+    if rule == "auto" and (estimator.is_sampled or (samples is not None and not isinstance(estimator, Exact))):
+        rule = "montecarlo"
+    if samples is None:
+        return rule, order
+    if order is not None:
+        raise OptionError("samples= and order= say the same", None, "give one of them")
+    if rule not in ("montecarlo", "qmc"):
+        hint = 'rule="montecarlo" and rule="qmc" sample; every discontinuities= but "exact" does so unless a rule is given'
+        raise OptionError(f"samples={samples!r} has no meaning here: the rule {rule!r} does not sample", None, hint)
+    return rule, samples
 
 
 def checked_dtype(dtype: object) -> str:

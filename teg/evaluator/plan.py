@@ -23,19 +23,22 @@ from functools import partial
 from typing import Generic, NamedTuple, TypeVar, cast
 
 from teg.analysis.settings import Integration
+from teg.errors import EstimatorError
 from teg.evaluator.options import Options
 from teg.ir import expr as ex
 from teg.ir.arrays import Array, has_arrays
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
 from teg.maps.diffeomorphism import Diffeomorphism
+from teg.passes.differentiate.estimators.estimator import Estimator
+from teg.passes.differentiate.estimators.ignore import Ignore, ignore_discontinuities
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
-from teg.pipeline import ESTIMATORS, cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
+from teg.pipeline import cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
 
@@ -138,7 +141,7 @@ class Task:
     leaves: tuple[Param | ArrayName, ...]
     integers: tuple[Param, ...]
     integration: Integration
-    discontinuities: str
+    estimator: Estimator
     maps: tuple[Diffeomorphism, ...]
 
 
@@ -148,6 +151,7 @@ class Derivation:
     def __init__(self, task: Task) -> None:
         self.task = task
         self.entries = flatten(task.expression)
+        self.first_only = not task.estimator.has_all_orders
         self.has_loops = has_arrays(task.expression) or any(isinstance(p, ArrayName) for p in task.leaves) or bool(task.integers)
         self._outputs: Kept[tuple[Wanted, int | None], list[Expr]] = Kept()
         self._programs: Kept[tuple[Wanted, int | None, bool, Integration], Program | ArrayProgram] = Kept()
@@ -164,8 +168,14 @@ class Derivation:
         It is integrated by the task's options, or by `how`.
         """
         how = how or self.task.integration
+        if self.first_only and (wanted.along or (self.has_loops and wanted.orders)):
+            raise EstimatorError(f"discontinuities={self.task.estimator.name!r} {self._limit(wanted)}", None, '"exact" and "ignore" do')
         make = self._looped if self.has_loops else self._flat
         return self._programs.get((wanted, entry, errors, how), lambda: make(wanted, entry, errors, how))
+
+    @staticmethod
+    def _limit(wanted: Wanted) -> str:
+        return "gives no second derivatives" if wanted.along else "takes no arrays or sums"
 
     def directions(self, wanted: Wanted) -> list[dict[Parameter, Parameter]]:
         """Returns the components of each direction: ∂t of t."""
@@ -182,7 +192,7 @@ class Derivation:
         source, wrt = task.expression if entry is None else self.entries[entry], cast("tuple[Param, ...]", task.wrt)
         for direction in self.directions(wanted):
             source = self._without_deltas(jvp(source, cast("dict[Param, object]", direction), task.maps))
-        outputs = compiled_outputs(source, wrt, wanted.orders, task.discontinuities, task.maps, task.integration.closed_forms)
+        outputs = compiled_outputs(source, wrt, wanted.orders, task.estimator, task.maps, task.integration.closed_forms)
         return outputs if wanted.values else outputs[1:]
 
     def _flat(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> Program:
@@ -213,13 +223,13 @@ class Derivation:
         normal = partial(normal_form, maps=task.maps)
 
         def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
-            return flatten(compiled_outputs(cell, wrt, 1, task.discontinuities, task.maps, task.integration.closed_forms)[1])
+            return flatten(compiled_outputs(cell, wrt, 1, task.estimator, task.maps, task.integration.closed_forms)[1])
 
         found: list[Output] = [output_of(on_cells(leaf, normal)) for leaf in entries] if wanted.values else []
         sources = list(entries) if wanted.values and wanted.orders else []
         sources += [self._tangent(leaf, wanted) for leaf in entries] if wanted.along else []
         for source in sources:
-            for p, slope in zip(task.wrt, gradient(source, task.wrt, derive), strict=True):
+            for p, slope in zip(task.wrt, gradient(source, task.wrt, derive, task.estimator.name == "exact"), strict=True):
                 if slope.has_delta:  # a tangent is also a value, as a factor of another derivative
                     slope = on_cells(slope, normal)
                 found.append((p, slope) if isinstance(p, Array) else slope)
@@ -227,13 +237,15 @@ class Derivation:
 
     def _tangent(self, leaf: Expr, wanted: Wanted) -> Expr:
         for direction in self.directions(wanted):
-            leaf = self._without_deltas(tangent(leaf, dict(direction), lambda cell, changes: jvp(cell, changes, self.task.maps)))
+            moved = tangent(
+                leaf, dict(direction), lambda cell, changes: jvp(cell, changes, self.task.maps), self.task.estimator.name == "exact"
+            )
+            leaf = self._without_deltas(moved)
         return leaf
 
     def _without_deltas(self, e: Expr) -> Expr:
         """Returns a tangent that is to be differentiated again; if discontinuities are ignored, without their contributions."""
-        how = self.task.discontinuities
-        return e if how == "sift" else on_cells(e, ESTIMATORS[how])
+        return on_cells(e, ignore_discontinuities) if isinstance(self.task.estimator, Ignore) else e
 
 
 class Plan:
@@ -254,7 +266,7 @@ class Plan:
         self.expression, self.options = e, options
         self.wrt, self.leaves, self.integers = tuple(wrt), tuple(leaves), tuple(integers)
         abstract, self._functions = with_slots(write_out(e)) if not has_arrays(e) else (e, ())
-        how = options.integration, options.discontinuities, tuple(options.maps)
+        how = options.integration, options.estimator, tuple(options.maps)
         self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how), shared=bool(self._functions))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()

@@ -43,7 +43,7 @@ def jax_function(
     rule: str = "auto",
     order: int | None = None,
     seed: int = 0,
-    discontinuities: str = "sift",
+    discontinuities: str = "exact",
     max_roots: int = MAX_ROOTS,
     maps: Sequence[Any] = (),
     kernel: str = "auto",

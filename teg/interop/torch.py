@@ -47,7 +47,7 @@ def torch_function(
     order: int | None = None,
     seed: int = 0,
     inaccurate: str = "warn",
-    discontinuities: str = "sift",
+    discontinuities: str = "exact",
     max_roots: int = MAX_ROOTS,
     maps: Sequence[Any] = (),
     check_maps: bool = True,

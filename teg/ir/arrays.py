@@ -67,8 +67,8 @@ class Unit(Entry):
     __slots__ = ()
 
 
-class Sum(Expr):
-    """Σ body over an index from lo up to hi - 1; data is (index, lo, hi)."""
+class Ranged(Node):
+    """A node that binds an index, which runs from lo up to hi - 1; data begin with (index, lo, hi)."""
 
     __slots__ = ()
 
@@ -84,12 +84,47 @@ class Sum(Expr):
     def hi(self) -> Index:
         return cast(Index, self.data[2])
 
+    def over(self, children: tuple[Node, ...], k: IndexVar, lo: Index, hi: Index) -> Node:
+        """Returns the node with other children, over another index or range."""
+        return type(self).make((k, lo, hi, *self.data[3:]), children)
+
+
+class Sum(Ranged, Expr):
+    """Σ body over an index."""
+
+    __slots__ = ()
+
+    def over(self, children: tuple[Node, ...], k: IndexVar, lo: Index, hi: Index) -> Node:
+        return sum_over(cast(Expr, children[0]), k, lo, hi)
+
     @property
     def body(self) -> Expr:
         return cast(Expr, self.children[0])
 
 
-LEAVES = (Gather, Unit, IndexValue)
+class Slope(Expr):
+    """The derivative of a `Partition` (the child) by a number of one candidate, or by a number of what stands where there is none.
+
+    Data are (row, column): the index of the candidate, or the end of the range; and the place of the number among the numbers of a
+    candidate.
+    """
+
+    __slots__ = ()
+
+    @property
+    def row(self) -> Index:
+        return cast(Index, self.data[0])
+
+    @property
+    def column(self) -> int:
+        return cast(int, self.data[1])
+
+    @property
+    def partition(self) -> Expr:
+        return cast(Expr, self.children[0])
+
+
+LEAVES = (Gather, Unit, IndexValue, Slope)
 
 # -- what users call ---------------------------------------------------------------------------------------------------
 
@@ -173,7 +208,7 @@ def sum_over(body: Expr, k: IndexVar, lo: Index, hi: Index, as_written: bool = F
 
 def has_arrays(root: Node) -> bool:
     """Returns whether a program has arrays, indices or sums."""
-    return any(isinstance(n, (*LEAVES, Sum)) for n in postorder([root]))
+    return any(isinstance(n, (*LEAVES, Ranged)) for n in postorder([root]))
 
 
 def integers_of(node: Node) -> tuple[Index, ...]:
@@ -183,8 +218,10 @@ def integers_of(node: Node) -> tuple[Index, ...]:
             return node.subscripts
         case IndexValue():
             return (node.index,)
-        case Sum():
+        case Ranged():
             return (node.lo, node.hi)
+        case Slope():
+            return (node.row,)
         case _:
             return ()
 
@@ -219,7 +256,7 @@ def open_indices(root: Node) -> dict[Node, frozenset[IndexVar]]:
         inner: frozenset[IndexVar] = frozenset()
         for c in node.children:
             inner = inner if opened[c] <= inner else inner | opened[c]
-        if isinstance(node, Sum):
+        if isinstance(node, Ranged):
             inner = inner - {node.index}
         opened[node] = inner | own if own else inner
     return opened
@@ -227,6 +264,8 @@ def open_indices(root: Node) -> dict[Node, frozenset[IndexVar]]:
 
 def show_leaf(node: Expr) -> str:
     """Returns an entry of an array, a unit, or an integer, as text."""
+    if isinstance(node, Slope):
+        return f"slope[{show_index(node.row)}, {node.column}]"
     if isinstance(node, Gather | Unit):
         places = ", ".join(map(show_index, node.subscripts))
         return f"{node.array.name}[{places}]" if isinstance(node, Gather) else f"1[{node.array.name}; {places}]"

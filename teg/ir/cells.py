@@ -13,7 +13,7 @@ from typing import cast
 
 from teg.errors import NameClashError, ScopeError
 from teg.ir import expr as ex
-from teg.ir.arrays import LEAVES, Gather, Sum, Unit, arrays_of, integer_parameters, integers_of, open_indices, sum_over
+from teg.ir.arrays import LEAVES, Gather, Ranged, Slope, Sum, Unit, arrays_of, integer_parameters, integers_of, open_indices
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import Index, IndexConst, IndexValue, IndexVar, substitute_index
 from teg.ir.node import Node, postorder
@@ -36,7 +36,7 @@ def cell_leaves(roots: Sequence[Node], known: Mapping[Node, object] | None = Non
         if node in seen:
             continue
         seen.add(node)
-        if isinstance(node, (*LEAVES, Sum)) or (known is not None and node in known):
+        if isinstance(node, (*LEAVES, Ranged)) or (known is not None and node in known):
             leaves[cast(Expr, node)] = None
         else:
             stack.extend(reversed(node.children))
@@ -77,9 +77,9 @@ class Symbols:
 def _title(leaf: Expr, number: int) -> str:
     """Returns the name of a leaf's symbol: the leaf as it is written, or a number for a long sum."""
     text = show(leaf, SHOWN)
-    if not isinstance(leaf, Sum):
+    if not isinstance(leaf, Ranged):
         return text[:SHOWN]
-    return f"({text})" if len(text) <= SHOWN and "\n" not in text else f"Σ{number}[{leaf.index.name}]"
+    return f"({text})" if len(text) <= SHOWN and "\n" not in text else f"{'Σ' if isinstance(leaf, Sum) else '#'}{number}[{leaf.index.name}]"
 
 
 def cellwise(root: Expr, step: Callable[[Expr], Expr]) -> Expr:
@@ -88,9 +88,8 @@ def cellwise(root: Expr, step: Callable[[Expr], Expr]) -> Expr:
     for node in postorder([root]):
         children = tuple(new[c] for c in node.children)
         new[node] = rebuild(node, children)
-        if isinstance(node, Sum):
-            body = _on_cell(cast(Expr, children[0]), step)
-            new[node] = sum_over(body, node.index, node.lo, node.hi)
+        if isinstance(node, Ranged):
+            new[node] = node.over(tuple(_on_cell(cast(Expr, c), step) for c in children), node.index, node.lo, node.hi)
     return _on_cell(cast(Expr, new[root]), step)
 
 
@@ -99,9 +98,9 @@ def _on_cell(cell: Expr, step: Callable[[Expr], Expr]) -> Expr:
     return symbols.out_of([step(symbols.into([cell])[0])])[0]
 
 
-def cells_of(e: Expr) -> list[tuple[tuple[Sum, ...], Expr]]:
+def cells_of(e: Expr) -> list[tuple[tuple[Ranged, ...], Expr]]:
     """Returns every cell with the sums around it, outermost first. A cell comes before the cells in its sums."""
-    around: dict[Expr, tuple[Sum, ...]] = {}
+    around: dict[Expr, tuple[Ranged, ...]] = {}
     entries: list[Expr] = [e]
     while entries:
         entry = entries.pop(0)
@@ -112,9 +111,11 @@ def cells_of(e: Expr) -> list[tuple[tuple[Sum, ...], Expr]]:
     waiting = list(around)
     for body in waiting:
         for leaf in cell_leaves([body]):
-            if isinstance(leaf, Sum) and leaf.body not in around:
-                around[leaf.body] = (*around[body], leaf)
-                waiting.append(leaf.body)
+            if isinstance(leaf, Ranged):
+                path = (*around[body], cast(Ranged, leaf))
+                inside = [c for c in cast("tuple[Expr, ...]", leaf.children) if c not in around]
+                around.update(dict.fromkeys(inside, path))
+                waiting += dict.fromkeys(inside)
     return [(path, body) for body, path in around.items()]
 
 
@@ -126,8 +127,10 @@ def with_integers(node: Node, children: tuple[Node, ...], change: Callable[[Inde
         case IndexValue():
             i = change(node.index)
             return ex.const(float(i.data)) if isinstance(i, IndexConst) else IndexValue.make(i, ())
-        case Sum():
-            return sum_over(cast(Expr, children[0]), node.index, change(node.lo), change(node.hi))
+        case Ranged():
+            return node.over(children, node.index, change(node.lo), change(node.hi))
+        case Slope():
+            return Slope.make((change(node.row), node.column), cast("tuple[Expr, ...]", children))
         case _:
             return rebuild(node, children)
 
@@ -159,7 +162,7 @@ def rename_indices(root: Expr) -> Expr:
     for node in postorder([indices_apart(root)]):
         children = tuple(new[c] for c in node.children)
         height[node] = max((height[c] for c in node.children), default=0)
-        if isinstance(node, Sum):
+        if isinstance(node, Ranged):
             height[node] += 1
             if height[node] not in names:
                 name = node.index.name.split(APART)[0]
@@ -167,7 +170,7 @@ def rename_indices(root: Expr) -> Expr:
                     name += "′"
                 names[height[node]] = name
             k = IndexVar.make(names[height[node]], ())
-            new[node] = sum_over(replace_integers(cast(Expr, children[0]), {node.index: k}), k, node.lo, node.hi)
+            new[node] = node.over(tuple(replace_integers(cast(Expr, c), {node.index: k}) for c in children), k, node.lo, node.hi)
         else:
             new[node] = rebuild(node, children)
     return cast(Expr, new[node])
@@ -180,10 +183,10 @@ def indices_apart(root: Expr) -> Expr:
     count = 0
     for node in postorder([root]):
         children = tuple(new[c] for c in node.children)
-        if isinstance(node, Sum):
+        if isinstance(node, Ranged):
             count += 1
             k = IndexVar.make(f"{node.index.name.split(APART)[0]}{APART}{count}", ())
-            new[node] = sum_over(replace_integers(cast(Expr, children[0]), {node.index: k}), k, node.lo, node.hi)
+            new[node] = node.over(tuple(replace_integers(cast(Expr, c), {node.index: k}) for c in children), k, node.lo, node.hi)
         else:
             new[node] = rebuild(node, children)
     return cast(Expr, new[root])
@@ -220,7 +223,7 @@ def check_indices(root: Expr) -> None:
     if clash := sorted(names & kinds.keys()):
         raise NameClashError(f"{clash[0]!r} is an array and a parameter in one program", root, "rename one of them")
     for node in postorder([root]):
-        if isinstance(node, Sum):
+        if isinstance(node, Ranged):
             for i in integers_of(node):
                 if node.index in postorder([i]):
                     raise ScopeError(f"the range of {node.index.name} depends on itself", node)

@@ -19,6 +19,7 @@ from typing import Any, NoReturn, cast
 
 from teg.errors import ConditionError, DeltaError, OperandError
 from teg.ir.node import Node
+from teg.numerics.error_function import inverse_erf, inverse_erfc
 
 _FLATTEN = 8  # a product inside a product is merged while it is this short: longer ones would make chains quadratic
 
@@ -351,17 +352,19 @@ _NUMPY_OPERATORS: dict[str, Callable[[Any, Any], object]] = {
 FUNCTIONS: dict[str, Callable[..., float]] = {
     "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos, "atan": math.atan,
     "atan2": math.atan2, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh, "exp": math.exp, "log": math.log,
-    "sqrt": math.sqrt, "pow": math.pow, "floor": lambda x: float(math.floor(x)), "ceil": lambda x: float(math.ceil(x)),
+    "erf": math.erf, "erfc": math.erfc, "expm1": math.expm1, "log1p": math.log1p, "sqrt": math.sqrt,
+    "pow": math.pow, "floor": lambda x: float(math.floor(x)), "ceil": lambda x: float(math.ceil(x)),
     "round": lambda x: float(round(x)), "mod": lambda x, y: x - y * math.floor(x / y),
-    "magnitude": abs, "root": lambda x: math.sqrt(abs(x)), "min": min, "max": max,
+    "erfinv": inverse_erf, "erfcinv": inverse_erfc, "magnitude": abs, "root": lambda x: math.sqrt(abs(x)), "min": min, "max": max,
 }  # fmt: skip
-"""The functions of the language, and four that only the compiler uses.
+"""The functions of the language, and six that only the compiler uses.
 
+`erfinv` and `erfcinv` are the inverses of erf and erfc, for the roots of conditions.
 `magnitude` is |u| without a surface at u = 0, for weights that cannot vanish. `root` is √u where u >= 0, and a number, not NaN, where
 rounding takes u below 0. `min` and `max` serve interval bounds.
 """
 
-_SINGULAR = frozenset(("sqrt", "log", "pow", "asin", "acos"))
+_SINGULAR = frozenset(("sqrt", "log", "log1p", "pow", "asin", "acos"))
 
 
 def const(value: float) -> Const:

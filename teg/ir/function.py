@@ -17,7 +17,7 @@ from collections.abc import Collection, Sequence
 from typing import Any, cast
 
 from teg.errors import NameClashError, OperandError, OptionError, ParameterError, ScopeError
-from teg.ir.arrays import LEAVES, Sum
+from teg.ir.arrays import LEAVES, Ranged
 from teg.ir.expr import Add, Call, Cond, Const, Expr, Mul, Param, Pow, Tuple, Var, Where, as_number
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
@@ -28,7 +28,7 @@ DEGREES = (2,)
 There are few, so that few changes of a body change the signature.
 """
 
-_ENTIRE = frozenset(("sin", "cos", "sinh", "cosh", "tanh", "exp", "atan"))
+_ENTIRE = frozenset(("sin", "cos", "sinh", "cosh", "tanh", "exp", "expm1", "atan", "erf", "erfc"))
 _BRANCHING = frozenset(("sqrt", "root", "log", "pow"))
 _STEPS = frozenset(("floor", "ceil", "round", "mod"))
 
@@ -209,7 +209,7 @@ def function(name: str, args: Sequence[Param | Var], body: object, *, inline: bo
     if isinstance(body, Tuple):
         raise OperandError(f"the body of {name} is a tuple", body, "make one function an entry")
     e = as_number(body)
-    if any(isinstance(n, (*LEAVES, Sum)) for n in postorder([e])):
+    if any(isinstance(n, (*LEAVES, Ranged)) for n in postorder([e])):
         raise OperandError(f"the body of {name} holds an array or a sum", e, "make the entries arguments: f(V[i, 0], V[i, 1])")
     if e.has_delta:
         raise OperandError(f"the body of {name} holds a Dirac delta", e, "a delta may only be added and multiplied")
@@ -261,6 +261,8 @@ def _problem(node: Node, signs: dict[Node, int]) -> str:
             return "it may divide by 0"
         case Call() if node.name in _STEPS:
             return f"it has steps: {node.name}"
+        case Call(name="log1p") if signs[node.children[0]] >= _NOT_NEGATIVE:
+            return ""
         case Call() if node.name in _BRANCHING and signs[node.children[0]] < _POSITIVE:
             return f"it may be singular: {node.name}"
         case Call() if node.name in _ENTIRE or node.name in _BRANCHING or isinstance(node, Apply):
@@ -289,7 +291,7 @@ def _signs(order: Sequence[Any]) -> dict[Node, int]:
                 sign = min(parts)
             case Pow():
                 sign = parts[0] if parts[0] == _POSITIVE else _NOT_NEGATIVE if node.exponent % 2 == 0 else parts[0]
-            case Call() if node.name in ("exp", "cosh"):
+            case Call() if node.name in ("exp", "cosh", "erfc"):
                 sign = _POSITIVE
             case Call() if node.name in ("sqrt", "root", "pow", "magnitude"):
                 sign = _POSITIVE if parts[0] == _POSITIVE else _NOT_NEGATIVE

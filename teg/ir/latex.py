@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-from teg.ir.arrays import Gather, Sum, Unit
+from teg.ir.arrays import Gather, Ranged, Slope, Sum, Unit
+from teg.ir.choices import Nearest, Product
 from teg.ir.expr import (
     Add,
     And,
@@ -136,7 +137,18 @@ def _line(node: Node, parts: list[Text]) -> Text:
             sign = rf"\int_{{{lo[0]}}}^{{{hi[0]}}} "
             return sign + _wrapped(body, _PRODUCT) + rf" \,\mathrm{{d}}{name(node.var.name)}", _PRODUCT
         case Sum():
-            return _sum_over(node, parts[0])
+            return rf"\sum_{{{_range(node)}}} " + (parts[0][0] if isinstance(node.body, Sum) else _wrapped(parts[0], _PRODUCT)), _SUM
+        case Product():
+            return rf"\prod_{{{_range(node)}}} " + _wrapped(parts[0], _PRODUCT), _SUM
+        case Nearest():
+            value, key, condition, otherwise = (p[0] for p in parts)
+            inside = rf"{value} ;\; {key} \mid {condition} ;\; {otherwise}"
+            return rf"\operatorname{{nearest}}_{{{_range(node)}}}" + _in_brackets(inside), _ATOM
+        case Ranged():
+            title = type(node).__name__.lower().removesuffix("of")
+            return rf"\operatorname{{{title}}}_{{{_range(node)}}}" + _in_brackets(", ".join(p[0] for p in parts)), _ATOM
+        case Slope():
+            return rf"\partial_{{{index(node.row)[0]}, {node.column}}} " + _wrapped(parts[0], _PRODUCT), _PRODUCT
         case Gather():
             return _subscripted(name(node.array.name), [index(i)[0] for i in node.subscripts]), _ATOM
         case Unit():
@@ -230,7 +242,7 @@ def _apply(node: Apply, parts: list[str]) -> Text:
     return "".join(slopes) + name(node.callee.title) + _in_brackets(arguments), _POWER
 
 
-def _sum_over(node: Sum, body: Text) -> Text:
+def _range(node: Ranged) -> str:
     """Returns a half-open range as a closed one: its last index is one less than its end."""
     hi = node.hi
     if isinstance(hi, IndexConst):
@@ -239,9 +251,7 @@ def _sum_over(node: Sum, body: Text) -> Text:
         last = index(hi.children[0])[0]
     else:
         last = f"{index(hi)[0]} - 1"
-    return rf"\sum_{{{name(node.index.name)} = {index(node.lo)[0]}}}^{{{last}}} " + (
-        body[0] if isinstance(node.body, Sum) else _wrapped(body, _PRODUCT)
-    ), _SUM
+    return rf"{name(node.index.name)} = {index(node.lo)[0]}}}^{{{last}"
 
 
 def _subscripted(base: str, subscripts: list[str]) -> str:

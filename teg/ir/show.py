@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from teg.ir.arrays import LEAVES, Sum, show_leaf
+from teg.ir.arrays import LEAVES, Ranged, Sum, show_leaf
+from teg.ir.choices import AnyOf, Nearest, Product
 from teg.ir.expr import (
     Add,
     And,
@@ -103,6 +104,8 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
             return f"δ({parts[0][0]})", _ATOM
         case Sum():
             return f"Σ[{node.index.name}: {node.lo}..{node.hi}] {_wrapped(parts[0], _PRODUCT)}", _SUM
+        case Ranged():
+            return _ranged_line(node, parts)
         case _ if isinstance(node, LEAVES):
             return show_leaf(node), _ATOM
         case PointMasses():
@@ -111,6 +114,20 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
             return _condition_line(node, parts)
         case _:
             raise AssertionError(f"unknown node {type(node).__name__}")
+
+
+def _ranged_line(node: Ranged, parts: list[tuple[str, int]]) -> tuple[str, int]:
+    over = f"[{node.index.name}: {node.lo}..{node.hi}]"
+    match node:
+        case Product():
+            return f"Π{over} {_wrapped(parts[0], _PRODUCT)}", _SUM
+        case AnyOf():
+            return f"any{over}({parts[0][0]})", _ATOM
+        case Nearest():
+            value, key, condition, otherwise = (p[0] for p in parts)
+            return f"nearest{over}({value}; {key} | {condition}; {otherwise})", _ATOM
+        case _:
+            return f"{type(node).__name__.lower()}{over}({', '.join(p[0] for p in parts)})", _ATOM
 
 
 def _condition_line(node: Cond, parts: list[tuple[str, int]]) -> tuple[str, int]:
@@ -200,6 +217,8 @@ def _operation(node: Node) -> str:
             return f"integral[{node.var.name}]"
         case Sum():
             return f"sum[{node.index.name}: {node.lo}..{node.hi}]"
+        case Ranged():
+            return f"{type(node).__name__.lower()}[{node.index.name}: {node.lo}..{node.hi}]"
         case Compare():
             return "positive" if node.strict else "nonnegative"
         case _:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, cast
 
 from teg.ir import expr as ex
-from teg.ir.arrays import LEAVES, Sum, sum_over
+from teg.ir.arrays import LEAVES, Ranged, Slope
 from teg.ir.expr import (
     Add,
     And,
@@ -85,8 +85,10 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
             return ex.conjunction(*c)
         case Or():
             return ex.disjunction(*c)
-        case Sum():
-            return sum_over(c[0], node.index, node.lo, node.hi)
+        case Ranged():
+            return node.over(children, node.index, node.lo, node.hi)
+        case Slope():
+            return Slope.make(node.data, c)
         case _ if isinstance(node, LEAVES):
             return node
         case Const() | Param() | Var() | Truth():

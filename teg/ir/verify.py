@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from teg.ir.arrays import LEAVES, Sum
+from teg.ir.arrays import LEAVES, Ranged, Slope
 from teg.ir.expr import (
     Add,
     And,
@@ -56,7 +56,9 @@ def verify(root: Node, stage: str = "") -> None:
                 assert not node.g.has_delta, f"{stage}: a delta in a condition"
             case Not():
                 kinds = (Cond,)
-            case Sum():
+            case Ranged():
+                kinds = tuple(Cond if isinstance(c, Cond) else Expr for c in node.children)
+            case Slope():
                 kinds = (Expr,)
             case _ if isinstance(node, LEAVES):
                 kinds = ()

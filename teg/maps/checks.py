@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from teg.analysis.nest import Binder, Chain
-from teg.ir.arrays import Gather, Sum, has_arrays
+from teg.ir.arrays import Gather, Ranged, has_arrays
 from teg.ir.cells import Symbols, cells_of
 from teg.ir.expr import ZERO, Expr, Param, Var
 from teg.ir.index import OPERATIONS, ArrayName, Index, IndexCall, IndexConst, IndexGather, IndexParam, IndexValue, Length, index_leaves
@@ -37,13 +37,13 @@ class MapChecks:
     """The maps of a program, and the cells they apply to."""
 
     def __init__(self, e: Expr, maps: Sequence[Diffeomorphism]) -> None:
-        self.cells: list[tuple[tuple[Sum, ...], Symbols, _CellChecks]] = []
+        self.cells: list[tuple[tuple[Ranged, ...], Symbols, _CellChecks]] = []
         always: list[Diffeomorphism] = []  # maps that are verified in every call, whatever its iterations
         for path, body in (cells_of(e) if has_arrays(e) else [((), e)]) if maps else ():
             symbols = Symbols()
             (cell,) = symbols.into([body])
             checks = _CellChecks(cell, maps)
-            unknown = {symbol for leaf, symbol in symbols.of.items() if isinstance(leaf, Sum)}
+            unknown = {symbol for leaf, symbol in symbols.of.items() if isinstance(leaf, Ranged)}
             checks.cases = [case for case in checks.cases if case.nests and not unknown.intersection(case.every)]
             if checks.cases:
                 self.cells.append((path, symbols, checks))
@@ -154,7 +154,7 @@ class _Element:
         self.numbers = {name: float(c if c.ndim == 0 else c[i]) for name, c in columns.items()}
         self.arrays = {a: v if v.ndim == a.dimensions else v[i] for a, v in arrays.items()}
 
-    def iterations(self, path: Sequence[Sum], elements: int) -> Iterator[dict[Node, int]]:
+    def iterations(self, path: Sequence[Ranged], elements: int) -> Iterator[dict[Node, int]]:
         """Yields the indices of iterations, spread over the ranges, first and last ones among them."""
         import numpy as np
 

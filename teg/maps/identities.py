@@ -239,7 +239,7 @@ def _roots_in(factor: Expr, square: Expr) -> int:
 def _function(node: Call, signs: _Signs) -> Expr:
     u = node.children[0]
     match node.name, u.name if isinstance(u, Call) else "":
-        case "log", "exp":
+        case ("log", "exp") | ("log1p", "expm1") | ("expm1", "log1p"):
             return cast(Expr, u.children[0])
         case ("tan", "atan") | ("sin", "asin") | ("cos", "acos"):
             return cast(Expr, u.children[0])

@@ -5,6 +5,10 @@
            | name = i                               Number: an integer as a float64
            | names = kernel(names…)                 Run: a flat program (`teg.program`) on numbers
            | names = Σ i in [lo, hi): steps         Loop: each result is the sum of its value over the iterations
+           | names = winner i in [lo, hi): steps    Least: each result is the index of the least value
+           | names = Π i in [lo, hi): steps         Factors: each result is the product of its values
+           | names = ∫∫ nearest i in [lo, hi): steps    Cells: each result is the integral of the polynomial of the nearest candidate
+           | name = table[i, column]                Take: a derivative that a Cells has left in a table
            | output[i, …] += name                   Scatter: into an output that is an array
 
 Names are given once in the whole program; a step uses those of its own block before it, of the enclosing blocks, and the parameters.
@@ -27,6 +31,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
+from teg.numerics.cells import Layout
 from teg.program.fields import INTEGER, NUMBER, Block, Operand, Result, Variable, inner_blocks
 from teg.program.statements import Program
 from teg.program.walk import size
@@ -39,6 +44,8 @@ COPIES = 2**25
 """Numbers in the copies of outputs that chunks scatter into, at most."""
 
 Arg = str | int | float
+SQUARE = Layout(1, 1, 0)
+"""Candidates with one guard and a constant."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +98,49 @@ class Loop:
 
 
 @dataclass(frozen=True, slots=True)
+class Least(Loop):
+    """result = the index, as a number, of the least of `values` among the iterations where `eligible` is 1; -1 if there is none.
+
+    The first of equal ones. NaN if `eligible` is NaN in an iteration, or the value where `eligible` is 1. One entry for each result.
+    """
+
+    eligible: Annotated[tuple[Arg, ...], Operand(at="body", each=True)] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Factors(Loop):
+    """results = Π values over the iterations, in their order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cells(Loop):
+    """results = ∫∫ over the unit square of the polynomials of the nearest candidate (`teg.numerics.cells`), candidates the iterations.
+
+    `values` are the numbers of a candidate: guards, key, coefficients of each result; if `shape.order` is 1, the direction of all of
+    these. `otherwise` are the coefficients of each result where there is no candidate, and their direction. `tables`, one for each
+    result or none, are the derivatives of the result by every number of a candidate, which `Take` reads; `sizes`, one for each result or
+    none, are bounds of the integrals of the absolute values.
+    """
+
+    values: Annotated[tuple[Arg, ...], Operand(at="body")]
+    shape: Layout = SQUARE
+    otherwise: Annotated[tuple[Arg, ...], NUMBER] = ()
+    tables: Annotated[tuple[str, ...], Result("integer")] = ()
+    sizes: Annotated[tuple[str, ...], Result()] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Take:
+    """name = the derivative in a column of a table of `Cells`, in the row of a candidate, or of the end of the range, which is for
+    `otherwise`."""
+
+    name: Annotated[str, Result()]
+    table: Annotated[str, INTEGER]
+    row: Annotated[Arg, INTEGER]
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
 class Scatter:
     """output[subscripts…] += value; `array` is the given array whose shape the output has."""
 
@@ -107,7 +157,7 @@ class Like:
     array: int
 
 
-Step = Integers | Load | Number | Run | Loop | Scatter
+Step = Integers | Load | Number | Run | Loop | Take | Scatter
 
 
 @dataclass(frozen=True, slots=True)

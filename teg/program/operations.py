@@ -1,7 +1,8 @@
 """The operations of an `Assign`: what each takes, what it gives, and its meaning on plain Python numbers.
 
     floats    const(x)  add(x, y, …)  sub(x, y)  mul(x, y, …)  div(x, y)  neg(x)  powi(x, n)  pow(x, y)  abs(x)  floor(x)  mod(x, y)
-              sin cos tan asin acos atan sinh cosh tanh exp log sqrt (x)   atan2(y, x)   select(b, x, y)   min(x, y)  max(x, y)
+              sin cos tan asin acos atan sinh cosh tanh exp expm1 log log1p sqrt erf erfc (x)
+              atan2(y, x)   select(b, x, y)   min(x, y)  max(x, y)
               call(k, x, …), function k of the program, an integer literal
     booleans  gt0 ge0 lt0 le0 (x)   ok(x)   and(b, …)  or(b, …)  not(b)   tie(g, scale, r, k)
 
@@ -138,7 +139,11 @@ OPERATIONS: dict[str, Operation] = {
     "tanh": _of_number(math.tanh),
     "exp": _of_number(math.exp, lambda x: math.inf),
     "log": _of_number(math.log, lambda x: -math.inf if x == 0.0 else math.nan),
+    "expm1": _of_number(math.expm1, lambda x: math.inf),
+    "log1p": _of_number(math.log1p, lambda x: -math.inf if x == -1.0 else math.nan),
     "sqrt": _of_number(math.sqrt),
+    "erf": _of_number(math.erf),
+    "erfc": _of_number(math.erfc),
     "atan2": _of_two(math.atan2),
     "select": Operation(("condition", "number", "number"), "number", lambda b, x, y: x if b else y),
     "min": _of_two(least),

@@ -116,7 +116,7 @@ class Bend:
     a bend's s is that of its nearest zero; FAR zeros beside another one do not count. Two real zeros closer than 1e-12·L are none, nor
     complex ones with h < 1e-100·L; nor is a "root" or "end" with a real zero inside of the piece, which should be a break; one that is
     inside by at most 1e-9·L is moved to the end there. The place of u on a piece is the first of these that applies, t being linear in u;
-    nodes are kept within (p, q), one that is not becomes the next number inside, which is a normal one in JAX:
+    nodes are kept within (p, q), one that is not becomes the next normal number inside:
 
         a tail, q or p infinite      p + scale·u/(1 - u),   q - scale·(1 - u)/u
         the nearest bend with s < NEAR:

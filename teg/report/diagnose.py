@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from teg.analysis.evaluate import values_of
 from teg.analysis.settings import Integration
 from teg.analysis.surfaces import atoms_of
-from teg.ir.arrays import Gather, Sum, sum_over
+from teg.ir.arrays import Gather, Ranged, Sum, sum_over
 from teg.ir.cells import Symbols
 from teg.ir.expr import TRUE, ZERO, Call, Expr, Param, add, bracket, call, const, positive
 from teg.ir.index import ArrayName
@@ -446,7 +446,7 @@ def _cell_probes(cell: Expr, sums: dict[Node, Expr]) -> Expr:
 
 def _varies(g: Expr, symbols: Symbols) -> bool:
     """Returns whether an expression depends on more than indices."""
-    return any(isinstance(n, Param) and isinstance(symbols.meaning.get(n, n), Param | Gather | Sum) for n in postorder([g]))
+    return any(isinstance(n, Param) and isinstance(symbols.meaning.get(n, n), Param | Gather | Ranged) for n in postorder([g]))
 
 
 def _ties(met: Sequence[MetTie], at: Element, said: Callable[[tuple[str, str]], tuple[str, tuple[str, ...], str]]) -> list[Diagnosis]:

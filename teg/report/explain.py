@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
 from teg.errors import TegError
-from teg.ir.arrays import Gather, Sum, arrays_of
+from teg.ir.arrays import Gather, Ranged, arrays_of
 from teg.ir.cells import Symbols, cells_of
 from teg.ir.expr import Expr, Param
 from teg.ir.function import Function
@@ -21,6 +21,8 @@ from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters
 from teg.ir.traverse import size as nodes
+from teg.passes.differentiate.estimators.estimator import Estimator
+from teg.passes.differentiate.estimators.ignore import Ignore
 from teg.passes.differentiate.through_sums import Parameter
 from teg.passes.eliminate.families import closing, families_with
 from teg.passes.intrinsics import boundary_terms
@@ -46,7 +48,7 @@ class Asked:
     """
 
     integration: Integration
-    discontinuities: str
+    estimator: Estimator
     maps: Maps
     derivatives: int
     assumed_length: int | None = None
@@ -56,12 +58,12 @@ class Asked:
         """Returns the options as data."""
         how = self.integration
         named = {"tol": how.tol, "rule": how.rule, "order": how.order}
-        return {**named, "discontinuities": self.discontinuities, "max_roots": how.max_roots, "intrinsics": how.intrinsics}
+        return {**named, "discontinuities": self.estimator.name, "max_roots": how.max_roots, "intrinsics": how.intrinsics}
 
 
 def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
     """Returns the explanation of a program without sums, or of one cell."""
-    how, maps, discontinuities = asked.integration, asked.maps, asked.discontinuities
+    how, maps, estimator = asked.integration, asked.maps, asked.estimator
     functions, shown, number, e = _functions(e), text_of(e), nodes(e), write_out(e)
     before = canonicalise(enumerate_steps(e))
     remarks = Remarks()
@@ -69,8 +71,7 @@ def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
     closed = boundary_terms() if how.closed_forms else ()
     families = closing(families_with(maps), closed) if how.closed_forms else families_with(maps)
     final = before if normal is None else normal
-    ignoring = discontinuities == "ignore"
-    inventory = Inventory(e, before, final, chosen, ignoring=ignoring, families=families, closed=closed, max_roots=how.max_roots)
+    inventory = Inventory(e, before, final, chosen, estimator=estimator.name, families=families, closed=closed, max_roots=how.max_roots)
     names = list(dict.fromkeys(p.name for p in (*chosen, *parameters(e), *(p for m in maps for p in m.parameters))))
     integrals = Integrals(how)
     data: dict[str, Any] = {
@@ -98,12 +99,12 @@ def explain_cell(e: Expr, chosen: Sequence[Param], asked: Asked) -> Explanation:
     if not chosen:
         return Explanation(data)
     closed_forms = how.closed_forms
-    outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, discontinuities, maps, closed_forms, remarks))
+    outputs, data["gradient_error"] = _attempted(lambda: compiled_outputs(e, chosen, 1, estimator, maps, closed_forms, remarks))
     if outputs is not None:
         program = program_for([leaf for o in outputs for leaf in flatten(o)], names, how, remarks=remarks)
         data["remarks"] = _told(remarks)
         data["gradient_statements"], data["cost"]["value and gradient"] = size(program), cost_of(program)
-        interior = compiled_outputs(e, chosen, 1, "ignore")[1]
+        interior = compiled_outputs(e, chosen, 1, Ignore())[1]
         data["boundary"] = integrals.of([outputs[1]], but=[normal, outputs[0], interior])
         if asked.derivatives:
             data["interior"] = integrals.of([interior], but=[normal, outputs[0]])
@@ -153,7 +154,7 @@ def _active(leaf: Node, wrt: set[Node]) -> bool:
     return any(n in wrt or (isinstance(n, Gather) and n.array in wrt) for n in postorder([leaf]))
 
 
-def _explain_cell(data: dict[str, Any], path: tuple[Sum, ...], body: Expr, wrt: Sequence[Parameter], asked: Asked) -> None:
+def _explain_cell(data: dict[str, Any], path: tuple[Ranged, ...], body: Expr, wrt: Sequence[Parameter], asked: Asked) -> None:
     """Adds the explanation of a cell to that of the program."""
     symbols = Symbols()
     (cell,) = symbols.into([body])

@@ -19,6 +19,7 @@ from teg.ir.show import show
 from teg.ir.traverse import parameters, rename_apart, substitute
 from teg.passes.eliminate.affine import Affine
 from teg.passes.eliminate.bilinear import Bilinear
+from teg.passes.eliminate.conic import Conic
 from teg.passes.eliminate.families import Closed, Families, find_family
 from teg.passes.eliminate.implicit import Implicit
 from teg.passes.eliminate.mapped import Mapped
@@ -74,7 +75,7 @@ class Inventory:
         normal: Expr,
         wrt: Iterable[Param],
         *,
-        ignoring: bool,
+        estimator: str,
         families: Families,
         closed: Sequence[Closed],
         max_roots: int,
@@ -83,7 +84,7 @@ class Inventory:
         self.before = before
         self.normal = normal
         self.wrt = frozenset(wrt)
-        self.ignoring = ignoring
+        self.estimator = estimator
         self.families = families
         self.closed = closed
         self.max_roots = max_roots
@@ -133,8 +134,10 @@ class Inventory:
         j = jump(node.body, g)
         if j is ZERO or vanishes_on(j, g):
             return entry_of(g, owner, "kink", "a kink: the integrand does not jump there")
-        if self.ignoring:
+        if self.estimator == "ignore":
             return entry_of(g, owner, "ignored", "ignored: discontinuities='ignore'")
+        if self.estimator != "exact":
+            return entry_of(g, owner, "estimated", f"its motion is estimated: discontinuities={self.estimator!r}")
         return self._with_delta(g, around, owner)
 
     def _with_delta(self, g: Expr, around: Nest, owner: str, before: str = "") -> Entry:
@@ -308,6 +311,8 @@ def _coordinates(data: object, charts: Sequence[Entry]) -> str:
             return f": over {_roots(charts[0])}"
         case Implicit():
             return f": a chart over each of {' and '.join(_roots(c) for c in charts)}, weighted by slope"
+        case Conic():
+            return f" around the curve in {', '.join(names)}"
         case Mapped():
             return ""
         case _:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import cache, reduce
+from importlib import import_module
 from typing import Any, cast
 
 from teg import language
@@ -151,6 +152,7 @@ def _leaf(node: Any) -> Expr | Cond:
 def functions() -> dict[Any, Callable[..., Node]]:
     """Returns, for each SymPy function, the function that builds the language's node from converted arguments."""
     sympy = sympy_package()
+    cfunctions = import_module("sympy.codegen.cfunctions")
     of_numbers: dict[Any, Callable[..., Node]] = {
         sympy.Add: _sum,
         sympy.Mul: _product,
@@ -177,6 +179,13 @@ def functions() -> dict[Any, Callable[..., Node]]:
         sympy.sech: lambda u: 1 / language.cosh(u),
         sympy.csch: lambda u: 1 / language.sinh(u),
         sympy.coth: lambda u: 1 / language.tanh(u),
+        sympy.erf: language.erf,
+        sympy.erfc: language.erfc,
+        sympy.erfinv: lambda u: ex.call("erfinv", u),
+        sympy.erfcinv: lambda u: ex.call("erfcinv", u),
+        sympy.erf2: lambda u, v: language.erf(v) - language.erf(u),
+        cfunctions.expm1: language.expm1,
+        cfunctions.log1p: language.log1p,
         sympy.asinh: _asinh,
         sympy.acosh: _acosh,
         sympy.atanh: lambda u: 0.5 * language.log((1 + u) / (1 - u)),

@@ -9,7 +9,7 @@ from typing import Any, cast
 from teg import language
 from teg.errors import NameClashError, OperandError
 from teg.ir import expr as ex
-from teg.ir.arrays import LEAVES, Sum
+from teg.ir.arrays import LEAVES, Ranged
 from teg.ir.expr import (
     MINUS_ONE,
     ONE,
@@ -119,8 +119,8 @@ class Writer:
                 return self.make(sympy.And, *parts)
             case Or():
                 return self.make(sympy.Or, *parts)
-            case _ if isinstance(node, (*LEAVES, Sum)):
-                what = "a sum over an index" if isinstance(node, Sum) else "an entry of an array or an index"
+            case _ if isinstance(node, (*LEAVES, Ranged)):
+                what = "a sum over an index" if isinstance(node, Ranged) else "an entry of an array or an index"
                 hint = "convert what one term is: the body of the sum with a parameter for each entry"
                 raise OperandError(f"{what} is not written for SymPy", node, hint)
             case _:
@@ -143,6 +143,10 @@ class Writer:
                 return self.make(sympy.Pow, self.make(sympy.Abs, *parts), sympy.S.Half)
             case "magnitude":
                 return self.make(sympy.Abs, *parts)
+            case "expm1":
+                return self.make(sympy.Add, self.make(sympy.exp, *parts), sympy.S.NegativeOne)
+            case "log1p":
+                return self.make(sympy.log, self.make(sympy.Add, sympy.S.One, *parts))
             case "ceil":
                 return self.make(sympy.ceiling, *parts)
             case "round":
@@ -237,7 +241,27 @@ class Writer:
         return self.make(sympy.Add, sympy.S.One, self.make(sympy.Mul, sympy.S.NegativeOne, step))
 
 
-_FINITE = frozenset(("sin", "cos", "atan", "sinh", "cosh", "tanh", "exp", "floor", "ceil", "round", "magnitude", "root", "min", "max"))
+_FINITE = frozenset(
+    (
+        "sin",
+        "cos",
+        "atan",
+        "sinh",
+        "cosh",
+        "tanh",
+        "exp",
+        "expm1",
+        "erf",
+        "erfc",
+        "floor",
+        "ceil",
+        "round",
+        "magnitude",
+        "root",
+        "min",
+        "max",
+    )
+)
 
 
 def _is_finite(node: Node, finite: set[Node]) -> bool:

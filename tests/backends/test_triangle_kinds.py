@@ -22,9 +22,10 @@ ALLOWED = {"thin 1e-6": 1e-10}
 CLOSE = 2e-13
 CONSTANT = 1e-13
 """Of a constant colour: its area depends on lengths only."""
-TIMES, SMALL = 12.0, 1e-15
-"""How much larger errors may be than those of the handwritten kernel, or of rounding where that has none."""
 ORDERS = (0, 1, 2)
+TIMES, SMALL = 12.0, dict(zip(ORDERS, (1e-15, 2e-15, 2e-14), strict=True))
+"""How much larger errors may be than those of the handwritten kernel, or of rounding where that has none. (Pixels side by side are
+integrated with nodes of the whole pixel, where the colours of a triangle in it are larger than in the triangle.)"""
 
 
 def columns(cases: list[Case]) -> dict[str, np.ndarray]:
@@ -72,7 +73,7 @@ def test_accuracy(order, how):
 def test_it_is_the_accuracy_of_what_is_written_by_hand(order):
     cases = [c for c in stored() if c.order == order]
     ours, theirs = errors(cases, generated(cases, "c")), errors(cases, by_hand(cases))
-    assert {kind: (ours[kind], theirs[kind]) for kind in KINDS if not ours[kind] <= max(TIMES * theirs[kind], SMALL)} == {}
+    assert {kind: (ours[kind], theirs[kind]) for kind in KINDS if not ours[kind] <= max(TIMES * theirs[kind], SMALL[order])} == {}
 
 
 def test_every_kind_is_there():

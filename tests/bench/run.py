@@ -48,7 +48,7 @@ from tests.bench.scenes import (
     superellipse,
     triangle_pixel,
 )
-from tests.bench.speed import bilinear_rows, call_rows, compile_time_row, image_rows, triangle_rows
+from tests.bench.speed import bilinear_rows, call_rows, compile_time_row, crossed_rows, image_rows, triangle_rows
 
 
 def table(rows: list[Row]) -> str:
@@ -146,6 +146,7 @@ def main() -> None:
         "compile": compiled,
         "compile time": timed_compilation,
         "triangle and pixel": lambda: [row for order in range(3) for row in triangle_rows(order)],
+        "half-planes in a box": crossed_rows,
         "picture": image_rows,
         "bilinear pixel": bilinear_rows,
         "calls": call_rows,

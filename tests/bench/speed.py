@@ -11,21 +11,24 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
 import teg
 from teg.analysis.settings import Integration
+from teg.backends.c import crossed
 from teg.backends.c.build import BASE_FLAGS, NATIVE, find_compiler, load_library
 from teg.backends.c.kernel import optimisation
 from teg.backends.c.standalone import standalone_c
 from teg.evaluator.evaluator import Evaluator
 from teg.ir.traverse import parameters
+from teg.passes.differentiate.estimators.exact import Exact
 from teg.pipeline import compiled_outputs, flatten, program_for
 from tests.bench.handwritten import FUNCTIONS, BilinearPixels, Picture, Triangles, address
 from tests.bench.kinds import stored
 from tests.bench.rows import Row, median_time
-from tests.bench.scenes import bilinear_pixel, picture, triangle_pixel
+from tests.bench.scenes import bilinear_pixel, half_planes, picture, triangle_pixel
 
 COLOURS = ("constant", "linear", "quadratic")
 COVERS = ("no overlap", "full", "partial")
@@ -129,6 +132,27 @@ def triangle_rows(order: int) -> list[Row]:
             "ratio": time_here / hand_time,
         }
         rows.append({**row, "error": relative(generated.results.T, hand.results), "error to 60 digits": accuracy})
+    return rows
+
+
+def crossed_rows() -> list[Row]:
+    """Value and gradient of polynomials on half-planes that cross a box, eight boxes at once, beside the same clipped corner by corner
+    (a kernel without the line of `teg.backends.c.crossed`); `error` is their largest difference."""
+    rows: list[Row] = []
+    n = PAIRS
+    for lines in (1, 3):
+        e, wrt = half_planes(lines)
+        f = teg.compile(e, wrt, backend="c")
+        rng = np.random.default_rng(lines)
+        values = {f"{k}{i}": rng.standard_normal(n) for i in range(lines) for k in "ab"}
+        places = rng.random((2, lines, n))
+        values |= {f"c{i}": values[f"a{i}"] * places[0, i] + values[f"b{i}"] * places[1, i] for i in range(lines)}
+        together = Kernel(f, values)
+        with mock.patch.object(crossed, "LONGEST", 0):
+            alone = Kernel(f, values)
+        first, second = (t / n for t in in_turn(together, alone))
+        row: Row = {"half-planes": lines, "eight at once, ns": first, "corner by corner, ns": second, "ratio": first / second}
+        rows.append({**row, "error": relative(together.results, alone.results)})
     return rows
 
 
@@ -284,7 +308,7 @@ def compile_time_row(name: str, e: teg.Expr, wrt: list[Any]) -> Row:
     that text, with the options that the backend gives it."""
     names = sorted(p.name for p in parameters(e))
     start = time.process_time()
-    outputs = [leaf for part in compiled_outputs(e, wrt, 1, "sift") for leaf in flatten(part)]
+    outputs = [leaf for part in compiled_outputs(e, wrt, 1, Exact()) for leaf in flatten(part)]
     text, _ = standalone_c(program_for(outputs, names, Integration()), "scene")
     ours = time.process_time() - start
     with tempfile.TemporaryDirectory() as folder:

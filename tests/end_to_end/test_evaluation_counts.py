@@ -51,6 +51,8 @@ def triangle() -> tuple[Expr, dict[str, float]]:
 
 TRIANGLE, CORNERS = triangle()
 EXP_COS = teg.exp(x) * teg.cos(y)
+NO_FORM = teg.exp(x) * teg.cos(x)
+"""No antiderivative of it is known."""
 SCENES = (
     # the integrand is 1 on what is left of the square
     Scene("half-plane", over_square(teg.bracket(x + a * y < t)), {"a": 0.5, "t": 0.8}, 1 * 1),
@@ -60,9 +62,14 @@ SCENES = (
     Scene("triangle, quadratic colour", over_square(TRIANGLE * (1 + x * x - y * y)), CORNERS, 3),
     # y = b + r·sin u makes the chord 2r·cos u, times r·cos u: not a polynomial, 10 nodes are too few for 1e-10, 16 are enough
     Scene("disk", over_square(teg.bracket(disk(a, b, r))), {"a": 0.47, "b": 0.53, "r": 0.3}, OUTER_FIRST + ORDER),
-    # the same rows; on each of them exp is integrated with 8 nodes
+    # the same rows; on each of them exp is integrated in closed form
+    Scene("disk, exp·cos", over_square(teg.bracket(disk(a, b, r)) * EXP_COS), {"a": 0.47, "b": 0.53, "r": 0.2}, OUTER_FIRST + ORDER),
+    # the same rows; on each of them 8 nodes
     Scene(
-        "disk, exp·cos", over_square(teg.bracket(disk(a, b, r)) * EXP_COS), {"a": 0.47, "b": 0.53, "r": 0.2}, (OUTER_FIRST + ORDER) * FIRST
+        "disk, exp(x)·cos(x)",
+        over_square(teg.bracket(disk(a, b, r)) * NO_FORM),
+        {"a": 0.47, "b": 0.53, "r": 0.05},
+        (OUTER_FIRST + ORDER) * FIRST,
     ),
     # between the two corners, where the chord ends at one arc on either side: one piece, as for the disk
     Scene("lens", over_square(teg.bracket(disk(0.4, 0.5, r) & disk(a, 0.5, r))), {"a": 0.6, "r": 0.25}, OUTER_FIRST + ORDER),
@@ -144,7 +151,7 @@ def test_one_node_fewer_is_not_exact(degree: int) -> None:
     ids=["product", "three", "sum"],
 )
 def test_identical_breaks_merge(twice: Expr, once: Expr, backend: str) -> None:
-    for weight in (teg.ir.expr.ONE, teg.exp(x)):
+    for weight in (teg.ir.expr.ONE, NO_FORM):
         counts = [teg.compile(teg.integral(f * weight, (x, 0, 1)), backend=backend).evaluations(t=0.5) for f in (twice, once)]
         assert counts[0] == counts[1] == (1 if weight is teg.ir.expr.ONE else FIRST)
 
@@ -152,11 +159,15 @@ def test_identical_breaks_merge(twice: Expr, once: Expr, backend: str) -> None:
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_different_breaks_of_equal_values_make_no_piece(backend: str) -> None:
     """At t = a the interval between the two breaks is empty, and costs nothing; nor do breaks outside of the bounds."""
-    f = teg.compile(teg.integral(teg.where(x < t, teg.exp(x), teg.where(x < a, teg.cos(x), teg.sin(x))), (x, 0, 1)), backend=backend)
+    f = teg.compile(
+        teg.integral(teg.where(x < t, NO_FORM, teg.where(x < a, teg.exp(-x) * teg.cos(x), teg.exp(x) * teg.sin(x))), (x, 0, 1)),
+        backend=backend,
+    )
     assert f.evaluations(t=0.5, a=0.6) == 3 * FIRST
     assert f.evaluations(t=0.5, a=0.5) == 2 * FIRST
     assert f.evaluations(t=0.5, a=3.0) == 2 * FIRST
-    assert f.evaluations(t=-1.0, a=3.0) == FIRST
+    assert f.evaluations(t=0.3, a=0.1) == 3 * FIRST  # though the break at a is none here
+    assert f.evaluations(t=-1.0, a=-2.0) == 3 * FIRST  # exp·sin over (0, 1) needs more nodes
 
 
 def test_counts_of_a_batch_add_up_in_both_backends() -> None:

@@ -21,6 +21,7 @@ from teg.backends.c.printer import print_kernel
 from teg.errors import NotDifferentiableError
 from teg.evaluator.accuracy import AccuracyWarning
 from teg.ir.traverse import parameters
+from teg.passes.differentiate.estimators.exact import Exact
 from teg.pipeline import compiled_outputs, flatten, program_for
 from teg.program import size as statements
 
@@ -89,7 +90,7 @@ def functions_of_functions(n: int) -> teg.Expr:
 
 def nodes(e: teg.Expr) -> int:
     """Distinct nodes of value and gradient without deltas."""
-    return teg.size(*compiled_outputs(e, parameters(e), 1, "sift"))
+    return teg.size(*compiled_outputs(e, parameters(e), 1, Exact()))
 
 
 def work(action: Callable[[], object]) -> int:
@@ -176,7 +177,7 @@ def test_the_code_of_a_product_of_half_planes_is_linear() -> None:
     lines, lengths = {}, {}
     for n in (8, 32):
         e = half_planes(n)
-        outputs = [leaf for output in compiled_outputs(e, parameters(e), 1, "sift") for leaf in flatten(output)]
+        outputs = [leaf for output in compiled_outputs(e, parameters(e), 1, Exact()) for leaf in flatten(output)]
         text = print_kernel(program_for(outputs, [p.name for p in parameters(e)], Integration()))
         lines[n], lengths[n] = text.count("\n"), len(text)
         assert len(re.findall(r"^static void segment_\d+\(", text, re.MULTILINE)) <= 4
@@ -233,7 +234,7 @@ def test_the_triangle_stays_small() -> None:
     assert count <= 600
     assert took < 30  # seconds, against a blow-up only; `make bench` measures
     source = teg.compile(e, backend="c").kernel(1).source
-    assert source.count("\n") <= 1500
+    assert source.count("\n") <= 2200  # a third of them for pixels side by side
     assert len(source) <= 150_000
 
 

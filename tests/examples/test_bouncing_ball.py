@@ -25,7 +25,7 @@ from teg.examples.bouncing_ball.throw import Throw, exact, make_throw, straight
 QUICK: dict[str, Any] = {"backend": "numpy", "progress": False}
 
 
-def descent_of(throw: Throw, discontinuities: str = "sift") -> ActionDescent:
+def descent_of(throw: Throw, discontinuities: str = "exact") -> ActionDescent:
     return ActionDescent(throw, compile_scene(throw.contacts, "numpy", discontinuities))
 
 
@@ -72,7 +72,7 @@ def test_ignoring_jumps_loses_the_jump_of_the_kinetic_energy() -> None:
         assert whole[name] == pytest.approx(seen[name], rel=1e-12)
 
 
-@pytest.mark.parametrize(("kind", "law"), [("sift", (0.5, 2)), ("ignore", (1, 1))])
+@pytest.mark.parametrize(("kind", "law"), [("exact", (0.5, 2)), ("ignore", (1, 1))])
 def test_at_the_best_heights_the_gradient_is_the_law_of_rebounds(kind: str, law: tuple[float, float]) -> None:
     throw = make_throw(3, 1.5)
     descent = descent_of(throw, kind)
@@ -199,10 +199,10 @@ def test_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     quick = ["--contacts", "1", "--backend", "numpy", "--quiet", "-o", str(tmp_path)]
     assert main(["demo", "bouncing-ball", *quick]) == 0
     out = capsys.readouterr().out
-    assert "sift: contacts off by" in out
+    assert "exact: contacts off by" in out
     assert "half its speed" in out
     assert "bouncing_ball.png" in out
     assert main(["demo", "bouncing-ball", *quick, "--alone", "--discontinuities", "ignore"]) == 0
-    assert "sift" not in capsys.readouterr().out
+    assert "exact" not in capsys.readouterr().out
     assert main(["demo", "bouncing-ball", *quick, "--duration", "9"]) == 2
     assert "at most" in capsys.readouterr().err

@@ -246,7 +246,7 @@ def test_the_command_line(photo: Path, tmp_path: Path, capsys: pytest.CaptureFix
     small = ["--size", "16", "--cells", "3", "--octaves", "2", "--steps", "3", "--backend", "numpy", "--quiet", "-o", str(tmp_path)]
     assert main(["demo", "perlin", str(photo), *small]) == 0
     out = capsys.readouterr().out
-    assert "sift: loss" in out
+    assert "exact: loss" in out
     assert "ignore: loss" in out
     assert "perlin.png" in out
     assert main(["demo", "perlin", str(photo), *small, "--cells", "0"]) == 2

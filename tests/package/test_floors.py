@@ -110,7 +110,7 @@ def test_sympy_has_one_importer() -> None:
     assert importers == {"teg.symbolic.nodes"}
 
 
-LOADED_BY_IMPORT = ("teg", "teg.errors", "teg.ir", "teg.language")
+LOADED_BY_IMPORT = ("teg", "teg.numerics", "teg.errors", "teg.ir", "teg.language")
 """Modules and folders that `import teg` loads: what is needed to write a program down."""
 
 

@@ -13,6 +13,7 @@ from teg.analysis.settings import Integration
 from teg.backends.numpy.kernel import compile_numpy
 from teg.backends.numpy.loops import LaneKernel
 from teg.ir.traverse import parameters
+from teg.passes.differentiate.estimators.exact import Exact
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.pipeline import compiled_outputs, flatten, program_for
 from teg.program import Called, Integrate, Program, Rational, Sample, statements
@@ -74,7 +75,7 @@ def test_references_are_alike(reference: Reference) -> None:
     """Values and gradients of programs of every kind, with their error estimates."""
     e = reference.build()
     by = parameters(e)
-    outputs = [leaf for output in compiled_outputs(e, by, 1, "sift") for leaf in flatten(output)]
+    outputs = [leaf for output in compiled_outputs(e, by, 1, Exact()) for leaf in flatten(output)]
     program = program_for(outputs, [p.name for p in by], Integration(), errors=True)
     assert_alike(program, [reference.params[p.name] for p in by], len(outputs), MOST)
 
@@ -96,7 +97,7 @@ OTHERS: dict[str, tuple[teg.Expr, Integration]] = {
 
 def other(name: str) -> Program:
     e, how = OTHERS[name]
-    return program_for([leaf for output in compiled_outputs(e, [t, a], 1, "sift") for leaf in flatten(output)], ["t", "a"], how, True)
+    return program_for([leaf for output in compiled_outputs(e, [t, a], 1, Exact()) for leaf in flatten(output)], ["t", "a"], how, True)
 
 
 @pytest.mark.parametrize("name", OTHERS)

@@ -155,12 +155,13 @@ def test_the_element_that_misses_is_named() -> None:
 @pytest.mark.parametrize("backend", FAST)
 def test_integrals_that_are_sampled_say_so(backend: str) -> None:
     many = teg.vars("a b c d e f g")
-    e = teg.sum(teg.integral(teg.sin(sum(many, W[k])), *((v, 0, 1) for v in many)), (k, 0, 1))
+    e = teg.sum(teg.integral(teg.exp(-W[k] * sum(v**4 for v in many)), *((v, 0, 1) for v in many)), (k, 0, 1))
     f = teg.compile(e, backend=backend)
     with pytest.warns(teg.AccuracyWarning, match=r"misses the tolerance(?s:.*)sampled"):
         value = f(W=[0.5])
     found, error = f.value_and_error(W=[0.5])
-    exact = (np.exp(0.5j) * ((np.exp(1j) - 1) / 1j) ** 7).imag
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    exact = (np.exp(-0.5 * (0.5 + nodes / 2) ** 4) @ weights / 2) ** 7
     assert found == value
     assert abs(found - exact) < 4 * error < 1e-2
 
@@ -335,7 +336,7 @@ def test_a_batch(backend: str) -> None:
     assert (value[1], error[1]) == f.value_and_error(one)
     slopes, errors = f.grad_and_error(batch)
     assert slopes["V"].shape == errors["V"].shape == (2, 4, 2)
-    np.testing.assert_array_equal(slopes["V"][1], f.grad(one)["V"])
+    np.testing.assert_allclose(slopes["V"][1], f.grad(one)["V"], rtol=1e-14)  # NumPy's sums over lanes round by their number
     hessian, second = f.hessian(batch), f.hessian(one)
     assert hessian["V", "V"].shape == (2, 4, 2, 4, 2)
     for pair in (("V", "V"), ("t", "V")):

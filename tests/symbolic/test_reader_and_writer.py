@@ -28,6 +28,7 @@ from tests.end_to_end.strategies import Scene, scenes
 from tests.references import REFERENCES, Reference
 
 sympy: Any = pytest.importorskip("sympy")
+cfunctions: Any = pytest.importorskip("sympy.codegen.cfunctions")
 
 x, y, z, r, p, q = teg.vars("x y z r p q")
 t, a, b = teg.params("t a b")
@@ -59,7 +60,7 @@ def distinct(s: Any) -> int:
 
 # -- to SymPy -----------------------------------------------------------------------------------------------------------
 
-SAME_NAME = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "floor")
+SAME_NAME = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "floor", "erf", "erfc")
 FORMS: list[tuple[Any, Any]] = [
     (ex.ONE, sympy.Integer(1)),
     (const(0.1), sympy.Float(0.1)),
@@ -79,8 +80,12 @@ FORMS: list[tuple[Any, Any]] = [
     (call("max", t, a), sympy.Max(T, A)),
     *(
         (getattr(teg, f)(t), getattr(sympy, f)(T))
-        for f in ["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "floor"]
+        for f in ["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "floor", "erf", "erfc"]
     ),
+    (call("erfinv", t), sympy.erfinv(T)),
+    (call("erfcinv", t), sympy.erfcinv(T)),
+    (teg.log1p(t), sympy.log(1 + T)),
+    (teg.expm1(t), sympy.exp(T) - 1),
     (call("ceil", t), sympy.ceiling(T)),
     (teg.atan2(t, a), sympy.atan2(T, A)),
     (teg.mod(t, a), sympy.Mod(T, A)),
@@ -128,7 +133,8 @@ def test_the_forms_are_all_nodes_and_functions_of_the_language() -> None:
         "UncountedFloor",
     }  # what the compiler leaves of a δ, after elimination and when it schedules
     unknown |= {"Apply"}  # written out
-    unknown |= {"Sum", "Gather", "Unit", "IndexValue"}  # refused
+    unknown |= {"Sum", "Product", "AnyOf", "Nearest", "Winner", "Gather", "Unit", "IndexValue"}  # refused
+    unknown |= {"Partition", "Slope"}  # made by the compiler
     leaves: set[type[Node]] = set()
     stack: list[type[Node]] = [teg.Expr, teg.Cond]
     while stack:
@@ -253,6 +259,7 @@ NUMBERS: list[tuple[Any, tuple[float, ...]]] = [
     *((f(U), INSIDE) for f in (sympy.sinh, sympy.cosh, sympy.tanh, sympy.sech, sympy.csch, sympy.coth)),
     *((f(U), INSIDE) for f in (sympy.asinh, sympy.atanh, sympy.acsch)),
     *((f(U), ABOVE) for f in (sympy.acosh, sympy.acoth)),
+    *((f(U), INSIDE) for f in (sympy.erf, sympy.erfc, sympy.erfinv)),
     (sympy.asech(U), (0.1, 0.5, 1.0)),
     (sympy.asinh(U), (-1e8, -1e-3, 0.0, 1e8)),
     (sympy.sinc(U), (0.0,)),
@@ -290,7 +297,8 @@ def test_values_are_those_of_sympy(s: Any, points: tuple[float, ...]) -> None:
 def test_every_function_that_is_read_is_tested() -> None:
     pieces = {type(n) for s in [*(s for s, _ in NUMBERS), *(s for _, s in FORMS)] for n in sympy.preorder_traversal(s)}
     unevaluated = {sympy.Nand, sympy.Nor, sympy.Implies, sympy.Xor}  # which SymPy writes with And, Or and Not at once
-    assert set(functions()) <= pieces | unevaluated | {sympy.And, sympy.Or, sympy.Mul, sympy.Gt, sympy.Ge, sympy.Tuple}
+    alone = {cfunctions.log1p, cfunctions.expm1, sympy.erf2}  # which SymPy does not evaluate: `test_functions_of_c`
+    assert set(functions()) <= pieces | unevaluated | alone | {sympy.And, sympy.Or, sympy.Mul, sympy.Gt, sympy.Ge, sympy.Tuple}
 
 
 def test_connectives_that_sympy_rewrites() -> None:
@@ -473,11 +481,17 @@ WRITTEN: list[Any] = [
 ]
 
 
+def test_functions_of_c() -> None:
+    assert from_sympy(cfunctions.log1p(T)) is teg.log1p(t)
+    assert from_sympy(cfunctions.expm1(T)) is teg.expm1(t)
+    assert from_sympy(sympy.erf2(T, A)) is teg.erf(a) - teg.erf(t)
+
+
 @pytest.mark.parametrize("e", [*WRITTEN, *(e for e, _ in FORMS if not isinstance(e, ex.Truth))], ids=lambda v: str(v)[:60])
 def test_the_same_expression_comes_back(e: Any) -> None:
     back = from_sympy(to_sympy(e), [v for v in (x, y) if v in e.free])
-    if any(isinstance(n, ex.Call) and n.name in ("root", "magnitude", "min", "max") for n in postorder([e])):
-        return  # which users do not write: they come back as square roots, |u|, minimum and maximum
+    if any(isinstance(n, ex.Call) and n.name in ("root", "magnitude", "min", "max", "log1p", "expm1") for n in postorder([e])):
+        return  # they come back as square roots, |u|, minimum and maximum, log(1 + u), exp(u) - 1
     assert back is e or (isinstance(back, Const) and math.isnan(back.data))
 
 

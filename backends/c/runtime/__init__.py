@@ -7,6 +7,8 @@ from functools import cache
 from pathlib import Path
 
 from teg.backends.c.text import identifiers
+from teg.numerics.cells import EPSILON, MOST_DEGREE, SHIFT, SKEW, monomials
+from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.program import (
     ABSOLUTE_FLOOR,
     DEEP,
@@ -99,10 +101,15 @@ LIMITS = {
     "TEG_LOCATE_NARROW": LOCATE_NARROW,
     "TEG_LOCATE_SAME": LOCATE_SAME,
     "TEG_LOCATE_LOST": LOCATE_LOST,
+    "TEG_ON_LINE": EPSILON,
+    "TEG_KEY_ROUNDING": KEY_ROUNDING,
+    "TEG_SHIFT": SHIFT,
+    "TEG_SKEW": SKEW,
+    "TEG_MONOMIALS": len(monomials(MOST_DEGREE)),
 }
 
 
-TOPICS = ("core", "calls", "lanes", "polygon", "quadrature", "bends", "hyperbola", "roots", "places", "samples")
+TOPICS = ("core", "calls", "lanes", "polygon", "quadrature", "bends", "hyperbola", "roots", "places", "samples", "cells")
 """The headers, in the order in which they build on one another."""
 UNIT = "//: "
 """What begins the line before a unit, a type or a function that is printed if it is used; its name follows."""

@@ -196,6 +196,22 @@ static inline int teg_is_endless(int n, const double *sizes, double *sum)
     return found;
 }
 
+//: teg_beside
+/* The next normal number to p towards q. */
+static double teg_beside(double p, double q)
+{
+    const double after = nextafter(p, q);
+    return fabs(after) < DBL_MIN ? copysign(DBL_MIN, q - p) : after;
+}
+
+//: teg_within
+/* A place that is kept inside of (p, q). */
+static inline double teg_within(double p, double q, double place)
+{
+    if (!(place > p)) return teg_beside(p, q);
+    return place < q ? place : teg_beside(q, p);
+}
+
 //: teg_place
 /* The place of u; dv/du is written to `slope`. */
 static double teg_place(const teg_substitution *s, double u, double *slope)
@@ -214,7 +230,5 @@ static double teg_place(const teg_substitution *s, double u, double *slope)
     default: place = t; rate = 1.0; break;
     }
     *slope = s->radius * s->step * rate;
-    place = s->centre + s->radius * place;
-    if (!(place > s->p)) return nextafter(s->p, s->q);
-    return place < s->q ? place : nextafter(s->q, s->p);
+    return teg_within(s->p, s->q, s->centre + s->radius * place);
 }

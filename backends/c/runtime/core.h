@@ -1,8 +1,10 @@
 /* What generated kernels stand on: C99, no global state, nothing on the heap. */
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
+#include <string.h>
 
 #ifdef __clang__
 #pragma STDC FP_CONTRACT OFF

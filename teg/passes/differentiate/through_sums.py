@@ -11,18 +11,21 @@ the array; the symbol of a sum is differentiated in its turn. Cost: one gradient
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from heapq import heapify, heappop, heappush
 from typing import cast
 
-from teg.errors import ParameterError
+from teg.errors import NotDifferentiableError, ParameterError
 from teg.ir import expr as ex
-from teg.ir.arrays import Array, Gather, Sum, Unit, has_arrays, open_indices, sum_over
-from teg.ir.cells import Symbols, cellwise, rename_indices
-from teg.ir.expr import ZERO, Expr, Param, add, mul
-from teg.ir.index import ArrayName, IndexVar
+from teg.ir.arrays import Array, Gather, Ranged, Slope, Sum, Unit, has_arrays, integers_of, open_indices, sum_over
+from teg.ir.cells import APART, Symbols, cellwise, rename_indices, replace_integers, replaced
+from teg.ir.choices import Product, Winner
+from teg.ir.expr import ONE, ZERO, Expr, Param, add, mul, positive, sub, where
+from teg.ir.index import ArrayName, IndexVar, index_leaves
 from teg.ir.node import Node, postorder
+from teg.ir.partition import Partition
 from teg.ir.show import show
+from teg.passes.normalise.choices import without_choices
 from teg.passes.normalise.self_comparison import without_self_comparisons
 from teg.passes.normalise.sums import sums_outside
 
@@ -37,7 +40,7 @@ def outlined(e: Expr) -> Expr:
     """Returns the program with its sums outside of integrals, and canonical indices. Raises NeedsLengths."""
     if not has_arrays(e):
         return e
-    return rename_indices(sums_outside(without_self_comparisons(e)))
+    return without_choices(rename_indices(sums_outside(without_self_comparisons(e))))
 
 
 def on_cells(e: Expr, step: Callable[[Expr], Expr]) -> Expr:
@@ -45,24 +48,29 @@ def on_cells(e: Expr, step: Callable[[Expr], Expr]) -> Expr:
     return cellwise(e, step) if has_arrays(e) else step(e)
 
 
-def gradient(e: Expr, wrt: Sequence[Parameter], derive: Derive) -> list[Expr]:
-    """Returns the derivatives of an outlined expression by parameters and arrays. The derivative by an array holds `Unit`s."""
-    derivatives = _Gradient(e, frozenset(wrt), derive).of(e, None)
+def gradient(e: Expr, wrt: Sequence[Parameter], derive: Derive, boundaries: bool = True) -> list[Expr]:
+    """Returns the derivatives of an outlined expression by parameters and arrays. The derivative by an array holds `Unit`s.
+
+    Without `boundaries` the regions of partitions do not move, which is plain automatic differentiation.
+    """
+    derivatives = _Gradient(e, frozenset(wrt), derive, boundaries).of(e, None)
     return [derivatives.get(p, ZERO) for p in wrt]
 
 
 class _Gradient:
     """One gradient. The order of the nodes, and the parameters and indices that each depends on, are determined once."""
 
-    def __init__(self, root: Expr, wrt: frozenset[Parameter], derive: Derive) -> None:
-        self.derive = derive
+    def __init__(self, root: Expr, wrt: frozenset[Parameter], derive: Derive, boundaries: bool) -> None:
+        self.derive, self.boundaries = derive, boundaries
         self.wrt = wrt
         self.order = {node: i for i, node in enumerate(postorder([root]))}
         self.open = open_indices(root)
         self.active: set[Node] = set()
         for node in self.order:
             mine = node in wrt or (isinstance(node, Gather) and node.array in wrt)
-            if mine or any(c in self.active for c in node.children):
+            if mine or (not isinstance(node, Winner) and any(c in self.active for c in node.children)):
+                if isinstance(node, Slope):
+                    raise not_again(node)
                 self.active.add(node)
         self.done: dict[tuple[Expr, IndexVar | None], dict[Node, Expr]] = {}
 
@@ -76,7 +84,7 @@ class _Gradient:
             return self.done[e, bound]
         parts = self._of_cell(e)
         result: dict[Node, Expr] = {}
-        waiting = [(-self.order[leaf], leaf) for leaf in parts if isinstance(leaf, Sum)]
+        waiting: list[tuple[int, Ranged]] = [(-self.order[leaf], leaf) for leaf in parts if isinstance(leaf, Ranged)]
         heapify(waiting)  # a sum comes before the sums in its body: its weight is then complete
         while waiting:
             _, node = heappop(waiting)
@@ -84,10 +92,18 @@ class _Gradient:
             if bound is not None and bound not in self.open[node]:
                 result[node] = weight
                 continue
-            for leaf, slope in self.of(node.body, node.index).items():
-                if isinstance(leaf, Sum) and leaf not in parts:
+            if isinstance(node, Partition):
+                weights = {node: weight}
+                while waiting and _is_beside(waiting[0][1], node) and (bound is None or bound in self.open[waiting[0][1]]):
+                    other = cast(Partition, heappop(waiting)[1])
+                    weights[other] = add(*parts.pop(other))
+                found = self._inside_partitions(weights, bound)
+            else:
+                found = {leaf: mul(weight, slope) for leaf, slope in self._inside(node).items()}
+            for leaf, term in found.items():
+                if isinstance(leaf, Ranged) and leaf not in parts:
                     heappush(waiting, (-self.order[leaf], leaf))
-                parts.setdefault(leaf, []).append(mul(weight, sum_over(slope, node.index, node.lo, node.hi)))
+                parts.setdefault(leaf, []).append(term)
         at_arrays: dict[Node, list[Expr]] = {}
         for leaf, terms in parts.items():
             if isinstance(leaf, Gather) and (bound is None or bound in self.open[leaf]):
@@ -97,6 +113,46 @@ class _Gradient:
         result.update((leaf, add(*terms)) for leaf, terms in at_arrays.items())
         self.done[e, bound] = result
         return result
+
+    def _inside(self, node: Ranged) -> dict[Node, Expr]:
+        """Returns the derivatives of a sum or a product by what is in it."""
+        inside: dict[Node, list[Expr]] = {}
+        for child, factor in flows_of(node):
+            if child in self.active:
+                for leaf, slope in self.of(child, node.index).items():
+                    inside.setdefault(leaf, []).append(mul(factor, slope))
+        return {leaf: sum_over(add(*terms), node.index, node.lo, node.hi) for leaf, terms in inside.items()}
+
+    def _inside_partitions(self, weights: Mapping[Partition, Expr], bound: IndexVar | None) -> dict[Node, Expr]:
+        """Returns the derivatives of partitions with the same forms, times their weights, by what is in them.
+
+        The weights of all of them come together at the numbers of a candidate, and one sweep goes on from there.
+        """
+        node = next(iter(weights))
+        layout = node.layout
+        candidate: dict[Expr, list[Expr]] = {}  # a number to its adjoints
+        otherwise: dict[Expr, list[Expr]] = {}
+        for partition, weight in weights.items():
+            for number, slope, repeated in numbers_of(partition, self.boundaries):
+                if number in self.active:
+                    (candidate if repeated else otherwise).setdefault(number, []).append(mul(weight, slope))
+        area = Slope.make((node.index, layout.order * layout.columns + layout.forms), (node,))
+        around: dict[Node, list[Expr]] = {}
+        for leaf, slope in self._swept(candidate, node.index).items():
+            seen = where(positive(area), slope, ZERO)  # of a candidate that is not seen nothing matters, even if it is infinite
+            around.setdefault(leaf, []).append(sum_over(seen, node.index, node.lo, node.hi))
+        for leaf, slope in self._swept(otherwise, bound).items():
+            around.setdefault(leaf, []).append(slope)
+        return {leaf: add(*terms) for leaf, terms in around.items()}
+
+    def _swept(self, adjoints: Mapping[Expr, Sequence[Expr]], bound: IndexVar | None) -> dict[Node, Expr]:
+        """Returns Σ adjoint·(derivative of the number) by the leaves of numbers, as the derivatives of Σ seed·number."""
+        seeds = {Param.make(f"{APART}adjoint {k}", ()): number for k, number in enumerate(adjoints)}
+        if not seeds:
+            return {}
+        slopes = self.of(add(*(mul(seed, number) for seed, number in seeds.items())), bound)
+        meanings: dict[Node, Expr] = {seed: add(*adjoints[number]) for seed, number in seeds.items()}
+        return dict(zip(slopes, replaced(list(slopes.values()), meanings), strict=True))
 
     def _of_cell(self, e: Expr) -> dict[Node, list[Expr]]:
         """Returns the derivatives of a cell by its leaves."""
@@ -109,15 +165,96 @@ class _Gradient:
         return cast("dict[Node, list[Expr]]", by_leaf)
 
 
-def tangent(e: Expr, direction: Mapping[Parameter, object], along: Along) -> Expr:
-    """Returns the derivative of an outlined expression along a direction, numbers for parameters and arrays for arrays; deltas visible."""
+def tangent(e: Expr, direction: Mapping[Parameter, object], along: Along, boundaries: bool = True) -> Expr:
+    """Returns the derivative of an outlined expression along a direction, numbers for parameters and arrays for arrays; deltas visible.
+
+    Without `boundaries` the regions of partitions do not move.
+    """
     changes = {p: ex.as_number(d) for p, d in direction.items() if isinstance(p, Param)}
     moved = {p: _direction_of(p, d) for p, d in direction.items() if isinstance(p, Array)}
-    new: dict[Node, Expr] = {}  # of sums
+    new: dict[Node, Expr] = {}  # of sums, products and partitions
+
+    def moves(cell: Expr) -> Expr:
+        return _tangent_of_cell(cell, changes, moved, new, along)
+
     for node in postorder([e]):
-        if isinstance(node, Sum):
-            new[node] = sum_over(_tangent_of_cell(node.body, changes, moved, new, along), node.index, node.lo, node.hi)
-    return _tangent_of_cell(e, changes, moved, new, along)
+        match node:
+            case Sum():
+                new[node] = sum_over(moves(node.body), node.index, node.lo, node.hi)
+            case Product():
+                ((_, others),) = flows_of(node)
+                new[node] = sum_over(mul(others, moves(node.body)), node.index, node.lo, node.hi)
+            case Partition():
+                new[node] = _moved_partition(node, moves, boundaries)
+            case Slope() if moves(node.partition) is not ZERO:
+                raise not_again(node)
+            case _:
+                pass
+    return moves(e)
+
+
+def flows_of(node: Ranged) -> Iterator[tuple[Expr, Expr]]:
+    """Yields what the derivative of a sum or a product consists of: a child, and the factor of its derivative."""
+    match node:
+        case Sum():
+            yield node.body, ONE
+        case Product():
+            used = {n.name for n in postorder([node]) for n in index_leaves(integers_of(n)) if isinstance(n, IndexVar)}
+            other = node.index.name
+            while other in used | {node.index.name}:
+                other += "′"
+            j = IndexVar.make(other, ())
+            body = replace_integers(node.body, {node.index: j})
+            distance = sub(ex.as_number(j), ex.as_number(node.index))
+            itself = positive(sub(ex.const(0.25), ex.integer_power(distance, 2)))
+            yield node.body, Product.make((j, node.lo, node.hi), (where(itself, ONE, body),))
+        case _:
+            assert isinstance(node, Winner)
+
+
+def numbers_of(node: Partition, boundaries: bool) -> Iterator[tuple[Expr, Expr, bool]]:
+    """Yields the numbers of a partition, the derivatives by them, and whether these belong to a candidate, and are summed over the index.
+
+    Without `boundaries` forms are left out.
+    """
+    forms, columns = node.layout.forms, node.layout.columns
+    for k, number in enumerate(node.candidate):
+        if boundaries or k % columns >= forms:
+            yield number, Slope.make((node.index, k), (node,)), True
+    count = node.layout.coefficients
+    for k, number in enumerate(node.otherwise):
+        yield number, Slope.make((node.hi, columns * (k // count) + forms + k % count), (node,)), False
+
+
+def _is_beside(other: Ranged, node: Partition) -> bool:
+    """Returns whether a node is a partition with the same candidates and forms, and not inside of the first one."""
+    if not isinstance(other, Partition) or (other.index, other.lo, other.hi, other.layout) != (node.index, node.lo, node.hi, node.layout):
+        return False
+    columns, forms = node.layout.columns, node.layout.forms
+    ranges = [(k * columns, k * columns + forms) for k in range(1 + node.layout.order)]
+    return all(other.candidate[a:b] == node.candidate[a:b] for a, b in ranges) and other not in postorder([node])
+
+
+def _moved_partition(node: Partition, moves: Callable[[Expr], Expr], boundaries: bool) -> Expr:
+    """Returns the derivative of a partition along a direction, a partition of order 1."""
+    if node.layout.order:
+        if all(moves(c) is ZERO for c in (*node.candidate, *node.otherwise)):
+            return ZERO
+        raise not_again(node)
+    forms = node.layout.forms
+    candidate = tuple(moves(c) if boundaries or k >= forms else ZERO for k, c in enumerate(node.candidate))
+    otherwise = tuple(map(moves, node.otherwise))
+    if all(m is ZERO for m in (*candidate, *otherwise)):
+        return ZERO
+    layout = node.layout._replace(order=1)
+    return Partition.make((node.index, node.lo, node.hi, layout), (*node.candidate, *candidate, *node.otherwise, *otherwise))
+
+
+def not_again(node: Expr) -> NotDifferentiableError:
+    """Returns the error for a third derivative of a choice."""
+    return NotDifferentiableError(
+        "the integral of a choice among candidates is differentiated twice: f.grad and f.hvp of the compiled program, no further", node
+    )
 
 
 def _tangent_of_cell(
@@ -131,8 +268,8 @@ def _tangent_of_cell(
         change: Expr = ZERO
         if isinstance(leaf, Gather) and leaf.array in moved:
             change = Gather.make((moved[leaf.array], leaf.subscripts), ())
-        elif isinstance(leaf, Sum):
-            change = sums[leaf]
+        elif isinstance(leaf, Ranged):
+            change = sums.get(leaf, ZERO)
         if change is not ZERO:
             along[symbol] = Param.make(f"∂{symbol.name}", ())
             outside[along[symbol]] = change  # type: ignore[index]

@@ -16,34 +16,17 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.critical import critical_point, infinite_at_saddle
+from teg.analysis.critical import critical_point, infinite_at_saddle, is_above_birth, least_height
 from teg.analysis.isolation import isolate, widened
 from teg.analysis.nest import Binder, Chain, nest, ranges_of
 from teg.analysis.surfaces import free_of, restrict, signed_inside
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    TRUE,
-    ZERO,
-    Expr,
-    Var,
-    add,
-    call,
-    const,
-    integer_power,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Var, add, call, integer_power, mul, sub, where
 from teg.ir.integral import Integral, PointMasses, delta, integral_over, masses_of
 from teg.ir.node import Node, postorder
-from teg.ir.show import show
 from teg.ir.traverse import rebuild, replace_node
 
 MAX_CHARTS = 3
-APART = 2.0**-45
-"""The distance from its critical value, relative to its values on the box, at which a surface is taken if that value is 0 to rounding."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +48,8 @@ def match_implicit(g: Expr, variables: Sequence[Var]) -> Implicit | None:
     return Implicit(tuple(reversed(mine)))
 
 
-def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit) -> Expr | None:
-    """Returns the sum over the charts of the surface. None if the range of a variable is not known."""
+def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit, power: int = 4) -> Expr | None:
+    """Returns the sum over the charts of the surface, with weights φ of this power. None if the range of a variable is not known."""
     mine = tuple(b for b in chain if b.var in data.variables)
     others = tuple(b for b in chain if b.var not in data.variables)
     ranges = ranges_of(mine)
@@ -79,7 +62,7 @@ def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit) -
     except NotDifferentiableError:
         return None
     boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip(mine, ranges, strict=True)]
-    weights = _chart_weights(slopes, boxes)
+    weights = _chart_weights(slopes, boxes, power)
     at = {b.var: b.var for b in mine}
     value = restrict(coefficient, cast("dict[Var, Expr]", at), g, tuple(b.var for b in reversed(mine)))
     masses = PointMasses.make(None, (_apart_from_birth(g, boxes),))
@@ -96,8 +79,9 @@ def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit) -
     return add(*charts)
 
 
-def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder]) -> list[Expr]:
-    """Returns φᵢ/|gᵢ| of every chart: with m the largest |gⱼXⱼ| and rⱼ = |gⱼXⱼ|/m it is rᵢ³Xᵢ/(m·Σⱼrⱼ⁴), where no power overflows."""
+def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder], power: int) -> list[Expr]:
+    """Returns φᵢ/|gᵢ| of every chart. With m the largest |gⱼXⱼ|, rⱼ = |gⱼXⱼ|/m and power 4 it is rᵢ³Xᵢ/(m·Σⱼrⱼ⁴), where no power
+    overflows."""
     if len(slopes) == 1:
         return [integer_power(call("magnitude", slopes[0]), -1)]
     extents = [sub(b.hi, b.lo) for b in boxes]
@@ -107,8 +91,9 @@ def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder]) -> list[Expr
         largest = call("max", largest, size)
     scale = integer_power(largest, -1)
     ratios = [mul(size, scale) for size in sizes]
-    total = mul(scale, integer_power(add(*(integer_power(r, 4) for r in ratios)), -1))
-    return [mul(integer_power(r, 3), extent, total) for r, extent in zip(ratios, extents, strict=True)]
+    total = mul(scale, integer_power(add(*(integer_power(r, power) for r in ratios)), -1))
+    tops = [integer_power(r, power - 1) if power > 2 else call("min", r, ONE) for r in ratios]  # else 1/m is squared in the product
+    return [mul(top, extent, total) for top, extent in zip(tops, extents, strict=True)]
 
 
 def with_deltas(root: Expr) -> Expr:
@@ -125,15 +110,11 @@ def with_deltas(root: Expr) -> Expr:
 
 
 def _apart_from_birth(g: Expr, boxes: Sequence[Binder]) -> Expr:
-    """Returns a quadric moved off its critical value if that is 0 to rounding inside the box, to one side in each order of the tie.
-
-    A region is born there (a disk of radius 0), the derivative is that of neither side, and the mean is taken.
-    """
+    """Returns a quadric moved off its critical value if that is 0 to rounding inside the box, to one side in each order of the tie."""
     critical = critical_point(g, boxes)
     if critical is None:
         return g
-    least = mul(const(APART), critical.size)
-    rivals = (show(g, 300) + " = 0", "its own critical point, where a region is born or branches meet")
-    above = positive(critical.value, True, TRUE, rivals)
-    moved = where(above, call("max", critical.value, least), call("min", critical.value, mul(MINUS_ONE, least)))
+    least = least_height(critical)
+    above, below = call("max", critical.value, least), call("min", critical.value, mul(MINUS_ONE, least))
+    moved = where(is_above_birth(g, critical), above, below)
     return add(g, where(critical.inside, sub(moved, critical.value), ZERO))

@@ -40,7 +40,7 @@ SAMPLES = 16
 """The number of points at which R is evaluated, each with parameters of its own."""
 LARGEST = 2_000
 """The largest number of nodes of R. A longer condition costs more than the chart."""
-MAY_FAIL = frozenset(("log", "sqrt", "asin", "acos", "pow", "atan2", "tan", "mod", "floor"))
+MAY_FAIL = frozenset(("log", "log1p", "erfinv", "erfcinv", "sqrt", "asin", "acos", "pow", "atan2", "tan", "mod", "floor"))
 """Functions that are not defined, or not bounded, everywhere: R may be NaN, and would then make the result NaN."""
 
 

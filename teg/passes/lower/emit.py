@@ -19,7 +19,9 @@ from teg.analysis.surfaces import binders_inside
 from teg.ir.expr import MINUS_ONE, ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where, add
 from teg.ir.function import Apply, Callee
 from teg.ir.integral import ClosedForm, Delta, Integral
-from teg.ir.node import Node
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import fresh, replace_node
+from teg.passes.lower.inverse_erf import inverse_of_erf, inverse_of_erfc
 from teg.program import TIE_EPS, Arg, Assign, Stmt
 
 Truths = tuple[Arg, Arg]  # holds, fails
@@ -51,7 +53,7 @@ class Level:
     groups: dict[Integral, list[Integral]] = field(default_factory=dict)
     guards: dict[Integral, Cond] = field(default_factory=dict)
     weights: dict[Integral, Expr] = field(default_factory=dict)  # the factors by which integrals are multiplied while they are computed
-    isolated: dict[object, tuple[Arg, ...]] = field(default_factory=dict)
+    searches: dict[object, tuple[str | None, tuple[Arg, ...]]] = field(default_factory=dict)
     coincident: dict[Compare, Arg] = field(default_factory=dict)  # for a sum over roots: the conditions that may tie with its surface
     constant: dict[Node, bool] = field(default_factory=dict)  # on a piece
     elsewhere: Callable[[], Sequence[Level]] | None = None  # for a middle: other places of the piece, where its ties are evaluated again
@@ -202,10 +204,16 @@ class Emitter:
                 return self.assign(home, "v", "call", k, *(self._number_of(c, home) for c in e.children))
             case ClosedForm():
                 return self.closed_form(e, home)
+            case Call() if e.name in ("erfinv", "erfcinv"):
+                u = e.children[0]
+                return self.number(inverse_of_erf(u) if e.name == "erfinv" else inverse_of_erfc(u), home)
             case Call():
                 args = [self._number_of(c, home) for c in e.children]
                 if e.name == "root":
                     return self.assign(home, "v", "sqrt", self.assign(home, "v", "abs", *args))
+                if e.name == "log" and isinstance(e.children[0], Add) and ONE in e.children[0].children:
+                    others = add(*(term for term in e.children[0].children if term is not ONE))
+                    return self.assign(home, "v", "log1p", self.number(others, home))
                 return self.assign(home, "v", "abs" if e.name == "magnitude" else e.name, *args)
             case Where():
                 holds, fails = self._truths_of(e.condition, home)
@@ -218,7 +226,12 @@ class Emitter:
 
     def sum(self, e: Add, home: Level) -> Arg:
         """Returns a sum. Terms are added from the left in the order written; a term -u is subtracted. Constants are
-        added first, outside."""
+        added first, outside. exp(u) - 1 is one operation."""
+        power = _less_one(e)
+        if power is not None:
+            u, sign = power
+            result = self.assign(home, "v", "expm1", self.number(u, home))
+            return result if sign > 0 else self.assign(home, "v", "neg", result)
         if home.constants is not None:
             outside = [term for term in e.children if not self._varies(term, home)]
             if len(outside) >= 2:
@@ -329,8 +342,19 @@ class Emitter:
         return (holds, self.assign(home, "b", "and", fails, ok))
 
     def is_short(self, g: Expr, home: Level) -> bool:
-        """Returns whether a function is a polynomial of low degree, which cannot be nearly 0 in the middle of a piece without roots."""
-        degree = Shadow((cast(Var, home.var),)).degree(g) if home.var in g.free and not home.twisted else None
+        """Returns whether a function is a polynomial of low degree in the variable, or in its tangent.
+
+        Such a function cannot be nearly 0 in the middle of a piece without roots.
+        """
+        x = cast(Var, home.var)
+        if x not in g.free or home.twisted:
+            return False
+        calls = [n for n in postorder([g]) if isinstance(n, Call) and x in n.free]
+        if len(calls) == 1 and calls[0].name == "tan":  # monotone between its poles, which are breaks
+            mark = fresh("tan", g.free)
+            in_tangent = cast(Expr, replace_node(g, calls[0], mark))
+            x, g = (x, g) if x in in_tangent.free else (mark, in_tangent)
+        degree = Shadow((x,)).degree(g)
         return degree is not None and degree <= SHORT
 
     def _clearest(self, e: Expr, g: Arg, scale: Arg, home: Level) -> tuple[Arg, Arg]:
@@ -456,13 +480,19 @@ class Emitter:
                 return [first if error == 1.0 else put("mul", error, first)]
             case "log":
                 return [put("div", error, u)]
+            case "log1p":
+                return [put("div", error, put("abs", put("add", 1.0, self.number(e.children[0], home))))]
+            case "erfinv" | "erfcinv":
+                return [put("mul", error, put("exp", put("mul", first, first)))]
+            case "erf" | "erfc":
+                return [put("mul", 1.13, error)]  # the slope is at most 2/√π
             case "sqrt" | "root":
                 return [put("div", error, put("add", first, put("sqrt", put("mul", _EPSILON, error))))]
             case "tan":
                 return [put("mul", error, put("add", 1.0, put("mul", first, first)))]
             case "tanh":
                 return [put("mul", error, put("abs", put("sub", 1.0, put("mul", first, first))))]
-            case "sinh":
+            case "sinh" | "expm1":
                 return [put("mul", error, put("add", 1.0, first))]
             case "atan":
                 return [put("div", error, put("add", 1.0, put("mul", u, u)))]
@@ -493,3 +523,18 @@ class Emitter:
         if errors[1] != 0.0:
             parts.append(put("mul", errors[1], self.size(e, home), put("abs", put("log", base))))
         return parts
+
+
+def _less_one(e: Add) -> tuple[Expr, int] | None:
+    """Returns u and 1 for exp(u) - 1, u and -1 for 1 - exp(u), else None."""
+    if len(e.children) != 2:
+        return None
+    for one, term in (e.children, e.children[::-1]):
+        sign = -1 if one is ONE else 1 if one is MINUS_ONE else 0
+        if sign < 0 and isinstance(term, Mul) and len(term.children) == 2 and term.children[0] is MINUS_ONE:
+            term = term.children[1]
+        elif sign < 0:
+            continue
+        if sign and isinstance(term, Call) and term.name == "exp":
+            return term.children[0], sign
+    return None

@@ -44,6 +44,7 @@ from teg.ir.node import Node, postorder
 from teg.passes.lower.emit import Emitter, Level
 from teg.passes.lower.guarded import Guards, widest_gap
 from teg.passes.lower.intrinsic import Intrinsic, Lowering
+from teg.passes.lower.means import Mean, Means, P, Q, mean_of, without_tails
 from teg.passes.lower.pieces import Pieces
 from teg.passes.lower.refute import certainly_empty
 from teg.passes.lower.roots import Roots
@@ -188,6 +189,8 @@ class _Integrals:
         node, infinite = group[0], is_unbounded(group[0])
         lo, hi, breaks = self.pieces.of(group, home, when)
         rule = self.rules.shared(group, home.depth)
+        if isinstance(rule, Mean):
+            return self._by_means(group, home, when, (lo, hi, breaks))
         var = self.out.fresh("x")
         around, self.guards.ranges = self.guards.ranges, numeric_range(node, self.guards.ranges)
         level = home.inside(node.var, var)
@@ -215,6 +218,29 @@ class _Integrals:
             return results
         by = self.out.number(weight, home)
         return tuple(self.out.assign(home, "v", "div", r, by) for r in results)
+
+    def _by_means(
+        self, group: Sequence[Integral], home: Level, when: str | None, places: tuple[Arg, Arg, tuple[Arg, ...]]
+    ) -> Sequence[Arg]:
+        """Returns the results of integrals of closed form: an `Integrate` with one node, whose values are means over the piece."""
+        if is_unbounded(group[0]):
+            lo, hi = (self.out.number(e, home) for e in without_tails(group))
+            places = lo, hi, places[2]
+        node, var, ends = group[0], self.out.fresh("x"), (self.out.fresh("x"), self.out.fresh("x"))
+        between = home.inside(P, ends[0]).inside(Q, ends[1])
+        level = between.inside(node.var, var)
+        level.breaks, level.middle = self.rules.analysis.of(node), between.inside(node.var, var)
+        flags = cast(Level, between.outer).block
+        for inner in (between, level, level.middle):
+            inner.block = flags
+        level.middle.elsewhere = cache(partial(self._elsewhere, level.middle, ends))
+        means = [cast(Means, mean_of(i.body, i.var)).mean for i in group]
+        self.plan(level, means)
+        need = self._need([i.body for i in group], level)
+        values = tuple(self.out.number(m, level) for m in means)
+        results = tuple(self.out.fresh("v") for _ in group)
+        home.block.append(Integrate(var, *places, tuple(flags), need, (), values, results, Gauss(1), when, ends=ends))
+        return results
 
     def closed_form(self, e: ClosedForm, home: Level) -> Arg:
         """Returns the name of a number that an intrinsic computes."""

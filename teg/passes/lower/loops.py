@@ -16,8 +16,9 @@ from typing import cast
 
 from teg.errors import DeltaError
 from teg.ir import expr as ex
-from teg.ir.arrays import Array, Gather, Sum, Unit, open_indices
+from teg.ir.arrays import Array, Gather, Ranged, Slope, Sum, Unit, open_indices
 from teg.ir.cells import cell_leaves, replaced
+from teg.ir.choices import Product, Winner
 from teg.ir.expr import ONE, ZERO, Add, Const, Expr, Mul, Param, Where, add, mul, where
 from teg.ir.index import (
     ArrayName,
@@ -33,8 +34,26 @@ from teg.ir.index import (
     index_leaves,
 )
 from teg.ir.node import Node, postorder
+from teg.ir.partition import Partition
+from teg.numerics.cells import Layout
 from teg.program import Assign, Program, Stmt, assigned, free_names, has_ties
-from teg.program.arrays import Arg, ArrayProgram, ArraySpec, Integers, Like, Load, Loop, Number, Run, Scatter, Step
+from teg.program.arrays import (
+    Arg,
+    ArrayProgram,
+    ArraySpec,
+    Cells,
+    Factors,
+    Integers,
+    Least,
+    Like,
+    Load,
+    Loop,
+    Number,
+    Run,
+    Scatter,
+    Step,
+    Take,
+)
 from teg.program.dce import without_dead_code
 from teg.program.fields import renamed
 from teg.program.verify import verified_arrays
@@ -81,6 +100,8 @@ class _ArrayScheduler:
         self._count = 0
         self._depth: dict[Arg, int] = {}  # by name: the level where it is defined
         self._open: dict[Node, frozenset[IndexVar]] = {}
+        self._sloped: set[Expr] = set()  # partitions of which derivatives are used
+        self._tables: dict[Expr, tuple[str, Layout]] = {}
 
     def run(self, outputs: Sequence[Output]) -> ArrayProgram:
         top = _Level(0, None, None)
@@ -88,7 +109,9 @@ class _ArrayScheduler:
             top.names[Param.make(name, ())] = f"p{k}"
         scalars = [e for e in outputs if isinstance(e, Expr)]
         places = [(k, e[1], ONE) for k, e in enumerate(outputs) if not isinstance(e, Expr)]
-        self._open = open_indices(ex.tuple_of(*scalars, *(e for _, e, _ in places)))
+        whole = ex.tuple_of(*scalars, *(e for _, e, _ in places))
+        self._open = open_indices(whole)
+        self._sloped = {n.partition for n in postorder([whole]) if isinstance(n, Slope)}
         names = iter(self._level(top, scalars, places))
         results = tuple(next(names) if isinstance(e, Expr) else Like(self._number[e[0]]) for e in outputs)
         return ArrayProgram(self.parameters, array_specs(self.arrays), tuple(top.steps), results)
@@ -127,29 +150,84 @@ class _ArrayScheduler:
         bodies = [*roots, *(s for _, s, _ in linear)]
         outside = self._indices(level)
         within = frozenset(self._bound(level))
-        mine: list[Sum] = []
+        mine: list[Ranged] = []
         height: dict[Node, int] = {}
-        known = {s for at in outside for s in at.names if isinstance(s, Sum)}
+        known = {s for at in outside for s in at.names if isinstance(s, Ranged)}
         for node in _outside_of(known, bodies):
             height[node] = max((height.get(c, 0) for c in node.children), default=0)
-            if isinstance(node, Sum) and self._open[node] <= within and not _has_units(node):
+            if isinstance(node, Ranged) and self._open[node] <= within and not _has_units(node):
                 height[node] += 1
                 mine.append(node)
-        groups: dict[tuple[int, IndexVar, Index, Index], tuple[list[Sum], list[tuple[int, Expr, Expr]]]] = {}
+        groups: dict[tuple[int, IndexVar, Index, Index], tuple[list[Node], list[tuple[int, Expr, Expr]]]] = {}
         for node in mine:
             groups.setdefault((height[node], node.index, node.lo, node.hi), ([], []))[0].append(node)
         for output, node, weight in linear:
             after = 1 + max(height.get(weight, 0), height.get(node.body, 0))
             groups.setdefault((after, node.index, node.lo, node.hi), ([], []))[1].append((output, node.body, weight))
-        for (_, k, lo, hi), (scalars, places) in sorted(groups.items(), key=lambda item: item[0][0]):
-            inner = _Level(level.depth + 1, k, level)
-            index = self._fresh("i", inner)
-            inner.names[k] = index
-            bounds = self._integer(lo, level), self._integer(hi, level)
-            values = self._level(inner, [s.body for s in scalars], places)
-            results = tuple(self._fresh("v", level) for _ in scalars)
-            level.steps.append(Loop(index, *bounds, tuple(inner.steps), tuple(values), results, k.name))
-            level.names.update(zip(scalars, results, strict=True))
+        for (_, k, lo, hi), (nodes, places) in sorted(groups.items(), key=lambda item: item[0][0]):
+            sums = [n for n in nodes if isinstance(n, Sum)]
+            if sums or places:
+                loop, values = self._around(k, lo, hi, level, [s.body for s in sums], places)
+                results = tuple(self._fresh("v", level) for _ in sums)
+                level.steps.append(Loop(*loop, values, results, k.name))
+                level.names.update(zip(sums, results, strict=True))
+            products = [n for n in nodes if isinstance(n, Product)]
+            if products:
+                loop, values = self._around(k, lo, hi, level, [n.body for n in products])
+                results = tuple(self._fresh("v", level) for _ in products)
+                level.steps.append(Factors(*loop, values, results, k.name))
+                level.names.update(zip(products, results, strict=True))
+            winners = [n for n in nodes if isinstance(n, Winner)]
+            if winners:
+                numbers = [cast(Expr, n.children[i]) for i in (0, 1) for n in winners]
+                loop, values = self._around(k, lo, hi, level, numbers)
+                results = tuple(self._fresh("v", level) for _ in winners)
+                level.steps.append(Least(*loop, values[: len(winners)], results, k.name, values[len(winners) :]))
+                level.names.update(zip(winners, results, strict=True))
+            self._partitions([n for n in nodes if isinstance(n, Partition)], level)
+
+    def _around(
+        self,
+        k: IndexVar,
+        lo: Index,
+        hi: Index,
+        level: _Level,
+        numbers: Sequence[Expr],
+        places: Sequence[tuple[int, Expr, Expr]] = (),
+    ) -> tuple[tuple[str, Arg, Arg, tuple[Step, ...]], tuple[Arg, ...]]:
+        """Returns the first fields of a loop, and the names of the numbers that an iteration computes."""
+        inner = _Level(level.depth + 1, k, level)
+        index = self._fresh("i", inner)
+        inner.names[k] = index
+        bounds = self._integer(lo, level), self._integer(hi, level)
+        values = self._level(inner, numbers, places)
+        return (index, *bounds, tuple(inner.steps)), tuple(values)
+
+    def _partitions(self, nodes: Sequence[Partition], level: _Level) -> None:
+        """Emits the cells of partitions over one range; those with the same guards and keys share their cells."""
+        shared: dict[tuple[Layout, tuple[Expr, ...]], list[Partition]] = {}
+        for node in nodes:
+            shape = node.layout
+            first = shape.columns
+            decide = (*node.candidate[: shape.forms], *node.candidate[first : first + shape.forms])
+            shared.setdefault((shape._replace(degree=0), decide), []).append(node)
+        for (_, decide), group in shared.items():
+            shape = group[0].layout._replace(degree=max(n.layout.degree for n in group))
+            forms, orders = shape.forms, range(1 + shape.order)
+            numbers: list[Expr] = []
+            others: list[Expr] = []
+            for order in orders:
+                numbers += decide[order * forms : (order + 1) * forms]
+                numbers += [c for n in group for c in _padded(n, order, shape, n.candidate[forms:], n.layout.columns)]
+                others += [c for n in group for c in _padded(n, order, shape, n.otherwise, n.layout.coefficients)]
+            k = group[0].index
+            loop, values = self._around(k, group[0].lo, group[0].hi, level, numbers)
+            otherwise = tuple(self._cell(level, others))
+            results = tuple(self._fresh("v", level) for _ in group)
+            tables = tuple(self._fresh("i", level) for _ in group) if any(n in self._sloped for n in group) else ()
+            level.steps.append(Cells(*loop, values, results, k.name, shape, otherwise, tables))
+            level.names.update(zip(group, results, strict=True))
+            self._tables.update((n, (table, shape)) for n, table in zip(group, tables, strict=False))
 
     def _bound(self, level: _Level | None) -> Iterable[IndexVar]:
         while level is not None:
@@ -217,12 +295,23 @@ class _ArrayScheduler:
                 places = tuple(self._integer(i, level) for i in leaf.subscripts)
             case IndexValue():
                 places = (self._integer(leaf.index, level),)
+            case Slope():
+                table, shape = self._tables[leaf.partition]
+                places = (self._integer(leaf.row, level), table)
             case _:
                 raise AssertionError(f"{type(leaf).__name__} has no name")
         depth = max((self._depth.get(i, 0) for i in places), default=0)
         home = next(at for at in levels if at.depth == depth)
         name = self._fresh("v", home)
-        home.steps.append(Load(name, self._number[leaf.array], places) if isinstance(leaf, Gather) else Number(name, places[0]))
+        match leaf:
+            case Gather():
+                home.steps.append(Load(name, self._number[leaf.array], places))
+            case Slope():
+                columns = cast(Partition, leaf.partition).layout.columns
+                column = leaf.column % columns + shape.columns * (leaf.column // columns)
+                home.steps.append(Take(name, table, places[0], column))
+            case _:
+                home.steps.append(Number(name, places[0]))
         home.names[leaf] = name
         return name
 
@@ -293,7 +382,14 @@ class _ArrayScheduler:
         return list(names)
 
 
-def _outside_of(known: set[Sum], roots: Sequence[Node]) -> list[Node]:
+def _padded(node: Partition, order: int, shape: Layout, numbers: Sequence[Expr], length: int) -> Sequence[Expr]:
+    """Returns the coefficients of a polynomial, or their direction, with 0 for those that a polynomial of lower degree does not have;
+    `length` is the distance between both."""
+    own = node.layout.coefficients
+    return [*numbers[order * length : order * length + own], *[ZERO] * (shape.coefficients - own)]
+
+
+def _outside_of(known: set[Ranged], roots: Sequence[Node]) -> list[Node]:
     """Returns every node, children first, without computed nodes and their insides, where an index may be that of another loop."""
     order: list[Node] = []
     done: set[Node] = set(known)

@@ -43,24 +43,38 @@ class Roots:
 
     def isolated(self, isolation: Isolation, lo: Expr, hi: Expr, home: Level, when: str | None) -> tuple[Arg, ...]:
         """Returns the roots of a function between two bounds, found at run time."""
-        key = (isolation.g, isolation.var, lo, hi, when)
-        if key not in home.isolated:
-            ends = self.out.number(lo, home), self.out.number(hi, home)
-            left, right, var = (self.out.fresh("x") for _ in range(3))
-            at_left = home.inside(isolation.left, left)
-            at_both = at_left.inside(isolation.right, right)
-            bounds = cast("tuple[Arg, Arg, Arg, Arg]", tuple(self.out.number(b, at_both) for b in isolation.bounds))
-            curving = cast("tuple[Arg, Arg]", tuple(self.out.number(b, at_both) for b in isolation.curving))
-            noise = self._noise(isolation, left, right, at_both)
-            at_point = home.inside(isolation.var, var)
-            value, rate, curvature = (self.out.number(e, at_point) for e in (isolation.g, isolation.slope, isolation.curvature))
-            results = tuple(self.out.fresh("v") for _ in range(isolation.count))
-            enclosure, point = (*at_left.block, *at_both.block), tuple(at_point.block)
-            width = max(ISOLATE_WIDTH, BOXES * self.max_roots)
-            found = Isolate(var, *ends, left, right, enclosure, bounds, point, value, rate, results, when)
-            home.block.append(replace(found, curving=curving, noise=noise, curvature=curvature, tol=self.tol, width=width))
-            home.isolated[key] = results
-        return home.isolated[key]
+        return self._found((isolation.g, isolation.var, lo, hi), home, when, partial(self._isolate, isolation, lo, hi, home))
+
+    def _found(self, search: object, home: Level, when: str | None, emit: Callable[[str | None], tuple[Arg, ...]]) -> tuple[Arg, ...]:
+        """Returns the results of a search, which runs where `when` holds and no earlier one for the same has run."""
+        if search not in home.searches:
+            home.searches[search] = when, emit(when)
+            return home.searches[search][1]
+        before, results = home.searches[search]
+        if before is None or before == when:
+            return results
+        again = self.out.assign(home, "b", "not", before)
+        others = emit(again if when is None else self.out.assign(home, "b", "and", again, when))
+        both = tuple(self.out.assign(home, "v", "select", before, *two) for two in zip(results, others, strict=True))
+        home.searches[search] = None if when is None else self.out.assign(home, "b", "or", before, when), both
+        return both
+
+    def _isolate(self, isolation: Isolation, lo: Expr, hi: Expr, home: Level, when: str | None) -> tuple[Arg, ...]:
+        ends = self.out.number(lo, home), self.out.number(hi, home)
+        left, right, var = (self.out.fresh("x") for _ in range(3))
+        at_left = home.inside(isolation.left, left)
+        at_both = at_left.inside(isolation.right, right)
+        bounds = cast("tuple[Arg, Arg, Arg, Arg]", tuple(self.out.number(b, at_both) for b in isolation.bounds))
+        curving = cast("tuple[Arg, Arg]", tuple(self.out.number(b, at_both) for b in isolation.curving))
+        noise = self._noise(isolation, left, right, at_both)
+        at_point = home.inside(isolation.var, var)
+        value, rate, curvature = (self.out.number(e, at_point) for e in (isolation.g, isolation.slope, isolation.curvature))
+        results = tuple(self.out.fresh("v") for _ in range(isolation.count))
+        enclosure, point = (*at_left.block, *at_both.block), tuple(at_point.block)
+        width = max(ISOLATE_WIDTH, BOXES * self.max_roots)
+        found = Isolate(var, *ends, left, right, enclosure, bounds, point, value, rate, results, when)
+        home.block.append(replace(found, curving=curving, noise=noise, curvature=curvature, tol=self.tol, width=width))
+        return results
 
     def _noise(self, isolation: Isolation, left: str, right: str, at_both: Level) -> Arg:
         """Returns a bound of the effect of rounding on g in the middle of a box."""
@@ -88,22 +102,23 @@ class Roots:
 
     def located(self, location: Location, lo: Expr, hi: Expr, home: Level, when: str | None) -> tuple[Arg, ...]:
         """Returns where two surfaces meet, seen from the outer variable."""
-        key = (location.f, location.g, location.inner, location.outer, location.low, location.high, lo, hi, when)
-        if key not in home.isolated:
-            rectangle = (*off_the_grid(lo, hi), *off_the_grid(location.low, location.high))
-            first, last, low, high = (self.out.number(e, home) for e in rectangle)
-            left, right, bottom, top = (self.out.fresh("x") for _ in location.corners)
-            level, blocks = home, []
-            for corner, name in zip(location.corners, (left, right, bottom, top), strict=True):
-                level = level.inside(corner, name)
-                blocks.append(level.block)
-            bounds = tuple(self.out.number(b, level) for b in location.bounds)
-            enclosure = tuple(s for block in blocks for s in block)
-            results = tuple(self.out.fresh("v") for _ in range(max(MAX_ROOTS, self.max_roots)))
-            lost = self.out.fresh("v") if location.smooth else None  # for surfaces with kinks many empty rectangles are given up
-            home.block.append(Locate(first, last, low, high, left, right, bottom, top, enclosure, bounds, results, when, lost))
-            home.isolated[key] = results
-        return home.isolated[key]
+        search = (location.f, location.g, location.inner, location.outer, location.low, location.high, lo, hi)
+        return self._found(search, home, when, partial(self._locate, location, lo, hi, home))
+
+    def _locate(self, location: Location, lo: Expr, hi: Expr, home: Level, when: str | None) -> tuple[Arg, ...]:
+        rectangle = (*off_the_grid(lo, hi), *off_the_grid(location.low, location.high))
+        first, last, low, high = (self.out.number(e, home) for e in rectangle)
+        left, right, bottom, top = (self.out.fresh("x") for _ in location.corners)
+        level, blocks = home, []
+        for corner, name in zip(location.corners, (left, right, bottom, top), strict=True):
+            level = level.inside(corner, name)
+            blocks.append(level.block)
+        bounds = tuple(self.out.number(b, level) for b in location.bounds)
+        enclosure = tuple(s for block in blocks for s in block)
+        results = tuple(self.out.fresh("v") for _ in range(max(MAX_ROOTS, self.max_roots)))
+        lost = self.out.fresh("v") if location.smooth else None  # for surfaces with kinks many empty rectangles are given up
+        home.block.append(Locate(first, last, low, high, left, right, bottom, top, enclosure, bounds, results, when, lost))
+        return results
 
     def point(self, root: Root, home: Level) -> Arg:
         """Returns a root by its formula; +inf where it does not exist."""

@@ -1,7 +1,8 @@
 """The choice of a rule and its number of nodes for each integral.
 
-Gauss with as many nodes as a polynomial between known breaks needs; an exact rule of an intrinsic; adaptive for all others, with a
-tighter tolerance inside, and fewer first nodes for a larger tolerance. A fixed order is an adaptive rule that accepts everything.
+Gauss with as many nodes as a polynomial, or one in sines and cosines, between known breaks needs; an exact rule of an intrinsic; adaptive
+for all others, with a tighter tolerance inside, and fewer first nodes for a larger tolerance. A fixed order is an adaptive rule that
+accepts everything.
 """
 
 from __future__ import annotations
@@ -14,9 +15,12 @@ from typing import cast
 from teg.analysis.breaks import BreakAnalysis
 from teg.analysis.settings import Integration
 from teg.analysis.tails import is_unbounded
+from teg.analysis.waves import gauss_nodes
+from teg.ir.expr import Compare, Const
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import Node, postorder
-from teg.passes.lower.intrinsic import ExactRule
+from teg.passes.lower.intrinsic import CLOSED_FORM, ExactRule
+from teg.passes.lower.means import Mean, mean_of
 from teg.program import Adaptive, Gauss, Rule
 
 MAX_GAUSS = 24
@@ -57,6 +61,11 @@ class Rules:
         most = (how.order or FIXED) if how.rule == "gauss" else MAX_GAUSS
         if degree is not None and degree // 2 + 1 <= most and bounded:
             return Gauss(degree // 2 + 1), f"a polynomial of degree {degree} between known breaks"
+        nodes = gauss_nodes(node) if how.rule == "auto" and bounded and self.analysis.of(node).complete else None
+        if nodes is not None:
+            return Gauss(nodes), "a polynomial in sines and cosines between known breaks"
+        if how.closed_forms and self._has_mean(node):
+            return Mean(1), "an antiderivative is known"
         for intrinsic in self._exact.values() if bounded else ():
             if (rule := intrinsic.match(node, self.analysis)) is not None:
                 return rule, "the shape of an intrinsic"
@@ -71,9 +80,20 @@ class Rules:
         outer = any(isinstance(n, Integral) and masses_of(n.body, n.var) is None for n in inside)
         return Adaptive(tol, first + OUTER * outer, order, cubic), "no exact rule is known" if how.rule == "auto" else "asked for"
 
+    def _has_mean(self, node: Integral) -> bool:
+        """Returns whether an integrand has a mean in closed form, its conditions being constant on each piece."""
+        breaks = self.analysis.of(node)
+        if not breaks.complete or (means := mean_of(node.body, node.var)) is None:
+            return False
+        if is_unbounded(node) and (means.gaussians is None or not _is_ascending(node)):
+            return False
+        return all(n.g in breaks.handled for n in postorder([node.body]) if isinstance(n, Compare) and node.var in n.free)
+
     def title(self, rule: Rule) -> str:
         """Returns the name of a rule in reports."""
         match rule:
+            case Mean():
+                return CLOSED_FORM
             case Gauss():
                 return "Gauss, exact"
             case Adaptive() if rule.tol == math.inf:
@@ -122,3 +142,8 @@ class Rules:
                 most += 1
             depth[n] = most
         return depth[node] > MAX_NEST
+
+
+def _is_ascending(node: Integral) -> bool:
+    """Returns whether an infinite lower bound is -∞, and an infinite upper one ∞."""
+    return not (isinstance(node.lo, Const) and node.lo.data == math.inf) and not (isinstance(node.hi, Const) and node.hi.data == -math.inf)

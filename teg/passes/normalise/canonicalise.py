@@ -353,7 +353,7 @@ def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
 
 
 def _is_positive(e: Expr) -> bool:
-    return isinstance(e, Call) and e.name in ("exp", "cosh")
+    return isinstance(e, Call) and e.name in ("exp", "cosh", "erfc")
 
 
 def _factor_powers(term: Expr) -> dict[Expr, int]:

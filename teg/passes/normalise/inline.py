@@ -17,6 +17,7 @@ The first of all passes; idempotent; linear in the program and the bodies writte
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import cast
 
@@ -25,14 +26,33 @@ from teg.analysis.intervals import Interval
 from teg.analysis.polynomial import Degrees
 from teg.analysis.sharp import numeric_range, sharp_values, tame_ones
 from teg.analysis.tails import is_unbounded
-from teg.ir.expr import Call, Compare, Expr, Pow, Var
+from teg.ir.expr import Add, Call, Compare, Const, Expr, Pow, Var, add, call, const
 from teg.ir.function import Apply, Function, Slot, degrees_in, functions_of
 from teg.ir.integral import Delta, Integral, PointMasses
 from teg.ir.node import Node, postorder
-from teg.ir.traverse import parameters, rebuild
+from teg.ir.traverse import parameters, rebuild, rewrite
 
 _SINGULAR = frozenset(
-    ("sqrt", "root", "log", "pow", "tan", "asin", "acos", "atan2", "floor", "ceil", "round", "mod", "magnitude", "min", "max")
+    (
+        "sqrt",
+        "root",
+        "log",
+        "log1p",
+        "erfinv",
+        "erfcinv",
+        "pow",
+        "tan",
+        "asin",
+        "acos",
+        "atan2",
+        "floor",
+        "ceil",
+        "round",
+        "mod",
+        "magnitude",
+        "min",
+        "max",
+    )
 )
 
 
@@ -44,10 +64,31 @@ PEAKED = "its exponential may be a narrow peak, which alone is written out"
 
 
 def write_out(e: Expr) -> Expr:
-    """Returns the expression with those applications written out that a pass has to look into."""
+    """Returns the expression with those applications written out that a pass has to look into, and log1p as a logarithm."""
     while any(reasons(e).values()):
         e = _rewritten(e)
-    return e
+    return _with_plain_logarithms(e)
+
+
+def _with_plain_logarithms(e: Expr) -> Expr:
+    """Returns the expression with log(1 + u) for log1p(u), where u has variables: passes must see where 1 + u vanishes.
+
+    Lowering computes log(1 + u) as log1p(u).
+    """
+    if not any(isinstance(n, Call) and n.name == "log1p" and n.free for n in postorder([e])):
+        return e
+
+    def visit(old: Node, new: Node) -> Node:
+        return call("log", _one_more(new.children[0])) if isinstance(new, Call) and new.name == "log1p" and new.free else new
+
+    return cast(Expr, rewrite([e], visit)[e])
+
+
+def _one_more(u: Expr) -> Expr:
+    """Returns 1 + u, with one number in a sum: 1 + (x - 1) is x."""
+    terms = u.children if isinstance(u, Add) else (u,)
+    number = math.fsum((1.0, *(c.data for c in terms if isinstance(c, Const))))
+    return add(const(number), *(c for c in terms if not isinstance(c, Const)))
 
 
 def reasons(root: Expr) -> dict[Apply, str]:

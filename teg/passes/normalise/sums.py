@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import cast
 
 from teg.errors import ArrayIndexError
-from teg.ir.arrays import Sum, sum_over
+from teg.ir.arrays import Ranged, Sum, sum_over
 from teg.ir.cells import indices_apart, replace_integers
 from teg.ir.expr import ONE, ZERO, Add, Expr, Mul, Var, Where, add, mul, where
 from teg.ir.index import IndexConst, IndexGather, IndexParam, IndexVar, Length, index_const, index_leaves
@@ -28,7 +28,7 @@ MOST_TERMS = 20_000
 class NeedsLengths(Exception):  # a request to the caller, not an error
     """The bounds of a sum that must be written out are known at run time only."""
 
-    def __init__(self, node: Sum) -> None:
+    def __init__(self, node: Ranged) -> None:
         super().__init__("the bounds of a sum inside an integral must be known")
         self.node = node
 

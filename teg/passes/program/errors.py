@@ -35,7 +35,7 @@ from teg.program import (
 )
 from teg.program.dce import without_dead_code
 
-STEEP = ("div", "powi", "pow", "log", "sqrt", "asin", "acos", "tan", "atan2")
+STEEP = ("div", "powi", "pow", "log", "log1p", "sqrt", "asin", "acos", "tan", "atan2")
 """Operations whose slope can be infinite."""
 Errors = dict[Arg, Arg]
 """By name: the error of a number (0.0 if it is not there), or whether a condition is doubtful (False if it is not there)."""
@@ -314,7 +314,8 @@ class _Estimator:
                 n = int(args[1])
                 return self.times(out, o("mul", float(n), o("powi", args[0], n - 1)), errors[0])
             case "pow":
-                by_base = self.times(out, o("mul", args[1], o("div", result, args[0])), errors[0])
+                relative: Arg = 0.0 if errors[0] == 0.0 else o("div", errors[0], o("abs", args[0]))  # result/base may be infinite beside 0
+                by_base = self.times(out, o("mul", args[1], result), relative)
                 by_exponent = self.times(out, o("mul", result, o("log", args[0])), errors[1])
                 return self.sum_of((by_base, by_exponent), out)
             case "min" | "max":
@@ -323,8 +324,16 @@ class _Estimator:
                 return self._of_choice(stmt, out)
             case "exp":
                 return self.times(out, result, errors[0])
+            case "expm1":
+                return self.times(out, o("exp", args[0]), errors[0])
             case "log":
                 return o("div", errors[0], o("abs", args[0]))
+            case "log1p":
+                return o("div", errors[0], o("abs", o("add", 1.0, args[0])))
+            case "erf" | "erfc":  # the slope 2/√π·exp(-u²) where the argument may be nearest to 0
+                nearest = o("max", 0.0, o("sub", o("abs", args[0]), errors[0]))
+                bell = o("exp", o("neg", o("powi", nearest, 2)))
+                return self.times(out, o("mul", 2.0 / math.sqrt(math.pi), bell), errors[0])
             case "sqrt":  # √(x + Δ) - √x <= Δ/√max(x, Δ)
                 return o("div", errors[0], o("sqrt", o("max", args[0], errors[0])))
             case "tan":

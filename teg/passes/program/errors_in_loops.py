@@ -11,6 +11,7 @@ transformed once, before it is printed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -20,12 +21,14 @@ from teg.passes.program.link import with_bodies
 from teg.passes.program.sink import sink
 from teg.program import Arg as FlatArg
 from teg.program import Assign, Program
-from teg.program.arrays import Arg, ArrayProgram, Loop, Number, Run, Scatter, Step, steps
+from teg.program.arrays import Arg, ArrayProgram, Cells, Factors, Least, Loop, Number, Run, Scatter, Step, Take, steps
 from teg.program.dce import without_dead_code
 from teg.program.fields import result_names, variables
 from teg.program.verify import verified_arrays
 
 EPSILON = 2.0**-52
+CORNERS = 1e-12
+"""The error of the corners of cells, relative to the side of the box."""
 
 
 def with_array_error_estimates(program: ArrayProgram) -> ArrayProgram:
@@ -42,6 +45,7 @@ class _ArrayEstimator:
         self.errors: dict[Arg, Arg] = {}
         self._made: dict[tuple[int, tuple[int, ...]], Program] = {}
         self._count = _last_number(program)
+        self._sizes: dict[str, tuple[Arg, float]] = {}  # of the values that a table belongs to, and what they are multiplied by
 
     def run(self) -> ArrayProgram:
         program = self.program
@@ -67,8 +71,13 @@ class _ArrayEstimator:
             match step:
                 case Run():
                     out.append(self._kernel(step))
+                case Least() | Factors() | Cells():
+                    self._folded(step, iterations, out)
                 case Loop():
                     self._loop(step, iterations, out)
+                case Take():
+                    out.append(step)
+                    self._of_take(step, out)
                 case Scatter():
                     out.append(step)
                     places.append(step)
@@ -115,6 +124,37 @@ class _ArrayEstimator:
         values, names = (*step.values, *errors), (*step.results, *results)
         out.append(replace(step, body=(*body, *last), values=values, results=names))
 
+    def _folded(self, step: Least | Factors | Cells, iterations: Arg, out: list[Step]) -> None:
+        """Appends a loop that adds nothing up. An index has no error; a product that of the product of larger factors."""
+        body = tuple(self._block(step.body, iterations, ROUNDINGS))
+        match step:
+            case Least():
+                out.append(replace(step, body=body))
+            case Factors():
+                last, errors = self._rounded([(v, ROUNDINGS) for v in step.values])
+                factors = tuple(self._fresh() for _ in step.values)
+                last += [Run(_LARGER, (v, e), (name,)) for v, e, name in zip(step.values, errors, factors, strict=True)]
+                larger = tuple(self._fresh() for _ in step.results)
+                out.append(replace(step, body=(*body, *last), values=(*step.values, *factors), results=(*step.results, *larger)))
+                for result, most in zip(step.results, larger, strict=True):
+                    self.errors[result] = self._fresh()
+                    out.append(Run(_BEYOND, (most, result), (str(self.errors[result]),)))
+            case Cells():
+                sizes = tuple(self._fresh() for _ in step.results)
+                out.append(replace(step, body=body, sizes=sizes))
+                inexact = any(self.errors.get(v, 0.0) != 0.0 for v in (*step.values, *step.otherwise))
+                for k, (result, size) in enumerate(zip(step.results, sizes, strict=True)):
+                    self.errors[result] = self._fresh()
+                    factor = math.inf if inexact else CORNERS  # the errors of numbers of candidates are not carried on
+                    out.append(Run(_SCALED, (size, factor, result), (str(self.errors[result]),)))
+                    if step.tables:
+                        self._sizes[step.tables[k]] = (size, factor)
+
+    def _of_take(self, step: Take, out: list[Step]) -> None:
+        size, factor = self._sizes[step.table]
+        self.errors[step.name] = self._fresh()
+        out.append(Run(_SCALED, (size, factor, step.name), (str(self.errors[step.name]),)))
+
     def _rounded(self, pairs: Sequence[tuple[Arg, Arg]]) -> tuple[list[Step], list[Arg]]:
         """Returns the errors of numbers that leave a block, with so many roundings of each."""
         if not pairs:
@@ -158,6 +198,13 @@ def _roundings_of_a_loop() -> Program:
 
 
 _ROUNDINGS_OF_A_LOOP = _roundings_of_a_loop()
+_LARGER = Program(("factor", "error"), (Assign("v0", "abs", ("p0",)), Assign("v1", "add", ("v0", "p1"))), ("v1",))
+_BEYOND = Program(("larger", "product"), (Assign("v0", "abs", ("p1",)), Assign("v1", "sub", ("p0", "v0"))), ("v1",))
+_SCALED = Program(
+    ("size", "factor", "value"),
+    (Assign("v0", "abs", ("p2",)), Assign("v1", "add", ("p0", "v0")), Assign("v2", "mul", ("p1", "v1"))),
+    ("v2",),
+)
 
 
 def _last_number(program: ArrayProgram) -> int:

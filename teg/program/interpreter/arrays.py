@@ -2,11 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, assert_never
 
-from teg.program.arrays import Arg, ArrayProgram, Integers, Like, Load, Loop, Number, Run, Scatter, Step
+from teg.numerics.cells import integrals
+from teg.program.arrays import (
+    Arg,
+    ArrayProgram,
+    Cells,
+    Factors,
+    Integers,
+    Least,
+    Like,
+    Load,
+    Loop,
+    Number,
+    Run,
+    Scatter,
+    Step,
+    Take,
+)
 from teg.program.interpreter.machine import interpret
 from teg.program.operations import INTEGER_OPERATIONS
 
@@ -39,6 +56,7 @@ class _Machine:
     scattered: dict[int, Entries] = field(default_factory=dict)
     missed: bool = False
     crowded: bool = False
+    tables: dict[str, tuple[list[list[float]], int]] = field(default_factory=dict)
 
     def of(self, arg: Arg) -> Any:
         """What a name or a literal stands for."""
@@ -56,8 +74,17 @@ class _Machine:
                     self.values[step.name] = float(self.of(step.integer))
                 case Run():
                     self._kernel(step)
+                case Least():
+                    self._least(step)
+                case Factors():
+                    self._factors(step)
+                case Cells():
+                    self._cells(step)
                 case Loop():
                     self._loop(step)
+                case Take():
+                    table, first = self.tables[step.table]
+                    self.values[step.name] = table[self.of(step.row) - first][step.column]
                 case Scatter():
                     entries = self.scattered.setdefault(step.output, {})
                     place = self._places(step.subscripts)
@@ -85,6 +112,39 @@ class _Machine:
         self.values.update(zip(step.results, found.outputs, strict=True))
         self.missed |= found.missed
         self.crowded |= found.crowded
+
+    def _iterations(self, step: Loop) -> Iterator[int]:
+        """Runs the body of a loop for each index, and yields it."""
+        for i in range(self.of(step.lo), self.of(step.hi)):
+            self.values[step.index] = i
+            self.run(step.body)
+            yield i
+
+    def _least(self, step: Least) -> None:
+        best = [(math.inf, -1.0)] * len(step.results)
+        for i in self._iterations(step):
+            for k, (value, eligible) in enumerate(zip(step.values, step.eligible, strict=True)):
+                key, present, (least, winner) = float(self.of(value)), float(self.of(eligible)), best[k]
+                if math.isnan(present) or math.isnan(winner) or (present and math.isnan(key)):
+                    best[k] = (math.nan, math.nan)
+                elif present and (winner < 0 or key < least):
+                    best[k] = (key, float(i))
+        self.values.update(zip(step.results, (winner for _, winner in best), strict=True))
+
+    def _factors(self, step: Factors) -> None:
+        products = [1.0] * len(step.results)
+        for _ in self._iterations(step):
+            products = [p * float(self.of(v)) for p, v in zip(products, step.values, strict=True)]
+        self.values.update(zip(step.results, products, strict=True))
+
+    def _cells(self, step: Cells) -> None:
+        rows = [[float(self.of(v)) for v in step.values] for _ in self._iterations(step)]
+        otherwise = [float(self.of(v)) for v in step.otherwise]
+        found = integrals(step.shape, rows, otherwise, bool(step.tables))
+        self.values.update(zip(step.results, found.values, strict=True))
+        self.values.update(zip(step.sizes, found.sizes, strict=False))
+        first = self.of(step.lo)
+        self.tables.update((name, (table, first)) for name, table in zip(step.tables, found.tables, strict=False))
 
     def _loop(self, step: Loop) -> None:
         sums = [0.0] * len(step.results)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -45,8 +46,14 @@ class Substitution:
         """The place of u, kept inside the piece, and dv/du."""
         phi, slope = FUNCTIONS[self.kind](self.start + self.step * u)
         place = self.centre + self.radius * phi
-        place = place if place > self.p else math.nextafter(self.p, self.q)
-        return place if place < self.q else math.nextafter(self.q, self.p), self.radius * self.step * slope
+        place = place if place > self.p else beside(self.p, self.q)
+        return place if place < self.q else beside(self.q, self.p), self.radius * self.step * slope
+
+
+def beside(p: float, q: float) -> float:
+    """Returns the next normal number to p towards q."""
+    after = math.nextafter(p, q)
+    return math.copysign(sys.float_info.min, q - p) if abs(after) < sys.float_info.min else after
 
 
 def tail_place(p: float, q: float, u: float, scale: float) -> float:

@@ -30,9 +30,10 @@ print(c_cache.cache_folder())
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty cache of the test's own."""
+    """An empty cache of the test's own, trimmed after every build."""
     folder = tmp_path / "cache"
     monkeypatch.setenv("TEG_CACHE_DIR", str(folder))
+    monkeypatch.setattr(c_cache, "PAUSE", 0.0)
     return folder
 
 
@@ -148,7 +149,7 @@ def test_processes_that_build_the_same_at_once_share_it(cache: Path) -> None:
     command = [sys.executable, "-c", SCRIPT, "0,1,2"]
     running = [subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=ROOT) for _ in range(4)]
     assert [process.wait() for process in running] == [0] * 4
-    assert len(list(cache.iterdir())) == 3
+    assert len(entries(cache)) == 3
     assert not list(cache.glob("*/build-*"))
     assert {c_cache.digest_of(entry) for entry in entries(cache)} == {entry.stem for entry in entries(cache)}
 
@@ -206,6 +207,18 @@ def test_what_may_be_in_use_is_kept(cache: Path, monkeypatch: pytest.MonkeyPatch
     first, second = made(cache, 1), made(cache, 2)
     assert entries(cache) == sorted([first, second])
     aged(first, 1)
+    third = made(cache, 3)
+    assert entries(cache) == sorted([second, third])
+
+
+def test_entries_are_looked_at_once_a_minute(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(c_cache, "PAUSE", 60.0)
+    monkeypatch.setenv("TEG_CACHE_SIZE", "0")
+    first = made(cache, 1)
+    aged(first, 1)
+    second = made(cache, 2)
+    assert entries(cache) == sorted([first, second])
+    aged(cache / c_cache.TRIMMED, 1)
     third = made(cache, 3)
     assert entries(cache) == sorted([second, third])
 

@@ -44,6 +44,20 @@ SCENES: dict[str, tuple[Callable[[], tuple[teg.Expr, list[Param]]], dict[str, ob
 }
 
 
+def choices() -> tuple[teg.Expr, list[Param]]:
+    """Sixty candidates, two parts each: cells, lines and corners outgrow the stack."""
+    k, t, a = teg.index("k"), *teg.params("t a")
+    key = (k - 60 * a) * x + (7 * k % 11 - 5) * y * t + (5 * k % 13) / 13
+    where = ((x + y * t > k / 80) & (x < a + k / 60)) | (y > (k + 1) / 61)
+    chosen = teg.nearest((k * t + x * y, a), key, (k, 0, 60), where=where, otherwise=x * t)
+    least = teg.minimum_of((k - 30 * a) ** 2, (k, 0, 60), where=k > 50 * t, otherwise=t)
+    over = (x, 0, 1), (y, 0, a)
+    return teg.tuple(*(teg.integral(e, *over) for e in chosen), least * teg.prod(t + k, (k, 0, 5))), [t, a]
+
+
+LOOPS: dict[str, tuple[Callable[[], tuple[teg.Expr, list[Param]]], dict[str, object]]] = {"choices": (choices, {})}
+
+
 def kinds(whole: Program) -> set[str]:
     found = set()
     for s in statements(whole.body):
@@ -54,7 +68,7 @@ def kinds(whole: Program) -> set[str]:
 
 
 def program_of(name: str) -> Program:
-    (make, options) = SCENES[name]
+    (make, options) = (SCENES | LOOPS)[name]
     e, wrt = make()
     return teg.compile(e, wrt, **options).program(1)  # type: ignore[arg-type]
 
@@ -67,7 +81,7 @@ def test_every_kind_of_statement_is_among_them() -> None:
     assert missing <= extra
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [*SCENES, *LOOPS])
 def test_scenes(name: str, tmp_path: Path) -> None:
     """Value and gradient at ordinary points, at ties, far away, at NaN and infinity; every byte that is read was written, and nothing
     behind the ends of the arrays is touched: they are of the exact size, on the heap."""

@@ -92,7 +92,10 @@ def test_derivatives_nest() -> None:
         e = teg.diff(e, t)
 
 
-@pytest.mark.parametrize("name", ["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "abs"])
+@pytest.mark.parametrize(
+    "name",
+    ["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "abs", "erf", "erfc", "log1p", "expm1"],
+)
 def test_derivatives_of_functions(name: str) -> None:
     f = teg.compile(getattr(teg, name)(t) + teg.atan2(t, a) + t**a + a**t + teg.mod(t, a) + teg.floor(t), [t, a])
     assert teg.check_gradient(f, t=0.37, a=0.83)

@@ -38,8 +38,9 @@ def test_normal_form(e: teg.Expr, expected: tuple[teg.Expr, teg.Expr]) -> None:
 def test_reverse_equals_forward(reference: Reference) -> None:
     e = reference.build()
     ps = [teg.param(k) for k in reference.params]
-    backward = teg.evaluate(teg.grad(e, ps), reference.params, tol=1e-13)
-    forward = teg.evaluate(teg.tuple(*(teg.diff(e, p) for p in ps)), reference.params, tol=1e-13)
+    tol = 1e-10 if "3d-quadratic" in reference.tags else 1e-13  # slices of a ball that shrink to a point round more
+    backward = teg.evaluate(teg.grad(e, ps), reference.params, tol=tol)
+    forward = teg.evaluate(teg.tuple(*(teg.diff(e, p) for p in ps)), reference.params, tol=tol)
     scale = max([1.0, *(abs(v) for v in forward if v == v and abs(v) != float("inf"))])
     assert backward == pytest.approx(forward, rel=1e-13, abs=1e-13 * scale, nan_ok=True)
 

@@ -98,3 +98,20 @@ def test_the_shorter_sum_of_two_surfaces_is_located() -> None:
     found = locate(y + y**5 - small, y + y**5 + small, y, teg.ir.expr.const(-2.0), teg.ir.expr.const(2.0), x)
     assert found is not None
     assert {str(found.f), str(found.g)} == {"2·y + 2·y⁵", "-2·exp(-100·x)"}
+
+
+def test_roots_are_searched_for_once() -> None:
+    """Value and gradient need the same roots; the second search runs where the first one does not."""
+    x, t = teg.var("x"), teg.param("t")
+    f = teg.compile(teg.integral(teg.bracket(x * teg.exp(-x) < t), (x, 0, 8)))
+    searches = [s for s in f.program(1).body if type(s).__name__ == "Isolate"]
+    made = {s.name: s for s in f.program(1).body if type(s).__name__ == "Assign"}
+    first, second = searches
+    again = made[second.when]
+    assert again.op == "and"
+    assert made[again.args[0]].op == "not"
+    assert made[again.args[0]].args == (first.when,)
+    roots = [float(-mpmath.lambertw(-0.2, k).real) for k in (0, -1)]
+    assert f(t=0.2) == pytest.approx(8 - roots[1] + roots[0], abs=1e-12)
+    assert f.grad(t=0.2)["t"] == pytest.approx(sum(1 / abs((1 - r) * math.exp(-r)) for r in roots), abs=1e-12)
+    assert (f(t=-0.1), f.grad(t=-0.1)["t"], f(t=0.5), f.grad(t=0.5)["t"]) == (0.0, 0.0, 8.0, 0.0)

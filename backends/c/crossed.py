@@ -1,0 +1,526 @@
+"""Points that surfaces cross, side by side: a program of polygons and segments without branches.
+
+    crossed(program)  ->  Crossed      the outputs, and `good`: whether they are right
+    function          ->  a C function of eight points
+
+Polygons are weights of fixed nodes of their boxes (`crossing`), segments intervals that are cut by selects; everything else is
+arithmetic in the program already. A point with a tie, a thin triangle, a line along a side or a number that is not finite is not good, and
+is computed by the program as it is. So are estimates of errors, whose integrands are no polynomials.
+
+Stages. A sum over nodes is a loop of its own, so the straight line is cut before and after the sums; each stage is a loop over the points,
+which the C compiler vectorises, and values that a later stage reads lie in arrays. Values that are the same for all points are
+computed before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Container, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from math import isnan
+
+from teg.backends.c.crossing import LARGEST, MOST_DEGREE, MOST_LINES, STOUT, Crossing, Writer, crossing, nodes_of
+from teg.backends.c.frame import Frame, Step, assignments
+from teg.backends.c.polygon import SIDE_BY_SIDE
+from teg.backends.c.text import indent, literal
+from teg.backends.c.text import packed as in_few_lines
+from teg.numerics.quadrature import gauss_legendre
+from teg.program import NEARLY, TIE_EPS, Arg, Assign, Polygon, Program, Segment, Stmt, When, assigned, statements
+from teg.program.fields import absent
+
+SIDE = 8
+"""Points side by side."""
+TOGETHER = 160
+"""Statements of the nodes that are computed in one iteration of their loop, about."""
+LONGEST = 5000
+"""Statements of a straight line with each loop over nodes counted once."""
+MOST = 1600
+"""Statements of a program that is looked at."""
+ARITHMETIC = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select", "min", "max", "lower", "upper"}
+OPPOSITES = {("gt0", "le0"), ("le0", "gt0"), ("ge0", "lt0"), ("lt0", "ge0")}
+SELECTIONS = {"select", "lower", "upper", "min", "max"}
+BRANCHLESS = {"and": "all", "or": "any"}
+
+
+@dataclass(frozen=True, slots=True)
+class Nodes:
+    """sums = Σ over nodes of weight·value; `places` are the coordinates of a node by their names."""
+
+    places: dict[str, tuple[float, ...]]
+    weights: tuple[Arg, ...]
+    body: tuple[Assign, ...]
+    values: tuple[Arg, ...]
+    sums: tuple[str, ...]
+
+    @property
+    def reads(self) -> set[Arg]:
+        """What is computed before."""
+        own = {s.name for s in self.body} | set(self.places)
+        return ({a for s in self.body for a in s.args} | set(self.values) | set(self.weights)) - own
+
+
+Item = Assign | Nodes
+
+
+@dataclass(frozen=True, slots=True)
+class Crossed:
+    """The straight line of a program where surfaces cross a point's boxes: the outputs are right where `good` holds."""
+
+    items: tuple[Item, ...]
+    outputs: tuple[Arg, ...]
+    good: Arg
+
+
+def crossed(program: Program) -> Crossed | None:
+    """Returns the straight line; None if there is none, or no surface."""
+    if len(program.body) > MOST or not any(isinstance(s, Polygon | Segment) for s in statements(program.body)):
+        return None
+    line = _Line(program)
+    if not line.through(program.body, True):
+        return None
+    w = line.writer
+    outputs = tuple(map(line.value, program.outputs))
+    sizes = [w.abs(o) for o in dict.fromkeys((*outputs, *sorted(line.defined))) if isinstance(o, str)]
+    good: Arg = True
+    for condition in (*dict.fromkeys(line.conditions), w.put("b", "le0", w.sub(w.add(*sizes), LARGEST))):
+        good = condition if good is True else w.put("b", "and", good, condition)
+    line.keep()
+    items = _needed(line.items, (*outputs, good))
+    short = sum(len(i.body) if isinstance(i, Nodes) else 1 for i in items) <= LONGEST
+    return Crossed(tuple(items), outputs, good) if short and _is_arithmetic(items) else None
+
+
+class _Line:
+    """The items of the straight line, and the conditions under which it is the program."""
+
+    def __init__(self, program: Program) -> None:
+        used = (int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit())
+        self._numbers = count(1 + max(used, default=0))
+        self.writer = Writer(self._numbers)
+        self.items: list[Item] = []
+        self.conditions: list[Arg] = []
+        self.defined: dict[Arg, None] = {}
+        """Numbers that must not be NaN."""
+        self._made: dict[Arg, Assign] = {}
+        self._known: dict[Arg, Arg] = {}
+        self._decisive = next((s for s in program.body if isinstance(s, When) and set(program.outputs) <= set(s.results)), None)
+
+    def keep(self) -> None:
+        """Moves what was written to the items."""
+        self.items += self.writer.lines
+        self.writer.lines = []
+
+    def value(self, arg: Arg) -> Arg:
+        """Returns the value that a name has on the straight line."""
+        return self._known.get(arg, arg)
+
+    def through(self, block: Iterable[Stmt], held: bool = False) -> bool:
+        """Returns whether a block has a straight line, and appends it. `held`: it is run at every point."""
+        for stmt in block:
+            match stmt:
+                case Assign(op="tie"):
+                    self._tie(stmt)
+                case Assign():
+                    self._plain(stmt)
+                case When():
+                    if not self.through(stmt.body, held and stmt is self._decisive):
+                        return False
+                    if stmt is not self._decisive:
+                        self._where(stmt.when, stmt.results)
+                case Polygon() if _is_crossable(stmt):
+                    self._on_condition(stmt, self._polygon(stmt))
+                case Segment() if all(isinstance(s, Assign) for s in (*stmt.setup, *stmt.body)):
+                    self._on_condition(stmt, self._segment(stmt))
+                case _:
+                    if stmt.when is None:
+                        return False
+                    self.conditions.append(self.writer.put("b", "not", self.value(stmt.when)))
+                    self._known.update(absent(stmt))
+        return True
+
+    def _on_condition(self, stmt: Polygon | Segment, conditions: Sequence[Arg]) -> None:
+        """Notes the conditions of a statement, which matter where it is run, and selects its results there."""
+        w = self.writer
+        if stmt.when is None:
+            self.conditions += conditions
+            return
+        both = w.put("b", "and", *conditions)
+        self.conditions.append(w.any(w.put("b", "not", self.value(stmt.when)), both))
+        self._where(stmt.when, stmt.results)
+
+    def _where(self, when: str, results: Iterable[str]) -> None:
+        condition = self.value(when)
+        for result in results:
+            self._known[result] = self.writer.select(condition, self.value(result), 0.0)
+
+    def _tie(self, stmt: Assign) -> None:
+        g, scale = map(self.value, stmt.args[:2])
+        w = self.writer
+        self.conditions.append(w.positive(w.sub(w.abs(g), w.mul(TIE_EPS, scale))))
+        self._plain(Assign(stmt.name, "gt0", (g,)))
+
+    def _plain(self, stmt: Assign) -> None:
+        """Appends an assignment."""
+        self.writer.lines += self._block([stmt])
+
+    def _block(self, block: Iterable[Stmt]) -> list[Assign]:
+        """Returns the assignments of a block: an integral power as products, and of three cases the first two where the last is NaN."""
+        lines: list[Assign] = []
+        for s in block:
+            assert isinstance(s, Assign)
+            s = replace(s, args=tuple(map(self.value, s.args)))
+            if s.op == "select" and isinstance(other := self._made.get(s.args[2]), Assign) and _is_nan_else(other):
+                undefined = self._apart(s.args[0], other.args[0])
+                if undefined is not None:
+                    self.defined |= dict.fromkeys(undefined)
+                    s = replace(s, args=(*s.args[:2], other.args[1]))
+            self._made[s.name] = s
+            lines += _products(s, self._numbers)
+        return lines
+
+    def _apart(self, first: Arg, second: Arg) -> set[Arg] | None:
+        """Returns the numbers which are NaN wherever neither of two conditions holds; None if they are no opposites."""
+        a, b = self._made.get(first), self._made.get(second)
+        if a is None or b is None:
+            return None
+        if (a.op, b.op) in OPPOSITES and a.args == b.args:
+            return set(a.args)
+        if b.op == "and" and len(b.args) == 2:
+            negated, known = (self._made.get(c) for c in b.args)
+            if negated is not None and known is not None and (negated.op, negated.args, known.op) == ("not", (first,), "ok"):
+                return set(known.args)
+        if (a.op, b.op) != ("and", "or") or len(a.args) != len(b.args):
+            return None
+        undefined: set[Arg] = set()
+        left = list(b.args)
+        for arg in a.args:
+            partner = next((c for c in left if self._apart(arg, c) is not None), None)
+            if partner is None:
+                return None
+            left.remove(partner)
+            undefined |= self._apart(arg, partner) or set()
+        return undefined
+
+    def _polygon(self, stmt: Polygon) -> list[Arg]:
+        """Appends a polygon; returns the conditions under which it is right."""
+        w = self.writer
+        w.lines += self._block(stmt.setup)
+        planes = [replace(g, a=self.value(g.a), b=self.value(g.b), c=self.value(g.c)) for g in stmt.half_planes]
+        width, height = self.value(stmt.width), self.value(stmt.height)
+        cut = crossing(w, planes, width, height, stmt.degree, 3 if stmt.corners else 0)
+        nodes = nodes_of(stmt.degree)
+        x, y = (f"v{next(self._numbers)}" for _ in range(2))
+        places = {x: tuple(p for p, _ in nodes), y: tuple(q for _, q in nodes)}
+        half_width, half_height = w.mul(0.5, width), w.mul(0.5, height)
+        inside = Writer(self._numbers)
+        for variable, half, at in ((stmt.variables[0], half_width, x), (stmt.variables[1], half_height, y)):
+            inside.lines.append(Assign(variable, "add", (half, inside.mul(half, at))))
+        if stmt.corners:
+            cut.conditions.extend(self._barycentric(stmt, cut, (x, y), inside))
+        body = (*inside.lines, *self._block(stmt.body))
+        area = w.mul(half_width, half_height)
+        self._sums(stmt, Nodes(places, tuple(cut.weights), body, (), ()), area)
+        return cut.conditions
+
+    def _barycentric(self, stmt: Polygon, cut: Crossing, at: tuple[str, str], inside: Writer) -> list[Arg]:
+        """Computes the barycentric coordinates of nodes; returns whether the triangle is stout."""
+        w, across = self.writer, self.value(stmt.across)
+        inverse = w.div(1.0, across)
+        for (a, b, c), name in zip(cut.scaled[1:3], stmt.variables[2:], strict=True):
+            a, b, c = (w.mul(part, inverse) for part in (a, b, c))
+            inside.lines.append(Assign(name, "add", (c, inside.mul(a, at[0]), inside.mul(b, at[1]))))
+        change: Arg = 0.0
+        for a, b, _ in cut.scaled[:3]:
+            both = w.add(w.abs(a), w.abs(b))
+            change = both if change == 0.0 else w.upper(change, both)
+        return [w.positive(w.sub(across, w.mul(2.0 * STOUT[stmt.degree], change))), w.positive(across)]
+
+    def _segment(self, stmt: Segment) -> list[Arg]:
+        """Appends a segment; returns the conditions under which it is right."""
+        w = self.writer
+        w.lines += self._block(stmt.setup)
+        start: Arg = 0.0
+        stop: Arg = 1.0
+        sizes: list[Arg] = []
+        conditions: list[Arg] = []
+        for g in stmt.half_lines:
+            first, last = self.value(g.first), self.value(g.last)
+            falls = w.sub(first, last)
+            root = w.div(first, falls)  # beyond 1 or below 0 where none or all of it is inside
+            rises = w.put("b", "lt0", falls)
+            start = w.select(rises, w.upper(start, root), start)
+            stop = w.select(rises, stop, w.lower(root, stop))
+            sizes.append(w.abs(falls))
+            larger = w.upper(w.abs(first), w.abs(last))
+            size = 0.0 if g.k is None else w.mul(NEARLY, self.value(g.size))
+            conditions.append(w.positive(w.sub(larger, size)))
+        conditions.append(w.put("b", "le0", w.sub(w.add(*sizes), LARGEST)))
+        length = w.upper(w.sub(stop, start), 0.0)
+        nodes, weights = gauss_legendre(stmt.nodes)
+        at = f"v{next(self._numbers)}"
+        places = {at: tuple(0.5 + 0.5 * float(u) for u in nodes)}
+        inside = Writer(self._numbers)
+        inside.lines.append(Assign(stmt.var, "add", (start, inside.mul(length, at))))
+        body = (*inside.lines, *self._block(stmt.body))
+        self._sums(stmt, Nodes(places, tuple(0.5 * float(v) for v in weights), body, (), ()), length)
+        return conditions
+
+    def _sums(self, stmt: Polygon | Segment, nodes: Nodes, extent: Arg) -> None:
+        """Appends the sums over nodes, and the results that they give."""
+        w = self.writer
+        distinct = list(dict.fromkeys(map(self.value, stmt.values)))
+        sums = {value: f"v{next(self._numbers)}" for value in distinct}
+        self.keep()
+        self.items.append(replace(nodes, values=tuple(distinct), sums=tuple(sums.values())))
+        scaled: dict[Arg, Arg] = {}
+        for result, value, factor in zip(stmt.results, stmt.values, stmt.factors, strict=True):
+            factor = self.value(factor)
+            if factor not in scaled:
+                scaled[factor] = w.mul(extent, factor)
+            w.lines.append(Assign(result, "mul", (scaled[factor], sums[self.value(value)])))
+
+
+def _is_nan_else(stmt: Assign) -> bool:
+    return stmt.op == "select" and isinstance(stmt.args[2], float) and isnan(stmt.args[2])
+
+
+def _products(stmt: Assign, numbers: count[int]) -> list[Assign]:
+    """Returns an assignment, an integral power as products."""
+    if stmt.op != "powi" or stmt.args[1] == 2:
+        return [stmt]
+    w = Writer(numbers)
+    square, left = stmt.args[0], abs(int(stmt.args[1]))
+    power: Arg = 1.0
+    while left:
+        power = w.mul(power, square) if left % 2 else power
+        left //= 2
+        square = w.mul(square, square) if left else square
+    return [*w.lines, Assign(stmt.name, "div", (1.0, power)) if int(stmt.args[1]) < 0 else Assign(stmt.name, "const", (power,))]
+
+
+def _is_crossable(stmt: Polygon) -> bool:
+    """Returns whether a polygon is small, and its integrand is written as a polynomial of the coordinates."""
+    if stmt.degree > MOST_DEGREE or len(stmt.half_planes) > MOST_LINES:
+        return False
+    if not all(isinstance(s, Assign) for s in (*stmt.setup, *stmt.body)):
+        return False
+    inside: set[Arg] = set(stmt.variables)
+    for s in stmt.body:
+        assert isinstance(s, Assign)
+        if inside.isdisjoint(s.args):
+            continue
+        inside.add(s.name)
+        match s.op:
+            case "add" | "sub" | "mul" | "neg" | "const":
+                pass
+            case "powi" if int(s.args[1]) >= 0:
+                pass
+            case "div" if s.args[1] not in inside:
+                pass
+            case "select" if s.args[0] not in inside:
+                pass
+            case _:
+                return False
+    return True
+
+
+def _reads(item: Item) -> set[Arg]:
+    return set(item.args) if isinstance(item, Assign) else item.reads
+
+
+def _defines(item: Item) -> tuple[str, ...]:
+    return (item.name,) if isinstance(item, Assign) else item.sums
+
+
+def _needed(items: Sequence[Item], wanted: Iterable[Arg]) -> list[Item]:
+    """Returns the items that matter for what is wanted."""
+    live: set[Arg] = set(wanted)
+    kept: list[Item] = []
+    for item in reversed(items):
+        if isinstance(item, Nodes):
+            pairs = [(v, s) for v, s in zip(item.values, item.sums, strict=True) if s in live]
+            if not pairs:
+                continue
+            body = [s for s in _needed(item.body, [v for v, _ in pairs]) if isinstance(s, Assign)]
+            values = tuple(v for v, _ in pairs)
+            read = {a for s in body for a in s.args}.union(values)
+            places = {x: at for x, at in item.places.items() if x in read}
+            item = replace(item, places=places, body=tuple(body), values=values, sums=tuple(s for _, s in pairs))
+        elif item.name not in live:
+            continue
+        live |= _reads(item)
+        kept.append(item)
+    return kept[::-1]
+
+
+def _is_arithmetic(items: Iterable[Item]) -> bool:
+    flat = [s for item in items for s in (item.body if isinstance(item, Nodes) else (item,))]
+    return all(s.op in ARITHMETIC or (s.op == "powi" and s.args[1] == 2) for s in flat)
+
+
+# -- C -------------------------------------------------------------------------------------------------------------------
+
+
+def inputs_of(found: Crossed) -> list[int]:
+    """Returns the numbers of the parameters that are read."""
+    used = {a for item in found.items for a in _reads(item)}.union(found.outputs, (found.good,))
+    return sorted(int(a[1:]) for a in used if isinstance(a, str) and a[0] == "p")
+
+
+def function(found: Crossed, varying: Container[int], apart: int) -> list[str]:
+    """Returns the inside of the C function of eight points: output j of point k goes to f[apart·j + k], and good[k] is 0 where they must
+    be computed otherwise. Inputs in `varying` are arrays q."""
+    inputs = inputs_of(found)
+    places: dict[str, str] = {f"p{i}": f"q{i}[k]" if i in varying else f"p{i}" for i in inputs}
+    lanes: set[Arg] = {f"p{i}" for i in inputs if i in varying}
+    return list(_Stages(found, places, lanes).lines(apart))
+
+
+class _Stages:
+    """The stages of a straight line in C: `places` says how a value is spelled that an earlier stage has."""
+
+    def __init__(self, found: Crossed, places: dict[str, str], lanes: set[Arg]) -> None:
+        self.found, self.places, self.lanes = found, places, lanes
+        self.stage: dict[Arg, int] = {}
+        self.last = 0
+        for item in found.items:
+            number = max((self.stage.get(a, 0) for a in _reads(item)), default=0) + isinstance(item, Nodes)
+            self.stage.update(dict.fromkeys(_defines(item), number))
+            self.last = max(self.last, number)
+            if isinstance(item, Nodes) or not lanes.isdisjoint(_reads(item)):
+                lanes.update(_defines(item))
+        self._arrays = count()
+        self._count = [0]
+
+    def lines(self, apart: int) -> Iterator[str]:
+        """Returns all lines."""
+        found = self.found
+        assigns = [i for i in found.items if isinstance(i, Assign)]
+        steady = [s for s in assigns if s.name not in self.lanes]
+        frame, given = self._frame(steady, self._read_by(self._without(steady)))
+        yield from frame.block(0)
+        scope = frame.scope()
+        self.places.update((name, scope(name)) for name in given)
+        for number in range(self.last + 1):
+            here = [s for s in assigns if s.name in self.lanes and self.stage[s.name] == number]
+            later = [i for i in self._without(here) if max(self.stage[d] for d in _defines(i)) >= number]
+            yield from self._loop(here, self._read_by(later), apart if number == self.last else None)
+            for item in found.items:
+                if isinstance(item, Nodes) and self.stage[item.sums[0]] == number + 1:
+                    yield from self._nodes(item)
+
+    def _without(self, some: Iterable[Item]) -> list[Item]:
+        left_out = set(map(id, some))
+        return [i for i in self.found.items if id(i) not in left_out]
+
+    def _read_by(self, items: Iterable[Item]) -> set[Arg]:
+        return {a for i in items for a in _reads(i)}.union(self.found.outputs, (self.found.good,))
+
+    def _frame(self, block: Sequence[Assign], wanted: Collection[Arg]) -> tuple[Frame, list[str]]:
+        """Returns a block in which names of earlier stages are spelled as arrays, and those of its values that are wanted."""
+        given = [s.name for s in block if s.name in wanted]
+        block = _late(block, given)
+        return self._framed(_steps(block), given, self.places), given
+
+    def _framed(self, steps: list[Step], own: Sequence[Arg], places: dict[str, str]) -> Frame:
+        frame = Frame([], [steps], own, False, dict(places), whole=(0,))
+        frame.count = self._count  # names differ in all stages
+        return frame
+
+    def _loop(self, block: Sequence[Assign], wanted: Collection[Arg], apart: int | None) -> Iterator[str]:
+        """Returns the loop of a stage; the last one, which has `apart`, writes the outputs."""
+        frame, given = self._frame(block, wanted)
+        if apart is not None:
+            outputs = [*self.found.outputs, self.found.good]
+            own = list(dict.fromkeys(o for o in outputs if isinstance(o, str) and (o in self.places or o in given)))
+            frame = self._framed(frame.blocks[0], own, self.places)
+        inside = frame.block(0)
+        scope = frame.scope()
+        if apart is not None:
+            inside += [f"f[{apart * j} + k] = {scope(o)};" for j, o in enumerate(self.found.outputs)]
+            inside.append(f"good[k] = {scope(self.found.good)} ? 1.0 : 0.0;")
+        else:
+            arrays = {name: f"a{next(self._arrays)}" for name in given}
+            yield from in_few_lines([f"{array}[{SIDE}]" for array in arrays.values()], "double ", ", ", ";")
+            inside += [f"{array}[k] = {scope(name)};" for name, array in arrays.items()]
+            self.places.update((name, f"{array}[k]" if name[0] == "v" else f"({array}[k] != 0.0)") for name, array in arrays.items())
+        yield from self._each(inside)
+
+    def _nodes(self, item: Nodes) -> Iterator[str]:
+        """Returns the loop over nodes, some of them in each iteration."""
+        number = next(self._arrays)
+        total = len(item.weights)
+        most = max(1, TOGETHER // max(1, len(item.body)))
+        together = max(n for n in range(1, total + 1) if total % n == 0 and n <= most)
+        in_array = any(isinstance(v, str) for v in item.weights)
+        if in_array:
+            yield f"double weight_{number}[{total}][{SIDE}];"
+            given = [f"weight_{number}[{n}][k] = {self._spelled(v)};" for n, v in enumerate(item.weights)]
+            yield from self._each(in_few_lines(given))
+        rows = [[xs[n] for xs in item.places.values()] + ([] if in_array else [float(item.weights[n])]) for n in range(total)]
+        if rows[0]:
+            yield f"static const double node_{number}[{total}][{len(rows[0])}] = {{"
+            yield from indent(*in_few_lines(f"{{{', '.join(map(literal, row))}}}," for row in rows))
+            yield "};"
+        yield f"double sum_{number}[{len(item.sums)}][{SIDE}] = {{{{0.0}}}};"
+        body: list[Assign] = []
+        sums: dict[Arg, list[Arg]] = {v: [] for v in item.values}
+        known = dict(self.places)
+        for n in range(together):
+            own = {s.name: f"{s.name}_{n}" for s in item.body} | {x: f"{x}_{n}" for x in item.places}
+            known |= {own[x]: f"node_{number}[i + {n}][{c}]" for c, x in enumerate(item.places)}
+            weight = f"v{number}w{n}"
+            known[weight] = f"weight_{number}[i + {n}][k]" if in_array else f"node_{number}[i + {n}][{len(item.places)}]"
+            for s in item.body:
+                body.append(Assign(own[s.name], s.op, tuple(own.get(a, a) if isinstance(a, str) else a for a in s.args)))
+            for j, v in enumerate(item.values):
+                at = own.get(v, v) if isinstance(v, str) else v
+                body.append(Assign(f"v{number}w{n}_{j}", "mul", (weight, at)))
+                sums[v].append(body[-1].name)
+        last: list[Arg] = []
+        for j, v in enumerate(item.values):
+            body.append(Assign(f"v{number}t{j}", "add", tuple(sums[v])))
+            last.append(body[-1].name)
+        frame = self._framed(_steps(body), last, known)
+        inside = frame.block(0)
+        scope = frame.scope()
+        inside += [f"sum_{number}[{j}][k] += {scope(name)};" for j, name in enumerate(last)]
+        yield f"for (int i = 0; i < {total}; i += {together}) {{"
+        yield from indent(*self._each(inside))
+        yield "}"
+        self.places.update((name, f"sum_{number}[{j}][k]") for j, name in enumerate(item.sums))
+
+    def _each(self, inside: Sequence[str]) -> Iterator[str]:
+        """Returns a loop over the points."""
+        yield f"for (int k = 0; k < {SIDE}; k++) {{"
+        yield from indent(*inside)
+        yield "}"
+
+    def _spelled(self, arg: Arg) -> str:
+        return self.places[arg] if isinstance(arg, str) else literal(float(arg))
+
+
+def _late(block: Sequence[Assign], wanted: Iterable[str]) -> list[Assign]:
+    """Returns the assignments of a block in an order in which each stands shortly before its first use: fewer values are alive at once."""
+    made = {s.name: s for s in block}
+    done: dict[str, Assign] = {}
+    stack: list[tuple[str, bool]] = [(name, False) for name in reversed(list(wanted))]
+    while stack:
+        name, ready = stack.pop()
+        if name in done:
+            continue
+        if ready:
+            done[name] = made[name]
+            continue
+        stack.append((name, True))
+        stack += [(a, False) for a in reversed(made[name].args) if isinstance(a, str) and a in made and a not in done]
+    return list(done.values())
+
+
+def _steps(block: Iterable[Assign]) -> list[Step]:
+    """Returns assignments with operations that compute all of their operands: those of a selection have names."""
+    steps = [step for s in block for step in assignments(replace(s, op=BRANCHLESS.get(s.op, s.op)))]
+    for step in steps:
+        if step.assign is not None and step.assign.op in SELECTIONS:
+            step.longest = 0
+    return steps

@@ -1,0 +1,124 @@
+"""`teg report stability`: judges what is missing, draws the heat map, writes the tables. It can be interrupted, and continues.
+
+teg report stability -o docs/estimators --page docs/estimators.md
+teg report stability --case "a cusp"              one case again, with errors and notes
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from teg.errors import InputError
+from teg.examples.charts import stability_report, tables
+from teg.examples.charts.run import _results, _stored
+from teg.examples.charts.stability_report import METHODS, SCORES, Answer, counts, shares
+from teg.examples.harness import default_backend, machine, require_packages, result_folder, versions, write_report
+
+PACKAGES = {"matplotlib": "matplotlib>=3.8", "mpmath": "mpmath>=1.3"}
+COLOURS = {
+    "right": "#0072B2", "imprecise": "#8FC3E8", "said in the call": "#E6E8EB", "said by diagnose": "#F0E442", "silently wrong": "#D55E00",
+    "crash": "#000000", "too slow": "#A8A8A8",
+}  # fmt: skip
+
+
+def run_report(
+    out: str | Path = "out/report",
+    page: str | Path | None = None,
+    quick: bool = False,
+    fresh: bool = False,
+    backend: str | None = None,
+    progress: bool = True,
+) -> dict[str, Any]:
+    """Every difficult case by every estimator: report.json and heat-map.png in `out`, tables in `page`.
+
+    `quick` judges one case of each class. The other options are those of `teg.examples.charts.run.run_integration`.
+    """
+    require_packages("stability report", PACKAGES, progress, extra="chart")
+    folder, chosen = result_folder(Path(out)), backend or default_backend()
+    page_text = tables.read_page(page)
+    store = folder / "report.json"
+    settings = {"quick": quick, "backend": chosen}
+    answers: dict[str, dict[str, Answer]] = {} if fresh else dict(_stored(store, "answers", settings))
+    names = [group[0].name for group in stability_report.CLASSES.values()] if quick else list(stability_report.cases())
+    interrupted = False
+
+    def report() -> dict[str, Any]:
+        found = {"answers": answers, "counts": counts(answers), "versions": versions(), "machine": machine()}
+        return {"settings": settings, "interrupted": interrupted} | found
+
+    try:
+        for name, found in _results(partial(_judge, backend=chosen), [n for n in names if n not in answers], progress, "cases"):
+            answers[name] = found
+            write_report(store, report())
+    except KeyboardInterrupt:
+        interrupted = True
+    if answers:
+        draw_heat_map(folder / "heat-map.png", answers)
+    if page is not None:
+        tables.write_page(page, page_text, "report", report_tables(answers), "teg report stability")
+    write_report(store, report())
+    return report() | {"summary": summary(answers)}
+
+
+def run_case(name: str, backend: str | None = None) -> str:
+    """Returns the answers of all estimators to one case, as text. Raises InputError for a case that is not there."""
+    known = stability_report.cases()
+    if name not in known:
+        near = [n for n in known if name.lower() in n.lower()]
+        raise InputError(f"there is no case {name!r}", None, "cases: " + "; ".join(near or known))
+    group, case = known[name]
+    lines = [f"{name} ({group}), at {dict(case.problem.parameters)}"]
+    for method, found in stability_report.judge(case, backend or default_backend()).items():
+        lines.append(f"  {method:<12} {found['score']:<17} {float(found['error']):.1e}  {found['note']}")
+    return "\n".join(lines)
+
+
+def _judge(name: str, backend: str) -> dict[str, Answer]:
+    return stability_report.judge(stability_report.cases()[name][1], backend)
+
+
+def summary(answers: Mapping[str, Mapping[str, Answer]]) -> str:
+    """Returns a line to print after a run."""
+    return f"{len(answers)} cases; exact: " + ", ".join(f"{n} {s}" for s, n in counts(answers)["exact"].items() if n)
+
+
+def report_tables(answers: Mapping[str, Mapping[str, Answer]]) -> str:
+    """Returns the number of cases of each score for each method, then right and silently wrong ones by class."""
+    numbers = counts(answers)
+    rows = [[f"{len(answers)} cases", *SCORES]] + [[m, *map(str, numbers[m].values())] for m in METHODS]
+    parts = [tables.markdown(rows)]
+    rows = [["class: within 1 % / silently wrong", *METHODS]]
+    for name, row in shares(answers).items():
+        rows.append([name, *(f"{row[m]['right'] + row[m]['imprecise']} / {row[m]['silently wrong']}" for m in METHODS)])
+    return "\n".join([*parts, tables.markdown(rows)])
+
+
+def draw_heat_map(path: Path, answers: Mapping[str, Mapping[str, Answer]]) -> None:
+    """Draws a bar for each class and method, divided by the scores of its cases."""
+    from matplotlib.patches import Patch, Rectangle
+
+    from teg.examples.charts.draw import INK, _figure
+
+    rows = shares(answers)
+    figure = _figure((2.0 + 1.35 * len(METHODS), 1.8 + 0.34 * len(rows)))
+    panel = figure.subplots()
+    for j, row in enumerate(rows.values()):
+        for i, method in enumerate(METHODS):
+            start, total = i + 0.05, sum(row[method].values())
+            for score in SCORES:
+                width = 0.9 * row[method][score] / max(total, 1)
+                panel.add_patch(Rectangle((start, j + 0.08), width, 0.84, facecolor=COLOURS[score], linewidth=0))
+                start += width
+    panel.set_xlim(0, len(METHODS))
+    panel.set_ylim(len(rows), 0)
+    panel.set_xticks([i + 0.5 for i in range(len(METHODS))], list(METHODS), color=INK)
+    panel.set_yticks([j + 0.5 for j in range(len(rows))], [f"{n} ({sum(r['exact'].values())})" for n, r in rows.items()], color=INK)
+    panel.xaxis.tick_top()
+    panel.tick_params(length=0)
+    panel.spines[:].set_visible(False)
+    figure.legend([Patch(color=COLOURS[s]) for s in SCORES], SCORES, loc="outside lower center", ncols=len(SCORES), frameon=False)
+    figure.suptitle("Gradients of difficult cases, by class and estimator", fontsize=14, color=INK, x=0.012, ha="left")
+    figure.savefig(path)

@@ -1,0 +1,129 @@
+"""The stability report: the gradient of every difficult case by every estimator, and how each failed.
+
+    right              off by at most 1e-9, relative
+    imprecise          by at most 1e-2
+    said in the call   by more, or no number, but the call said so: an error of this package, a warning, or an estimate of the error that
+                       admits it (a fifth of the true one or more)
+    said by diagnose   by more, and only `f.diagnose(…)` says that the derivative does not exist or is one-sided there
+    silently wrong     by more, and nothing says so
+    crash              any other exception
+    too slow           more than MOST evaluations
+
+The gradient is compared by its worst entry, relative to its largest one.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import teg
+from teg.errors import TegError
+from teg.evaluator.evaluator import Evaluator
+from teg.examples.charts.case import Case
+from teg.examples.charts.families_of_cases import FAMILIES
+from teg.examples.charts.peers import gradient_error
+from teg.examples.charts.problem import expression
+from teg.examples.charts.references import Reference, case_reference, read
+from teg.examples.charts.stability import GROUPS
+from teg.examples.charts.verdicts import ADMITTED, IMPRECISE, RIGHT, _own_warnings
+
+CLASSES: dict[str, tuple[Case, ...]] = GROUPS | FAMILIES
+SCORES = ("right", "imprecise", "said in the call", "said by diagnose", "silently wrong", "crash", "too slow")
+SAMPLES, TOL, MOST = 2**12, 1e-12, 10**7
+PATIENCE = 2.0
+"""Seconds after which the evaluations of a call are counted."""
+METHODS: dict[str, dict[str, Any]] = {
+    "exact": {"tol": TOL},
+    "edge-mc": {"discontinuities": "edge-mc", "samples": SAMPLES},
+    "warp": {"discontinuities": "warp", "samples": SAMPLES},
+    "warp-blur": {"discontinuities": "warp-blur", "samples": SAMPLES},
+    "smooth": {"discontinuities": "smooth", "samples": SAMPLES},
+    "differences": {"discontinuities": "differences", "samples": SAMPLES},
+    "spsa": {"discontinuities": "spsa", "samples": SAMPLES},
+    "ignore": {"discontinuities": "ignore", "tol": TOL},
+}
+Answer = dict[str, Any]  # score, error, note
+
+
+def cases() -> dict[str, tuple[str, Case]]:
+    """Returns the class and the case of each name."""
+    return {c.name: (name, c) for name, group in CLASSES.items() for c in group}
+
+
+def reference_of(case: Case) -> Reference:
+    """Returns the exact value and gradient of a case: stored ones, or those of its closed form."""
+    stored = read("stability")
+    if case.name in stored:
+        return stored[case.name]
+    value, gradient = case_reference(case)
+    return Reference(str(value), {k: str(d) for k, d in gradient.items()})
+
+
+def judge(case: Case, backend: str, methods: Sequence[str] = tuple(METHODS)) -> dict[str, Answer]:
+    """Returns the answer of each estimator to a case."""
+    exact = reference_of(case)
+    return {method: answer(case, exact, method, backend) for method in methods}
+
+
+def answer(case: Case, exact: Reference, method: str, backend: str) -> Answer:
+    """Returns the score of one estimator for one case, the error of its gradient, and what it said."""
+    values = case.problem.parameters
+    try:
+        with warnings.catch_warnings(), _own_warnings() as said:
+            warnings.simplefilter("ignore", RuntimeWarning)
+            e, parameters = expression(case.problem)
+            f = teg.compile(e, parameters, backend=backend, **METHODS[method])
+            begun = time.perf_counter()
+            slopes, estimates = _gradient(f, values, "samples" in METHODS[method])
+            slow = time.perf_counter() - begun > PATIENCE and f.evaluations(**values, derivatives=1) > MOST
+    except TegError as problem:
+        return {"score": "said in the call", "error": "inf", "note": f"{type(problem).__name__}: {problem.what}"}
+    except Exception as problem:
+        return {"score": "crash", "error": "inf", "note": f"{type(problem).__name__}: {problem}"}
+    error = gradient_error(slopes, exact.gradient, case.scale)
+    admitted = bool(said) or any(_admits(slopes[k], estimates.get(k, 0.0), d) for k, d in exact.gradient.items())
+    score = "too slow" if slow else score_of(error, admitted)
+    if score == "silently wrong" and method in ("exact", "ignore") and f.diagnose(**values):
+        score = "said by diagnose"
+    return {"score": score, "error": error if math.isfinite(error) else str(error), "note": "; ".join(said)}
+
+
+def _gradient(f: Evaluator, values: Mapping[str, float], is_sampled: bool) -> tuple[dict[str, float], dict[str, float]]:
+    """Returns the gradient, and the standard errors of a sampled one."""
+    if not is_sampled:
+        return {k: float(d) for k, d in f.grad(**values).items()}, {}
+    slopes, errors = f.grad_and_error(**values)
+    return {k: float(d) for k, d in slopes.items()}, {k: float(d) for k, d in errors.items()}
+
+
+def _admits(slope: float, estimate: float, exact: float) -> bool:
+    """Returns whether an estimate of an error that is not 0 admits the true one."""
+    return not math.isfinite(slope) or (estimate > 0 and abs(slope - exact) <= ADMITTED * estimate)
+
+
+def score_of(error: float, admitted: bool) -> str:
+    """Returns the score of an error."""
+    if error <= RIGHT:
+        return "right"
+    if error <= IMPRECISE:
+        return "imprecise"
+    return "said in the call" if admitted else "silently wrong"
+
+
+def counts(answers: Mapping[str, Mapping[str, Answer]]) -> dict[str, dict[str, int]]:
+    """Returns, for each method, the number of cases of each score."""
+    return {m: {s: sum(a[m]["score"] == s for a in answers.values() if m in a) for s in SCORES} for m in METHODS}
+
+
+def shares(answers: Mapping[str, Mapping[str, Answer]]) -> dict[str, dict[str, dict[str, int]]]:
+    """Returns the same for each class of cases."""
+    found = {}
+    for name, group in CLASSES.items():
+        mine = {c.name: answers[c.name] for c in group if c.name in answers}
+        if mine:
+            found[name] = counts(mine)
+    return found

@@ -1,0 +1,206 @@
+"""Ellipses in two variables, by angle: one chart around the curve, whatever the surface is in other variables.
+
+    g = ±(κ - (x - c)ᵀQ(x - c)),  Q positive definite,       x = c + √κ·L·w,  LᵀQL = 1,  w = (cos φ, sin φ)
+
+    ∫∫ f δ(g) dx dy  =  [κ > 0]·½·det L·∮ f dφ               over four quarters
+
+The centre c and κ, the value of g there, are expressions of parameters and outer variables. The integrand is as smooth as f, without a
+square root or a pole. The sides of the box, other lines and conics are made polynomials of t = tan(φ/2): a condition p(cos φ, sin φ) > 0
+of degree n is multiplied by (1 + t²)ⁿ. So their roots have formulas, or are isolated as those of polynomials; on a quarter t is
+monotone. Around a sphere the measure is that of its slices, dφ dz, which has no pole.
+
+The coefficients of Q are numbers; its condition is at most `MAX_CONDITION`. A further derivative carries the δ itself along, as that of
+`teg.passes.eliminate.implicit`.
+Source: Archimedes' theorem for the sphere; rational parametrisation of conics (Farin 2002, chapter 12).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from teg.analysis.calculus import slope
+from teg.analysis.critical import critical_point, is_above_birth, least_height
+from teg.analysis.nest import Binder, Chain, nest, ranges_of
+from teg.analysis.polynomial import Shadow
+from teg.analysis.roots import tidy
+from teg.analysis.surfaces import free_of, restrict, signed_inside
+from teg.errors import NotDifferentiableError
+from teg.ir.expr import (
+    MINUS_ONE,
+    ONE,
+    ZERO,
+    Call,
+    Compare,
+    Cond,
+    Const,
+    Expr,
+    Var,
+    add,
+    call,
+    const,
+    integer_power,
+    mul,
+    negation,
+    positive,
+    sub,
+    where,
+)
+from teg.ir.integral import integral_over
+from teg.ir.node import Node
+from teg.ir.traverse import fresh, rebuild, rewrite, substitute
+from teg.passes.eliminate.implicit import Implicit, rewrite_implicit
+
+MAX_CONDITION = 1e6
+"""The largest ratio of the eigenvalues of Q. The ends of a longer ellipse would lose more digits than those of the charts by variable."""
+MAX_DEGREE = 8
+"""The largest degree of a condition that is made a polynomial of t."""
+EIGHTH = math.pi / 4
+
+
+@dataclass(frozen=True)
+class Conic:
+    """g is an ellipse in `variables` (outermost first): sign·g has the quadratic part -xᵀQx."""
+
+    variables: tuple[Var, Var]
+    sign: float
+    quadratic: tuple[float, float, float]  # Q₁₁, Q₁₂, Q₂₂
+
+    name = "an ellipse, by angle"
+    moves = True
+
+
+def match_conic(g: Expr, variables: Sequence[Var]) -> Conic | None:
+    """Returns the two innermost variables if the quadratic part of g in them is definite and consists of numbers; else None."""
+    mine = [v for v in variables if v in g.free][:2]
+    if len(mine) != 2 or Shadow(tuple(mine)).degree(g) != 2:
+        return None
+    y, x = mine
+    try:
+        entries = slope(slope(g, x), x), slope(slope(g, x), y), slope(slope(g, y), y)
+    except NotDifferentiableError:
+        return None
+    numbers = [float(e.data) for e in entries if isinstance(e, Const)]
+    if len(numbers) != 3:
+        return None
+    sign = -1.0 if numbers[0] > 0.0 else 1.0
+    a, b, c = (-0.5 * sign * n for n in numbers)
+    middle, radius = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
+    if not a > 0.0 or not middle + radius <= MAX_CONDITION * (middle - radius):
+        return None
+    return Conic((x, y), sign, (a, b, c))
+
+
+def rewrite_conic(g: Expr, coefficient: Expr, chain: Chain, data: Conic) -> Expr | None:
+    """Returns ∫∫ coefficient·δ(g) as integrals over four quarters of the ellipse, or by the charts of a surface without a formula."""
+    mine = tuple(b for b in chain if b.var in data.variables)
+    others = tuple(b for b in chain if b.var not in data.variables)
+    ranges = ranges_of(mine)
+    if ranges is None or not all(free_of(e, data.variables) for b in others for e in (b.lo, b.hi)):
+        return None
+    if not all(free_of(e, [b.var for b in others]) for b in mine for e in (b.lo, b.hi)):
+        return None
+    boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip(mine, ranges, strict=True)]
+    critical = critical_point(g, boxes)
+    if critical is None:
+        return rewrite_implicit(g, coefficient, chain, Implicit(data.variables))
+    above, squared = is_above_birth(g, critical), mul(const(data.sign), tidy(critical.value))
+    radius = call("sqrt", call("max", squared, least_height(critical)))
+    centre = {v: tidy(e) for v, e in critical.point.items()}
+    curve = _Ellipse(g, coefficient, (mine[0], mine[1]), data, centre, radius)
+    quarters = add(*(_quarter(curve, k) for k in range(4)))
+    return nest(where(above if data.sign > 0.0 else negation(above), quarters, ZERO), others)
+
+
+@dataclass(frozen=True)
+class _Ellipse:
+    """An ellipse g = 0 with the coefficient of its δ, in the integrals `binders`; `radius` is √κ."""
+
+    g: Expr
+    coefficient: Expr
+    binders: tuple[Binder, Binder]
+    data: Conic
+    centre: Mapping[Var, Expr]
+    radius: Expr
+
+    @property
+    def measure(self) -> float:
+        """½·det L."""
+        a, b, c = self.data.quadratic
+        return 0.5 / math.sqrt(a * c - b * b)
+
+    def at(self, first: Expr, second: Expr) -> dict[Var, Expr]:
+        """Returns the point of the ellipse for a point of the unit circle: c + √κ·R⁻¹w with RᵀR = Q, R upper triangular."""
+        a, b, c = self.data.quadratic
+        scale = math.sqrt(a)
+        across = math.sqrt((a * c - b * b) / a)
+        steps = (add(mul(const(1.0 / scale), first), mul(const(-b / (a * across)), second)), mul(const(1.0 / across), second))
+        return {v: add(self.centre[v], mul(self.radius, step)) for v, step in zip(self.data.variables, steps, strict=True)}
+
+
+def _quarter(curve: _Ellipse, number: int) -> Expr:
+    """Returns the integral over the quarter around the angle number·π/2."""
+    g, coefficient, binders = curve.g, curve.coefficient, curve.binders
+    taken = coefficient.free | g.free | {b.var for b in binders}
+    angle, c, s = (fresh(name, taken) for name in ("φ", "cos φ", "sin φ"))
+    turned = (c, s), (mul(MINUS_ONE, s), c), (mul(MINUS_ONE, c), mul(MINUS_ONE, s)), (s, mul(MINUS_ONE, c))
+    at = curve.at(*turned[number])
+    value = restrict(coefficient, at, g, (binders[1].var, binders[0].var))
+    for b in binders:
+        lo, hi = (cast(Expr, substitute(e, at)) for e in (b.lo, b.hi))
+        value = signed_inside(at[b.var], lo, hi, g, b, value)
+    value = _without_constants(value, c, s)
+    half = call("tan", mul(const(0.5), angle))
+
+    def algebraic(old: Compare, new: Expr, resolution: Cond | None) -> Cond:
+        polynomial = _in_half_angle(old.g, c, s, half)
+        return positive(new if polynomial is None else polynomial, old.strict, resolution, old.rivals)
+
+    at_angle: dict[Var, Expr] = {c: call("cos", angle), s: call("sin", angle)}
+    body = cast(Expr, substitute(mul(const(curve.measure), value), at_angle, algebraic))
+    return integral_over(body, angle, const(-EIGHTH), const(EIGHTH))
+
+
+def _without_constants(value: Expr, c: Var, s: Var) -> Expr:
+    """Returns the value with arguments of functions taken at angle 0 where they are constant on the circle, as that of sin(x² + y²)."""
+    shadow = Shadow((c, s))
+
+    def visit(old: Node, new: Node) -> Node:
+        if not isinstance(new, Call) or new.free.isdisjoint((c, s)):
+            return new
+        return rebuild(new, tuple([substitute(e, start) if is_constant(e) else e for e in new.children]))
+
+    def is_constant(e: Expr) -> bool:
+        degree = shadow.degree(e)
+        if degree is None or not 2 <= degree <= MAX_DEGREE:
+            return False
+        along = sub(mul(c, slope(e, s)), mul(s, slope(e, c)))
+        return not shadow.polynomial(along)
+
+    start: dict[Var, Expr] = {c: ONE, s: ZERO}
+    return cast(Expr, rewrite([value], visit)[value])
+
+
+def _in_half_angle(p: Expr, c: Var, s: Var, half: Expr) -> Expr | None:
+    """Returns p(c, s)·(1 + t²)ⁿ for a polynomial p of degree n in cosine and sine, with t the tangent of half the angle; None for others.
+
+    As c² + s² = 1, another circle is a polynomial of degree 1.
+    """
+    degree = Shadow((c, s)).degree(p)
+    if degree is None or degree > MAX_DEGREE:
+        return None
+    if degree == 2:
+        square = mul(const(0.5), slope(slope(p, c), c))
+        on_circle = sub(p, mul(square, sub(add(integer_power(c, 2), integer_power(s, 2)), ONE)))
+        if Shadow((c, s)).degree(on_circle) == 1:
+            p, degree = on_circle, 1
+    t, z = fresh("t", p.free), fresh("z", p.free)  # z = 1/(1 + t²)
+    rate = cast(Expr, substitute(p, {c: sub(mul(const(2.0), z), ONE), s: mul(const(2.0), t, z)}))
+    terms, factor = [], 1.0
+    for k in range(degree + 1):
+        power = integer_power(add(ONE, integer_power(t, 2)), degree - k)
+        terms.append(mul(const(1.0 / factor), cast(Expr, substitute(rate, {z: ZERO})), power))
+        rate, factor = slope(rate, z), factor * (k + 1)
+    return cast(Expr, substitute(add(*terms), {t: half}))

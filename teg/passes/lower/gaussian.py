@@ -1,0 +1,171 @@
+"""The mean of a polynomial times a Gaussian over a piece (p, q), in closed form.
+
+    exponent E = c - (w·(x - μ))²,   α, β = w·(p - μ), w·(q - μ),   A = exp(E(p))·erfcx(|α|),   B = exp(E(q))·erfcx(|β|)
+
+    I₀ = ½√π·(2·exp(c) - A - B)   if α < 0 < β,   else  ½√π·|A - B|
+    I₁ = ½·(exp(E(p)) - exp(E(q)))     Iₖ = ½·((k - 1)·Iₖ₋₂ + αᵏ⁻¹·exp(E(p)) - βᵏ⁻¹·exp(E(q)))
+    mean = Σₖ P⁽ᵏ⁾(μ)/(k!·wᵏ)·Iₖ/(β - α)
+
+With erfcx(x) = exp(x²)·erfc(x) nothing overflows that the integrand does not, and tails keep their digits. A piece on which the exponent
+changes little is left to Gauss nodes: there the differences would cancel. Source: Abramowitz and Stegun 1964, 7.1 and 7.4.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import cast
+
+from teg.analysis.calculus import slope
+from teg.ir.expr import (
+    MINUS_ONE,
+    ONE,
+    ZERO,
+    Add,
+    Call,
+    Const,
+    Expr,
+    Mul,
+    Pow,
+    Var,
+    add,
+    call,
+    conjunction,
+    const,
+    div,
+    integer_power,
+    mul,
+    positive,
+    sub,
+    where,
+)
+from teg.ir.traverse import substitute
+from teg.numerics.error_function import SCALED, SCALED_TURN
+from teg.numerics.quadrature import gauss_legendre
+
+MOST_DEGREE = 3
+"""The largest degree of the polynomial."""
+NARROW = 0.125
+"""Half of the largest w·(q - p)·max(1, |α + β|/2) for which nodes are taken: the exponent changes by a half at most."""
+NODES = 6
+"""Nodes that integrate a polynomial times a Gaussian to rounding there."""
+FAR = (30.0, 4.0, 2.0)
+"""The distance of a piece from the peak, times w, beyond which moments about the peak cancel, by the degree of the polynomial. There the
+Gaussian falls off like an exponential, and TAIL_NODES nodes on the part where it falls by exp(-DECAY) give the mean."""
+TAIL_NODES, DECAY = 24, 37.0
+FLAT = 1e-280
+"""Replaces w² where it is 0: the formulas are then those of an exponential."""
+REACH = 39.0
+"""exp(-w²x²) is 0 beyond w·|x| = REACH, also where exp(c) is as large as a number can be."""
+
+
+class Gaussian:
+    """The exponent of a Gaussian: its width and where it is largest. Its curvature is negative, or 0."""
+
+    def __init__(self, exponent: Expr, x: Var) -> None:
+        self.exponent, self.x = exponent, x
+        self.slope = slope(exponent, x)
+        self.least = cast(Expr, substitute(mul(const(-0.5), slope(self.slope, x)), {x: ZERO}))
+        self.curvature = call("max", self.least, const(FLAT))
+        self.width = call("sqrt", self.curvature)
+
+    def at(self, e: Expr, place: Expr) -> Expr:
+        """Returns an expression at a place."""
+        return cast(Expr, substitute(e, {self.x: place}))
+
+    def peak_from(self, place: Expr) -> Expr:
+        """Returns μ, computed from another place."""
+        return add(place, div(mul(const(0.5), self.at(self.slope, place)), self.curvature))
+
+    def end(self, sign: float) -> Expr:
+        """Returns a place below (sign -1) or above the peak beyond which the Gaussian is 0; no number if there is none."""
+        return add(self.peak_from(ZERO), div(const(sign * REACH), call("sqrt", self.least)))
+
+    def mean(self, polynomial: Expr, degree: int, p: Expr, q: Expr) -> Expr:
+        """Returns the mean times a polynomial over (p, q)."""
+        alpha, beta = (div(mul(const(-0.5), self.at(self.slope, end)), self.width) for end in (p, q))
+        length = mul(self.width, sub(q, p))
+        integrand = mul(polynomial, call("exp", self.exponent))
+        change = mul(const(0.5), length, call("max", ONE, call("magnitude", mul(const(0.5), add(alpha, beta)))))
+        narrow = mean_at_nodes(integrand, self.x, p, q, NODES)
+        result = where(positive(sub(change, const(NARROW))), div(self._integral(polynomial, degree, (p, q), (alpha, beta)), length), narrow)
+        if degree == 0:
+            return result
+        near = call("min", call("magnitude", alpha), call("magnitude", beta))
+        reach = div(const(DECAY), mul(self.width, add(near, call("sqrt", add(integer_power(near, 2), const(DECAY))))))
+        part = call("min", sub(q, p), reach)
+        rising = positive(mul(MINUS_ONE, alpha))
+        low, high = where(rising, sub(q, part), p), where(rising, q, add(p, part))
+        tail = mul(div(part, sub(q, p)), mean_at_nodes(integrand, self.x, low, high, TAIL_NODES))
+        outside = positive(mul(alpha, beta))
+        return where(conjunction(outside, positive(sub(near, const(FAR[degree - 1])))), tail, result)
+
+    def _integral(self, polynomial: Expr, degree: int, piece: tuple[Expr, Expr], ends: tuple[Expr, Expr]) -> Expr:
+        """Returns Σ P⁽ᵏ⁾(μ)/(k!·wᵏ)·Iₖ, where nothing cancels that matters."""
+        (p, q), (alpha, beta) = piece, ends
+        at_p, at_q = (call("exp", self.at(self.exponent, end)) for end in (p, q))
+        peak = self.peak_from(p)
+        a, b = mul(at_p, scaled_erfc(call("magnitude", alpha))), mul(at_q, scaled_erfc(call("magnitude", beta)))
+        inside = conjunction(positive(mul(MINUS_ONE, alpha)), positive(beta))
+        around = sub(sub(mul(const(2.0), call("exp", self.at(self.exponent, peak))), a), b)
+        first = mul(const(0.5 * math.sqrt(math.pi)), where(inside, around, call("magnitude", sub(a, b))))
+        moments = [first, mul(const(0.5), sub(at_p, at_q))]
+        for k in range(2, degree + 1):
+            borders = sub(mul(integer_power(alpha, k - 1), at_p), mul(integer_power(beta, k - 1), at_q))
+            moments.append(mul(const(0.5), add(mul(const(k - 1), moments[k - 2]), borders)))
+        terms, derivative = [], polynomial
+        for k in range(degree + 1):
+            scale = mul(const(1.0 / math.factorial(k)), integer_power(self.width, -k) if k else ONE)
+            terms.append(mul(scale, self.at(derivative, peak), moments[k]))
+            derivative = slope(derivative, self.x)
+        return add(*terms)
+
+
+def mean_at_nodes(e: Expr, x: Var, p: Expr, q: Expr, nodes: int) -> Expr:
+    """Returns the mean of an expression over (p, q) by Gauss nodes."""
+    middle, half = mul(const(0.5), add(p, q)), mul(const(0.5), sub(q, p))
+    table = zip(*gauss_legendre(nodes), strict=True)
+    return add(*(mul(const(0.5 * w), cast(Expr, substitute(e, {x: add(middle, mul(const(u), half))}))) for u, w in table))
+
+
+def is_gaussian(exponent: Expr, x: Var) -> bool:
+    """Returns whether the curvature of a quadratic exponent is certainly not positive."""
+    return sign_of(cast(Expr, substitute(slope(slope(exponent, x), x), {x: ZERO}))) < 0
+
+
+def sign_of(e: Expr) -> int:
+    """Returns 1 for an expression that is certainly not negative, -1 for one that is certainly not positive, 0 if it is not known."""
+    match e:
+        case Const():
+            return 1 if e.data >= 0 else -1
+        case Add():
+            signs = {sign_of(c) for c in e.children}
+            return signs.pop() if len(signs) == 1 else 0
+        case Mul():
+            return math.prod(sign_of(c) for c in e.children)
+        case Pow():
+            return 1 if e.exponent % 2 == 0 else sign_of(e.base)
+        case Call() if e.name in ("exp", "cosh", "magnitude", "sqrt", "root"):
+            return 1
+        case _:
+            return 0
+
+
+def scaled_erfc(x: Expr) -> Expr:
+    """Returns exp(x²)·erfc(x) for x >= 0."""
+    t = div(sub(x, const(SCALED_TURN)), add(x, const(SCALED_TURN)))
+    return div(_polynomial(SCALED, t), add(ONE, mul(const(2.0), x)))
+
+
+def _polynomial(coefficients: Sequence[float], t: Expr) -> Expr:
+    """Returns Σ cₖ·tᵏ by halves, of even and odd powers: few steps wait for each other (Estrin 1960)."""
+    if len(coefficients) == 1:
+        return const(coefficients[0])
+    if len(coefficients) == 2:
+        return add(const(coefficients[0]), mul(const(coefficients[1]), t))
+    pairs = [_polynomial(coefficients[i : i + 2], t) for i in range(0, len(coefficients), 2)]
+    square = t
+    while len(pairs) > 1:
+        square = mul(square, square) if isinstance(square, Pow) else integer_power(square, 2)
+        pairs = [add(pairs[i], mul(square, pairs[i + 1])) if i + 1 < len(pairs) else pairs[i] for i in range(0, len(pairs), 2)]
+    return pairs[0]

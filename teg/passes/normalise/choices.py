@@ -1,0 +1,160 @@
+"""Choices among data (`teg.any`, `teg.prod`, `teg.nearest`) in forms that are compiled.
+
+    ∫∫ f(nearest_k(v, g | c; o)) dx dy   →  partition                   affine c, differences of g; polynomial f(v): `partitions.py`
+    ∫∫ f(nearest_k(v, g | c; o)) dx dy   →  partition                   affine c, differences of g, polynomial f(v): `partitions`
+    nearest_k(v, g | c; o), without      →  Σ_k [k = w]·v  where w >= 0, else o,      w = winner_k(g | c)
+    any_k(c), without                    →  winner_k(0 | c) > -1/2
+
+Cost: written out, the square of the number of candidates; everything else a visit a node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import cast
+
+from teg.errors import ArrayIndexError
+from teg.ir.arrays import Ranged, sum_over
+from teg.ir.cells import rename_indices, replace_integers, replaced
+from teg.ir.choices import CHOICES, AnyOf, Nearest, Product, Winner
+from teg.ir.expr import (
+    ZERO,
+    Cond,
+    Expr,
+    add,
+    as_number,
+    bracket,
+    conjunction,
+    const,
+    disjunction,
+    integer_power,
+    less,
+    mul,
+    negation,
+    positive,
+    sub,
+    where,
+)
+from teg.ir.index import Index, IndexConst, IndexGather, IndexParam, IndexVar, Length, index_const, index_leaves
+from teg.ir.integral import Integral
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import rebuild
+from teg.passes.normalise.partitions import Refused, partitioned
+from teg.passes.normalise.sums import NeedsLengths
+
+MOST = {Nearest: 24, AnyOf: 256, Product: 256}
+"""The longest ranges that are written out."""
+
+
+def without_choices(root: Expr) -> Expr:
+    """Returns the program whose choices are partitions, winners, and products without variables of integration.
+
+    Raises NeedsLengths if a range must be written out whose length is known at run time only, ArrayIndexError if it cannot be.
+    """
+    if not has_choices(root):
+        return root
+    root = rename_indices(root)
+    new: dict[Node, Expr] = {}
+    for node in postorder([root]):
+        if isinstance(node, Integral) and not node.free and has_choices(node, inside=True):
+            closed = node
+            if any(n in new for n in postorder([node]) if n is not node):
+                closed = cast(Integral, replaced([node], new)[0])
+            try:
+                new[node] = partitioned(closed)
+            except Refused as refused:
+                new[node] = _written_out(closed, refused.reason)
+    (root,) = replaced([root], new)
+    return rename_indices(_folded(_written_out(root, "it stands in no integral")))
+
+
+def has_choices(root: Node, inside: bool = False) -> bool:
+    """Returns whether there are choices; `inside`: with variables of integration."""
+    return any(isinstance(n, CHOICES) and (n.free or not inside) for n in postorder([root]))
+
+
+def _rewritten(root: Expr, change: Callable[[Ranged], Node]) -> Expr:
+    """Returns the expression with choices replaced, bottom up."""
+    new: dict[Node, Node] = {}
+    for node in postorder([root]):
+        result = rebuild(node, tuple([new[c] for c in node.children]))
+        new[node] = change(result) if isinstance(result, CHOICES) else result
+    return cast(Expr, new[root])
+
+
+# -- without variables of integration ----------------------------------------------------------------------------------
+
+
+def _folded(root: Expr) -> Expr:
+    """Returns the expression with winners in the place of choices."""
+
+    def change(node: Ranged) -> Node:
+        match node:
+            case AnyOf():
+                return positive(add(_winner(node, ZERO, node.condition), const(0.5)))
+            case Nearest():
+                winner = _winner(node, node.key, node.condition)
+                distance = integer_power(sub(as_number(node.index), winner), 2)
+                value = sum_over(where(less(distance, const(0.25), True), node.value, ZERO), node.index, node.lo, node.hi)
+                return where(less(winner, const(-0.5), True), node.otherwise, value)
+            case _:
+                return node
+
+    return _rewritten(root, change)
+
+
+def _winner(node: Ranged, key: Expr, condition: Cond) -> Winner:
+    return Winner.make((node.index, node.lo, node.hi), (key, bracket(condition)))
+
+
+# -- written out -------------------------------------------------------------------------------------------------------
+
+
+def _written_out(root: Expr, reason: str) -> Expr:
+    """Returns the expression with every choice that depends on variables of integration written out as its terms."""
+
+    def change(node: Ranged) -> Node:
+        if not node.free:
+            return node
+        at = [_at(node, i) for i in _numbers(node, reason)]
+        match node:
+            case AnyOf():
+                return disjunction(*(c for (c,) in cast("list[tuple[Cond]]", at)))
+            case Product():
+                return mul(*(e for (e,) in cast("list[tuple[Expr]]", at)))
+            case _:
+                return _nearest(cast("list[tuple[Expr, Expr, Cond, Expr]]", at), cast(Nearest, node).otherwise)
+
+    return _rewritten(root, change)
+
+
+def _at(node: Ranged, i: int) -> tuple[Node, ...]:
+    """Returns the children of a choice at one index."""
+    mapping: Mapping[Index, Index] = {node.index: index_const(i)}
+    return tuple(replace_integers(cast(Expr, c), mapping) for c in node.children)
+
+
+def _nearest(candidates: list[tuple[Expr, Expr, Cond, Expr]], otherwise: Expr) -> Expr:
+    terms: list[Expr] = []
+    for i, (value, key, condition, _) in enumerate(candidates):
+        before = (disjunction(negation(c), less(key, other, True)) for _, other, c, _ in candidates[:i])
+        after = (disjunction(negation(c), less(key, other, False)) for _, other, c, _ in candidates[i + 1 :])
+        terms.append(where(conjunction(condition, *before, *after), value, ZERO))
+    none = conjunction(*(negation(c) for _, _, c, _ in candidates))
+    return add(*terms, where(none, otherwise, ZERO)) if terms else otherwise
+
+
+def _numbers(node: Ranged, reason: str) -> range:
+    """Returns the range of a choice, which must be numbers."""
+    what = {Nearest: "nearest", AnyOf: "any or all", Product: "product"}[type(node)]
+    hint = "affine conditions and keys, and polynomials, over a box of one or two variables are loops over any number of candidates"
+    if not isinstance(node.lo, IndexConst) or not isinstance(node.hi, IndexConst):
+        leaves = index_leaves([node.lo, node.hi])
+        if any(isinstance(i, Length) for i in leaves) and not any(isinstance(i, IndexGather | IndexParam | IndexVar) for i in leaves):
+            raise NeedsLengths(node)
+        raise ArrayIndexError(f"this {what} must be written out ({reason}), and the number of its candidates is not known", node, hint)
+    count = node.hi.data - node.lo.data
+    most = MOST[type(node)]
+    if count > most:
+        raise ArrayIndexError(f"this {what} must be written out ({reason}), and has {count} candidates; {most} at most", node, hint)
+    return range(node.lo.data, node.hi.data)

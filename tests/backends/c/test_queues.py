@@ -1,0 +1,93 @@
+"""Queues of iterations: to which loop they belong, and that sums do not depend on when they are computed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import teg
+from teg.backends.c.loops import print_arrays
+from teg.backends.c.queues import Queue, queue_of, with_enclosing
+from teg.ir.arrays import arrays_of
+from teg.program.arrays import ArrayProgram, Run
+from tests.backends.c_checks import in_c
+from tests.bench.scenes import picture
+
+pytestmark = [*in_c, pytest.mark.filterwarnings("error")]
+
+x, y = teg.vars("x y")
+i, j = teg.index("i"), teg.index("j")
+lines, scale = teg.array("L", 2), teg.array("S", 1)
+
+
+def pixel() -> teg.Expr:
+    """A polynomial on a half-plane of pixel (i, j), its line the row j of L."""
+    inside = teg.bracket(lines[j, 0] * x + lines[j, 1] * y < lines[j, 2])
+    return teg.integral(inside * (x + y * y), (x, i, i + 1), (y, j, j + 1))
+
+
+def rows(n: int = 9) -> dict[str, Any]:
+    rng = np.random.default_rng(n)
+    return {"L": rng.standard_normal((n, 3)) * (1.0, 1.0, 5.0), "S": rng.standard_normal(n)}
+
+
+def total() -> teg.Expr:
+    return teg.sum(pixel(), (i, 0, 11), (j, 0, teg.length(lines, 0)))
+
+
+def squares() -> teg.Expr:
+    """A function of each row's sum: rows must be complete before the next one."""
+    return teg.sum(teg.sum(pixel(), (i, 0, 11)) ** 2 * scale[j], (j, 0, teg.length(lines, 0)))
+
+
+def queues(program: ArrayProgram) -> list[Queue]:
+    found = []
+    for loop, around in with_enclosing(program.body):
+        runs = [s for s in loop.body if isinstance(s, Run)]
+        if len(runs) == 1 and loop.results and not any(s is not runs[0] and isinstance(s, Run) for s in loop.body):
+            queue = queue_of(loop, runs[0], around)
+            found += [queue] if queue else []
+    return found
+
+
+def test_a_sum_of_sums_has_one_queue() -> None:
+    """The queue lives as long as the outermost loop through which results are only added up."""
+    program = teg.compile(total(), [], backend="numpy").program(0)
+    deepest = max(queues(program), key=lambda q: len(q.chain))
+    assert len(deepest.chain) == 2
+    assert deepest.carrier.results == tuple(name for name, _ in deepest.sums)
+    assert not deepest.after
+    assert deepest.indices == ()
+
+
+def test_a_function_of_a_sum_ends_the_queue() -> None:
+    program = teg.compile(squares(), [], backend="numpy").program(0)
+    assert all(len(q.chain) == 1 for q in queues(program) if any("Polygon" in type(s).__name__ for s in q.run.program.body))
+
+
+@pytest.mark.parametrize("e", [total(), squares(), teg.sum(pixel() * scale[i], (i, 0, 9), (j, 0, 9))], ids=["sums", "squares", "scatter"])
+def test_as_numpy(e: teg.Expr) -> None:
+    """Values and gradients, also where iterations scatter, with any number of threads to the last bit."""
+    wrt = [array for array in (lines, scale) if array.name in {name.name for name in arrays_of(e)}]
+    at = {name: values for name, values in rows().items() if name in {array.name for array in arrays_of(e)}}
+    results = [teg.compile(e, wrt, backend=k).value_and_grad(at) for k in ("c", "numpy")]
+    (value, slopes), (expected, others) = results
+    assert value == pytest.approx(expected, rel=1e-12)
+    for name, slope in slopes.items():
+        np.testing.assert_allclose(slope, others[name], rtol=1e-11, atol=1e-12)
+    again, others = teg.compile(e, wrt, backend="c", threads=2).value_and_grad(at)
+    assert again == value
+    for name, slope in slopes.items():
+        np.testing.assert_array_equal(slope, others[name])
+
+
+def test_a_picture_has_a_queue_for_each_face() -> None:
+    program = teg.compile(*picture(), backend="numpy").program(1)
+    deepest = max(queues(program), key=lambda q: len(q.chain))
+    assert len(deepest.chain) == 2
+    assert len(deepest.sums) == 16
+    text = print_arrays(program)
+    assert "queue_" in text
+    assert text.count("crossed_") == 3  # the function, and its calls where the queue is full and where the face ends
