@@ -18,6 +18,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from teg.backends.c.cache import KEY_LENGTH, OBJECT, SUFFIX, cache_folder, digest_of, stored, temporary_folder, trim
+from teg.backends.c.threads import library_at
 from teg.errors import CompilerError
 
 BASE_FLAGS = ("-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
@@ -51,7 +52,7 @@ def load_library(text: str, *, optimise: Sequence[str] = ("-O3",), openmp: bool 
     for place in (folder, folder, temporary_folder(os.getpid()) / key):
         path = stored(place) or _store(place, text, compiler, flags)
         try:
-            return ctypes.CDLL(str(path))
+            return library_at(path)
         except OSError as error:
             trouble = error
             path.unlink(missing_ok=True)

@@ -8,7 +8,6 @@ The text is printed by `c_print`, compiled and kept by `c_build`, called by `c_i
 from __future__ import annotations
 
 import ctypes
-import os
 from collections.abc import Sequence
 from math import inf
 from typing import Any, cast
@@ -19,6 +18,7 @@ from teg.backends.c.build import LIGHT, load_library, load_linked
 from teg.backends.c.functions import function_units, kernel_text
 from teg.backends.c.printer import needs_context, print_kernel
 from teg.backends.c.signals import Caller
+from teg.backends.c.threads import team_size
 from teg.errors import BackendError, OptionError, ParameterError
 from teg.program import Outcome, Program
 
@@ -76,7 +76,7 @@ class CKernel:
         outputs = inputs + self._inputs * pointers.itemsize
         strides = np.array([column.strides[0] // size if column.ndim else 0 for column in kept], dtype=LONG)
         notes = np.empty(n, dtype=LONG) if self._noted else None
-        threads = min(self.threads or os.cpu_count() or 1, n)
+        threads = min(team_size(self.threads), n)
         told = None if notes is None else _address(notes)
         if self._call.batch(n, inputs, _address(strides), None, outputs, told, threads):
             raise BackendError("there is no memory for the kernel's workspace")

@@ -11,7 +11,6 @@ results have the same bits for any.
 from __future__ import annotations
 
 import ctypes
-import os
 import re
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -30,6 +29,7 @@ from teg.backends.c.queues import Queue, queue_of, with_enclosing
 from teg.backends.c.runtime import runtime
 from teg.backends.c.signals import Caller
 from teg.backends.c.text import indent, literal, packed, wrapped
+from teg.backends.c.threads import team_size
 from teg.backends.numpy.loops import Results
 from teg.errors import BackendError
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
@@ -101,7 +101,7 @@ class CArrayKernel:
         strides = np.array([1 if c.ndim else 0 for c in kept] or [0], dtype=LONG)
         targets = np.array([o.ctypes.data for o in out] or [0], dtype=np.uintp)
         notes = np.zeros(n, dtype=LONG)
-        team = self.threads or os.cpu_count() or 1
+        team = team_size(self.threads)
         told = notes.ctypes.data
         if n and self._call.batch(n, pointers.ctypes.data, strides.ctypes.data, ctypes.addressof(views), targets.ctypes.data, told, team):
             raise BackendError("there is no memory for the kernel's workspace")
