@@ -1,6 +1,7 @@
 # make demo    a photo in triangles, in out/triangulation
 # make test    the tests         make fast    without the slow ones         make thorough    with those of ten seconds and more
 # make bench   measurements      make lint    format, ruff, mypy
+# make docs    the pages as a site with search, in out/docs; a warning is an error
 # make fuzz    random programs against references of their own (N=5000; goes on where it was interrupted)
 # make chart   the charts and the tables of docs/integration.md and docs/estimators.md, minutes; what is there already is kept (make chart FRESH=--fresh)
 #
@@ -14,7 +15,7 @@ OUT := out/triangulation
 N ?= 300
 PARALLEL := -n auto --dist worksteal
 
-.PHONY: demo test thorough fast fuzz bench chart lint
+.PHONY: demo test thorough fast fuzz bench chart docs lint
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -41,6 +42,11 @@ chart: $(READY)
 	$(BIN)/teg chart integration -o docs/integration --page docs/integration.md $(FRESH)
 	$(BIN)/teg chart estimators -o docs/estimators --page docs/estimators.md $(FRESH)
 	$(BIN)/teg report stability -o docs/estimators --page docs/estimators.md --backend numpy $(FRESH)
+
+docs: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	$(BIN)/python -m sphinx --fail-on-warning --fresh-env --quiet docs out/docs
+	@echo "open out/docs/index.html"
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

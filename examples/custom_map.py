@@ -22,6 +22,7 @@ import time
 import numpy as np
 
 import teg
+from teg.evaluator.options import Backend
 from teg.ir.expr import Expr
 
 x, y, u, v, r, phi = teg.vars("x y u v r φ")
@@ -60,7 +61,7 @@ def reference(area: float, stir: float) -> tuple[float, float, float]:
     return value, math.pi * float(density[-1].mean()), by_stir
 
 
-def compare(area: float, stir: float, backend: str = "numpy") -> list[tuple[str, tuple[float, float, float], float]]:
+def compare(area: float, stir: float, backend: Backend = "numpy") -> list[tuple[str, tuple[float, float, float], float]]:
     """Returns rows: a title, (integral, ∂/∂t, ∂/∂k), seconds of one evaluation."""
     m = stirring()
     ways = {

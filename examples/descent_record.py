@@ -11,6 +11,7 @@ from teg.examples.checkpoint import load_checkpoint, save_checkpoint
 from teg.examples.harness import progress_bar, ratio
 
 CHECKPOINT_SECONDS = 5.0
+FRAMES = 12
 
 
 class State(Protocol):
@@ -27,29 +28,36 @@ S = TypeVar("S", bound=State)
 
 
 class RecordedDescent(Generic[S]):
-    """Start, present state, the losses from the start on, and the seconds of all parts of the run.
+    """Start, present state, the losses from the start on, states on the way by their step, and the seconds of all parts of the run.
 
     `advance` makes one step. `identity` must be the same for `resume`, which continues from the checkpoint. Raises InputError if it
-    cannot.
+    cannot. At most 2·FRAMES states on the way are kept, those at the multiples of a power of two.
     """
 
     def __init__(self, start: S, advance: Callable[[S], S], checkpoint: Path, identity: Mapping[str, Any], resume: bool) -> None:
         self.advance, self.checkpoint, self.identity = advance, checkpoint, identity
         self.start = self.state = start
         self.losses, self.seconds = [start.loss], 0.0
+        self.frames: dict[int, S] = {0: start}
         if resume:
-            self.state, self.losses, self.seconds = load_checkpoint(checkpoint, identity, type(start))
+            self.state, self.losses, self.seconds, self.frames = load_checkpoint(checkpoint, identity, type(start))
+
+    @property
+    def steps(self) -> int:
+        """Returns the number of steps made."""
+        return len(self.losses) - 1
 
     def descend(self, steps: int, progress: bool, label: str = "") -> bool:
         """Steps until `steps` are done in all or no step lowers the loss. Returns True if Ctrl-C came before that."""
         saved = begun = time.perf_counter()
         before = self.seconds
         try:
-            with progress_bar(progress, steps, len(self.losses) - 1, label) as bar:
-                while len(self.losses) <= steps and not self.state.stuck:
+            with progress_bar(progress, steps, self.steps, label) as bar:
+                while self.steps < steps and not self.state.stuck:
                     state = self.advance(self.state)
                     losses = self.losses if state.stuck else [*self.losses, state.loss]
                     self.state, self.losses = state, losses  # together: Ctrl-C must not come between
+                    self._keep()
                     now = time.perf_counter()
                     self.seconds = before + now - begun
                     if bar is not None:
@@ -64,6 +72,17 @@ class RecordedDescent(Generic[S]):
             self.save()
         return False
 
+    def _keep(self) -> None:
+        stride = 1
+        while self.steps // stride > 2 * FRAMES:
+            stride *= 2
+        frames = self.frames if self.steps % stride else {**self.frames, self.steps: self.state}
+        self.frames = {step: state for step, state in frames.items() if step % stride == 0}
+
+    def animation(self) -> list[S]:
+        """Returns states on the way, evenly spaced, with the first and the last one."""
+        return [*(state for step, state in self.frames.items() if step < self.steps), self.state]
+
     def save(self) -> None:
         """Writes the checkpoint."""
-        save_checkpoint(self.checkpoint, self.identity, self.state, self.losses, self.seconds)
+        save_checkpoint(self.checkpoint, self.identity, self.state, self.losses, self.seconds, self.frames)

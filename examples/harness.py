@@ -14,9 +14,10 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-from teg.errors import CompilerError, InputError, MissingPackageError
+from teg.errors import InputError, MissingPackageError
+from teg.examples.page import write_page
 
-REPORTED = ("teg", "numpy", "scipy", "jax", "optax", "pillow", "scikit-image", "matplotlib")
+REPORTED = ("teg-compiler", "numpy", "scipy", "jax", "optax", "pillow", "scikit-image", "matplotlib")
 
 
 def require_packages(demonstration: str, packages: Mapping[str, str], progress: bool, extra: str = "demo") -> None:
@@ -27,18 +28,7 @@ def require_packages(demonstration: str, packages: Mapping[str, str], progress: 
     wanted = [k for k in packages if k != "tqdm" or progress]
     missing = [packages[k] for k in wanted if util.find_spec(k) is None]
     if missing:
-        raise MissingPackageError(f"the {demonstration} needs {', '.join(missing)}", None, f'pip install "teg[{extra}]"')
-
-
-def default_backend() -> str:
-    """Returns "c" if there is a C compiler, else "numpy"."""
-    from teg.backends.c.build import find_compiler
-
-    try:
-        find_compiler()
-    except CompilerError:
-        return "numpy"
-    return "c"
+        raise MissingPackageError(f"the {demonstration} needs {', '.join(missing)}", None, f'pip install "teg-compiler[{extra}]"')
 
 
 def result_folder(path: Path) -> Path:
@@ -60,8 +50,8 @@ def write_report(path: Path, report: Mapping[str, Any]) -> None:
 
 @contextmanager
 def progress_bar(shown: bool, total: int, done: int, label: str = "") -> Iterator[Any]:
-    """Yields a bar on the standard error, or None."""
-    if not shown:
+    """Yields a bar on the standard error, or None if it is not a terminal."""
+    if not shown or not sys.stderr.isatty():
         yield None
         return
     from tqdm import tqdm
@@ -75,12 +65,32 @@ def ratio(end: float, start: float) -> float:
     return end / start if start > 0 else 1.0
 
 
-def demo_command(name: str, photo: str | None, values: Mapping[str, object], out: str | Path, *flags: str) -> str:
-    """Returns the command line that repeats a demonstration: its photo, a value for each option, and flags."""
-    words = ["teg", "demo", name, *([photo] if photo else [])]
-    for option, value in values.items():
-        words += ["--" + option.replace("_", "-"), str(value)]
-    return shlex.join([*words, *flags, "-o", str(out)])
+def finish(folder: Path, demo: str, settings: Mapping[str, Any], report: Mapping[str, Any]) -> dict[str, Any]:
+    """Completes the report of a run, writes it as run.json and index.html, and returns it.
+
+    `report` has the lines of its "summary", the names of its "pictures" in the folder, the best first, whether it was "interrupted",
+    and its "failure", empty for a success.
+    """
+    pictures = [str(folder / name) for name in report["pictures"]]
+    whole = {"demo": demo, "interrupted": False, "failure": "", **report, "pictures": pictures}
+    whole |= {"options": dict(settings), "command": demo_command(demo, settings), "versions": versions(), "machine": machine()}
+    write_report(folder / "run.json", whole)
+    write_page(folder / "index.html", whole)
+    return whole
+
+
+def demo_command(name: str, settings: Mapping[str, Any]) -> str:
+    """Returns the command line that repeats a demonstration."""
+    words = ["teg", "demo", name]
+    for option, value in settings.items():
+        flag = "--" + option.replace("_", "-")
+        if option == "photo":
+            words += [value] if value else []
+        elif value is True:
+            words += [flag] if option != "resume" else []
+        elif value is not None and value is not False:
+            words += [f"{flag}={value}"] if str(value).startswith("-") else [flag, str(value)]
+    return shlex.join(words)
 
 
 def versions() -> dict[str, str]:

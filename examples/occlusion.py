@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 import teg
+from teg.evaluator.options import Backend, Discontinuities
 from teg.ir.expr import Expr
 
 Array = npt.NDArray[np.float64]
@@ -115,7 +116,7 @@ class Descent:
 class Scene:
     """The compiled program and the mesh."""
 
-    def __init__(self, size: int, backend: str, discontinuities: str) -> None:
+    def __init__(self, size: int, backend: Backend, discontinuities: Discontinuities) -> None:
         self.size = size
         self.vertices, self.faces, self.colours = torus()
         wanted: list[Any] = [*(teg.param(name) for name in POSE), T]
@@ -133,7 +134,7 @@ class Scene:
         return np.asarray(-0.5 * slopes["T"])
 
 
-def descend(size: int = 48, steps: int = 60, backend: str = "c", discontinuities: str = "sift") -> Descent:
+def descend(size: int = 48, steps: int = 60, backend: Backend = "c", discontinuities: Discontinuities = "sift") -> Descent:
     """Returns the descent from one pose to that of a picture."""
     from scipy.optimize import minimize
 
@@ -172,7 +173,7 @@ def draw(found: Descent, path: Path) -> None:
     figure.savefig(path, dpi=100)
 
 
-def main(size: int = 48, steps: int = 60, backend: str = "c", out: Path | None = None) -> Descent:
+def main(size: int = 48, steps: int = 60, backend: Backend = "c", out: Path | None = None) -> Descent:
     """Descends and prints; writes the picture to a folder."""
     found, plain = descend(size, steps, backend), descend(size, steps, backend, "ignore")
     print(f"{size}² pixels, {2 * AROUND * ALONG} triangles, backend {backend}, {len(found.losses) - 1} evaluations")
@@ -182,6 +183,28 @@ def main(size: int = 48, steps: int = 60, backend: str = "c", out: Path | None =
     if out is not None:
         draw(found, out / "pose.png")
     return found
+
+
+def run_occlusion(out: str | Path = "out/occlusion", progress: bool = True, **options: Any) -> dict[str, Any]:
+    """Descends, prints the pose and draws it; writes to `out`, returns the contents of run.json. It has no progress bar.
+
+    The options are those of `teg demo occlusion` (`examples/options.py`); nothing is random, so any `seed` gives the same. Raises
+    InputError for options that cannot be used, MissingPackageError.
+    """
+    from teg.examples.harness import finish, require_packages, result_folder
+    from teg.examples.options import resolved
+
+    require_packages("occlusion demo", {"matplotlib": "matplotlib", "scipy": "scipy"}, progress=False)
+    settings = resolved("occlusion", {"out": out, **options})
+    folder = result_folder(Path(out))
+    found = main(settings["size"], settings["steps"], settings["backend"], folder)
+    report = {
+        "summary": [f"descent: loss {found.losses[0]:.3g} → {found.losses[-1]:.3g} after {len(found.losses) - 1} evaluations"],
+        "losses": found.losses,
+        "pose": found.poses[-1],
+        "pictures": ["pose.png"],
+    }
+    return finish(folder, "occlusion", settings, report)
 
 
 if __name__ == "__main__":

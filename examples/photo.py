@@ -1,4 +1,4 @@
-"""The picture to approximate: read, cropped to a square, resized."""
+"""The picture to approximate: read and resized."""
 
 from __future__ import annotations
 
@@ -11,17 +11,26 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 from teg.errors import InputError, MissingPackageError
 
 
-def read_target(photo: str | Path | None, size: int, bundled: str = "astronaut") -> np.ndarray:
-    """Returns the picture as an array of shape (size, size, 3), sRGB values in [0, 1]; `None` is scikit-image's `bundled` one.
+def read_target(photo: str | Path | None, size: int, bundled: str = "astronaut", square: bool = True) -> np.ndarray:
+    """Returns the picture as an array of shape (rows, columns, 3), sRGB values in [0, 1]; `None` is scikit-image's `bundled` one.
 
-    Any file that Pillow reads (of an animation the first frame): turned according to its EXIF data, transparency on white, cropped to
-    the square in its middle. Raises InputError if the file is missing or not a picture.
+    Any file that Pillow reads (of an animation the first frame): turned according to its EXIF data, transparency on white, resized so that
+    its longer side has `size` pixels. `square` crops it to the square in its middle first, and says so. Raises InputError if the file is
+    missing or not a picture, or so narrow that its shorter side would have less than 2 pixels.
     """
     image = _bundled(bundled) if photo is None else _read(Path(photo))
-    side = min(image.size)
-    left, top = (image.width - side) // 2, (image.height - side) // 2
-    square = image.crop((left, top, left + side, top + side)).resize((size, size), Image.Resampling.LANCZOS)
-    return np.asarray(square, dtype=float) / 255
+    if square and image.width != image.height:
+        side = min(image.size)
+        left, top = (image.width - side) // 2, (image.height - side) // 2
+        if photo is not None:
+            print(f"the photo has {image.width} × {image.height} pixels: only the square in its middle is used")
+        image = image.crop((left, top, left + side, top + side))
+    scale = size / max(image.size)
+    width, height = (round(scale * n) for n in image.size)
+    if min(width, height) < 2:
+        what = f"a picture of {image.width} × {image.height} pixels would have {width} × {height}"
+        raise InputError(what, None, "a larger --size, or a picture less narrow")
+    return np.asarray(image.resize((width, height), Image.Resampling.LANCZOS), dtype=float) / 255
 
 
 def _bundled(name: str) -> Image.Image:
@@ -31,7 +40,7 @@ def _bundled(name: str) -> Image.Image:
         raise MissingPackageError(
             "the default photo is scikit-image's, which is not installed",
             None,
-            'pip install "teg[demo]", or name a photo of your own: teg demo … photo.jpg',
+            'pip install "teg-compiler[demo]", or name a photo of your own: teg demo … photo.jpg',
         ) from None
     picture: np.ndarray = getattr(data, name)()
     return Image.fromarray(picture)

@@ -17,18 +17,21 @@ import cmath
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import teg
+from teg.evaluator.options import Backend
 from teg.ir.expr import Expr
 from teg.ir.function import Function
 
 x, y, u, v = teg.vars("x y u v")
 angle, width, contrast = teg.params("angle width contrast")
 HEIGHT = 0.4
+AT = {"angle": math.pi / 7, "width": 0.7, "contrast": 0.5}
 STEP = 1e-100
 """The complex step. Nothing is subtracted, so it may be arbitrarily small."""
 
@@ -79,7 +82,7 @@ def reference(light: Light, at: dict[str, float], nodes: int = 60) -> tuple[floa
     return value(*point).real, slopes[0], slopes[1], slopes[2]
 
 
-def compare(at: dict[str, float], backend: str = "numpy") -> list[Row]:
+def compare(at: dict[str, float], backend: Backend = "numpy") -> list[Row]:
     """Returns a row for each light, in the order of `lights`."""
     rows, kept = [], []
     written, plain = lights(teg), lights(np)
@@ -98,15 +101,60 @@ def compare(at: dict[str, float], backend: str = "numpy") -> list[Row]:
     return rows
 
 
-def main(backend: str = "numpy") -> None:
-    """Prints the comparison."""
-    at = {"angle": math.pi / 7, "width": 0.7, "contrast": 0.5}
-    print(", ".join(f"{name} = {value:.4g}" for name, value in at.items()) + f", backend {backend}")
+def main(backend: Backend = "numpy") -> list[Row]:
+    """Prints the comparison, and returns it."""
+    print(", ".join(f"{name} = {value:.4g}" for name, value in AT.items()) + f", backend {backend}")
     heads = ("brightness", "∂/∂angle", "∂/∂width", "∂/∂contrast")
     print("light " + "".join(f"{h:>19}" for h in heads) + f"{'error':>10}{'linked':>11}{'inlined':>11}")
-    for row in compare(at, backend):
+    rows = compare(AT, backend)
+    for row in rows:
         numbers = "".join(f"{n:>19.15f}" for n in row.numbers)
         print(f"{row.name:<6}{numbers}{row.error:>10.1e}{1e3 * row.linked:>8.0f} ms{1e3 * row.inlined:>8.0f} ms")
+    return rows
+
+
+def run_shaders(out: str | Path = "out/shaders", progress: bool = True, **options: Any) -> dict[str, Any]:
+    """Prints the comparison; draws it to `out`, returns the contents of run.json. It has no progress bar, and nothing is random.
+
+    The options are those of `teg demo shaders` (`examples/options.py`). Raises InputError for those that cannot be used,
+    MissingPackageError.
+    """
+    from teg.examples.harness import finish, require_packages, result_folder
+    from teg.examples.options import resolved
+
+    require_packages("shaders demo", {"matplotlib": "matplotlib"}, progress=False)
+    settings = resolved("shaders", {"out": out, **options})
+    folder = result_folder(Path(out))
+    rows = main(settings["backend"])
+    draw(rows, folder / "shaders.png")
+    worst = max(row.error for row in rows)
+    report = {"summary": [f"largest error {worst:.1e}"], "rows": [asdict(row) for row in rows], "pictures": ["shaders.png"]}
+    return finish(folder, "shaders", settings, report)
+
+
+def draw(rows: list[Row], path: Path) -> None:
+    """Draws the lights behind the window, and the seconds until each kernel was ready."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 3), layout="constrained")
+    places = figure.subplots(1, len(rows) + 1)
+    ticks = np.linspace(-1.2, 1.2, 240)
+    p, q = np.meshgrid(ticks, ticks)
+    turn = AT["angle"]
+    across, along = p * math.cos(turn) + q * math.sin(turn), q * math.cos(turn) - p * math.sin(turn)
+    inside = (np.abs(across) < AT["width"]) & (np.abs(along) < HEIGHT)
+    for axes, (name, light) in zip(places, lights(np).items(), strict=False):
+        axes.imshow(np.where(inside, light(p, q, AT["contrast"]) + 0 * p, np.nan), origin="lower", cmap="inferno")
+        axes.set_title(name, fontsize=11)
+        axes.set_axis_off()
+    axes = places[-1]
+    for shift, (label, times) in enumerate([("linked", [r.linked for r in rows]), ("inlined", [r.inlined for r in rows])]):
+        axes.barh(np.arange(len(rows)) + 0.4 * shift, times, 0.38, label=label)
+    axes.set_yticks(np.arange(len(rows)) + 0.2, [row.name for row in rows])
+    axes.invert_yaxis()
+    axes.set_title("seconds to the kernel", fontsize=10)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower right", ncols=2, frameon=False, fontsize=9)
+    figure.savefig(path, dpi=110)
 
 
 if __name__ == "__main__":

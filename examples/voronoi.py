@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 import teg
+from teg.evaluator.options import Backend
 from teg.ir.expr import Expr
 
 Array = npt.NDArray[np.float64]
@@ -46,8 +47,9 @@ def over_tiles(value: Expr, key: Expr) -> Expr:
     """Returns ∫∫ value·ρ over the square, with the value at the nearest candidate of each tile."""
     row, column = p // TILES, p % TILES
     nearest = teg.nearest(value, key, (k, RANGES[p, 0], RANGES[p, 1]))
+    density_here: Expr = density(x, y)
     tile = (x, column / TILES, (column + 1) / TILES), (y, row / TILES, (row + 1) / TILES)
-    return teg.sum(teg.integral(nearest * density(x, y), *tile), (p, 0, TILES * TILES))
+    return teg.sum(teg.integral(nearest * density_here, *tile), (p, 0, TILES * TILES))
 
 
 def programs() -> tuple[Expr, Expr]:
@@ -82,7 +84,7 @@ class Transport:
     cost: float = 0.0
 
 
-def solve(sites: Array, masses: Array, backend: str = "c", most: int = 40) -> Transport:
+def solve(sites: Array, masses: Array, backend: Backend = "c", most: int = 40) -> Transport:
     """Returns the optimal transport from the density to sites with these masses."""
     dual, cost = programs()
     f = teg.compile(dual, [W], backend=backend)
@@ -165,7 +167,7 @@ def draw(found: Transport, masses: Array, path: Path) -> None:
     figure.savefig(path, dpi=100)
 
 
-def main(count: int = 200, seed: int = 0, backend: str = "c", out: Path | None = None) -> Transport:
+def main(count: int = 200, seed: int = 0, backend: Backend = "c", out: Path | None = None) -> Transport:
     """Solves and prints; writes the picture to a folder."""
     sites, masses = scene(count, seed)
     found = solve(sites, masses, backend)
@@ -176,6 +178,33 @@ def main(count: int = 200, seed: int = 0, backend: str = "c", out: Path | None =
     if out is not None:
         draw(found, masses, out / "cells.png")
     return found
+
+
+def run_voronoi(out: str | Path = "out/voronoi", progress: bool = True, **options: Any) -> dict[str, Any]:
+    """Solves, prints the steps and draws the cells; writes to `out`, returns the contents of run.json. It has no progress bar.
+
+    The options are those of `teg demo voronoi` (`examples/options.py`). Raises InputError for those that cannot be used,
+    MissingPackageError.
+    """
+    from teg.examples.harness import finish, require_packages, result_folder
+    from teg.examples.options import resolved
+
+    require_packages("voronoi demo", {"matplotlib": "matplotlib"}, progress=False)
+    settings = resolved("voronoi", {"out": out, **options})
+    folder = result_folder(Path(out))
+    found = main(settings["sites"], settings["seed"], settings["backend"], folder)
+    end = found.errors[-1]
+    report = {
+        "summary": [
+            f"{len(found.errors) - 1} steps of Newton's method, largest relative error of a mass {end:.1e}, cost {found.cost:.12f}"
+        ],
+        "errors": found.errors,
+        "cost": found.cost,
+        "dual": found.dual,
+        "failure": "" if end < TOLERANCE else f"a mass is wrong by {end:.1e} of the mean one",
+        "pictures": ["cells.png"],
+    }
+    return finish(folder, "voronoi", settings, report)
 
 
 if __name__ == "__main__":

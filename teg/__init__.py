@@ -13,15 +13,17 @@ from typing import TYPE_CHECKING
 
 from teg import errors
 from teg.errors import AccuracyError, ArrayIndexError, DiffeomorphismError, TegError
-from teg.ir.arrays import array, index, indices, length
+from teg.ir.arrays import Array, array, index, indices, length
 from teg.ir.arrays import sum_ as sum
 from teg.ir.choices import all_ as all
 from teg.ir.choices import any_ as any
 from teg.ir.choices import maximum_of, minimum_of, nearest, prod
-from teg.ir.expr import Cond, Expr
+from teg.ir.expr import Cond, Expr, Param, Tuple, Var
 from teg.ir.function import Function, function
+from teg.ir.index import Index
 from teg.ir.latex import latex
 from teg.ir.show import dump
+from teg.ir.substitution import let, substitute
 from teg.ir.traverse import size
 from teg.language import abs_ as abs
 from teg.language import (
@@ -62,7 +64,7 @@ from teg.language import tuple_ as tuple
 
 if TYPE_CHECKING:
     from teg import maps
-    from teg.derivatives import diff, eliminate, grad, hessian, jvp
+    from teg.derivatives import diff, eliminate, grad, hessian, jvp, stop_delta
     from teg.evaluator.accuracy import AccuracyWarning
     from teg.evaluator.check import GradientReport, check_gradient
     from teg.evaluator.compile import compile, evaluate
@@ -79,7 +81,7 @@ if TYPE_CHECKING:
     from teg.symbolic import from_sympy, to_sympy
 
 _LOADED_ON_FIRST_USE = {
-    "teg.derivatives": ("diff", "eliminate", "grad", "hessian", "jvp"),
+    "teg.derivatives": ("diff", "eliminate", "grad", "hessian", "jvp", "stop_delta"),
     "teg.evaluator.accuracy": ("AccuracyWarning",),
     "teg.evaluator.check": ("GradientReport", "check_gradient"),
     "teg.evaluator.compile": ("compile", "evaluate"),
@@ -101,13 +103,14 @@ compiler takes 0.2 s."""
 __version__ = "0.1.0"
 
 __all__ = [
-    "AccuracyError", "AccuracyWarning", "ArrayEvaluator", "ArrayIndexError", "Cond", "Diagnosis", "Diffeomorphism", "DiffeomorphismError",
-    "Evaluator", "Explanation", "Expr", "Function", "GradientReport", "TegError", "abs", "acos", "all", "any", "array", "asin", "atan",
-    "atan2", "bracket", "ceil", "change_variables", "check_gradient", "compile", "cos", "cosh", "delta", "diff", "dump", "eliminate",
-    "erf", "erfc", "errors", "evaluate", "exp", "explain", "expm1", "floor", "from_sympy", "function", "grad", "hessian", "index",
-    "indices", "integral", "jax_function", "jvp", "latex", "length", "log", "log1p", "maps", "maximum", "maximum_of", "minimum",
-    "minimum_of", "mod", "nearest", "param", "params", "polar", "prod", "round", "scipy_function", "sign", "sin", "sinh", "size", "sqrt",
-    "sum", "tan", "tanh", "to_sympy", "torch_function", "tuple", "var", "vars", "where",
+    "AccuracyError", "AccuracyWarning", "Array", "ArrayEvaluator", "ArrayIndexError", "Cond", "Diagnosis", "Diffeomorphism",
+    "DiffeomorphismError", "Evaluator", "Explanation", "Expr", "Function", "GradientReport", "Index", "Param", "TegError", "Tuple",
+    "Var", "abs", "acos", "all", "any", "array", "asin", "atan", "atan2", "bracket", "ceil", "change_variables", "check_gradient",
+    "compile", "cos", "cosh", "delta", "diff", "dump", "eliminate", "erf", "erfc", "errors", "evaluate", "exp", "explain", "expm1",
+    "floor", "from_sympy", "function", "grad", "hessian", "index", "indices", "integral", "jax_function", "jvp", "latex", "length",
+    "let", "log", "log1p", "maps", "maximum", "maximum_of", "minimum", "minimum_of", "mod", "nearest", "param", "params", "polar",
+    "prod", "round", "scipy_function", "sign", "sin", "sinh", "size", "sqrt", "stop_delta", "substitute", "sum", "tan", "tanh",
+    "to_sympy", "torch_function", "tuple", "var", "vars", "where",
 ]  # fmt: skip
 
 _MODULE_OF = {name: module for module, names in _LOADED_ON_FIRST_USE.items() for name in names}

@@ -8,19 +8,21 @@ import os
 import runpy
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext, redirect_stdout
+from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 import teg
 from teg.analysis.settings import DEFAULT_TOL
 from teg.errors import AccuracyError, InputError, TegError
-from teg.evaluator.options import BACKENDS, DTYPES
+from teg.evaluator.options import DTYPES
+from teg.examples.commands import add_demos
 from teg.ir.expr import Expr
-from teg.pipeline import ALIASES
 from teg.program.arrays import ArrayProgram
 
 if TYPE_CHECKING:
-    Demos = argparse._SubParsersAction[argparse.ArgumentParser]
+    Commands = argparse._SubParsersAction["CommandParser"]
 
 MEGABYTE = 10**6
 FAILED, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
@@ -44,153 +46,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `teg explain FILE | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-
-
-def demo_triangulation(options: argparse.Namespace) -> int:
-    """A photo in triangles: run, then say what came out and where it is."""
-    from teg.examples.triangulation.run import run_triangulation
-
-    report = run_triangulation(
-        options.photo,
-        triangles=options.triangles,
-        size=options.size,
-        steps=options.steps,
-        out=options.out,
-        discontinuities=options.discontinuities,
-        backend=options.backend,
-        progress=not options.quiet,
-        resume=options.resume,
-        seed=options.seed,
-        shared_by=options.shared_by,
-    )
-    loss, seconds = report["loss"], report["seconds"]
-    print(
-        f"loss {loss['start']:.5f} → {loss['end']:.5f}, {loss['ratio']:.1%} of the undeformed mesh in its best colours, "
-        f"after {report['steps']} steps in {seconds['descent']:.1f} s"
-    )
-    if report["note"]:
-        print(report["note"])
-    return _finish_demo(report, resumable=True)
-
-
-def demo_perlin(options: argparse.Namespace) -> int:
-    """A photo as a thresholded noise in two colours: run, then say what came out and where it is."""
-    from teg.examples.perlin.run import run_perlin
-
-    report = run_perlin(
-        options.photo,
-        cells=options.cells,
-        octaves=options.octaves,
-        size=options.size,
-        steps=options.steps,
-        out=options.out,
-        discontinuities=options.discontinuities,
-        compare=not options.alone,
-        backend=options.backend,
-        progress=not options.quiet,
-        resume=options.resume,
-        seed=options.seed,
-    )
-    for label, part in _parts(options, report):
-        loss = part["loss"]
-        change = f"loss {loss['start']:.5f} → {loss['end']:.5f}, {loss['ratio']:.1%}"
-        print(f"{label}: {change}, after {part['steps']} steps in {part['seconds']['descent']:.1f} s")
-        if part["note"]:
-            print(part["note"])
-    return _finish_demo(report, resumable=True)
-
-
-def demo_bouncing_ball(options: argparse.Namespace) -> int:
-    """The path of least action of a ball that bounces in a rising lift: run, then say what came out and where it is."""
-    from teg.examples.bouncing_ball.run import run_bouncing_ball
-
-    report = run_bouncing_ball(
-        contacts=options.contacts,
-        speed=options.speed,
-        duration=options.duration,
-        steps=options.steps,
-        out=options.out,
-        discontinuities=options.discontinuities,
-        compare=not options.alone,
-        backend=options.backend,
-        progress=not options.quiet,
-    )
-    for label, part in _parts(options, report):
-        error, above = part["largest_time_error"], part["action_above_exact"]
-        print(f"{label}: contacts off by {error:.2g} s, action by {above:.2g} J·s, after {part['steps']} steps")
-        if part["note"]:
-            print(part["note"])
-    return _finish_demo(report, resumable=False)
-
-
-def demo_mesh_network(options: argparse.Namespace) -> int:
-    """A network in JAX that turns photos into triangles, trained through exact integrals: run, then say what came out and where it is."""
-    from teg.examples.mesh_network.run import run_mesh_network
-
-    report = run_mesh_network(
-        options.photo,
-        cells=options.cells,
-        epochs=options.epochs,
-        out=options.out,
-        discontinuities=options.discontinuities,
-        progress=not options.quiet,
-        resume=options.resume,
-        seed=options.seed,
-    )
-    loss, seconds = report["loss"], report["seconds"]
-    print(
-        f"loss of a photo not seen in training {loss['start']:.5f} → {loss['end']:.5f}, "
-        f"{loss['ratio']:.1%} of the grid in its best colours, after {report['epochs']} epochs in {seconds['training']:.1f} s"
-    )
-    if report["note"]:
-        print(report["note"])
-    return _finish_demo(report, resumable=True)
-
-
-def demo_shaders(options: argparse.Namespace) -> int:
-    """A window in several lights: print what they give, and what the first one and the others take to compile."""
-    from teg.examples.shaders import main as run_shaders
-
-    run_shaders(options.backend)
-    return 0
-
-
-def demo_voronoi(options: argparse.Namespace) -> int:
-    """Optimal transport from a density to points: print Newton's steps on exact cell masses, and draw the cells."""
-    from teg.examples.harness import default_backend, require_packages, result_folder
-    from teg.examples.voronoi import main as run_voronoi
-
-    require_packages("voronoi demo", {"matplotlib": "matplotlib"}, progress=False)
-    out = result_folder(Path(options.out))
-    run_voronoi(options.sites, options.seed, options.backend or default_backend(), out)
-    print(f"pictures: {out / 'cells.png'}")
-    return 0
-
-
-def demo_occlusion(options: argparse.Namespace) -> int:
-    """The pose of a mesh from one picture, with its parts in front of each other: print the descent, and draw it."""
-    from teg.examples.harness import default_backend, require_packages, result_folder
-    from teg.examples.occlusion import main as run_occlusion
-
-    require_packages("occlusion demo", {"matplotlib": "matplotlib", "scipy": "scipy"}, progress=False)
-    out = result_folder(Path(options.out))
-    run_occlusion(options.size, options.steps, options.backend or default_backend(), out)
-    print(f"pictures: {out / 'pose.png'}")
-    return 0
-
-
-def _parts(options: argparse.Namespace, report: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
-    """A demo's own report, and that of the run beside it, with what became of the discontinuities in each."""
-    beside = report["beside"]
-    return [(options.discontinuities, report), *([("ignore", beside)] if beside else [])]
-
-
-def _finish_demo(report: dict[str, Any], resumable: bool) -> int:
-    print("pictures: " + " ".join(report["pictures"]))
-    if report["interrupted"]:
-        print("interrupted" + (": the same command with --resume goes on from here" if resumable else ""))
-        return INTERRUPTED
-    return 0
 
 
 def chart_integration(options: argparse.Namespace) -> int:
@@ -259,7 +114,9 @@ def report_stability(options: argparse.Namespace) -> int:
 
 def explain(options: argparse.Namespace) -> int:
     """Print what the compiler finds in an expression: its surfaces, its integrals, the cost."""
-    report = teg.explain(load_expression(options.file), tol=options.tol, derivatives=options.derivatives)
+    with redirect_stdout(sys.stderr) if options.json else nullcontext():  # what the file itself prints is no JSON
+        e = load_expression(options.file)
+    report = teg.explain(e, tol=options.tol, derivatives=options.derivatives)
     print(json.dumps(report.data, indent=2, ensure_ascii=False) if options.json else report)
     return 0
 
@@ -350,36 +207,30 @@ def _split_place(place: str) -> tuple[str, str]:
     return place, "e"
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="teg", description="A compiler for integrals over discontinuous programs, with correct derivatives."
-    )
+class CommandParser(argparse.ArgumentParser):
+    """A parser whose errors are one line. Commands refuse unknown arguments themselves, with their own usage and the nearest flag."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """Returns the options, and no unknown arguments."""
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            flags = [flag for action in self._actions for flag in action.option_strings]
+            near = [match for word in unknown for match in get_close_matches(word.partition("=")[0], flags, 1)]
+            self.print_usage(sys.stderr)
+            self.error(f"unknown arguments: {' '.join(unknown)}" + (f"; is it {near[0]}?" if near else ""))
+        return options, unknown
+
+    def error(self, message: str) -> NoReturn:
+        """Prints the message, and exits with the code of a mistake."""
+        self.exit(FAILED, f"{self.prog}: error: {message} (hint: {self.prog} --help)\n")
+
+
+def _parser() -> CommandParser:
+    parser = CommandParser(prog="teg", description="A compiler for integrals over discontinuous programs, with correct derivatives.")
     parser.add_argument("--version", action="version", version=f"teg {teg.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    demos = commands.add_parser("demo", help="run an example").add_subparsers(required=True, metavar="NAME")
-    _add_triangulation(demos)
-    _add_perlin(demos)
-    _add_bouncing_ball(demos)
-    _add_mesh_network(demos)
-    shaders = demos.add_parser("shaders", help="one window, several lights", description=demo_shaders.__doc__)
-    shaders.add_argument("--backend", choices=BACKENDS, default="numpy", help="(%(default)s)")
-    shaders.set_defaults(run=demo_shaders)
-
-    voronoi = demos.add_parser("voronoi", help="optimal transport to points", description=demo_voronoi.__doc__)
-    voronoi.add_argument("--sites", type=int, default=200, metavar="N", help="(%(default)s)")
-    voronoi.add_argument("--seed", type=int, default=0, help="of the sites and their masses (%(default)s)")
-    voronoi.add_argument("--backend", choices=BACKENDS, help="c if there is a C compiler, else numpy")
-    voronoi.add_argument("-o", "--out", default="out/voronoi", metavar="DIR", help="folder of the results (%(default)s)")
-    voronoi.set_defaults(run=lambda options: _run_demo(demo_voronoi, options))
-
-    occlusion = demos.add_parser("occlusion", help="the pose of a mesh from a picture", description=demo_occlusion.__doc__)
-    occlusion.add_argument("--size", type=int, default=48, metavar="S", help="pixels a side (%(default)s)")
-    occlusion.add_argument("--steps", type=int, default=60, metavar="K", help="of the descent, at most (%(default)s)")
-    occlusion.add_argument("--backend", choices=BACKENDS, help="c if there is a C compiler, else numpy")
-    occlusion.add_argument("-o", "--out", default="out/occlusion", metavar="DIR", help="folder of the results (%(default)s)")
-    occlusion.set_defaults(run=lambda options: _run_demo(demo_occlusion, options))
-
+    add_demos(commands.add_parser("demo", help="run an example").add_subparsers(required=True, metavar="NAME"))
     _add_charts(commands)
     _add_reports(commands)
 
@@ -407,55 +258,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_triangulation(demos: Demos) -> None:
-    demo = demos.add_parser("triangulation", help="a photo in triangles", description=demo_triangulation.__doc__)
-    demo.add_argument("photo", nargs="?", metavar="PHOTO", help="any file that Pillow reads (scikit-image's astronaut)")
-    demo.add_argument("--triangles", type=int, default=300, metavar="N", help="about how many (%(default)s)")
-    demo.add_argument("--size", type=int, default=256, metavar="S", help="pixels a side (%(default)s)")
-    demo.add_argument("--steps", type=int, default=120, metavar="K", help="of the descent, in all (%(default)s)")
-    demo.add_argument("--seed", type=int, default=0, help="of the first mesh's irregularity (%(default)s)")
-    demo.add_argument("--shared-by", choices=["pairs", "faces"], help="in JAX, on all its devices: what each has a part of")
-    demo.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
-    _add_common(demo, demo_triangulation, "out/triangulation")
-
-
-def _add_perlin(demos: Demos) -> None:
-    demo = demos.add_parser("perlin", help="a photo as a thresholded noise in two colours", description=demo_perlin.__doc__)
-    demo.add_argument("photo", nargs="?", metavar="PHOTO", help="any file that Pillow reads (scikit-image's cat)")
-    demo.add_argument("--cells", type=int, default=8, metavar="N", help="of the coarsest lattice, a side (%(default)s)")
-    demo.add_argument("--octaves", type=int, default=3, metavar="N", help="each with twice the cells of the one before (%(default)s)")
-    demo.add_argument("--size", type=int, default=128, metavar="S", help="pixels a side (%(default)s)")
-    demo.add_argument("--steps", type=int, default=300, metavar="K", help="of the descent, in all (%(default)s)")
-    demo.add_argument("--seed", type=int, default=0, help="of the first noise (%(default)s)")
-    demo.add_argument("--resume", action="store_true", help="go on from the checkpoints in DIR")
-    demo.add_argument("--alone", action="store_true", help="without plain automatic differentiation beside it")
-    _add_common(demo, demo_perlin, "out/perlin")
-
-
-def _add_bouncing_ball(demos: Demos) -> None:
-    demo = demos.add_parser("bouncing-ball", help="the path of a ball by least action", description=demo_bouncing_ball.__doc__)
-    demo.add_argument("--contacts", type=int, default=5, metavar="N", help="with floor and ceiling, by turns (%(default)s)")
-    demo.add_argument("--speed", type=float, default=1.5, metavar="V", help="of the lift, upwards, in m/s (%(default)s)")
-    demo.add_argument("--duration", type=float, metavar="T", help="of the flight, in s (0.7 of the longest that is possible)")
-    demo.add_argument("--steps", type=int, default=300, metavar="K", help="of the descent, at most (%(default)s)")
-    demo.add_argument("--alone", action="store_true", help="without plain automatic differentiation beside it")
-    _add_common(demo, demo_bouncing_ball, "out/bouncing-ball")
-
-
-def _add_mesh_network(demos: Demos) -> None:
-    about = "a network in JAX that turns photos into triangles"
-    demo = demos.add_parser("mesh-network", help=about, description=demo_mesh_network.__doc__)
-    demo.add_argument(
-        "photo", nargs="?", metavar="PHOTO", help="not seen in training: any file that Pillow reads (scikit-image's astronaut)"
-    )
-    demo.add_argument("--cells", type=int, default=24, metavar="N", help="of two triangles and 4² pixels each, a side (%(default)s)")
-    demo.add_argument("--epochs", type=int, default=60, metavar="K", help="of the training, in all (%(default)s)")
-    demo.add_argument("--seed", type=int, default=0, help="of the first weights and of the crops (%(default)s)")
-    demo.add_argument("--resume", action="store_true", help="go on from the checkpoint in DIR")
-    _add_common(demo, demo_mesh_network, "out/mesh-network", backends=False)
-
-
-def _add_charts(commands: Demos) -> None:
+def _add_charts(commands: Commands) -> None:
     charts = commands.add_parser("chart", help="measure, beside what one would use instead", description=list_charts.__doc__)
     charts.set_defaults(run=list_charts)
     names = charts.add_subparsers(metavar="NAME")
@@ -465,7 +268,7 @@ def _add_charts(commands: Demos) -> None:
         chart.set_defaults(run=run)
 
 
-def _add_reports(commands: Demos) -> None:
+def _add_reports(commands: Commands) -> None:
     names = commands.add_parser("report", help="judge all methods on difficult cases").add_subparsers(required=True, metavar="NAME")
     about = report_stability.__doc__
     report = names.add_parser("stability", help="gradients of difficult cases by all estimators", description=about)
@@ -482,25 +285,6 @@ def _add_measuring(chart: argparse.ArgumentParser, out: str) -> None:
     chart.add_argument("--fresh", action="store_true", help="measure again what DIR has already")
     chart.add_argument("--backend", choices=["numpy", "c"], help="c if there is a C compiler, else numpy")
     chart.add_argument("--quiet", action="store_true", help="no progress bar")
-
-
-def _add_common(demo: argparse.ArgumentParser, run: Callable[[argparse.Namespace], int], out: str, backends: bool = True) -> None:
-    """The options that every demo has; `backends` says that it runs in several."""
-    demo.add_argument("-o", "--out", default=out, metavar="DIR", help="folder of the results (%(default)s)")
-    plain = "ignore: what plain automatic differentiation does (%(default)s)"
-    demo.add_argument(
-        "--discontinuities", choices=["exact", "ignore"], type=lambda name: ALIASES.get(name, name), default="exact", help=plain
-    )
-    if backends:
-        demo.add_argument("--backend", choices=BACKENDS, help="c if there is a C compiler, else numpy")
-    demo.add_argument("--quiet", action="store_true", help="no progress bar")
-    demo.set_defaults(run=lambda options: _run_demo(run, options))
-
-
-def _run_demo(run: Callable[[argparse.Namespace], int], options: argparse.Namespace) -> int:
-    if getattr(options, "backend", None) == "jax":
-        os.environ.setdefault("JAX_ENABLE_X64", "1")
-    return run(options)
 
 
 def _never_fail_on_a_character(stream: TextIO) -> None:

@@ -199,7 +199,7 @@ class BackendError(TegError, RuntimeError):
 class MissingPackageError(BackendError, ImportError):
     """An optional package that is not installed, or is too old.
 
-    Way out: the command in the hint, such as `pip install "teg[jax]"`.
+    Way out: the command in the hint, such as `pip install "teg-compiler[jax]"`.
 
     >>> import sys
     >>> sys.modules["jax"] = None  # as if JAX were not installed

@@ -5,12 +5,14 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Iterable
-from typing import cast
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, cast, overload
 
 from teg.errors import BoundError, NameClashError, OperandError, ParameterError, ScopeError
 from teg.ir import expr as ex
-from teg.ir.expr import Cond, Const, Expr, Param, Tuple, Var, as_condition, as_number
+from teg.ir.arrays import identifier
+from teg.ir.creation import created
+from teg.ir.expr import Cond, Const, Expr, Operand, Param, Tuple, Var, as_condition, as_number, entrywise
 from teg.ir.index import Index, as_index, index_call
 from teg.ir.integral import Integral, integral_over
 from teg.ir.integral import delta as _delta
@@ -44,8 +46,17 @@ def vars(names: str) -> tuple[Var, ...]:
 
 
 def param(name: str) -> Param:
-    """Returns a parameter, by which derivatives are taken. The same name is the same parameter."""
-    return Param.make(_name(name, "parameter"), ())
+    """Returns a parameter, by which derivatives are taken. The same name is the same parameter.
+
+    Parameters are arguments of compiled programs, so a name is one that Python takes for a keyword argument: ``f(t=0.5)``. Raises
+    ParameterError for another one.
+    """
+    return param_of_any_name(identifier(_name(name, "parameter"), "params"))
+
+
+def param_of_any_name(name: str) -> Param:
+    """Returns the parameter of a name that need not be an identifier, such as a symbol of SymPy: its value is given in a dict."""
+    return created(Param.make(name, ()))
 
 
 def params(names: str) -> tuple[Param, ...]:
@@ -53,11 +64,16 @@ def params(names: str) -> tuple[Param, ...]:
     return tuple(param(n) for n in _names(names, "params"))
 
 
-def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
+@overload
+def integral(integrand: Tuple, *domain: tuple[Var, Operand, Operand]) -> Tuple: ...
+@overload
+def integral(integrand: Operand, *domain: tuple[Var, Operand, Operand]) -> Expr: ...
+def integral(integrand: Operand, *domain: tuple[Var, Operand, Operand]) -> Expr:
     """Returns ∫ … ∫ integrand over the triples (variable, lower bound, upper bound), the first triple innermost.
 
     A bound may be a number (also ±math.inf) or an expression of parameters and of the variables of later triples; lower > upper is the
-    signed integral. Raises ScopeError for a malformed triple, or one whose first entry is not a variable.
+    signed integral. A tuple is integrated entry by entry. Raises ScopeError for a malformed triple, one whose first entry is not a
+    variable, or two of one variable.
 
         x, y = teg.vars("x y")
         teg.integral(x * y, (x, 0, y), (y, 0, 1))       # ∫₀¹ ∫₀ʸ x·y dx dy = 1/8
@@ -65,6 +81,7 @@ def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
     e = integrand if isinstance(integrand, Tuple) else as_number(integrand)
     if not domain:
         raise ScopeError("an integral needs a variable and its bounds", e, "write teg.integral(e, (x, 0, 1))")
+    over: list[Var] = []
     for triple in domain:
         if not isinstance(triple, tuple | list) or len(triple) != 3:
             raise ScopeError(
@@ -76,6 +93,12 @@ def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
         if not isinstance(v, Var):
             kind = "a parameter" if isinstance(v, Param) else f"{type(v).__name__}"
             raise ScopeError(f"an integral runs over a variable, not over {kind}", v, 'make one with x = teg.var("x")')
+        if v in over:
+            hint = (
+                f"name another variable; for an integral over {v.name} of an integral over {v.name} write one teg.integral inside the other"
+            )
+            raise ScopeError(f"the variable {v.name} is in two triples of one integral", e, hint)
+        over.append(v)
         bounds = as_number(lo), as_number(hi)
         for bound in bounds:
             if isinstance(bound, Const) and math.isnan(bound.data):
@@ -89,98 +112,127 @@ def integral(integrand: object, *domain: tuple[object, object, object]) -> Expr:
     return e
 
 
-def bracket(condition: object) -> Expr:
-    """Returns Iverson's bracket: 1 where the condition holds, else 0."""
+def bracket(condition: Cond) -> Expr:
+    """Returns Iverson's bracket: 1 where the condition holds, else 0. Raises ConditionError for what is no condition.
+
+        f = teg.compile(teg.integral(teg.bracket((x < t) & (x > 0.1)), (x, 0, 1)), [t])
+        f(t=0.5)                                  # 0.4
+
+    On its border a condition is as written: `[t > 0]` is 0 at t = 0, and `[t >= 0]` is 1.
+    """
     return ex.bracket(as_condition(condition))
 
 
-def where(condition: object, then: object, otherwise: object) -> Expr:
-    """Returns `then` where the condition holds, else `otherwise`. The value not taken never matters, even if it is NaN."""
-    c, a, b = as_condition(condition), as_number(then), as_number(otherwise)
-    return ex.Where.make(None, (c, a, b)) if a is b and not isinstance(c, ex.Truth) else ex.where(c, a, b)
+@overload
+def where(condition: Cond, then: Tuple, otherwise: Operand) -> Tuple: ...
+@overload
+def where(condition: Cond, then: Operand, otherwise: Tuple) -> Tuple: ...
+@overload
+def where(condition: Cond, then: Operand, otherwise: Operand) -> Expr: ...
+def where(condition: Cond, then: Operand, otherwise: Operand) -> Expr:
+    """Returns `then` where the condition holds, else `otherwise`. The value not taken never matters, even if it is NaN.
+
+        f = teg.compile(teg.where(t > 0, teg.log(t), -1), [t])
+        f(t=-2.0)                                 # -1.0
+
+    Of tuples of one length it is a tuple, entry by entry; a number beside a tuple goes with every entry. Raises ConditionError for what is
+    no condition, OperandError for values that are no numbers.
+    """
+    c = as_condition(condition)
+
+    def chosen(a: Expr, b: Expr) -> Expr:
+        return ex.Where.make(None, (c, a, b)) if a is b and not isinstance(c, ex.Truth) else ex.where(c, a, b)
+
+    return entrywise(chosen, then, otherwise)
 
 
-def tuple_(*entries: object) -> Tuple:
+def tuple_(*entries: Operand | tuple[Any, ...] | list[Any]) -> Tuple:
     """Returns several expressions to be evaluated together. Nested Python tuples of expressions become nested tuples."""
     return ex.tuple_of(*(tuple_(*e) if isinstance(e, list | tuple) else e if isinstance(e, Tuple) else as_number(e) for e in entries))
 
 
-def delta(argument: object) -> Expr:
-    """Returns Dirac's δ(argument). It may be added and multiplied, under an integral that binds one of its variables."""
+def delta(argument: Operand) -> Expr:
+    """Returns Dirac's δ(argument). It may be added and multiplied, under an integral that binds one of its variables.
+
+        f = teg.compile(teg.integral(teg.delta(2 * x - t) * teg.exp(x), (x, 0, 1)), [t])
+        f(t=1.0)                                  # 0.8243606353500641
+
+    It has the unit of 1/argument. Raises DeltaError where it stands in a function, a condition or a denominator.
+    """
     return _delta(as_number(argument))
 
 
-def sin(u: object) -> Expr:
+def sin(u: Operand) -> Expr:
     """Returns the sine of u, in radians."""
-    return ex.call("sin", as_number(u))
+    return _applied("sin", u)
 
 
-def cos(u: object) -> Expr:
+def cos(u: Operand) -> Expr:
     """Returns the cosine of u, in radians."""
-    return ex.call("cos", as_number(u))
+    return _applied("cos", u)
 
 
-def tan(u: object) -> Expr:
+def tan(u: Operand) -> Expr:
     """Returns the tangent of u, in radians."""
-    return ex.call("tan", as_number(u))
+    return _applied("tan", u)
 
 
-def asin(u: object) -> Expr:
+def asin(u: Operand) -> Expr:
     """Returns the inverse sine, in [-π/2, π/2]."""
-    return ex.call("asin", as_number(u))
+    return _applied("asin", u)
 
 
-def acos(u: object) -> Expr:
+def acos(u: Operand) -> Expr:
     """Returns the inverse cosine, in [0, π]."""
-    return ex.call("acos", as_number(u))
+    return _applied("acos", u)
 
 
-def atan(u: object) -> Expr:
+def atan(u: Operand) -> Expr:
     """Returns the inverse tangent, in (-π/2, π/2)."""
-    return ex.call("atan", as_number(u))
+    return _applied("atan", u)
 
 
-def atan2(y: object, x: object) -> Expr:
+def atan2(y: Operand, x: Operand) -> Expr:
     """Returns the angle of the point (x, y), in (-π, π]."""
-    return ex.call("atan2", as_number(y), as_number(x))
+    return _applied("atan2", y, x)
 
 
-def sinh(u: object) -> Expr:
+def sinh(u: Operand) -> Expr:
     """Returns the hyperbolic sine."""
-    return ex.call("sinh", as_number(u))
+    return _applied("sinh", u)
 
 
-def cosh(u: object) -> Expr:
+def cosh(u: Operand) -> Expr:
     """Returns the hyperbolic cosine."""
-    return ex.call("cosh", as_number(u))
+    return _applied("cosh", u)
 
 
-def tanh(u: object) -> Expr:
+def tanh(u: Operand) -> Expr:
     """Returns the hyperbolic tangent."""
-    return ex.call("tanh", as_number(u))
+    return _applied("tanh", u)
 
 
-def exp(u: object) -> Expr:
+def exp(u: Operand) -> Expr:
     """Returns the exponential."""
-    return ex.call("exp", as_number(u))
+    return _applied("exp", u)
 
 
-def expm1(u: object) -> Expr:
+def expm1(u: Operand) -> Expr:
     """Returns exp(u) - 1, accurate also where u is small: ``teg.evaluate(teg.expm1(teg.param("r")), {"r": 1e-20})`` is 1e-20."""
-    return ex.call("expm1", as_number(u))
+    return _applied("expm1", u)
 
 
-def log(u: object) -> Expr:
+def log(u: Operand) -> Expr:
     """Returns the natural logarithm."""
-    return ex.call("log", as_number(u))
+    return _applied("log", u)
 
 
-def log1p(u: object) -> Expr:
+def log1p(u: Operand) -> Expr:
     """Returns log(1 + u), accurate also where u is small; NaN for u < -1."""
-    return ex.call("log1p", as_number(u))
+    return _applied("log1p", u)
 
 
-def erf(u: object) -> Expr:
+def erf(u: Operand) -> Expr:
     """Returns the error function, 2/√π·∫ exp(-s²) ds over (0, u).
 
     The distribution function of a normal number of mean m and deviation s is 1/2·erfc((m - x)/(s·√2)):
@@ -188,72 +240,77 @@ def erf(u: object) -> Expr:
         x, m, s = teg.params("x m s")
         normal = 0.5 * teg.erfc((m - x) / (s * 2**0.5))
     """
-    return ex.call("erf", as_number(u))
+    return _applied("erf", u)
 
 
-def erfc(u: object) -> Expr:
+def erfc(u: Operand) -> Expr:
     """Returns 1 - erf(u), accurate also where erf(u) is nearly 1."""
-    return ex.call("erfc", as_number(u))
+    return _applied("erfc", u)
 
 
-def sqrt(u: object) -> Expr:
+def sqrt(u: Operand) -> Expr:
     """Returns the square root; NaN for u < 0."""
-    return ex.call("sqrt", as_number(u))
+    return _applied("sqrt", u)
 
 
-def floor(u: object) -> Expr:
+def floor(u: Operand) -> Expr:
     """Returns the largest integer not above u."""
-    return ex.call("floor", as_number(u))
+    return _applied("floor", u)
 
 
-def ceil(u: object) -> Expr:
+def ceil(u: Operand) -> Expr:
     """Returns the smallest integer not below u."""
-    return ex.call("ceil", as_number(u))
+    return _applied("ceil", u)
 
 
-def round_(u: object) -> Expr:
+def round_(u: Operand) -> Expr:
     """Returns the nearest integer.
 
     A half goes to the even side, as in Python and NumPy. If u has variables of integration a half goes up, which changes no integral.
     """
-    return ex.call("round", as_number(u))
+    return _applied("round", u)
 
 
-def mod(u: object, period: object) -> Expr:
+def mod(u: Operand, period: Operand) -> Expr:
     """Returns u - period·floor(u/period). It has the sign of the period, as in Python."""
-    return ex.call("mod", as_number(u), as_number(period))
+    return _applied("mod", u, period)
 
 
-def abs_(u: object) -> Expr:
+def abs_(u: Operand) -> Expr:
     """Returns |u|."""
-    return ex.absolute(as_number(u))
+    return entrywise(ex.absolute, u)
 
 
-def sign(u: object) -> Expr:
+def sign(u: Operand) -> Expr:
     """Returns -1, 0 or 1."""
-    v = as_number(u)
-    return ex.where(ex.positive(v), ex.ONE, ex.where(ex.less(v, 0, True), ex.MINUS_ONE, ex.ZERO))
+    return entrywise(lambda v: ex.where(ex.positive(v), ex.ONE, ex.where(ex.less(v, 0, True), ex.MINUS_ONE, ex.ZERO)), u)
 
 
-def minimum(first: object, *others: object) -> Expr:
+def minimum(first: Operand, *others: Operand) -> Expr:
     """Returns the smallest of two or more numbers or indices. The minimum of indices is an index."""
-    return _extremum(first, others, "min", lambda a, b: ex.less(a, b, True))
+    return _extremum((first, *others), "min", lambda a, b: ex.less(a, b, True))
 
 
-def maximum(first: object, *others: object) -> Expr:
+def maximum(first: Operand, *others: Operand) -> Expr:
     """Returns the largest of two or more numbers or indices. The maximum of indices is an index."""
-    return _extremum(first, others, "max", lambda a, b: ex.less(b, a, True))
+    return _extremum((first, *others), "max", lambda a, b: ex.less(b, a, True))
 
 
-def _extremum(first: object, others: tuple[object, ...], name: str, wins: object) -> Expr:
-    arguments = (first, *others)
+def _extremum(arguments: Sequence[Operand], name: str, wins: Callable[[Expr, Expr], Cond]) -> Expr:
+    if isinstance(arguments[0], list | tuple):
+        hint = f"teg.{name}imum(e1, e2, …), or with a star: teg.{name}imum(*entries); over an index: teg.{name}imum_of(V[k], (k, 0, n))"
+        raise OperandError(f"teg.{name}imum takes numbers, not a Python {type(arguments[0]).__name__} of them", None, hint)
     if any(isinstance(i, Index) for i in arguments) and all(isinstance(i, Index | int) for i in arguments):
         return cast(Expr, functools.reduce(lambda a, b: index_call(name, a, b), map(as_index, arguments)))
-    best = as_number(first)
-    for other in others:
-        u = as_number(other)
-        best = ex.where(cast("Cond", wins(best, u)), best, u)  # type: ignore[operator]
+    best = arguments[0] if isinstance(arguments[0], Tuple) else as_number(arguments[0])
+    for other in arguments[1:]:
+        best = entrywise(lambda a, b: ex.where(wins(a, b), a, b), best, other)
     return best
+
+
+def _applied(name: str, *arguments: Operand) -> Expr:
+    """Returns a function of the language applied to numbers; to tuples, entry by entry."""
+    return entrywise(functools.partial(ex.call, name), *arguments)
 
 
 def check_program(e: Expr) -> None:

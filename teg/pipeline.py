@@ -19,11 +19,14 @@ from typing import cast
 
 from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
-from teg.errors import EstimatorError, OptionError, ParameterError
+from teg.errors import EstimatorError, OptionError, ParameterError, ScopeError
 from teg.ir import expr as ex
-from teg.ir.expr import ONE, Expr, Param, Tuple, as_number
+from teg.ir.expr import ONE, Expr, Param, Tuple, Var, as_number
+from teg.ir.integral import Integral
+from teg.ir.node import postorder
 from teg.ir.show import dump
-from teg.ir.traverse import parameters
+from teg.ir.still import released
+from teg.ir.traverse import parameters, rename_apart
 from teg.ir.verify import verify
 from teg.language import check_parameters
 from teg.maps.diffeomorphism import Diffeomorphism
@@ -139,20 +142,21 @@ def normal_form(
     return run_passes(eliminations(keep_moving, maps, canonical, remarks), e) if e.has_delta else e
 
 
-def diff(e: object, by: Param, maps: Maps = ()) -> Expr:
-    """Returns the derivative of e by a parameter, deltas visible. A δ in e is eliminated first. A tuple is
+def diff(e: object, by: Param | Var, maps: Maps = ()) -> Expr:
+    """Returns the derivative of e by a parameter or a free variable, deltas visible. A δ in e is eliminated first. A tuple is
     differentiated entry by entry."""
-    (p,) = check_parameters(by)
-    return jvp(e, {p: ONE}, maps)
+    return jvp(e, {by: ONE}, maps)
 
 
-def jvp(e: object, direction: Mapping[Param, object], maps: Maps = ()) -> Expr:
-    """Returns the directional derivative Σ ∂e/∂p · direction[p] (forward mode), deltas visible."""
+def jvp(e: object, direction: Mapping[Param | Var, object], maps: Maps = ()) -> Expr:
+    """Returns the directional derivative Σ ∂e/∂p · direction[p] (forward mode), deltas visible; p may be a free variable of e."""
     if not isinstance(direction, Mapping):
         raise ParameterError("a direction is a dict parameter -> change", None, "write teg.jvp(e, {t: 1})")
-    check_parameters(list(direction))
+    variables = [p for p in direction if isinstance(p, Var)]
+    check_parameters([p for p in direction if not isinstance(p, Var)])
     changes = {p: as_number(v) for p, v in direction.items()}
-    normal = _with_moving_steps(normal_form(_expression(e), keep_moving=True, maps=maps), list(changes))
+    whole = apart_from(_expression(e), variables)
+    normal = _with_moving_steps(normal_form(whole, keep_moving=True, maps=maps), list(changes))
     return run_pass("differentiate", lambda u: tangent_of(u, changes), normal)
 
 
@@ -239,13 +243,13 @@ def _estimated_outputs(e: Expr, wrt: Sequence[Param], orders: int, estimator: Es
 
 def _together(outputs: Sequence[Expr], canonical: Canonical) -> list[Expr]:
     """Returns the outputs in canonical form: one surface is one expression, so that they share loops."""
-    centred_outputs = [run_pass("centre", centred, output) for output in outputs]
+    centred_outputs = [run_pass("centre", centred, released(output)) for output in outputs]
     return list(cast(Tuple, run_pass("canonicalise", canonical, ex.tuple_of(*centred_outputs))).children)
 
 
 def flat_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration, remarks: Remarks | None = None) -> Program:
     """Returns the flat program of outputs without δ, before the passes over flat programs. Decisions are added to `remarks`."""
-    return checked("lower", schedule(outputs, names, how, intrinsics_for(how), remarks))
+    return checked("lower", schedule([released(output) for output in outputs], names, how, intrinsics_for(how), remarks))
 
 
 def finished(program: Program, errors: bool = False) -> Program:
@@ -271,7 +275,18 @@ def _expression(e: object) -> Expr:
     return e if isinstance(e, Tuple) else as_number(e)
 
 
-def _with_moving_steps(e: Expr, wrt: Sequence[Param]) -> Expr:
+def apart_from(e: Expr, variables: Sequence[Var]) -> Expr:
+    """Returns the expression with other variables in the integrals over these. Raises ScopeError for a variable that is only bound in e."""
+    if not variables:
+        return e
+    for v in variables:
+        if v not in e.free and any(isinstance(n, Integral) and n.var is v for n in postorder([e])):
+            hint = "the derivative by a variable stands inside of its integral: teg.integral(teg.diff(e, x), (x, 0, 1))"
+            raise ScopeError(f"{v.name} is integrated over, so nothing depends on it", e, hint)
+    return cast(Expr, rename_apart(e))
+
+
+def _with_moving_steps(e: Expr, wrt: Sequence[Param | Var]) -> Expr:
     """Returns a normal form ready to be differentiated: NaN where too many steps move, an error where no steps can be written out."""
     e = without_uncounted(e, wrt)
     check_steps(e, wrt)

@@ -7,20 +7,24 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import importlib.util
+import logging
 import os
 import platform
 import shlex
 import shutil
 import subprocess
 import tempfile
+import time
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
-from teg.backends.c.cache import KEY_LENGTH, OBJECT, SUFFIX, cache_folder, digest_of, stored, temporary_folder, trim
+from teg.backends.c.cache import KEY_LENGTH, OBJECT, SUFFIX, ZIG, cache_folder, digest_of, stored, temporary_folder, trim
 from teg.backends.c.threads import library_at
 from teg.errors import CompilerError
 
+log = logging.getLogger("teg.backends.c")
 BASE_FLAGS = ("-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 NATIVE = "-march=native"
 OPENMP = "-fopenmp"
@@ -36,9 +40,11 @@ LIGHT = (
 )
 """With -O1: passes that take a third of the time of long straight-line texts, and make them 3 % faster."""
 OPTIMISE = ("-O3",)
+UNKNOWN_TO_ZIG = (OPENMP, *LIGHT)
+"""Flags that zig's clang refuses, or accepts and then makes a library that cannot be loaded, for lack of a runtime for threads."""
 NO_COMPILER = (
-    "install one (Debian, Ubuntu: apt install gcc; macOS: xcode-select --install; Windows: gcc of MSYS2), "
-    'or name one in the environment variable CC; backend="numpy" works without a compiler'
+    'pip install "teg-compiler[c]" brings one; or install one (Debian, Ubuntu: apt install gcc; macOS: xcode-select --install; Windows: '
+    'gcc of MSYS2), or name one in the environment variable CC; backend="numpy" works without a compiler'
 )
 
 
@@ -50,7 +56,7 @@ def load_library(text: str, *, optimise: Sequence[str] = ("-O3",), openmp: bool 
     folder = cache_folder() / key
     trouble: OSError | None = None
     for place in (folder, folder, temporary_folder(os.getpid()) / key):
-        path = stored(place) or _store(place, text, compiler, flags)
+        path = _kept_or_stored(place, text, compiler, flags, SUFFIX)
         try:
             return library_at(path)
         except OSError as error:
@@ -72,11 +78,23 @@ def _object(text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Pat
     """The object file of a text that is to be linked with others."""
     flags = tuple("-c" if flag == "-shared" else flag for flag in flags)
     folder = cache_folder() / _key(text, compiler, flags)
-    return stored(folder, OBJECT) or _store(folder, text, compiler, flags, OBJECT)
+    return _kept_or_stored(folder, text, compiler, flags, OBJECT)
+
+
+def _kept_or_stored(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...], suffix: str) -> Path:
+    """The file of a text in a folder of the cache, compiled if it is not there."""
+    path = stored(folder, suffix)
+    if path is not None:
+        log.debug("found in the cache: %s", path)
+        return path
+    start = time.perf_counter()
+    path = _store(folder, text, compiler, flags, suffix)
+    log.debug("compiled by %s in %.3g s: %s", compiler[0], time.perf_counter() - start, path)
+    return path
 
 
 def find_compiler() -> tuple[str, ...]:
-    """The C compiler's command: `CC`, which may hold arguments, else the first of cc, gcc, clang."""
+    """The C compiler's command: `CC`, which may hold arguments, else the first of cc, gcc, clang, else the one of the package ziglang."""
     chosen = os.environ.get("CC", "")
     try:
         candidates = [shlex.split(chosen), ["cc"], ["gcc"], ["clang"]]
@@ -87,7 +105,26 @@ def find_compiler() -> tuple[str, ...]:
         path = shutil.which(command[0])
         if path is not None:
             return (os.path.abspath(path), *command[1:])
+    if from_wheel := zig_of_wheel():
+        return from_wheel
     raise CompilerError("no C compiler was found", hint=NO_COMPILER)
+
+
+def zig_of_wheel() -> tuple[str, ...]:
+    """The command of the C compiler in the Python package ziglang; empty if the package is not installed."""
+    package = importlib.util.find_spec("ziglang")
+    for folder in (package.submodule_search_locations or ()) if package else ():
+        path = os.path.abspath(os.path.join(folder, "zig.exe" if os.name == "nt" else "zig"))
+        if os.access(path, os.X_OK):
+            return (path, "cc")
+    return ()
+
+
+def _flags_for(compiler: tuple[str, ...], flags: tuple[str, ...]) -> tuple[str, ...]:
+    """The flags that a compiler is to be tried with. Zig's traps undefined behaviour unless it is told not to."""
+    if not (Path(compiler[0]).stem == "zig" and "cc" in compiler[1:2]):
+        return flags
+    return (*(flag for flag in flags if flag not in UNKNOWN_TO_ZIG), "-fno-sanitize=undefined")
 
 
 def compile_library(text: str, target: Path, compiler: tuple[str, ...], flags: tuple[str, ...]) -> None:
@@ -95,8 +132,8 @@ def compile_library(text: str, target: Path, compiler: tuple[str, ...], flags: t
     source = target.with_suffix(".c")
     source.write_text(text, encoding="ascii")
     without: list[tuple[str, ...]] = [(), (NATIVE,), (OPENMP,), (NATIVE, OPENMP), LIGHT, (NATIVE, OPENMP, *LIGHT)]
-    environment = {**os.environ, **dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(target.parent))}
-    messages = []
+    environment = {**_environment(), **dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(target.parent))}
+    messages, flags = [], _flags_for(compiler, flags)
     for attempt in dict.fromkeys(tuple(flag for flag in flags if flag not in left_out) for left_out in without):
         command = [*compiler, *attempt, "-o", target.name, source.name, "-lm"]
         try:
@@ -108,6 +145,11 @@ def compile_library(text: str, target: Path, compiler: tuple[str, ...], flags: t
         _check_room(target.parent)
         messages.append(done.stderr.decode(errors="replace").strip() or f"exit status {done.returncode}")
     raise CompilerError("the C compiler rejected the generated text", shlex.join(command), messages[0][:4000])
+
+
+def _environment() -> dict[str, str]:
+    """The environment of the compiler. Zig never ends where it cannot write to the folder of its parts, so it gets one that is there."""
+    return {"ZIG_GLOBAL_CACHE_DIR": str(cache_folder() / ZIG), **os.environ}
 
 
 def _check_room(folder: Path) -> None:
@@ -125,7 +167,7 @@ def _key(text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> str:
 @lru_cache(maxsize=8)
 def _version(compiler: tuple[str, ...]) -> str:
     try:
-        done = subprocess.run([*compiler, "--version"], stdin=subprocess.DEVNULL, capture_output=True)
+        done = subprocess.run([*compiler, "--version"], env=_environment(), stdin=subprocess.DEVNULL, capture_output=True)
     except OSError as error:
         raise CompilerError("the C compiler cannot be run", shlex.join(compiler), str(error)) from error
     return done.stdout.decode(errors="replace")

@@ -46,6 +46,8 @@ PAUSE = 60.0
 """The least seconds between two looks at all entries."""
 TRIMMED = "trimmed"
 """A file that is as old as the last look at all entries."""
+ZIG = "zig"
+"""A folder in which zig keeps its own parts, some 50 MB, if it is the compiler; no entry of ours."""
 
 
 def cache_folder() -> Path:
@@ -159,7 +161,7 @@ def trim(cache: Path) -> None:
 def clear(cache: Path) -> list[Entry]:
     """Remove all entries; what they were."""
     entries = entries_of(cache)
-    for key in _keys(cache):
+    for key in [*_keys(cache), cache / ZIG]:
         shutil.rmtree(key, ignore_errors=True)
     with suppress(OSError):
         (cache / TRIMMED).unlink()

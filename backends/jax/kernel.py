@@ -183,7 +183,7 @@ def _import_jax() -> Any:
     try:
         import jax
     except ImportError as error:
-        raise MissingPackageError("the package jax is not installed", hint='pip install "teg[jax]"') from error
+        raise MissingPackageError("the package jax is not installed", hint='pip install "teg-compiler[jax]"') from error
     config: Any = jax.config
     if not config.jax_enable_x64:
         raise BackendError(

@@ -40,7 +40,7 @@ def in_double_precision() -> AbstractContextManager[object]:
     try:
         import jax
     except ImportError:
-        raise MissingPackageError("the package jax is not installed", None, "pip install 'teg[jax]'") from None
+        raise MissingPackageError("the package jax is not installed", None, "pip install 'teg-compiler[jax]'") from None
     if hasattr(jax, "enable_x64"):
         switch: Any = jax.enable_x64
     else:  # before JAX 0.8

@@ -46,6 +46,11 @@ class ActionDescent:
         throw = self.throw
         return bool(np.abs(self.states[-1].gradient).max() <= CONVERGED * throw.mass * throw.gravity * throw.room)
 
+    @property
+    def finite(self) -> bool:
+        """Returns whether the last state consists of numbers."""
+        return bool(np.isfinite(self.states[-1].gradient).all())
+
     def step(self) -> None:
         """Makes one step of the times, then finds the best heights. The first step changes the heights only."""
         last = self.states[-1]

@@ -13,22 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from teg.errors import InputError
+from teg.evaluator.options import Discontinuities
 from teg.examples.bouncing_ball.descent import ActionDescent, State
 from teg.examples.bouncing_ball.scene import compile_scene
 from teg.examples.bouncing_ball.throw import Throw, exact, make_throw
-from teg.examples.harness import (
-    default_backend,
-    demo_command,
-    machine,
-    progress_bar,
-    require_packages,
-    result_folder,
-    versions,
-    write_report,
-)
+from teg.examples.harness import finish, progress_bar, require_packages, result_folder
+from teg.examples.options import resolved
 
-STEPS = 300
 PACKAGES = {"scipy": "scipy", "matplotlib": "matplotlib", "tqdm": "tqdm"}
 LABELS = {"exact": "exact gradient", "ignore": "plain automatic differentiation"}
 SHEET = "bouncing_ball.png"
@@ -40,57 +31,93 @@ HALF_SPEED = "without the jumps of the integrand the ball rebounds as if the lif
 ELSEWHERE = "without the jumps of the integrand the contacts go to wrong places"
 
 
-def run_bouncing_ball(
-    contacts: int = 5,
-    speed: float = 1.5,
-    duration: float | None = None,
-    steps: int = STEPS,
-    out: str | Path = "out/bouncing-ball",
-    discontinuities: str = "exact",
-    compare: bool = True,
-    backend: str | None = None,
-    progress: bool = True,
-) -> dict[str, Any]:
-    """Finds the path of a ball thrown in a rising lift; writes a picture to `out`, returns the contents of run.json.
+def run_bouncing_ball(out: str | Path = "out/bouncing-ball", progress: bool = True, **options: Any) -> dict[str, Any]:
+    """Finds the path of a ball by least action; writes a picture to `out`, returns the contents of run.json.
 
-    The ball makes that many `contacts` with the lift's floor and ceiling, by turns; `speed` is the lift's, in m/s, and `duration` in s
-    (None: 0.7 of the longest that allows so many contacts). At most `steps` steps; the descent ends when the gradient is zero to
-    rounding. `backend` None is "c" if there is a C compiler, else "numpy". `discontinuities="ignore"` differentiates like plain
-    automatic differentiation; unless that is chosen, the same descent is run that way too and shown beside (`compare`). Ctrl-C ends it:
-    the report says "interrupted".
+    The options are those of `teg demo bouncing-ball` (`examples/options.py`): contacts, speed, duration, floor, steps, discontinuities,
+    alone, seed, backend. The ball makes that many `contacts` with floor and ceiling, by turns, of a lift that rises with `speed` in m/s;
+    with `floor`, a formula of x and t such as "0.1*sin(3*x) + 0.3*t", with this floor alone. `duration` is in s. At most `steps` steps; the
+    descent ends when the gradient is zero to rounding, and "failure" says if it is not. With `discontinuities="exact"` the same search is
+    run beside it like plain automatic differentiation, unless `alone`. Ctrl-C ends it: the report says "interrupted".
 
-    Raises InputError for an impossible throw or folder, MissingPackageError.
+    Raises InputError for an impossible throw, option or folder, MissingPackageError.
     """
     require_packages("bouncing ball", PACKAGES, progress)
-    throw = make_throw(contacts, speed, duration)
-    if steps < 1:
-        raise InputError(f"{steps} steps are not possible", None, "1 or more")
-    chosen = backend or default_backend()
-    folder = result_folder(Path(out))
+    settings = resolved("bouncing-ball", {"out": out, **options})
+    chosen: Discontinuities = settings["discontinuities"]
+    kinds: list[Discontinuities] = [chosen] if chosen == "ignore" or settings["alone"] else [chosen, "ignore"]
+    report = (_in_a_lift if settings["floor"] is None else _over_a_floor)(settings, kinds, progress)
+    return finish(Path(out), "bouncing-ball", settings, report)
+
+
+def _in_a_lift(settings: Mapping[str, Any], kinds: list[Discontinuities], progress: bool) -> dict[str, Any]:
+    """Returns the report of throws in a lift, one for each treatment of discontinuities."""
+    throw = make_throw(settings["contacts"], settings["speed"], settings["duration"])
+    folder = result_folder(Path(settings["out"]))
     times, heights, least = exact(throw)
     runs, reports, interrupted = {}, [], False
-    for kind in dict.fromkeys([discontinuities, "ignore"] if compare else [discontinuities]):
+    for kind in kinds:
         begun = time.perf_counter()
-        descent = ActionDescent(throw, compile_scene(contacts, chosen, kind))
-        setup = time.perf_counter() - begun
-        interrupted = interrupted or descend(descent, steps, progress, LABELS.get(kind, kind))
-        seconds = {"setup": setup, "descent": time.perf_counter() - begun - setup}
+        with np.errstate(all="ignore"):  # of numbers beyond all measure; the report says that it did not converge
+            descent = ActionDescent(throw, compile_scene(throw.contacts, settings["backend"], kind))
+            setup = time.perf_counter() - begun
+            interrupted = interrupted or descend(descent, settings["steps"], progress, LABELS.get(kind, kind))
+            seconds = {"setup": setup, "descent": time.perf_counter() - begun - setup}
+            reports.append(_report(descent, kind, times, least) | {"seconds": seconds})
         runs[LABELS.get(kind, kind)] = descent.states
-        reports.append(_report(descent, kind, times, least) | {"seconds": seconds})
     _draw(folder, throw, (times, heights), runs)
-    report = reports[0] | {
+    failure = "" if reports[0]["converged"] else f"the gradient is {reports[0]['gradient']:.1e} after {reports[0]['steps']} steps"
+    return reports[0] | {
+        "summary": [line for part in reports for line in _summary(part)],
+        "failure": "" if interrupted else failure,
         "beside": reports[1] if len(reports) > 1 else None,
         "interrupted": interrupted,
         "exact": {"times": times.tolist(), "heights": heights.tolist(), "action": least},
         "throw": asdict(throw),
-        "options": {"steps": steps, "discontinuities": discontinuities, "backend": chosen},
-        "command": _command(throw, steps, discontinuities, chosen, compare, out),
-        "versions": versions(),
-        "machine": machine(),
-        "pictures": [str(folder / SHEET)],
+        "pictures": [SHEET],
     }
-    write_report(folder / "run.json", report)
-    return report
+
+
+def _summary(part: Mapping[str, Any]) -> list[str]:
+    """Returns the lines to print on one throw."""
+    error, above = part["largest_time_error"], part["action_above_exact"]
+    line = f"{part['discontinuities']}: contacts off by {error:.2g} s, action by {above:.2g} J·s, after {part['steps']} steps"
+    return [line + ("" if part["converged"] else ", not converged"), *([part["note"]] if part["note"] else [])]
+
+
+def _over_a_floor(settings: Mapping[str, Any], kinds: list[Discontinuities], progress: bool) -> dict[str, Any]:
+    """Returns the report of flights over an uneven floor, one for each treatment of discontinuities."""
+    from teg.examples.bouncing_ball.floor import find_path, make_flight
+    from teg.examples.bouncing_ball.floor_pictures import draw_flights
+
+    with np.errstate(all="ignore"):
+        flight = make_flight(settings["floor"], settings["contacts"], settings["duration"], settings["backend"])
+        folder = result_folder(Path(settings["out"]))
+        searches = {kind: find_path(flight, settings["floor"], dict(settings), kind) for kind in kinds}
+    draw_flights(folder / SHEET, {LABELS.get(kind, kind): search for kind, search in searches.items()})
+    reports = []
+    for kind, search in searches.items():
+        places = search.moving.reshape(2, -1).tolist()
+        reports.append(
+            {
+                "discontinuities": kind,
+                "converged": not search.failure,
+                "failure": search.failure,
+                "times": places[0],
+                "places": places[1],
+                "action": search.action,
+                "gradients": search.gradients,
+                "rebound_error": flight.rebound_error(search.moving),
+            }
+        )
+    return reports[0] | {
+        "summary": [
+            f"{r['discontinuities']}: rebounds off by {r['rebound_error']:.2g} m/s" + (f"; {r['failure']}" if r["failure"] else "")
+            for r in reports
+        ],
+        "beside": reports[1] if len(reports) > 1 else None,
+        "pictures": [SHEET],
+    }
 
 
 def _draw(folder: Path, throw: Throw, true: tuple[np.ndarray, np.ndarray], runs: Mapping[str, Sequence[State]]) -> None:
@@ -112,7 +139,7 @@ def descend(descent: ActionDescent, steps: int, progress: bool, label: str = "")
     """Steps until the gradient is zero to rounding, or all steps are done. Returns True if Ctrl-C came before that."""
     try:
         with progress_bar(progress, steps, 0, label) as bar:
-            while len(descent.states) <= steps and not (descent.converged and len(descent.states) > 1):
+            while len(descent.states) <= steps and not (descent.converged and len(descent.states) > 1) and descent.finite:
                 descent.step()
                 if bar is not None:
                     bar.update()
@@ -145,7 +172,7 @@ def _report(descent: ActionDescent, kind: str, times: np.ndarray, least: float) 
         halved = np.allclose(report["speed_of_lift_by_rebounds"], throw.speed / 2, atol=1e-6)
         report["note"] = LIFT_AT_REST if throw.speed == 0 else HALF_SPEED if halved else ELSEWHERE
     elif kind == "exact":
-        report["smallest_curvature"] = float(np.linalg.eigvalsh(descent.hessian())[0])  # positive: the action is a minimum
+        report["smallest_curvature"] = _smallest(descent.hessian())  # positive: the action is a minimum
     return report
 
 
@@ -153,7 +180,6 @@ def _error(state: State, times: np.ndarray) -> float:
     return float(np.abs(state.times - times).max())
 
 
-def _command(throw: Throw, steps: int, discontinuities: str, backend: str, compare: bool, out: str | Path) -> str:
-    values = {"contacts": throw.contacts, "speed": throw.speed, "duration": repr(throw.duration), "steps": steps}
-    values |= {"discontinuities": discontinuities, "backend": backend}
-    return demo_command("bouncing-ball", None, values, out, *([] if compare else ["--alone"]))
+def _smallest(hessian: np.ndarray) -> float | None:
+    """Returns the smallest eigenvalue, None of a matrix that is not finite."""
+    return float(np.linalg.eigvalsh(hessian)[0]) if np.isfinite(hessian).all() else None

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import teg
 from teg.evaluator.evaluator import Evaluator
+from teg.evaluator.options import Backend, Discontinuities
 from teg.ir.expr import Expr, Param, as_number
 
 GIVEN = ("duration", "start", "end", "speed", "room", "mass", "gravity")
@@ -60,7 +61,7 @@ class CompiledScene:
     curvature: Evaluator
 
 
-def compile_scene(contacts: int, backend: str, discontinuities: str = "exact") -> CompiledScene:
+def compile_scene(contacts: int, backend: Backend, discontinuities: Discontinuities = "exact") -> CompiledScene:
     """Returns the compiled action. It is quadratic in the heights without mixed terms: one Newton step finds the best heights."""
     path = action(contacts)
     heights = [teg.param(name) for name in height_names(contacts)]

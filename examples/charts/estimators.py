@@ -9,6 +9,7 @@ from typing import Any
 
 import teg
 from teg.evaluator.evaluator import Evaluator
+from teg.evaluator.options import Backend
 from teg.examples.charts.ours import evaluations, seconds_of
 from teg.examples.charts.problem import expression
 from teg.examples.charts.scenes import SCENES
@@ -89,19 +90,19 @@ def tasks(quick: bool) -> list[Task]:
     return [Task(s, m, tuple(sweep.settings[:1] if quick else sweep.settings)) for s in scenes for m, sweep in SWEEPS.items()]
 
 
-def compiled(task: Task, setting: float, backend: str) -> Evaluator:
+def compiled(task: Task, setting: float, backend: Backend) -> Evaluator:
     """Returns the evaluator of one point."""
     e, parameters = expression(SCENES[task.scene])
     return teg.compile(e, parameters, backend=backend, inaccurate="ignore", **SWEEPS[task.method].options(setting))
 
 
-def prepare(task: Task, backend: str) -> None:
+def prepare(task: Task, backend: Backend) -> None:
     """Compiles the programs of a task, so that the C compiler's cache has them."""
     for setting in task.settings:
         compiled(task, setting, backend).kernel(1)
 
 
-def measure(task: Task, exact: Mapping[str, float], backend: str) -> Iterator[Point]:
+def measure(task: Task, exact: Mapping[str, float], backend: Backend) -> Iterator[Point]:
     """Yields the points of a task in the order of effort; ends early when they take too long."""
     values = SCENES[task.scene].parameters
     for setting in task.settings:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 from teg.errors import OptionError
+from teg.evaluator.options import Backend
 from teg.examples.charts.ours import call, compiled, seconds_in_a_batch
 from teg.examples.charts.peers import PEERS, best_step, differences, gradient_error, relative_error
 from teg.examples.charts.problem import OutOfTimeError, Problem
@@ -90,7 +91,7 @@ def tasks(quick: bool) -> list[Task]:
     ]
 
 
-def measure(task: Task, exact: Reference, backend: str, known: Callable[[str], float | None]) -> Iterator[Point]:
+def measure(task: Task, exact: Reference, backend: Backend, known: Callable[[str], float | None]) -> Iterator[Point]:
     """Yields the points of a task in the order of effort, except those whose seconds are `known`; ends early when they take too long.
 
     A rule that this version of the compiler does not have yields none.
@@ -110,7 +111,7 @@ def measure(task: Task, exact: Reference, backend: str, known: Callable[[str], f
         last = seconds
 
 
-def prepare(task: Task, backend: str) -> None:
+def prepare(task: Task, backend: Backend) -> None:
     """Compiles the programs of a task, so that the C compiler's cache has them."""
     rule, problem = SERIES[task.method].rule, REGIONS[task.region]
     for setting in task.settings if rule else ():
@@ -124,7 +125,7 @@ def prepare(task: Task, backend: str) -> None:
             f(**problem.parameters)
 
 
-def _point(task: Task, setting: float, exact: Reference, backend: str) -> Point:
+def _point(task: Task, setting: float, exact: Reference, backend: Backend) -> Point:
     problem, derivatives = REGIONS[task.region], QUANTITIES.index(task.quantity)
     rule = SERIES[task.method].rule
     if rule:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 import teg
+from teg.analysis.settings import Rule
 from teg.evaluator.evaluator import Evaluator
+from teg.evaluator.options import Backend, Discontinuities
 from teg.examples.charts.problem import Problem, expression
 
 BATCH = 256
@@ -28,11 +30,11 @@ class Timed:
     evaluations: int | None
 
 
-def compiled(problem: Problem, rule: str, setting: float, backend: str, discontinuities: str = "exact") -> Evaluator:
+def compiled(problem: Problem, rule: str, setting: float, backend: Backend, discontinuities: Discontinuities = "exact") -> Evaluator:
     """Returns the evaluator of a problem. The setting is a tolerance for the rules "auto" and "adaptive", an order for the others."""
     e, parameters = expression(problem)
     options: dict[str, Any] = {"tol": setting} if rule in ("auto", "adaptive") else {"order": int(setting)}
-    return teg.compile(e, parameters, backend=backend, rule=rule, discontinuities=discontinuities, **options)
+    return teg.compile(e, parameters, backend=backend, rule=cast(Rule, rule), discontinuities=discontinuities, **options)
 
 
 def call(f: Evaluator, parameters: Mapping[str, float], derivatives: int) -> Timed:

@@ -18,12 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from teg.errors import InputError
+from teg.evaluator.options import Backend
 from teg.examples.charts import measure, tables, verdicts
 from teg.examples.charts.case import Case
 from teg.examples.charts.peers import PACKAGES
 from teg.examples.charts.references import read
 from teg.examples.charts.stability import CASES
-from teg.examples.harness import default_backend, machine, progress_bar, require_packages, result_folder, versions, write_report
+from teg.examples.harness import machine, progress_bar, require_packages, result_folder, versions, write_report
+from teg.examples.options import default_backend
 
 QUICK_REGIONS = ("half-plane", "disk")
 QUICK_CASES = 3
@@ -34,7 +36,7 @@ def run_integration(
     page: str | Path | None = None,
     quick: bool = False,
     fresh: bool = False,
-    backend: str | None = None,
+    backend: Backend | None = None,
     progress: bool = True,
 ) -> dict[str, Any]:
     """Error against time and evaluations for ten regions: integration.json and five pictures in `out`, tables in `page`.
@@ -93,7 +95,7 @@ def run_stability(
     page: str | Path | None = None,
     quick: bool = False,
     fresh: bool = False,
-    backend: str | None = None,
+    backend: Backend | None = None,
     progress: bool = True,
 ) -> dict[str, Any]:
     """Every difficult case by every method: stability.json in `out`, tables in `page`. The options are those of `run_integration`."""
@@ -123,7 +125,7 @@ def run_stability(
     return whole
 
 
-def _judge(name: str, backend: str) -> dict[str, dict[str, verdicts.Answer]]:
+def _judge(name: str, backend: Backend) -> dict[str, dict[str, verdicts.Answer]]:
     case: Case = next(c for c in CASES if c.name == name)
     exact = read("stability")[name]
     return {method: verdicts.judge(case, exact, method, backend) for method in verdicts.COLUMNS}

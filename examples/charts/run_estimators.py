@@ -7,11 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from teg.evaluator.options import Backend
 from teg.examples.charts import estimators, tables
 from teg.examples.charts.estimators import SWEEPS, Point
 from teg.examples.charts.run import _in_parallel, _stored
 from teg.examples.charts.scenes import SCENES, gradient_of
-from teg.examples.harness import default_backend, machine, progress_bar, require_packages, result_folder, versions, write_report
+from teg.examples.harness import machine, progress_bar, require_packages, result_folder, versions, write_report
+from teg.examples.options import default_backend
 
 PACKAGES = {"matplotlib": "matplotlib>=3.8", "mpmath": "mpmath>=1.3"}
 GOALS = (1e-1, 1e-2, 1e-3)
@@ -22,7 +24,7 @@ def run_estimators(
     page: str | Path | None = None,
     quick: bool = False,
     fresh: bool = False,
-    backend: str | None = None,
+    backend: Backend | None = None,
     progress: bool = True,
 ) -> dict[str, Any]:
     """Error of the gradient against time and evaluations for all estimators: estimators.json and two pictures in `out`, tables in `page`.

@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from teg.errors import InputError
+from teg.evaluator.options import Backend
 from teg.examples.charts import stability_report, tables
 from teg.examples.charts.run import _results, _stored
 from teg.examples.charts.stability_report import METHODS, SCORES, Answer, counts, shares
-from teg.examples.harness import default_backend, machine, require_packages, result_folder, versions, write_report
+from teg.examples.harness import machine, require_packages, result_folder, versions, write_report
+from teg.examples.options import default_backend
 
 PACKAGES = {"matplotlib": "matplotlib>=3.8", "mpmath": "mpmath>=1.3"}
 COLOURS = {
@@ -29,7 +31,7 @@ def run_report(
     page: str | Path | None = None,
     quick: bool = False,
     fresh: bool = False,
-    backend: str | None = None,
+    backend: Backend | None = None,
     progress: bool = True,
 ) -> dict[str, Any]:
     """Every difficult case by every estimator: report.json and heat-map.png in `out`, tables in `page`.
@@ -63,7 +65,7 @@ def run_report(
     return report() | {"summary": summary(answers)}
 
 
-def run_case(name: str, backend: str | None = None) -> str:
+def run_case(name: str, backend: Backend | None = None) -> str:
     """Returns the answers of all estimators to one case, as text. Raises InputError for a case that is not there."""
     known = stability_report.cases()
     if name not in known:
@@ -76,7 +78,7 @@ def run_case(name: str, backend: str | None = None) -> str:
     return "\n".join(lines)
 
 
-def _judge(name: str, backend: str) -> dict[str, Answer]:
+def _judge(name: str, backend: Backend) -> dict[str, Answer]:
     return stability_report.judge(stability_report.cases()[name][1], backend)
 
 

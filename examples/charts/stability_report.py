@@ -23,6 +23,7 @@ from typing import Any
 import teg
 from teg.errors import TegError
 from teg.evaluator.evaluator import Evaluator
+from teg.evaluator.options import Backend
 from teg.examples.charts.case import Case
 from teg.examples.charts.families_of_cases import FAMILIES
 from teg.examples.charts.peers import gradient_error
@@ -63,13 +64,13 @@ def reference_of(case: Case) -> Reference:
     return Reference(str(value), {k: str(d) for k, d in gradient.items()})
 
 
-def judge(case: Case, backend: str, methods: Sequence[str] = tuple(METHODS)) -> dict[str, Answer]:
+def judge(case: Case, backend: Backend, methods: Sequence[str] = tuple(METHODS)) -> dict[str, Answer]:
     """Returns the answer of each estimator to a case."""
     exact = reference_of(case)
     return {method: answer(case, exact, method, backend) for method in methods}
 
 
-def answer(case: Case, exact: Reference, method: str, backend: str) -> Answer:
+def answer(case: Case, exact: Reference, method: str, backend: Backend) -> Answer:
     """Returns the score of one estimator for one case, the error of its gradient, and what it said."""
     values = case.problem.parameters
     try:

@@ -23,6 +23,7 @@ from typing import Any
 
 from teg import AccuracyWarning
 from teg.errors import TegError
+from teg.evaluator.options import Backend
 from teg.examples.charts.case import Case
 from teg.examples.charts.ours import compiled
 from teg.examples.charts.peers import PEERS, Outcome, best_step, differences, gradient_error, relative_error
@@ -58,7 +59,7 @@ def verdict(error: float, admitted: bool) -> str:
     return "says it cannot" if admitted else "wrong"
 
 
-def judge(case: Case, exact: Reference, method: str, backend: str) -> dict[str, Answer]:
+def judge(case: Case, exact: Reference, method: str, backend: Backend) -> dict[str, Answer]:
     """Returns the answers of one method to one case: "value", "gradient" or both."""
     if method == "ours":
         return _ours(case, exact, backend)
@@ -85,7 +86,7 @@ def _guarded(attempt: Callable[[], Answer]) -> Answer:
         return {"verdict": "crashes", "error": "inf", "note": f"{type(problem).__name__}: {problem}"}
 
 
-def _ours(case: Case, exact: Reference, backend: str) -> dict[str, Answer]:
+def _ours(case: Case, exact: Reference, backend: Backend) -> dict[str, Answer]:
     parameters = case.problem.parameters
 
     def value() -> Answer:
@@ -116,13 +117,13 @@ def _own_warnings() -> Iterator[list[str]]:
             warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)
 
 
-def _plain(case: Case, exact: Reference, backend: str) -> Answer:
+def _plain(case: Case, exact: Reference, backend: Backend) -> Answer:
     with _own_warnings() as said:
         slopes = compiled(case.problem, "auto", TOL, backend, "ignore").grad(**case.problem.parameters)
     return _answer(gradient_error(slopes, exact.gradient, case.scale), "; ".join(said), bool(said))
 
 
-def _differences_of_ours(case: Case, exact: Reference, backend: str) -> Answer:
+def _differences_of_ours(case: Case, exact: Reference, backend: Backend) -> Answer:
     f = compiled(case.problem, "auto", TOL, backend)
 
     def method(problem: Problem, parameters: Mapping[str, float], setting: float, deadline: float) -> Outcome:

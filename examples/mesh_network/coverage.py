@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 import teg
+from teg.evaluator.options import Discontinuities
 from teg.ir.expr import Cond, Expr
 
 Cover = Callable[[Any], Any]
@@ -32,7 +33,7 @@ def covered_area() -> Expr:
     return teg.integral(teg.bracket(inside), (x, 0, 1), (y, 0, 1))
 
 
-def exact_cover(discontinuities: str = "exact") -> Cover:
+def exact_cover(discontinuities: Discontinuities = "exact") -> Cover:
     """Returns the compiled integral and its derivatives. "ignore": with the derivative of plain automatic differentiation."""
     area = teg.jax_function(covered_area(), discontinuities=discontinuities)
     names = [p.name for p in CORNERS]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teg.examples.perlin.shader_loss import AFTER_GRADIENTS, COLOURS, ShaderLoss
+from teg.examples.perlin.shader_loss import ShaderLoss
 
 GRADIENTS, THRESHOLD, COLOUR = 0.1, 0.01, 0.01  # the first lengths of steps: of a lattice gradient, the threshold, a colour
 HORIZON = 100
@@ -35,10 +35,13 @@ class State:
 
 
 def first_state(shader: ShaderLoss, gradients: np.ndarray, target: np.ndarray) -> State:
-    """Returns the first noise, cut at 0; the colours are one standard deviation above and below the target's mean."""
-    mean, deviation = target.mean(axis=(0, 1)), target.std(axis=(0, 1))
-    colours = np.clip([mean + deviation, mean - deviation], 0, 1).ravel()
-    parameters = np.concatenate([gradients, [0.0], colours])
+    """Returns the first noise, cut so that all colours have the same area; the colours are means over the brightest pixels and so on."""
+    levels = shader.scene.levels
+    pixels = target.reshape(-1, 3)
+    ordered = np.array_split(pixels[np.argsort(-pixels.sum(axis=1), kind="stable")], levels)
+    heights = np.sort(shader.noise.corners(gradients), axis=None)[::-1]
+    thresholds = [heights[len(heights) * level // levels] for level in range(1, levels)]
+    parameters = np.concatenate([gradients, thresholds, *(part.mean(axis=0) for part in ordered)])
     loss, gradient = shader.value_and_gradient(parameters)
     still = np.zeros(len(parameters))
     return State(parameters, gradient, still, still, 0, loss, _is_zero(gradient))
@@ -49,9 +52,12 @@ def next_state(shader: ShaderLoss, state: State) -> State:
     step = state.step + 1
     mean = MEAN * state.mean + (1 - MEAN) * state.gradient
     square = SQUARE * state.square + (1 - SQUARE) * state.gradient**2
-    length = _lengths(len(mean)) / np.sqrt(1 + state.step / HORIZON)
+    levels = shader.scene.levels
+    length = _lengths(len(mean), levels) / np.sqrt(1 + state.step / HORIZON)
     change = (mean / (1 - MEAN**step)) / (np.sqrt(square / (1 - SQUARE**step)) + TINY)
     parameters = state.parameters - length * change
+    thresholds = slice(len(mean) - 4 * levels + 1, len(mean) - 3 * levels)
+    parameters[thresholds] = np.sort(parameters[thresholds])[::-1]
     loss, gradient = shader.value_and_gradient(parameters)
     return State(parameters, gradient, mean, square, step, loss, _is_zero(gradient))
 
@@ -60,5 +66,5 @@ def _is_zero(gradient: np.ndarray) -> bool:
     return bool(np.abs(gradient).max() <= ROUNDING)
 
 
-def _lengths(count: int) -> np.ndarray:
-    return np.repeat([GRADIENTS, THRESHOLD, COLOUR], [count - AFTER_GRADIENTS, 1, len(COLOURS)])
+def _lengths(count: int, levels: int) -> np.ndarray:
+    return np.repeat([GRADIENTS, THRESHOLD, COLOUR], [count - 4 * levels + 1, levels - 1, 3 * levels])

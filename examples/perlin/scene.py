@@ -1,11 +1,11 @@
 """The integral: squared colour difference over one pixel of a thresholded, bilinearly interpolated noise.
 
-    noise(x, y) = (n₀₀(1 - x) + n₁₀x)(1 - y) + (n₀₁(1 - x) + n₁₁x)y          on the pixel [0, 1]², threshold subtracted
-    loss(pixel) = ∫∫ Σₖ (colourₖ(x, y) - targetₖ)² dx dy,   colour = above where noise > 0, below elsewhere
+    noise(x, y) = (n₀₀(1 - x) + n₁₀x)(1 - y) + (n₀₁(1 - x) + n₁₁x)y          on the pixel [0, 1]²
+    loss(pixel) = ∫∫ Σₖ (colourₖ(x, y) - targetₖ)² dx dy,   colour 0 where noise > threshold 0, else 1 where noise > threshold 1, else 2
 
 The difference is squared inside the integral, as in the Perlin application of Teg (Bangaru et al., SIGGRAPH 2021): a pixel is matched
-where the colours match, not where a mixture of them has the right mean. The border of the two colours is a hyperbola. The compiler makes
-the derivatives by the colours, and by the four corner values, on which the noise's gradient depends only.
+where the colours match, not where a mixture of them has the right mean. The borders of the colours are hyperbolas. The compiler makes
+the derivatives by the colours, the thresholds and the four corner values, on which the noise's gradient depends only.
 """
 
 from __future__ import annotations
@@ -15,42 +15,54 @@ from dataclasses import dataclass
 
 import teg
 from teg.evaluator.evaluator import Evaluator
-from teg.ir.expr import Cond, Expr, Param, Var
+from teg.evaluator.options import Backend, Discontinuities
+from teg.ir.expr import Expr, Var
 
 CORNERS = ("top_left", "top_right", "bottom_left", "bottom_right")
-ABOVE = ("above_red", "above_green", "above_blue")
-BELOW = ("below_red", "below_green", "below_blue")
-TARGET = ("target_red", "target_green", "target_blue")
+CHANNELS = ("red", "green", "blue")
+TARGET = tuple(f"target_{channel}" for channel in CHANNELS)
 
 
-def is_above(x: Var, y: Var) -> Cond:
-    """Returns whether the noise is above the threshold: bilinear in the pixel's coordinates, y downwards."""
+def colour_names(levels: int) -> list[str]:
+    """Returns the names of the channels of all colours, that of the highest noise first."""
+    return [f"{channel}_{level}" for level in range(levels) for channel in CHANNELS]
+
+
+def threshold_names(levels: int) -> list[str]:
+    """Returns the names of the thresholds, the highest first."""
+    return [f"threshold_{level}" for level in range(levels - 1)]
+
+
+def noise(x: Var, y: Var) -> Expr:
+    """Returns the noise: bilinear in the pixel's coordinates, y downwards."""
     a, b, c, d = (teg.param(name) for name in CORNERS)
-    return (a * (1 - x) + b * x) * (1 - y) + (c * (1 - x) + d * x) * y > 0
+    return (a * (1 - x) + b * x) * (1 - y) + (c * (1 - x) + d * x) * y
 
 
-def pixel_loss() -> Expr:
-    """Returns the loss of one pixel, by its four corner values, the two colours and the target's colour."""
+def choice(x: Var, y: Var, values: Sequence[Expr]) -> Expr:
+    """Returns the value of the colour at a place, as a sum over thresholds that are in order: each border is then a surface of its own."""
+    height, chosen = noise(x, y), values[-1]
+    for value, below, name in zip(values, values[1:], threshold_names(len(values)), strict=False):
+        chosen = chosen + teg.bracket(height > teg.param(name)) * (value - below)
+    return chosen
+
+
+def pixel_loss(levels: int) -> Expr:
+    """Returns the loss of one pixel, by its four corner values, the thresholds, the colours and the target's colour."""
     x, y = teg.vars("x y")
 
-    def difference(colour: Sequence[str]) -> Expr:
-        red, green, blue = ((teg.param(c) - teg.param(t)) ** 2 for c, t in zip(colour, TARGET, strict=True))
+    def difference(level: int) -> Expr:
+        red, green, blue = ((teg.param(f"{c}_{level}") - teg.param(f"target_{c}")) ** 2 for c in CHANNELS)
         return red + green + blue
 
-    return teg.integral(teg.where(is_above(x, y), difference(ABOVE), difference(BELOW)), (x, 0, 1), (y, 0, 1))
+    return teg.integral(choice(x, y, [difference(level) for level in range(levels)]), (x, 0, 1), (y, 0, 1))
 
 
-def pixel_colour() -> Expr:
+def pixel_colour(levels: int) -> Expr:
     """Returns the mean colour of one pixel, a tuple (red, green, blue), which a picture of the shader shows."""
     x, y = teg.vars("x y")
-    above = is_above(x, y)
-    channels = (teg.where(above, teg.param(a), teg.param(b)) for a, b in zip(ABOVE, BELOW, strict=True))
-    return teg.tuple(*(teg.integral(c, (x, 0, 1), (y, 0, 1)) for c in channels))
-
-
-def moving() -> list[Param]:
-    """Returns the parameters of the derivatives."""
-    return [teg.param(name) for name in CORNERS + ABOVE + BELOW]
+    shades = (choice(x, y, [teg.param(f"{c}_{level}") for level in range(levels)]) for c in CHANNELS)
+    return teg.tuple(*(teg.integral(shade, (x, 0, 1), (y, 0, 1)) for shade in shades))
 
 
 @dataclass(frozen=True)
@@ -59,11 +71,14 @@ class CompiledScene:
 
     loss: Evaluator
     colour: Evaluator
+    levels: int
 
 
-def compile_scene(backend: str, discontinuities: str = "exact", threads: int = 1) -> CompiledScene:
+def compile_scene(backend: Backend, discontinuities: Discontinuities = "exact", threads: int = 1, levels: int = 2) -> CompiledScene:
     """Returns the compiled loss, to be differentiated, and the compiled colour, to be shown."""
+    moving = [teg.param(name) for name in (*CORNERS, *threshold_names(levels), *colour_names(levels))]
     return CompiledScene(
-        teg.compile(pixel_loss(), moving(), backend=backend, discontinuities=discontinuities, threads=threads),
-        teg.compile(pixel_colour(), [], backend=backend, threads=threads),
+        teg.compile(pixel_loss(levels), moving, backend=backend, discontinuities=discontinuities, threads=threads),
+        teg.compile(pixel_colour(levels), [], backend=backend, threads=threads),
+        levels,
     )

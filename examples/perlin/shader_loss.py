@@ -2,7 +2,7 @@
 
     loss = 1/size² Σ over pixels of `scene.pixel_loss`
 
-All parameters are one vector: the lattice's gradients, the threshold, the colours above and below it.
+All parameters are one vector: the lattice's gradients, the thresholds, the colours, from the highest noise to the lowest.
 """
 
 from __future__ import annotations
@@ -12,13 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from teg.examples.perlin.scene import ABOVE, BELOW, CORNERS, TARGET, CompiledScene
+from teg.examples.perlin.scene import CORNERS, TARGET, CompiledScene, colour_names, threshold_names
 
 if TYPE_CHECKING:
     from teg.examples.perlin.noise import Noise
-
-COLOURS = ABOVE + BELOW
-AFTER_GRADIENTS = 1 + len(COLOURS)
 
 
 class ShaderLoss:
@@ -29,6 +26,7 @@ class ShaderLoss:
 
     def __init__(self, scene: CompiledScene, noise: Noise, target: np.ndarray) -> None:
         self.scene, self.noise = scene, noise
+        self.names = [*threshold_names(scene.levels), *colour_names(scene.levels)]  # of the parameters after the gradients
         self.target = dict(zip(TARGET, np.ascontiguousarray(np.moveaxis(target, -1, 0)), strict=True))
         self.pixels = 0
         self.seconds = 0.0
@@ -36,7 +34,7 @@ class ShaderLoss:
     def value_and_gradient(self, parameters: np.ndarray) -> tuple[float, np.ndarray]:
         """Returns the loss per pixel and its derivative by every parameter."""
         n = self.noise.size
-        values = _colours(parameters) | _corner_columns(self._heights(parameters)) | self.target
+        values = self._values(parameters) | _corner_columns(self._heights(parameters)) | self.target
         begun = time.perf_counter()
         losses, slopes = self.scene.loss.value_and_grad(values)
         self.seconds += time.perf_counter() - begun
@@ -44,8 +42,7 @@ class ShaderLoss:
         by_corner = np.zeros((n + 1, n + 1))
         for name, (i, j) in zip(CORNERS, np.ndindex(2, 2), strict=True):
             by_corner[i : n + i, j : n + j] += slopes[name]
-        by_colour = [np.sum(slopes[name]) for name in COLOURS]
-        gradient = np.concatenate([self.noise.pull_back(by_corner), [-by_corner.sum()], by_colour])
+        gradient = np.concatenate([self.noise.pull_back(by_corner), [np.sum(slopes[name]) for name in self.names]])
         return float(np.sum(losses)) / n**2, gradient / n**2
 
     def picture(self, parameters: np.ndarray, factor: int = 1) -> np.ndarray:
@@ -53,16 +50,15 @@ class ShaderLoss:
 
         With a `factor` each pixel is divided into factor² smaller ones; the shader stays the same.
         """
-        values = _corner_columns(refine(self._heights(parameters), factor)) | _colours(parameters)
+        values = _corner_columns(refine(self._heights(parameters), factor)) | self._values(parameters)
         return np.stack(self.scene.colour(values), axis=-1)
 
     def _heights(self, parameters: np.ndarray) -> np.ndarray:
-        """Returns noise minus threshold at the pixels' corners, (size + 1, size + 1)."""
-        return np.asarray(self.noise.corners(parameters[:-AFTER_GRADIENTS]) - parameters[-AFTER_GRADIENTS])
+        """Returns the noise at the pixels' corners, (size + 1, size + 1)."""
+        return np.asarray(self.noise.corners(parameters[: -len(self.names)]))
 
-
-def _colours(parameters: np.ndarray) -> dict[str, np.ndarray]:
-    return dict(zip(COLOURS, parameters[-len(COLOURS) :], strict=True))
+    def _values(self, parameters: np.ndarray) -> dict[str, np.ndarray]:
+        return dict(zip(self.names, parameters[-len(self.names) :], strict=True))
 
 
 def _corner_columns(heights: np.ndarray) -> dict[str, np.ndarray]:

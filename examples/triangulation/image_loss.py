@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
 
+from teg.examples.triangulation.colour_fit import TERMS, anchors, least_squares
+from teg.examples.triangulation.mesh import extent
 from teg.examples.triangulation.scene import CompiledScene
 
 TOUCHING = 1e-9  # pixels that only touch an edge are kept: half of its boundary term is theirs
 
 
 class PictureLoss(Protocol):
-    """The interface of a loss that a descent needs."""
+    """The interface of a loss that a descent needs. `triangles` are those of the mesh; a refinement replaces them."""
 
+    triangles: np.ndarray
     pairs: int
     seconds: float
 
@@ -27,19 +31,24 @@ class PictureLoss(Protocol):
 
 
 class ImageLoss:
-    """The loss of meshes of one topology against one picture, its gradient, and the best colours.
+    """The loss of meshes against one picture, its gradient, and the best colours.
 
-    `target` is (size, size, 3), `triangles` (m, 3); below, vertices are (n, 2) and colours (m, 3). `pairs` and `seconds` count the pairs
-    of a triangle and a pixel that the kernels have evaluated, and their time.
+    `target` is (rows, columns, 3), `triangles` (m, 3); below, vertices are (n, 2) and colours (m, 3·terms). `pairs` and `seconds` count
+    the pairs of a triangle and a pixel that the kernels have evaluated, and their time.
     """
 
     def __init__(self, scene: CompiledScene, target: np.ndarray, triangles: np.ndarray) -> None:
         self.scene = scene
-        self.size = len(target)
+        self.size = target.shape[1], target.shape[0]
         self.target = np.ascontiguousarray(target, dtype=float)
         self.triangles = triangles
         self.pairs = 0
         self.seconds = 0.0
+
+    @property
+    def terms(self) -> int:
+        """Returns the number of monomials of a colour."""
+        return TERMS[self.scene.degree]
 
     def gradient(self, vertices: np.ndarray, colours: np.ndarray) -> np.ndarray:
         """Returns the derivative of the loss by the vertices, (n, 2)."""
@@ -47,20 +56,30 @@ class ImageLoss:
         return np.asarray(slopes["vertices"])
 
     def best_colours(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[float, np.ndarray]:
-        """Returns the least loss that these vertices can have, and the colours that attain it.
+        """Returns the least loss that these vertices can have, and the colours that attain it."""
+        losses, best = self.fit(vertices, colours)
+        return math.fsum(losses), best
 
-        The loss is quadratic in the colours, and its second derivative is diagonal: the product of the Hessian with ones is that
-        diagonal, and one Newton step from any colours is exact.
-        """
+    def fit(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the least loss of each triangle, (m,), and the colours that attain it; any `colours` will do to begin with."""
         values = self._values(vertices, colours)
-        loss, slopes = self._timed(self.scene.by_colours.value_and_grad, values)
-        curvature = self._timed(lambda v: self.scene.by_colours.hvp(v, {"colours": np.ones_like(colours)}), values)["colours"]
-        change = -slopes["colours"] / curvature
-        return float(loss - np.sum(change**2 * curvature) / 2), colours + change
+        slopes = self._timed(self.scene.by_colours.grad, values)
+        change = least_squares(slopes["colours"], vertices[self.triangles], self.size[0] * self.size[1])
+        gained = np.einsum("mk,mk->m", change, slopes["colours"]) / 2
+        return slopes["weights"] + gained, colours + change
+
+    def fit_apart(self, corners: np.ndarray) -> np.ndarray:
+        """Returns the least losses of triangles that need not belong to a mesh, (m,); `corners` (m, 3, 2)."""
+        apart = ImageLoss(self.scene, self.target, np.arange(3 * len(corners)).reshape(-1, 3))
+        losses, _ = apart.fit(corners.reshape(-1, 2), np.full((len(corners), 3 * self.terms), 0.5 / self.terms))
+        self.pairs, self.seconds = self.pairs + apart.pairs, self.seconds + apart.seconds
+        return losses
 
     def _values(self, vertices: np.ndarray, colours: np.ndarray) -> dict[str, np.ndarray]:
-        boxes = bounding_boxes(vertices[self.triangles], self.size)
-        return {"vertices": vertices, "colours": colours, "faces": self.triangles, "target": self.target, "boxes": boxes}
+        corners = vertices[self.triangles]
+        values = {"vertices": vertices, "colours": colours, "weights": np.ones(len(corners)), "faces": self.triangles}
+        values |= {"target": self.target, "boxes": bounding_boxes(corners, self.size)}
+        return values | ({"anchors": anchors(corners)} if self.scene.degree else {})
 
     def _timed(self, function: Callable[[dict[str, np.ndarray]], Any], values: dict[str, np.ndarray]) -> Any:
         start = time.perf_counter()
@@ -71,9 +90,10 @@ class ImageLoss:
         return results
 
 
-def bounding_boxes(corners: np.ndarray, size: int) -> np.ndarray:
+def bounding_boxes(corners: np.ndarray, size: int | tuple[int, int]) -> np.ndarray:
     """Returns first and end column, first and end row of the pixels in each triangle's box, touched ones included;
     `corners` is (m, 3, 2)."""
-    first = np.clip(np.ceil(corners.min(axis=1) - TOUCHING).astype(int) - 1, 0, size - 1)
-    end = np.clip(np.floor(corners.max(axis=1) + TOUCHING).astype(int), 0, size - 1) + 1
+    last = np.array(extent(size)) - 1
+    first = np.clip(np.ceil(corners.min(axis=1) - TOUCHING).astype(int) - 1, 0, last)
+    end = np.clip(np.floor(corners.max(axis=1) + TOUCHING).astype(int), 0, last) + 1
     return np.stack([first[:, 0], end[:, 0], first[:, 1], end[:, 1]], axis=1)

@@ -1,8 +1,8 @@
-"""A triangle mesh over a square picture, and limits of its vertices' motion that keep it from folding.
+"""A triangle mesh over a picture, and limits of its vertices' motion that keep it from folding.
 
-Coordinates are in pixels, x to the right, y downwards, the picture is [0, size]². All triangles have positive signed area. Vertices on
-the border slide along it, the four corners stay; a mesh that keeps its border and its positive areas covers every point of the picture
-exactly once.
+Coordinates are in pixels, x to the right, y downwards, the picture is [0, width] × [0, height]. All triangles have positive signed area.
+Vertices on the border slide along it, the four corners stay; a mesh that keeps its border and its positive areas covers every point of the
+picture exactly once.
 """
 
 from __future__ import annotations
@@ -28,24 +28,40 @@ class Mesh:
     vertices: np.ndarray
     triangles: np.ndarray
     movable: np.ndarray
-    size: int
+    size: tuple[int, int]  # width and height
+
+    @property
+    def area(self) -> float:
+        """Returns the area of the picture."""
+        return float(self.size[0] * self.size[1])
 
     @property
     def floor(self) -> float:
         """Returns the area below which no triangle may fall."""
-        return FLOOR * self.size**2 / len(self.triangles)
+        return FLOOR * self.area / len(self.triangles)
 
     @property
     def cell(self) -> float:
         """Returns the length of a typical edge: that of an equilateral triangle of the mean area."""
-        return math.sqrt(4 / math.sqrt(3) * self.size**2 / len(self.triangles))
+        return math.sqrt(4 / math.sqrt(3) * self.area / len(self.triangles))
 
 
-def make_mesh(triangles: int, size: int, seed: int = 0) -> Mesh:
+def extent(size: int | tuple[int, int]) -> tuple[int, int]:
+    """Returns width and height; one number is both."""
+    return (size, size) if isinstance(size, int) else size
+
+
+def inner(vertices: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Returns which coordinates may move, (n, 2): those that are not on the border."""
+    return np.asarray((vertices > 0) & (vertices < size))
+
+
+def make_mesh(triangles: int, size: int | tuple[int, int], seed: int = 0) -> Mesh:
     """Returns a mesh of about that many triangles, near equilateral: staggered rows of points, the inner ones slightly jittered."""
     if triangles < 2:
         raise InputError(f"a mesh of {triangles} triangles is not possible", None, "at least 2")
-    columns, rows = _grid(triangles)
+    width, height = extent(size)
+    columns, rows = _grid(triangles, width / height)
     random = np.random.default_rng(seed)
     points: list[np.ndarray] = []
     lines: list[np.ndarray] = []
@@ -60,7 +76,7 @@ def make_mesh(triangles: int, size: int, seed: int = 0) -> Mesh:
     noise = random.uniform(-JITTER, JITTER, unit.shape) / [columns, rows]
     unit = np.where(movable.all(axis=1, keepdims=True), unit + noise, unit)
     faces = [face for upper, lower in pairwise(lines) for face in _strip(upper, lower, unit)]
-    return Mesh(unit * size, np.array(faces, dtype=np.intp), movable, size)
+    return Mesh(unit * [width, height], np.array(faces, dtype=np.intp), movable, (width, height))
 
 
 def signed_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -91,14 +107,14 @@ def limit_step(mesh: Mesh, vertices: np.ndarray, step: np.ndarray) -> np.ndarray
     return vertices
 
 
-def _grid(triangles: int) -> tuple[int, int]:
+def _grid(triangles: int, aspect: float) -> tuple[int, int]:
     """Returns columns and rows of cells whose triangles, rows · (2 columns + 1), are close to the number and equilateral."""
 
     def badness(shape: tuple[int, int]) -> float:
         columns, rows = shape
-        return abs(rows * (2 * columns + 1) / triangles - 1) + abs(math.log(rows * math.sqrt(3) / 2 / columns)) / 4
+        return abs(rows * (2 * columns + 1) / triangles - 1) + abs(math.log(rows * math.sqrt(3) / 2 / columns * aspect)) / 4
 
-    reach = math.isqrt(triangles) + 2
+    reach = math.isqrt(round(triangles * max(aspect, 1 / aspect))) + 2
     return min(((c, r) for c in range(1, reach) for r in range(1, reach)), key=badness)
 
 

@@ -1,81 +1,135 @@
-"""Pictures of a run: the mesh, the target, the loss."""
+"""Pictures of a run: the mesh, the target, the error, the loss, and the run as an animation."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw
 
-SMALLEST = 512  # pixels per side of the pictures written
-LARGEST_CANVAS = 8192
-BLUE, GREY = "#2b6cb0", "#666666"
+from teg.examples.triangulation.baselines import psnr
+from teg.examples.triangulation.colour_fit import colours_at
+from teg.examples.triangulation.mesh import extent
+
+SMALLEST = 512  # pixels of the longer side of the pictures written
+FINE = 1024  # pixels of the longer side before averaging, if that is two to four times those after it
+GIF_SIDE, GIF_MILLISECONDS, GIF_LAST = 320, 120, 2000
+BLUE, RED, GREY = "#2b6cb0", "#c2412d", "#666666"
+STRIP = 64  # rows that are coloured at once
 
 
-def draw_mesh(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int) -> None:
-    """Draws the coloured triangles as a PNG, antialiased: drawn larger, then averaged."""
-    side = max(SMALLEST, size)
-    factor = max(1, min(4, LARGEST_CANVAS // side))
-    canvas = Image.new("RGB", (side * factor, side * factor))
-    draw = ImageDraw.Draw(canvas)
-    points = vertices * (side * factor / size) - 0.5
-    for corners, colour in zip(points[triangles], _bytes(colours), strict=True):
-        draw.polygon([(x, y) for x, y in corners], fill=(int(colour[0]), int(colour[1]), int(colour[2])))
-    canvas.resize((side, side), Image.Resampling.BOX).save(path)
+def render(vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int | tuple[int, int], side: int) -> np.ndarray:
+    """Returns the coloured triangles as a picture, (rows, columns, 3), its longer side `side` pixels, antialiased.
+
+    It is drawn two to four times larger, and averaged.
+    """
+    width, height = extent(size)
+    scale = side / max(width, height)
+    columns, rows = max(1, round(width * scale)), max(1, round(height * scale))
+    factor = min(4, max(2, -(-FINE // side)))
+    numbers = Image.new("I", (columns * factor, rows * factor))
+    draw = ImageDraw.Draw(numbers)
+    stretch = np.array([columns / width, rows / height]) * factor
+    for number, corners in enumerate((vertices * stretch - 0.5)[triangles]):
+        draw.polygon([(x, y) for x, y in corners], fill=number)
+    faces = np.asarray(numbers)
+    x = (np.arange(columns * factor) + 0.5) / stretch[0]
+    picture = np.empty((rows, columns, 3))
+    for top in range(0, rows, STRIP):
+        strip = faces[top * factor : (top + STRIP) * factor]
+        y = (top * factor + np.arange(len(strip)) + 0.5) / stretch[1]
+        fine = colours_at(np.stack(np.meshgrid(x, y), axis=-1), strip, vertices[triangles], colours)
+        fine = np.clip(fine, 0, 1).reshape(len(strip) // factor, factor, columns, factor, 3)
+        picture[top : top + STRIP] = fine.mean(axis=(1, 3))
+    return picture
+
+
+def shown_side(size: tuple[int, int]) -> int:
+    """Returns the longer side of the pictures of a run."""
+    return max(SMALLEST, *size)
+
+
+def draw_mesh(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int | tuple[int, int]) -> None:
+    """Draws the coloured triangles as a PNG."""
+    Image.fromarray(to_bytes(render(vertices, triangles, colours, size, shown_side(extent(size))))).save(path)
 
 
 def draw_target(path: Path, target: np.ndarray) -> None:
     """Draws the target picture, one constant colour a pixel."""
-    side = max(SMALLEST, len(target))
-    Image.fromarray(_bytes(target)).resize((side, side), Image.Resampling.NEAREST).save(path)
+    scale = shown_side((target.shape[1], target.shape[0])) / max(target.shape[:2])
+    shape = round(target.shape[1] * scale), round(target.shape[0] * scale)
+    Image.fromarray(to_bytes(target)).resize(shape, Image.Resampling.NEAREST).save(path)
 
 
-def write_svg(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int) -> None:
-    """Writes the triangles with their colours, and their edges as thin lines, as an SVG."""
-    faces = []
-    for (a, b, c), (red, green, blue) in zip(vertices[triangles], _bytes(colours), strict=True):
-        colour = f"#{red:02x}{green:02x}{blue:02x}"  # the stroke closes the seams of antialiasing
-        faces.append(f'<path d="M{_point(a)}L{_point(b)}L{_point(c)}z" fill="{colour}" stroke="{colour}"/>')
-    pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]))
-    edges = "".join(f"M{_point(vertices[a])}L{_point(vertices[b])}" for a, b in np.unique(pairs, axis=0))
-    width = size / 1000
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size} {size}" width="1024" height="1024">',
-        f'<g id="faces" stroke-width="{width:g}" stroke-linejoin="round">',
-        *faces,
-        "</g>",
-        f'<path id="edges" d="{edges}" fill="none" stroke="#fff" stroke-opacity="0.4" stroke-width="{width:g}"/>',
-        "</svg>",
-    ]
-    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+def draw_error(path: Path, picture: np.ndarray, target: np.ndarray) -> None:
+    """Draws the colour difference of each pixel, grey, white at its 99.5 % quantile."""
+    error = np.sqrt(np.mean((picture - target) ** 2, axis=2))
+    draw_target(path, np.repeat((error / max(float(np.quantile(error, 0.995)), 1e-9))[..., None], 3, axis=2))
 
 
-def draw_loss(path: Path, losses: Sequence[float]) -> None:
-    """Draws the loss after each step, from the undeformed mesh in its best colours on."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+def write_gif(path: Path, frames: Sequence[np.ndarray]) -> None:
+    """Writes pictures as an animation, which repeats and waits at its last picture."""
+    images = [Image.fromarray(to_bytes(frame)).quantize(256, method=Image.Quantize.FASTOCTREE) for frame in frames]
+    times = [GIF_MILLISECONDS] * (len(images) - 1) + [GIF_LAST]
+    images[0].save(path, save_all=True, append_images=images[1:], duration=times, loop=0)
 
-    figure = Figure(figsize=(6.4, 4), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    axes.plot(losses, color=BLUE, linewidth=2)
-    axes.fill_between(range(len(losses)), losses, color=BLUE, alpha=0.08, linewidth=0)
-    axes.set_ylim(0, 1.08 * max(losses) or 1)
-    axes.set_xlim(0, max(len(losses) - 1, 1))
-    axes.set_xlabel("step")
-    axes.set_title("squared colour difference per pixel", loc="left", fontsize=11)
-    for place, loss in ((0, losses[0]), (len(losses) - 1, losses[-1])):
-        side, align = (-8, "right") if place else (8, "left")
-        axes.annotate(f"{loss:.4f}", (place, loss), (side, 8), textcoords="offset points", color=GREY, ha=align)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(colors=GREY)
+
+def draw_sheet(path: Path, target: np.ndarray, meshes: Mapping[str, np.ndarray], losses: Mapping[str, float]) -> None:
+    """Draws the target, pictures of meshes at its size, and the error of the last one, side by side; `losses` are those of the meshes."""
+    figure = _figure((3.1 * (len(meshes) + 2), 3.1 * target.shape[0] / target.shape[1] + 0.7))
+    places = figure.subplots(1, len(meshes) + 2)
+    error = np.sqrt(np.mean((list(meshes.values())[-1] - target) ** 2, axis=2))
+    titles = ["target", *(f"{label}\n{psnr(losses[label]):.2f} dB" for label in meshes), "error of the last one"]
+    for axes, title, picture in zip(places, titles, [target, *meshes.values(), error], strict=True):
+        if picture.ndim == 3:
+            axes.imshow(np.clip(picture, 0, 1), interpolation="antialiased")
+        else:
+            shades = axes.imshow(picture, cmap="magma", vmin=0, vmax=max(float(np.quantile(picture, 0.995)), 1e-3))
+            figure.colorbar(shades, ax=axes, fraction=0.046, pad=0.03).ax.tick_params(labelsize=8, colors=GREY)
+        axes.set_title(title, fontsize=10)
+        axes.set_axis_off()
     figure.savefig(path)
 
 
-def _bytes(colours: np.ndarray) -> np.ndarray:
+def draw_loss(path: Path, losses: Mapping[str, Sequence[float]], marks: Mapping[str, float]) -> None:
+    """Draws the losses after each step, from the undeformed mesh in its best colours on; `marks` are losses to compare with."""
+    figure = _figure((7.5, 4))
+    axes = figure.subplots()
+    longest = max(1, *(len(values) - 1 for values in losses.values()))
+    for (label, values), colour in zip(losses.items(), (BLUE, RED), strict=False):
+        steady = len(values) == 1
+        axes.plot([0, longest] if steady else range(len(values)), [values[0]] * 2 if steady else values, color=colour, linewidth=2)
+        end = (longest if steady else len(values) - 1), values[-1]
+        axes.annotate(
+            f"{label}: {values[-1]:.4f}", end, (8, 0), textcoords="offset points", color=colour, va="center", annotation_clip=False
+        )
+    for label, value in marks.items():
+        axes.axhline(value, color=GREY, linewidth=0.9, linestyle=(0, (4, 3)), zorder=0)
+        axes.annotate(f"{label}: {value:.4f}", (longest, value), (8, 0), textcoords="offset points", color=GREY, va="center")
+    every = [value for values in (*losses.values(), [*marks.values()]) for value in values]
+    if min(every) > 0:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:.3g}")
+        axes.yaxis.set_minor_formatter("{x:.3g}" if max(every) < 10 * min(every) else "")
+    axes.set_xlim(0, longest)
+    axes.set_xlabel("step")
+    axes.set_title("squared colour difference per pixel", loc="left", fontsize=11)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(which="both", colors=GREY, labelsize=9)
+    figure.savefig(path)
+
+
+def _figure(size: tuple[float, float]) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, dpi=130, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def to_bytes(colours: np.ndarray) -> np.ndarray:
+    """Returns colours as bytes."""
     return np.asarray(np.rint(np.clip(colours, 0, 1) * 255), dtype=np.uint8)
-
-
-def _point(p: np.ndarray) -> str:
-    return f"{p[0]:.2f} {p[1]:.2f}"

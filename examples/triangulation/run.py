@@ -1,6 +1,6 @@
-"""The main demonstration: a photograph in triangles, by gradient descent on an exact integral.
+"""The main demonstration: a photograph in triangles, by descent on an exact integral.
 
-photo → pixels → mesh → (gradient of the compiled program → step → best colours) × steps → pictures
+photo → pixels → mesh → (gradient of the compiled program → step → best colours, now and then a refinement) × steps → pictures
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import time
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
 from importlib import util
 from pathlib import Path
 from typing import Any
@@ -17,154 +17,187 @@ import numpy as np
 
 from teg.errors import InputError, MissingPackageError
 from teg.examples.descent_record import RecordedDescent
-from teg.examples.harness import default_backend, demo_command, machine, ratio, require_packages, result_folder, versions, write_report
+from teg.examples.harness import finish, ratio, require_packages, result_folder
+from teg.examples.options import resolved
+from teg.examples.triangulation.colour_fit import DEGREES, TERMS
 from teg.examples.triangulation.descent import State, first_state, next_state
 from teg.examples.triangulation.image_loss import ImageLoss, PictureLoss
-from teg.examples.triangulation.mesh import make_mesh, signed_areas
+from teg.examples.triangulation.mesh import Mesh, make_mesh, signed_areas
 from teg.examples.triangulation.scene import compile_scene
 
-STEPS = 120
-SIZES = (8, 4096)
-PACKAGES = {"PIL": "pillow", "matplotlib": "matplotlib", "tqdm": "tqdm"}
-PICTURES = ("target.png", "before.png", "after.png", "loss.png", "mesh.svg")
+PACKAGES = {"PIL": "pillow", "matplotlib": "matplotlib", "scipy": "scipy", "tqdm": "tqdm"}
+PICTURES = ("sheet.png", "descent.gif", "loss.png", "target.png", "before.png", "after.png", "error.png", "mesh.svg")
+EXACT, PLAIN = "exact gradient", "plain automatic differentiation"
 NOTHING_MOVES = (
     "the gradient by the vertices is exactly 0: automatic differentiation does not see that an edge moves, "
     "so no vertex did (with --discontinuities exact, the default, they do)"
 )
 
 
-@dataclass(frozen=True)
-class Options:
-    """All options of a run except the picture itself."""
-
-    photo: str | None
-    triangles: int
-    size: int
-    steps: int
-    discontinuities: str
-    backend: str
-    seed: int
-    shared_by: str | None
-
-    def check(self) -> None:
-        """Raises InputError for numbers that make no picture."""
-        if not SIZES[0] <= self.size <= SIZES[1]:
-            raise InputError(f"a picture of {self.size} pixels a side is not possible", None, f"between {SIZES[0]} and {SIZES[1]}")
-        if not 2 <= self.triangles <= self.size**2:
-            raise InputError(
-                f"a mesh of {self.triangles} triangles for {self.size}² pixels is not possible", None, "at least 2, at most one a pixel"
-            )
-        if self.steps < 0:
-            raise InputError(f"{self.steps} steps are not possible", None, "0 or more")
-        if self.seed < 0:
-            raise InputError(f"the seed {self.seed} is negative", None, "0, 1, 2, …")
-        if self.shared_by and self.backend != "jax":
-            raise InputError(f"a picture is shared between JAX's devices, not in the backend {self.backend!r}", None, "backend jax")
-
-
 def run_triangulation(
-    photo: str | Path | None = None,
-    triangles: int = 300,
-    size: int = 256,
-    steps: int = STEPS,
-    out: str | Path = "out/triangulation",
-    discontinuities: str = "exact",
-    backend: str | None = None,
-    progress: bool = True,
-    resume: bool = False,
-    seed: int = 0,
-    shared_by: str | None = None,
+    photo: str | Path | None = None, out: str | Path = "out/triangulation", progress: bool = True, **options: Any
 ) -> dict[str, Any]:
-    """Approximates a photo by triangles of constant colour; writes pictures to `out`, returns the contents of run.json.
+    """Approximates a photo by triangles whose colours are polynomials; writes pictures to `out`, returns the contents of run.json.
 
-    `photo` is any file that Pillow reads (None: scikit-image's astronaut), cropped and resized to size² pixels. `backend` None is "c" if
-    there is a C compiler, else "numpy". `discontinuities="ignore"` differentiates like plain automatic differentiation. `shared_by`
-    "pairs" or "faces" computes on all devices of JAX, each of which has some of the pairs of a triangle and a pixel, or of the
-    triangles. `resume` continues the run whose checkpoint is in `out`, up to `steps` in all. Ctrl-C ends the descent, not the writing:
-    the report says "interrupted".
+    `photo` is any file that Pillow reads, of any shape (None: scikit-image's astronaut), resized to `size` pixels on its longer side. The
+    options are those of `teg demo triangulation` (`examples/options.py`): triangles, size, steps, colours, optimiser, refine, mesh,
+    discontinuities, alone, shared_by, seed, backend, resume. With `discontinuities="exact"` the same descent is run beside it like plain
+    automatic differentiation, unless `alone`. Ctrl-C ends the descent, not the writing: the report says "interrupted".
 
-    Raises InputError for a photo, number, folder or checkpoint that cannot be used, MissingPackageError.
+    Raises InputError for a photo, option, folder or checkpoint that cannot be used, MissingPackageError.
     """
     require_packages("triangulation", PACKAGES, progress)
     from teg.examples.photo import read_target
 
-    chosen = backend or ("jax" if shared_by else default_backend())
-    name = None if photo is None else str(photo)
-    options = Options(name, triangles, size, steps, discontinuities, chosen, seed, shared_by)
-    options.check()
-    target = read_target(photo, size)
+    settings = resolved("triangulation", {"photo": photo, "out": out, **options})
+    target = np.ascontiguousarray(read_target(photo, settings["size"], square=False))
+    mesh = _first_mesh(settings, (target.shape[1], target.shape[0]))
     folder = result_folder(Path(out))
-    started = time.perf_counter()
-    target = np.ascontiguousarray(target, dtype=float)
-    mesh = make_mesh(triangles, size, seed)
-    image = _loss(options, target, mesh.triangles)
-    identity = {k: getattr(options, k) for k in ("triangles", "size", "seed", "discontinuities")}
-    identity["target"] = hashlib.sha256(target.tobytes()).hexdigest()
-    start = first_state(mesh, image)
-    run = RecordedDescent(start, lambda s: next_state(mesh, image, s), folder / "checkpoint.npz", identity, resume)
-    image.gradient(mesh.vertices, start.colours)  # derived and compiled now, as part of the set-up
-    image.pairs, image.seconds = 0, 0.0
-    setup = time.perf_counter() - started
-    interrupted = run.descend(steps, progress)
-
-    _draw(folder, run, mesh.triangles, target)
-    report = _outcome(run, mesh.triangles, discontinuities) | {
+    fits = [Fit(settings, mesh, target, folder / "checkpoint.npz", settings["resume"])]
+    if settings["discontinuities"] != "ignore" and not settings["alone"]:
+        plain = settings | {"discontinuities": "ignore"}
+        path = folder / "checkpoint-ignore.npz"
+        fits.append(Fit(plain, mesh, target, path, settings["resume"] and path.exists()))
+    interrupted = False
+    for fit in fits:
+        interrupted = interrupted or fit.descent.descend(settings["steps"], progress, fit.label)
+    marks = _comparisons(fits[0], mesh, target, settings)
+    _draw(folder, fits, target, marks)
+    report = fits[0].report() | {
+        "summary": _summary(fits, marks),
+        "beside": fits[1].report() if len(fits) > 1 else None,
+        "comparisons": {label: {"loss": loss, "psnr": _psnr(loss)} for label, loss in marks.items()},
         "interrupted": interrupted,
-        "seconds": {"setup": setup, "descent": run.seconds, "kernels": image.seconds},
-        "pairs_per_second": image.pairs / image.seconds,
-        "options": asdict(options),
-        "target_sha256": identity["target"],
-        "command": _command(options, out),
-        "versions": versions(),
-        "machine": machine(),
-        "pictures": [str(folder / picture) for picture in PICTURES],
-        "losses": run.losses,
+        "target_sha256": hashlib.sha256(target.tobytes()).hexdigest(),
+        "pictures": PICTURES,
     }
-    write_report(folder / "run.json", report)
-    return report
+    return finish(folder, "triangulation", settings, report)
 
 
-def _draw(folder: Path, run: RecordedDescent[State], triangles: np.ndarray, target: np.ndarray) -> None:
-    """Draws the mesh before and after, the target and the loss."""
-    from teg.examples.triangulation import pictures
+class Fit:
+    """One descent: the compiled loss, its state, and its report."""
 
-    size = len(target)
-    for picture, shown in (("before.png", run.start), ("after.png", run.state)):
-        pictures.draw_mesh(folder / picture, shown.vertices, triangles, shown.colours, size)
-    pictures.draw_target(folder / "target.png", target)
-    pictures.draw_loss(folder / "loss.png", run.losses)
-    pictures.write_svg(folder / "mesh.svg", run.state.vertices, triangles, run.state.colours, size)
+    def __init__(self, settings: Mapping[str, Any], mesh: Mesh, target: np.ndarray, checkpoint: Path, resume: bool) -> None:
+        begun = time.perf_counter()
+        self.settings, self.size = settings, mesh.size
+        self.label = PLAIN if settings["discontinuities"] == "ignore" else EXACT
+        self.image = _loss(settings, target, mesh.triangles)
+        identity = {k: settings[k] for k in ("triangles", "size", "seed", "colours", "optimiser", "refine", "discontinuities")}
+        identity |= {"target": hashlib.sha256(target.tobytes()).hexdigest(), "mesh": hashlib.sha256(mesh.vertices.tobytes()).hexdigest()}
+        start = first_state(mesh, self.image, TERMS[DEGREES[settings["colours"]]])
+        self.descent = RecordedDescent(start, self.advance, checkpoint, identity, resume)
+        self.image.gradient(mesh.vertices, start.colours)  # derived and compiled now, as part of the set-up
+        self.image.pairs, self.image.seconds = 0, 0.0
+        self.setup = time.perf_counter() - begun
+
+    def advance(self, state: State) -> State:
+        """Returns the state after one step, and every `refine` steps after a refinement."""
+        state = next_state(self.image, state, self.size, self.settings["optimiser"])
+        every = self.settings["refine"]
+        if every and isinstance(self.image, ImageLoss) and state.step and state.step % every == 0 and not state.stuck:
+            from teg.examples.triangulation.refinement import refine
+
+            return refine(self.image, state, self.size)
+        return state
+
+    def report(self) -> dict[str, Any]:
+        """Returns the results as a dict."""
+        descent, state, start = self.descent, self.descent.state, self.descent.start
+        losses, steps = descent.losses, descent.steps
+        same = state.vertices.shape == start.vertices.shape and np.array_equal(state.triangles, start.triangles)
+        moved = np.linalg.norm(state.vertices - start.vertices, axis=1) if same else np.array([np.nan])
+        return {
+            "loss": {"start": losses[0], "end": losses[-1], "ratio": ratio(losses[-1], losses[0])},
+            "psnr": {"start": _psnr(losses[0]), "end": _psnr(losses[-1])},
+            "steps": steps,
+            "converged": state.stuck,
+            "note": NOTHING_MOVES if state.stuck and self.settings["discontinuities"] == "ignore" else "",
+            "mesh": {
+                "triangles": len(state.triangles),
+                "vertices": len(state.vertices),
+                "same_triangles": bool(same),
+                "largest_movement": float(moved.max()) if same else None,
+                "smallest_area": float(signed_areas(state.vertices, state.triangles).min()),
+            },
+            "seconds": {"setup": self.setup, "descent": descent.seconds, "kernels": self.image.seconds},
+            "pairs_per_second": self.image.pairs / self.image.seconds if self.image.seconds > 0 else None,
+            "milliseconds_a_step": 1000 * descent.seconds / steps if steps else None,
+            "losses": losses,
+        }
 
 
-def _outcome(run: RecordedDescent[State], triangles: np.ndarray, discontinuities: str) -> dict[str, Any]:
-    """Returns the part of the report on the loss and the mesh."""
-    state = run.state
-    moved = np.linalg.norm(state.vertices - run.start.vertices, axis=1)
-    return {
-        "loss": {"start": run.losses[0], "end": run.losses[-1], "ratio": ratio(run.losses[-1], run.losses[0])},
-        "steps": len(run.losses) - 1,
-        "converged": state.stuck,
-        "note": NOTHING_MOVES if state.stuck and discontinuities == "ignore" else "",
-        "mesh": {
-            "triangles": len(triangles),
-            "vertices": len(state.vertices),
-            "largest_movement": float(moved.max()),
-            "smallest_area": float(signed_areas(state.vertices, triangles).min()),
-        },
-    }
+def _first_mesh(settings: Mapping[str, Any], size: tuple[int, int]) -> Mesh:
+    if settings["triangles"] > size[0] * size[1]:
+        what = f"a mesh of {settings['triangles']} triangles for {size[0]} × {size[1]} pixels is not possible"
+        raise InputError(what, None, "at most one a pixel")
+    if settings["shared_by"] and (settings["backend"] != "jax" or settings["colours"] != "constant" or settings["refine"]):
+        what = "a picture that JAX's devices share has constant colours and is not refined"
+        raise InputError(what, None, "--backend jax --colours constant --refine 0, or no --shared-by")
+    if settings["mesh"] is None:
+        return make_mesh(settings["triangles"], size, settings["seed"])
+    from teg.examples.triangulation.mesh_files import read_ply
+
+    return read_ply(Path(settings["mesh"]), size)
 
 
-def _loss(options: Options, target: np.ndarray, triangles: np.ndarray) -> PictureLoss:
-    if options.shared_by:
+def _loss(settings: Mapping[str, Any], target: np.ndarray, triangles: np.ndarray) -> PictureLoss:
+    if settings["shared_by"]:
         if util.find_spec("jax") is None:
-            raise MissingPackageError("a picture is computed on the devices of JAX", None, 'pip install "teg[jax]"')
+            raise MissingPackageError("a picture is computed on the devices of JAX", None, 'pip install "teg-compiler[jax]"')
         from teg.examples.triangulation.sharded import ShardedLoss
 
-        return ShardedLoss(options.shared_by, target, triangles, discontinuities=options.discontinuities)
-    return ImageLoss(compile_scene(options.backend, options.discontinuities, threads=os.cpu_count() or 1), target, triangles)
+        return ShardedLoss(settings["shared_by"], target, triangles, discontinuities=settings["discontinuities"])
+    degree, threads = DEGREES[settings["colours"]], os.cpu_count() or 1
+    return ImageLoss(compile_scene(settings["backend"], settings["discontinuities"], threads, degree), target, triangles)
 
 
-def _command(options: Options, out: str | Path) -> str:
-    names = ("triangles", "size", "steps", "seed", "discontinuities", "backend")
-    shared = ["--shared-by", options.shared_by] if options.shared_by else []
-    return demo_command("triangulation", options.photo, {n: getattr(options, n) for n in names}, out, *shared)
+def _comparisons(fit: Fit, mesh: Mesh, target: np.ndarray, settings: Mapping[str, Any]) -> dict[str, float]:
+    """Returns the losses of other meshes in their best colours."""
+    from teg.examples.triangulation.baselines import best_loss, random_delaunay
+
+    if not isinstance(fit.image, ImageLoss):
+        return {}
+    count = len(fit.descent.state.triangles)
+    return {"Delaunay of random points": best_loss(fit.image, random_delaunay(count, mesh.size, settings["seed"]))}
+
+
+def _draw(folder: Path, fits: list[Fit], target: np.ndarray, marks: Mapping[str, float]) -> None:
+    """Draws the mesh before and after, the target, the error, the loss, the sheet and the animation; writes the mesh as PLY and SVG."""
+    from teg.examples.triangulation import pictures
+    from teg.examples.triangulation.mesh_files import write_ply, write_svg
+
+    run, size = fits[0].descent, fits[0].size
+
+    def render(state: State, side: int) -> np.ndarray:
+        return pictures.render(state.vertices, state.triangles, state.colours, size, side)
+
+    for picture, shown in (("before.png", run.start), ("after.png", run.state)):
+        pictures.draw_mesh(folder / picture, shown.vertices, shown.triangles, shown.colours, size)
+    pictures.draw_target(folder / "target.png", target)
+    longest, end = max(size), run.state
+    losses = {"undeformed mesh": run.losses[0], **{fit.label: fit.descent.losses[-1] for fit in reversed(fits)}}
+    small = {"undeformed mesh": render(run.start, longest), **{fit.label: render(fit.descent.state, longest) for fit in reversed(fits)}}
+    pictures.draw_error(folder / "error.png", small[fits[0].label], target)
+    pictures.draw_sheet(folder / "sheet.png", target, small, losses)
+    pictures.draw_loss(folder / "loss.png", {fit.label: fit.descent.losses for fit in fits}, marks)
+    pictures.write_gif(folder / "descent.gif", [render(state, pictures.GIF_SIDE) for state in run.animation()])
+    write_svg(folder / "mesh.svg", end.vertices, end.triangles, end.colours, size)
+    write_ply(folder / "mesh.ply", end.vertices, end.triangles, end.colours, size)
+
+
+def _summary(fits: list[Fit], marks: Mapping[str, float]) -> list[str]:
+    lines = []
+    for fit in fits:
+        run = fit.descent
+        change = f"loss {run.losses[0]:.5f} → {run.losses[-1]:.5f}, {ratio(run.losses[-1], run.losses[0]):.1%} of the undeformed mesh"
+        lines.append(
+            f"{fit.label}: {change} in its best colours, {_psnr(run.losses[-1]):.2f} dB, after {run.steps} steps in {run.seconds:.1f} s"
+        )
+    lines += [f"{label}: loss {loss:.5f}, {_psnr(loss):.2f} dB" for label, loss in marks.items()]
+    return lines + [note for note in (fit.report()["note"] for fit in fits) if note]
+
+
+def _psnr(loss: float) -> float:
+    from teg.examples.triangulation.baselines import psnr
+
+    return psnr(max(loss, 0.0)) if loss > 3e-30 else 300.0

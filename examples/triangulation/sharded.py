@@ -21,6 +21,7 @@ import numpy as np
 import teg
 from teg.backends.jax.precision import in_double_precision
 from teg.errors import InputError
+from teg.evaluator.options import Discontinuities
 from teg.examples.triangulation.image_loss import bounding_boxes
 from teg.examples.triangulation.scene import COLOURS, FACES, VERTICES, per_pixel, pixel_loss
 from teg.ir.expr import Expr
@@ -65,7 +66,7 @@ class ShardedLoss:
         triangles: np.ndarray,
         devices: Sequence[Any] | None = None,
         dtype: str = "float64",
-        discontinuities: str = "exact",
+        discontinuities: Discontinuities = "exact",
     ) -> None:
         if by not in WAYS:
             raise InputError(f"a picture is not shared out by {by!r}", None, "by pairs or by faces")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, Literal
 
 from teg.analysis.isolation import MAX_ROOTS
 from teg.errors import OptionError
@@ -19,6 +19,8 @@ RULES = {
     "qmc": "samples",
 }
 """The rules, each with the meaning of `order`."""
+Rule = Literal["auto", "adaptive", "gauss", "midpoint", "montecarlo", "qmc"]
+"""The type of their names."""
 MOST_ROOTS = 4096
 """The largest number of roots of one condition that are searched for. Each takes a place in the loops."""
 WIDER = 4

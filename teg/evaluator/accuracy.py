@@ -25,7 +25,14 @@ SLACK = 10.0
 
 
 class AccuracyWarning(UserWarning):
-    """An integral that did not reach its tolerance, or diverges."""
+    """A result that missed its tolerance, does not converge, or is not a number although the arguments are finite.
+
+    The result is returned all the same, and the message holds the estimate of its error. Way out: as for `AccuracyError`, which
+    `inaccurate="raise"` raises instead; `inaccurate="ignore"` says nothing.
+
+    >>> x = teg.var("x")
+    >>> teg.compile(teg.integral(1 / x, (x, 0, 1)))()
+    """
 
 
 def has_samples(program: Program | ArrayProgram) -> bool:

@@ -122,11 +122,22 @@ def values_by_name(names: Sequence[str], args: tuple[Any, ...], named: Mapping[s
         if k in given:
             raise ParameterError(f"the parameter {k!r} is given twice", None, _signature(names))
         given[k] = v
+    refuse_nested(given, names)
     if unknown := [str(k) for k in given.keys() - set(names)]:
         raise ParameterError(f"there is no parameter named {', '.join(map(repr, unknown))}", None, _signature(names))
     if missing := [k for k in names if k not in given]:
         raise ParameterError(f"no value for {', '.join(map(repr, missing))}", None, _signature(names))
     return given
+
+
+def refuse_nested(given: Mapping[str, Any], names: Sequence[str]) -> None:
+    """Raises ParameterError for a value that is itself a dict: arguments are one flat dict."""
+    for k, v in given.items():
+        if isinstance(v, Mapping):
+            hint = f"the parameters are {', '.join(names) or 'none'}"
+            if any(name_of(inner) in names for inner in v):
+                hint += f"; values[{k!r}] holds some of them: take it out, {{**values, **values[{k!r}]}}"
+            raise ParameterError(f"the value of {k!r} is a dict, and the arguments are one flat dict: name -> number or array", None, hint)
 
 
 def plain_numbers(names: Sequence[str], args: tuple[Any, ...], named: Mapping[str, Any]) -> Sequence[float] | None:

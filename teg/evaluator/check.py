@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from teg.errors import OptionError, ParameterError
-from teg.evaluator.arguments import values_by_name
 from teg.evaluator.evaluator import Evaluator
 
 if TYPE_CHECKING:
@@ -96,7 +95,7 @@ def _at_one_point(f: Evaluator, args: tuple[Any, ...], named: dict[str, Any]) ->
     import numpy as np
 
     dimensions = f.dimensions
-    given = values_by_name(f.parameters, args, named)
+    given = f.by_name(args, named)
     for k, v in given.items():
         if np.ndim(v) != dimensions[k]:
             wanted = f"an array of {dimensions[k]} dimensions" if dimensions[k] else "numbers"

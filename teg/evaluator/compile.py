@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from inspect import signature
 from typing import Any
 
 from teg.analysis.isolation import MAX_ROOTS
-from teg.analysis.settings import Integration
+from teg.analysis.settings import Integration, Rule
+from teg.errors import ParameterError
+from teg.evaluator.arguments import name_of, refuse_nested
 from teg.evaluator.evaluator import Evaluator
-from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype, rule_for
+from teg.evaluator.options import (
+    DEFAULT_TOLS,
+    Backend,
+    Discontinuities,
+    DType,
+    Functions,
+    Inaccurate,
+    Options,
+    checked_dtype,
+    rule_for,
+)
 from teg.ir.arrays import has_arrays
-from teg.ir.expr import Param, Tuple, as_number
-from teg.ir.index import ArrayName
+from teg.ir.creation import is_created
+from teg.ir.expr import Operand, Tuple, as_number
 from teg.language import check_parameters, check_program
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.through_sums import Parameter, parameters_and_arrays
@@ -19,29 +33,33 @@ from teg.pipeline import estimator_for
 
 
 def compile(
-    e: object,
+    e: Operand,
     parameters: Sequence[Parameter] | Parameter | None = None,
     *,
-    backend: str = "numpy",
+    backend: Backend = "numpy",
     tol: float | None = None,
-    rule: str = "auto",
+    rule: Rule = "auto",
     order: int | None = None,
     seed: int = 0,
-    inaccurate: str = "warn",
-    dtype: object = "float64",
+    inaccurate: Inaccurate = "warn",
+    dtype: DType = "float64",
     threads: int = 1,
     memory: int = 256 * 2**20,
-    discontinuities: str = "exact",
+    discontinuities: Discontinuities = "exact",
     samples: int | None = None,
     sigma: float | None = None,
     estimator: Mapping[str, Any] | None = None,
     max_roots: int = MAX_ROOTS,
     maps: Sequence[Diffeomorphism] = (),
     check_maps: bool = True,
-    functions: str = "linked",
+    functions: Functions = "linked",
     intrinsics: bool = True,
 ) -> Evaluator:
     """An Evaluator of a closed expression, of its gradient and of its Hessian.
+
+        f = teg.compile(teg.integral(teg.bracket(x < t) * teg.exp(a * x), (x, 0, 1)), [t, a])
+        value, gradient = f.value_and_grad(t=0.5, a=2.0)
+        gradient["t"]                             # 2.718281828459045
 
     `parameters` are those to differentiate by, arrays among them, in the order of `f.parameters` (default: all that occur in e; others
     that occur are arguments after them). `backend` is "numpy", "c" or "jax". `threads` are the C backend's (0: one for each processor;
@@ -94,20 +112,47 @@ def compile(
     check_program(program)
     precision = checked_dtype(dtype)
     chosen = estimator_for(discontinuities, {**(estimator or {}), **({} if sigma is None else {"sigma": sigma})})
-    rule, order = rule_for(chosen, backend, rule, order, samples)
-    integration = Integration(DEFAULT_TOLS[precision] if tol is None else tol, rule, order, seed, max_roots, intrinsics)
-    how = chosen.fitted(integration)
-    options = Options(backend, integration, inaccurate, precision, threads, memory, how, maps, check_maps, functions)
+    how = rule_for(chosen, backend, rule, order, samples)
+    integration = Integration(DEFAULT_TOLS[precision] if tol is None else tol, *how, seed, max_roots, intrinsics)
+    fitted = chosen.fitted(integration)
+    options = Options(backend, integration, inaccurate, precision, threads, memory, fitted, maps, check_maps, functions)
     if parameters is None:
         return Evaluator(program, None, options)
     return Evaluator(program, (parameters_and_arrays if has_arrays(program) else check_parameters)(parameters), options)
 
 
-def evaluate(e: object, values: Mapping[Any, Any] | None = None, *, backend: str = "numpy", **options: Any) -> Any:
-    """Returns the value of an expression at parameter values (keys are parameters or their names); e may hold deltas and derivatives.
+def evaluate(e: Operand, values: Mapping[Any, Any] | None = None, *, backend: Backend = "numpy", **values_and_options: Any) -> Any:
+    """Returns the value of an expression at parameter values; e may hold deltas and derivatives.
 
-    Values of parameters that e does not have are ignored, because a derivative may have lost some.
+        teg.evaluate(teg.integral(x * t, (x, 0, 1)), {t: 3.0})  # 1.5
+        teg.evaluate(t**2, t=0.5)                        # 0.25
+
+    Values are given in a dict (keys are parameters or their names), by name, or both. The other keywords are those of `teg.compile`; the
+    value of a parameter with the name of an option stands in the dict. Values of parameters that e does not have are ignored, because a
+    derivative may have lost some.
+
+    The result is a Python float, an array of the batch's shape, or a tuple of these. Raises ParameterError for a value that is missing or
+    given twice, or a keyword that is neither an option nor a parameter, and the errors of `teg.compile`.
     """
+    options = {k: v for k, v in values_and_options.items() if k in OPTIONS}
+    named = {k: v for k, v in values_and_options.items() if k not in OPTIONS}
+    if values is not None and not isinstance(values, Mapping):
+        hint = "teg.evaluate(e, {t: 0.5}), or by name: teg.evaluate(e, t=0.5)"
+        raise ParameterError(f"values are given in a dict, not in {type(values).__name__} {values!r:.80}", None, hint)
     f = compile(e, backend=backend, **options)
-    names = {(k.name if isinstance(k, Param | ArrayName) else k): v for k, v in (values or {}).items()}
-    return f({k: v for k, v in names.items() if k in f.parameters} if values else {})
+    given = {name_of(k): v for k, v in (values or {}).items()}
+    refuse_nested(given, f.parameters)
+    for k, v in named.items():
+        if k in given:
+            raise ParameterError(f"the parameter {k!r} is given twice", None, "by name, or in the dict")
+        if k not in f.parameters and not is_created(k):
+            close = get_close_matches(k, [*f.parameters, *OPTIONS], 1)
+            raise ParameterError(f"{k!r} is neither a parameter nor an option", None, f"is it {close[0]!r}?" if close else "")
+        given[k] = v
+    if clash := [k for k in f.parameters if k in OPTIONS and k in options and k not in given]:
+        raise ParameterError(f"{clash[0]!r} is an option and a parameter", None, f"the parameter's value in the dict: {{{clash[0]!r}: …}}")
+    return f({k: v for k, v in given.items() if k in f.parameters})
+
+
+OPTIONS = frozenset(signature(compile).parameters) - {"e", "parameters"}
+"""The names of the options of a compilation."""

@@ -16,6 +16,7 @@ from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, directions_of
 from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
+from teg.ir.creation import in_order_of_creation, is_order_certain
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName, Index, Length, index_const, index_leaves
 from teg.ir.node import postorder
@@ -27,7 +28,8 @@ from teg.program import Program
 from teg.program.arrays import ArrayProgram
 from teg.report.diagnose import Diagnosis, LoopWatch, NumberWatch, Watch, diagnose, probes_of
 from teg.report.explain import Asked
-from teg.report.explanation import Explanation
+from teg.report.explanation import SHOWN, Explanation, shortened
+from teg.report.notebook import Card, card_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,13 +41,18 @@ KEPT = 16
 class Evaluator:
     """A compiled expression. Call it with parameters and arrays by name, by position (in the order of `parameters`) or as one dict.
 
-    Values are scalars or arrays that broadcast together to the batch's shape; results have that shape (a NumPy scalar if there is no
-    batch). An array parameter has the shape of its dimensions; axes in front of these are a batch, and broadcast with the shape of the
-    scalars. The derivative by an array has the array's shape. A tuple expression gives a tuple. Evaluators are immutable to their users,
-    safe to share between threads, and pickle.
+    `parameters` are those listed in `teg.compile`, then the others in the order in which they were created. Where the others were created
+    in more than one order, or read from a file, values by position raise ParameterError.
+
+    Values are scalars or arrays that broadcast together to the batch's shape; results have that shape. Without a batch a result is a
+    Python float (in single precision a `numpy.float32`). An array parameter has the shape of its dimensions; axes in front of these are
+    a batch, and broadcast with the shape of the scalars. The derivative by an array has the array's shape. A tuple expression gives a
+    tuple. Evaluators are immutable to their users, safe to share between threads, and pickle.
     """
 
-    def __init__(self, e: Expr, wrt: Sequence[Parameter] | None, options: Options) -> None:
+    def __init__(
+        self, e: Expr, wrt: Sequence[Parameter] | None, options: Options, order: tuple[Sequence[Param | ArrayName], int] | None = None
+    ) -> None:
         self._loops = has_arrays(e)
         if self._loops:
             check_indices(e)
@@ -53,10 +60,13 @@ class Evaluator:
         self._options = options
         arrays, counted, found = arrays_of(self.expression), integer_parameters(self.expression), parameters(self.expression)
         scalars = dict.fromkeys([*found, *counted])
-        default = [p for p in scalars if p not in set(counted) or p in set(found)] + [a for a in arrays if isinstance(a, Array)]
-        self.wrt: tuple[Parameter, ...] = tuple(default if wrt is None else wrt)
         mapped = (p for m in options.maps for p in m.parameters)
-        self._leaves: tuple[Param | ArrayName, ...] = tuple(dict.fromkeys([*self.wrt, *scalars, *arrays, *mapped]))
+        every = cast("list[Param | ArrayName]", [*scalars, *arrays, *mapped])
+        leaves, certain = order or _order(every, wrt)
+        self._leaves: tuple[Param | ArrayName, ...] = tuple(leaves)
+        self._certain = certain  # so many parameters may be given by position
+        default = [p for p in leaves if isinstance(p, Array) or (isinstance(p, Param) and (p not in set(counted) or p in set(found)))]
+        self.wrt: tuple[Parameter, ...] = tuple([p for p in default if p in {*scalars, *arrays}] if wrt is None else wrt)
         self.parameters: tuple[str, ...] = tuple(p.name for p in self._leaves)
         self._integers = frozenset(p.name for p in counted)
         self._entries = len(flatten(e))
@@ -111,7 +121,7 @@ class Evaluator:
         a direction for each number: `hvp` scales better.
         """
         if self._loops:
-            return self._hessian_by_products(values_by_name(self.parameters, args, named))
+            return self._hessian_by_products(self.by_name(args, named))
         found, shape = self._run(2, args, named)
         rows = iter(found[self._entries * (1 + len(self.wrt)) :])
         names = [p.name for p in self.wrt]
@@ -124,7 +134,7 @@ class Evaluator:
         Parameters that the direction does not name do not move. Cost: a small multiple of the gradient's, whatever the number of
         parameters.
         """
-        wanted, given = self._moved(values_by_name(self.parameters, (values,), {}), direction)
+        wanted, given = self._moved(self.by_name((values,), {}), direction)
         call, kernels = self._call(wanted, given)
         rows = self._rounded(kernels.results(wanted, call, partial(self._titles, wanted)))
         return self._by_name(iter(rows), call.shape)
@@ -152,7 +162,7 @@ class Evaluator:
         """
         if derivatives not in (0, 1, 2):
             raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value, 1: and gradient, 2: and Hessian")
-        given = values_by_name(self.parameters, args, named)
+        given = self.by_name(args, named)
         wanted = [(ORDERS[min(derivatives, 1) if self._loops else derivatives], given)]
         if self._loops and derivatives == 2:
             wanted += [self._moved(given, {q.name: direction}) for q in self.wrt for direction in self._units(given, q)]
@@ -196,7 +206,7 @@ class Evaluator:
     def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:
         """Returns where and why the expression is not differentiable at these values, and in which iteration of its sums; [] if it is
         differentiable."""
-        call, kernels = self._call(GRADIENT, values_by_name(self.parameters, args, named))
+        call, kernels = self._call(GRADIENT, self.by_name(args, named))
         return diagnose(self._loop_watch(kernels, call) if self._loops else self._number_watch(kernels, call), call)
 
     def _number_watch(self, kernels: Kernels, call: Call) -> Watch:
@@ -266,21 +276,49 @@ class Evaluator:
         return made.kernel_of(GRADIENT).source if self._loops else "\n".join(made.sources)
 
     def __repr__(self) -> str:
-        return f"<teg.Evaluator({', '.join(self.parameters)}) of {str(self.expression)[:120]} on {self._options.backend}>"
+        return f"<teg.Evaluator({', '.join(self.parameters)}) of {shortened(str(self.expression), SHOWN)} on {self._options.backend}>"
+
+    def _repr_html_(self) -> str:
+        return self._card().html()
+
+    def _repr_markdown_(self) -> str:
+        return self._card().markdown()
+
+    def _card(self) -> Card:
+        return card_of(self.expression, self._leaves, self.wrt, self._options.backend)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (Evaluator, (self.expression, self.wrt, self._options))
+        return (Evaluator, (self.expression, self.wrt, self._options, (self._leaves, self._certain)))
 
     # -- inside --------------------------------------------------------------------------------------------------------
 
+    def by_name(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
+        """Returns the values of a call by name.
+
+        Raises ParameterError if one is missing, unknown or given twice, or given by position where no order of the parameters is known.
+        """
+        if len(args) > self._certain and not isinstance(args[0], Mapping) and len(args) <= len(self.parameters):
+            names = self.parameters[self._certain :]
+            raise ParameterError(
+                f"the order of {', '.join(names)} is not certain: they were created in several orders, so give values by name",
+                None,
+                f"f({', '.join(f'{name}=…' for name in names)}), or the order in a list: teg.compile(e, [{', '.join(self.parameters)}])",
+            )
+        return values_by_name(self.parameters, args, named)
+
     def _run(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[Any, tuple[int, ...]]:
         """Returns the results of value (0), gradient (1) or Hessian (2), and the shape of the batch."""
-        if self._quick and self._kernels is not None and (numbers := plain_numbers(self.parameters, args, named)) is not None:
+        if (
+            self._quick
+            and len(args) <= self._certain
+            and self._kernels is not None
+            and (numbers := plain_numbers(self.parameters, args, named)) is not None
+        ):
             quick = self._kernels.at_point(orders, numbers)
             if quick is not None:
                 return quick, ()
         wanted = ORDERS[orders]
-        call, kernels = self._call(wanted, values_by_name(self.parameters, args, named))
+        call, kernels = self._call(wanted, self.by_name(args, named))
         return self._rounded(kernels.results(wanted, call, partial(self._titles, wanted))), call.shape
 
     def _rounded(self, found: Sequence[np.ndarray]) -> Sequence[np.ndarray]:
@@ -290,7 +328,7 @@ class Evaluator:
         self, wanted: Wanted, args: tuple[Any, ...], named: Mapping[str, Any]
     ) -> tuple[Sequence[Any], Sequence[Any], tuple[int, ...]]:
         """Returns results, the estimates of their errors, and the shape of the batch."""
-        call, kernels = self._call(wanted, values_by_name(self.parameters, args, named))
+        call, kernels = self._call(wanted, self.by_name(args, named))
         values, errors = kernels.estimated(wanted, call, partial(self._titles, wanted))
         if self._options.dtype == "float32":
             pairs = [with_rounding(*pair) for pair in zip(values, errors, strict=True)]
@@ -393,9 +431,21 @@ class Evaluator:
         return {p.name: _in_structure(self.expression, iter([part[i] for part in parts])) for i, p in enumerate(self.wrt)}
 
 
+def _order(every: Sequence[Param | ArrayName], wrt: Sequence[Parameter] | None) -> tuple[list[Param | ArrayName], int]:
+    """Returns the arguments, those that a user lists before the others, and how many of them have a certain place."""
+    listed: list[Param | ArrayName] = [] if wrt is None else list(wrt)
+    others = in_order_of_creation([p for p in every if p not in set(listed)])
+    return [*listed, *others], len(listed) + (len(others) if is_order_certain(others) else 0)
+
+
+def _plain(value: Any) -> Any:
+    """Returns a number as Python's float if NumPy gives it as a float64; single precision and arrays as they are."""
+    return float(value) if isinstance(value, float) else value
+
+
 def _one(row: np.ndarray, shape: tuple[int, ...]) -> Any:
     """Returns a result in the shape of the batch, or of its only element."""
-    return row.reshape(shape + row.shape[1:]) if shape else row[0]
+    return row.reshape(shape + row.shape[1:]) if shape else _plain(row[0])
 
 
 def _in_structure(e: Expr, entries: Iterator[Any]) -> Any:
@@ -422,14 +472,14 @@ def _along(value: Any, terms: Sequence[tuple[Any, Any, int]]) -> Any:
     if isinstance(value, tuple):
         return tuple(_along(v, [(slope[i], d, dimensions) for slope, d, dimensions in terms]) for i, v in enumerate(value))
     products = [np.multiply(slope, d).sum(axis=tuple(range(-dimensions, 0))) if dimensions else slope * d for slope, d, dimensions in terms]
-    return sum(products[1:], start=products[0]) if products else 0.0
+    return _plain(sum(products[1:], start=products[0])) if products else 0.0
 
 
 def _weighted(slope: Any, weight: Any, dimensions: int) -> Any:
     """Returns a derivative times a cotangent of the shape of the batch."""
     import numpy as np
 
-    return slope * np.asarray(weight).reshape(np.shape(weight) + (1,) * dimensions) if dimensions else slope * weight
+    return slope * np.asarray(weight).reshape(np.shape(weight) + (1,) * dimensions) if dimensions else _plain(slope * weight)
 
 
 def _stacked(columns: Sequence[Any], rows: tuple[int, ...], behind: tuple[int, ...]) -> Any:

@@ -8,12 +8,13 @@ from typing import cast
 
 from teg.analysis.bodies import write_all_out
 from teg.analysis.isolation import MAX_ROOTS
-from teg.analysis.settings import Integration
+from teg.analysis.settings import Integration, Rule
 from teg.errors import OptionError
+from teg.evaluator.options import Discontinuities
 from teg.evaluator.plan import ORDERS, Derivation, Task
 from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
-from teg.ir.expr import Expr, Param, Tuple, as_number
+from teg.ir.expr import Expr, Operand, Param, Tuple, as_number
 from teg.ir.index import Index, Length, index_const, index_leaves
 from teg.ir.node import postorder
 from teg.ir.traverse import parameters
@@ -31,14 +32,14 @@ ASSUMED = 2
 
 
 def explain(
-    expression: object,
+    expression: Operand,
     wrt: Sequence[Parameter] | Parameter | None = None,
     tol: float = 1e-10,
     *,
-    rule: str = "auto",
+    rule: Rule = "auto",
     order: int | None = None,
     seed: int = 0,
-    discontinuities: str = "exact",
+    discontinuities: Discontinuities = "exact",
     derivatives: int = 0,
     maps: Sequence[Diffeomorphism] = (),
     max_roots: int = MAX_ROOTS,

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, TypeVar
 
 from teg.analysis.bodies import write_all_out
 from teg.errors import ArrayIndexError, EstimatorError, ParameterError
-from teg.evaluator.arguments import name_of, refuse_masked
+from teg.evaluator.arguments import name_of, refuse_masked, refuse_nested
 from teg.evaluator.kernels import dimensions_of
 from teg.evaluator.options import Options
 from teg.evaluator.plan import VALUE, Kept, Plan
@@ -89,6 +89,7 @@ class FrameworkFunction:
                 if k in given:
                     raise ParameterError(f"the parameter {k!r} is given twice", None, f"the parameters are {self._signature}")
                 given[k] = v
+        refuse_nested(given, self.parameters)
         if unknown := [str(k) for k in given if k not in self.parameters]:
             raise ParameterError(
                 f"there is no parameter named {', '.join(map(repr, unknown))}", None, f"the parameters are {self._signature}"

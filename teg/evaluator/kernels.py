@@ -13,6 +13,7 @@ from teg.evaluator.accuracy import has_samples, report_missed, report_not_a_numb
 from teg.evaluator.arguments import Call, whole_numbers
 from teg.evaluator.options import Options
 from teg.evaluator.plan import ORDERS, Kept, Plan, Wanted, derivative_of_order
+from teg.evaluator.timing import timed
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName
 from teg.maps.checks import MapChecks
@@ -63,7 +64,8 @@ class Kernels:
     def _made(self, key: Key) -> Kernel:
         program = self.plan.program(key.wanted, key.entry, key.errors, self.room(key))
         dtype = "float64" if key.errors or key.counted else self.plan.options.dtype
-        kernel: Kernel = build_kernel(program, self.plan.options, dtype, key.counted)
+        with timed(f"{key.wanted.title} for {self.plan.options.backend}", "compiled"):
+            kernel: Kernel = build_kernel(program, self.plan.options, dtype, key.counted)
         return kernel
 
     def room(self, key: Key) -> Integration:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast, get_args
 
 from teg.analysis.settings import DEFAULT_TOL, Integration
 from teg.errors import EstimatorError, OptionError
@@ -12,9 +12,18 @@ from teg.passes.differentiate.estimators.estimator import Estimator
 from teg.passes.differentiate.estimators.exact import Exact
 from teg.pipeline import estimator_for
 
-BACKENDS = ("numpy", "c", "jax")
-INACCURATE = ("warn", "raise", "ignore")
-FUNCTIONS = ("linked", "inlined")
+if TYPE_CHECKING:
+    import numpy as np
+
+Backend = Literal["numpy", "c", "jax"]
+Discontinuities = Literal["exact", "sift", "ignore", "differences", "spsa", "edge-mc", "warp", "warp-blur", "smooth"]
+Inaccurate = Literal["warn", "raise", "ignore"]
+Functions = Literal["linked", "inlined"]
+DType: TypeAlias = "Literal['float64', 'float32'] | type | np.dtype[Any]"
+"""The types of options."""
+BACKENDS = get_args(Backend)
+INACCURATE = get_args(Inaccurate)
+FUNCTIONS = get_args(Functions)
 DTYPES = ("float64", "float32")
 """The types of parameters and results. All intermediate values are float64."""
 DEFAULT_TOLS = {"float64": DEFAULT_TOL, "float32": 1e-6}

@@ -25,10 +25,12 @@ from typing import Generic, NamedTuple, TypeVar, cast
 from teg.analysis.settings import Integration
 from teg.errors import EstimatorError
 from teg.evaluator.options import Options
+from teg.evaluator.timing import log, timed
 from teg.ir import expr as ex
 from teg.ir.arrays import Array, has_arrays
-from teg.ir.expr import Expr, Param, Tuple
+from teg.ir.expr import Expr, Param, Tuple, Var
 from teg.ir.index import ArrayName
+from teg.ir.still import released
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.estimators.estimator import Estimator
 from teg.passes.differentiate.estimators.ignore import Ignore, ignore_discontinuities
@@ -58,6 +60,15 @@ class Wanted(NamedTuple):
     values: bool
     orders: int
     along: tuple[tuple[Parameter, ...], ...] = ()
+
+    @property
+    def title(self) -> str:
+        """Returns what is wanted in words."""
+        names = ["value"] * self.values + ["gradient", "Hessian"][: self.orders]
+        if self.along:
+            directions = "a direction" if len(self.along) == 1 else f"{len(self.along)} directions"
+            return f"gradient of the derivative along {directions}"
+        return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
 
 
 VALUE, GRADIENT, HESSIAN = Wanted(True, 0), Wanted(True, 1), Wanted(True, 2)
@@ -171,7 +182,12 @@ class Derivation:
         if self.first_only and (wanted.along or (self.has_loops and wanted.orders)):
             raise EstimatorError(f"discontinuities={self.task.estimator.name!r} {self._limit(wanted)}", None, '"exact" and "ignore" do')
         make = self._looped if self.has_loops else self._flat
-        return self._programs.get((wanted, entry, errors, how), lambda: make(wanted, entry, errors, how))
+
+        def derived() -> Program | ArrayProgram:
+            with timed(wanted.title + (" with error estimates" if errors else ""), "derived"):
+                return make(wanted, entry, errors, how)
+
+        return self._programs.get((wanted, entry, errors, how), derived)
 
     @staticmethod
     def _limit(wanted: Wanted) -> str:
@@ -191,7 +207,7 @@ class Derivation:
         task = self.task
         source, wrt = task.expression if entry is None else self.entries[entry], cast("tuple[Param, ...]", task.wrt)
         for direction in self.directions(wanted):
-            source = self._without_deltas(jvp(source, cast("dict[Param, object]", direction), task.maps))
+            source = self._without_deltas(jvp(source, cast("dict[Param | Var, object]", direction), task.maps))
         outputs = compiled_outputs(source, wrt, wanted.orders, task.estimator, task.maps, task.integration.closed_forms)
         return outputs if wanted.values else outputs[1:]
 
@@ -209,6 +225,7 @@ class Derivation:
         """Returns the program of some outputs, with the arguments of `wanted`; an unfinished one lacks the last passes
         over flat programs."""
         arguments = self.arguments(wanted)
+        outputs = [(output[0], released(output[1])) if isinstance(output, tuple) else released(output) for output in outputs]
 
         def flat(cells: Sequence[Expr], names: Sequence[str]) -> Program:
             together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that outputs share loops
@@ -238,7 +255,10 @@ class Derivation:
     def _tangent(self, leaf: Expr, wanted: Wanted) -> Expr:
         for direction in self.directions(wanted):
             moved = tangent(
-                leaf, dict(direction), lambda cell, changes: jvp(cell, changes, self.task.maps), self.task.estimator.name == "exact"
+                leaf,
+                direction,
+                lambda cell, changes: jvp(cell, changes, self.task.maps),
+                self.task.estimator.name == "exact",
             )
             leaf = self._without_deltas(moved)
         return leaf
@@ -297,6 +317,8 @@ def _derivation(task: Task, shared: bool) -> Derivation:
         found = _derivations.get(task)
         if found is None:
             found = _derivations[task] = Derivation(task)
+        else:
+            log.debug("a derivation is shared with another program of the same functions' signatures")
     return found
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Hashable, Mapping, Sequence
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 from teg.analysis.isolation import MAX_ROOTS
-from teg.analysis.settings import Integration
+from teg.analysis.settings import Integration, Rule
 from teg.errors import ArrayIndexError, BackendError, CompilerError, MissingPackageError, OptionError, ParameterError
 from teg.evaluator.accuracy import AccuracyWarning
 from teg.evaluator.arguments import batch_shape
@@ -20,13 +20,14 @@ from teg.evaluator.framework import (
     nested,
 )
 from teg.evaluator.kernels import dimensions_of
-from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.evaluator.options import DEFAULT_TOLS, Discontinuities, Inaccurate, Options, checked_dtype
 from teg.evaluator.plan import VALUE, Kept, Plan, derivative_of_order
-from teg.ir.expr import Expr, Param
+from teg.ir.expr import Expr, Operand, Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.passes.differentiate.through_sums import parameters_and_arrays
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
+from teg.report.explanation import SHOWN, shortened
 
 KERNELS = ("auto", "c", "xla")
 OLDEST = (0, 8, 0)
@@ -34,20 +35,20 @@ OLDEST = (0, 8, 0)
 
 
 def jax_function(
-    e: object,
+    e: Operand,
     params: Sequence[Parameter] | Parameter | None = None,
     *,
     indices: Mapping[Any, Any] | None = None,
     dtype: object = None,
     tol: float | None = None,
-    rule: str = "auto",
+    rule: Rule = "auto",
     order: int | None = None,
     seed: int = 0,
-    discontinuities: str = "exact",
+    discontinuities: Discontinuities = "exact",
     max_roots: int = MAX_ROOTS,
     maps: Sequence[Any] = (),
-    kernel: str = "auto",
-    inaccurate: str = "warn",
+    kernel: Literal["auto", "c", "xla"] = "auto",
+    inaccurate: Inaccurate = "warn",
     intrinsics: bool = True,
 ) -> JaxFunction:
     """Returns a pure function of JAX: from a dict of parameters and arrays by name (a pytree) to the value, or a tuple of values.
@@ -115,7 +116,7 @@ class JaxFunction(FrameworkFunction):
         self._given = (*self._given, kernel)  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        return f"<teg.jax_function of {', '.join(self.parameters)}>"
+        return f"<teg.jax_function({', '.join(self.parameters)}) of {shortened(str(self.expression), SHOWN)}>"
 
     def __call__(self, values: Mapping[str, Any] | None = None, /, **named: Any) -> Any:
         """Returns the value, an array of the batch's shape; for a tuple expression a tuple."""
@@ -242,7 +243,7 @@ def _import_jax(dtype: str | None) -> None:
     try:
         import jax
     except ImportError:
-        raise MissingPackageError("the package jax is not installed", None, 'pip install "teg[jax]"') from None
+        raise MissingPackageError("the package jax is not installed", None, 'pip install "teg-compiler[jax]"') from None
     if jax.__version_info__ < OLDEST:
         oldest = ".".join(map(str, OLDEST))
         raise MissingPackageError(

@@ -11,7 +11,8 @@ from teg.evaluator.arguments import refuse_masked
 from teg.evaluator.compile import compile
 from teg.evaluator.options import checked_dtype
 from teg.ir.arrays import Array
-from teg.ir.expr import Param
+from teg.ir.expr import Operand, Param
+from teg.report.explanation import SHOWN, shortened
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,7 +21,7 @@ Parameter = Param | Array
 
 
 def scipy_function(
-    e: object,
+    e: Operand,
     parameters: Sequence[Parameter] | Parameter,
     *,
     fixed: Mapping[Any, Any] | None = None,
@@ -29,8 +30,8 @@ def scipy_function(
 ) -> VectorFunction:
     """Returns the functions (fun, jac) of one vector x, which holds the values of `parameters` in their order:
 
-        fun, jac = teg.scipy_function(e, [t, a], fixed={"b": 2.0}, backend="c")
-        scipy.optimize.minimize(fun, [0.5, 1.0], jac=jac)
+        fun, jac = teg.scipy_function(e, [t], fixed={"a": 2.0})
+        scipy.optimize.minimize(fun, [0.5], jac=jac)
 
     fun(x) is a float, jac(x) the gradient, float64 of x's shape (n,). For a tuple of m expressions they are a vector (m,) and the
     Jacobian matrix (m, n), the form that `scipy.optimize.least_squares` takes. `hessp(x, p)`, an attribute of the result, is the Hessian
@@ -120,6 +121,10 @@ class VectorFunction:
             parts[name] = part.reshape(shape) if shape or size != 1 else float(part[0])
             first += size
         return parts
+
+    def __repr__(self) -> str:
+        places = ", ".join(name + "".join(f"[{n}]" for n in shape) for name, shape in self.shapes.items())
+        return f"<teg.scipy_function of the vector ({places}), for {shortened(str(self.evaluator.expression), SHOWN)}>"
 
     def __reduce__(self) -> tuple[object, ...]:
         return (VectorFunction, (self.evaluator, self._moving, self.fixed, self._given_shapes))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import reduce
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from teg.analysis.isolation import MAX_ROOTS
-from teg.analysis.settings import Integration
+from teg.analysis.settings import Integration, Rule
 from teg.errors import ArrayIndexError, MissingPackageError, OptionError, ParameterError
 from teg.evaluator.arguments import batch_shape
 from teg.evaluator.framework import (
@@ -19,11 +19,12 @@ from teg.evaluator.framework import (
     nested,
 )
 from teg.evaluator.kernels import DerivativeKernels, dimensions_of
-from teg.evaluator.options import DEFAULT_TOLS, Options, checked_dtype
+from teg.evaluator.options import DEFAULT_TOLS, Discontinuities, Inaccurate, Options, checked_dtype
 from teg.evaluator.plan import Kept, Plan
-from teg.ir.expr import Expr, Param
+from teg.ir.expr import Expr, Operand, Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.passes.differentiate.through_sums import parameters_and_arrays
+from teg.report.explanation import SHOWN, shortened
 
 if TYPE_CHECKING:
     import torch
@@ -34,20 +35,20 @@ BACKENDS = ("numpy", "c")
 
 
 def torch_function(
-    e: object,
+    e: Operand,
     params: Sequence[Parameter] | Parameter | None = None,
     *,
     indices: Mapping[Any, Any] | None = None,
     dtype: object = None,
-    backend: str = "numpy",
+    backend: Literal["numpy", "c"] = "numpy",
     threads: int = 1,
     memory: int = 256 * 2**20,
     tol: float | None = None,
-    rule: str = "auto",
+    rule: Rule = "auto",
     order: int | None = None,
     seed: int = 0,
-    inaccurate: str = "warn",
-    discontinuities: str = "exact",
+    inaccurate: Inaccurate = "warn",
+    discontinuities: Discontinuities = "exact",
     max_roots: int = MAX_ROOTS,
     maps: Sequence[Any] = (),
     check_maps: bool = True,
@@ -105,7 +106,7 @@ class TorchFunction(FrameworkFunction):
             self._kernels_of(self._plan)
 
     def __repr__(self) -> str:
-        return f"<teg.torch_function of {', '.join(self.parameters)} on {self._options.backend}>"
+        return f"<teg.torch_function({', '.join(self.parameters)}) of {shortened(str(self.expression), SHOWN)} on {self._options.backend}>"
 
     def __call__(self, values: Mapping[str, Any] | None = None, /, **named: Any) -> Any:
         """Returns the value, a tensor of the batch's shape; for a tuple expression a tuple."""
@@ -232,7 +233,7 @@ def _import_torch() -> None:
     try:
         import torch
     except ImportError:
-        raise MissingPackageError("the package torch is not installed", None, 'pip install "teg[torch]"') from None
+        raise MissingPackageError("the package torch is not installed", None, 'pip install "teg-compiler[torch]"') from None
     version = tuple(int(part) for part in torch.__version__.split("+")[0].split(".")[:2])
     if version < OLDEST:
         oldest = ".".join(map(str, OLDEST))

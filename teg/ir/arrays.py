@@ -9,11 +9,12 @@ its indices name (a scatter). Units stand in linear positions only: in sums, pro
 
 from __future__ import annotations
 
-from typing import cast
+from typing import TypeAlias, cast, overload
 
-from teg.errors import ArrayIndexError, OperandError, ScopeError
+from teg.errors import ArrayIndexError, OperandError, ParameterError, ScopeError
 from teg.ir import expr as ex
-from teg.ir.expr import ZERO, Expr, Param, Tuple, as_number
+from teg.ir.creation import created
+from teg.ir.expr import ZERO, Expr, Operand, Param, Tuple, as_number
 from teg.ir.index import (
     ArrayName,
     Index,
@@ -23,6 +24,7 @@ from teg.ir.index import (
     IndexValue,
     IndexVar,
     Length,
+    Place,
     as_index,
     index_leaves,
     show_index,
@@ -37,7 +39,7 @@ class Array(ArrayName):
 
     __slots__ = ()
 
-    def __getitem__(self, places: object) -> Gather:
+    def __getitem__(self, places: Place | tuple[Place, ...]) -> Gather:
         return Gather.make((self, self.subscripts(places)), ())
 
 
@@ -57,6 +59,12 @@ class Entry(Expr):
 
 class Gather(Entry):
     """The number at a place of an array."""
+
+    __slots__ = ()
+
+
+class StillGather(Gather):
+    """The same without a derivative (`teg.ir.still`)."""
 
     __slots__ = ()
 
@@ -135,6 +143,16 @@ def _named(name: object, what: str) -> str:
     return name
 
 
+def identifier(name: str, several: str = "") -> str:
+    """Returns the name of an argument of programs. Raises ParameterError if Python cannot take it as a keyword."""
+    if not name.isidentifier():
+        hint = "letters, digits and _, a letter first: f(name=value)"
+        if several and len(name.split()) > 1:
+            hint = f"several at once: teg.{several}({name!r:.80})"
+        raise ParameterError(f"{name!r:.80} is not a name for an argument", None, hint)
+    return name
+
+
 def _dimensions(dimensions: object, name: str) -> int:
     if isinstance(dimensions, bool) or not isinstance(dimensions, int) or not 1 <= dimensions <= MAX_DIMENSIONS:
         hint = "a single number is a teg.param, a single integer too: teg.param is one where an index is expected"
@@ -148,12 +166,12 @@ def array(name: str, dimensions: int = 1) -> Array:
     The shape is known when the program is called. Raises ArrayIndexError if the array is indexed by anything but integers, or by too
     few.
     """
-    return Array.make((_named(name, "array"), _dimensions(dimensions, name)), ())
+    return created(Array.make((identifier(_named(name, "array")), _dimensions(dimensions, name)), ()))
 
 
 def indices(name: str, dimensions: int = 1) -> IndexArray:
     """Returns an array of integers, for gathers: ``F = teg.indices("F", 2)``; ``V[F[k, 0], 1]``. Not differentiable."""
-    return IndexArray.make((_named(name, "array of indices"), _dimensions(dimensions, name)), ())
+    return created(IndexArray.make((identifier(_named(name, "array of indices")), _dimensions(dimensions, name)), ()))
 
 
 def index(name: str) -> IndexVar:
@@ -161,7 +179,7 @@ def index(name: str) -> IndexVar:
     return IndexVar.make(_named(name, "index"), ())
 
 
-def length(of: object, axis: int = 0) -> Index:
+def length(of: ArrayName, axis: int = 0) -> Index:
     """Returns the length of an array along an axis, known when the program is called."""
     if not isinstance(of, ArrayName):
         raise ArrayIndexError("teg.length takes an array", of, 'teg.length(V, 0) of V = teg.array("V", 2)')
@@ -170,12 +188,23 @@ def length(of: object, axis: int = 0) -> Index:
     return Length.make((of, axis), ())
 
 
-def sum_(body: object, *ranges: tuple[object, object, object]) -> Expr:
+Range: TypeAlias = tuple[IndexVar, Place, Place]
+"""The type of a triple (index, first, end)."""
+
+
+@overload
+def sum_(body: Tuple, *ranges: Range) -> Tuple: ...
+@overload
+def sum_(body: Operand, *ranges: Range) -> Expr: ...
+def sum_(body: Operand, *ranges: Range) -> Expr:
     """Returns the sum of `body` over the triples (index, first, end), the first triple innermost; `end` is excluded, as in ``range``.
 
     Bounds are integers, parameters that hold integers, teg.length, and integer expressions of the indices of later triples. A tuple is
     summed entry by entry. Raises ScopeError for a malformed triple, ArrayIndexError for a bound that is not an integer.
     """
+    if isinstance(body, tuple | list):
+        hint = "Python's sum(…) adds a list; teg.sum(V[k], (k, 0, n)) runs over an index"
+        raise OperandError(f"teg.sum takes one expression and the range of an index, not a Python {type(body).__name__}", None, hint)
     e = body if isinstance(body, Tuple) else as_number(body)
     if not ranges:
         raise ScopeError("a sum needs an index and its range", e, "write teg.sum(e, (k, 0, n))")
@@ -268,5 +297,7 @@ def show_leaf(node: Expr) -> str:
         return f"slope[{show_index(node.row)}, {node.column}]"
     if isinstance(node, Gather | Unit):
         places = ", ".join(map(show_index, node.subscripts))
+        if isinstance(node, StillGather):
+            return f"stop({node.array.name}[{places}])"
         return f"{node.array.name}[{places}]" if isinstance(node, Gather) else f"1[{node.array.name}; {places}]"
     return f"({show_index(cast(IndexValue, node).index)})"

@@ -12,12 +12,12 @@ These are what users write. `teg.passes.normalise.choices` turns them into what 
 from __future__ import annotations
 
 import math
-from typing import cast
+from typing import TypeAlias, cast, overload
 
 from teg.errors import ArrayIndexError, OperandError, ScopeError
 from teg.ir import expr as ex
-from teg.ir.arrays import Ranged, open_indices
-from teg.ir.expr import MINUS_ONE, Cond, Const, Expr, Tuple, as_condition, as_number, mul, negation
+from teg.ir.arrays import Range, Ranged, open_indices
+from teg.ir.expr import MINUS_ONE, Cond, Const, Expr, Operand, Tuple, as_condition, as_number, mul, negation
 from teg.ir.index import Index, IndexConst, IndexVar, as_index, index_leaves
 
 NOTHING = ex.const(math.nan)
@@ -77,7 +77,7 @@ CHOICES = (Nearest, AnyOf, Product)
 # -- what users call ---------------------------------------------------------------------------------------------------
 
 
-def any_(condition: object, *ranges: tuple[object, object, object]) -> Cond:
+def any_(condition: Cond, *ranges: Range) -> Cond:
     """Returns the condition that `condition` holds for any index of the triples (index, first, end); `end` is excluded.
 
     Over an empty range it is false. A condition that is NaN for one index makes it NaN. Raises ScopeError for a malformed triple,
@@ -95,7 +95,7 @@ def any_(condition: object, *ranges: tuple[object, object, object]) -> Cond:
     return c
 
 
-def all_(condition: object, *ranges: tuple[object, object, object]) -> Cond:
+def all_(condition: Cond, *ranges: Range) -> Cond:
     """Returns the condition that `condition` holds for every index of the triples (index, first, end); `end` is excluded.
 
     Over an empty range it is true. A condition that is NaN for one index makes it NaN. Raises as `teg.any` does.
@@ -107,7 +107,11 @@ def all_(condition: object, *ranges: tuple[object, object, object]) -> Cond:
     return negation(any_(negation(as_condition(condition)), *ranges))
 
 
-def prod(factor: object, *ranges: tuple[object, object, object]) -> Expr:
+@overload
+def prod(factor: Tuple, *ranges: Range) -> Tuple: ...
+@overload
+def prod(factor: Operand, *ranges: Range) -> Expr: ...
+def prod(factor: Operand, *ranges: Range) -> Expr:
     """Returns the product of `factor` over the triples (index, first, end), the first triple innermost; `end` is excluded.
 
     Over an empty range it is 1. A derivative costs the square of the number of factors, and is right where factors are 0. A tuple is
@@ -127,7 +131,17 @@ def prod(factor: object, *ranges: tuple[object, object, object]) -> Expr:
     return e
 
 
-def nearest(value: object, key: object, over: tuple[object, object, object], *, where: object = None, otherwise: object = NOTHING) -> Expr:
+Values: TypeAlias = "Operand | tuple[Operand, ...] | list[Operand]"
+"""The type of one value or of several."""
+
+
+@overload
+def nearest(
+    value: Tuple | tuple[Operand, ...], key: Operand, over: Range, *, where: Cond | None = None, otherwise: Values = NOTHING
+) -> Tuple: ...
+@overload
+def nearest(value: Operand, key: Operand, over: Range, *, where: Cond | None = None, otherwise: Values = NOTHING) -> Expr: ...
+def nearest(value: Values, key: Operand, over: Range, *, where: Cond | None = None, otherwise: Values = NOTHING) -> Expr:
     """Returns `value` at the index of the triple (index, first, end) whose `key` is least among those where the condition `where` holds.
 
     Ties go to the lower index. Where there is no candidate it is `otherwise`; without that argument NaN, of which a call warns. A key
@@ -158,7 +172,7 @@ def nearest(value: object, key: object, over: tuple[object, object, object], *, 
     return Nearest.make((k, lo, hi), (chosen, by, condition, last))
 
 
-def minimum_of(key: object, over: tuple[object, object, object], *, where: object = None, otherwise: object = NOTHING) -> Expr:
+def minimum_of(key: Operand, over: Range, *, where: Cond | None = None, otherwise: Operand = NOTHING) -> Expr:
     """Returns the least `key` over the triple (index, first, end) among those where the condition `where` holds.
 
     Where there is none it is `otherwise`; without that argument NaN. Raises as `teg.nearest` does.
@@ -170,7 +184,7 @@ def minimum_of(key: object, over: tuple[object, object, object], *, where: objec
     return nearest(key, key, over, where=where, otherwise=otherwise)
 
 
-def maximum_of(key: object, over: tuple[object, object, object], *, where: object = None, otherwise: object = NOTHING) -> Expr:
+def maximum_of(key: Operand, over: Range, *, where: Cond | None = None, otherwise: Operand = NOTHING) -> Expr:
     """Returns the largest `key` over the triple (index, first, end) among those where the condition `where` holds.
 
     Where there is none it is `otherwise`; without that argument NaN. Raises as `teg.nearest` does.

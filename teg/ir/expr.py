@@ -15,11 +15,22 @@ import math
 import operator
 from collections.abc import Callable, Iterable, Iterator
 from numbers import Real
-from typing import Any, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, cast
 
 from teg.errors import ConditionError, DeltaError, OperandError
 from teg.ir.node import Node
 from teg.numerics.error_function import inverse_erf, inverse_erfc
+
+if TYPE_CHECKING:
+    from decimal import Decimal
+    from fractions import Fraction
+
+    import numpy as np
+
+    from teg.ir.index import Index
+
+Operand: TypeAlias = "Expr | Index | float | np.floating[Any] | np.integer[Any] | Fraction | Decimal"
+"""The types of numbers: expressions, indices, and real numbers of Python and NumPy."""
 
 _FLATTEN = 8  # a product inside a product is merged while it is this short: longer ones would make chains quadratic
 
@@ -40,46 +51,46 @@ class Expr(Node):
             return cast("Expr | Cond", operate(*(as_number(i) if not isinstance(i, Expr) else i for i in inputs)))
         raise OperandError(f"numpy.{ufunc.__name__} does not know expressions", self, f"use teg.{ufunc.__name__}, or the operators")
 
-    def __add__(self, other: object) -> Expr:
+    def __add__(self, other: Operand) -> Expr:
         return _binary(self, other, add)
 
-    def __radd__(self, other: object) -> Expr:
+    def __radd__(self, other: Operand) -> Expr:
         return _binary(other, self, add)
 
-    def __sub__(self, other: object) -> Expr:
+    def __sub__(self, other: Operand) -> Expr:
         return _binary(self, other, sub)
 
-    def __rsub__(self, other: object) -> Expr:
+    def __rsub__(self, other: Operand) -> Expr:
         return _binary(other, self, sub)
 
-    def __mul__(self, other: object) -> Expr:
+    def __mul__(self, other: Operand) -> Expr:
         return _binary(self, other, mul)
 
-    def __rmul__(self, other: object) -> Expr:
+    def __rmul__(self, other: Operand) -> Expr:
         return _binary(other, self, mul)
 
-    def __truediv__(self, other: object) -> Expr:
+    def __truediv__(self, other: Operand) -> Expr:
         return _binary(self, other, div)
 
-    def __rtruediv__(self, other: object) -> Expr:
+    def __rtruediv__(self, other: Operand) -> Expr:
         return _binary(other, self, div)
 
-    def __mod__(self, other: object) -> Expr:
-        return _binary(self, other, lambda a, b: call("mod", a, b))
+    def __mod__(self, other: Operand) -> Expr:
+        return entrywise(lambda a, b: call("mod", a, b), self, other)
 
-    def __rmod__(self, other: object) -> Expr:
-        return _binary(other, self, lambda a, b: call("mod", a, b))
+    def __rmod__(self, other: Operand) -> Expr:
+        return entrywise(lambda a, b: call("mod", a, b), other, self)
 
-    def __floordiv__(self, other: object) -> Expr:
-        return call("floor", self / other)
+    def __floordiv__(self, other: Operand) -> Expr:
+        return entrywise(lambda u: call("floor", u), self / other)
 
-    def __rfloordiv__(self, other: object) -> Expr:
-        return call("floor", other / self)
+    def __rfloordiv__(self, other: Operand) -> Expr:
+        return entrywise(lambda u: call("floor", u), other / self)
 
-    def __pow__(self, other: object) -> Expr:
+    def __pow__(self, other: Operand) -> Expr:
         return _binary(self, other, power)
 
-    def __rpow__(self, other: object) -> Expr:
+    def __rpow__(self, other: Operand) -> Expr:
         return _binary(other, self, power)
 
     def __neg__(self) -> Expr:
@@ -89,18 +100,18 @@ class Expr(Node):
         return self
 
     def __abs__(self) -> Expr:
-        return absolute(as_number(self))
+        return entrywise(absolute, self)
 
-    def __lt__(self, other: object) -> Cond:
+    def __lt__(self, other: Operand) -> Cond:
         return less(self, other, strict=True)
 
-    def __le__(self, other: object) -> Cond:
+    def __le__(self, other: Operand) -> Cond:
         return less(self, other, strict=False)
 
-    def __gt__(self, other: object) -> Cond:
+    def __gt__(self, other: Operand) -> Cond:
         return less(other, self, strict=True)
 
-    def __ge__(self, other: object) -> Cond:
+    def __ge__(self, other: Operand) -> Cond:
         return less(other, self, strict=False)
 
     def __bool__(self) -> NoReturn:
@@ -121,18 +132,19 @@ class Expr(Node):
     def __round__(self, digits: int | None = None) -> Expr:
         if digits is not None:
             raise OperandError("an expression is rounded to integers only", self, "write teg.round(e * 100) / 100 for two digits")
-        return call("round", as_number(self))
+        return entrywise(lambda u: call("round", u), self)
 
     def __floor__(self) -> Expr:
-        return call("floor", as_number(self))
+        return entrywise(lambda u: call("floor", u), self)
 
     def __ceil__(self) -> Expr:
-        return call("ceil", as_number(self))
+        return entrywise(lambda u: call("ceil", u), self)
 
-    def __and__(self, other: object) -> NoReturn:
+    def _is_no_condition(self, *_: object) -> NoReturn:
         raise ConditionError("& joins conditions, not numbers", self, "write (a < b) & (c < d), with the brackets")
 
-    __rand__ = __or__ = __ror__ = cast(Any, __and__)
+    if not TYPE_CHECKING:
+        __and__ = __rand__ = __or__ = __ror__ = _is_no_condition
 
     def __invert__(self) -> NoReturn:
         raise ConditionError("~ negates conditions, not numbers", self, "write ~(a < b), with the brackets")
@@ -158,6 +170,12 @@ class Param(Expr):
     @property
     def name(self) -> str:
         return self.data  # type: ignore[no-any-return]
+
+
+class Still(Param):
+    """A parameter that does not move: it has the value of the parameter and the derivative 0 (`teg.ir.still`)."""
+
+    __slots__ = ()
 
 
 class Var(Expr):
@@ -237,7 +255,7 @@ class Where(Expr):
 
 
 class Tuple(Expr):
-    """Several expressions evaluated together."""
+    """Several expressions evaluated together. Arithmetic and functions work entry by entry; + does not join tuples."""
 
     __slots__ = ()
     children: tuple[Expr, ...]
@@ -261,16 +279,16 @@ class Cond(Node):
 
     __slots__ = ()
 
-    def __and__(self, other: object) -> Cond:
+    def __and__(self, other: Cond) -> Cond:
         return conjunction(self, as_condition(other))
 
-    def __rand__(self, other: object) -> Cond:
+    def __rand__(self, other: Cond) -> Cond:
         return conjunction(as_condition(other), self)
 
-    def __or__(self, other: object) -> Cond:
+    def __or__(self, other: Cond) -> Cond:
         return disjunction(self, as_condition(other))
 
-    def __ror__(self, other: object) -> Cond:
+    def __ror__(self, other: Cond) -> Cond:
         return disjunction(as_condition(other), self)
 
     def __invert__(self) -> Cond:
@@ -280,14 +298,16 @@ class Cond(Node):
         raise ConditionError(
             "a condition has no truth value while the program is being written",
             self,
-            "write (a < x) & (x < b) for a < x < b; & | ~ for and, or, not; teg.where(c, a, b) for if/else",
+            "write (a < x) & (x < b) for a < x < b; & | ~ for and, or, not; teg.where(c, a, b) for if/else; teg.minimum, teg.maximum for "
+            "Python's min, max",
         )
 
     def _is_no_number(self, *_: object) -> NoReturn:
         raise ConditionError("a condition is not a number", self, "teg.bracket(condition) is 1 where it holds, else 0")
 
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _is_no_number
-    __pow__ = __rpow__ = __neg__ = __pos__ = __abs__ = __lt__ = __le__ = __gt__ = __ge__ = __float__ = _is_no_number
+    if not TYPE_CHECKING:  # type checkers report these themselves
+        __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _is_no_number
+        __pow__ = __rpow__ = __neg__ = __pos__ = __abs__ = __lt__ = __le__ = __gt__ = __ge__ = __float__ = _is_no_number
     __array_ufunc__ = None
 
 
@@ -382,7 +402,7 @@ def as_number(value: object) -> Expr:
     """Returns the expression for a value that a user gives as a number."""
     if isinstance(value, Expr):
         if isinstance(value, Tuple):
-            raise OperandError("a tuple takes no part in arithmetic", value, "use its entries: e[0], e[1], …")
+            raise OperandError("a tuple stands where one number is expected", value, "use its entries: e[0], e[1], …")
         return value
     if isinstance(value, Cond):
         value._is_no_number()
@@ -396,11 +416,31 @@ def as_number(value: object) -> Expr:
         )
     if isinstance(value, Real) or (hasattr(value, "__float__") and getattr(value, "ndim", None) == 0):
         return const(float(cast(Any, value)))
+    if isinstance(value, tuple | list):
+        kind = type(value).__name__
+        raise OperandError(
+            f"a Python {kind} is not an expression: {value!r:.80}", None, "several expressions are one by teg.tuple(e1, e2, …)"
+        )
     raise OperandError(
         f"{type(value).__name__} is not a number or an expression: {value!r:.80}",
         None,
         "build programs from numbers, teg.param, teg.var; arrays of values are given when the compiled function is called",
     )
+
+
+def entrywise(build: Callable[..., Expr], *operands: object) -> Expr:
+    """Returns the result of an operation on numbers; on tuples, entry by entry. A number goes with every entry of a tuple.
+
+    Raises OperandError for tuples of different lengths.
+    """
+    tuples = [operand for operand in operands if isinstance(operand, Tuple)]
+    if not tuples:
+        return build(*map(as_number, operands))
+    if len({len(operand) for operand in tuples}) > 1:
+        lengths = " and ".join(str(len(operand)) for operand in tuples)
+        raise OperandError(f"tuples of {lengths} entries do not go together", tuples[0], "an operation on tuples is entry by entry")
+    columns = (operand.children if isinstance(operand, Tuple) else (operand,) * len(tuples[0]) for operand in operands)
+    return tuple_of(*(entrywise(build, *row) for row in zip(*columns, strict=True)))
 
 
 def as_condition(value: object) -> Cond:
@@ -421,7 +461,9 @@ def as_condition(value: object) -> Cond:
 
 
 def _binary(a: object, b: object, build: Callable[[Expr, Expr], Expr]) -> Expr:
-    """Returns the result of a user's operator: simplified, but never to a number that lacks the operands."""
+    """Returns the result of a user's operator: simplified, but never to a number that lacks the operands; of tuples entry by entry."""
+    if isinstance(a, Tuple) or isinstance(b, Tuple):
+        return entrywise(lambda left, right: _binary(left, right, build), a, b)
     left, right = as_number(a), as_number(b)
     result = build(left, right)
     constants = isinstance(left, Const) and isinstance(right, Const)
@@ -696,6 +738,9 @@ def positive(g: Expr, strict: bool = True, resolution: Cond | None = None, rival
 
 def less(a: object, b: object, strict: bool) -> Cond:
     """Returns a < b, or a <= b."""
+    if isinstance(a, Tuple) or isinstance(b, Tuple):
+        hint = "compare their entries: (e[0] < a) & (e[1] < b)"
+        raise ConditionError("tuples are not compared", a if isinstance(a, Tuple) else b, hint)
     if isinstance(a, Cond) or isinstance(b, Cond):
         raise ConditionError(
             "a condition cannot be compared",

@@ -18,7 +18,7 @@ from typing import Any, cast
 
 from teg.errors import NameClashError, OperandError, OptionError, ParameterError, ScopeError
 from teg.ir.arrays import LEAVES, Ranged
-from teg.ir.expr import Add, Call, Cond, Const, Expr, Mul, Param, Pow, Tuple, Var, Where, as_number
+from teg.ir.expr import Add, Call, Cond, Const, Expr, Mul, Param, Pow, Still, Tuple, Var, Where, as_number
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
 
@@ -215,6 +215,8 @@ def function(name: str, args: Sequence[Param | Var], body: object, *, inline: bo
         raise OperandError(f"the body of {name} holds a Dirac delta", e, "a delta may only be added and multiplied")
     if loose := sorted(v.name for v in e.free if v not in formals):
         raise ScopeError(f"a variable of the body of {name} is neither an argument nor bound: {', '.join(loose)}", e, "make it an argument")
+    if any(isinstance(n, Still) for n in postorder([e])):
+        raise OperandError(f"the body of {name} holds teg.stop_delta", e, "apply it to the result: teg.stop_delta(f(…))")
     made = Function.make((name, formals, inline), (e,))
     if clash := sorted({f.name for f in formals} & {p.name for p in made.inputs[made.formal :]}):
         raise NameClashError(f"{clash[0]!r} is an argument of {name} and a parameter in its body", e, "rename one of them")

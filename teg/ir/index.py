@@ -11,16 +11,21 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Iterable
 from numbers import Integral as IntegralNumber
-from typing import Any, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, cast
 
 from teg.errors import ArrayIndexError, ConditionError, OperandError
-from teg.ir.expr import Cond, Expr, Param, as_number, less
+from teg.ir.expr import Cond, Expr, Operand, Param, as_number, less
 from teg.ir.node import Node, postorder
+
+if TYPE_CHECKING:
+    import numpy as np
 
 OPERATIONS: dict[str, Callable[[int, int], int]] = {
     "add": operator.add, "sub": operator.sub, "mul": operator.mul, "floordiv": operator.floordiv, "mod": operator.mod,
     "min": min, "max": max,
 }  # fmt: skip
+Place: TypeAlias = "Index | int | Param | np.integer[Any]"
+"""The types of integers: indices, parameters that hold an integer, and numbers."""
 _SIGNS = {"add": " + ", "sub": " - ", "mul": "·", "floordiv": " // ", "mod": " % "}
 LARGEST = 2**62
 """The integers of a program are smaller than this. They are 64 bits wide at run time."""
@@ -41,34 +46,34 @@ class Index(Node):
         left, right = (a, b) if mirrored else (b, a)
         return _ON_NUMBERS[name](left, right)
 
-    def __add__(self, other: object) -> Any:
+    def __add__(self, other: Operand) -> Any:
         return self._binary(other, "add")
 
-    def __radd__(self, other: object) -> Any:
+    def __radd__(self, other: Operand) -> Any:
         return self._binary(other, "add", True)
 
-    def __sub__(self, other: object) -> Any:
+    def __sub__(self, other: Operand) -> Any:
         return self._binary(other, "sub")
 
-    def __rsub__(self, other: object) -> Any:
+    def __rsub__(self, other: Operand) -> Any:
         return self._binary(other, "sub", True)
 
-    def __mul__(self, other: object) -> Any:
+    def __mul__(self, other: Operand) -> Any:
         return self._binary(other, "mul")
 
-    def __rmul__(self, other: object) -> Any:
+    def __rmul__(self, other: Operand) -> Any:
         return self._binary(other, "mul", True)
 
-    def __floordiv__(self, other: object) -> Any:
+    def __floordiv__(self, other: Operand) -> Any:
         return self._binary(other, "floordiv")
 
-    def __rfloordiv__(self, other: object) -> Any:
+    def __rfloordiv__(self, other: Operand) -> Any:
         return self._binary(other, "floordiv", True)
 
-    def __mod__(self, other: object) -> Any:
+    def __mod__(self, other: Operand) -> Any:
         return self._binary(other, "mod")
 
-    def __rmod__(self, other: object) -> Any:
+    def __rmod__(self, other: Operand) -> Any:
         return self._binary(other, "mod", True)
 
     def __neg__(self) -> Any:
@@ -77,28 +82,28 @@ class Index(Node):
     def __pos__(self) -> Index:
         return self
 
-    def __truediv__(self, other: object) -> Expr:
+    def __truediv__(self, other: Operand) -> Expr:
         return as_number(self) / other
 
-    def __rtruediv__(self, other: object) -> Expr:
+    def __rtruediv__(self, other: Operand) -> Expr:
         return other / as_number(self)
 
-    def __pow__(self, other: object) -> Expr:
+    def __pow__(self, other: Operand) -> Expr:
         return as_number(self) ** other
 
-    def __rpow__(self, other: object) -> Expr:
+    def __rpow__(self, other: Operand) -> Expr:
         return other ** as_number(self)
 
-    def __lt__(self, other: object) -> Cond:
+    def __lt__(self, other: Operand) -> Cond:
         return less(self, other, strict=True)
 
-    def __le__(self, other: object) -> Cond:
+    def __le__(self, other: Operand) -> Cond:
         return less(self, other, strict=False)
 
-    def __gt__(self, other: object) -> Cond:
+    def __gt__(self, other: Operand) -> Cond:
         return less(other, self, strict=True)
 
-    def __ge__(self, other: object) -> Cond:
+    def __ge__(self, other: Operand) -> Cond:
         return less(other, self, strict=False)
 
     def __bool__(self) -> NoReturn:
@@ -188,11 +193,10 @@ class ArrayName(Node):
             f"{self.name} is an array, and arithmetic is on its entries", self, f"write {self.name}[{zeros}], or a teg.sum over indices"
         )
 
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = __pow__ = __rpow__ = __neg__ = (
-        _no_arithmetic
-    )
-    __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __lt__ = __le__ = __gt__ = __ge__ = __float__ = __bool__ = __abs__ = _no_arithmetic
-    __iter__ = __len__ = _no_arithmetic
+    if not TYPE_CHECKING:  # type checkers report these themselves
+        __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _no_arithmetic
+        __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __pow__ = __rpow__ = __lt__ = __le__ = __gt__ = __ge__ = _no_arithmetic
+        __neg__ = __float__ = __bool__ = __abs__ = __iter__ = __len__ = _no_arithmetic
     __array_ufunc__ = None
     _as_expression = _no_arithmetic
 
@@ -202,7 +206,7 @@ class IndexArray(ArrayName):
 
     __slots__ = ()
 
-    def __getitem__(self, places: object) -> Index:
+    def __getitem__(self, places: Place | tuple[Place, ...]) -> Index:
         return IndexGather.make(self, self.subscripts(places))
 
 

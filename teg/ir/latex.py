@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from teg.ir.arrays import Gather, Ranged, Slope, Sum, Unit
+from teg.ir.arrays import Gather, Ranged, Slope, StillGather, Sum, Unit
 from teg.ir.choices import Nearest, Product
 from teg.ir.expr import (
     Add,
@@ -19,6 +19,7 @@ from teg.ir.expr import (
     Or,
     Param,
     Pow,
+    Still,
     Truth,
     Tuple,
     Var,
@@ -117,7 +118,7 @@ def _line(node: Node, parts: list[Text]) -> Text:
         case Const():
             return number(node.data)
         case Param() | Var():
-            return name(node.name), _ATOM
+            return (rf"\overline{{{name(node.name)}}}" if isinstance(node, Still) else name(node.name)), _ATOM
         case Add():
             return _sum([p[0] for p in parts]), _SUM
         case Pow() if node.exponent < 0:
@@ -150,7 +151,8 @@ def _line(node: Node, parts: list[Text]) -> Text:
         case Slope():
             return rf"\partial_{{{index(node.row)[0]}, {node.column}}} " + _wrapped(parts[0], _PRODUCT), _PRODUCT
         case Gather():
-            return _subscripted(name(node.array.name), [index(i)[0] for i in node.subscripts]), _ATOM
+            entry = _subscripted(name(node.array.name), [index(i)[0] for i in node.subscripts])
+            return rf"\overline{{{entry}}}" if isinstance(node, StillGather) else entry, _ATOM
         case Unit():
             places = ", ".join(index(i)[0] for i in node.subscripts)
             return rf"\mathbf{{1}}^{{{name(node.array.name)}}}_{{{places}}}", _ATOM

@@ -17,6 +17,7 @@ from teg.ir.expr import (
     Or,
     Param,
     Pow,
+    Still,
     Truth,
     Tuple,
     Var,
@@ -60,7 +61,7 @@ def _line(node: Node, parts: list[tuple[str, int]]) -> tuple[str, int]:
         case Const():
             return number(node.data), _ATOM if node.data >= 0 else _SUM
         case Param() | Var():
-            return node.name, _ATOM
+            return (f"stop({node.name})" if isinstance(node, Still) else node.name), _ATOM
         case Add():
             out = ""
             for i, p in enumerate(parts):

@@ -20,6 +20,7 @@ from teg.ir.expr import (
     Or,
     Param,
     Pow,
+    Still,
     Truth,
     Tuple,
     UncountedFloor,
@@ -40,7 +41,8 @@ def size(*roots: Node) -> int:
 
 def parameters(*roots: Node) -> list[Param]:
     """Returns every parameter, in order of first appearance."""
-    return [n for n in postorder(roots) if isinstance(n, Param)]
+    every = (n for n in postorder(roots) if isinstance(n, Param))
+    return list(dict.fromkeys(Param.make(n.data, ()) if isinstance(n, Still) else n for n in every))
 
 
 def rebuild(node: Node, children: tuple[Node, ...]) -> Node:

@@ -16,7 +16,7 @@ from typing import cast
 
 from teg.errors import ScopeError
 from teg.ir import expr as ex
-from teg.ir.expr import Expr, Var, as_number
+from teg.ir.expr import Expr, Operand, Var, as_number
 from teg.language import asin, atan2, cos, cosh, exp, log, sin, sinh, sqrt, where
 from teg.maps.diffeomorphism import Diffeomorphism
 
@@ -38,7 +38,7 @@ def scaling(old: Var | Sequence[Var], new: Var | Sequence[Var], by: object) -> D
     return Diffeomorphism({x: a * u for x, u, a in rows}, {u: x / a for x, u, a in rows}, jacobian=ex.mul(*(a for _, _, a in rows)))
 
 
-def rotation(x: Var, y: Var, u: Var, v: Var, angle: object, centre: Point = (0, 0)) -> Diffeomorphism:
+def rotation(x: Var, y: Var, u: Var, v: Var, angle: Operand, centre: Point = (0, 0)) -> Diffeomorphism:
     """Returns the map of (u, v) turned by the angle about (0, 0), then moved to the centre: x = a + u·cos - v·sin, y =
     b + u·sin + v·cos."""
     c, s = cos(angle), sin(angle)

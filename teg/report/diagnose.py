@@ -48,6 +48,8 @@ MOVES = 6
 """The largest number of one-sided derivatives in one message."""
 DIRECTIONS = 2
 """The number of directions along which the gradient of a program with arrays is compared; all entries of all parameters move at once."""
+MOST_NAMED = 8
+"""The largest number of parameters that a diagnosis names when it is printed."""
 MOST = 100
 """The largest number of diagnoses of one kind in one element of a batch."""
 
@@ -61,7 +63,7 @@ class Diagnosis:
     surface" (a condition on parameters only is at its border), "one-sided" (the gradient a few roundings away is another one: a region
     is born, two curves cross at a saddle), "infinite derivative", "second derivative", "not a number". `index` is the place in the
     batch, flattened; `iteration` gives the indices of the sums around, in a program with arrays, outermost first, and `parameters` then
-    holds the entries that the surfaces are made of, too.
+    holds the entries that the surfaces are made of, too. `str()` is a sentence.
     """
 
     kind: str
@@ -72,7 +74,15 @@ class Diagnosis:
     iteration: dict[str, int] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        return f"{self.kind}: {self.message}"
+        place = ", ".join(f"{name} = {value:.6g}" for name, value in [*self.parameters.items()][:MOST_NAMED])
+        place += ", …" if len(self.parameters) > MOST_NAMED else ""
+        element = f"in element {self.index} of the batch, " if self.index else ""
+        start = f"{element}at {place}, " if place else element
+        text = f"{start}{self.message}"
+        return f"{text[:1].upper()}{text[1:]}." if start else f"{text}."
+
+    def __repr__(self) -> str:
+        return f"<teg.Diagnosis {self.kind}: {self}>"
 
 
 class Arguments(Protocol):

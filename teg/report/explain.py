@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
 from teg.errors import TegError
-from teg.ir.arrays import Gather, Ranged, arrays_of
+from teg.ir.arrays import Gather, Ranged, StillGather, arrays_of
 from teg.ir.cells import Symbols, cells_of
 from teg.ir.expr import Expr, Param
 from teg.ir.function import Function
@@ -151,7 +151,7 @@ _TABLES = ("surfaces", "dropped", "integrals", "boundary", "interior", "remarks"
 
 def _active(leaf: Node, wrt: set[Node]) -> bool:
     """Returns whether an entry or a sum depends on a parameter by which derivatives are taken."""
-    return any(n in wrt or (isinstance(n, Gather) and n.array in wrt) for n in postorder([leaf]))
+    return any(n in wrt or (isinstance(n, Gather) and not isinstance(n, StillGather) and n.array in wrt) for n in postorder([leaf]))
 
 
 def _explain_cell(data: dict[str, Any], path: tuple[Ranged, ...], body: Expr, wrt: Sequence[Parameter], asked: Asked) -> None:

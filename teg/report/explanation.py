@@ -15,6 +15,8 @@ GAP = "  "
 MAX_ROWS = 16
 """The largest number of printed rows of one table; `data` has all of them."""
 NARROWEST = 12
+SHOWN = 120
+"""The largest number of characters of an expression in the text of an object that holds it."""
 
 
 @dataclass(frozen=True)

@@ -122,7 +122,7 @@ class Inventory:
         return self._with_steps_together(found)
 
     def _moves(self, g: Expr) -> bool:
-        return any(p in self.wrt for p in parameters(g))
+        return any(n in self.wrt for n in postorder([g]))
 
     def _of(self, g: Expr, node: Integral, around: Nest) -> Entry:
         owner = f"∫ d{node.var.name}"

@@ -101,7 +101,7 @@ def from_sympy(s: Any, variables: Iterable[Any] = (), *, heaviside_at_zero: floa
     if not outside:
         return result
     _, names = names_of(order, wanted, outside)  # a symbol is bound in one place and free in another: ∫₀ˣ f(x) dx
-    places = {cast(Var, names[x]): cast(Expr, language.param(x.name)) for x in outside}
+    places = {cast(Var, names[x]): cast(Expr, language.param_of_any_name(x.name)) for x in outside}
     return substitute(Reader(names, at_zero, frozenset(places)).read(order), places)
 
 

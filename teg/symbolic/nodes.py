@@ -19,7 +19,7 @@ def sympy_package() -> Any:
     try:
         import sympy
     except ImportError as error:
-        raise MissingPackageError("SymPy is not installed", None, 'pip install "teg[symbolic]"') from error
+        raise MissingPackageError("SymPy is not installed", None, 'pip install "teg-compiler[symbolic]"') from error
     return sympy
 
 

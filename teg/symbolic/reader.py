@@ -60,7 +60,7 @@ def names_of(order: list[Any], wanted: frozenset[str], outside: frozenset[Any]) 
     for symbol in free:
         if taken.setdefault(symbol.name, symbol) != symbol:
             raise NameClashError(f"two symbols are called {symbol.name!r}", symbol.name, "rename one, or give both the same assumptions")
-        names[symbol] = language.var(symbol.name) if symbol.name in wanted else language.param(symbol.name)
+        names[symbol] = language.var(symbol.name) if symbol.name in wanted else language.param_of_any_name(symbol.name)
     for symbol in bound:
         name = symbol.name
         while name in taken:
@@ -110,7 +110,7 @@ class Reader:
 
     def integral(self, node: Any, body: Expr, *bounds: Expr) -> Expr:
         for i, limit in enumerate(node.limits):
-            body = language.integral(body, (self.names[limit[0]], bounds[2 * i], bounds[2 * i + 1]))
+            body = language.integral(body, (cast(Var, self.names[limit[0]]), bounds[2 * i], bounds[2 * i + 1]))
         return body
 
     def heaviside(self, node: Any, u: Expr, at_zero: Expr) -> Expr:

@@ -25,6 +25,7 @@ from teg.ir.expr import (
     Or,
     Param,
     Pow,
+    Still,
     Truth,
     Tuple,
     Var,
@@ -44,6 +45,9 @@ def symbols_of(root: Node, given: Mapping[Any, Any]) -> dict[Node, Any]:
     stands_for: dict[Any, Node] = {}
     for node in postorder([root]):
         leaf = node.var if isinstance(node, Integral) else node
+        if isinstance(leaf, Still):
+            hint = "convert the expression without teg.stop_delta"
+            raise OperandError(f"SymPy has no {leaf.name} that stands still in derivatives", root, hint)
         if isinstance(leaf, Param | Var) and leaf not in symbols:
             symbols[leaf] = given[leaf] if leaf in given else symbol(leaf.name, real=True)
             if stands_for.setdefault(symbols[leaf], leaf) is not leaf:

@@ -72,10 +72,20 @@ def test_a_program_without_parameters() -> None:
     assert g.value_and_grad()[1] == {}
 
 
-def test_scalars_give_numpy_scalars(f: teg.Evaluator) -> None:
-    v, g = f.value_and_grad(t=0.5, a=2)
-    assert isinstance(v, np.float64)
-    assert isinstance(g["t"], np.float64)
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_scalars_give_plain_floats(backend: str, enabled: None) -> None:
+    f = teg.compile(teg.tuple(AREA, t), [t, a], backend=backend)
+    at = {"t": 0.5, "a": 2}
+    v, g = f.value_and_grad(at)
+    hessian, along, back = f.hessian(at), f.jvp(at, {"t": np.float64(1)})[1], f.vjp(at, np.float64(2))[1]
+    estimates = f.value_and_error(at)
+    numbers = [*v, *g["t"], *f.hvp(at, {"t": 1})["a"], *hessian["t", "a"], *along, *back.values(), *estimates[0], *estimates[1]]
+    assert {type(number) for number in numbers} == {float}
+    k, V = teg.index("k"), teg.array("V")
+    total = teg.compile(teg.sum(V[k] ** 2 * t, (k, 0, teg.length(V))), backend=backend)
+    at = {"V": [1.0, 2.0], "t": 3.0}
+    assert {type(number) for number in (total(at), total.grad(at)["t"], total.jvp(at, {"V": np.ones(2)})[1])} == {float}
+    assert str(g) == "{'t': (2.0, 1.0), 'a': (0.125, 0.0)}"
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ def test_the_exact_path_falls_freely_and_rebounds_elastically(contacts: int, spe
 @pytest.mark.parametrize(("contacts", "speed", "share"), [(1, 1.5, 0.7), (2, -1.0, 0.7), (3, 1.5, 0.7), (4, 0.5, 0.4), (3, 1.0, 0.95)])
 def test_least_action_is_the_exact_path(contacts: int, speed: float, share: float, tmp_path: Path) -> None:
     duration = make_throw(contacts, speed).duration * share / 0.7
-    report = run_bouncing_ball(contacts, speed, duration, out=tmp_path, compare=False, **QUICK)
+    report = run_bouncing_ball(contacts=contacts, speed=speed, duration=duration, out=tmp_path, alone=True, **QUICK)
     assert report["converged"]
     assert report["largest_time_error"] < 1e-9
     assert abs(report["action_above_exact"]) < 1e-11
@@ -123,7 +123,7 @@ def test_least_action_is_the_exact_path(contacts: int, speed: float, share: floa
 
 @pytest.mark.parametrize("speed", [1.5, -1.0])
 def test_without_jumps_the_ball_rebounds_as_if_the_lift_had_half_its_speed(speed: float, tmp_path: Path) -> None:
-    report = run_bouncing_ball(3, speed, out=tmp_path, **QUICK)
+    report = run_bouncing_ball(contacts=3, speed=speed, out=tmp_path, **QUICK)
     beside = report["beside"]
     assert beside["converged"]
     np.testing.assert_allclose(beside["speed_of_lift_by_rebounds"], speed / 2, atol=1e-8)
@@ -136,14 +136,15 @@ def test_without_jumps_the_ball_rebounds_as_if_the_lift_had_half_its_speed(speed
 
 
 def test_in_a_lift_at_rest_half_of_nothing_is_right(tmp_path: Path) -> None:
-    report = run_bouncing_ball(2, 0.0, out=tmp_path, **QUICK)
+    report = run_bouncing_ball(contacts=2, speed=0.0, out=tmp_path, **QUICK)
     assert report["beside"]["largest_time_error"] < 1e-9
     assert "at rest" in report["beside"]["note"]
 
 
 def test_the_contacts_do_not_depend_on_the_lifts_speed(tmp_path: Path) -> None:
     duration = make_throw(3, 0.0).duration
-    found = [run_bouncing_ball(3, speed, duration, out=tmp_path, compare=False, **QUICK)["times"] for speed in (0.0, 2.0, -3.0)]
+    options: dict[str, Any] = {"contacts": 3, "duration": duration, "out": tmp_path, "alone": True, **QUICK}
+    found = [run_bouncing_ball(speed=speed, **options)["times"] for speed in (0.0, 2.0, -3.0)]
     np.testing.assert_allclose(found[1:], [found[0]] * 2, atol=1e-9)
 
 
@@ -163,12 +164,21 @@ def test_no_step_changes_the_order_of_the_contacts() -> None:
 
 @pytest.mark.parametrize(
     "options",
-    [{"contacts": 0}, {"contacts": 99}, {"duration": 0.0}, {"duration": 9.0}, {"speed": float("nan")}, {"steps": 0}],
+    [
+        {"contacts": 0},
+        {"contacts": 99},
+        {"duration": 0.0},
+        {"duration": 9.0},
+        {"speed": float("nan")},
+        {"steps": -1},
+        {"floor": "x +"},
+        {"floor": "y"},
+    ],
     ids=str,
 )
-def test_throws_that_are_not_possible_are_input_errors(options: dict[str, float], tmp_path: Path) -> None:
+def test_throws_that_are_not_possible_are_input_errors(options: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
-        run_bouncing_ball(**options, out=tmp_path, **QUICK)  # type: ignore[arg-type]
+        run_bouncing_ball(**options, out=tmp_path, **QUICK)
     assert error.value.hint
 
 
@@ -180,7 +190,7 @@ def test_an_interrupt_writes_what_there_is(tmp_path: Path, monkeypatch: pytest.M
 
     step = ActionDescent.step
     monkeypatch.setattr(ActionDescent, "step", interrupted_at_the_third)
-    report = run_bouncing_ball(2, out=tmp_path, **QUICK)
+    report = run_bouncing_ball(contacts=2, out=tmp_path, **QUICK)
     assert report["interrupted"]
     assert (report["steps"], report["beside"]["steps"]) == (2, 0)
     assert (tmp_path / "bouncing_ball.png").exists()

@@ -318,7 +318,7 @@ def test_mistakes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("teg.examples.harness.util.find_spec", lambda name: None if name == "vegas" else name)
     with pytest.raises(MissingPackageError, match="vegas") as raised:
         run_integration(tmp_path, **QUICK)
-    assert "teg[chart]" in raised.value.hint
+    assert "teg-compiler[chart]" in raised.value.hint
 
 
 def test_without_a_name_the_charts_are_listed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -249,4 +249,4 @@ def test_photos_folders_and_packages_that_are_missing_are_told(photo: Path, tmp_
     monkeypatch.setitem(run.PACKAGES, "a_package_that_is_not_there", "thing")
     with pytest.raises(MissingPackageError, match="thing") as error:
         run_mesh_network(photo, out=tmp_path, **SMALL)
-    assert "teg[network]" in error.value.hint
+    assert "teg-compiler[network]" in error.value.hint

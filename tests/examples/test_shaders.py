@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from teg.__main__ import main
@@ -19,6 +21,6 @@ def test_every_light_is_right_and_the_window_is_derived_once(monkeypatch: pytest
     assert len(derived) == 2 * 4 + 2 * 3  # value and gradient: of each written out; of smooth lights, the quadratic one, and the steep lamp
 
 
-def test_demo(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["demo", "shaders"]) == 0
+def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["demo", "shaders", "-o", str(tmp_path)]) == 0
     assert "lamp" in capsys.readouterr().out

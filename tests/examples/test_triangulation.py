@@ -16,13 +16,21 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("tqdm")
 
 from teg.examples.photo import read_target  # noqa: E402
-from teg.examples.triangulation import descent, run  # noqa: E402
+from teg.examples.triangulation import descent, pictures, run  # noqa: E402
 from teg.examples.triangulation.image_loss import ImageLoss, bounding_boxes  # noqa: E402
 from teg.examples.triangulation.mesh import SHRINK, Mesh, limit_step, make_mesh, signed_areas  # noqa: E402
 from teg.examples.triangulation.run import run_triangulation  # noqa: E402
 from teg.examples.triangulation.scene import CompiledScene, compile_scene  # noqa: E402
 
-SMALL: dict[str, Any] = {"triangles": 12, "size": 32, "backend": "numpy", "progress": False}
+SMALL: dict[str, Any] = {"triangles": 12, "size": 32, "backend": "numpy", "alone": True, "progress": False}
+
+
+@pytest.fixture(autouse=True)
+def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("SMALLEST", "FINE", "GIF_SIDE"):
+        monkeypatch.setattr(pictures, name, 64)
+    for name in ("draw_sheet", "draw_loss"):  # a second each
+        monkeypatch.setattr(pictures, name, lambda path, *_: Image.new("RGB", (1, 1)).save(path))
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +55,7 @@ def two_halves(size: int, at: float) -> Mesh:
     triangles = np.array([[0, 1, 3], [1, 4, 3], [1, 2, 4], [2, 5, 4]])
     inner = np.zeros((6, 2), dtype=bool)
     inner[[1, 4], 0] = True
-    return Mesh(vertices, triangles, inner, size)
+    return Mesh(vertices, triangles, inner, (size, size))
 
 
 def random_target(size: int) -> np.ndarray:
@@ -160,7 +168,9 @@ def test_no_step_folds_a_triangle() -> None:
 # -- the run -----------------------------------------------------------------------------------------------------------
 
 
-def test_the_loss_falls_and_everything_is_written(photo: Path, tmp_path: Path) -> None:
+def test_the_loss_falls_and_everything_is_written(photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
+    monkeypatch.setattr(pictures, "SMALLEST", 64)
     report = run_triangulation(photo, steps=6, out=tmp_path, **SMALL)
     losses = report["losses"]
     assert len(losses) == 7
@@ -170,10 +180,16 @@ def test_the_loss_falls_and_everything_is_written(photo: Path, tmp_path: Path) -
     assert json.loads((tmp_path / "run.json").read_text(encoding="utf-8")) == report
     for picture in ("before.png", "after.png", "target.png"):
         with Image.open(tmp_path / picture) as image:
-            assert image.size == (512, 512)
+            assert image.size == (64, 64)
     assert (tmp_path / "loss.png").stat().st_size > 1000
+    assert (tmp_path / "sheet.png").stat().st_size > 5000
     assert (tmp_path / "mesh.svg").read_text().count("<path") == report["mesh"]["triangles"] + 1
     assert not list(tmp_path.glob("*.partial"))
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert page.count("data:image/") == len(report["pictures"])
+    assert 'src="http' not in page
+    with Image.open(tmp_path / "descent.gif") as animation:
+        assert animation.n_frames == 7
 
 
 def test_a_resumed_run_ends_where_an_uninterrupted_one_does(photo: Path, tmp_path: Path) -> None:
@@ -183,7 +199,7 @@ def test_a_resumed_run_ends_where_an_uninterrupted_one_does(photo: Path, tmp_pat
     assert resumed["losses"] == whole["losses"]
     whole_file, parts_file = (tmp_path / name / "checkpoint.npz" for name in ("whole", "parts"))
     with np.load(whole_file) as first, np.load(parts_file) as second:
-        for name in ("vertices", "colours", "gradient", "lengths"):
+        for name in ("vertices", "colours", "gradient", "memory"):
             np.testing.assert_array_equal(first[name], second[name])
     for picture in ("before.png", "after.png"):
         assert (tmp_path / "whole" / picture).read_bytes() == (tmp_path / "parts" / picture).read_bytes()
@@ -208,11 +224,11 @@ def test_ignoring_discontinuities_moves_nothing(photo: Path, tmp_path: Path) -> 
 
 
 def test_an_interrupt_writes_what_there_is(photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted_at_the_third(mesh: Mesh, image: ImageLoss, state: descent.State) -> descent.State:
+    def interrupted_at_the_third(image: ImageLoss, state: descent.State, size: tuple[int, int], optimiser: str) -> descent.State:
         calls.append(1)
         if len(calls) == 3:
             raise KeyboardInterrupt
-        return descent.next_state(mesh, image, state)
+        return descent.next_state(image, state, size, optimiser)
 
     calls: list[int] = []
     monkeypatch.setattr(run, "next_state", interrupted_at_the_third)
@@ -229,7 +245,7 @@ def test_an_interrupt_writes_what_there_is(photo: Path, tmp_path: Path, monkeypa
 @pytest.mark.slow
 def test_the_default_run_meets_its_goal(tmp_path: Path) -> None:
     pytest.importorskip("skimage")
-    report = run_triangulation(out=tmp_path, steps=40, progress=False)
+    report = run_triangulation(out=tmp_path, steps=40, alone=True, progress=False)
     assert report["loss"]["ratio"] < 0.6
 
 
@@ -275,8 +291,12 @@ def test_a_photo_is_cropped_turned_and_laid_on_white(tmp_path: Path) -> None:
         assert read_target(path, 8).shape == (8, 8, 3)
 
 
-@pytest.mark.parametrize("options", [{"size": 3}, {"triangles": 1}, {"triangles": 10**6}, {"steps": -1}, {"seed": -1}], ids=str)
-def test_numbers_that_make_no_picture_are_input_errors(photo: Path, tmp_path: Path, options: dict[str, int]) -> None:
+@pytest.mark.parametrize(
+    "options",
+    [{"size": 3}, {"triangles": 1}, {"triangles": 10**6}, {"steps": -1}, {"seed": -1}, {"colours": "cubic"}, {"refine": 2.5}, {"depth": 1}],
+    ids=str,
+)
+def test_numbers_that_make_no_picture_are_input_errors(photo: Path, tmp_path: Path, options: dict[str, Any]) -> None:
     with pytest.raises(InputError):
         run_triangulation(photo, out=tmp_path, **(SMALL | options))
 
@@ -291,4 +311,4 @@ def test_a_missing_package_is_named(photo: Path, tmp_path: Path, monkeypatch: py
     monkeypatch.setitem(run.PACKAGES, "a_package_that_is_not_there", "thing")
     with pytest.raises(MissingPackageError, match="thing") as error:
         run_triangulation(photo, out=tmp_path, **SMALL)
-    assert "teg[demo]" in error.value.hint
+    assert "teg-compiler[demo]" in error.value.hint

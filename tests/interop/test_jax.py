@@ -366,7 +366,7 @@ def test_a_missing_jax_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "jax", None)
     with pytest.raises(MissingPackageError) as caught:
         teg.jax_function(STEP)
-    assert caught.value.hint == 'pip install "teg[jax]"'
+    assert caught.value.hint == 'pip install "teg-compiler[jax]"'
 
 
 SHARDED = """

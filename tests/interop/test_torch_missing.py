@@ -15,7 +15,7 @@ def test_a_missing_torch_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(MissingPackageError) as caught:
         teg.torch_function(teg.param("t"))
-    assert caught.value.hint == 'pip install "teg[torch]"'
+    assert caught.value.hint == 'pip install "teg-compiler[torch]"'
 
 
 def test_an_old_torch_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

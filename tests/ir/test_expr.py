@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -278,12 +279,33 @@ def test_a_truth_value_is_not_a_number(wrong: bool) -> None:
         x + wrong
 
 
-def test_a_tuple_takes_no_part_in_arithmetic() -> None:
+def test_arithmetic_and_functions_of_tuples_are_entry_by_entry() -> None:
+    e, f = teg.tuple(x, (t, a)), teg.tuple(2, (x, t))
+    assert e + 1 is teg.tuple(x + 1, (t + 1, a + 1))
+    assert 2 * e is teg.tuple(2 * x, (2 * t, 2 * a))
+    assert e * f is teg.tuple(x * 2, (t * x, a * t))
+    assert 1 / (-e) is teg.tuple(1 / (-x), (1 / (-t), 1 / (-a)))
+    assert e**2 - f is teg.tuple(x**2 - 2, (t**2 - x, a**2 - t))
+    assert (e // 2, 2 % e) == (teg.tuple(x // 2, (t // 2, a // 2)), teg.tuple(2 % x, (2 % t, 2 % a)))
+    assert teg.sin(e) is teg.tuple(teg.sin(x), (teg.sin(t), teg.sin(a)))
+    assert teg.atan2(1, e) is teg.tuple(teg.atan2(1, x), (teg.atan2(1, t), teg.atan2(1, a)))
+    assert (
+        (abs(e), round(e)) == (teg.abs(e), teg.round(e)) == (teg.tuple(abs(x), (abs(t), abs(a))), teg.tuple(round(x), (round(t), round(a))))
+    )
+    assert teg.sign(e)[0] is teg.sign(x)
+    assert teg.where(x < t, e, 0) is teg.tuple(teg.where(x < t, x, 0), (teg.where(x < t, t, 0), teg.where(x < t, a, 0)))
+    assert teg.maximum(e, 0, f)[1][0] is teg.maximum(t, 0, x)
+    assert teg.bracket(x < t) * e is teg.where(x < t, e, 0)
+
+
+def test_what_tuples_do_not_do() -> None:
     e = teg.tuple(x, t)
-    for operate in (lambda: e + 1, lambda: 2 * e, lambda: teg.sin(e), lambda: e < 1, lambda: teg.where(x < t, e, 0)):
-        with pytest.raises(errors.OperandError) as caught:
+    with pytest.raises(errors.ConditionError) as caught:
+        e < 1  # noqa: B015
+    assert caught.value.where is e
+    for operate in (lambda: e + teg.tuple(1, 2, 3), lambda: teg.integral(x, (x, 0, e)), lambda: teg.delta(e), lambda: e - (1, 2)):
+        with pytest.raises(errors.OperandError):
             operate()
-        assert caught.value.where is e
     with pytest.raises(errors.OperandError):
         e["a"]
     with pytest.raises((errors.OperandError, IndexError)):
@@ -329,9 +351,36 @@ def test_names_are_strings(wrong: object) -> None:
         teg.param(wrong)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("wrong", ["a b", "2x", "t-1", "t'", "x.y", " "])
+def test_arguments_have_names_that_python_takes_as_keywords(wrong: str) -> None:
+    for make in (teg.param, teg.array, teg.indices):
+        with pytest.raises(errors.ParameterError):
+            make(wrong)
+    with pytest.raises(errors.ParameterError, match="params") if wrong == "a b" else pytest.raises(errors.ParameterError):
+        teg.param(wrong)
+    assert teg.param("λ").name == "λ"
+
+
+@pytest.mark.parametrize(
+    ("mistake", "kind", "hint"),
+    [
+        (lambda: teg.compile((t, a)), errors.OperandError, "teg.tuple"),  # type: ignore[arg-type]
+        (lambda: teg.sum([t, a]), errors.OperandError, "sum(…)"),  # type: ignore[call-overload]
+        (lambda: teg.maximum([t, a]), errors.OperandError, "star"),  # type: ignore[arg-type]
+        (lambda: max(x, t), errors.ConditionError, "teg.maximum"),  # type: ignore[type-var]
+        (lambda: min(x, 1), errors.ConditionError, "teg.minimum"),  # type: ignore[type-var]
+        (lambda: teg.integral(x, (x, 0, 1), (x, 0, 2)), errors.ScopeError, "another variable"),
+    ],
+)
+def test_hints_name_what_to_write(mistake: Callable[[], object], kind: type[errors.TegError], hint: str) -> None:
+    with pytest.raises(kind) as caught:
+        mistake()
+    assert hint in caught.value.hint
+
+
 @pytest.mark.parametrize("wrong", [x, 3, "t", [x], x + t, [t, t]])
-def test_one_differentiates_by_parameters(wrong: object) -> None:
-    with pytest.raises(errors.ParameterError):
+def test_one_differentiates_by_parameters_and_free_variables(wrong: object) -> None:
+    with pytest.raises((errors.ParameterError, errors.ScopeError)):
         teg.grad(teg.integral(x * t, (x, 0, 1)), wrong)  # type: ignore[arg-type]
 
 

@@ -85,9 +85,9 @@ def test_every_node_has_a_form() -> None:
     few = {"Const": 0, "Truth": 0, "Param": 0, "Var": 0, "Pow": 1, "Call": 1, "Delta": 1, "PointMasses": 1, "Compare": 1}
     v, k = teg.array("v", 2), teg.index("k")
     place = (v, (teg.indices("f")[k], k // 2))
-    data |= {"Gather": place, "Unit": place, "IndexValue": k % 3, "Sum": (k, k * 0, teg.length(v))}
+    data |= {"Gather": place, "StillGather": place, "Still": "t", "Unit": place, "IndexValue": k % 3, "Sum": (k, k * 0, teg.length(v))}
     data["Slope"] = (k % 3, 1)
-    few |= {"Gather": 0, "Unit": 0, "IndexValue": 0, "Sum": 1, "Slope": 1}
+    few |= {"Gather": 0, "StillGather": 0, "Still": 0, "Unit": 0, "IndexValue": 0, "Sum": 1, "Slope": 1}
     children["Nearest"] = (x, t, x < t, t)
     for kind in leaves - {Apply}:  # which needs a function's body
         name = kind.__name__

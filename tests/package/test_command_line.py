@@ -52,6 +52,37 @@ def test_explain_as_json(program: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert data["options"]["tol"] == 1e-6
 
 
+def test_what_the_file_prints_is_not_in_the_json(program: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    program.write_text(program.read_text() + "\nprint('loading the scene')\n")
+    assert main(["explain", str(program), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["expression"]
+    assert "loading the scene" in err
+    assert main(["explain", str(program)]) == 0
+    assert "loading the scene" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "command", "message"),
+    [
+        (["explain", "--bogus", "x.py"], "teg explain", "unknown arguments: --bogus"),
+        (["demo", "perlin", "--bakend", "c"], "teg demo perlin", "is it --backend?"),
+        (["cache", "info", "--verbose"], "teg cache info", "unknown arguments: --verbose"),
+        (["--bogus", "cache", "info"], "teg", "unknown arguments: --bogus"),
+    ],
+)
+def test_unknown_arguments_show_the_usage_of_their_command(
+    arguments: list[str], command: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"usage: {command} [-h]")
+    assert f"{command}: error: " in error
+    assert message in error
+
+
 def test_compile(program: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "area.c"
     assert main(["compile", str(program), "--target", "c", "-o", str(out)]) == 0

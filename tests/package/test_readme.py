@@ -28,6 +28,11 @@ def test_the_examples_print_what_it_says(code: str, printed: str) -> None:
         assert float(found) == pytest.approx(float(promised), rel=1e-13)
 
 
+def test_every_program_says_what_it_prints_and_stands_alone() -> None:
+    assert len(EXAMPLES) == README.read_text(encoding="utf-8").count("```python")
+    assert all("import teg" in code for code, _ in EXAMPLES)
+
+
 def test_pictures_and_pages_exist() -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", README.read_text(encoding="utf-8")):
         assert target.startswith("http") or (README.parent / target).exists(), target

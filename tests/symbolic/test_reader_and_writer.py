@@ -135,6 +135,7 @@ def test_the_forms_are_all_nodes_and_functions_of_the_language() -> None:
     unknown |= {"Apply"}  # written out
     unknown |= {"Sum", "Product", "AnyOf", "Nearest", "Winner", "Gather", "Unit", "IndexValue"}  # refused
     unknown |= {"Partition", "Slope"}  # made by the compiler
+    unknown |= {"Still", "StillGather"}  # refused, too
     leaves: set[type[Node]] = set()
     stack: list[type[Node]] = [teg.Expr, teg.Cond]
     while stack:
@@ -143,6 +144,11 @@ def test_the_forms_are_all_nodes_and_functions_of_the_language() -> None:
         leaves |= {kind} if not kind.__subclasses__() else set()
     assert {c.__name__ for c in leaves} - {type(n).__name__ for n in nodes} <= unknown
     assert set(FUNCTIONS) - {n.data for n in nodes if isinstance(n, ex.Call)} <= {"round"}  # which has a test of its own
+
+
+def test_what_does_not_move_is_refused() -> None:
+    with pytest.raises(errors.OperandError, match="stands still"):
+        to_sympy(teg.integral(teg.stop_delta(teg.bracket(x < t)), (x, 0, 1)))
 
 
 def test_a_bracket_knows_its_border() -> None:
@@ -450,7 +456,7 @@ def test_without_sympy(monkeypatch: pytest.MonkeyPatch) -> None:
         for use in (lambda: to_sympy(t), lambda: from_sympy(1)):
             with pytest.raises(errors.MissingPackageError) as caught:
                 use()
-            assert "teg[symbolic]" in caught.value.hint
+            assert "teg-compiler[symbolic]" in caught.value.hint
         polar = {x: r * teg.cos(p), y: r * teg.sin(p)}
         assert "cos" in str(jacobian_determinant(polar, [r, p]))
     finally:

@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from heapq import heapify, heappop, heappush
-from typing import cast
+from typing import Any, cast
 
 from teg.errors import NotDifferentiableError, ParameterError
 from teg.ir import expr as ex
-from teg.ir.arrays import Array, Gather, Ranged, Slope, Sum, Unit, has_arrays, integers_of, open_indices, sum_over
+from teg.ir.arrays import Array, Gather, Ranged, Slope, StillGather, Sum, Unit, has_arrays, integers_of, open_indices, sum_over
 from teg.ir.cells import APART, Symbols, cellwise, rename_indices, replace_integers, replaced
 from teg.ir.choices import Product, Winner
-from teg.ir.expr import ONE, ZERO, Expr, Param, add, mul, positive, sub, where
+from teg.ir.expr import ONE, ZERO, Expr, Param, Var, add, mul, positive, sub, where
 from teg.ir.index import ArrayName, IndexVar, index_leaves
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition
@@ -31,8 +31,8 @@ from teg.passes.normalise.sums import sums_outside
 
 Derive = Callable[[Expr, Sequence[Param]], Sequence[Expr]]
 """The derivatives of a scalar expression by parameters."""
-Along = Callable[[Expr, Mapping[Param, Expr]], Expr]
-"""The derivative of a scalar expression along changes of its parameters."""
+Along = Callable[[Expr, Mapping[Param | Var, Expr]], Expr]
+"""The derivative of a scalar expression along changes of its parameters and free variables."""
 Parameter = Param | Array
 
 
@@ -67,7 +67,7 @@ class _Gradient:
         self.open = open_indices(root)
         self.active: set[Node] = set()
         for node in self.order:
-            mine = node in wrt or (isinstance(node, Gather) and node.array in wrt)
+            mine = node in wrt or (isinstance(node, Gather) and not isinstance(node, StillGather) and node.array in wrt)
             if mine or (not isinstance(node, Winner) and any(c in self.active for c in node.children)):
                 if isinstance(node, Slope):
                     raise not_again(node)
@@ -165,12 +165,12 @@ class _Gradient:
         return cast("dict[Node, list[Expr]]", by_leaf)
 
 
-def tangent(e: Expr, direction: Mapping[Parameter, object], along: Along, boundaries: bool = True) -> Expr:
+def tangent(e: Expr, direction: Mapping[Any, object], along: Along, boundaries: bool = True) -> Expr:
     """Returns the derivative of an outlined expression along a direction, numbers for parameters and arrays for arrays; deltas visible.
 
     Without `boundaries` the regions of partitions do not move.
     """
-    changes = {p: ex.as_number(d) for p, d in direction.items() if isinstance(p, Param)}
+    changes = {p: ex.as_number(d) for p, d in direction.items() if isinstance(p, Param | Var)}
     moved = {p: _direction_of(p, d) for p, d in direction.items() if isinstance(p, Array)}
     new: dict[Node, Expr] = {}  # of sums, products and partitions
 
@@ -258,15 +258,15 @@ def not_again(node: Expr) -> NotDifferentiableError:
 
 
 def _tangent_of_cell(
-    e: Expr, changes: Mapping[Param, Expr], moved: Mapping[Array, Array], sums: Mapping[Node, Expr], derive: Along
+    e: Expr, changes: Mapping[Param | Var, Expr], moved: Mapping[Array, Array], sums: Mapping[Node, Expr], derive: Along
 ) -> Expr:
     symbols = Symbols([p.name for c in changes.values() for p in postorder([c]) if isinstance(p, Param)])
     (cell,) = symbols.into([e])
-    along: dict[Param, Expr] = dict(changes)
+    along: dict[Param | Var, Expr] = dict(changes)
     outside: dict[Param, Expr] = {}
     for leaf, symbol in list(symbols.of.items()):
         change: Expr = ZERO
-        if isinstance(leaf, Gather) and leaf.array in moved:
+        if isinstance(leaf, Gather) and not isinstance(leaf, StillGather) and leaf.array in moved:
             change = Gather.make((moved[leaf.array], leaf.subscripts), ())
         elif isinstance(leaf, Ranged):
             change = sums.get(leaf, ZERO)

@@ -19,7 +19,7 @@ from teg.ir.node import Node, postorder, union
 from teg.ir.traverse import parameters, rebuild
 
 
-def without_uncounted(e: Expr, wrt: Sequence[Param]) -> Expr:
+def without_uncounted(e: Expr, wrt: Sequence[Param | Var]) -> Expr:
     """Returns the expression to be differentiated: NaN in each alternative whose steps move and were too many to be written out.
 
     Its derivatives of any order are then NaN too.
@@ -47,7 +47,7 @@ def without_uncounted(e: Expr, wrt: Sequence[Param]) -> Expr:
     return cast(Expr, new[e])
 
 
-def _moves(e: Expr, wrt: frozenset[Param]) -> bool:
+def _moves(e: Expr, wrt: frozenset[Param | Var]) -> bool:
     """Returns whether a floor that was not written out, or a condition on one, depends on these parameters."""
     marked: set[Node] = set()
     active: set[Node] = set()
@@ -61,11 +61,11 @@ def _moves(e: Expr, wrt: frozenset[Param]) -> bool:
     return False
 
 
-def _no_number(e: Expr, wrt: frozenset[Param]) -> Expr:
+def _no_number(e: Expr, wrt: frozenset[Param | Var]) -> Expr:
     return mul(const(math.nan), call("exp", add(*(p for p in parameters(e) if p in wrt))))
 
 
-def check_steps(e: Expr, wrt: Sequence[Param]) -> None:
+def check_steps(e: Expr, wrt: Sequence[Param | Var]) -> None:
     """Raises NotDifferentiableError for a condition that moves and holds a floor of each of its variables: no variable can be sifted."""
     moving = frozenset(wrt)
     active: set[Node] = set()

@@ -174,7 +174,7 @@ NUMBERS = [0.5, 1, np.float64(0.5), np.float32(0.5), np.int64(1), np.array(0.5),
 def test_a_point_is_a_batch_of_one(number: Any, dtype: str) -> None:
     f = teg.compile(AREA, [t, a], backend="c", dtype=dtype)
     one, batch = f.value_and_grad(number, a=0.3), f.value_and_grad(t=[float(number)], a=0.3)
-    assert type(one[0]) is np.dtype(dtype).type
+    assert type(one[0]) is {"float64": float, "float32": np.float32}[dtype]
     assert same(one[0], batch[0][0])
     assert same(one[1]["t"], batch[1]["t"][0])
     assert f(number, 0.3) == f(t=number, a=0.3) == f({"t": number, a: 0.3}) == f({"t": number}, a=0.3) == one[0]

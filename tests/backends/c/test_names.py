@@ -13,6 +13,9 @@ import teg
 from teg.__main__ import main
 from teg.backends.c.standalone import standalone_c
 from teg.backends.c.text import HARMLESS, harmless
+from teg.ir.arrays import Array
+from teg.ir.index import IndexArray
+from teg.language import param_of_any_name
 from tests.backends.c_checks import STRICT, _compile, in_c
 
 pytestmark = in_c
@@ -27,7 +30,7 @@ HOSTILE = re.compile(r"#error|\$|%n|\?\?|\\|rm -rf ~")
 
 def scene(names: list[str]) -> tuple[teg.Expr, list[teg.Expr]]:
     """∫ [x < Σ names/n] Σ k·name dx, and the parameters."""
-    x, parameters = teg.var("variable of its own"), [teg.param(name) for name in names]
+    x, parameters = teg.var("variable of its own"), [param_of_any_name(name) for name in names]
     mean = sum(parameters[1:], start=parameters[0]) / len(names)
     weighted = sum((k * p for k, p in enumerate(parameters, 1)), start=0 * x)
     return teg.integral(teg.bracket(x < mean) * weighted, (x, 0, 1)), parameters
@@ -107,7 +110,7 @@ def test_standalone_files(tmp_path: Path) -> None:
 def test_an_array_of_such_a_name() -> None:
     k = teg.index("k*/")
     for name in ("V*/ #error", "int", "λ\n", "a" * 10_000):
-        v, i = teg.array(name, 1), teg.indices(name + "of", 1)
+        v, i = Array.make((name, 1), ()), IndexArray.make((name + "of", 1), ())
         e = teg.sum(v[i[k]] ** 2, (k, 0, teg.length(i, 0)))
         f = teg.compile(e, [v], backend="c")
         given = {name: np.array([1.0, 2.0, 3.0]), name + "of": np.array([2, 0, 2])}

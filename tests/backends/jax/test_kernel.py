@@ -92,7 +92,7 @@ def test_a_missing_jax_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "jax", None)
     with pytest.raises(MissingPackageError) as caught:
         compile_jax(ONE_VARIABLE[0].program)
-    assert caught.value.hint == 'pip install "teg[jax]"'
+    assert caught.value.hint == 'pip install "teg-compiler[jax]"'
 
 
 def test_importing_the_backend_does_not_import_jax() -> None:

@@ -1,0 +1,31 @@
+"""Sphinx builds the pages of this folder: `make docs`."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import teg
+
+project = "Teg"
+author = "The Teg developers"
+copyright = "2026, The Teg developers"
+release = version = teg.__version__
+extensions = ["myst_parser", "sphinx_copybutton", "docstring_pages"]
+exclude_patterns = ["**/README.md"]
+root_doc = "index"
+html_theme = "furo"
+html_title = f"Teg {release}"
+html_static_path = ["static"]
+html_css_files = ["pages.css"]
+html_copy_source = False
+html_show_sphinx = False
+copybutton_exclude = ".linenos, .gp, .go"
+pygments_style = "friendly"
+highlight_language = "text"
+myst_enable_extensions = ["colon_fence"]
+myst_heading_anchors = 3
+nitpicky = True
+smartquotes = False
+toc_object_entries_show_parents = "hide"
+maximum_signature_line_length = 90

@@ -1,0 +1,67 @@
+"""The picture of flights over an uneven floor: paths in space, the floor at each contact, and the gradients."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from teg.examples.bouncing_ball.floor import Search
+
+BLUE, RED, GREY, LIGHT, BROWN = "#2b6cb0", "#c2412d", "#666666", "#eef1f5", "#8a6d4b"
+LEAST = 1e-17  # a gradient of 0 is drawn at this value
+AROUND = 0.35  # m of the floor shown on either side of a contact
+
+
+def draw_flights(path: Path, searches: Mapping[str, Search]) -> None:
+    """Draws a panel for each path, and one of the gradients."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.5 * len(searches), 8), dpi=100, layout="constrained")
+    FigureCanvasAgg(figure)
+    places = figure.add_gridspec(2, len(searches), height_ratios=(2.4, 1))
+    shared = None
+    for k, ((label, search), colour) in enumerate(zip(searches.items(), (BLUE, RED), strict=False)):
+        shared = axes = figure.add_subplot(places[0, k], sharex=shared, sharey=shared)
+        _draw_flight(axes, search, colour)
+        error = search.flight.rebound_error(search.moving)
+        axes.set_title(f"{label}\nrebounds off by {error:.1e} m/s" + (f"\n{search.failure}" if search.failure else ""), fontsize=11)
+    axes = figure.add_subplot(places[1, :])
+    for (label, search), colour in zip(searches.items(), (BLUE, RED), strict=False):
+        axes.semilogy(np.maximum(search.gradients, LEAST), color=colour, linewidth=2, marker="o", markersize=3, label=label)
+    axes.set_title("largest entry of the gradient of the action, as each method sees it", loc="left", fontsize=11)
+    axes.set_xlabel("evaluation", color=GREY)
+    axes.grid(axis="y", color=LIGHT)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    _plain(axes)
+    figure.savefig(path)
+
+
+def _draw_flight(axes: Any, search: Search, colour: str) -> None:
+    flight = search.flight
+    x = np.linspace(-0.1 * flight.reach, 1.1 * flight.reach, 400)
+    for t, style in ((0.0, "solid"), (flight.duration, (0, (4, 3)))):
+        height = flight.ground(x, np.full_like(x, t))[0]
+        axes.plot(x, height, color=BROWN, linewidth=1, linestyle=style, alpha=0.6)
+        axes.annotate(
+            f"floor, t = {t:.2f} s", (x[-1], height[-1]), (4, 0), textcoords="offset points", color=BROWN, fontsize=8, va="center"
+        )
+    times, places, heights = flight.knots(search.moving)
+    for t, place in zip(times[1:-1], places[1:-1], strict=True):
+        near = np.linspace(place - AROUND, place + AROUND, 40)
+        axes.plot(near, flight.ground(near, np.full_like(near, t))[0], color=BROWN, linewidth=2.5)
+    _, along, y = flight.path(search.moving)
+    axes.plot(along.ravel(), y.ravel(), color=colour, linewidth=2)
+    axes.plot(places[1:-1], heights[1:-1], "o", color=colour, markersize=6)
+    axes.plot(places[[0, -1]], heights[[0, -1]], "o", color="black", markersize=7)
+    axes.set_xlabel("place in m", color=GREY)
+    axes.set_ylabel("height in m", color=GREY)
+    _plain(axes)
+
+
+def _plain(axes: Any) -> None:
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(colors=GREY)

@@ -1,0 +1,194 @@
+"""The options of all demonstrations: one table of names, kinds, limits and help, and one of the demonstrations with their defaults."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+from teg.errors import InputError
+from teg.evaluator.options import Backend
+
+BACKENDS = ("numpy", "c", "jax")
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option of a command line: the kind of its value, its help, and the values that are possible. A switch has the kind bool."""
+
+    kind: type
+    help: str
+    metavar: str = ""
+    least: float | None = None
+    most: float | None = None
+    choices: tuple[str, ...] = ()
+
+    def check(self, name: str, value: Any) -> None:
+        """Raises InputError for a value of another kind, or beyond the limits."""
+        flag = "--" + name.replace("_", "-")
+        if value is None:
+            return
+        fits = isinstance(value, (int, float) if self.kind is float else self.kind)
+        if not fits or (isinstance(value, bool) and self.kind is not bool):
+            raise InputError(f"{flag} is {value!r}", None, f"of the kind {self.kind.__name__}")
+        if self.choices and value not in self.choices:
+            raise InputError(f"{flag} is {value!r}", None, "one of " + ", ".join(self.choices))
+        if self.kind is float and not math.isfinite(value):
+            raise InputError(f"{flag} is {value}", None, "a finite number")
+        least, most = (-math.inf if self.least is None else self.least), (math.inf if self.most is None else self.most)
+        if self.kind in (int, float) and not least <= value <= most:
+            limits = [f"at least {least:g}", *([f"at most {most:g}"] if most < math.inf else [])]
+            raise InputError(f"{flag} is {value}", None, " and ".join(limits))
+
+
+OPTIONS = {
+    "triangles": Option(int, "about how many", "N", 2, 10**6),
+    "size": Option(int, "pixels of the longer side", "S", 8, 4096),
+    "steps": Option(int, "of the descent, in all", "K", 0, 10**7),
+    "seed": Option(int, "of what is random at the start", "N", 0),
+    "colours": Option(str, "of a triangle, as polynomials of the place", choices=("constant", "linear", "quadratic")),
+    "optimiser": Option(str, "how the vertices descend", choices=("resilient", "adam", "gradient", "lbfgs")),
+    "refine": Option(int, "times that triangles are split, joined and flipped during the descent", "N", 0, 1000),
+    "mesh": Option(str, "start from this mesh, as in mesh.ply of an earlier run", "FILE.ply"),
+    "shared_by": Option(str, "in JAX, on all its devices: what each has a part of", choices=("pairs", "faces")),
+    "cells": Option(int, "cells a side, of the coarsest lattice or of the mesh", "N", 1, 1024),
+    "octaves": Option(int, "each with twice the cells of the one before", "N", 1, 10),
+    "levels": Option(int, "colours, one more than thresholds", "N", 2, 3),
+    "epochs": Option(int, "of the training, in all", "K", 0, 10**7),
+    "contacts": Option(int, "with floor and ceiling, by turns", "N", 1, 12),
+    "speed": Option(float, "of the lift, upwards, in m/s", "V", -1e12, 1e12),
+    "duration": Option(float, "of the flight, in s (0.7 of the longest that is possible)", "T"),
+    "floor": Option(str, "a formula of x and t, in m and s, for an uneven floor instead of the lift: '0.1*sin(3*x) + 0.3*t'", "F"),
+    "drop": Option(float, "height of the platform above the ground, in m", "H", 5, 1000),
+    "mass": Option(float, "of the jumper, in kg", "M", 1, 1000),
+    "weight": Option(float, "of the acceleration, beside that of the time", "W", 0, 1000),
+    "sites": Option(int, "points that mass is sent to", "N", 2, 100_000),
+    "discontinuities": Option(str, "ignore: what plain automatic differentiation does", choices=("exact", "ignore")),
+    "alone": Option(bool, "without plain automatic differentiation beside it"),
+    "backend": Option(str, "c if there is a C compiler, else numpy", choices=BACKENDS),
+    "resume": Option(bool, "go on from the checkpoint in DIR"),
+    "out": Option(str, "folder of the results", "DIR"),
+}
+"""All options that a demonstration may have."""
+
+
+@dataclass(frozen=True)
+class Demo:
+    """A demonstration: its function, the photo it takes if none is named, the defaults of its options, and those of --fast."""
+
+    about: str
+    function: str
+    defaults: Mapping[str, Any]
+    fast: Mapping[str, Any] = field(default_factory=dict)
+    photo: str | None = None
+    backends: tuple[str, ...] = BACKENDS
+
+    def run(self, settings: Mapping[str, Any], progress: bool) -> dict[str, Any]:
+        """Returns the report of a run with these settings."""
+        module, _, name = self.function.partition(":")
+        report: dict[str, Any] = getattr(import_module("teg.examples." + module), name)(**settings, progress=progress)
+        return report
+
+
+DESCENT = {"seed": 0, "backend": None, "resume": False}
+COMPARED = {"discontinuities": "exact", "alone": False}
+
+DEMOS = {
+    "triangulation": Demo(
+        "a photo in triangles",
+        "triangulation.run:run_triangulation",
+        {
+            "triangles": 300,
+            "size": 256,
+            "steps": 120,
+            "colours": "constant",
+            "optimiser": "resilient",
+            "refine": 0,
+            "mesh": None,
+            **COMPARED,
+            "shared_by": None,
+            **DESCENT,
+        },
+        {"triangles": 80, "size": 96, "steps": 25},
+        photo="astronaut",
+    ),
+    "perlin": Demo(
+        "a photo as a thresholded noise in a few colours",
+        "perlin.run:run_perlin",
+        {"cells": 8, "octaves": 4, "levels": 3, "size": 160, "steps": 300, **COMPARED, **DESCENT},
+        {"size": 64, "octaves": 3, "steps": 60},
+        photo="astronaut",
+    ),
+    "bouncing-ball": Demo(
+        "the path of a ball by least action",
+        "bouncing_ball.run:run_bouncing_ball",
+        {"contacts": 5, "speed": 1.5, "duration": None, "floor": None, "steps": 300, **COMPARED, "seed": 0, "backend": None},
+        {"contacts": 2},
+    ),
+    "springs": Demo(
+        "two bungee cords with locking strings, designed for a safe and quick jump",
+        "springs.run:run_springs",
+        {"drop": 30.0, "mass": 75.0, "weight": 1.0, "steps": 100, **COMPARED, "seed": 0, "backend": None},
+        {"steps": 40},
+    ),
+    "mesh-network": Demo(
+        "a network in JAX that turns photos into triangles",
+        "mesh_network.run:run_mesh_network",
+        {"cells": 24, "epochs": 60, "discontinuities": "exact", **DESCENT},
+        {"cells": 8, "epochs": 2},
+        photo="astronaut",
+        backends=("jax",),
+    ),
+    "voronoi": Demo("optimal transport to points", "voronoi:run_voronoi", {"sites": 200, "seed": 0, "backend": None}, {"sites": 40}),
+    "occlusion": Demo(
+        "the pose of a mesh from a picture",
+        "occlusion:run_occlusion",
+        {"size": 48, "steps": 60, "seed": 0, "backend": None},
+        {"size": 16, "steps": 10},
+    ),
+    "shaders": Demo("one window, several lights", "shaders:run_shaders", {"seed": 0, "backend": "numpy"}),
+}
+"""The demonstrations by name."""
+
+
+def resolved(name: str, given: Mapping[str, Any], fast: bool = False) -> dict[str, Any]:
+    """Returns the settings of a run: those given, then those of --fast, then the defaults; the backend is one that is there.
+
+    Raises InputError for an unknown name or an impossible value.
+    """
+    demo = DEMOS[name]
+    known = {**({"photo": None} if demo.photo else {}), **demo.defaults, "out": f"out/{name}"}
+    unknown = [key for key in given if key not in known]
+    if unknown:
+        raise InputError(f"the demo {name} has no option {', '.join(unknown)}", None, "it has " + ", ".join(known))
+    settings = known | (dict(demo.fast) if fast else {}) | dict(given)
+    for key in ("out", "photo"):
+        if settings.get(key) is not None:
+            settings[key] = str(settings[key])
+    for key, value in settings.items():
+        if key != "photo":
+            OPTIONS[key].check(key, value)
+    if settings["backend"] is None:
+        settings["backend"] = chosen_backend(demo, settings)
+    if settings["backend"] not in demo.backends:
+        raise InputError(f"the demo {name} does not run in {settings['backend']!r}", None, "it runs in " + ", ".join(demo.backends))
+    return settings
+
+
+def chosen_backend(demo: Demo, settings: Mapping[str, Any]) -> str:
+    """Returns the only backend of a demonstration, "jax" for devices of JAX, else the default one."""
+    return "jax" if len(demo.backends) == 1 or settings.get("shared_by") else default_backend()
+
+
+def default_backend() -> Backend:
+    """Returns "c" if there is a C compiler, else "numpy"."""
+    from teg.backends.c.build import find_compiler
+    from teg.errors import CompilerError
+
+    try:
+        find_compiler()
+    except CompilerError:
+        return "numpy"
+    return "c"

@@ -1,0 +1,223 @@
+"""The pages of the site: every block of code runs and prints what the page says, every public name has its place, and the site is built."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import teg
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md"))
+MEASURED = ("jax.md",)
+"""The page whose blocks another test runs."""
+WITH_CODE = [page for page in PAGES if "```python" in (DOCS / page).read_text(encoding="utf-8") and page not in MEASURED]
+OPTIONAL = {"jax", "torch", "scipy", "sympy"}
+SPHINX = [sys.executable, "-m", "sphinx", "--fail-on-warning", "--fresh-env", "--quiet"]
+
+
+def imported(page: str) -> set[str]:
+    """The optional packages that the blocks of a page import."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    return OPTIONAL & set(re.findall(r"^(?:import|from) (\w+)", text, re.MULTILINE))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def importable() -> Iterator[None]:
+    """The modules of docs/, importable by the tests of this file only."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(DOCS))
+        yield
+        for name in ("page_programs", "docstring_pages"):
+            sys.modules.pop(name, None)
+
+
+def assert_same(printed: str, promised: str) -> None:
+    """Compares two outputs: text as it is, numbers to the tolerance of an integral."""
+    from page_programs import NUMBER
+
+    assert squeezed(NUMBER.sub("#", printed)) == squeezed(NUMBER.sub("#", promised))
+    numbers = [np.array(list(map(float, NUMBER.findall(text)))) for text in (printed, promised)]
+    np.testing.assert_allclose(*numbers, rtol=1e-9, atol=1e-11)
+
+
+def squeezed(text: str) -> str:
+    """Text without differences of spaces, as numbers of other lengths make them."""
+    return " ".join(text.split())
+
+
+slow = [pytest.param(page, marks=pytest.mark.slow) if imported(page) & {"jax", "torch"} else page for page in WITH_CODE]
+
+
+@pytest.mark.parametrize("page", slow)
+def test_the_code_of_a_page_prints_what_the_page_says(page: str) -> None:
+    from page_programs import blocks_of, output_of
+
+    from teg.pipeline import ESTIMATORS
+
+    for package in imported(page):
+        pytest.importorskip(package)
+    names: dict[str, Any] = {"__name__": "__main__"}
+    known = dict(ESTIMATORS)
+    try:
+        for block in blocks_of((DOCS / page).read_text(encoding="utf-8")):
+            assert_same(output_of(block.code, names, page), block.output or "")
+    finally:
+        ESTIMATORS.clear()
+        ESTIMATORS.update(known)
+
+
+def test_outputs_are_written_anew_between_the_same_words() -> None:
+    from page_programs import rewritten
+
+    page = "Text.\n\n```python\nx = 1\n```\n\n```python\nprint(x + 1)\n```\n\n```text\nold\n```\n\nMore.\n"
+    assert rewritten(page, "page") == page.replace("old", "2")
+
+
+def test_an_error_and_a_warning_are_part_of_the_output() -> None:
+    from page_programs import output_of
+
+    said = output_of("import warnings\nprint('first')\nwarnings.warn('look')\nimport teg\nteg.sin('x')\nprint('never')", {})
+    first, second, third, *_ = said.splitlines()
+    assert (first, second) == ("first", "UserWarning: look")
+    assert third.startswith("teg.errors.OperandError: str is not a number")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_and_pictures_lead_somewhere(page: str) -> None:
+    text = re.sub(r"^```.*?^```", "", (DOCS / page).read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"`[^`\n]*`", "", text)
+    targets = [t for t in re.findall(r"\]\(([^)#\s]+)", text) if not t.startswith("http")]
+    assert [t for t in targets if not (DOCS / page).parent.joinpath(t).exists()] == []
+
+
+# -- docstrings ----------------------------------------------------------------------------------------------------------
+
+
+def public_objects() -> dict[str, Any]:
+    """The public functions and classes, and the documented methods of the latter."""
+    found: dict[str, Any] = {}
+    for name in teg.__all__:
+        value = getattr(teg, name)
+        if isinstance(value, ModuleType) or (inspect.isclass(value) and issubclass(value, Exception)):
+            continue  # tests/package/test_errors.py runs the examples of errors, which end in one
+        found[name] = value
+        if inspect.isclass(value):
+            found |= {f"{name}.{k}": m for k, m in vars(value).items() if k[0] != "_" and inspect.isfunction(m)}
+    return found
+
+
+def examples_in(docstring: str) -> list[str]:
+    """The indented paragraphs of a docstring that are programs, and its lines behind >>>."""
+    programs = []
+    for paragraph in re.findall(r"(?:^    .+\n?(?:^ +.+\n?)*)+", inspect.cleandoc(docstring) + "\n", re.MULTILINE):
+        text = inspect.cleandoc(paragraph)
+        try:
+            tree = ast.parse(text)
+        except SyntaxError:
+            continue
+        if any(isinstance(node, ast.Name) and node.id == "teg" for node in ast.walk(tree)):
+            programs.append(text)
+    return programs
+
+
+EXAMPLES = {name: code for name, value in public_objects().items() if (code := examples_in(inspect.getdoc(value) or ""))}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_examples_of_a_docstring_run(name: str) -> None:
+    """With the names that docstrings take for granted; a comment that holds a number is the value of its line."""
+    import math
+
+    x, y = teg.vars("x y")
+    t, a = teg.params("t a")
+    e = teg.integral(teg.bracket(x + a * y < t), (x, 0, 1), (y, 0, 1))
+    names: dict[str, Any] = {"teg": teg, "math": math, "np": np, "x": x, "y": y, "t": t, "a": a, "e": e}
+    u, v, p, r = teg.vars("u v p r")
+    names |= {"u": u, "v": v, "p": p, "r": r, "body": teg.sin(t) + a}
+    for code in EXAMPLES[name]:
+        for package in OPTIONAL & set(re.findall(r"\b(jax|torch|scipy|sympy)(?=\.|_function)", code)):
+            names[package] = pytest.importorskip(package)
+        for line in ast.parse(code).body:
+            source = ast.unparse(line)
+            written = "\n".join(code.splitlines()[line.lineno - 1 : line.end_lineno])
+            promised = re.search(r"  # (.+)$", written)
+            if isinstance(line, ast.Expr) and promised and source.startswith("str("):
+                assert eval(source, names) == promised[1]
+            elif isinstance(line, ast.Expr) and promised and (number := re.match(r"(-?\d+\.\d+|\[.*\])(?=$|:)", promised[1])):
+                assert eval(source, names) == pytest.approx(ast.literal_eval(number[1]), rel=1e-9)
+            else:
+                exec(source, names)
+
+
+def test_every_public_name_has_a_docstring_and_a_place() -> None:
+    pytest.importorskip("sphinx")
+    from docstring_pages import SECTIONS, names_of
+
+    listed = [name for section in [*SECTIONS, "errors"] for name in names_of(section)]
+    assert sorted(listed) == sorted(set(teg.__all__) - {"errors", "maps", "ArrayEvaluator"})
+    assert all(inspect.getdoc(getattr(teg, name)) for name in listed)
+    pages = {
+        re.findall(r"{public-names} (\w+)", p.read_text(encoding="utf-8"))[0]
+        for p in DOCS.glob("reference/*.md")
+        if "-names}" in p.read_text()
+    }
+    assert pages == set(SECTIONS)
+
+
+@pytest.mark.parametrize(
+    ("docstring", "markdown"),
+    [
+        ("Returns a*b of `a*b`.", r"Returns a\*b of `a*b`."),
+        ("Returns x.\n\n    y = teg.sin(x)\n\nEnd.", "Returns x.\n\n```python\ny = teg.sin(x)\n```\n\nEnd."),
+        ("Rules:\n\n    one   first `x`\n    two   second\n\nEnd.", "Rules:\n\n```text\none   first `x`\ntwo   second\n```\n\nEnd."),
+    ],
+)
+def test_a_docstring_is_written_as_markdown(docstring: str, markdown: str) -> None:
+    pytest.importorskip("sphinx")
+    from docstring_pages import markdown_of
+
+    assert markdown_of(docstring) == markdown
+
+
+# -- gallery, versions, site ---------------------------------------------------------------------------------------------
+
+
+def test_every_demonstration_is_in_the_gallery() -> None:
+    from teg.__main__ import _parser
+
+    (commands,) = (a.choices for a in _parser()._actions if isinstance(a.choices, dict))
+    (demos,) = (a.choices for a in commands["demo"]._actions if isinstance(a.choices, dict))
+    text = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    assert [name for name in demos if f"teg demo {name}" not in text] == []
+
+
+def test_the_version_is_the_same_everywhere() -> None:
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    version, day = re.findall(r"^## (\S+) \((\d{4}-\d\d-\d\d)\)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)[0]
+    assert f'version = "{version}"' in project
+    assert f"version: {version}\ndate-released: {day}" in citation
+    assert teg.__version__ == version
+    assert f"version = {{{version}}}" in (DOCS / "citing.md").read_text(encoding="utf-8")
+
+
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    for package in ("sphinx", "furo", "myst_parser", "sphinx_copybutton", "jax"):
+        pytest.importorskip(package)
+    done = subprocess.run([*SPHINX, str(DOCS), str(tmp_path)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "searchindex.js").stat().st_size > 10_000
+    page = (tmp_path / "errors.html").read_text(encoding="utf-8")
+    assert all(name in page for name in vars(teg.errors) if name.endswith("Error"))
