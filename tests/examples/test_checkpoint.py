@@ -24,12 +24,14 @@ IDENTITY = {"size": 4}
 @pytest.fixture
 def saved(tmp_path: Path) -> Path:
     path = tmp_path / "checkpoint.npz"
-    save_checkpoint(path, IDENTITY, State(np.linspace(0, 1, 1000), 7), [2.0, 1.0], 0.5)
+    save_checkpoint(path, IDENTITY, State(np.linspace(0, 1, 1000), 7), [2.0, 1.0], 0.5, {3: State(np.zeros(2), 3)})
     return path
 
 
 def test_what_was_saved_is_loaded(saved: Path) -> None:
-    state, losses, seconds = load_checkpoint(saved, IDENTITY, State)
+    state, losses, seconds, frames = load_checkpoint(saved, IDENTITY, State)
+    assert list(frames) == [3]
+    np.testing.assert_array_equal(frames[3].points, np.zeros(2))
     np.testing.assert_array_equal(state.points, np.linspace(0, 1, 1000))
     assert (state.step, losses, seconds) == (7, [2.0, 1.0], 0.5)
 
