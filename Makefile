@@ -1,5 +1,5 @@
 # make demo    a photo in triangles, in out/triangulation
-# make test    the tests         make fast    without the slow ones         make thorough    with those of ten seconds and more
+# make test    the tests         make fast    without the slow ones         make thorough    with the longest ones
 # make bench   measurements      make lint    format, ruff, mypy
 # make docs    the pages as a site with search, in out/docs; a warning is an error
 # make fuzz    random programs against references of their own (N=5000; goes on where it was interrupted)
