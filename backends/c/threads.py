@@ -53,4 +53,4 @@ def library_at(path: Path) -> ctypes.CDLL:
     try:
         return ctypes.CDLL(str(path))
     finally:
-        del os.environ[POLICY]
+        os.environ.pop(POLICY, None)  # another thread may have loaded a library meanwhile
