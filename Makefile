@@ -26,7 +26,7 @@ test: $(READY)
 	$(BIN)/python -m pytest $(PARALLEL) -m "not thorough"
 
 thorough: $(READY)
-	$(BIN)/python -m pytest $(PARALLEL)
+	TEG_EXAMPLES=4 $(BIN)/python -m pytest $(PARALLEL)
 
 fast: $(READY)
 	$(BIN)/python -m pytest $(PARALLEL) -m "not slow"

@@ -110,6 +110,10 @@ class Writer:
         return self.select(self.put("b", "lt0", self.sub(self.abs(a), least)), least, a)
 
 
+Moments = dict[tuple[int, int], Arg]
+"""∫∫ XᵖY^q by (p, q)."""
+
+
 class _Line(NamedTuple):
     """A line: slopes, constant, the point nearest to the middle, reciprocals."""
 
@@ -124,10 +128,10 @@ class _Line(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """The weights of `nodes_of(degree)` relative to the area width·height/4, the scaled slopes and constants of the half-planes, and the
-    conditions under which the weights are right."""
+    """The moments relative to the area width·height/4, the scaled slopes and constants of the half-planes, and the conditions under which
+    the moments are right."""
 
-    weights: list[Arg]
+    moments: Moments
     scaled: list[tuple[Arg, Arg, Arg]]
     conditions: list[Arg]
 
@@ -146,7 +150,7 @@ def crossing(w: Writer, planes: Sequence[HalfPlane], width: Arg, height: Arg, de
     total = _moments(w, lines, cuts, degree)
     area = total[0, 0]
     conditions.append(w.any(w.positive(w.sub(area, 4.0 * SPECK)), w.put("b", "le0", w.abs(area))))
-    return Crossing(_weights(w, total, degree), scaled, conditions)
+    return Crossing(total, scaled, conditions)
 
 
 def _line(w: Writer, a: Arg, b: Arg, c: Arg, conditions: list[Arg]) -> _Line:
@@ -180,9 +184,6 @@ def _cuts(w: Writer, lines: Sequence[_Line], conditions: list[Arg], stout: int) 
                 at = w.mul(w.sub(w.mul(x, line.b), w.mul(y, line.a)), line.per_square)
                 cuts[number].append((at, beyond))
     return cuts
-
-
-Moments = dict[tuple[int, int], Arg]
 
 
 def _moments(w: Writer, lines: Sequence[_Line], cuts: Sequence[Sequence[tuple[Arg, Arg]]], degree: int) -> Moments:
@@ -269,6 +270,7 @@ def weights_of(degree: int) -> tuple[tuple[tuple[tuple[int, int], float], ...], 
     return tuple(tuple((key, float(v)) for key, v in zip(powers, row, strict=True) if v != 0) for row in inverse)
 
 
-def _weights(w: Writer, moments: Moments, degree: int) -> list[Arg]:
+def weights(w: Writer, moments: Moments, degree: int) -> list[Arg]:
+    """Returns the weights of `nodes_of(degree)`."""
     scaled: Callable[[tuple[int, int], float], Arg] = lambda key, factor: w.mul(factor, moments[key])  # noqa: E731
     return [w.add(*(scaled(key, factor) for key, factor in row)) for row in weights_of(degree)]

@@ -117,8 +117,8 @@ def adaptive_piece(
 ) -> list[str]:
     """Add the adaptive rule over (p, q) to `sum`, from the left; `waiting` is a stack of intervals.
 
-    `block` writes the values at x to `f`, then the watched conditions. Where there are any, k runs over the ends of the
-    interval (-2, -1) before the nodes, and stops where a condition changed and the interval will be halved anyway. `bent`: places are
+    `block` writes the values at x to `f`, then the watched signs. Where there are any, k runs over the ends of the
+    interval (-2, -1) before the nodes, and stops where a sign changed and the interval will be halved anyway. `bent`: places are
     those of the substitution `way`, which may be that of a singular end if there are `ends`; `noted`: the block may note ties and missed
     tolerances, which at the ends do not count.
     """
@@ -142,7 +142,7 @@ def adaptive_piece(
         node, first = f"(k < 0 ? 2 * k + 3 : {node})", "-2"
         before = ["const int fine = here.to - here.from <= TEG_WATCH_WIDTH;", f"int changed = 0, seen[{watched}] = {{0}};"]
         after = [
-            f"for (int j = 0; j < {watched}; j++) changed |= (seen[j] |= f[{count} + j] != 0.0 ? 1 : 2) == 3;",
+            f"for (int j = 0; j < {watched}; j++) changed |= (seen[j] |= (f[{count} + j] > 0.0) + 2 * (f[{count} + j] < 0.0)) == 3;",
             *(["if (k < 0) ctx->tied = tied, ctx->missed = missed;"] if noted else []),
             "if (changed && !fine && !last && used > 1) break;",
             "if (k < 0) continue;",

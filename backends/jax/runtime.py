@@ -98,7 +98,7 @@ def adaptive(
 ) -> tuple[tuple[Scalar, ...], Note]:
     """Gauss-Legendre with bisection on each piece; the arguments are those of `integrate`.
 
-    Behind the values the body has `watched` conditions (an interval on which one changes is halved), and the sharp values of a `guard`.
+    Behind the values the body has `watched` signs (an interval on which one changes is halved), and the sharp values of a `guard`.
     """
     return integrate(pieces, partial(_adaptive, pieces, tol, orders, watched, guard), *integral, when=when)
 
@@ -216,7 +216,7 @@ class _Progress(NamedTuple):
 
 
 class _Measured(NamedTuple):
-    """K of every value, A and E of those tested, whether a watched condition changes, a note; nodes in u, sharp values there."""
+    """K of every value, A and E of those tested, whether a watched sign changes, a note; nodes in u, sharp values there."""
 
     total: Any
     size: Any
@@ -255,9 +255,9 @@ def _adaptive(
         x, rate = place(JAX, places, possible, left + 0.5 * width * (1.0 + at))
         found, notes = jax.vmap(values)(x)
         changed = jnp.bool_(False)
-        if watched:  # at the ends, the last two rows, only the conditions count
-            conditions = found[:, pieces.values : behind] > 0.0
-            changed = jnp.any(jnp.any(conditions, axis=0) & ~jnp.all(conditions, axis=0))
+        if watched:  # at the ends, the last two rows, only the signs count
+            signs = found[:, pieces.values : behind]
+            changed = jnp.any(jnp.any(signs > 0.0, axis=0) & jnp.any(signs < 0.0, axis=0))
             found, notes, rate = found[:-2], notes[:-2], rate[:-2]
         weighted = found[:, : pieces.values] * (0.5 * width * rate)[:, None]
         total, size, error = _measure(nodes, pieces.tested, weighted, places.kind != POWER)

@@ -312,7 +312,7 @@ class MidpointIntegral(Integral):
 
 @dataclass(slots=True)
 class Measured:
-    """K of every value, (values, intervals), A and E of those tested, (tested, intervals); where a watched condition changes,
+    """K of every value, (values, intervals), A and E of those tested, (tested, intervals); where a watched sign changes,
     (intervals,); sharp values at the nodes, (sharp, nodes, intervals)."""
 
     total: Array
@@ -326,7 +326,7 @@ class Measured:
 class AdaptiveIntegral(Integral):
     """Gauss-Legendre with bisection: at a time, all intervals of one depth, over all pieces.
 
-    Behind the values, `body` returns `watched` conditions (an interval on which one changes is halved), and the sharp values of the
+    Behind the values, `body` returns `watched` signs (an interval on which one changes is halved), and the sharp values of the
     `guard`.
     """
 
@@ -455,5 +455,5 @@ class AdaptiveIntegral(Integral):
                 watched = slice(self.values, behind)
                 for inner, outer in zip(found[watched], at_ends[watched], strict=True):
                     both = np.concatenate([np.broadcast_to(inner, x.shape), np.broadcast_to(outer, ends.shape)])
-                    changed[part] |= both.any(axis=0) & ~both.all(axis=0)
+                    changed[part] |= (both > 0.0).any(axis=0) & (both < 0.0).any(axis=0)
         return result

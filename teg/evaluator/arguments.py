@@ -141,11 +141,13 @@ def refuse_nested(given: Mapping[str, Any], names: Sequence[str]) -> None:
 
 
 def plain_numbers(names: Sequence[str], args: tuple[Any, ...], named: Mapping[str, Any]) -> Sequence[float] | None:
-    """Returns the values in the order of the names, if all are given by name or all by position, as Python's or NumPy's floats or small
-    integers.
+    """Returns the values in the order of the names, if all are given by name, all by position, or all in a dict, as Python's or NumPy's
+    floats or small integers.
 
     Else None: the general way then reads the call and reports mistakes. This is all that a call at one point needs, and fast.
     """
+    if len(args) == 1 and isinstance(args[0], dict) and not named:
+        return plain_numbers(names, (), {name_of(k): v for k, v in args[0].items()})
     if args:
         found: Sequence[Any] = args
         if named or len(args) != len(names):

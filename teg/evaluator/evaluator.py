@@ -13,7 +13,7 @@ from teg.evaluator.arguments import Call, as_entries, name_of, plain_numbers, re
 from teg.evaluator.explain import checked_derivatives, explained
 from teg.evaluator.kernels import Kernels, Key, dimensions_of
 from teg.evaluator.options import Options
-from teg.evaluator.plan import GRADIENT, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, directions_of
+from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, directions_of
 from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
 from teg.ir.creation import in_order_of_creation, is_order_certain
@@ -85,19 +85,20 @@ class Evaluator:
 
     def __call__(self, *args: Any, **named: Any) -> Any:
         """Returns the value."""
-        rows, shape = self._run(0, args, named)
+        rows, shape = self._run(VALUE, args, named)
         return _nested(self.expression, iter(rows), shape)
 
     def value_and_grad(self, *args: Any, **named: Any) -> tuple[Any, dict[str, Any]]:
         """Returns the value, and a dict name -> derivative: a number for a parameter, an array of its shape for an array (for a tuple
         expression: a tuple of derivatives)."""
-        found, shape = self._run(1, args, named)
+        found, shape = self._run(GRADIENT, args, named)
         rows = iter(found)
         return _nested(self.expression, rows, shape), self._by_name(rows, shape)
 
     def grad(self, *args: Any, **named: Any) -> dict[str, Any]:
-        """Returns the dict name -> derivative."""
-        return self.value_and_grad(*args, **named)[1]
+        """Returns the dict name -> derivative. The value is not computed."""
+        found, shape = self._run(GRADIENT_ALONE, args, named)
+        return self._by_name(iter(found), shape)
 
     def value_and_error(self, *args: Any, **named: Any) -> tuple[Any, Any]:
         """Returns the value, and an estimate of its error of the same shape.
@@ -110,8 +111,8 @@ class Evaluator:
 
     def grad_and_error(self, *args: Any, **named: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Returns the dict name -> derivative, and the dict of estimates of their errors, of the same shapes."""
-        slopes, errors, shape = self._estimated(GRADIENT, args, named)
-        first, second = (self._by_name(iter(part[self._entries :]), shape) for part in (slopes, errors))
+        slopes, errors, shape = self._estimated(GRADIENT_ALONE, args, named)
+        first, second = (self._by_name(iter(part), shape) for part in (slopes, errors))
         return first, second
 
     def hessian(self, *args: Any, **named: Any) -> dict[tuple[str, str], Any]:
@@ -122,7 +123,7 @@ class Evaluator:
         """
         if self._loops:
             return self._hessian_by_products(self.by_name(args, named))
-        found, shape = self._run(2, args, named)
+        found, shape = self._run(HESSIAN, args, named)
         rows = iter(found[self._entries * (1 + len(self.wrt)) :])
         names = [p.name for p in self.wrt]
         blocks = [{(a, b): _one(next(rows), shape) for a in names for b in names} for _ in range(self._entries)]
@@ -306,18 +307,17 @@ class Evaluator:
             )
         return values_by_name(self.parameters, args, named)
 
-    def _run(self, orders: int, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[Any, tuple[int, ...]]:
-        """Returns the results of value (0), gradient (1) or Hessian (2), and the shape of the batch."""
+    def _run(self, wanted: Wanted, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[Any, tuple[int, ...]]:
+        """Returns the results, and the shape of the batch."""
         if (
             self._quick
-            and len(args) <= self._certain
+            and (len(args) <= self._certain or isinstance(args[0], Mapping))
             and self._kernels is not None
             and (numbers := plain_numbers(self.parameters, args, named)) is not None
         ):
-            quick = self._kernels.at_point(orders, numbers)
+            quick = self._kernels.at_point(wanted, numbers)
             if quick is not None:
                 return quick, ()
-        wanted = ORDERS[orders]
         call, kernels = self._call(wanted, self.by_name(args, named))
         return self._rounded(kernels.results(wanted, call, partial(self._titles, wanted))), call.shape
 

@@ -12,7 +12,7 @@ from teg.analysis.settings import Integration, with_more_room
 from teg.evaluator.accuracy import has_samples, report_missed, report_not_a_number
 from teg.evaluator.arguments import Call, whole_numbers
 from teg.evaluator.options import Options
-from teg.evaluator.plan import ORDERS, Kept, Plan, Wanted, derivative_of_order
+from teg.evaluator.plan import GRADIENT_ALONE, ORDERS, Kept, Plan, Wanted, derivative_of_order
 from teg.evaluator.timing import timed
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName
@@ -55,7 +55,7 @@ class Kernels:
         self._room: Kept[Key, Integration] = Kept()  # for kernels that met more roots than there was room for
         self._sampled: Kept[tuple[Wanted, int | None], bool] = Kept()
         self._checks: Kept[None, MapChecks] = Kept()
-        self._points: dict[int, Callable[[Sequence[float]], Outcome]] = {}
+        self._points: dict[Wanted, Callable[[Sequence[float]], Outcome]] = {}
 
     def kernel(self, key: Key) -> Kernel:
         """Returns the compiled program."""
@@ -83,7 +83,7 @@ class Kernels:
     @property
     def sources(self) -> list[str]:
         """Returns the texts of the existing kernels of value, gradient and Hessian."""
-        return [self.kernel(key).source for key in map(Key, ORDERS) if key in self._kernels]
+        return [self.kernel(key).source for key in map(Key, (*ORDERS, GRADIENT_ALONE)) if key in self._kernels]
 
     def has(self, wanted: Wanted) -> bool:
         """Returns whether this kernel exists."""
@@ -96,16 +96,16 @@ class Kernels:
 
     # -- results -------------------------------------------------------------------------------------------------------
 
-    def at_point(self, orders: int, numbers: Sequence[float]) -> np.ndarray | None:
-        """Returns the results of value (0), gradient (1) or Hessian (2) at one point by a kernel of C, (results, 1).
+    def at_point(self, wanted: Wanted, numbers: Sequence[float]) -> np.ndarray | None:
+        """Returns the results at one point by a kernel of C, (results, 1).
 
         None if there is anything to report, which `results` does. Only for a program without loops.
         """
-        if orders not in self._points:
-            if self._is_sampled(ORDERS[orders], None):
+        if wanted not in self._points:
+            if self._is_sampled(wanted, None):
                 return None
-            self._points[orders] = cast(Any, self.kernel(Key(ORDERS[orders]))).at_point
-        outcome = self._points[orders](numbers)
+            self._points[wanted] = cast(Any, self.kernel(Key(wanted))).at_point
+        outcome = self._points[wanted](numbers)
         if outcome.missed or outcome.crowded or any(map(math.isnan, outcome.values[:, 0].tolist())):
             return None
         return outcome.values

@@ -53,8 +53,8 @@ V = TypeVar("V")
 class Wanted(NamedTuple):
     """The outputs of a program: the values, if `values`, and derivatives of order up to `orders`.
 
-    Derivatives are those of the value (if `values`) and of its derivative along directions (if there are any). A direction is given by
-    the parameters that move.
+    Derivatives are those of the value (if `values`, or if there are no directions) and of its derivative along directions. A direction is
+    given by the parameters that move.
     """
 
     values: bool
@@ -73,6 +73,7 @@ class Wanted(NamedTuple):
 
 VALUE, GRADIENT, HESSIAN = Wanted(True, 0), Wanted(True, 1), Wanted(True, 2)
 ORDERS = (VALUE, GRADIENT, HESSIAN)
+GRADIENT_ALONE = Wanted(False, 1)
 
 
 def derivative_of_order(order: int, wrt: tuple[Parameter, ...]) -> Wanted:
@@ -243,7 +244,7 @@ class Derivation:
             return flatten(compiled_outputs(cell, wrt, 1, task.estimator, task.maps, task.integration.closed_forms)[1])
 
         found: list[Output] = [output_of(on_cells(leaf, normal)) for leaf in entries] if wanted.values else []
-        sources = list(entries) if wanted.values and wanted.orders else []
+        sources = list(entries) if wanted.orders and (wanted.values or not wanted.along) else []
         sources += [self._tangent(leaf, wanted) for leaf in entries] if wanted.along else []
         for source in sources:
             for p, slope in zip(task.wrt, gradient(source, task.wrt, derive, task.estimator.name == "exact"), strict=True):

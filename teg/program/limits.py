@@ -24,7 +24,7 @@ MAX_INTERVALS = 2**17
 MAX_EVALUATIONS = 2**28
 """Of integrands, that one point may take: some seconds of a compiled kernel."""
 WATCH_WIDTH = 2.0**-44
-"""An interval so narrow, in parts of its piece, is not halved because a watched condition changes in it."""
+"""An interval so narrow, in parts of its piece, is not halved because a watched sign changes in it."""
 NOISE = 10 * 2.0**-52
 """Coefficients of null rules below this part of the integral of |value| are roundings: the error is 0."""
 EDGE = 4 * 2.0**-52

@@ -58,7 +58,7 @@ class Adaptive:
         E <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A), or E is not finite
 
     and if it was bisected MAX_DEPTH times, or the piece has used MAX_INTERVALS measurements. But then the tolerance was *missed*, as it
-    is where K is infinite, or where the errors of a piece (but for intervals in which a watched condition changes) add up to more than
+    is where K is infinite, or where the errors of a piece (but for intervals in which a watched sign changes) add up to more than
     SPENT times what one of them may be. After DEEP bisections a value with A > DIVERGENT·A₀ diverges: its K is an infinity of its sign.
 
     The error is 4·t·min(1, max(r, (15·r - 2)/7))^decay_power, t the largest coefficients that the null rules give and r the decay from
@@ -142,7 +142,7 @@ class Guard:
     |value|, and bounds `lower` <= s <= `upper` of *sharp* values, which the body computes at the nodes as `seen`.
 
     A₀ of an interval is the largest A among those of the interval itself and of the intervals it came from. An interval that would be
-    accepted because its errors are small, all being finite, and in which no watched condition changes, is accepted only if nothing there
+    accepted because its errors are small, all being finite, and in which no watched sign changes, is accepted only if nothing there
     is hidden. With
 
         a box (left, right) *matters* if right - left is not finite, or one of the tested values does not have
@@ -174,11 +174,11 @@ class Integrate:
     `flags`, what is constant on an open piece, is run with var at its part INSIDE and `ends`, if there are any, at p and q; the piece is
     skipped if `need` then fails. `scale` is the length of a tail, where q - p is infinite.
 
-    `tested` of the values decide how fine the pieces are cut, and have `estimates` of their errors. `watch` names conditions of `body`
-    that may change where no break is known (rule Adaptive only). On an interval `body` is then also run at the two ends; of these two
-    runs only the watched conditions count, no value and no tie. If a watched condition is not always the same, the error does not matter:
-    the interval is halved, unless it is at most WATCH_WIDTH wide in u. An interval that will be halved anyway need not be evaluated
-    further, but the first one is, for A₀.
+    `tested` of the values decide how fine the pieces are cut, and have `estimates` of their errors. `watch` names signs in `body`, of
+    conditions that may change where no break is known (rule Adaptive only). On an interval `body` is then also run at the two ends; of
+    these two runs only the watched signs count, no value and no tie. If one of them is positive at one place and negative at another, it
+    *changes*, and the error does not matter: the interval is halved, unless it is at most WATCH_WIDTH wide in u. An interval that will be
+    halved anyway need not be evaluated further, but the first one is, for A₀.
     """
 
     var: Annotated[str, Variable(("flags", "body"))]
@@ -192,7 +192,7 @@ class Integrate:
     results: Annotated[tuple[str, ...], Result()]
     rule: Rule
     when: Annotated[str | None, CONDITION] = None
-    watch: Annotated[tuple[str, ...], Operand("condition", at="body")] = ()
+    watch: Annotated[tuple[Arg, ...], Operand(at="body")] = ()
     bends: Annotated[tuple[Bend, ...], Part()] = ()
     base: Annotated[Arg, NUMBER] = 0.0
     infinite: bool = False
@@ -208,7 +208,7 @@ class Integrate:
 
     @property
     def at_nodes(self) -> tuple[Arg, ...]:
-        """The arguments that `body` computes at a node: values, watched booleans, sharp values."""
+        """The arguments that `body` computes at a node: values, watched signs, sharp values."""
         watch = self.watch if isinstance(self.rule, Adaptive) else ()
         return (*self.values, *watch, *(self.guard.seen if self.guard is not None else ()))
 

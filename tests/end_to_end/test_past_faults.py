@@ -154,6 +154,26 @@ def test_a_condition_that_holds_but_for_a_moment(near: float) -> None:
     assert 3 - f(t=math.exp(-1) * (1 - near)) == pytest.approx(width, rel=5 * math.sqrt(near) + 1e-5)
 
 
+U = x - t
+
+
+@pytest.mark.parametrize(
+    ("condition", "body", "value"),
+    [
+        (1 - teg.cos(U) > 0, 1.0, 1.0),
+        (teg.cosh(U) - 1 > 0, 1.0, 1.0),
+        (teg.log(1 + U * U) > 0, 1.0, 1.0),
+        (teg.exp(U) - 1 - U > 0, teg.exp(x), math.e - 1),
+        (U - teg.sin(U) > 0, 1.0, 0.7),
+    ],
+)
+@pytest.mark.parametrize("backend", ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)])
+def test_a_condition_that_rounding_hides_where_it_touches_0(condition: teg.Cond, body: teg.Expr, value: float, backend: str) -> None:
+    """1 - cos(x - t) is computed as 0 for |x - t| < 1e-8, which is not to be followed by bisection and integrated as if it were true."""
+    found, estimate = teg.compile(INT(B(condition) * body, (x, 0, 1)), backend=backend).value_and_error(t=0.3)
+    assert abs(found - value) <= max(1e-14, 2 * estimate)
+
+
 def test_what_one_integral_needs_says_nothing_about_another() -> None:
     """A condition on parameters that skips the pieces of one loop was taken as known in the next one."""
     outside = teg.bracket(~(t - (0 * x + t * y) >= 0))

@@ -44,19 +44,19 @@ def gradient(e: teg.Expr, scene: Scene) -> list[float]:
 
 
 @given(scenes(1))
-@examples(60)
+@examples(30)
 def test_value_in_one_variable(scene: Scene) -> None:
     close(compiled(scene.expression, scene)(scene.values), scene.reference())
 
 
 @given(scenes(2))
-@examples(20)
+@examples(10)
 def test_value_in_two_variables(scene: Scene) -> None:
     close(compiled(scene.expression, scene)(scene.values), scene.reference())
 
 
 @given(scenes(1))
-@examples(30)
+@examples(15)
 def test_gradient_in_one_variable(scene: Scene) -> None:
     f = compiled(scene.expression, scene)
     assume(not f.diagnose(scene.values))
@@ -66,7 +66,7 @@ def test_gradient_in_one_variable(scene: Scene) -> None:
 
 @pytest.mark.slow
 @given(scenes(2))
-@examples(12)
+@examples(6)
 def test_gradient_in_two_variables(scene: Scene) -> None:
     f = compiled(scene.expression, scene)
     assume(not f.diagnose(scene.values))
@@ -75,7 +75,7 @@ def test_gradient_in_two_variables(scene: Scene) -> None:
 
 
 @given(scenes(1))
-@examples(30)
+@examples(15)
 def test_forward_equals_reverse(scene: Scene) -> None:
     e = scene.expression
     forward = teg.evaluate(teg.tuple(*(teg.diff(e, p) for p in scene.parameters)), scene.values)  # type: ignore[arg-type]
@@ -83,7 +83,7 @@ def test_forward_equals_reverse(scene: Scene) -> None:
 
 
 @given(scenes(2))
-@examples(10)
+@examples(5)
 def test_forward_equals_reverse_in_two_variables(scene: Scene) -> None:
     e = scene.expression
     forward = teg.evaluate(teg.tuple(*(teg.diff(e, p) for p in scene.parameters)), scene.values)  # type: ignore[arg-type]
@@ -91,7 +91,7 @@ def test_forward_equals_reverse_in_two_variables(scene: Scene) -> None:
 
 
 @given(scenes(1))
-@examples(10)
+@examples(5)
 def test_the_hessian_is_symmetric_and_the_derivative_of_the_gradient(scene: Scene) -> None:
     e = scene.expression
     f = compiled(e, scene)
@@ -107,21 +107,21 @@ def test_the_hessian_is_symmetric_and_the_derivative_of_the_gradient(scene: Scen
 
 
 @given(scenes(1))
-@examples(8)
+@examples(4)
 def test_c_agrees_with_numpy_in_one_variable(scene: Scene) -> None:
     agree(scene, "c")
 
 
 @pytest.mark.slow
 @given(scenes(2))
-@examples(6)
+@examples(4)
 def test_c_agrees_with_numpy_in_two_variables(scene: Scene) -> None:
     agree(scene, "c")
 
 
 @pytest.mark.slow
 @given(scenes(1))
-@examples(6)
+@examples(4)
 def test_jax_agrees_with_numpy(scene: Scene) -> None:
     jax = pytest.importorskip("jax")
     before = jax.config.jax_enable_x64
@@ -153,7 +153,7 @@ def same(e: teg.Expr, other: teg.Expr, scene: Scene, tolerance: float = TOLERANC
 
 
 @given(scenes(1))
-@examples(15)
+@examples(7)
 def test_translation(scene: Scene) -> None:
     x0, x1, _, _ = scene.box
     shifted = cast(teg.Expr, substitute(scene.integrand, {x: x - 3}))
@@ -162,7 +162,7 @@ def test_translation(scene: Scene) -> None:
 
 @pytest.mark.slow
 @given(scenes(2))
-@examples(8)
+@examples(4)
 def test_the_order_of_integration(scene: Scene) -> None:
     x0, x1, y0, y1 = scene.box
     same(scene.expression, teg.integral(scene.integrand, (y, y0, y1), (x, x0, x1)), scene)
@@ -171,7 +171,7 @@ def test_the_order_of_integration(scene: Scene) -> None:
 @pytest.mark.parametrize("factor", [1e8, 1e-8, -1.0])
 def test_scaling(factor: float) -> None:
     @given(scenes(1))
-    @examples(10)
+    @examples(5)
     def law(scene: Scene) -> None:
         x0, x1, _, _ = scene.box
         stretched = cast(teg.Expr, substitute(scene.integrand, {x: x / factor})) / factor
@@ -181,7 +181,7 @@ def test_scaling(factor: float) -> None:
 
 
 @given(scenes(2))
-@examples(6)
+@examples(4)
 def test_scaling_one_axis_of_two(scene: Scene) -> None:
     x0, x1, y0, y1 = scene.box
     stretched = cast(teg.Expr, substitute(scene.integrand, {x: 1e8 * x, y: 1e-8 * y}))
@@ -189,7 +189,7 @@ def test_scaling_one_axis_of_two(scene: Scene) -> None:
 
 
 @given(scenes(2), scenes(2))
-@examples(8)
+@examples(4)
 def test_partition_of_unity(scene: Scene, other: Scene) -> None:
     conditions = [a for a in teg.analysis.surfaces.atoms_of(other.integrand) if a.g.free]
     c = conditions[0]
@@ -198,14 +198,14 @@ def test_partition_of_unity(scene: Scene, other: Scene) -> None:
 
 
 @given(scenes(1))
-@examples(15)
+@examples(7)
 def test_reversed_bounds_flip_the_sign(scene: Scene) -> None:
     x0, x1, _, _ = scene.box
     same(scene.expression, -teg.integral(scene.integrand, (x, x1, x0)), scene)
 
 
 @given(scenes(1))
-@examples(15)
+@examples(7)
 def test_a_domain_is_the_sum_of_its_parts(scene: Scene) -> None:
     x0, x1, _, _ = scene.box
     middle = scene.parameters[3]  # anywhere, outside too
@@ -215,7 +215,7 @@ def test_a_domain_is_the_sum_of_its_parts(scene: Scene) -> None:
 
 
 @given(scenes(1), scenes(1))
-@examples(15)
+@examples(7)
 def test_linearity(scene: Scene, other: Scene) -> None:
     together = scene.over(2 * scene.integrand - 3 * other.integrand)
     apart = 2 * scene.expression - 3 * scene.over(other.integrand)

@@ -176,7 +176,11 @@ MUTANTS: tuple[Mutant, ...] = (
         "backends/numpy/runtime.py",
         (SMALL, NUMPY, "tests/backends/numpy/test_kernel.py"),
         ("bisection", "left[1::2] += width", "left[0::2] += width"),
-        ("watched conditions", "changed[part] |= both.any(axis=0) & ~both.all(axis=0)", "changed[part] |= both.all(axis=0)"),
+        (
+            "watched signs",
+            "changed[part] |= (both > 0.0).any(axis=0) & (both < 0.0).any(axis=0)",
+            "changed[part] |= (both > 0.0).any(axis=0)",
+        ),
     ),
     Mutant(
         "block of lanes",

@@ -98,7 +98,7 @@ MALFORMED: tuple[tuple[Program, str], ...] = (
     (program(let("b0", "not", "p0")), "p0 is a number, and is read as a condition"),
     (program(replace(SUM, when="p0")), "p0 is a number, and is read as a condition"),
     (program(POSITIVE, replace(SUM, points=("b0",))), "b0 is a condition"),
-    (program(replace(INTEGRAL, watch=("v1",))), "v1 is a number"),
+    (program(POSITIVE, replace(INTEGRAL, watch=("b0",))), "b0 is a condition"),
     (program(POSITIVE, replace(BRANCH, results=("b1",))), "b1 is no number"),
     (program(let("v0", "neg", True)), "the literal True is no number"),
     (program(let("b0", "not", 1.0)), "the literal 1.0 is no condition"),

@@ -1,7 +1,7 @@
 """The places between which an integral is computed: its bounds, its breaks, and the data of its rule about them.
 
 bends      where the integrand turns into another branch, or has a pole: coordinates follow them
-watched    conditions that may change where no break is known
+watched    signs of conditions that may change where no break is known
 peaks      narrow Gaussians, which the nodes of the whole range would miss
 scale      the length on which tails fall off
 """
@@ -45,7 +45,7 @@ from teg.ir.traverse import substitute
 from teg.passes.lower.emit import NAN, Emitter, Level
 from teg.passes.lower.roots import Roots
 from teg.passes.lower.rules import Rules
-from teg.program import Arg, Bend, Rule
+from teg.program import TIE_EPS, Arg, Bend, Rule
 
 MAX_SCALES = 4
 PEAK = 8.5
@@ -206,24 +206,38 @@ class Pieces:
         return self.out.number(base, home) if bends else 0.0, tuple(bends)
 
     def watched(self, bodies: Sequence[Expr], level: Level) -> tuple[str, ...]:
-        """Returns conditions that may change inside a piece because their roots have no formula: the rule bisects towards such places."""
+        """Returns signs of conditions that may change inside a piece because their roots have no formula: the rule bisects towards such
+        places. A sign that rounding alone could have made is 0, which says nothing."""
         x, handled = cast(Var, level.var), cast(Breaks, level.breaks).handled
         inner = self.out.binders(bodies)
-        conditions: dict[Cond, None] = {}
+        signs: dict[Cond, None] = {}
         atoms = {c for b in bodies for c in atoms_of(b, x)}  # without atoms that only decide a tie
         for node in postorder(bodies):
             if x not in node.free or node.free & inner:
                 continue
             if isinstance(node, Compare) and node.g not in handled and node in atoms:
-                conditions[node] = None
+                signs[node] = None
                 turning = _slope_of(node.g, x)
                 if turning is not None:
-                    conditions[positive(turning)] = None  # two jumps between neighbouring nodes have a turning point between them
+                    signs[positive(turning)] = None  # two jumps between neighbouring nodes have a turning point between them
             elif isinstance(node, Call) and node.name in ("floor", "mod"):
                 u = node.children[0] if node.name == "floor" else div(*node.children)
-                conditions[positive(sub(const(0.5), sub(u, call("floor", u))))] = None  # false before a step, true after it
-        names = [self.out.truths(c, level)[0] for c in conditions]
-        return tuple(dict.fromkeys(n for n in names if isinstance(n, str)))
+                signs[positive(sub(const(0.5), sub(u, call("floor", u))))] = None  # false before a step, true after it
+        return tuple(dict.fromkeys(s for s in (self._sign(c, level) for c in signs) if isinstance(s, str)))
+
+    def _sign(self, c: Cond, level: Level) -> Arg:
+        """Returns 1 where a condition holds and -1 where it does not, or 0 where g of g > 0 is less than its rounding error."""
+        out, holds = self.out, self.out.truths(c, level)[0]
+        if not isinstance(holds, str):
+            return 0.0
+        sign = out.assign(level, "v", "select", holds, 1.0, -1.0)
+        if not isinstance(c, Compare):
+            return sign
+        noise = out.assign(level, "v", "mul", TIE_EPS, out.tie_scale(c.g, level))
+        larger = out.assign(level, "b", "gt0", out.assign(level, "v", "sub", noise, out.size(c.g, level)))
+        finite = out.assign(level, "b", "le0", out.assign(level, "v", "sub", noise, noise))
+        lost = out.assign(level, "b", "and", larger, finite)
+        return out.assign(level, "v", "select", lost, 0.0, sign)
 
 
 def _slope_of(g: Expr, x: Var) -> Expr | None:

@@ -56,7 +56,7 @@ def integrate(machine: Machine, stmt: Integrate) -> list[float]:
 
 @dataclass
 class _Measured:
-    """Of an interval: K of every value, A and E of those tested, whether a watched condition changes, the sharp values at the nodes."""
+    """Of an interval: K of every value, A and E of those tested, whether a watched sign changes, the sharp values at the nodes."""
 
     total: list[float]
     size: list[float]
@@ -194,19 +194,19 @@ class _Piece:
         """What is known of the interval (left, right) of u by n nodes."""
         stmt, m = self.stmt, self.machine
         half, count, watched = 0.5 * (right - left), len(stmt.values), len(stmt.watch)
-        rows, conditions, seen = [], [], []
+        rows, signs, seen = [], [], []
         for node in gauss_legendre(n)[0]:
             x, rate = way(left + half * (1.0 + node))
             row = self._values(x)
             rows.append([v * (rate * half) for v in row[:count]])
-            conditions.append(row[count : count + watched])
+            signs.append(row[count : count + watched])
             seen.append(row[count + watched :])
         if watched:
             met, missed, crowded = set(m.met), m.missed, m.crowded
             for u in (left, right):
-                conditions.append(self._values(way(u)[0])[count : count + watched])
+                signs.append(self._values(way(u)[0])[count : count + watched])
             m.met, m.missed, m.crowded = met, missed, crowded  # what happens at the ends does not count
-        changed = any(min(column) != max(column) for column in zip(*conditions, strict=True))
+        changed = any(any(s > 0.0 for s in column) and any(s < 0.0 for s in column) for column in zip(*signs, strict=True))
         totals, sizes, errors = [], [], []
         for j in range(count):
             total, size, error = measure([row[j] for row in rows], way.kind != POWER)

@@ -98,7 +98,7 @@ def test_watched_conditions_are_not_dead_code() -> None:
     np.testing.assert_allclose(compile_numpy(pruned)(columns(case), case.n)[0], expected(case)[0], rtol=1e-12, atol=1e-13)
     (outer,) = without_dead_code(program(1, case.program.body, "v9")).body
     assert isinstance(outer, Integrate)
-    assert [s.name for s in outer.body if isinstance(s, Assign)] == ["v0", "b0", "v1"]
+    assert [s.name for s in outer.body if isinstance(s, Assign)] == ["v0", "b0", "v1", "v70"]
 
 
 def test_a_watched_jump_costs_two_intervals_a_bisection() -> None:

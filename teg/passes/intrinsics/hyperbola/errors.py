@@ -8,15 +8,24 @@ from teg.passes.lower.intrinsic import LEAST, ROUNDINGS, Errors
 from teg.program import Arg, Hyperbola, Moments, Stmt
 
 
+STEP = 2.0**-52
+"""How far corners are moved, relative to their sizes."""
+
+
 def with_errors(errors: Errors, stmt: Hyperbola, out: list[Stmt]) -> None:
     """Appends the statement with its errors: roundings of the terms, errors of the coefficients, and of the corners relative to the
-    largest."""
+    largest.
+
+    Near a crossing the value of g at its saddle is a small difference of corners, so roundings of these move a border. By how much, the
+    same border of corners that are off by STEP shows.
+    """
     kinds: dict[tuple[str, int, int], str] = {}
     for m in stmt.moments:
         for j, k, _ in m.terms:
             kinds.setdefault((m.kind, j, k), errors.fresh("v"))
     single = tuple(Moments(kind, ((j, k, 1.0),)) for kind, j, k in kinds)
     out.append(replace(stmt, scales=errors.block(stmt.scales), moments=stmt.moments + single, results=(*stmt.results, *kinds.values())))
+    moved = _moved_borders(errors, stmt, kinds, out)
     relative: Arg = ROUNDINGS
     off = errors.sum_of((errors.error(c) for c in stmt.corners), out)
     if off != 0.0:
@@ -29,6 +38,21 @@ def with_errors(errors: Errors, stmt: Hyperbola, out: list[Stmt]) -> None:
         for j, k, c in m.terms:
             moment = errors.op(out, "abs", kinds[m.kind, j, k])
             parts.append(errors.op(out, "mul", relative, errors.op(out, "abs", c), moment))
+            if (j, k) in moved and m.kind == "border":
+                parts.append(errors.op(out, "mul", ROUNDINGS / STEP, errors.op(out, "abs", c), moved[j, k]))
             if errors.error(c) != 0.0:
                 parts.append(errors.op(out, "mul", errors.error(c), moment))
         errors.errors[result] = errors.sum_of(parts, out)
+
+
+def _moved_borders(errors: Errors, stmt: Hyperbola, kinds: dict[tuple[str, int, int], str], out: list[Stmt]) -> dict[tuple[int, int], Arg]:
+    """Returns how far each moment of the border moves with the corners."""
+    borders = {(j, k): name for (kind, j, k), name in kinds.items() if kind == "border"}
+    if not borders:
+        return {}
+    corners = tuple(errors.op(out, "mul", 1.0 + (-STEP if i % 2 else STEP), c) for i, c in enumerate(stmt.corners))
+    names = tuple(errors.fresh("v") for _ in borders)
+    moments = tuple(Moments("border", ((j, k, 1.0),)) for j, k in borders)
+    out.append(replace(stmt, corners=corners, scales=errors.block(stmt.scales), moments=moments, results=names))
+    distances = (errors.op(out, "abs", errors.op(out, "sub", a, b)) for a, b in zip(borders.values(), names, strict=True))
+    return dict(zip(borders, distances, strict=True))
