@@ -45,6 +45,9 @@ def hyperbola(stmt: Hyperbola, frame: Frame) -> list[str]:
     def leave(values: Sequence[str]) -> list[str]:
         return [*give(values), *([] if single else ["return;"])]
 
+    turn = scope(stmt.turn)
+    if stmt.ties and turn != "NAN":
+        turn = f"settled ? NAN : {turn}"
     whole = [_polynomial(m, scope, None) for m in stmt.moments]
     places = {"above": "n_{}{}", "below": "rest_{}{}", "border": "m_{}{}"}
     found = [_polynomial(m, scope, places[m.kind]) for m in stmt.moments]
@@ -60,7 +63,7 @@ def hyperbola(stmt: Hyperbola, frame: Frame) -> list[str]:
         *indent(*leave([chosen[kind].format(w) for w, kind in zip(whole, kinds, strict=True)])),
         "}",
         "teg_curve curve;",
-        "teg_trace(&curve, f0, f1, f2, f3, above);",
+        f"teg_trace(&curve, f0, f1, f2, f3, {turn}, above);",
         f"double along[{len(along)}] = {{0.0}};",
         f"for (int i = 0; i < curve.count; i++) {function_name(along)}(&curve.branches[i], along);",
         *packed(f"const double m_{j}{k} = along[{i}];" for i, (j, k) in enumerate(along)),

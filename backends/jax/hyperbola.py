@@ -13,6 +13,7 @@ from teg.backends.shared.moments import Kind, has_near_side, settled, totals
 def moments(
     order: Scalar,
     corners: Sequence[Scalar],
+    turn: Scalar,
     scales: Sequence[Scalar],
     kinds: Sequence[Kind],
     coefficients: Sequence[Sequence[Scalar]],
@@ -23,9 +24,11 @@ def moments(
     """The results of a `Hyperbola`, and the note: whether a tie was met; `zero` keeps a product and a sum apart (see `python_text`)."""
     f = [jnp.asarray(v, jnp.float64) for v in corners]
     above, met = [v > 0.0 for v in f], jnp.bool_(False)
+    turn = jnp.asarray(turn, jnp.float64)
     if scales:
         f, on, sides = settled(jnp, f, scales, has_near_side(f, jnp))
         above = [(v > 0.0) | (b & (order > 0)) for v, b in zip(f, on, strict=True)]
+        turn = jnp.where(on[0] | on[1] | on[2] | on[3], jnp.nan, turn)
         met = sides[0] | sides[1] | sides[2] | sides[3]
-    found = totals(jnp, f, above, kinds, coefficients, zero)
+    found = totals(jnp, f, turn, above, kinds, coefficients, zero)
     return tuple(jnp.where(when, v, 0.0) for v in found), where(when & met, jnp.int32(TIED))

@@ -398,7 +398,9 @@ def _moments(stmt: Hyperbola, note: str) -> list[str]:
     coefficients = inside(f"({inside(_text(c) for _, _, c in m.terms)})" for m in stmt.moments)
     arguments = [
         "order",
-        *(f"({inside(map(_text, args))})" for args in (stmt.corners, stmt.scale)),
+        f"({inside(map(_text, stmt.corners))})",
+        _text(stmt.turn),
+        f"({inside(map(_text, stmt.scale))})",
         f"({kinds})",
         f"({coefficients})",
         "zero",

@@ -37,37 +37,39 @@ class HyperbolaMoments:
         second: Value,
         third: Value,
         fourth: Value,
+        turn: Value,
         coefficients: tuple[Value, ...],
         for_scales: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
         """The results, of the arguments' common shape."""
-        border = 4 + len(coefficients)
+        border = 5 + len(coefficients)
 
         def work(given: Sequence[Array], lanes: int) -> Array:
-            corners, rest = ([np.broadcast_to(v, (lanes,)) for v in part] for part in (given[:4], given[4:border]))
+            corners, rest = ([np.broadcast_to(v, (lanes,)) for v in part] for part in (given[:5], given[5:border]))
             return self._lanes(run, corners, rest, given[border:])
 
         step = run.chunk(WIDTH + border + len(for_scales))
-        return on_lanes(work, (first, second, third, fourth, *coefficients, *for_scales), when, len(self.kinds), 0.0, step)
+        return on_lanes(work, (first, second, third, fourth, turn, *coefficients, *for_scales), when, len(self.kinds), 0.0, step)
 
     def _lanes(self, run: Run, corners: Sequence[Array], coefficients: Sequence[Array], for_scales: Sequence[Array]) -> Array:
-        f = [np.asarray(v, dtype=np.float64) for v in corners]
+        *f, turn = [np.asarray(v, dtype=np.float64) for v in corners]
         also: Sequence[Any] = [False] * 4
         if self.ties and np.any(near := has_near_side(f, np)):
             scales = self.scales(run, *for_scales)
             f, on, sides = settled(np, f, scales, near)
             run.met.update(k for k, ties in zip(self.ties, sides, strict=True) if np.any(ties))
             also = on if run.order > 0 else also
+            turn = np.where(on[0] | on[1] | on[2] | on[3], np.nan, turn)
         above = [(v > 0.0) | b for v, b in zip(f, also, strict=True)]
         plain = (above[0] == above[1]) & (above[1] == above[2]) & (above[2] == above[3]) & np.isfinite(sum(abs(v) for v in f))
         found = np.empty((len(self.kinds), plain.size))
         done, crossed = np.flatnonzero(plain), np.flatnonzero(~plain)
         found[:, done] = self._whole(above[0][done], [v[done] for v in coefficients])
         if crossed.size:
-            some = ([gather(v, crossed) for v in part] for part in (f, above, coefficients))
-            cut, higher, rest = some
-            found[:, crossed] = totals(np, cut, higher, self.kinds, self._by_result(rest))
+            some = ([gather(v, crossed) for v in part] for part in ([*f, turn], above, coefficients))
+            (*cut, turn), higher, rest = some
+            found[:, crossed] = totals(np, cut, turn, higher, self.kinds, self._by_result(rest))
         return found
 
     def _whole(self, above: Array, coefficients: Sequence[Array]) -> Array:

@@ -392,7 +392,7 @@ class _Printer:
             case Segment():
                 name, limits, groups = "segment", [], [captured(stmt, block)[0] for block in ("setup", "scales", "body")]
             case Hyperbola():
-                name, limits = "hyperbola", list(stmt.corners)
+                name, limits = "hyperbola", [*stmt.corners, stmt.turn]
                 groups = [[_text(c) for m in stmt.moments for _, _, c in m.terms], captured(stmt, "scales")[0]]
             case When():
                 raise AssertionError("branches are written out")

@@ -37,12 +37,12 @@ def settled(xp: Any, f: Sequence[Any], scales: Sequence[Any], near: Any) -> tupl
 
 
 def totals(
-    xp: Any, f: Sequence[Any], above: Sequence[Any], kinds: Sequence[Kind], given: Sequence[Sequence[Any]], zero: Any = 0.0
+    xp: Any, f: Sequence[Any], turn: Any, above: Sequence[Any], kinds: Sequence[Kind], given: Sequence[Sequence[Any]], zero: Any = 0.0
 ) -> list[Any]:
-    """The results of a `Hyperbola` whose ties are settled; `given` are the coefficients of each."""
+    """The results of a `Hyperbola` whose ties are settled; `given` are the coefficients of each, `turn` is NaN where it is not known."""
     inside = frozenset(p for kind, powers in kinds if kind != "border" for p in powers)
     border = frozenset(p for kind, powers in kinds if kind == "border" for p in powers)
-    moments = Moments(xp, f, above, inside, border, zero)
+    moments = Moments(xp, f, turn, above, inside, border, zero)
     every, some = above[0] & above[1] & above[2] & above[3], above[0] | above[1] | above[2] | above[3]
     results = []
     for (kind, powers), coefficients in zip(kinds, given, strict=True):
@@ -74,6 +74,7 @@ class Moments:
         self,
         xp: Any,
         f: Sequence[Any],
+        turn: Any,
         above: Sequence[Any],
         inside: frozenset[Powers],
         border: frozenset[Powers],
@@ -85,7 +86,8 @@ class Moments:
         f = [xp.where(self.known, v / unit, 1.0) for v in f]
         above = [a & self.known for a in above]
         self.b, self.c, self.d = f[1] - f[0], f[3] - f[0], (f[0] - f[1]) + (f[2] - f[3])
-        self.turn = _difference_of_products(f[0], f[2], f[1], f[3], zero)  # minus the product of both slopes on the curve
+        # minus the product of both slopes on the curve
+        self.turn = xp.where(xp.isnan(turn), _difference_of_products(f[0], f[2], f[1], f[3], zero), turn / unit / unit)
         self.wanted = border | {p for j, k in inside for p in ((j + 1, k), (j + 1, k + 1))}
         cuts = [above[i] ^ above[(i + 1) % 4] for i in range(4)]
         along = [xp.where(cut, slope, 1.0) for cut, slope in zip(cuts, (self.b, f[2] - f[1], f[2] - f[3], self.c), strict=True)]

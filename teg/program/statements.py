@@ -434,6 +434,9 @@ class Hyperbola:
     empty look at their coefficients. Where a border's curve crosses itself on the square, |g| <= SADDLE·Σ|g in the middles of the sides|
     at the saddle, and the polynomial there is more than NO_FLUX times the sum of its sizes in the middles of the sides, the result is an
     infinity of its sign.
+
+    `turn` is g₀g₂ - g₁g₃ of the corners gᵢ, which is a small difference near a crossing; NaN where it is to be computed from them, as it is
+    where corners are set to 0.
     """
 
     corners: Annotated[tuple[Arg, ...], NUMBER]
@@ -443,6 +446,7 @@ class Hyperbola:
     moments: Annotated[tuple[Moments, ...], Part(each=True)]
     results: Annotated[tuple[str, ...], Result()]
     when: Annotated[str | None, CONDITION] = None
+    turn: Annotated[Arg, NUMBER] = math.nan
 
 
 @dataclass(frozen=True, slots=True)

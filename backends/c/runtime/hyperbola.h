@@ -112,8 +112,8 @@ static inline double teg_turn(double low, double high)
 }
 
 //: teg_trace
-/* The curve of g with values f at the corners, at some of which, `above`, it is positive. */
-static inline void teg_trace(teg_curve *curve, double f0, double f1, double f2, double f3, int above)
+/* The curve of g with values f at the corners, at some of which, `above`, it is positive; `turn` is NaN if it is not known. */
+static inline void teg_trace(teg_curve *curve, double f0, double f1, double f2, double f3, double turn, int above)
 {
     static const signed char FIRST[16] = {0, 0, 0, 1, 1, 0, 0, 2, 2, 0, 0, 1, 1, 0, 0, 0};
     static const signed char LAST[16] = {0, 3, 1, 3, 2, 0, 2, 3, 3, 2, 0, 2, 3, 1, 3, 0};
@@ -121,7 +121,8 @@ static inline void teg_trace(teg_curve *curve, double f0, double f1, double f2, 
     const int fits = most >= TEG_SMALLEST && most <= 1.0 / TEG_SMALLEST;
     double g[4] = {f0, f1, f2, f3}, at[4], other[4];
     for (int i = 0; !fits && i < 4; i++) g[i] /= most;
-    const double turn = teg_cross(g[0], g[2], g[1], g[3]); /* minus the product of both slopes, the same all along the curve */
+    /* minus the product of both slopes, the same all along the curve */
+    turn = isnan(turn) ? teg_cross(g[0], g[2], g[1], g[3]) : fits ? turn : turn / most / most;
     const double along[4] = {g[1] - g[0], g[2] - g[1], g[2] - g[3], g[3] - g[0]};
     for (int i = 0; i < 4; i++) {
         at[i] = g[i] / (i < 2 ? -along[i] : along[i]);

@@ -26,7 +26,8 @@ def hyperbola(machine: Machine, stmt: Hyperbola) -> list[float]:
     above = [v > 0.0 or (tied and machine.order > 0) for tied, v in zip(on, f, strict=True)]
     if not all(map(math.isfinite, f)):
         return [math.nan] * len(stmt.results)
-    curve = _Curve(f, above, [(j, k) for m in stmt.moments for j, k, _ in m.terms]) if len(set(above)) == 2 else None
+    powers, turn = [(j, k) for m in stmt.moments for j, k, _ in m.terms], math.nan if any(on) else machine.number(stmt.turn)
+    curve = _Curve(f, turn, above, powers) if len(set(above)) == 2 else None
     return [_result(machine, m, curve, above[0]) for m in stmt.moments]
 
 
@@ -70,13 +71,14 @@ class _Curve:
     """The curve g = 0, g with values f at the corners, which are `above` or not: corners counterclockwise from (0, 0), side i from corner
     i."""
 
-    def __init__(self, f: list[float], above: list[bool], powers: list[Powers]) -> None:
+    def __init__(self, f: list[float], turn: float, above: list[bool], powers: list[Powers]) -> None:
         largest = max(map(abs, f))
         self.unit = 1.0 if SMALLEST <= largest <= 1.0 / SMALLEST else largest
         f = [v / self.unit for v in f]
         self.above = above
         self.b, self.c, self.d = f[1] - f[0], f[3] - f[0], (f[0] - f[1]) + (f[2] - f[3])
-        turn = difference_of_products(f[0], f[2], f[1], f[3])  # minus the product of both slopes, the same all along the curve
+        # minus the product of both slopes, the same all along the curve
+        turn = difference_of_products(f[0], f[2], f[1], f[3]) if turn != turn else turn / self.unit / self.unit
         along = [self.b, f[2] - f[1], f[2] - f[3], self.c]
         self.cut = [divide(f[i], -along[i] if i < 2 else along[i]) for i in range(4)]
         sides = [i for i in range(4) if above[i] != above[(i + 1) % 4]]

@@ -7,7 +7,6 @@ from dataclasses import replace
 from teg.passes.lower.intrinsic import LEAST, ROUNDINGS, Errors
 from teg.program import Arg, Hyperbola, Moments, Stmt
 
-
 STEP = 2.0**-52
 """How far corners are moved, relative to their sizes."""
 
@@ -17,7 +16,7 @@ def with_errors(errors: Errors, stmt: Hyperbola, out: list[Stmt]) -> None:
     largest.
 
     Near a crossing the value of g at its saddle is a small difference of corners, so roundings of these move a border. By how much, the
-    same border of corners that are off by STEP shows.
+    same border of corners that are off by STEP shows. A corner that is a parameter is exact.
     """
     kinds: dict[tuple[str, int, int], str] = {}
     for m in stmt.moments:
@@ -48,11 +47,14 @@ def with_errors(errors: Errors, stmt: Hyperbola, out: list[Stmt]) -> None:
 def _moved_borders(errors: Errors, stmt: Hyperbola, kinds: dict[tuple[str, int, int], str], out: list[Stmt]) -> dict[tuple[int, int], Arg]:
     """Returns how far each moment of the border moves with the corners."""
     borders = {(j, k): name for (kind, j, k), name in kinds.items() if kind == "border"}
-    if not borders:
+    computed = [isinstance(c, str) and c[0] != "p" for c in stmt.corners]
+    if not borders or not any(computed):
         return {}
-    corners = tuple(errors.op(out, "mul", 1.0 + (-STEP if i % 2 else STEP), c) for i, c in enumerate(stmt.corners))
+    factors = [1.0 + (-STEP if i % 2 else STEP) for i in range(4)]
+    corners = tuple(errors.op(out, "mul", f, c) if off else c for f, c, off in zip(factors, stmt.corners, computed, strict=True))
     names = tuple(errors.fresh("v") for _ in borders)
     moments = tuple(Moments("border", ((j, k, 1.0),)) for j, k in borders)
-    out.append(replace(stmt, corners=corners, scales=errors.block(stmt.scales), moments=moments, results=names))
+    turn = stmt.turn if not isinstance(stmt.turn, str) else errors.op(out, "mul", 1.0 + STEP, stmt.turn)
+    out.append(replace(stmt, corners=corners, turn=turn, scales=errors.block(stmt.scales), moments=moments, results=names))
     distances = (errors.op(out, "abs", errors.op(out, "sub", a, b)) for a, b in zip(borders.values(), names, strict=True))
     return dict(zip(borders, distances, strict=True))

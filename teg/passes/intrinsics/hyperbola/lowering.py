@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
+from teg.analysis.polynomial import expanded
+from teg.ir.expr import Add, Const, Expr, Mul, Param, mul, sub
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.node import Node
 from teg.passes.intrinsics.hyperbola.match import Border, Coefficients, Corners, Sides, match_hyperbola
@@ -81,7 +84,9 @@ class HyperbolaLowering(Lowering):
         if together.borders:  # a region does not change where its border does
             scales = tuple(self.out.tie_scale(e, home) for e in corners)
             ties = tuple(self.out.ties.setdefault(pair, len(self.out.ties)) for pair in together.borders[0].rivals)
-        home.block.append(Hyperbola(values, (), scales, ties, tuple(moments), tuple(names)))
+        exact = expanded(sub(mul(corners[0], corners[2]), mul(corners[1], corners[3])), 2)
+        turn = self.out.number(exact, home) if exact is not None and _keeps_digits(exact) else math.nan
+        home.block.append(Hyperbola(values, (), scales, ties, tuple(moments), tuple(names), turn=turn))
         for node, sides in together.regions:
             mine = parts.get(node, [])
             total: Arg = 0.0 if not mine else mine[0] if len(mine) == 1 else self.out.assign(home, "v", "add", *mine)
@@ -92,3 +97,15 @@ class HyperbolaLowering(Lowering):
 
     def _moments(self, kind: str, coefficients: Coefficients, home: Level) -> Moments:
         return Moments(kind, tuple((j, k, self.out.number(c, home)) for (j, k), c in coefficients.items()))
+
+
+def _keeps_digits(e: Expr) -> bool:
+    """Returns whether an expanded sum is rounded relative to itself: one monomial, or two numbers or parameters times powers of 2."""
+    if not isinstance(e, Add):
+        return True
+    return all(isinstance(t, Param | Const) or (isinstance(t, Mul) and _is_scaled_by_a_power_of_two(t)) for t in e.children)
+
+
+def _is_scaled_by_a_power_of_two(e: Mul) -> bool:
+    factor, *others = e.children
+    return isinstance(factor, Const) and abs(math.frexp(factor.data)[0]) == 0.5 and len(others) == 1 and isinstance(others[0], Param)
