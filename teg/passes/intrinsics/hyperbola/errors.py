@@ -7,8 +7,8 @@ from dataclasses import replace
 from teg.passes.lower.intrinsic import LEAST, ROUNDINGS, Errors
 from teg.program import Arg, Hyperbola, Moments, Stmt
 
-STEP = 2.0**-52
-"""How far corners are moved, relative to their sizes."""
+STEP = 2.0**-42
+"""How far corners are moved, relative to their sizes: far enough that the roundings of the border itself do not count."""
 
 
 def with_errors(errors: Errors, stmt: Hyperbola, out: list[Stmt]) -> None:
