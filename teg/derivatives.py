@@ -83,7 +83,8 @@ def grad(e: Operand, by: Sequence[Parameter | Var] | Parameter | Var | None = No
         [float(teg.evaluate(s, {t: 0.25, a: 2.0})) for s in slopes]  # [2.0, 0.25]
 
     The derivative by an array is an expression whose value is an array of its shape: sums of numbers times `1[V; i, …]`, the array that
-    is 1 at one place. Variables that are free in e may be among `by` (forward mode then), as in `teg.diff`.
+    is 1 at one place. Variables that are free in e may be among `by` (forward mode then), as in `teg.diff`. Raises as
+    `teg.diff`, and ParameterError for a parameter that is listed twice.
     """
     listed = [by] if isinstance(by, Var) else by
     if isinstance(listed, list | tuple) and any(isinstance(p, Var) for p in listed):

@@ -58,12 +58,13 @@ MOST = 100
 class Diagnosis:
     """One reason why the derivative at a point is not the usual one.
 
-    kind: "tie" (two surfaces, or a surface and a bound, coincide: the gradient given is the mean over the two orders; the
-    message tells it beside the one-sided ones), "parameter
-    surface" (a condition on parameters only is at its border), "one-sided" (the gradient a few roundings away is another one: a region
-    is born, two curves cross at a saddle), "infinite derivative", "second derivative", "not a number". `index` is the place in the
-    batch, flattened; `iteration` gives the indices of the sums around, in a program with arrays, outermost first, and `parameters` then
-    holds the entries that the surfaces are made of, too. `str()` is a sentence.
+        f.diagnose(t=1.0, a=0.0)[0].surfaces      # ('t - (x + a·y) = 0', 'the bound y = 1 or the bound x = 1')
+
+    kind: "tie" (two surfaces, or a surface and a bound, coincide: the gradient given is the mean over the two orders, and the message
+    tells it beside the one-sided ones), "parameter surface" (a condition on parameters only is at its border), "one-sided" (the gradient a
+    few roundings away is another one: a region is born, two curves cross at a saddle), "infinite derivative", "second derivative", "not a
+    number". `index` is the place in the batch, flattened. In a program with arrays `iteration` gives the indices of the sums around,
+    outermost first, and `parameters` holds the entries that the surfaces are made of, too. `str()` is a sentence.
     """
 
     kind: str
