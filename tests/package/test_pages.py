@@ -156,10 +156,11 @@ def test_the_version_is_the_same_everywhere() -> None:
 
 
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
-    for package in ("sphinx", "furo", "myst_parser", "sphinx_copybutton", "jax"):
+    for package in ("sphinx", "furo", "myst_nb", "ipykernel", "latex2mathml", "sphinx_copybutton", "matplotlib", "scipy", "jax"):
         pytest.importorskip(package)
     done = subprocess.run([*SPHINX, str(DOCS), str(tmp_path)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "searchindex.js").stat().st_size > 10_000
+    assert "<math" in (tmp_path / "notebooks" / "threshold.html").read_text(encoding="utf-8")
     page = (tmp_path / "errors.html").read_text(encoding="utf-8")
     assert all(name in page for name in vars(teg.errors) if name.endswith("Error"))
