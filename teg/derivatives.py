@@ -49,7 +49,7 @@ def diff(e: Operand, by: Param | Var, maps: Maps = ()) -> Expr:
             f"{by.name} is an array: its derivative is one, too", None, f"teg.grad(e, [{by.name}])[0], or teg.jvp along one"
         )
     if not isinstance(by, Param | Var):
-        hint = 'make one with t = teg.param("t")'
+        hint = f"make one with teg.param({by!r:.80})" if isinstance(by, str) else 'make one with t = teg.param("t")'
         raise ParameterError("a derivative is taken by one parameter or variable; several: teg.grad(e, [t, a])", by, hint)
     return jvp(e, {by: ONE}, maps)
 

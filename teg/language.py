@@ -58,8 +58,8 @@ def vars(names: str) -> tuple[Var, ...]:
 def param(name: str) -> Param:
     """Returns a parameter, by which derivatives are taken. The same name is the same parameter.
 
-    Parameters are arguments of compiled programs, so a name is one that Python takes for a keyword argument. Raises ParameterError for
-    another one, OperandError for what is no text.
+    Parameters are arguments of compiled programs, so a name is an identifier of Python. (The value of a name that is a keyword, such as
+    "lambda", is given in a dict.) Raises ParameterError for another name, OperandError for what is no text.
 
         t = teg.param("t")
         f = teg.compile(t**2)
@@ -113,7 +113,11 @@ def integral(integrand: Operand, *domain: tuple[Var, Operand, Operand]) -> Expr:
         v, lo, hi = triple
         if not isinstance(v, Var):
             kind = "a parameter" if isinstance(v, Param) else f"{type(v).__name__}"
-            raise ScopeError(f"an integral runs over a variable, not over {kind}", v, 'make one with x = teg.var("x")')
+            name = next((w.name for w in triple if isinstance(w, Var)), "")
+            w = v.name if isinstance(v, Param) else "x"
+            made = f'{w} = teg.var("{w}")'
+            hint = f"the variable comes first: ({name}, lower, upper)" if name else f"make one with {made}"
+            raise ScopeError(f"an integral runs over a variable, not over {kind}", v, hint)
         if v in over:
             hint = (
                 f"name another variable; for an integral over {v.name} of an integral over {v.name} write one teg.integral inside the other"
@@ -443,10 +447,13 @@ def check_parameters(wrt: object) -> list[Param]:
         return [wrt]
     if isinstance(wrt, Expr) or not isinstance(wrt, Iterable):
         raise ParameterError("derivatives are taken by parameters", wrt, 'make one with t = teg.param("t")')
+    if isinstance(wrt, str):
+        raise ParameterError(f"derivatives are taken by parameters, not by the text {wrt!r:.80}", None, f"[teg.param({wrt!r:.80})]")
     chosen: dict[Param, None] = {}
     for p in wrt:
         if not isinstance(p, Param):
-            raise ParameterError("derivatives are taken by parameters", p, 'make one with t = teg.param("t")')
+            made = f"teg.param({p!r:.80})" if isinstance(p, str) else 't = teg.param("t")'
+            raise ParameterError("derivatives are taken by parameters", p, f"make one with {made}")
         if p in chosen:
             raise ParameterError(f"the parameter {p.name!r} is listed twice")
         chosen[p] = None

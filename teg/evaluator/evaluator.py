@@ -448,7 +448,7 @@ class Evaluator:
         """Returns a direction by name. Raises ParameterError for a parameter by which no derivative is taken."""
         moved, names = {name_of(k): v for k, v in direction.items()}, [p.name for p in self.wrt]
         if unknown := sorted(moved.keys() - set(names)):
-            raise ParameterError(f"{unknown[0]!r} is not differentiated by", None, "parameters: " + ", ".join(names))
+            raise ParameterError(f"no derivative is taken by {unknown[0]!r}", None, "derivatives are taken by " + ", ".join(names))
         return moved
 
     def _moved(self, given: dict[str, Any], direction: Mapping[str, Any]) -> tuple[Wanted, dict[str, Any]]:

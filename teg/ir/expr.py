@@ -130,10 +130,16 @@ class Expr(Node):
     def __float__(self) -> float:
         if isinstance(self, Const):
             return self.data  # type: ignore[no-any-return]
-        raise OperandError("an expression is not a number yet", self, "teg.evaluate(e, {parameter: value}) gives its number")
+        hint = "functions of expressions are those of teg: teg.exp for math.exp; a number is given by teg.evaluate(e, {parameter: value})"
+        raise OperandError("an expression is not a number yet", self, hint)
 
     def __int__(self) -> int:
         return int(float(self))
+
+    if not TYPE_CHECKING:  # type checkers report it themselves
+
+        def __call__(self, *_: object, **__: object) -> NoReturn:
+            raise OperandError("an expression is not a function", self, "f = teg.compile(e), then f(t=0.5); or teg.evaluate(e, t=0.5)")
 
     def __round__(self, digits: int | None = None) -> Expr:
         if digits is not None:

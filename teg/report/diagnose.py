@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     Numbers = npt.NDArray[np.float64]
 
 BORDER = "a condition on parameters only"
+CREASE = "a surface meets a corner or another surface: second derivatives differ from side to side, and their mean is given"
 STEP = 2.0**-50
 STEP_OVER_TIES = 2.0**-42
 NOTHING = 1e-18
@@ -183,19 +184,21 @@ class NumberWatch:
         import numpy as np
 
         results, met = self.kernel.values_and_ties(at.columns, 1)
-        results, differ = results[: self.results], False
+        results, differ = results[: self.results], np.zeros(self.results, dtype=bool)
         here = results[: self.first_order, 0]
         if met:
-            one, other = (self.kernel.in_order(at.columns, 1, order)[: self.results] for order in (1, -1))
-            differ = not np.allclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True)
+            one, other = (self.kernel.in_order(at.columns, 1, order)[: self.results, 0] for order in (1, -1))
+            differ = ~np.isclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True)
         pairs = [self.program.ties[k].surfaces for k in met]
-        pairs = _once([pair for pair in pairs if pair[1] == BORDER or differ])
+        pairs = _once([pair for pair in pairs if pair[1] == BORDER or differ[: self.first_order].any()])
         ties: list[Diagnosis] = []
+        if differ.any() and not differ[: self.first_order].any():  # surfaces that meet on the boundary: their formulas are the compiler's
+            ties = [Diagnosis("second derivative", (), at.values, CREASE, at.number)]
         if pairs:
             finite = all(np.isfinite(v) for v in at.values.values()) and np.isfinite(here).all()
             moves = self._moves(at, here, STEP_OVER_TIES) if finite else []
             words = _steps_in_numbers(self.expression, at.values)
-            ties = [_of_pair((words.get(first, first), words.get(second, second)), moves, at) for first, second in pairs]
+            ties += [_of_pair((words.get(first, first), words.get(second, second)), moves, at) for first, second in pairs]
         return Look(results, ties, STEP_OVER_TIES if met or self.searched else STEP)
 
     def of_results(self, look: Look, at: Element) -> list[Diagnosis]:
