@@ -108,7 +108,7 @@ class VectorFunction:
         import numpy as np
 
         if isinstance(self._at(x, False)[0], np.ndarray):
-            raise OptionError("a tuple of expressions has a Hessian each", None, "hessp is for one expression")
+            raise OptionError("each expression of a tuple has a Hessian of its own", None, "hessp is for one expression")
         along = self.evaluator.hvp(self._values(self._checked(x)), self.unpack(p))
         return np.concatenate([np.ravel(along[name]) for name in self.shapes])
 
