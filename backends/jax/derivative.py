@@ -81,7 +81,7 @@ class Family:
         return f"<derivatives of {len(self.entries)} by {self.moving}>"
 
     def kernel(self, order: int) -> Callable[[Operands], list[Any]]:
-        """Returns the function of the operands of one element of a batch: the values, gradients, or the leaves of the derivative."""
+        """The function of the operands of one element of a batch: the values, gradients, or the leaves of the derivative."""
         with self._lock:
             if order not in self._kernels:
                 program = self.programs(order)
@@ -90,7 +90,7 @@ class Family:
             return self._kernels[order]
 
     def _are_arrays(self, order: int) -> list[bool]:
-        """Returns which operands of the program of an order are arrays."""
+        """Which operands of the program of an order are arrays."""
         return [*self.arrays, *self.arrays[: self.moving] * max(order, 0)]
 
     def _arrays(self, program: ArrayProgram, order: int) -> Callable[[Operands], list[Any]]:
@@ -105,7 +105,7 @@ class Family:
         return kernel
 
     def function(self, order: int, batch: Batch, dtype: str) -> Callable[..., tuple[Any, ...]]:
-        """Returns what the primitive computes, jitted: nested maps of the kernel."""
+        """What the primitive computes, jitted: nested maps of the kernel."""
         key = order, batch, dtype
         with self._lock:
             if key not in self._functions:
@@ -127,7 +127,7 @@ class Family:
     # -- compiled kernels ----------------------------------------------------------------------------------------------
 
     def eager(self, order: int, batch: Batch, dtype: str) -> Callable[..., list[Any]]:
-        """Returns the primitive, jitted: what it is lowered to depends on where its operands lie."""
+        """The primitive, jitted: what it is lowered to depends on where its operands lie."""
         key = order, batch, dtype
         with self._lock:
             if key not in self._eager:
@@ -135,7 +135,7 @@ class Family:
             return self._eager[key]
 
     def native_function(self, order: int, batch: Batch, dtype: str) -> Callable[..., tuple[Any, ...]]:
-        """Returns what the primitive computes on CPUs with `native`: one call of the compiled kernel for the whole batch."""
+        """What the primitive computes on CPUs with `native`: one call of the compiled kernel for the whole batch."""
         assert self.native is not None
         from teg.backends.jax.native import Call, call
 
@@ -175,12 +175,12 @@ def _mapped_axes(batch: Batch, operands: Operands) -> list[tuple[Any, int]]:
 
 
 def _lengths(batch: Batch, operands: Operands) -> tuple[int, ...]:
-    """Returns the shape of the batch."""
+    """The shape of the batch."""
     return tuple(v.shape[k] for v, k in _mapped_axes(batch, operands))
 
 
 def _column(v: Any, has: Sequence[bool], lengths: Sequence[int]) -> Any:
-    """Returns an operand as a compiled kernel reads it: double precision or 64-bit integers, with all axes of the batch or none."""
+    """An operand as a compiled kernel reads it: double precision or 64-bit integers, with all axes of the batch or none."""
     v = v.astype(jnp.float64 if jnp.issubdtype(v.dtype, jnp.floating) else jnp.int64)
     if all(has) or not any(has):
         return v
@@ -190,7 +190,7 @@ def _column(v: Any, has: Sequence[bool], lengths: Sequence[int]) -> Any:
 
 
 def _own_shapes(family: Family, order: int, batch: Batch, operands: Operands) -> list[tuple[int, ...]]:
-    """Returns the shapes of the results for one element of the batch."""
+    """The shapes of the results for one element of the batch."""
     leaves = [tuple(v.shape[_front(batch, i) :]) for i, v in enumerate(operands[: family.moving])]
     own: list[tuple[int, ...]] = [()] * len(family.entries) if order <= 0 else []
     if order >= 0:
@@ -210,13 +210,13 @@ derivative_p.multiple_results = True
 
 
 def derivative(family: Family, order: int, batch: Batch, dtype: str, operands: Operands) -> list[Any]:
-    """Returns the primitive on operands, those that are differentiated by of the type `dtype`, which results have too."""
+    """The primitive on operands, those that are differentiated by of the type `dtype`, which results have too."""
     operands = _varying(operands)
     return cast("list[Any]", derivative_p.bind(*operands, family=family, order=order, batch=batch, dtype=dtype))
 
 
 def _varying(operands: Operands) -> list[Any]:
-    """Returns operands that vary over the same axes of a mesh (inside of `shard_map`), as a primitive of several operands wants them."""
+    """Operands that vary over the same axes of a mesh (inside of `shard_map`), as a primitive of several operands wants them."""
     axes = [_axes(jax.typeof(v)) for v in operands]
     every = frozenset(name for a in axes for name in a)
     if not every:
@@ -226,7 +226,7 @@ def _varying(operands: Operands) -> list[Any]:
 
 
 def _axes(kind: Any) -> frozenset[str]:
-    """Returns the axes of a mesh over which what has this type varies. Without them gradients would be wrong, so there is no default."""
+    """The axes of a mesh over which what has this type varies. Without them gradients would be wrong, so there is no default."""
     return cast(
         "frozenset[str]", kind.manual_axis_type.varying if hasattr(kind, "manual_axis_type") else kind.vma
     )  # the latter before 0.10
@@ -258,19 +258,19 @@ def _abstract(*operands: Any, family: Family, order: int, batch: Batch, dtype: s
 
 
 def _front(batch: Batch, i: int, level: int | None = None) -> int:
-    """Returns how many mapped axes operand i has: of all levels, or of those outside of one."""
+    """How many mapped axes operand i has: of all levels, or of those outside of one."""
     return sum(axes[i] is not None for axes in (batch if level is None else batch[:level]))
 
 
 def _lower(context: Any, *operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> Any:
-    """Returns the kernel, traced as if there were no mesh: it is a function of each element, wherever that lies."""
+    """The kernel, traced as if there were no mesh: it is a function of each element, wherever that lies."""
     plain = [jax.core.ShapedArray(v.shape, v.dtype) for v in context.avals_in]
     with in_double_precision(), jax.sharding.use_abstract_mesh(NOWHERE):
         return mlir.lower_fun(family.function(order, batch, dtype), multiple_results=True)(context.replace(avals_in=plain), *operands)
 
 
 def _lower_for_cpu(context: Any, *operands: Any, family: Family, order: int, batch: Batch, dtype: str) -> Any:
-    """Returns a call of the compiled kernel, for families that have one."""
+    """A call of the compiled kernel, for families that have one."""
     if family.native is None or not operands:
         return _lower(context, *operands, family=family, order=order, batch=batch, dtype=dtype)
     with in_double_precision():
@@ -308,14 +308,14 @@ def _jvp(primals: Operands, tangents: Operands, *, family: Family, order: int, b
 
 
 def _instantiated(primals: Operands, tangents: Operands) -> list[Any]:
-    """Returns tangents with their zeros written out; none where all are 0."""
+    """Tangents with their zeros written out; none where all are 0."""
     if all(isinstance(t, ad.Zero) for t in tangents):
         return []
     return [jnp.zeros_like(p) if isinstance(t, ad.Zero) else t for p, t in zip(primals, tangents, strict=True)]
 
 
 def _written_out(cotangent: Any) -> Any:
-    """Returns a cotangent, an array also where it is 0."""
+    """A cotangent, an array also where it is 0."""
     if not isinstance(cotangent, ad.Zero):
         return cotangent
     kind: Any = cotangent.aval
@@ -323,7 +323,7 @@ def _written_out(cotangent: Any) -> Any:
 
 
 def _inner(values: Operands, slopes: Operands, tangents: Operands, batch: Batch) -> list[Any]:
-    """Returns ⟨∂e, dp⟩ of each value: its gradients have all axes of the batch, a tangent those of its leaf."""
+    """⟨∂e, dp⟩ of each value: its gradients have all axes of the batch, a tangent those of its leaf."""
     found: list[Any] = []
     count = len(tangents)
     for k, value in enumerate(values):

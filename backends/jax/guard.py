@@ -32,8 +32,8 @@ class Guard(NamedTuple):
         enough: Any,
         depth: Scalar,
     ) -> Scalar:
-        """Returns whether something is hidden in the interval (u0, u1) = `ends`: `at` are the nodes in u, `seen` the sharp values there,
-        (nodes, sharp), `enough` what does not matter, (tested,)."""
+        """Whether something is hidden in the interval (u0, u1) = `ends`: `at` are the nodes in u, `seen` the sharp values there, (nodes,
+        sharp), `enough` what does not matter, (tested,)."""
         u = jnp.concatenate([jnp.stack([ends[0]]), at, jnp.stack([ends[1]])])
         x = place(JAX, places, possible, u)[0]
         x = jnp.where(u <= 0.0, places.p, jnp.where(u >= 1.0, places.q, x))
@@ -55,5 +55,5 @@ class Guard(NamedTuple):
 
 
 def _least(seen: Any) -> Any:
-    """Returns the least of all that are numbers, (sharp,)."""
+    """The least of all that are numbers, (sharp,)."""
     return jnp.where(jnp.all(jnp.isnan(seen), axis=0), jnp.nan, jnp.min(jnp.where(jnp.isnan(seen), jnp.inf, seen), axis=0))

@@ -20,8 +20,7 @@ Axes = tuple[int | None, ...]
 
 
 def on_lanes(kernel: JaxKernel, batch: tuple[Axes, ...] = ()) -> Callable[..., tuple[Any, Any]]:
-    """Returns the function of scalars, or of arrays with the axes of `batch`, the outermost first: the outputs, (…, outputs), and
-    a note."""
+    """The function of scalars, or of arrays with the axes of `batch`, the outermost first: the outputs, (…, outputs), and a note."""
 
     def both(*arguments: Any) -> tuple[Any, Any]:
         found, notes = _once(kernel, batch, +1, arguments)

@@ -69,7 +69,7 @@ class ArrayFunction:
         self._blocks = {id(s): _block_size(s, kernels) for s in steps(program.body) if isinstance(s, Loop)}
 
     def __call__(self, scalars: Sequence[Any], arrays: Sequence[Any], indices: Sequence[Any] = ()) -> tuple[list[Any], Any]:
-        """Returns the outputs, and the note. A scalar is a number, an integer parameter an `int`; an array has its shape. `indices` are the
+        """The outputs, and the note. A scalar is a number, an integer parameter an `int`; an array has its shape. `indices` are the
         entries of the index arrays, NumPy arrays in their order, where the lengths of loops depend on them, else None."""
         shapes = [v.shape for v in arrays]
         counted = {k: v for k, v in enumerate(scalars) if isinstance(v, int)}
@@ -107,8 +107,7 @@ class _Trace:
         self.tables: dict[str, Any] = {}
 
     def block(self, block: Sequence[Step], lanes: _Lanes, targets: dict[int, Any], note: Any) -> tuple[dict[int, Any], Any]:
-        """Returns the steps of a block on lanes, which get their values; targets of scatters, and the note. Recursion is as deep as loops
-        are."""
+        """The steps of a block on lanes, which get their values; targets of scatters, and the note. Recursion is as deep as loops are."""
         targets = dict(targets)
         for step in block:
             match step:
@@ -151,7 +150,7 @@ class _Trace:
         return _JAX[step.op](a, b)
 
     def _entry(self, k: int, subscripts: Sequence[Arg], lanes: _Lanes) -> Any:
-        """Returns an entry; where a subscript is out of its range, which only traced index arrays can be, NaN or NOWHERE."""
+        """An entry; where a subscript is out of its range, which only traced index arrays can be, NaN or NOWHERE."""
         array = self.arrays[k]
         places = tuple(_of(p, lanes) for p in subscripts)
         floating = jnp.issubdtype(array.dtype, jnp.floating)
@@ -176,7 +175,7 @@ class _Trace:
         return union(notes)
 
     def _fold(self, step: Least | Factors | Cells, lanes: _Lanes, note: Any) -> Any:
-        """Returns a loop whose iterations are not added up: all of them at once."""
+        """A loop whose iterations are not added up: all of them at once."""
         total, size = self.lengths[id(step)], lanes.size
         counts = jnp.maximum(jnp.broadcast_to(jnp.asarray(_of(step.hi, lanes) - _of(step.lo, lanes), jnp.int64), (size,)), 0)
         counts = counts if lanes.live is None else jnp.where(lanes.live, counts, 0)
@@ -208,7 +207,7 @@ class _Trace:
         return note
 
     def _cells(self, step: Cells, lanes: _Lanes, rows: Any, counts: Any) -> list[Any]:
-        """Returns the values of cells, computed on the host (`teg.backends.numpy.cells`)."""
+        """The values of cells, computed on the host (`teg.backends.numpy.cells`)."""
         others = [jnp.broadcast_to(jnp.asarray(_of(v, lanes), jnp.float64), (lanes.size,)) for v in step.otherwise]
         shape, bodies, columns = step.shape, len(step.results), step.shape.columns * (1 + step.shape.order)
         height = rows.shape[0] + lanes.size if step.tables else 0
@@ -269,7 +268,7 @@ class _Trace:
         return targets, note
 
     def _inside(self, step: Loop, lanes: _Lanes, start: Any, size: int, total: int, ends: Any, known: int | None) -> tuple[_Lanes, Any]:
-        """Returns the lanes of a block of iterations, and the outer lane of each."""
+        """The lanes of a block of iterations, and the outer lane of each."""
         flat = start + jnp.arange(size)
         if ends is None:
             lo, hi = _of(step.lo, lanes), _of(step.hi, lanes)
@@ -289,13 +288,13 @@ class _Trace:
 
 
 def _doubles(*shape: int) -> Any:
-    """Returns what tells JAX the shape of an array that the host computes."""
+    """What tells JAX the shape of an array that the host computes."""
     kind: Any = jax.ShapeDtypeStruct
     return kind(shape, np.float64)
 
 
 def least_of_segments(candidates: tuple[Any, Any, Any, Any], parent: Any, size: int) -> Any:
-    """Returns the index of the least key of each segment; candidates are (key, whether they are eligible, index, whether they are live)."""
+    """The index of the least key of each segment; candidates are (key, whether they are eligible, index, whether they are live)."""
     key, present, index, live = candidates
     live = jnp.ones(key.shape, bool) if live is None else live
     unknown = live & (jnp.isnan(present) | ((present != 0) & jnp.isnan(key)))
@@ -309,8 +308,7 @@ def least_of_segments(candidates: tuple[Any, Any, Any, Any], parent: Any, size: 
 
 
 def _nowhere_or(op: str, a: Any, b: Any) -> Any:
-    """Returns an integer operation on lanes; NOWHERE where an argument is, where 64 bits do not hold the result, and where it is divided by
-    0."""
+    """An integer operation on lanes; NOWHERE where an argument is, where 64 bits do not hold the result, and where it is divided by 0."""
     lost = (a == NOWHERE) | (b == NOWHERE)
     if op in ("floordiv", "mod"):
         lost = lost | (b == 0)
@@ -330,7 +328,7 @@ def _live(terms: Any, lanes: _Lanes) -> Any:
 
 
 def _block_size(loop: Loop, kernels: Mapping[int, JaxKernel]) -> int:
-    """Returns how many iterations of a loop run at a time: so many that their nodes fit."""
+    """How many iterations of a loop run at a time: so many that their nodes fit."""
     return min([BLOCK, *(kernels[id(s)]._step for s in loop.body if isinstance(s, Run))])
 
 
@@ -409,7 +407,7 @@ class Extents:
 
 
 def _needed(program: ArrayProgram) -> set[Arg]:
-    """Returns the integers that bounds of loops depend on."""
+    """The integers that bounds of loops depend on."""
     order = list(steps(program.body))
     needed: set[Arg] = {a for s in order if isinstance(s, Loop) for a in (s.lo, s.hi)}
     for step in reversed(order):
@@ -419,7 +417,7 @@ def _needed(program: ArrayProgram) -> set[Arg]:
 
 
 def _depending(program: ArrayProgram, sources: set[str]) -> set[Arg]:
-    """Returns the integers that depend on any of these."""
+    """The integers that depend on any of these."""
     found: set[Arg] = set(sources)
     for step in steps(program.body):
         if isinstance(step, Integers) and step.op not in ("param", "length") and any(isinstance(a, str) and a in found for a in step.args):
@@ -428,7 +426,7 @@ def _depending(program: ArrayProgram, sources: set[str]) -> set[Arg]:
 
 
 def _from_index_arrays(program: ArrayProgram) -> set[Arg]:
-    """Returns the integers that depend on entries of index arrays, which may be traced."""
+    """The integers that depend on entries of index arrays, which may be traced."""
     found: set[Arg] = set()
     for step in steps(program.body):
         if isinstance(step, Loop) and (step.lo in found or step.hi in found):
@@ -439,6 +437,6 @@ def _from_index_arrays(program: ArrayProgram) -> set[Arg]:
 
 
 def counting_arrays(program: ArrayProgram) -> set[int]:
-    """Returns the numbers of the index arrays that bounds of loops depend on."""
+    """The numbers of the index arrays that bounds of loops depend on."""
     needed = _needed(program)
     return {s.array for s in steps(program.body) if isinstance(s, Integers) and s.op == "gather" and s.name in needed}

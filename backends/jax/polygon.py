@@ -36,7 +36,7 @@ def polygon(
     corners: Sequence[tuple[Scalar, Scalar]] = (),
     across: Scalar = 0.0,
 ) -> tuple[tuple[Scalar, ...], Note]:
-    """Returns the results of a `Polygon`, and the note; `zero` keeps a product and a sum apart (see `python_text`)."""
+    """The results of a `Polygon`, and the note; `zero` keeps a product and a sum apart (see `python_text`)."""
     fails, known = jnp.bool_(False), jnp.isfinite(width) & jnp.isfinite(height)
     least, swing = [], jnp.float64(0.0)
     for i, (a, b, c, closed) in enumerate(planes):
@@ -79,8 +79,8 @@ def _vector(found: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
 def _clipped(
     places: Any, left: Scalar, cuts: Scalar, a: Scalar, b: Scalar, c: Scalar, zero: Scalar, side: tuple[int, Scalar] | None = None
 ) -> tuple[Any, Any]:
-    """Returns a convex polygon cut by a half-plane, if it `cuts`: what its corners have, (coordinates, n + 1) for (coordinates, n), their
-    place first, and whether anything is left. `side` is the number of a coordinate and what it is on the border.
+    """A convex polygon cut by a half-plane, if it `cuts`: what its corners have, (coordinates, n + 1) for (coordinates, n), their place
+    first, and whether anything is left. `side` is the number of a coordinate and what it is on the border.
 
     The corners from the one behind `before` to the one in front of `after` are cut off, and two come instead, the second one at `place`.
     Other corners that seem to be outside are on the border, but for rounding, and stay.
@@ -103,7 +103,7 @@ def _clipped(
 
 
 def _crossing(places: Any, d: Any, one: Scalar, other: Scalar, zero: Scalar, side: Any) -> Any:
-    """Returns what the point has, (coordinates, 1), at which an edge from a corner inside to one outside crosses the border."""
+    """What the point has, (coordinates, 1), at which an edge from a corner inside to one outside crosses the border."""
     t = d[one] / jnp.where(d[one] == d[other], 1.0, d[one] - d[other])
     p = places[:, one]
     new = p + (t * (places[:, other] - p) + zero)
@@ -121,8 +121,7 @@ def _with_coordinates(
     across: Scalar,
     zero: Scalar,
 ) -> tuple[Any, Any]:
-    """Returns the corners of a polygon with barycentric coordinates, of a thin triangle those that the box leaves; and whether anything is
-    left."""
+    """The corners of a polygon with barycentric coordinates, of a thin triangle those that the box leaves; and whether anything is left."""
     inverse = 1.0 / jnp.where(jnp.asarray(across, jnp.float64) == 0.0, 1.0, across)
     for k, (a, b, c, _) in ((2, planes[1]), (3, planes[2])):
         places = places.at[k].set((c + (a * places[0] + zero) + (b * places[1] + zero)) * inverse)
@@ -144,7 +143,7 @@ def _with_coordinates(
 def segment(
     order: Scalar, lines: Sequence[Line], nodes: int, factors: Sequence[Scalar], body: Body, zero: Scalar, *, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Note]:
-    """Returns the results of a `Segment`, and the note: whether a tie was met."""
+    """The results of a `Segment`, and the note: whether a tie was met."""
     start, stop = jnp.float64(0.0), jnp.float64(1.0)
     outside, undefined, met = jnp.bool_(False), jnp.bool_(False), jnp.bool_(False)
     for first, last, closed, may_tie, resolution, size, scale in lines:

@@ -79,8 +79,8 @@ class _Places(NamedTuple):
 def isolate(
     lo: Scalar, hi: Scalar, enclosure: Block, point: Block, room: tuple[int, int], tol: float, estimated: bool, *, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Scalar]:
-    """Returns the roots in ascending order, then +inf; behind them, if `estimated`, their errors; and the note. There is `room` for so many
-    roots, and so many boxes on a level."""
+    """The roots in ascending order, then +inf; behind them, if `estimated`, their errors; and the note. There is `room` for so many roots,
+    and so many boxes on a level."""
     results, width = room
     lo, hi = jnp.asarray(lo, jnp.float64), jnp.asarray(hi, jnp.float64)
     finite = jnp.isfinite(lo) & jnp.isfinite(hi)
@@ -104,7 +104,7 @@ def isolate(
 
 
 def sum_over(points: tuple[Scalar, ...], body: Block, results: int, *, when: Scalar = True) -> tuple[tuple[Scalar, ...], Scalar]:
-    """Returns the sums of the body's values over the points that are finite, and the note."""
+    """The sums of the body's values over the points that are finite, and the note."""
     if not points:
         return (jnp.float64(0.0),) * results, jnp.int32(0)
     at = jnp.stack([jnp.asarray(point, jnp.float64) for point in points])
@@ -117,8 +117,7 @@ def sum_over(points: tuple[Scalar, ...], body: Block, results: int, *, when: Sca
 
 
 def _search(active: Scalar, p: Scalar, q: Scalar, signs: Any, enclosure: Block, point: Block, room: int, width: int) -> _Search:
-    """Returns the search of the box (p, q), at its end or where it is known to be hopeless, with places for `room` finds and `width` boxes
-    a level.
+    """The search of the box (p, q), at its end or where it is known to be hopeless, with places for `room` finds and `width` boxes a level.
 
     No stack is needed to know where the search stands: behind a box that ends at u/END, the next one
     waiting is the largest dyadic one that begins there, whose level is told by the lowest bit of u.
@@ -221,7 +220,7 @@ class _Turned(NamedTuple):
 
 
 def _turn(enclosure: Block, point: Block, turning: Scalar, at: _Search) -> _Turned:
-    """Returns what becomes of a box that turns. It is a loop of one step, which a batch makes only if one of its elements needs it."""
+    """What becomes of a box that turns. It is a loop of one step, which a batch makes only if one of its elements needs it."""
 
     def look(_: _Turned) -> _Turned:
         turn, note_steps = _crossing(point, 1, turning, at.p, at.q, at.signs_q[1])
@@ -236,7 +235,7 @@ def _turn(enclosure: Block, point: Block, turning: Scalar, at: _Search) -> _Turn
 
 
 def _sign(g: Scalar) -> Scalar:
-    """Returns 1 for g > 0, -1 for g <= 0, 0 for NaN."""
+    """1 for g > 0, -1 for g <= 0, 0 for NaN."""
     return jnp.where(g > 0.0, jnp.int8(1), jnp.where(g <= 0.0, jnp.int8(-1), jnp.int8(0)))
 
 
@@ -254,7 +253,7 @@ class _Newton(NamedTuple):
 
 
 def _crossing(point: Block, order: int, active: Scalar, p: Scalar, q: Scalar, sign_q: Scalar) -> tuple[Scalar, Scalar]:
-    """Returns the zero of g (order 0) or of its slope (order 1) in a box, by Newton's method kept inside by bisection, and the note."""
+    """The zero of g (order 0) or of its slope (order 1) in a box, by Newton's method kept inside by bisection, and the note."""
 
     def step(at: _Newton) -> _Newton:
         values, note = vector(point(at.v))
@@ -290,7 +289,7 @@ class _Level(NamedTuple):
 def locate(
     lo: Scalar, hi: Scalar, low: Scalar, high: Scalar, enclosure: Block, results: int, *, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Scalar]:
-    """Returns the places v of common zeros in ascending order, then +inf; the part of the rectangle that was given up; and the note."""
+    """The places v of common zeros in ascending order, then +inf; the part of the rectangle that was given up; and the note."""
     lo, hi, low, high = (jnp.asarray(v, jnp.float64) for v in (lo, hi, low, high))
     active = when & jnp.all(jnp.isfinite(jnp.stack([lo, hi, low, high]))) & (lo != hi) & (low != high)
     origin = jnp.stack([jnp.minimum(lo, hi), jnp.minimum(low, high)])
@@ -316,12 +315,12 @@ def locate(
 
 
 def _widths(times: Any) -> Any:
-    """Returns the sides of rectangles that were halved so often, in parts of the whole."""
+    """The sides of rectangles that were halved so often, in parts of the whole."""
     return jnp.asarray([0.5**i for i in range(LOCATE_HALVINGS + 1)])[times]  # `exp2` is not exact
 
 
 def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any], tuple[Any, Note]]) -> _Level:
-    """Returns the search, at its end: ROW rectangles at a time, level by level."""
+    """The search, at its end: ROW rectangles at a time, level by level."""
     lanes, nothing = jnp.arange(ROW, dtype=jnp.int32), jnp.int32(0)
 
     def step(at: _Level) -> _Level:
@@ -377,7 +376,7 @@ def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any
 
 
 def _settled(zeros: Any, found: Scalar, bounds: Callable[[Any, Any], tuple[Any, Note]]) -> tuple[Any, Note]:
-    """Returns the v of zeros near points (v, u), by Newton's method, ROW at a time, +inf for those that are not there; and the note."""
+    """The v of zeros near points (v, u), by Newton's method, ROW at a time, +inf for those that are not there; and the note."""
 
     def block(at: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         row, placed, note = at
@@ -396,9 +395,9 @@ def _settled(zeros: Any, found: Scalar, bounds: Callable[[Any, Any], tuple[Any, 
 
 
 def _joined(left: Any, right: Any, rectangles: Any, extent: Scalar, results: int) -> tuple[Any, Scalar]:
-    """Returns the first results + 1 places, ascending, of intervals of which those are joined that overlap or touch: the middle of a narrow
-    one, both ends of another; and how many rectangles are in these. Both ends are sorted by themselves: an interval begins a new place
-    where as many intervals ended before it as began; the entries behind the last one, +inf, are one interval."""
+    """The first results + 1 places, ascending, of intervals of which those are joined that overlap or touch: the middle of a narrow one,
+    both ends of another; and how many rectangles are in these. Both ends are sorted by themselves: an interval begins a new place where as
+    many intervals ended before it as began; the entries behind the last one, +inf, are one interval."""
     left, rectangles = lax.sort((left, rectangles), num_keys=1)
     right = jnp.sort(right)
     begins = jnp.concatenate([jnp.array([True]), left[1:] > right[:-1]])

@@ -38,17 +38,17 @@ END = 2**MAX_DEPTH
 
 
 def powi(x: Scalar, n: int) -> Scalar:
-    """Returns x to an integer power."""
+    """x to an integer power."""
     return rules.powi(jnp, x, n)
 
 
 def erf(x: Scalar) -> Scalar:
-    """Returns the error function."""
+    """The error function."""
     return error_function.erf(JAX, x)
 
 
 def erfc(x: Scalar) -> Scalar:
-    """Returns 1 - erf(x)."""
+    """1 - erf(x)."""
     return error_function.erfc(JAX, x)
 
 
@@ -59,12 +59,12 @@ def tie(order: Scalar, g: Scalar, scale: Scalar, r: Scalar) -> tuple[Scalar, Not
 
 
 def union(notes: Note) -> Note:
-    """Returns all that an array of notes says."""
+    """All that an array of notes says."""
     return jnp.bitwise_or.reduce(jnp.asarray(notes, jnp.int32), axis=None)
 
 
 def where(condition: Scalar, note: Note) -> Note:
-    """Returns a note where it counts."""
+    """A note where it counts."""
     return jnp.where(condition, jnp.asarray(note, jnp.int32), jnp.int32(0))
 
 
@@ -89,7 +89,7 @@ def gauss(pieces: Pieces, nodes: int, *integral: Any, when: Scalar = True) -> tu
 
 
 def midpoint(pieces: Pieces, points: int, zero: Scalar, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
-    """Returns the midpoint rule on each piece; `zero` keeps a product and a sum apart (see `python_text`), the rest are for `integrate`."""
+    """The midpoint rule on each piece; `zero` keeps a product and a sum apart (see `python_text`), the rest are for `integrate`."""
     return integrate(pieces, partial(_midpoint, pieces, points, zero), *integral, when=when)
 
 
@@ -115,7 +115,7 @@ def integrate(
     *,
     when: Scalar,
 ) -> tuple[tuple[Scalar, ...], Note]:
-    """Returns the results, and the note; `bends`: base, scale, and three coefficients a bend, or nothing."""
+    """The results, and the note; `bends`: base, scale, and three coefficients a bend, or nothing."""
     lo, hi = jnp.asarray(lo, jnp.float64), jnp.asarray(hi, jnp.float64)
     ends = jnp.stack([lo, hi])
     broken = jnp.any(jnp.isnan(ends) if pieces.infinite else ~jnp.isfinite(ends))
@@ -144,13 +144,13 @@ def integrate(
 
 
 def vector(block: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
-    """Returns the values of a body as one vector, (results,)."""
+    """The values of a body as one vector, (results,)."""
     values, note = block
     return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(note, jnp.int32)
 
 
 def _measure(nodes: int, tested: int, found: Any, smooth: Scalar) -> tuple[Any, Any, Any]:
-    """Returns K of every value, A and E of those tested (see `teg.program`), of values at Gauss nodes by dv/du, (nodes, values); where they
+    """K of every value, A and E of those tested (see `teg.program`), of values at Gauss nodes by dv/du, (nodes, values); where they
     are not known to be `smooth` no decay is counted on."""
     weights = jnp.array(gauss_legendre(nodes)[1], jnp.float64)[:, None]
     total, size = jnp.sum(weights * found, axis=0), jnp.sum(weights * jnp.abs(found[:, :tested]), axis=0)
@@ -161,7 +161,7 @@ def _measure(nodes: int, tested: int, found: Any, smooth: Scalar) -> tuple[Any, 
 def _gauss(
     pieces: Pieces, nodes: int, places: Substitution, _: Sequence[Any], active: Scalar, values: Callable[[Scalar], Any]
 ) -> tuple[Any, Note]:
-    """Returns the integrals over one piece and their estimates, (results,), and the note."""
+    """The integrals over one piece and their estimates, (results,), and the note."""
     at, weights = map(jnp.float64, gauss_legendre(nodes))
     half = 0.5 * (places.q - places.p)
     found, notes = jax.vmap(values)(0.5 * (places.p + places.q) + half * at)
@@ -181,7 +181,7 @@ def _midpoint(
     active: Scalar,
     values: Callable[[Scalar], Any],
 ) -> tuple[Any, Note]:
-    """Returns the integrals over one piece and their estimates, (results,), and the note; so many points at a time."""
+    """The integrals over one piece and their estimates, (results,), and the note; so many points at a time."""
     p, q, chunk = places.p, places.q, min(points, MIDPOINTS)
     tested = pieces.tested if pieces.estimated else 0
 
@@ -238,7 +238,7 @@ def _adaptive(
     active: Scalar,
     values: Callable[[Scalar], Any],
 ) -> tuple[Any, Note]:
-    """Returns the integrals over one piece, and their estimates, (results,), and the note.
+    """The integrals over one piece, and their estimates, (results,), and the note.
 
     The intervals are visited from left to right. No stack is needed: behind an accepted interval that ends at
     u, the next one waiting is the largest dyadic one that begins at u: its width is the lowest bit of u.

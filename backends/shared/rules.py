@@ -53,8 +53,8 @@ def rounding(xp: Any, p: Any, q: Any) -> Any:
 
 
 def null_rule_error(xp: Any, nodes: int, sums: Any, size: Any, smooth: Any) -> Any:
-    """Returns the error of a Gauss rule by the `sums` of its null rules, (6, …), and the integral of |values|; where these are not known to
-    be `smooth` no decay is counted on."""
+    """The error of a Gauss rule by the `sums` of its null rules, (6, …), and the integral of |values|; where these are not known to be
+    `smooth` no decay is counted on."""
     sums = xp.abs(sums)
     a, b, c = (xp.maximum(sums[i], sums[i + 1]) for i in (0, 2, 4))
     tail = xp.where(b > c, xp.maximum(a, b), a)
