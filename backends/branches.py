@@ -47,12 +47,12 @@ MOST = 30_000
 
 
 def with_selects(program: Program) -> Program:
-    """The program without `met` in its polygons; what a branch would not compute is replaced by 0."""
+    """Returns the program without `met` in its polygons; what a branch would not compute is replaced by 0."""
     return without_branches(with_branches(program))
 
 
 def with_branches_in_loops(program: ArrayProgram) -> ArrayProgram:
-    """The program whose flat programs have branches; what is one flat program stays one."""
+    """Returns the program whose flat programs have branches. A program without loops stays without loops."""
     made: dict[int, Program] = {}
 
     def inside(block: tuple[Step, ...]) -> tuple[Step, ...]:
@@ -73,7 +73,7 @@ def with_branches_in_loops(program: ArrayProgram) -> ArrayProgram:
 
 
 def with_branches(program: Program) -> Program:
-    """The program with what vanishes together behind branches, and without `met` in its polygons."""
+    """Returns the program with what vanishes together behind branches, and without `met` in its polygons."""
     if not any(isinstance(s, Polygon) and s.met is not True for s in compound(program.body)):
         return program
     body, uses = program.body, _Uses()
@@ -86,7 +86,7 @@ def with_branches(program: Program) -> Program:
 
 
 def _failures(block: Sequence[Stmt], flag: str) -> list[dict[str, bool]]:
-    """What is known in each of the cases in which a flag is false."""
+    """Returns the cases in which a flag is false, each with the truth values that are known in it."""
     made = {s.name: s for s in block if isinstance(s, Assign)}
     cases: list[dict[str, bool]] = []
     stack: list[Arg] = [made[flag].args[0]] if flag in made and made[flag].op == "not" else []
@@ -103,7 +103,7 @@ def _failures(block: Sequence[Stmt], flag: str) -> list[dict[str, bool]]:
 def _behind(
     block: tuple[Stmt, ...], outputs: Sequence[Arg], flag: str, cases: Sequence[Mapping[str, bool]], numbers: Iterator[int], names: _Uses
 ) -> tuple[Stmt, ...]:
-    """The block with what is 0 in all cases, in which the flag is false, behind it."""
+    """Returns the block with a branch: the values that are 0 in all cases in which the flag is false are computed only where it is true."""
     before, body, results, after = _divided(block, outputs, flag, cases, names)
     if not any(isinstance(s, Segment) for s in body) or len(body) <= FEW:
         return block
@@ -122,8 +122,8 @@ def _behind(
 
 
 def _refusals(block: Sequence[Stmt], body: Sequence[Stmt], known: set[str]) -> dict[str, None]:
-    """For each segment of a branch what says that it is empty and costs least; nothing if that is not known of all. `known` says nothing
-    any more in the branch."""
+    """Returns, for each segment of a branch, the cheapest boolean that says that the segment is empty; nothing if one segment has none.
+    Booleans that are `known` in the branch decide nothing more there."""
     opposites = _opposites(block)
     made = {s.name: s for s in block if isinstance(s, Assign)}
     inside = {s.name: s for s in body if isinstance(s, Assign)}
@@ -141,7 +141,7 @@ def _refusals(block: Sequence[Stmt], body: Sequence[Stmt], known: set[str]) -> d
 
 
 def _cost(name: str, inside: Mapping[str, Assign]) -> int:
-    """How many statements of a branch a value takes."""
+    """Returns the number of statements of a branch that a value needs."""
     seen: set[Arg] = set()
     stack: list[Arg] = [name]
     while stack:
@@ -155,7 +155,8 @@ def _cost(name: str, inside: Mapping[str, Assign]) -> int:
 def _divided(
     block: tuple[Stmt, ...], outputs: Sequence[Arg], flag: str, cases: Sequence[Mapping[str, bool]], names: _Uses, first: int = 0
 ) -> tuple[tuple[Stmt, ...], tuple[Stmt, ...], tuple[str, ...], tuple[Stmt, ...]]:
-    """What comes before a branch, what goes into it, its results, and what comes after it. Statements before number `first` stay."""
+    """Returns the statements before a branch, those in it, its results, and the statements after it. Statements before number
+    `first` stay."""
     if not cases:
         return block, (), (), ()
     opposites = _opposites(block)
@@ -193,7 +194,8 @@ def _divided(
 
 
 def _opposites(block: Sequence[Stmt]) -> dict[str, str]:
-    """Of booleans another one that fails where the first holds, where the block has it: of an atom, and of what is made of atoms."""
+    """Returns pairs of booleans of a block of which one fails where the other holds, as a dict in both directions. They are atoms, and what
+    is made of atoms."""
     known: dict[object, str] = {}
     found: dict[str, str] = {}
     made = {s.name: s for s in block if isinstance(s, Assign)}
@@ -214,7 +216,7 @@ def _opposites(block: Sequence[Stmt]) -> dict[str, str]:
 
 
 def _zeros(block: Sequence[Stmt], facts: Mapping[str, bool], opposites: Mapping[str, str]) -> set[str]:
-    """The numbers of a block that are 0 where some booleans are known."""
+    """Returns the numbers of a block that are 0 where some booleans are known."""
     truth = dict(facts)
     atoms = {(s.op, s.args): s.name for s in block if isinstance(s, Assign)}
     made = {s.name: s for s in block if isinstance(s, Assign)}

@@ -52,7 +52,7 @@ def _element(array: npt.NDArray[np.generic], dimensions: int, element: int) -> n
 def _settled(
     program: ArrayProgram, integers: Mapping[int, Whole], arrays: Sequence[npt.NDArray[np.generic]], shapes: Sequence[Sequence[int]]
 ) -> bool:
-    """Whether intervals show that everything is in its range."""
+    """Returns whether intervals show that everything is in its range."""
     known: dict[Arg, Interval] = {}
 
     def of(arg: Arg) -> Interval:
@@ -97,7 +97,8 @@ def _settled(
 
 
 def _are_ranges(lo: Integers | None, hi: Integers | None, arrays: Sequence[npt.NDArray[np.generic]]) -> bool:
-    """Whether two entries of an array of indices are the ends of ranges in every row, because they stand in two columns of the same row."""
+    """Returns whether two entries of an array of indices are the ends of ranges in every row, because they stand in two columns of the same
+    row."""
     if lo is None or hi is None or lo.array != hi.array or lo.args[:-1] != hi.args[:-1]:
         return False
     first, last = lo.args[-1], hi.args[-1]
@@ -110,7 +111,7 @@ def _inside(places: Sequence[Interval], shape: Sequence[int]) -> bool:
 
 
 def _combined(op: str, a: Interval, b: Interval) -> Interval | None:
-    """The interval of an operation; None where it is not known."""
+    """Returns the interval of an operation; None where it is not known."""
     match op:
         case "add":
             return a[0] + b[0], a[1] + b[1]
@@ -203,7 +204,7 @@ class _Exact:
 
 
 def exactly(op: str, a: Whole, b: Whole) -> Whole:
-    """An integer operation on lanes; raises ArrayIndexError where a result has more than 64 bits, or is divided by 0."""
+    """Returns an integer operation on lanes; raises ArrayIndexError where a result has more than 64 bits, or is divided by 0."""
     if op in ("floordiv", "mod") and (b == 0).any():
         raise ArrayIndexError("an index is divided by 0")
     if not a.size or not b.size:
@@ -226,7 +227,7 @@ def exactly(op: str, a: Whole, b: Whole) -> Whole:
 
 
 def apply(op: str, a: Whole, b: Whole) -> Whole:
-    """An integer operation on lanes."""
+    """Returns an integer operation on lanes."""
     match op:
         case "add":
             return np.asarray(a + b)

@@ -36,7 +36,7 @@ _RENAMED = {
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """A module of array functions, and what is added to a product to keep it from being fused with a sum."""
+    """A module of array functions, and the term that is added to a product to keep it from being fused with a sum."""
 
     module: str
     guard: str = ""
@@ -45,7 +45,7 @@ class Dialect:
 
 
 def assignment(stmt: Assign, dialect: Dialect) -> list[str]:
-    """The lines of a statement; an operation on many operands takes several, from the left."""
+    """Returns the lines of a statement; an operation on many operands takes several, from the left."""
     cut = OPERANDS if stmt.op in _ASSOCIATIVE else len(stmt.args)
     lines = [f"{stmt.name} = {operation(stmt.op, stmt.args[:cut], dialect)}"]
     for i in range(cut, len(stmt.args), OPERANDS):
@@ -55,7 +55,7 @@ def assignment(stmt: Assign, dialect: Dialect) -> list[str]:
 
 
 def operation(op: str, args: tuple[Arg, ...], dialect: Dialect) -> str:
-    """The right-hand side of any operation but `tie`, in a dialect."""
+    """Returns the right-hand side of any operation but `tie`, in a dialect."""
     module, guard = dialect.module, dialect.guard
     values = [value(arg, module) for arg in args]
     first = strict(args[0], module)
@@ -89,20 +89,20 @@ def operation(op: str, args: tuple[Arg, ...], dialect: Dialect) -> str:
 
 
 def value(arg: Arg, module: str) -> str:
-    """A name, or a literal as Python writes it."""
+    """Returns a name, or a literal as Python writes it."""
     if isinstance(arg, float) and not math.isfinite(arg):
         return f"{module}.nan" if math.isnan(arg) else f"{module}.inf" if arg > 0 else f"-{module}.inf"
     return arg if isinstance(arg, str) else repr(arg)
 
 
 def strict(arg: Arg, module: str) -> str:
-    """A name, or a literal as an array scalar."""
+    """Returns a name, or a literal as an array scalar."""
     if isinstance(arg, str):
         return arg
     return f"{module}.{'bool_' if isinstance(arg, bool) else 'float64'}({value(arg, module)})"
 
 
 def inside(items: Iterable[str]) -> str:
-    """The inside of a tuple display: a single item keeps its comma."""
+    """Returns the inside of a tuple display: a single item keeps its comma."""
     listed = list(items)
     return listed[0] + "," if len(listed) == 1 else ", ".join(listed)

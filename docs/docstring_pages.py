@@ -24,6 +24,9 @@ from sphinx.util.docutils import SphinxDirective
 
 import teg
 from teg.errors import TegError
+from teg.interop.jax import JaxFunction
+from teg.interop.scipy import VectorFunction
+from teg.interop.torch import TorchFunction
 
 SECTIONS = {
     "compile": ("teg.evaluator", "teg.report"),
@@ -35,6 +38,9 @@ SECTIONS = {
     "language": ("teg",),
 }
 """Sections of the reference, and the modules whose public names they list. The first section that fits is taken."""
+
+RESULTS = {"frameworks": (JaxFunction, TorchFunction, VectorFunction)}
+"""Classes that have no public name, because only functions of the section make their objects."""
 
 
 def section_of(name: str) -> str:
@@ -67,7 +73,7 @@ def markdown_of(docstring: str) -> str:
     """Returns a docstring as Markdown: examples in fences, and no other mark than backticks."""
     parts = []
     for paragraph in re.split(r"\n\s*\n", inspect.cleandoc(docstring)):
-        if paragraph.startswith((" ", ">>>")):
+        if paragraph.startswith((" ", ">>>")) or is_program(paragraph):
             parts.append(fenced(textwrap.dedent(paragraph)))
         elif re.search(r"^ {2,}|\S {3,}\S", paragraph, re.MULTILINE):  # a table, or a list
             lead, colon, table = paragraph.partition(":\n") if not paragraph.startswith(" ") else ("", "", paragraph)
@@ -75,6 +81,14 @@ def markdown_of(docstring: str) -> str:
         else:
             parts.append(escaped(paragraph))
     return "\n\n".join(part for part in parts if part)
+
+
+def is_program(paragraph: str) -> bool:
+    """Returns whether a paragraph is Python: an example at the end of a docstring loses its indentation."""
+    try:
+        return any(isinstance(node, ast.Call | ast.Attribute) for node in ast.walk(ast.parse(paragraph)))
+    except SyntaxError:
+        return False
 
 
 def fenced(text: str) -> str:
@@ -103,8 +117,13 @@ def entry_of(name: str) -> str:
     value = getattr(teg, name)
     if not inspect.isclass(value):
         return described("function", f"teg.{name}{signature_of(value)}", value.__doc__ or "")
-    members = "\n".join(member.replace("``````", "`````") for member in members_of(value))
-    return described("class", f"teg.{name}", value.__doc__ or "", members)
+    return class_entry(value, f"teg.{name}")
+
+
+def class_entry(cls: type, title: str) -> str:
+    """Returns the Markdown of a class and its members."""
+    members = "\n".join(member.replace("``````", "`````") for member in members_of(cls))
+    return described("class", title, cls.__doc__ or "", members)
 
 
 def members_of(cls: type) -> Iterator[str]:
@@ -153,7 +172,9 @@ class PublicNames(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Returns the nodes."""
-        return self.parse_text_to_nodes("\n".join(map(entry_of, names_of(self.arguments[0]))), allow_section_headings=True)
+        section = self.arguments[0]
+        entries = [*map(entry_of, names_of(section)), *(class_entry(kind, kind.__name__) for kind in RESULTS.get(section, ()))]
+        return self.parse_text_to_nodes("\n".join(entries), allow_section_headings=True)
 
 
 class PublicModule(SphinxDirective):

@@ -8,6 +8,7 @@ f = teg.compile(area, [t])
 value, gradient = f.value_and_grad(t=0.5)          # 0.125, {"t": 0.5}
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -113,6 +114,15 @@ __all__ = [
     "to_sympy", "torch_function", "tuple", "var", "vars", "where",
 ]  # fmt: skip
 
+_OTHER_NAMES = {
+    "integrate": "integral", "Integral": "integral", "heaviside": "bracket", "indicator": "bracket", "step": "bracket",
+    "max": "maximum", "min": "minimum", "select": "where", "if_else": "where", "cond": "where", "Piecewise": "where",
+    "arctan": "atan", "arctan2": "atan2", "arcsin": "asin", "arccos": "acos", "pow": "sqrt, and ** for powers", "ln": "log",
+    "gradient": "grad", "derivative": "diff", "variable": "var", "parameter": "param", "symbols": "vars and teg.params",
+    "product": "prod", "argmin": "nearest", "jit": "compile", "subs": "substitute",
+}  # fmt: skip
+"""What other packages call the names of this one, for the hint of an AttributeError."""
+
 _MODULE_OF = {name: module for module, names in _LOADED_ON_FIRST_USE.items() for name in names}
 
 
@@ -121,7 +131,8 @@ def __getattr__(name: str) -> object:
     if name == "maps":
         return import_module("teg.maps")
     if name not in _MODULE_OF:
-        raise AttributeError(f"module 'teg' has no attribute {name!r}")
+        hint = f"; there is teg.{_OTHER_NAMES[name]}" if name in _OTHER_NAMES else ""
+        raise AttributeError(f"module 'teg' has no attribute {name!r}{hint}", name=name, obj=sys.modules[__name__])
     value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
     return value
 

@@ -49,7 +49,7 @@ def diff(e: Operand, by: Param | Var, maps: Maps = ()) -> Expr:
             f"{by.name} is an array: its derivative is one, too", None, f"teg.grad(e, [{by.name}])[0], or teg.jvp along one"
         )
     if not isinstance(by, Param | Var):
-        hint = 'make one with t = teg.param("t")'
+        hint = f"make one with teg.param({by!r:.80})" if isinstance(by, str) else 'make one with t = teg.param("t")'
         raise ParameterError("a derivative is taken by one parameter or variable; several: teg.grad(e, [t, a])", by, hint)
     return jvp(e, {by: ONE}, maps)
 
@@ -83,7 +83,8 @@ def grad(e: Operand, by: Sequence[Parameter | Var] | Parameter | Var | None = No
         [float(teg.evaluate(s, {t: 0.25, a: 2.0})) for s in slopes]  # [2.0, 0.25]
 
     The derivative by an array is an expression whose value is an array of its shape: sums of numbers times `1[V; i, …]`, the array that
-    is 1 at one place. Variables that are free in e may be among `by` (forward mode then), as in `teg.diff`.
+    is 1 at one place. Variables that are free in e may be among `by` (forward mode then), as in `teg.diff`. Raises as
+    `teg.diff`, and ParameterError for a parameter that is listed twice.
     """
     listed = [by] if isinstance(by, Var) else by
     if isinstance(listed, list | tuple) and any(isinstance(p, Var) for p in listed):

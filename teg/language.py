@@ -36,20 +36,34 @@ def _name(text: str, what: str) -> str:
 
 
 def var(name: str) -> Var:
-    """Returns a variable of integration. The same name is the same variable."""
+    """Returns a variable of integration. The same name is the same variable. Raises OperandError for what is no text.
+
+    x = teg.var("x")
+    teg.evaluate(teg.integral(x**2, (x, 0, 3)))        # 9.0
+    """
     return Var.make(_name(name, "variable"), ())
 
 
 def vars(names: str) -> tuple[Var, ...]:
-    """Returns variables of integration, named in one string: ``x, y = teg.vars("x y")``."""
+    """Returns variables of integration, named in one string, a tuple.
+
+        x, y = teg.vars("x y")
+        str(x * y)                                          # x·y
+
+    Raises OperandError for what is no text, NameClashError for a name that is given twice.
+    """
     return tuple(var(n) for n in _names(names, "vars"))
 
 
 def param(name: str) -> Param:
     """Returns a parameter, by which derivatives are taken. The same name is the same parameter.
 
-    Parameters are arguments of compiled programs, so a name is one that Python takes for a keyword argument: ``f(t=0.5)``. Raises
-    ParameterError for another one.
+    Parameters are arguments of compiled programs, so a name is an identifier of Python. (The value of a name that is a keyword, such as
+    "lambda", is given in a dict.) Raises ParameterError for another name, OperandError for what is no text.
+
+        t = teg.param("t")
+        f = teg.compile(t**2)
+        f(t=0.5)                                            # 0.25
     """
     return param_of_any_name(identifier(_name(name, "parameter"), "params"))
 
@@ -60,7 +74,13 @@ def param_of_any_name(name: str) -> Param:
 
 
 def params(names: str) -> tuple[Param, ...]:
-    """Returns parameters, named in one string: ``t, a = teg.params("t a")``."""
+    """Returns parameters, named in one string, a tuple.
+
+        t, a = teg.params("t a")
+        teg.compile(a * t, [t, a]).grad(t=2.0, a=3.0)       # {'t': 3.0, 'a': 2.0}
+
+    Raises OperandError for what is no text, NameClashError for a name that is given twice, ParameterError for one that is no identifier.
+    """
     return tuple(param(n) for n in _names(names, "params"))
 
 
@@ -76,7 +96,8 @@ def integral(integrand: Operand, *domain: tuple[Var, Operand, Operand]) -> Expr:
     variable, or two of one variable.
 
         x, y = teg.vars("x y")
-        teg.integral(x * y, (x, 0, y), (y, 0, 1))       # ∫₀¹ ∫₀ʸ x·y dx dy = 1/8
+        e = teg.integral(x * y, (x, 0, y), (y, 0, 1))      # ∫₀¹ ∫₀ʸ x·y dx dy
+        teg.evaluate(e)                                     # 0.125
     """
     e = integrand if isinstance(integrand, Tuple) else as_number(integrand)
     if not domain:
@@ -92,7 +113,11 @@ def integral(integrand: Operand, *domain: tuple[Var, Operand, Operand]) -> Expr:
         v, lo, hi = triple
         if not isinstance(v, Var):
             kind = "a parameter" if isinstance(v, Param) else f"{type(v).__name__}"
-            raise ScopeError(f"an integral runs over a variable, not over {kind}", v, 'make one with x = teg.var("x")')
+            name = next((w.name for w in triple if isinstance(w, Var)), "")
+            w = v.name if isinstance(v, Param) else "x"
+            made = f'{w} = teg.var("{w}")'
+            hint = f"the variable comes first: ({name}, lower, upper)" if name else f"make one with {made}"
+            raise ScopeError(f"an integral runs over a variable, not over {kind}", v, hint)
         if v in over:
             hint = (
                 f"name another variable; for an integral over {v.name} of an integral over {v.name} write one teg.integral inside the other"
@@ -147,7 +172,14 @@ def where(condition: Cond, then: Operand, otherwise: Operand) -> Expr:
 
 
 def tuple_(*entries: Operand | tuple[Any, ...] | list[Any]) -> Tuple:
-    """Returns several expressions to be evaluated together. Nested Python tuples of expressions become nested tuples."""
+    """Returns several expressions to be evaluated together. Nested Python tuples of expressions become nested tuples.
+
+        f = teg.compile(teg.tuple(t * a, teg.sin(t)), [t])
+        f(t=0.0, a=3.0)                                     # (0.0, 0.0)
+        f.grad(t=0.0, a=3.0)                                # {'t': (3.0, 1.0)}
+
+    Arithmetic, functions and `teg.where` work on tuples entry by entry. Raises OperandError for an entry that is no number.
+    """
     return ex.tuple_of(*(tuple_(*e) if isinstance(e, list | tuple) else e if isinstance(e, Tuple) else as_number(e) for e in entries))
 
 
@@ -163,72 +195,114 @@ def delta(argument: Operand) -> Expr:
 
 
 def sin(u: Operand) -> Expr:
-    """Returns the sine of u, in radians."""
+    """Returns the sine of u, in radians.
+
+    teg.evaluate(teg.sin(math.pi * t), t=0.5)           # 1.0
+    """
     return _applied("sin", u)
 
 
 def cos(u: Operand) -> Expr:
-    """Returns the cosine of u, in radians."""
+    """Returns the cosine of u, in radians.
+
+    teg.evaluate(teg.cos(math.pi * t), t=1.0)           # -1.0
+    """
     return _applied("cos", u)
 
 
 def tan(u: Operand) -> Expr:
-    """Returns the tangent of u, in radians."""
+    """Returns the tangent of u, in radians.
+
+    teg.evaluate(teg.tan(math.pi * t), t=0.25)          # 1.0
+    """
     return _applied("tan", u)
 
 
 def asin(u: Operand) -> Expr:
-    """Returns the inverse sine, in [-π/2, π/2]."""
+    """Returns the inverse sine, in [-π/2, π/2]; NaN for |u| > 1.
+
+    teg.evaluate(teg.asin(t), t=1.0)                    # 1.5707963267948966
+    """
     return _applied("asin", u)
 
 
 def acos(u: Operand) -> Expr:
-    """Returns the inverse cosine, in [0, π]."""
+    """Returns the inverse cosine, in [0, π]; NaN for |u| > 1.
+
+    teg.evaluate(teg.acos(t), t=-1.0)                   # 3.141592653589793
+    """
     return _applied("acos", u)
 
 
 def atan(u: Operand) -> Expr:
-    """Returns the inverse tangent, in (-π/2, π/2)."""
+    """Returns the inverse tangent, in (-π/2, π/2).
+
+    teg.evaluate(teg.atan(t), t=1.0)                    # 0.7853981633974483
+    """
     return _applied("atan", u)
 
 
 def atan2(y: Operand, x: Operand) -> Expr:
-    """Returns the angle of the point (x, y), in (-π, π]."""
+    """Returns the angle of the point (x, y), in (-π, π].
+
+    teg.evaluate(teg.atan2(t, a), t=1.0, a=0.0)         # 1.5707963267948966
+    """
     return _applied("atan2", y, x)
 
 
 def sinh(u: Operand) -> Expr:
-    """Returns the hyperbolic sine."""
+    """Returns the hyperbolic sine.
+
+    teg.evaluate(teg.sinh(t), t=1.0)                    # 1.1752011936438014
+    """
     return _applied("sinh", u)
 
 
 def cosh(u: Operand) -> Expr:
-    """Returns the hyperbolic cosine."""
+    """Returns the hyperbolic cosine.
+
+    teg.evaluate(teg.cosh(t), t=0.0)                    # 1.0
+    """
     return _applied("cosh", u)
 
 
 def tanh(u: Operand) -> Expr:
-    """Returns the hyperbolic tangent."""
+    """Returns the hyperbolic tangent.
+
+    teg.evaluate(teg.tanh(t), t=0.0)                    # 0.0
+    """
     return _applied("tanh", u)
 
 
 def exp(u: Operand) -> Expr:
-    """Returns the exponential."""
+    """Returns the exponential.
+
+    teg.evaluate(teg.exp(a * t), t=0.0, a=2.0)          # 1.0
+    """
     return _applied("exp", u)
 
 
 def expm1(u: Operand) -> Expr:
-    """Returns exp(u) - 1, accurate also where u is small: ``teg.evaluate(teg.expm1(teg.param("r")), {"r": 1e-20})`` is 1e-20."""
+    """Returns exp(u) - 1, accurate also where u is small.
+
+    teg.evaluate(teg.expm1(t), t=1e-20)                 # 1e-20
+    """
     return _applied("expm1", u)
 
 
 def log(u: Operand) -> Expr:
-    """Returns the natural logarithm."""
+    """Returns the natural logarithm; -inf for 0, NaN for u < 0.
+
+    teg.evaluate(teg.log(t), t=1.0)                     # 0.0
+    """
     return _applied("log", u)
 
 
 def log1p(u: Operand) -> Expr:
-    """Returns log(1 + u), accurate also where u is small; NaN for u < -1."""
+    """Returns log(1 + u), accurate also where u is small; NaN for u < -1.
+
+    teg.evaluate(teg.log1p(t), t=1e-20)                 # 1e-20
+    """
     return _applied("log1p", u)
 
 
@@ -239,27 +313,40 @@ def erf(u: Operand) -> Expr:
 
         x, m, s = teg.params("x m s")
         normal = 0.5 * teg.erfc((m - x) / (s * 2**0.5))
+        teg.evaluate(normal, x=1.0, m=1.0, s=2.0)           # 0.5
     """
     return _applied("erf", u)
 
 
 def erfc(u: Operand) -> Expr:
-    """Returns 1 - erf(u), accurate also where erf(u) is nearly 1."""
+    """Returns 1 - erf(u), accurate also where erf(u) is nearly 1.
+
+    teg.evaluate(teg.erfc(t), t=10.0)                   # 2.088487583762545e-45
+    """
     return _applied("erfc", u)
 
 
 def sqrt(u: Operand) -> Expr:
-    """Returns the square root; NaN for u < 0."""
+    """Returns the square root; NaN for u < 0.
+
+    teg.evaluate(teg.sqrt(t), t=2.25)                   # 1.5
+    """
     return _applied("sqrt", u)
 
 
 def floor(u: Operand) -> Expr:
-    """Returns the largest integer not above u."""
+    """Returns the largest integer not above u.
+
+    teg.evaluate(teg.floor(t), t=-0.5)                  # -1.0
+    """
     return _applied("floor", u)
 
 
 def ceil(u: Operand) -> Expr:
-    """Returns the smallest integer not below u."""
+    """Returns the smallest integer not below u.
+
+    teg.evaluate(teg.ceil(t), t=1.25)                   # 2.0
+    """
     return _applied("ceil", u)
 
 
@@ -267,32 +354,53 @@ def round_(u: Operand) -> Expr:
     """Returns the nearest integer.
 
     A half goes to the even side, as in Python and NumPy. If u has variables of integration a half goes up, which changes no integral.
+
+        teg.evaluate(teg.round(t), t=2.5)                   # 2.0
     """
     return _applied("round", u)
 
 
 def mod(u: Operand, period: Operand) -> Expr:
-    """Returns u - period·floor(u/period). It has the sign of the period, as in Python."""
+    """Returns u - period·floor(u/period). It has the sign of the period, as in Python.
+
+    teg.evaluate(teg.mod(t, 1), t=-0.25)                # 0.75
+    """
     return _applied("mod", u, period)
 
 
 def abs_(u: Operand) -> Expr:
-    """Returns |u|."""
+    """Returns |u|.
+
+    teg.evaluate(teg.abs(t), t=-2.0)                    # 2.0
+    """
     return entrywise(ex.absolute, u)
 
 
 def sign(u: Operand) -> Expr:
-    """Returns -1, 0 or 1."""
+    """Returns -1, 0 or 1.
+
+    teg.evaluate(teg.sign(t), t=-2.0)                   # -1.0
+    """
     return entrywise(lambda v: ex.where(ex.positive(v), ex.ONE, ex.where(ex.less(v, 0, True), ex.MINUS_ONE, ex.ZERO)), u)
 
 
 def minimum(first: Operand, *others: Operand) -> Expr:
-    """Returns the smallest of two or more numbers or indices. The minimum of indices is an index."""
+    """Returns the smallest of two or more numbers or indices. The minimum of indices is an index.
+
+        teg.evaluate(teg.minimum(t, a, 1), t=3.0, a=2.0)    # 1.0
+
+    Raises OperandError for a list or tuple of Python, and for what is no number. Over an index: `teg.minimum_of`.
+    """
     return _extremum((first, *others), "min", lambda a, b: ex.less(a, b, True))
 
 
 def maximum(first: Operand, *others: Operand) -> Expr:
-    """Returns the largest of two or more numbers or indices. The maximum of indices is an index."""
+    """Returns the largest of two or more numbers or indices. The maximum of indices is an index.
+
+        teg.evaluate(teg.maximum(t, a, 1), t=3.0, a=2.0)    # 3.0
+
+    Raises OperandError for a list or tuple of Python, and for what is no number. Over an index: `teg.maximum_of`.
+    """
     return _extremum((first, *others), "max", lambda a, b: ex.less(b, a, True))
 
 
@@ -339,10 +447,13 @@ def check_parameters(wrt: object) -> list[Param]:
         return [wrt]
     if isinstance(wrt, Expr) or not isinstance(wrt, Iterable):
         raise ParameterError("derivatives are taken by parameters", wrt, 'make one with t = teg.param("t")')
+    if isinstance(wrt, str):
+        raise ParameterError(f"derivatives are taken by parameters, not by the text {wrt!r:.80}", None, f"[teg.param({wrt!r:.80})]")
     chosen: dict[Param, None] = {}
     for p in wrt:
         if not isinstance(p, Param):
-            raise ParameterError("derivatives are taken by parameters", p, 'make one with t = teg.param("t")')
+            made = f"teg.param({p!r:.80})" if isinstance(p, str) else 't = teg.param("t")'
+            raise ParameterError("derivatives are taken by parameters", p, f"make one with {made}")
         if p in chosen:
             raise ParameterError(f"the parameter {p.name!r} is listed twice")
         chosen[p] = None

@@ -31,25 +31,26 @@ TOGETHER = 64
 
 
 def exported(name: str, real: str = "double") -> tuple[list[str], list[str]]:
-    """The heads of the two functions of every kernel: that which is watched, and that which is not."""
+    """Returns the heads of the two functions of every kernel: that which is watched, and that which is not."""
     first = f"long n, const {real} *const *p, const long *stride, const teg_array *a, {real} *const *out, long *notes, int threads"
     watched = [f"TEG_EXPORT int {name}_watched(", f"    {first},", "    long (*poll)(void *data), void *data)"]
     return watched, [f"TEG_EXPORT int {name}(", f"    {first})"]
 
 
 def unwatched(name: str, real: str = "double") -> list[str]:
-    """The function that is not watched."""
+    """Returns the function that is not watched."""
     body = indent(f"return {name}_watched(n, p, stride, a, out, notes, threads, NULL, NULL);")
     return [*exported(name, real)[1], "{", *body, "}"]
 
 
 def together(program: Program) -> int:
-    """How many points have their outputs written together: no more than the first cache can hold."""
+    """Returns the number of points whose outputs are written together: as many as the first cache holds."""
     return TOGETHER if len(program.outputs) <= TOGETHER else SIDE
 
 
 def _in_both_orders(call: str, outputs: int) -> list[str]:
-    """A call of the element at a point, and once more where a tie was met. It stands in one place, where the C compiler may inline it."""
+    """Returns a call of the element at a point, and once more where a tie was met. It stands in one place, where the C compiler may inline
+    it."""
     return [
         "double *to = row;",
         "for (;;) {",
@@ -60,7 +61,7 @@ def _in_both_orders(call: str, outputs: int) -> list[str]:
 
 
 def _copies(inputs: int, lanes: str, place: str) -> list[str]:
-    """Lines that make in[i] copies of input i at the `few` points whose places are known by k; the last point is repeated."""
+    """Returns lines that make in[i] copies of input i at the `few` points whose places are known by k; the last point is repeated."""
     return [
         f"for (int i = 0; i < {inputs}; i++) {{",
         *indent(
@@ -73,8 +74,8 @@ def _copies(inputs: int, lanes: str, place: str) -> list[str]:
 
 
 def _inputs(inputs: int, real: str, straight: Straight | None) -> tuple[list[str], list[str], list[str]]:
-    """Lines that are run once, and lines that make in[i] the values of input i at the points from `at` on, or at points that wait: where
-    these are, eight copies of the one that all points share, or copies."""
+    """Returns lines that are run once, and lines that make in[i] the values of input i at the points from `at` on, or at points that wait:
+    where these are, eight copies of the one that all points share, or copies."""
     copies = _copies(inputs, f"{SIDE}" if straight else "few", "(at + k)")
     waiting = _copies(inputs, f"{SIDE}", "(first + waits[g + k])")
     if real != "double":
@@ -101,8 +102,8 @@ def _inputs(inputs: int, real: str, straight: Straight | None) -> tuple[list[str
 
 
 def batch_loop(program: Program, name: str, element: Routine, real: str, straight: Straight | None) -> Iterator[str]:
-    """The exported functions: every point by itself; where ties were met, the mean of the two orders. A call that is `watched` is stopped
-    between points, and in integrals that may take long. The thread that called keeps asking while it waits for the others.
+    """Yields the exported functions: every point by itself; where ties were met, the mean of the two orders. A call that is `watched` is
+    stopped between points, and in integrals that may take long. The thread that called keeps asking while it waits for the others.
 
     Outputs are kept for a block of points and written together, some lines of the cache for each: those of one point may all lie in places
     that the cache cannot hold at once. In a block SIDE points at a time are looked at by the functions `straight`."""

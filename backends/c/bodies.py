@@ -9,7 +9,7 @@ from teg.program import Arg, Assign, Program, statements
 
 
 def merged(bodies: Sequence[Program]) -> Program:
-    """Programs of assignments, of the same parameters, as one with the outputs of all: what they have in common is done once."""
+    """Returns programs of assignments, of the same parameters, as one with the outputs of all: what they have in common is done once."""
     body: list[Assign] = []
     known: dict[tuple[object, ...], str] = {}
     outputs: list[Arg] = []
@@ -27,13 +27,13 @@ def merged(bodies: Sequence[Program]) -> Program:
 
 
 def used_inputs(body: Program) -> list[str]:
-    """The names of the parameters that matter."""
+    """Returns the names of the parameters that matter."""
     needed = {arg for stmt in statements(body.body) if isinstance(stmt, Assign) for arg in stmt.args}.union(body.outputs)
     return [p for p in (f"p{i}" for i in range(len(body.parameters))) if p in needed]
 
 
 def with_inputs(body: Program, used: Sequence[str]) -> Program:
-    """A program of assignments that has no other parameters than these."""
+    """Returns a program of assignments that has no other parameters than these."""
     new: dict[Arg, Arg] = {p: f"p{i}" for i, p in enumerate(used)}
     renamed = tuple(replace(s, args=tuple(new.get(a, a) for a in s.args)) for s in body.body if isinstance(s, Assign))
     return replace(body, parameters=tuple(used), body=renamed, outputs=tuple(new.get(o, o) for o in body.outputs))

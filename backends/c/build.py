@@ -49,7 +49,8 @@ NO_COMPILER = (
 
 
 def load_library(text: str, *, optimise: Sequence[str] = ("-O3",), openmp: bool = False) -> ctypes.CDLL:
-    """The library of `text`, from the cache if it is there; one that cannot be loaded is rebuilt, the second time outside of the cache."""
+    """Returns the library of `text`, from the cache if it is there; one that cannot be loaded is rebuilt, the second time outside of the
+    cache."""
     compiler = find_compiler()
     flags = (*optimise, *BASE_FLAGS, NATIVE, *((OPENMP,) if openmp else ()))
     key = _key(text, compiler, flags)
@@ -66,7 +67,8 @@ def load_library(text: str, *, optimise: Sequence[str] = ("-O3",), openmp: bool 
 
 
 def load_linked(kernel: str, functions: Sequence[str], binding: str, *, optimise: Sequence[str], openmp: bool = False) -> ctypes.CDLL:
-    """The library of a kernel, functions that it calls and the text that binds them, each compiled only if it is not in the cache."""
+    """Returns the library of a kernel, functions that it calls and the text that binds them, each compiled only if it is not in
+    the cache."""
     compiler = find_compiler()
     more = (OPENMP,) if openmp else ()
     objects = [str(_object(kernel, compiler, (*optimise, *BASE_FLAGS, NATIVE, *more)))]
@@ -75,14 +77,14 @@ def load_linked(kernel: str, functions: Sequence[str], binding: str, *, optimise
 
 
 def _object(text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Path:
-    """The object file of a text that is to be linked with others."""
+    """Returns the object file of a text that is to be linked with others."""
     flags = tuple("-c" if flag == "-shared" else flag for flag in flags)
     folder = cache_folder() / _key(text, compiler, flags)
     return _kept_or_stored(folder, text, compiler, flags, OBJECT)
 
 
 def _kept_or_stored(folder: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...], suffix: str) -> Path:
-    """The file of a text in a folder of the cache, compiled if it is not there."""
+    """Returns the file of a text in a folder of the cache, compiled if it is not there."""
     path = stored(folder, suffix)
     if path is not None:
         log.debug("found in the cache: %s", path)
@@ -94,7 +96,8 @@ def _kept_or_stored(folder: Path, text: str, compiler: tuple[str, ...], flags: t
 
 
 def find_compiler() -> tuple[str, ...]:
-    """The C compiler's command: `CC`, which may hold arguments, else the first of cc, gcc, clang, else the one of the package ziglang."""
+    """Returns the C compiler's command: `CC`, which may hold arguments, else the first of cc, gcc, clang, else the one of the package
+    ziglang."""
     chosen = os.environ.get("CC", "")
     try:
         candidates = [shlex.split(chosen), ["cc"], ["gcc"], ["clang"]]
@@ -111,7 +114,7 @@ def find_compiler() -> tuple[str, ...]:
 
 
 def zig_of_wheel() -> tuple[str, ...]:
-    """The command of the C compiler in the Python package ziglang; empty if the package is not installed."""
+    """Returns the command of the C compiler in the Python package ziglang; empty if the package is not installed."""
     package = importlib.util.find_spec("ziglang")
     for folder in (package.submodule_search_locations or ()) if package else ():
         path = os.path.abspath(os.path.join(folder, "zig.exe" if os.name == "nt" else "zig"))
@@ -121,7 +124,7 @@ def zig_of_wheel() -> tuple[str, ...]:
 
 
 def _flags_for(compiler: tuple[str, ...], flags: tuple[str, ...]) -> tuple[str, ...]:
-    """The flags that a compiler is to be tried with. Zig's traps undefined behaviour unless it is told not to."""
+    """Returns the flags that a compiler is to be tried with. Zig's traps undefined behaviour unless it is told not to."""
     if not (Path(compiler[0]).stem == "zig" and "cc" in compiler[1:2]):
         return flags
     return (*(flag for flag in flags if flag not in UNKNOWN_TO_ZIG), "-fno-sanitize=undefined")
@@ -148,7 +151,8 @@ def compile_library(text: str, target: Path, compiler: tuple[str, ...], flags: t
 
 
 def _environment() -> dict[str, str]:
-    """The environment of the compiler. Zig never ends where it cannot write to the folder of its parts, so it gets one that is there."""
+    """Returns the environment of the compiler. Zig never ends where it cannot write to the folder of its parts, so it gets one that is
+    there."""
     return {"ZIG_GLOBAL_CACHE_DIR": str(cache_folder() / ZIG), **os.environ}
 
 
@@ -175,7 +179,8 @@ def _version(compiler: tuple[str, ...]) -> str:
 
 @lru_cache(maxsize=1)
 def _processor() -> str:
-    """What `-march=native` depends on: a home folder may be shared by machines with different processors."""
+    """Returns a text that changes with the meaning of `-march=native`, because machines with different processors may share a
+    home folder."""
     name = f"{platform.system()} {platform.machine()} {platform.processor()}"
     try:
         with open("/proc/cpuinfo", encoding="ascii", errors="replace") as file:

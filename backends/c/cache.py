@@ -51,7 +51,7 @@ ZIG = "zig"
 
 
 def cache_folder() -> Path:
-    """The folder of the cache, made if it is missing, or a private temporary one if it cannot be used."""
+    """Returns the folder of the cache, made if it is missing, or a private temporary one if it cannot be used."""
     try:
         folder = Path(os.environ.get("TEG_CACHE_DIR") or _user_cache()).absolute()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -63,7 +63,7 @@ def cache_folder() -> Path:
 
 
 def _user_cache() -> Path:
-    """The folder in which the system keeps what programs can compute again. Raises RuntimeError if there is no home."""
+    """Returns the folder in which the system keeps what programs can compute again. Raises RuntimeError if there is no home."""
     if os.environ.get("HOME") == "" and not os.path.isabs(os.environ.get("XDG_CACHE_HOME", "")):
         raise RuntimeError("HOME is empty")  # which Python takes for the root folder
     from platformdirs import user_cache_path
@@ -73,7 +73,7 @@ def _user_cache() -> Path:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether nobody but this user can put a library there."""
+    """Returns whether only this user can put a library there."""
     if sys.platform == "win32":
         return True
     status = folder.stat()
@@ -82,7 +82,7 @@ def _is_private(folder: Path) -> bool:
 
 @lru_cache(maxsize=1)
 def temporary_folder(process: int) -> Path:
-    """A private folder of this process (a forked child makes its own), removed at exit."""
+    """Returns a private folder of this process (a forked child makes its own), removed at exit."""
     folder = Path(tempfile.mkdtemp(prefix="teg-"))
 
     def remove() -> None:
@@ -94,7 +94,7 @@ def temporary_folder(process: int) -> Path:
 
 
 def stored(folder: Path, suffix: str = SUFFIX) -> Path | None:
-    """The entry of a key, if there is one and it is whole; damaged ones are removed."""
+    """Returns the entry of a key, if there is one and it is whole; damaged ones are removed."""
     try:
         entries = sorted(folder.glob("*" + suffix))
     except OSError:
@@ -120,7 +120,7 @@ class Entry(NamedTuple):
 
 
 def entries_of(cache: Path) -> list[Entry]:
-    """All entries, the one used longest ago first."""
+    """Returns all entries, the one used longest ago first."""
     entries = []
     for key in _keys(cache):
         for path in key.glob("*.*"):
@@ -132,7 +132,7 @@ def entries_of(cache: Path) -> list[Entry]:
 
 
 def trim(cache: Path) -> None:
-    """Remove what killed processes left, and entries until the others are within the limit, but none that may be in use.
+    """Removes files of killed processes, and entries until the cache is within its limit, except those that may be in use.
 
     Nothing is done within `PAUSE` seconds of the last time.
     """
@@ -169,7 +169,7 @@ def clear(cache: Path) -> list[Entry]:
 
 
 def size_limit() -> float:
-    """The bytes that all entries may take. Raises OptionError if `TEG_CACHE_SIZE` is no number of megabytes."""
+    """Returns the bytes that all entries may take. Raises OptionError if `TEG_CACHE_SIZE` is no number of megabytes."""
     chosen = os.environ.get("TEG_CACHE_SIZE") or str(MEGABYTES)
     try:
         megabytes = float(chosen)
@@ -181,7 +181,7 @@ def size_limit() -> float:
 
 
 def _keys(cache: Path) -> Iterator[Path]:
-    """The folders of the cache, and nothing else that may be beside them."""
+    """Yields the folders of the cache, and nothing else that may be beside them."""
     for path in cache.iterdir() if cache.is_dir() else ():
         if len(path.name) == KEY_LENGTH and not set(path.name) - set("0123456789abcdef") and path.is_dir():
             yield path

@@ -58,7 +58,7 @@ class Nodes:
 
     @property
     def reads(self) -> set[Arg]:
-        """What is computed before."""
+        """Returns the names that are computed before."""
         own = {s.name for s in self.body} | set(self.places)
         return ({a for s in self.body for a in s.args} | set(self.values) | set(self.weights)) - own
 
@@ -354,7 +354,7 @@ def _defines(item: Item) -> tuple[str, ...]:
 
 
 def _needed(items: Sequence[Item], wanted: Iterable[Arg]) -> list[Item]:
-    """Returns the items that matter for what is wanted."""
+    """Returns the items that the wanted names depend on."""
     live: set[Arg] = set(wanted)
     kept: list[Item] = []
     for item in reversed(items):
@@ -414,7 +414,7 @@ class _Stages:
         self._count = [0]
 
     def lines(self, apart: int) -> Iterator[str]:
-        """Returns all lines."""
+        """Yields all lines."""
         found = self.found
         assigns = [i for i in found.items if isinstance(i, Assign)]
         steady = [s for s in assigns if s.name not in self.lanes]
@@ -449,7 +449,7 @@ class _Stages:
         return frame
 
     def _loop(self, block: Sequence[Assign], wanted: Collection[Arg], apart: int | None) -> Iterator[str]:
-        """Returns the loop of a stage; the last one, which has `apart`, writes the outputs."""
+        """Yields the loop of a stage; the last one, which has `apart`, writes the outputs."""
         frame, given = self._frame(block, wanted)
         if apart is not None:
             outputs = [*self.found.outputs, self.found.good]
@@ -468,7 +468,7 @@ class _Stages:
         yield from self._each(inside)
 
     def _nodes(self, item: Nodes) -> Iterator[str]:
-        """Returns the loop over nodes, some of them in each iteration."""
+        """Yields the loop over nodes, some of them in each iteration."""
         number = next(self._arrays)
         total = len(item.weights)
         most = max(1, TOGETHER // max(1, len(item.body)))
@@ -512,7 +512,7 @@ class _Stages:
         self.places.update((name, f"sum_{number}[{j}][k]") for j, name in enumerate(item.sums))
 
     def _each(self, inside: Sequence[str]) -> Iterator[str]:
-        """Returns a loop over the points."""
+        """Yields a loop over the points."""
         yield f"for (int k = 0; k < {SIDE}; k++) {{"
         yield from indent(*inside)
         yield "}"

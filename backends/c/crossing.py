@@ -166,7 +166,8 @@ def _line(w: Writer, a: Arg, b: Arg, c: Arg, conditions: list[Arg]) -> _Line:
 
 
 def _cuts(w: Writer, lines: Sequence[_Line], conditions: list[Arg], stout: int) -> list[list[tuple[Arg, Arg]]]:
-    """Returns for each line where the others cross it, with a number that is positive if they hold beyond."""
+    """Returns, for each line, the places at which the other lines cross it, each with a number that is positive if the other half-plane
+    holds beyond that place."""
     cuts: list[list[tuple[Arg, Arg]]] = [[] for _ in lines]
     for j, g in enumerate(lines):
         for i, h in enumerate(lines[:j]):

@@ -59,8 +59,8 @@ class Step:
 
 @dataclass(slots=True)
 class Scope:
-    """How names and literals are spelled at one place; the workspace of called routines begins at `free`. Only arguments that are
-    `declared` are spelled (None: all), and values that were named in this scope since."""
+    """The spelling of names and literals at one place; the workspace of called routines begins at `free`. Arguments are spelled if they are
+    `declared` (None: all of them), or were named in this scope since."""
 
     names: dict[Arg, str]
     free: int
@@ -84,11 +84,11 @@ class Scope:
         return Text(self.names.get(float(arg)) or literal(float(arg)), ATOM)
 
     def kind(self, arg: Arg) -> str:
-        """The C type of a value."""
+        """Returns the C type of a value."""
         return "teg_lanes_8" if arg in self.lanes else kind(arg)
 
     def name(self, value: str, letter: str = "") -> str:
-        """A new name for a value."""
+        """Returns a new name for a value."""
         self.count[0] += 1
         self.names[value] = f"{letter or ('b' if value[0] == 'b' else 'v')}{self.count[0]}"
         return self.names[value]
@@ -160,24 +160,25 @@ class Frame:
         return [f"double *const {name} = w + {self.size - count};"]
 
     def scope(self) -> Scope:
-        """Names as they are spelled in the function itself, between its blocks."""
+        """Returns the names as they are spelled in the function itself, between its blocks."""
         elsewhere = {arg: self._load(arg) for arg in self._uses[0] if arg in self._home}
         return Scope(self.names, self.size, elsewhere, count=self.count, slots=self._slots, declared=self._between, lanes=self._lanes)
 
     def signature(self, *pointers: str) -> str:
-        """Name and C parameters of the function."""
+        """Returns the name and the C parameters of the function."""
         values = [] if self.indirect else [f"{kind(arg)} {self.names[arg]}" for arg in self.captured]
         values += [f"double *{pointer}" for pointer in (*pointers, *["w"] * (self.workspace > 0))]
         return f"@({', '.join(values + ['teg_context *ctx'] * self.context) or 'void'})"
 
     def opening(self) -> list[str]:
-        """Captured values out of the workspace where the function needs them, or into it where parts do."""
+        """Returns the lines that read captured values from the workspace where the function needs them, or write them to it for
+        its parts."""
         if self.indirect:
             return self._declarations(arg for arg in self.captured if arg in self._uses[0])
         return packed(f"w[{self._slots[arg]}] = {self.names[arg]};" for arg in self.captured if arg in self._slots)
 
     def block(self, index: int) -> list[str]:
-        """The lines that run a block at the present values of the variables."""
+        """Returns the lines that run a block at the present values of the variables."""
         lines: list[str] = []
         if kept := [arg for arg in self.variables if arg in self._slots]:
             used = {arg for step in self.blocks[index] for arg in (*step.uses, *step.stored)}
@@ -199,7 +200,7 @@ class Frame:
         return [f"@_part_{number}({', '.join(local.name for local in passed)});"]
 
     def _lines(self, steps: list[Step], scope: Scope) -> list[str]:
-        """The lines of steps; a value used once waits until the step that uses it."""
+        """Returns the lines of steps; a value used once waits until the step that uses it."""
         used = {arg for step in steps for arg in step.uses}
         here = used | self._own
         lines: list[str] = []
@@ -235,7 +236,7 @@ class Frame:
         return lines
 
     def _declarations(self, args: Iterable[Arg]) -> list[str]:
-        """Values out of the workspace."""
+        """Returns the lines that read values from the workspace."""
         by_kind: dict[str, list[str]] = {"double": [], "int": []}
         for arg in args:
             self.names[arg] = self.names[arg].replace("[", "_").replace("]", "")  # not in an array any more
@@ -258,7 +259,7 @@ class Routine:
 
 
 def captured_by(own: Sequence[Arg], steps: list[Step], variables: Iterable[str]) -> list[Arg]:
-    """What a routine takes from outside, in order of first use: names, and literals that are not simple."""
+    """Returns the names that a routine takes from outside, in order of first use, and the literals that are not simple."""
     defined = {name for step in steps for name in step.defines}.union(variables)
     uses = dict.fromkeys((*own, *(arg for step in steps for arg in (*step.uses, *step.stored))))
     names = [arg for arg in uses if isinstance(arg, str) and arg not in defined]
@@ -268,7 +269,7 @@ def captured_by(own: Sequence[Arg], steps: list[Step], variables: Iterable[str])
 
 
 def assignments(stmt: Assign) -> Iterator[Step]:
-    """An assignment; a sum or product of very many operands as a chain."""
+    """Yields the lines of an assignment; a sum or product of very many operands is a chain."""
     args, name = stmt.args, stmt.name
     if stmt.op in NEUTRAL:
         for link in range(1, -(-(len(args) - 1) // (ARITY - 1))):
@@ -304,7 +305,7 @@ def _declared(name: Arg, value: Text, scope: Scope) -> str:
 
 
 def _cut(blocks: list[list[Step]], whole: Container[int]) -> list[list[tuple[int, list[Step]]]]:
-    """Each block as numbered parts of bounded weight; a block that stays whole has number 0."""
+    """Returns each block as numbered parts of bounded weight; a block that stays whole has number 0."""
     long = sum(step.weight for block in blocks for step in block) > PART
     cuts: list[list[tuple[int, list[Step]]]] = []
     number = 0

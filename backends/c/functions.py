@@ -31,7 +31,7 @@ MACROS = """\
 
 
 def kernel_text(program: Program, counted: bool, real: str) -> tuple[str, tuple[Together, ...]]:
-    """The text of a program without its functions, and which of these it calls together; printed once for all bodies."""
+    """Returns the text of a program without its functions, and which of these it calls together; printed once for all bodies."""
     key = "c", counted, real
     if key not in program.printed:
         called: list[Together] = []
@@ -41,14 +41,14 @@ def kernel_text(program: Program, counted: bool, real: str) -> tuple[str, tuple[
 
 
 def _declarations(program: Program, known: list[Together], called: Sequence[Together]) -> list[str]:
-    """What a kernel has to know of its functions: they depend on their arguments only. `known` gets which they are."""
+    """Returns the declarations of the functions that a kernel calls: they depend on their arguments only. `known` receives their names."""
     known += called
     rows = [f"extern TEG_HIDDEN {_pointer(program, ks)}{' TEG_PURE' if len(ks) == 1 else ''};" for ks in called]
     return [MACROS, "\n".join(rows)] if rows else []
 
 
 def function_units(program: Program, called: Sequence[Together]) -> tuple[list[str], str]:
-    """The texts of the functions, one for each with its derivatives, and the text that says which body each name stands for."""
+    """Returns the texts of the functions, one for each with its derivatives, and the text that says which body each name stands for."""
     together: dict[object, list[Together]] = {}
     for ks in called:
         together.setdefault(program.functions[ks[0]].callee, []).append(ks)

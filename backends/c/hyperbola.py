@@ -18,7 +18,7 @@ MIDDLES = ((0.5, 0.0), (1.0, 0.5), (0.5, 1.0), (0.0, 0.5))
 
 
 def along_a_branch(stmt: Hyperbola) -> tuple[Powers, ...]:
-    """The moments along branches that the results are made of."""
+    """Returns the moments along branches that the results are made of."""
     wanted: set[Powers] = set()
     for m in stmt.moments:
         for j, k, _ in m.terms:
@@ -27,12 +27,12 @@ def along_a_branch(stmt: Hyperbola) -> tuple[Powers, ...]:
 
 
 def function_name(moments: Sequence[Powers]) -> str:
-    """The name of the C function of some moments along a branch."""
+    """Returns the name of the C function of some moments along a branch."""
     return "_".join(["teg_along", *(f"{j}{k}" for j, k in moments)])
 
 
 def hyperbola(stmt: Hyperbola, frame: Frame) -> list[str]:
-    """The inside of a hyperbola's routine."""
+    """Returns the inside of a hyperbola's routine."""
     scope = frame.scope()
     count, along = len(stmt.results), along_a_branch(stmt)
     inside = sorted({(j, k) for m in stmt.moments if m.kind != "border" for j, k, _ in m.terms})
@@ -87,7 +87,7 @@ def hyperbola(stmt: Hyperbola, frame: Frame) -> list[str]:
 
 
 def _settled(stmt: Hyperbola, frame: Frame, scope: Scope) -> list[str]:
-    """The corners of sides that tie become 0."""
+    """Returns the corners of sides that tie become 0."""
     return [
         "int settled = 0;",
         "if (teg_near_side(f0, f1, f2, f3)) {",
@@ -103,7 +103,7 @@ def _settled(stmt: Hyperbola, frame: Frame, scope: Scope) -> list[str]:
 
 
 def _endless(border: Moments, i: int, scope: Scope) -> list[str]:
-    """A border is infinite if its curve crosses itself where its polynomial is not 0."""
+    """Returns a border is infinite if its curve crosses itself where its polynomial is not 0."""
     terms = [(j, k, scope(c)) for j, k, c in border.terms]
 
     def at(u: str | float, v: str | float) -> str:
@@ -123,7 +123,7 @@ def _endless(border: Moments, i: int, scope: Scope) -> list[str]:
 
 
 def _polynomial(moments: Moments, scope: Scope, places: str | None) -> str:
-    """Σ c·moment, as an operand; the moments are variables, or those of the whole square."""
+    """Returns Σ c·moment, as an operand; the moments are variables, or those of the whole square."""
     total = ""
     for j, k, c in moments.terms:
         sign, factor = "+", f"{scope(c)} * "
@@ -139,7 +139,7 @@ def _power(x: str, n: int) -> str:
 
 
 def along_function(moments: Sequence[Powers]) -> str:
-    """The C function that adds the moments along a branch to an array."""
+    """Returns the C function that adds the moments along a branch to an array."""
     below = {(a, b) for j, k in moments for a in range(j + 1) for b in range(k + 1)}
     top = highest(frozenset(moments))
     table = series(top)

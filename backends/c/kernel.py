@@ -51,18 +51,18 @@ class CKernel:
 
     @property
     def address(self) -> int:
-        """Where the kernel that can be watched (`teg_kernel_watched`) lies in this process."""
+        """Returns the address of the kernel that can be watched (`teg_kernel_watched`) in this process."""
         return self._call.address
 
     def __call__(self, columns: Sequence[np.ndarray], n: int) -> np.ndarray:
-        """The outputs on a batch of n, shape (outputs, n), of the kernel's dtype.
+        """Returns the outputs on a batch of n, shape (outputs, n), of the kernel's dtype.
 
         A column is of that dtype, of shape (n,) with any stride, or () for one value shared by the batch.
         """
         return self.outcome(columns, n).values
 
     def outcome(self, columns: Sequence[np.ndarray], n: int) -> Outcome:
-        """The outputs, whether a tolerance was missed, and how many evaluations it took (0 if the kernel does not count)."""
+        """Returns the outputs, whether a tolerance was missed, and how many evaluations it took (0 if the kernel does not count)."""
         if len(columns) != self._inputs:
             raise ParameterError(f"{self._inputs} columns are needed, not {len(columns)}")
         kept = [_column(column, n, name, self._type) for column, name in zip(columns, self.program.parameters, strict=True)]
@@ -86,7 +86,7 @@ class CKernel:
         return Outcome(out, bool(noted & 2), int((notes >> 3).sum()) if self.counted else 0, bool(noted & 4))
 
     def at_point(self, values: Sequence[float]) -> Outcome:
-        """The outcome of one point, given as plain numbers in the order of the parameters; quicker than a batch of one."""
+        """Returns the outcome of one point, given as plain numbers in the order of the parameters; quicker than a batch of one."""
         array = self._values(*values)
         note = self._call.once(array, self._inputs, self._outputs)
         if note < 0:
@@ -99,12 +99,12 @@ class CKernel:
 
 
 def compile_c(program: Program, *, threads: int = 1, counted: bool = False, dtype: str = "float64") -> CKernel:
-    """The program as a compiled C kernel (from the cache on disk if it was compiled before)."""
+    """Returns the program as a compiled C kernel (from the cache on disk if it was compiled before)."""
     return CKernel(program, threads, counted, dtype)
 
 
 def _built(program: Program, counted: bool, real: str, openmp: bool) -> tuple[str, ctypes.CDLL]:
-    """The text of a program and its library. Functions that it calls are texts of their own."""
+    """Returns the text of a program and its library. Functions that it calls are texts of their own."""
     if not program.functions:
         text = print_kernel(program, counted=counted, real=real)
         return text, load_library(text, optimise=optimisation(text), openmp=openmp)
@@ -115,7 +115,7 @@ def _built(program: Program, counted: bool, real: str, openmp: bool) -> tuple[st
 
 
 def optimisation(source: str) -> tuple[str, ...]:
-    """The flags of `OPTIMISATION` for a text of this length."""
+    """Returns the flags of `OPTIMISATION` for a text of this length."""
     return next(flags for longest, flags in OPTIMISATION if len(source) <= longest)
 
 
@@ -124,7 +124,7 @@ def _address(array: np.ndarray) -> int:
 
 
 def _column(column: np.ndarray, n: int, name: str, dtype: np.dtype[Any]) -> np.ndarray:
-    """The column as the kernel reads it: itself, or a copy if it is not aligned to whole numbers."""
+    """Returns the column as the kernel reads it: itself, or a copy if it is not aligned to whole numbers."""
     if column.dtype != dtype or column.shape not in ((), (n,)):
         raise ParameterError(f"a {dtype} array of shape () or ({n},) is needed, not {column.dtype} {column.shape}", name)
     flags = column.flags

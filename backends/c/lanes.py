@@ -51,8 +51,8 @@ LARGEST = 1.7976931348623157e308
 
 @dataclass(frozen=True, slots=True)
 class Packed:
-    """What is known of a program without branches: what `live` is computed from, in the program's own words, and what `fast` is, on the
-    straight line, which is not where other points go. `live` is True, or `fast` False, where nothing is known."""
+    """Branch-free approximation of a program. `settling` computes `live`; where it is False all outputs are 0. `deciding` computes `fast`;
+    where it is True `straight` gives the `outputs`. A constant `live` of True, or `fast` of False, means that nothing is known."""
 
     live: Arg
     fast: Arg
@@ -64,8 +64,8 @@ class Packed:
 
 @dataclass(frozen=True, slots=True)
 class Straight:
-    """C functions of eight points, and which inputs are given to them: where the outputs are 0 or simple, and these; and the outputs where
-    surfaces cross the points' boxes."""
+    """C functions of eight points. `decision` says where the outputs are 0 or have a simple value, `line` computes that value, and
+    `crossed` computes points whose boxes are crossed by surfaces. `decided_by`, `used` and `crossed_by` are the inputs of each."""
 
     decision: str
     decided_by: list[int]
@@ -76,12 +76,12 @@ class Straight:
 
 
 def decisive_branch(program: Program) -> When | None:
-    """The branch without which every output of a program is 0, if one gives them all."""
+    """Returns the branch without which every output of a program is 0, if one gives them all."""
     return next((s for s in program.body if isinstance(s, When) and set(program.outputs) <= set(s.results)), None)
 
 
 def packed(program: Program) -> Packed | None:
-    """The straight line of a program; None if it would decide nothing."""
+    """Returns the straight line of a program; None if it would decide nothing."""
     branch = decisive_branch(program)
     if len(program.body) > MOST or (branch is None and any(map(_is_hard, program.body))):
         return None
@@ -107,8 +107,8 @@ def packed(program: Program) -> Packed | None:
 
 
 def _settled(program: Program, branch: When | None, line: _Line) -> tuple[Arg, list[Assign]]:
-    """The boolean without which every output is 0, and what it is computed from as it stands in the program; True if that is more than
-    short arithmetic."""
+    """Returns the boolean without which every output is 0, and what it is computed from as it stands in the program; True if that is more
+    than short arithmetic."""
     if branch is None:
         return True, []
     kept = _sliced(program.body, (branch.when,))
@@ -118,7 +118,7 @@ def _settled(program: Program, branch: When | None, line: _Line) -> tuple[Arg, l
 
 
 def _is_hard(stmt: Stmt) -> bool:
-    """Whether no straight line can pass it by."""
+    """Returns whether no straight line can pass it by."""
     return not isinstance(stmt, Assign | Polygon | Hyperbola | When) and stmt.when is None
 
 
@@ -160,7 +160,7 @@ class _Line:
         return True
 
     def plain(self, stmt: Assign) -> list[Assign]:
-        """An assignment, without results of what is not run; an integral power as the products that it is."""
+        """Returns an assignment without results that are not run, and with an integral power written out as products."""
         stmt = Assign(stmt.name, stmt.op, tuple(map(self.value, stmt.args)))
         if stmt.op != "powi":
             return [stmt]
@@ -182,7 +182,7 @@ class _Line:
         self.steps.append(Assign(stmt.name, "gt0", (g,)))
 
     def _known(self, stmt: Polygon) -> Polygon:
-        """A polygon without results of what is not run."""
+        """Returns a polygon without results that are not run."""
         value = self.value
 
         def block(statements: Iterable[Stmt]) -> tuple[Assign, ...]:
@@ -229,7 +229,7 @@ class _Line:
         self.steps.append(replace(whole, setup=tuple(setup), body=tuple(body)))
 
     def _new(self, block: list[Any], op: str, *args: Arg) -> str:
-        """The name of a value that is computed in a block."""
+        """Returns the name of a value that is computed in a block."""
         name = f"v{next(self._numbers)}"
         block.append(Assign(name, op, args))
         return name
@@ -257,7 +257,7 @@ class _Line:
 
 
 def _given(stmt: Stmt) -> set[Arg]:
-    """What a statement of the straight line uses."""
+    """Returns the names that a statement of the straight line uses."""
     if isinstance(stmt, Assign):
         return set(stmt.args)
     assert isinstance(stmt, Polygon)
@@ -267,7 +267,7 @@ def _given(stmt: Stmt) -> set[Arg]:
 
 
 def _sliced(steps: Iterable[Stmt], wanted: Iterable[Arg]) -> list[Stmt]:
-    """The statements that matter for what is wanted."""
+    """Returns the statements that the wanted names depend on."""
     return list(without_dead_code(Program((), tuple(steps), tuple(wanted))).body)
 
 
@@ -276,12 +276,12 @@ def _weight(steps: Iterable[Assign]) -> int:
 
 
 def _is_short_decision(steps: Sequence[Assign]) -> bool:
-    """Whether it is comparisons and arithmetic, and no more of it than is one C function."""
+    """Returns whether the statements are comparisons and arithmetic only, few enough for one C function."""
     return all(s.op in DECIDING for s in steps) and _weight(steps) <= LONGEST
 
 
 def _is_short_arithmetic(straight: Sequence[Stmt]) -> bool:
-    """Whether there is nothing that eight numbers at once cannot do, and no more than what is one C function."""
+    """Returns whether eight numbers at once can do all operations, and whether these are few enough for one C function."""
     flat = [s for stmt in straight for s in ((*stmt.setup, *stmt.body) if isinstance(stmt, Polygon) else (stmt,))]
     simple = [s for s in flat if isinstance(s, Assign) and s.op in STRAIGHT]
     results = sum(len(s.results) for s in straight if isinstance(s, Polygon))
@@ -289,7 +289,7 @@ def _is_short_arithmetic(straight: Sequence[Stmt]) -> bool:
 
 
 def _nodes(stmt: Polygon) -> int:
-    """Nodes of the rule on a box in one variable."""
+    """Returns nodes of the rule on a box in one variable."""
     return stmt.degree // 2 + 1
 
 
@@ -297,7 +297,7 @@ def _nodes(stmt: Polygon) -> int:
 
 
 def used_inputs(found: Packed) -> tuple[list[int], list[int]]:
-    """The parameters, by their numbers, that the decision uses, and those that the straight line does."""
+    """Returns the parameters, by their numbers, that the decision uses, and those that the straight line does."""
     return _inputs((*found.settling, *found.deciding), (found.live, found.fast)), _inputs(found.straight, found.outputs)
 
 
@@ -307,20 +307,20 @@ def _inputs(steps: Sequence[Stmt], outputs: Iterable[Arg]) -> list[int]:
 
 
 def signature(inputs: Sequence[int], varying: Container[int], *more: str) -> str:
-    """The C parameters of a function of eight points: for an input that varies where its eight values are."""
+    """Returns the C parameters of a function of eight points: for an input that varies where its eight values are."""
     return ", ".join([*(f"const double *q{i}" if i in varying else f"double p{i}" for i in inputs), *more])
 
 
 def _framed(blocks: list[list[Step]], own: Sequence[Arg], variables: Iterable[str] = (), lanes: Collection[Arg] = ()) -> Frame:
-    """A C function of these blocks in which parameter i is called p{i}."""
+    """Returns a C function of these blocks in which parameter i is called p{i}."""
     names = {name: name for name in captured_by(own, [step for block in blocks for step in block], ()) if isinstance(name, str)}
     known = {**{n: n for n in names if n[0] == "p"}, **{v: v for v in variables}}
     return Frame([], blocks, own, False, known, whole=range(len(blocks)), lanes=lanes)
 
 
 def decision(found: Packed, varying: Container[int]) -> list[str]:
-    """The inside of the C function that tells of eight points which are `live` and which `fast`; it returns 0 if none is live, else 1, plus
-    2 if one is fast."""
+    """Returns the inside of the C function that tells of eight points which are `live` and which `fast`; it returns 0 if none is live, else
+    1, plus 2 if one is fast."""
 
     def loop(array: str, arg: Arg, needed: Sequence[Assign]) -> list[str]:
         frame = _framed([_steps(replace(s, op=BRANCHLESS.get(s.op, s.op)) for s in needed)], [arg])
@@ -337,7 +337,7 @@ def decision(found: Packed, varying: Container[int]) -> list[str]:
 
 
 def straight(found: Packed, varying: Container[int], apart: int) -> list[str]:
-    """The inside of the C function of the outputs at eight points: output j of point k goes to f[apart * j + k]."""
+    """Returns the inside of the C function of the outputs at eight points: output j of point k goes to f[apart * j + k]."""
     blocks: list[list[Step]] = [[]]
     own: list[Arg] = list(found.outputs)
     boxes: list[Polygon] = []
@@ -373,7 +373,7 @@ def _steps(block: Iterable[Stmt]) -> list[Step]:
 
 
 def _values_in_lanes(straight: Sequence[Stmt], inputs: set[str]) -> set[Arg]:
-    """The values that differ between points side by side, if these inputs do. What `choose` gives counts as one."""
+    """Returns the values that differ between points side by side, if these inputs do. What `choose` gives counts as one."""
     lanes: set[Arg] = set(inputs)
 
     def through(block: Iterable[Stmt]) -> None:
@@ -397,12 +397,12 @@ def _values_in_lanes(straight: Sequence[Stmt], inputs: set[str]) -> set[Arg]:
 
 
 def _type_of(args: Sequence[Arg], lanes: Collection[Arg]) -> str:
-    """The C type of what is computed from these values."""
+    """Returns the C type of a result of these values."""
     return "teg_lanes_8" if any(arg in lanes for arg in args) else "double"
 
 
 def _choice(stmt: Assign) -> Step:
-    """The second of three values where the first is positive, else the third."""
+    """Returns the second of three values where the first is positive, else the third."""
 
     def lines(scope: Scope) -> list[str]:
         of = [scope(a) for a in stmt.args]
@@ -414,7 +414,7 @@ def _choice(stmt: Assign) -> Step:
 
 
 def _over_a_box(stmt: Polygon, frame: Frame, block: int, lanes: Collection[Arg]) -> Iterator[str]:
-    """A product rule: what it adds up is called sum_{variable}_0, …"""
+    """Yields the lines of a product rule: what it adds up is called sum_{variable}_0, …"""
     scope, n, own = frame.scope(), _nodes(stmt), stmt.variables[0]
     nodes, weights = gauss_legendre(n)
     places = [(0.5 + 0.5 * u, 0.5 * a) for u, a in zip(nodes, weights, strict=True)]
@@ -438,7 +438,7 @@ def _over_a_box(stmt: Polygon, frame: Frame, block: int, lanes: Collection[Arg])
 
 
 def _totals(stmt: Polygon) -> Step:
-    """The results from what was added up."""
+    """Returns the results from what was added up."""
     distinct = list(dict.fromkeys(stmt.values))
 
     def lines(scope: Scope) -> list[str]:

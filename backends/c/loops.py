@@ -83,11 +83,11 @@ class CArrayKernel:
 
     @property
     def address(self) -> int:
-        """Where the kernel that can be watched (`teg_kernel_watched`) lies in this process."""
+        """Returns the address of the kernel that can be watched (`teg_kernel_watched`) in this process."""
         return self._call.address
 
     def results(self, columns: Sequence[npt.NDArray[Any]], arrays: Sequence[npt.NDArray[Any]], n: int) -> Results:
-        """The outputs of a batch of n, as `LaneKernel.results` gives them. Subscripts have been checked."""
+        """Returns the outputs of a batch of n, as `LaneKernel.results` gives them. Subscripts have been checked."""
         specs = self.program.arrays
         kept = [np.asarray(c, dtype=np.float64, order="C") for c in columns]
         data = [np.ascontiguousarray(a, dtype=np.int64 if s.integers else np.float64) for a, s in zip(arrays, specs, strict=True)]
@@ -110,17 +110,17 @@ class CArrayKernel:
 
 
 def compile_c_arrays(program: ArrayProgram, *, threads: int = 1) -> CArrayKernel:
-    """The program as a compiled C kernel (from the cache on disk if it was compiled before)."""
+    """Returns the program as a compiled C kernel (from the cache on disk if it was compiled before)."""
     return CArrayKernel(program, threads)
 
 
 def print_arrays(program: ArrayProgram, name: str = "teg_kernel") -> str:
-    """The translation unit."""
+    """Returns the translation unit."""
     return _ArrayPrinter(program, name).text()
 
 
 def _title(program: ArrayProgram) -> str:
-    """The comment at the top; of the users' names only harmless characters."""
+    """Returns the comment at the top; of the users' names only harmless characters."""
 
     def harmless(text: str) -> str:
         return re.sub(r"[^A-Za-z0-9_ ]", "_", text)[:40]
@@ -176,7 +176,7 @@ class _ArrayPrinter:
     # -- one element ---------------------------------------------------------------------------------------------------
 
     def _element(self) -> Iterator[str]:
-        """The function of one element of the batch: returns a note, or -1 without memory."""
+        """Yields the function of one element of the batch: returns a note, or -1 without memory."""
         program = self.program
         targets = scattered(program.body)
         yield "static long element("
@@ -212,7 +212,7 @@ class _ArrayPrinter:
         yield "}"
 
     def _block(self, block: Sequence[Step], depth: int, decisive: Run | None = None) -> list[str]:
-        """The lines of a block, in which a decisive flat program may end the iteration. Recursion is as deep as loops are."""
+        """Returns the lines of a block, in which a decisive flat program may end the iteration. Recursion is as deep as loops are."""
         lines: list[str] = []
         held = [s for s in block if isinstance(s, Cells)]
         for step in block:
@@ -300,7 +300,7 @@ class _ArrayPrinter:
         ]
 
     def _fold(self, step: Least | Factors, depth: int) -> list[str]:
-        """A loop for the index of the least value, or for a product."""
+        """Returns a loop for the index of the least value, or for a product."""
         found = step.results
         if isinstance(step, Factors):
             start = [f"double {r} = 1.0;" for r in found]
@@ -316,7 +316,7 @@ class _ArrayPrinter:
         return [*start, f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
 
     def _cells(self, step: Cells, depth: int) -> list[str]:
-        """The numbers of all candidates, and the cells that are made of them."""
+        """Returns the numbers of all candidates, and the cells that are made of them."""
         shape, wide = step.shape, len(step.values)
         at, count = step.results[0], len(step.results)
         lo, hi = _spell(step.lo), _spell(step.hi)
@@ -349,7 +349,7 @@ class _ArrayPrinter:
         return lines
 
     def _shape(self, step: Cells) -> str:
-        """The name of a shape, of which a table is printed."""
+        """Returns the name of a shape, of which a table is printed."""
         shape = step.shape
         name = f"cells_{shape.parts}_{shape.guards}_{shape.degree}_{shape.order}_{len(step.results)}"
         if name not in self.shapes:
@@ -369,19 +369,19 @@ class _ArrayPrinter:
         return name
 
     def _loop(self, step: Loop, depth: int) -> list[str]:
-        """A loop inside another one."""
+        """Returns a loop inside another one."""
         sums = packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if step.results else []
         return [*sums, *self._iterations(step, _spell(step.lo), _spell(step.hi), depth + 1)]
 
     def _iterations(self, step: Loop, lo: str, hi: str, depth: int) -> list[str]:
-        """The iterations of a loop that is `depth` deep, and what they add to its sums, with what waits in queues."""
+        """Returns the iterations of a loop that is `depth` deep, and what they add to its sums, with what waits in queues."""
         carried = [q for q in self.queues.values() if q.carrier is step]
         opening = [line for q in carried for line in _opened(q)]
         closing = [line for q in carried for line in (f"if (waiting_{q.name}) {{", *indent(*self._flushed(q)), "}")]
         return [*opening, *self._each(step, lo, hi, depth), *closing]
 
     def _flushed(self, queue: Queue) -> list[str]:
-        """Lines that compute the iterations in a queue; if it is not full, the last one is repeated."""
+        """Returns lines that compute the iterations in a queue; if it is not full, the last one is repeated."""
         run, name, array, count = queue.run, queue.name, _array(queue.run), len(queue.run.results)
         straight = self.straights[id(run)]
         given = [f"queue_{name}[{queue.varying.index(i)}]" if i in queue.varying else _spell(run.inputs[i]) for i in straight.crossed_by]
@@ -412,7 +412,7 @@ class _ArrayPrinter:
         ]
 
     def _each(self, step: Loop, lo: str, hi: str, depth: int) -> list[str]:
-        """The iterations without what waits."""
+        """Returns the iterations without what waits."""
         only = _only_run(step)
         if only and id(only) in self.straights:
             return self._side_by_side(step, only, lo, hi, depth)
@@ -420,7 +420,7 @@ class _ArrayPrinter:
         return [f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
 
     def _side_by_side(self, step: Loop, run: Run, lo: str, hi: str, depth: int) -> list[str]:
-        """The iterations of a loop with one flat program, SIDE at a time; those that are not on the straight line one by one."""
+        """Returns the iterations of a loop with one flat program, SIDE at a time; those that are not on the straight line one by one."""
         straight, count = self.straights[id(run)], len(run.results)
         at, lanes = f"{step.index}_first", f"{step.index}_count"
         cut = step.body.index(run)
@@ -428,7 +428,7 @@ class _ArrayPrinter:
         inside = {name for s in before for name in result_names(s)} | {step.index}
 
         def gathered(wanted: Sequence[int]) -> list[str]:
-            """The inputs that vary, at the iterations; the last one is repeated."""
+            """Returns the inputs that vary, at the iterations; the last one is repeated."""
             moving = [i for i in wanted if run.inputs[i] in inside]
             if not moving:
                 return []
@@ -473,7 +473,8 @@ class _ArrayPrinter:
         ]
 
     def _way(self, run: Run, straight: Straight, adding: bool) -> list[str]:
-        """Lines that give one iteration its results: 0, those of the straight line, or those of the program, at once or from a queue."""
+        """Returns lines that give one iteration its results: 0, those of the straight line, or those of the program, at once or from a
+        queue."""
         array, count = _array(run), len(run.results)
         declaration, *call = self._run(run)
         filled = f"teg_fill({array}, {count}, 0.0);"
@@ -489,7 +490,7 @@ class _ArrayPrinter:
         return [declaration, *ways, *indent(*call), "}"]
 
     def _pushed(self, queue: Queue) -> list[str]:
-        """Lines by which an iteration joins its queue."""
+        """Returns lines by which an iteration joins its queue."""
         name = queue.name
         return [
             *packed(f"queue_{name}[{m}][waiting_{name}] = {queue.run.inputs[i]};" for m, i in enumerate(queue.varying)),
@@ -504,7 +505,7 @@ class _ArrayPrinter:
         return [f"{r} += {_spell(v)};" for r, v in zip(step.results, step.values, strict=True)]
 
     def _chunks(self, step: Loop) -> list[str]:
-        """An outermost loop, which threads share."""
+        """Returns an outermost loop, which threads share."""
         targets = scattered(step.body)
         results, total = len(step.results), " + ".join([f"n{j}" for j in targets] or ["0"])
         number = step.index[1:]
@@ -591,7 +592,7 @@ class _ArrayPrinter:
         ]
 
     def _in_chunk(self, step: Loop, targets: Sequence[int]) -> list[str]:
-        """The iterations of a chunk, which scatter into its own copies."""
+        """Returns the iterations of a chunk, which scatter into its own copies."""
         self.copied = frozenset(targets)
         lines = self._iterations(step, "first", "last", 1)
         self.copied = frozenset()
@@ -600,7 +601,7 @@ class _ArrayPrinter:
     # -- the batch -----------------------------------------------------------------------------------------------------
 
     def _entry(self) -> Iterator[str]:
-        """The exported functions. A single element is given all threads, elements of a batch one each."""
+        """Yields the exported functions. A single element is given all threads, elements of a batch one each."""
         yield from (
             *exported(self.name)[0],
             "{",
@@ -648,20 +649,20 @@ class _ArrayPrinter:
 
 
 def _only_run(loop: Loop) -> Run | None:
-    """The flat program of an innermost loop that has just one."""
+    """Returns the flat program of an innermost loop that has just one."""
     runs = [s for s in loop.body if isinstance(s, Run)]
     return runs[0] if len(runs) == 1 and not any(isinstance(s, Loop) for s in loop.body) else None
 
 
 def _opened(queue: Queue) -> list[str]:
-    """The declaration of a queue."""
+    """Returns the declaration of a queue."""
     name = queue.name
     places = [f"int64_t place_{name}[{len(queue.indices)}][{SIDE}];"] if queue.indices else []
     return [f"double queue_{name}[{max(1, len(queue.varying))}][{SIDE}];", *places, f"int waiting_{name} = 0;"]
 
 
 def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
-    """The steps of a block without loops that matter for these names."""
+    """Returns the steps of a block without loops that matter for these names."""
     live, kept = set(wanted), []
     for step in reversed(block):
         if not live.isdisjoint(result_names(step)):
@@ -671,7 +672,7 @@ def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
 
 
 def _decisive(loop: Loop) -> Run | None:
-    """A flat program without whose branch an iteration adds nothing to anything."""
+    """Returns a flat program without whose branch an iteration adds nothing to anything."""
     if any(isinstance(s, Cells) for s in loop.body):
         return None  # what they hold is freed at the end of an iteration
     for number, step in enumerate(loop.body):
@@ -684,17 +685,17 @@ def _decisive(loop: Loop) -> Run | None:
 
 
 def _named(step: Run) -> list[str]:
-    """Names for the results of a flat program."""
+    """Returns names for the results of a flat program."""
     return packed([f"{name} = {_array(step)}[{j}]" for j, name in enumerate(step.results)], "const double ", ", ", ";")
 
 
 def _array(step: Run) -> str:
-    """The results of a flat program in C."""
+    """Returns the results of a flat program in C."""
     return f"r{step.results[0][1:]}"
 
 
 def _spell(arg: Arg) -> str:
-    """A name, or a literal."""
+    """Returns a name, or a literal."""
     if isinstance(arg, str):
         return arg
     if isinstance(arg, float):
@@ -703,7 +704,7 @@ def _spell(arg: Arg) -> str:
 
 
 def _flat(array: int, subscripts: Sequence[Arg]) -> str:
-    """The place of an entry, row by row."""
+    """Returns the place of an entry, row by row."""
     place = _spell(subscripts[0])
     for axis, s in enumerate(subscripts[1:], 1):
         place = f"({place}) * s{array}[{axis}] + {_spell(s)}"

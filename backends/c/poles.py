@@ -50,14 +50,14 @@ def rational_piece(
 
 
 def plain_table(nodes: int) -> str:
-    """Nodes and weights of n-point Gauss-Legendre and the weights of the first null rule, as an array of C."""
+    """Returns nodes and weights of n-point Gauss-Legendre and the weights of the first null rule, as an array of C."""
     at, weights = gauss_legendre(nodes)
     rows = [f"    {{{x!r}, {w!r}, {e!r}}}," for x, w, e in zip(at, weights, null_rules(nodes)[0], strict=True)]
     return "\n".join([f"static const struct {{\n    double node, weight, null;\n}} teg_plain_{nodes}[{nodes}] = {{", *rows, "};"])
 
 
 def weights_function(nodes: int, power: int) -> str:
-    """The function of the weights of n Gauss nodes for polynomials over the power of a function that goes from low to high."""
+    """Returns the function of the weights of n Gauss nodes for polynomials over the power of a function that goes from low to high."""
     table, at = pole_table(nodes, power), gauss_legendre(nodes)[0]
     top = nodes - 1
     levels = range(1, power + 1) if top else (power,)  # a single moment does not need those of lower powers

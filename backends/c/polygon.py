@@ -29,7 +29,7 @@ SIDE_BY_SIDE = {"add", "sub", "mul", "div", "neg", "const"}
 
 
 def runs_side_by_side(body: Sequence[Stmt]) -> bool:
-    """Whether a body is arithmetic only, and short enough to be one block."""
+    """Returns whether a body is arithmetic only, and short enough to be one block."""
     for stmt in body:
         if not isinstance(stmt, Assign) or not (stmt.op in SIDE_BY_SIDE or (stmt.op == "powi" and stmt.args[1] == 2)):
             return False
@@ -37,7 +37,7 @@ def runs_side_by_side(body: Sequence[Stmt]) -> bool:
 
 
 def sums(values: Sequence[Arg]) -> tuple[list[Arg], list[Step]]:
-    """The distinct values, and the steps that add each, times its weight, to its sum."""
+    """Returns the distinct values, and the steps that add each, times its weight, to its sum."""
     distinct = list(dict.fromkeys(values))
     steps = []
     for first in range(0, len(distinct), SOME):
@@ -61,7 +61,7 @@ def _leave(count: int, value: str) -> list[str]:
 
 
 def totals(stmt: Polygon | Segment, distinct: Sequence[Arg], scope: Scope, lanes: int) -> list[str]:
-    """The results, from the sums."""
+    """Returns the results, from the sums."""
     lines = []
     if lanes > 1:
         lines.append(f"double total[{len(distinct)}];")
@@ -75,12 +75,12 @@ def totals(stmt: Polygon | Segment, distinct: Sequence[Arg], scope: Scope, lanes
 
 
 def in_lanes(block: Sequence[str], lanes: int) -> list[str]:
-    """The lines of a body with its values in lanes."""
+    """Returns the lines of a body with its values in lanes."""
     return [line.replace("const double v", f"const teg_lanes_{lanes} v") for line in block] if lanes > 1 else list(block)
 
 
 def polygon(stmt: Polygon, frame: Frame, distinct: Sequence[Arg], lanes: int, counted: bool) -> list[str]:
-    """The inside of a polygon's routine."""
+    """Returns the inside of a polygon's routine."""
     scope = frame.scope()
     n, count = len(stmt.half_planes), len(stmt.results)
     planes = packed((f"{{{scope(g.a)}, {scope(g.b)}, {scope(g.c)}, {int(g.closed)}}}" for g in stmt.half_planes), "", ", ", ",")
@@ -142,19 +142,19 @@ def polygon(stmt: Polygon, frame: Frame, distinct: Sequence[Arg], lanes: int, co
 
 
 def triangle_table(degree: int) -> str:
-    """The rule on a triangle as a constant."""
+    """Returns the rule on a triangle as a constant."""
     rule = triangle_rule(degree)
     rows = [f"{{{literal(r)}, {literal(s)}, {literal(w)}}}," for r, s, w in rule]
     return "\n".join([f"static const double teg_triangle_{degree}[{len(rule)}][3] = {{", *indent(*rows), "};"])
 
 
 def segment_lanes(nodes: int) -> int:
-    """How many nodes of a segment are taken side by side."""
+    """Returns the number of nodes of a segment that are computed side by side."""
     return next(n for n in (1, 2, 4, 8) if n >= nodes or n == 8)
 
 
 def segment(stmt: Segment, frame: Frame, distinct: Sequence[Arg], lanes: int, counted: bool) -> list[str]:
-    """The inside of a segment's routine."""
+    """Returns the inside of a segment's routine."""
     scope = frame.scope()
     count, tying = len(stmt.results), [i for i, g in enumerate(stmt.half_lines) if g.k is not None]
     setup = frame.block(0)

@@ -99,9 +99,9 @@ MANY = 1024
 def print_kernel(
     program: Program, name: str = "teg_kernel", counted: bool = False, real: str = "double", declare: Declare | None = None
 ) -> str:
-    """The translation unit: constants, runtime, Gauss tables, integrals inside out, element, batch loop. A `counted` one counts the
-    evaluations of integrands. `real` is the type of parameters and outputs, "double" or "float"; between them all is double.
-    `declare` gives the declarations of the functions that are called; else these are in the text themselves."""
+    """Returns the translation unit: constants, runtime, Gauss tables, integrals inside out, element, batch loop. A `counted` one counts the
+    evaluations of integrands. `real` is the type of parameters and outputs, "double" or "float"; between them all is double. `declare`
+    gives the declarations of the functions that are called; else these are in the text themselves."""
     program = with_branches(program)
     printer = Printer(counted)
     element = printer.element(program)
@@ -116,7 +116,7 @@ def print_kernel(
 
 
 def function_name(called: Together) -> str:
-    """The name of functions of a program that are called together."""
+    """Returns the name of functions of a program that are called together."""
     return "_".join(["teg_function", *map(str, called)])
 
 
@@ -125,7 +125,7 @@ def _static_function(program: Program, called: Together) -> list[str]:
 
 
 def function_texts(body: Program, name: str, storage: str = "") -> list[str]:
-    """A program of assignments as a C function of its parameters: it returns one output, more go to an array."""
+    """Returns a program of assignments as a C function of its parameters: it returns one output, more go to an array."""
     printer = Printer()
     inputs = [f"p{i}" for i in range(len(body.parameters))]
     used, single = used_inputs(body), len(body.outputs) == 1
@@ -146,7 +146,7 @@ def function_texts(body: Program, name: str, storage: str = "") -> list[str]:
 
 
 def title(program: Program) -> str:
-    """The comment at the top; of the users' names only harmless characters."""
+    """Returns the comment at the top; of the users' names only harmless characters."""
     shown = program.parameters[:20]
     names = [f"p{i} = {harmless(name, 40)}" for i, name in enumerate(shown)]
     names += ["..."] * (len(shown) < len(program.parameters))
@@ -174,7 +174,7 @@ class Printer:
         self._patterns: dict[object, tuple[Routine, list[tuple[int, Arg]]]] = {}
 
     def tables(self) -> list[str]:
-        """The tables that the routines use, and functions made of tables."""
+        """Returns the tables that the routines use, and functions made of tables."""
         found = [*map(gauss_table, sorted(self.orders)), *map(node_table, sorted(self.measured))]
         found += [*map(triangle_table, sorted(self.triangles)), *(unit_table(*key) for key in sorted(self.units))]
         found += [*map(plain_table, sorted({n for n, _ in self.poles})), *(weights_function(*pole) for pole in sorted(self.poles))]
@@ -182,8 +182,8 @@ class Printer:
         return found + ([sobol_table(self.dimensions)] if self.dimensions else [])
 
     def element(self, program: Program, kind: str = "element", by_value: int = BY_VALUE, told: str | None = None) -> Routine:
-        """The routine of the whole program at one point: from the parameters it writes the outputs to `f`. There is one "element", "run"s
-        are numbered. It returns the boolean `told`, if there is one."""
+        """Returns the routine of the whole program at one point: from the parameters it writes the outputs to `f`. There is one "element",
+        "run"s are numbered. It returns the boolean `told`, if there is one."""
         self.inlined = sum(isinstance(s, Polygon | Segment | Hyperbola) for s in compound(program.body)) <= INLINED
         self.functions = program.functions
         steps = [*self._steps(program.body), *_yields(program.outputs)]
@@ -196,8 +196,8 @@ class Printer:
         return self._routine(kind, frame, f"{storage} {'void' if told is None else 'int'} {frame.signature('f')}", inside)
 
     def packed(self, program: Program, varying: Container[int], apart: int, in_queue: Container[int] | None = None) -> Straight | None:
-        """The functions that take eight points at once, if there are any; inputs not in `varying` are the same for all, the outputs of a
-        point lie `apart`. There is one of points that surfaces cross if it is known which inputs differ `in_queue`."""
+        """Returns the functions that take eight points at once, if there are any; inputs not in `varying` are the same for all, the outputs
+        of a point lie `apart`. There is one of points that surfaces cross if it is known which inputs differ `in_queue`."""
         found = c_packed.packed(program)
         if found is None:
             return None
@@ -217,7 +217,7 @@ class Printer:
         return Straight(decision, decided_by, line, used, name, c_crossed.inputs_of(across) if across else [])
 
     def _side_by_side(self, kind: str, head: str, inside: list[str]) -> str:
-        """The name of such a function."""
+        """Returns the name of such a function."""
         return self._once(kind, wrapped([f"TEG_INLINE {head}", "{", *indent(*inside), "}"])).name
 
     def _steps(self, block: Sequence[Stmt]) -> Iterator[Step]:
@@ -235,11 +235,11 @@ class Printer:
                 yield self._call(stmt)
 
     def _application(self, stmt: Assign) -> tuple[object, ...]:
-        """The same for calls that one C function can answer."""
+        """Returns the same for calls that one C function can answer."""
         return self.functions[int(stmt.args[0])].callee, *stmt.args[1:]
 
     def _applied(self, calls: Sequence[Assign]) -> Iterator[Step]:
-        """One call for a function and its derivatives at the same inputs."""
+        """Returns the call that computes a function together with its derivatives at the same inputs."""
         ks = tuple(sorted({int(stmt.args[0]) for stmt in calls}))
         self.called.add(ks)
         if len(calls) == 1:
@@ -258,7 +258,7 @@ class Printer:
         yield Step(tuple(stmt.name for stmt in calls), inputs, None, lines, 4 + len(inputs) // 8)
 
     def _call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | Hyperbola | When) -> Step:
-        """The call of a statement's routine; many results or captured values go through the workspace."""
+        """Returns the call of a statement's routine; many results or captured values go through the workspace."""
         absent = "0.0"
         match stmt:
             case Integrate():
@@ -324,7 +324,8 @@ class Printer:
         )
 
     def _known_integral(self, stmt: Integrate) -> tuple[Routine, tuple[Arg, ...]] | None:
-        """The same for a short integral of which one was printed that differs in names only: a sum may have thousands."""
+        """Returns the routine of a short integral, and the arguments of its call. Integrals that differ in names only share a routine,
+        because a sum may have thousands of them."""
         pattern = _pattern(stmt)
         if pattern is None:
             return None
@@ -337,7 +338,7 @@ class Printer:
         return routine, tuple(literal if i < 0 else names[i] for i, literal in places)
 
     def _integral(self, stmt: Integrate) -> tuple[Routine, tuple[Arg, ...]]:
-        """The routine of an integral, and what this occurrence passes to it."""
+        """Returns the routine of an integral, and what this occurrence passes to it."""
         at_nodes = stmt.at_nodes
         flags, body = list(self._steps(stmt.flags)), [*self._steps(stmt.body), *_yields(at_nodes)]
         blocks, variables = [flags, body], {stmt.var: "x"}
@@ -441,7 +442,7 @@ class Printer:
         return self.counted and not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in compound(stmt.body))
 
     def _clipped(self, stmt: Polygon | Segment) -> tuple[Routine, tuple[Arg, ...]]:
-        """The routine of a polygon or a segment."""
+        """Returns the routine of a polygon or a segment."""
         given: dict[Arg, Arg] = {}
         if isinstance(stmt, Segment):
             stmt, given = _with_resolutions_passed(stmt)
@@ -472,7 +473,7 @@ class Printer:
         return routine, tuple(given.get(arg, arg) for arg in captured)
 
     def _hyperbola(self, stmt: Hyperbola) -> tuple[Routine, tuple[Arg, ...]]:
-        """The routine of the moments of a hyperbola."""
+        """Returns the routine of the moments of a hyperbola."""
         self.branches.add(along_a_branch(stmt))
         scales = list(self._steps(stmt.scales))
         own = _spelled(stmt, "scales")
@@ -484,7 +485,7 @@ class Printer:
         return routine, tuple(captured)
 
     def _branch(self, stmt: When) -> tuple[Routine, tuple[Arg, ...]]:
-        """The routine of what is behind a branch."""
+        """Returns the routine for the body of a branch."""
         body = [*self._steps(stmt.body), *_yields(stmt.results)]
         captured = captured_by((), body, ())
         count = len(stmt.results)
@@ -496,7 +497,7 @@ class Printer:
         return routine, tuple(captured)
 
     def _isolation(self, stmt: Isolate) -> tuple[Routine, tuple[Arg, ...]]:
-        """The routine of an isolation: `f` holds g, g', g", then the six bounds and the noise."""
+        """Returns the routine of an isolation: `f` holds g, g', g", then the six bounds and the noise."""
         enclosure = [*self._steps(stmt.enclosure), *_yields((*stmt.bounds, *stmt.curving, stmt.noise), 3)]
         point = [*self._steps(stmt.point), *_yields((stmt.value, stmt.slope, stmt.curvature))]
         own, variables = _spelled(stmt), {stmt.var: "x", stmt.left: "left", stmt.right: "right"}
@@ -511,7 +512,7 @@ class Printer:
         return self._routine("roots", frame, _head(frame, "root", len(assigned(stmt))), inside), tuple(captured)
 
     def _location(self, stmt: Locate) -> tuple[Routine, tuple[Arg, ...]]:
-        """The routine of a location: `f` holds the bounds."""
+        """Returns the routine of a location: `f` holds the bounds."""
         enclosure = [*self._steps(stmt.enclosure), *_yields(stmt.bounds)]
         own = _spelled(stmt)
         variables = {stmt.left: "left", stmt.right: "right", stmt.bottom: "bottom", stmt.top: "top"}
@@ -524,7 +525,7 @@ class Printer:
         return self._routine("places", frame, _head(frame, "place", count + counted), inside), tuple(captured)
 
     def _sum(self, stmt: SumOver) -> tuple[Routine, tuple[Arg, ...]]:
-        """The routine of a sum over points."""
+        """Returns the routine of a sum over points."""
         body = [*self._steps(stmt.body), *_yields(stmt.values)]
         captured = captured_by(_spelled(stmt), body, (stmt.var,))
         frame = Frame(captured, [body], _spelled(stmt), needs_context((stmt,), self.counted), {stmt.var: "x"})
@@ -536,7 +537,7 @@ class Printer:
         return self._routine("sum", frame, _head(frame, "sum", count), inside), tuple(captured)
 
     def _sample(self, stmt: Sample) -> tuple[Routine, tuple[Arg, ...]]:
-        """The routine of a mean over points."""
+        """Returns the routine of a mean over points."""
         body = [*self._steps(stmt.body), *_yields(stmt.values)]
         captured = captured_by((), body, stmt.points)
         names = [f"x{d}" for d in range(1, len(stmt.points) + 1)]
@@ -551,12 +552,12 @@ class Printer:
         return self._routine("mean", frame, _head(frame, "mean", values + tested), inside), tuple(captured)
 
     def _routine(self, kind: str, frame: Frame, signature: str, inside: list[str]) -> Routine:
-        """The routine of this text, in which '@' stands for its name."""
+        """Returns the routine of this text, in which '@' stands for its name."""
         text = "\n\n".join([*frame.parts, wrapped([signature, "{", *indent(*inside), "}"])])
         return self._once(kind, text, frame.indirect, frame.workspace, frame.context)
 
     def _once(self, kind: str, text: str, indirect: bool = False, workspace: int = 0, context: bool = False) -> Routine:
-        """The routine of this text, which is printed unless it is known."""
+        """Returns the routine of this text, which is printed unless it is known."""
         if text not in self._known:
             name = kind if kind == "element" else f"{kind}_{len(self._known) + 1}"
             self._known[text] = Routine(name, indirect, workspace, context)
@@ -565,7 +566,8 @@ class Printer:
 
 
 def _gathered(captured: Sequence[Arg], place: int, scope: Scope) -> list[str]:
-    """What a routine captures, collected in the workspace from `place` on: a table tells where each is; literals are written after it."""
+    """Returns lines that collect the captured names of a routine in the workspace, from `place` on. A table has the place of each, and
+    literals are written after them."""
     slots = [scope.slots[arg] if isinstance(arg, str) else 0 for arg in captured]
     rows = packed(f"{slot}," for slot in slots)
     literals = packed(f"w[{place + i}] = {scope(arg)};" for i, arg in enumerate(captured) if not isinstance(arg, str))
@@ -574,15 +576,15 @@ def _gathered(captured: Sequence[Arg], place: int, scope: Scope) -> list[str]:
 
 
 def _spelled(stmt: Stmt, *blocks: str) -> tuple[Arg, ...]:
-    """The arguments that a routine spells between its blocks: the numbers that a statement reads around it, and what it reads in some
-    blocks. Its condition is spelled where the routine is called."""
+    """Returns the arguments that a routine spells between its blocks: the numbers that a statement reads around it, and what it reads in
+    some blocks. Its condition is spelled where the routine is called."""
     roles = ((role, arg) for role, arg in leaves(stmt) if isinstance(role, Operand))
     return tuple(arg for role, arg in roles if role.at in blocks or (not role.at and role.kind == "number"))
 
 
 def _with_resolutions_passed(stmt: Segment) -> tuple[Segment, dict[Arg, Arg]]:
-    """A segment whose ties are resolved by arguments of its routine, and what these are: segments that differ in nothing else, as those
-    along the sides of a polygon, are then one routine."""
+    """Returns a segment whose ties are resolved by arguments of its routine, and what these are: segments that differ in nothing else, as
+    those along the sides of a polygon, are then one routine."""
     inside = {name for s in (*stmt.setup, *stmt.scales) for name in assigned(s)}
     given: dict[Arg, Arg] = {}
     half_lines = list(stmt.half_lines)
@@ -594,7 +596,8 @@ def _with_resolutions_passed(stmt: Segment) -> tuple[Segment, dict[Arg, Arg]]:
 
 
 def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
-    """What a short integral is but for its names, and these in the order in which they are met; None for any other."""
+    """Returns the shape of a short integral without its names, and the names in the order in which they are met; None for other
+    integrals."""
     lines = (*stmt.flags, *stmt.body)
     plain = isinstance(stmt.rule, Gauss) and not (stmt.bends or stmt.watch or stmt.infinite or stmt.estimates or stmt.ends)
     if not plain or len(lines) > SHORT or not all(isinstance(s, Assign) and s.op != "call" for s in lines):
@@ -615,7 +618,7 @@ def _pattern(stmt: Integrate) -> tuple[object, list[str]] | None:
 
 
 def needs_context(block: tuple[Stmt, ...], counted: bool) -> bool:
-    """Whether a run of it can meet a tie, miss a tolerance, have too little room, take long, or count."""
+    """Returns whether a run can meet a tie, miss a tolerance, have too little room, take long, or count."""
     return has_ties(block) or any(
         isinstance(s, Sample | Isolate | Locate)
         or (isinstance(s, Polygon | Segment) and counted)
@@ -625,7 +628,7 @@ def needs_context(block: tuple[Stmt, ...], counted: bool) -> bool:
 
 
 def _is_long(stmt: Integrate) -> bool:
-    """Whether at a node so much is done that a call may have to be stopped before it, or there are very many."""
+    """Returns whether at a node so much is done that a call may have to be stopped before it, or there are very many."""
     inside = (s for s in compound(stmt.body) if isinstance(s, Integrate | Sample))
     deep = any(isinstance(s, Sample) or any(isinstance(other, Integrate) for other in compound(s.body)) for s in inside)
     return deep or (isinstance(stmt.rule, Midpoint) and stmt.rule.nodes > MANY)
@@ -641,12 +644,12 @@ def _not_a_number(results: str, count: int) -> str:
 
 
 def _head(frame: Frame, results: str, count: int) -> str:
-    """The head of a routine: one result is returned, more are written to an array."""
+    """Returns the head of a routine: one result is returned, more are written to an array."""
     return f"static double {frame.signature()}" if count == 1 else f"static void {frame.signature(results)}"
 
 
 def _yields(values: Sequence[Arg], place: int = 0) -> Iterator[Step]:
-    """The values of a block, written to `f` from there on, a few a step."""
+    """Yields the values of a block, written to `f` from there on, a few a step."""
     for first in range(0, len(values), 8):
         some = values[first : first + 8]
         yield Step((), tuple(some), lines=partial(_yielded, place + first, some), weight=len(some), locals=(RESULTS,))

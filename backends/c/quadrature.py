@@ -60,7 +60,7 @@ def _cleared(count: int, tested: int) -> list[str]:
 
 
 def _added(count: int, tested: int) -> list[str]:
-    """Add the values in `f`, by dv/du, to what is measured."""
+    """Adds the values in `f`, times dv/du, to the measurements."""
     plain = _each(count - tested, f"plain[j] += rule[0] * (slope * f[{tested} + j]);")
     return [
         f"for (int j = 0; j < {tested}; j++) {{",
@@ -89,12 +89,12 @@ def _each(count: int, statement: str) -> str:
 
 
 def middle_of_piece(infinite: bool, scale: str) -> str:
-    """Where on the piece (p, q) its conditions are decided."""
+    """Returns the place on the piece (p, q) at which its conditions are decided."""
     return f"double x = teg_inside(p, q, {scale});" if infinite else f"double x = p + {INSIDE!r} * (q - p);"
 
 
 def bent_piece(bends: Sequence[tuple[Bend, str, Sequence[str]]], base: str, cubic: bool, infinite: bool, scale: str) -> list[str]:
-    """The substitution of a piece: each bend with how its `when` and its coefficients are spelled."""
+    """Returns the substitution of a piece: each bend with how its `when` and its coefficients are spelled."""
     lines = ["teg_substitution way;", f"teg_straight(&way, p, q, {int(cubic)});"]
     for bend, when, coefficients in bends:
         lines.append(f"teg_bend(&way, '{bend.kind[0]}', {when}, {', '.join([base, *coefficients])});")
@@ -312,7 +312,7 @@ def location(enclosure: Sequence[str], v: tuple[str, str], u: tuple[str, str], c
 
 
 def _used(lines: Sequence[str], **variables: str) -> list[str]:
-    """Declarations of the variables that are in these lines."""
+    """Returns declarations of the variables that are in these lines."""
     used = identifiers("\n".join(lines))
     return [f"const double {name} = {value};" for name, value in variables.items() if name in used]
 
@@ -336,7 +336,7 @@ def sum_over(block: Sequence[str], points: int, count: int) -> list[str]:
 
 
 def gauss_table(nodes: int) -> str:
-    """Nodes and weights of n-point Gauss-Legendre, as an array of C."""
+    """Returns nodes and weights of n-point Gauss-Legendre, as an array of C."""
     rows = [f"    {{{node!r}, {weight!r}}}," for node, weight in zip(*gauss_legendre(nodes), strict=True)]
     kind = "static const struct {\n    double node, weight;\n}"
     return "\n".join([f"{kind} teg_gauss_{nodes}[{nodes}] = {{", *rows, "};"])

@@ -31,22 +31,22 @@ class Queue:
 
     @property
     def carrier(self) -> Loop:
-        """The loop whose run the queue belongs to."""
+        """Returns the loop whose run the queue belongs to."""
         return self.chain[0]
 
     @property
     def indices(self) -> tuple[str, ...]:
-        """The indices that an entry has."""
+        """Returns the indices that an entry has."""
         return tuple(loop.index for loop in self.chain) if self.after else ()
 
     @property
     def name(self) -> str:
-        """The last part of the names in C."""
+        """Returns the last part of the names in C."""
         return self.run.results[0][1:]
 
 
 def with_enclosing(body: Sequence[Step]) -> Iterator[tuple[Loop, tuple[Loop, ...]]]:
-    """Returns every loop that adds up with the loops around it, outermost first, up to one that does something else."""
+    """Yields every loop that adds up with the loops around it, outermost first, up to one that does something else."""
     stack: list[tuple[Sequence[Step], tuple[Loop, ...]]] = [(body, ())]
     while stack:
         block, around = stack.pop()
@@ -88,7 +88,7 @@ def _loops(chain: Sequence[Loop]) -> Iterator[Loop]:
 
 
 def _integers(chain: Iterable[Loop], wanted: set[Arg]) -> tuple[Integers, ...] | None:
-    """Returns what integers are computed from, inside of the loops; None if that is more than integers."""
+    """Returns the steps that compute integers inside of the loops; None if these steps need more than integers."""
     block = [s for loop in chain for s in loop.body if not isinstance(s, Loop)]
     kept: list[Integers] = []
     live = set(wanted)

@@ -10,7 +10,7 @@ from teg.program import Sample
 
 
 def used_points(block: Sequence[str], names: Sequence[str]) -> list[int]:
-    """Which coordinates the lines of a body use; `names` are what they are called there."""
+    """Returns the coordinates that the lines of a body use; `names` are their names there."""
     used = identifiers("\n".join(block))
     return [d for d, name in enumerate(names) if name in used]
 
@@ -78,7 +78,7 @@ def sample_loop(stmt: Sample, block: Sequence[str], names: Sequence[str], counte
 
 
 def sobol_table(dimensions: int) -> str:
-    """The direction numbers of so many dimensions, bits in reverse, one dimension after the other, as an array of C. A 0 at the end is what
-    leads beyond the last point that has a number."""
+    """Returns the direction numbers of so many dimensions, bits in reverse, one dimension after the other, as an array of C. A 0 at the end
+    is what leads beyond the last point that has a number."""
     numbers = [f"0x{v:08X}u," for d in range(dimensions) for v in reversed_directions(d)]
     return "\n".join([f"static const uint32_t teg_sobol[{dimensions * BITS + 1}] = {{", *packed([*numbers, "0u,"], "    "), "};"])

@@ -116,8 +116,8 @@ class _Python(ctypes.Structure):
 
 @cache
 def _library() -> tuple[ctypes.PyDLL, _Python]:
-    """The library, and the functions of Python that it calls. As a PyDLL it is entered with Python's lock, and looks for an exception when
-    it returns."""
+    """Returns the library, and the functions of Python that it calls. As a PyDLL it is entered with Python's lock, and looks for an
+    exception when it returns."""
     loaded = load_library(SOURCE, optimise=("-O2",))
     library = ctypes.PyDLL(loaded._name, handle=loaded._handle)
     of_python = (getattr(ctypes.pythonapi, name) for name in ("PyEval_SaveThread", "PyEval_RestoreThread", "PyErr_CheckSignals"))

@@ -53,8 +53,8 @@ def check_function_name(name: str) -> None:
 
 
 def standalone_c(program: Program | ArrayProgram, name: str, outputs: Sequence[str] = (), real: str = "double") -> tuple[str, str]:
-    """The texts of `name`.c and `name`.h. `outputs` say what each output is, for the header; `real` is the C type of the numbers that go in
-    and come out, "double" or "float" (of a program with arrays "double").
+    """Returns the texts of `name`.c and `name`.h. `outputs` say what each output is, for the header; `real` is the C type of the numbers
+    that go in and come out, "double" or "float" (of a program with arrays "double").
 
     Raises OptionError for a name that the function cannot have.
     """
@@ -157,7 +157,7 @@ int {name}_watched(
 
 
 def _at_one_point(name: str, real: str) -> str:
-    """How to call a function without arrays at one point."""
+    """Returns an example of a call, at one point, of a function without arrays."""
     big = name.upper()
     return f"""\
    {name}(n, p, stride, NULL, out, notes, threads) evaluates the program at n points. At one point, from an array of the inputs:

@@ -42,7 +42,7 @@ RENAMED = {"abs": "fabs", "mod": "teg_mod", "powi": "teg_powi", "tie": "teg_tie"
 
 
 def expression(op: str, args: Sequence[Text], rest: Sequence[Arg]) -> Text:
-    """An operation in C; `rest` is a power's exponent, or the number of the function that is called."""
+    """Returns an operation in C; `rest` is a power's exponent, or the number of the function that is called."""
     if op in INFIX:
         if len(args) < 2:
             return args[0] if args else Text(NEUTRAL[op], ATOM)
@@ -78,12 +78,12 @@ def expression(op: str, args: Sequence[Text], rest: Sequence[Arg]) -> Text:
 
 
 def operand(arg: Text, least: int) -> str:
-    """An expression where it must bind at least so tightly."""
+    """Returns an expression where it must bind at least so tightly."""
     return arg.text if arg.level >= least else f"({arg.text})"
 
 
 def literal(x: float) -> str:
-    """A C constant of exactly this value, safe as an operand."""
+    """Returns a C constant of exactly this value, safe as an operand."""
     if isnan(x):
         return "NAN"
     text = "INFINITY" if isinf(x) else repr(abs(x))
@@ -91,12 +91,13 @@ def literal(x: float) -> str:
 
 
 def kind(arg: Arg) -> str:
-    """The C type of a name."""
+    """Returns the C type of a name."""
     return "int" if isinstance(arg, str) and arg[0] == "b" else "double"
 
 
 def harmless(name: str, most: int = 60) -> str:
-    """A user's name as it may stand in a comment: ASCII letters, digits and HARMLESS; `<U+03BB>` for all others; long ones are cut."""
+    """Returns a user's name as it may stand in a comment: ASCII letters, digits and HARMLESS; `<U+03BB>` for all others; long
+    ones are cut."""
     shown = ""
     for c in name:
         part = c if c.isascii() and (c.isalnum() or c in HARMLESS) else f"<U+{ord(c):04X}>"
@@ -107,7 +108,7 @@ def harmless(name: str, most: int = 60) -> str:
 
 
 def identifiers(text: str) -> set[str]:
-    """The words in a text of C: names, keywords, and numbers without their signs and points."""
+    """Returns the words in a text of C: names, keywords, and numbers without their signs and points."""
     return set(text.translate(_APART).split())
 
 
@@ -115,7 +116,7 @@ _APART = {code: " " for code in range(128) if not (chr(code).isalnum() or chr(co
 
 
 def each(count: int, line: str) -> str:
-    """A line for every j below `count`."""
+    """Returns a line for every j below `count`."""
     return line.replace("[j]", "[0]") if count == 1 else f"for (int j = 0; j < {count}; j++) {line}"
 
 
@@ -124,7 +125,7 @@ def indent(*lines: str) -> list[str]:
 
 
 def packed(parts: Iterable[str], before: str = "", between: str = " ", after: str = "") -> list[str]:
-    """As few lines as hold the parts, each line with the same beginning and end."""
+    """Returns the parts on as few lines as possible, each line with the same beginning and end."""
     lines: list[list[str]] = []
     room = 0
     for part in parts:
@@ -137,7 +138,7 @@ def packed(parts: Iterable[str], before: str = "", between: str = " ", after: st
 
 
 def wrapped(lines: Iterable[str]) -> str:
-    """The lines, long ones broken at spaces."""
+    """Returns the lines, long ones broken at spaces."""
     return "\n".join([line if len(line) <= WIDTH else _broken(line) for line in lines])
 
 

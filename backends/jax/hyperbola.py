@@ -21,7 +21,8 @@ def moments(
     *,
     when: Scalar = True,
 ) -> tuple[tuple[Scalar, ...], Note]:
-    """The results of a `Hyperbola`, and the note: whether a tie was met; `zero` keeps a product and a sum apart (see `python_text`)."""
+    """Returns the results of a `Hyperbola`, and the note: whether a tie was met; `zero` keeps a product and a sum apart (see
+    `python_text`)."""
     f = [jnp.asarray(v, jnp.float64) for v in corners]
     above, met = [v > 0.0 for v in f], jnp.bool_(False)
     turn = jnp.asarray(turn, jnp.float64)

@@ -52,7 +52,7 @@ class Call:
 
 
 def bind(kernel: CKernel | CArrayKernel, message: str, category: Any) -> int:
-    """The number of a kernel. `message` is the warning of class `category` where a tolerance is missed."""
+    """Returns the number of a kernel. `message` is the warning of class `category` where a tolerance is missed."""
     number = int.from_bytes(hashlib.sha256(kernel.source.encode()).digest()[:8], "little") >> 1
     library = _library(category)
     with _LOCK:
@@ -63,7 +63,7 @@ def bind(kernel: CKernel | CArrayKernel, message: str, category: Any) -> int:
 
 @cache
 def _library(category: Any) -> ctypes.CDLL:
-    """The handler, registered as a target of XLA's."""
+    """Returns the handler, registered as a target of XLA's."""
     text = resources.files("teg.backends.jax").joinpath("native.c").read_text(encoding="ascii")
     text = f"/* for jaxlib {jaxlib_version.__version__} */\n{text}"  # another version has another header
     library = load_library(text, optimise=("-O2", f"-I{jax.ffi.include_dir()}"))
@@ -77,7 +77,7 @@ def _library(category: Any) -> ctypes.CDLL:
 
 
 def calls(category: Any) -> int:
-    """How many calls of kernels programs of XLA have made in this process."""
+    """Returns how many calls of kernels programs of XLA have made in this process."""
     return int(_library(category).teg_native_calls())
 
 
@@ -86,7 +86,7 @@ native_p.multiple_results = True
 
 
 def call(what: Call, operands: Sequence[Any], batch: tuple[int, ...]) -> list[Any]:
-    """The results of a kernel on operands, float64 and int64, each with the axes of the `batch` in front or with none of them."""
+    """Returns the results of a kernel on operands, float64 and int64, each with the axes of the `batch` in front or with none of them."""
     if 0 in batch:
         return [jnp.zeros((*batch, *shape), jnp.float64) for shape in what.results]
     shaped = [v[..., None] if own < 0 and v.ndim else v for v, own in zip(operands, what.own, strict=True)]
@@ -116,7 +116,7 @@ def _lower(context: Any, *operands: Any, call: Call, batch: tuple[int, ...]) -> 
 
 
 def _sharding_rule(context: Any, front: int) -> str:
-    """The rule for Shardy: the axes of the batch are shared out, all others are whole on each device."""
+    """Returns the rule for Shardy: the axes of the batch are shared out, all others are whole on each device."""
     sizes: list[str] = []
     whole: list[str] = []
 
@@ -136,7 +136,7 @@ def _sharding_rule(context: Any, front: int) -> str:
 
 
 def _axis(k: int) -> str:
-    """The name of an axis in a rule: i, j, …, z, z_1, z_2, …"""
+    """Returns the name of an axis in a rule: i, j, …, z, z_1, z_2, …"""
     return chr(ord("i") + k) if k < 18 else f"z_{k - 17}"
 
 

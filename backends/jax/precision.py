@@ -27,7 +27,7 @@ class InDoublePrecision:
         return self.outcome(columns, n).values
 
     def outcome(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> Outcome:
-        """The outputs of a batch, float64, as of the kernel itself."""
+        """Returns the outputs of a batch, float64, as of the kernel itself."""
         with in_double_precision():
             return self._kernel.outcome(columns, n)
 
@@ -36,7 +36,7 @@ class InDoublePrecision:
 
 
 def in_double_precision() -> AbstractContextManager[object]:
-    """A context in which JAX traces and runs in 64 bits; of this thread only."""
+    """Returns a context in which JAX traces and runs in 64 bits; of this thread only."""
     try:
         import jax
     except ImportError:

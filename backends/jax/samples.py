@@ -23,8 +23,8 @@ Block = Callable[..., tuple[tuple[Scalar, ...], Note]]  # coordinates -> values,
 def mean(
     rule: tuple[str, int, int, int], body: Block, results: int, *, chunk: int, when: Scalar = True, estimates: int = 0
 ) -> tuple[tuple[Scalar, ...], Note]:
-    """The means of the body's `results` values over the points of a rule (kind, seed, dimensions, count), the standard errors of the first
-    `estimates` of them, and the note; so many points at a time."""
+    """Returns the means of the body's `results` values over the points of a rule (kind, seed, dimensions, count), the standard errors of
+    the first `estimates` of them, and the note; so many points at a time."""
     kind, seed, dimensions, count = rule
     replicates, each = replicated(kind, count)
     chunk = min(each, chunk)
@@ -57,6 +57,7 @@ def mean(
 
 
 def points(kind: str, seed: int, dimensions: int, count: int, replicate: Array, index: Array) -> Array:
-    """The coordinates of points of a rule of `count` points, (dimensions, …), in (0, 1); `replicate` and `index` are integers (…)."""
+    """Returns the coordinates of points of a rule of `count` points, (dimensions, …), in (0, 1); `replicate` and `index` are
+    integers (…)."""
     index = jnp.asarray(index, jnp.uint64)
     return jnp.stack([coordinate(jnp, kind, seed, d, count, replicate, index) for d in range(dimensions)])

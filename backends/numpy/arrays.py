@@ -27,5 +27,5 @@ NUMPY = Arrays(np, _choose)
 
 
 def places_of(s: Substitution, u: Any) -> tuple[Any, Any]:
-    """The places and dv/du of u, (nodes, pieces)."""
+    """Returns the places and dv/du of u, (nodes, pieces)."""
     return place(NUMPY, s, np.unique(s.kind), u)

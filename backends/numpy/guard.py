@@ -36,7 +36,7 @@ class Guard:
         enough: Array,
         depth: int,
     ) -> Array:
-        """Whether something is hidden in each interval (u₀, u₁) = `ends` of a piece of its own: `at` are the nodes in u, (nodes,
+        """Returns whether something is hidden in each interval (u₀, u₁) = `ends` of a piece of its own: `at` are the nodes in u, (nodes,
         intervals), `seen` the sharp values there, (sharp, nodes, intervals), `enough` what does not matter, (tested, intervals)."""
         left, right = (self._place(places, u) for u in ends)
         unseen = self._unseen(run, values, left, right, np.fmin.reduce(seen, axis=1), enough)[0]
@@ -64,7 +64,7 @@ class Guard:
         return hidden
 
     def _place(self, places: Substitution, u: Array) -> Array:
-        """The place of u; the ends of a piece are its own."""
+        """Returns the place of u; the ends of a piece are its own."""
         inside = places_of(places, u[None])[0][0]
         at: Array = np.where(u <= 0.0, places.p, np.where(u >= 1.0, places.q, inside))
         return at
@@ -72,8 +72,8 @@ class Guard:
     def _unseen(
         self, run: Any, values: Sequence[Any], left: Array, right: Array, seen: Array, enough: Array, gaps: bool = False
     ) -> tuple[Array, Array]:
-        """Whether each box matters and a sharp value is unseen there, (boxes,): of `gaps` those with finite upper bounds, then those with
-        infinite ones, of other boxes all."""
+        """Returns whether each box matters and a sharp value is unseen there, (boxes,): of `gaps` those with finite upper bounds, then
+        those with infinite ones, of other boxes all."""
         found = self.block(run, left, right, *values)
         length = right - left
         small = np.ones(left.size, dtype=np.bool_)

@@ -42,7 +42,7 @@ class HyperbolaMoments:
         for_scales: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """The results, of the arguments' common shape."""
+        """Returns the results, of the arguments' common shape."""
         border = 5 + len(coefficients)
 
         def work(given: Sequence[Array], lanes: int) -> Array:
@@ -73,7 +73,7 @@ class HyperbolaMoments:
         return found
 
     def _whole(self, above: Array, coefficients: Sequence[Array]) -> Array:
-        """The results where the region is all of the square, or nothing."""
+        """Returns the results where the region is all of the square, or nothing."""
         rows = []
         for (kind, powers), given in zip(self.kinds, self._by_result(coefficients), strict=True):
             total = sum(c / ((j + 1) * (k + 1)) for (j, k), c in zip(powers, given, strict=True)) if kind != "border" else 0.0

@@ -76,7 +76,7 @@ PART = 400
 
 
 def compile_numpy(program: Program, *, memory: int = MEMORY) -> NumpyKernel:
-    """A kernel that keeps its temporary arrays within about `memory` bytes."""
+    """Returns a kernel that keeps its temporary arrays within about `memory` bytes."""
     return NumpyKernel(program, memory)
 
 
@@ -101,30 +101,30 @@ class NumpyKernel:
         return (NumpyKernel, (self.program, self.memory))
 
     def __call__(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> npt.NDArray[np.float64]:
-        """The outputs of a batch of n, (outputs, n); a column is (n,), or () where the batch shares it."""
+        """Returns the outputs of a batch of n, (outputs, n); a column is (n,), or () where the batch shares it."""
         return self._run(columns, n)[0]
 
     def outcome(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> Outcome:
-        """The outputs, whether a tolerance was missed, and how many evaluations it took."""
+        """Returns the outputs, whether a tolerance was missed, and how many evaluations it took."""
         out, _, run = self._run(columns, n)
         return Outcome(out, run.missed, run.evaluations, run.crowded)
 
     def met_ties(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[int, ...]:
-        """The numbers k of the ties that a call with these arguments meets, ascending."""
+        """Returns the numbers k of the ties that a call with these arguments meets, ascending."""
         return tuple(sorted(self._run(columns, n)[1]))
 
     def values_and_ties(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], tuple[int, ...]]:
-        """The outputs, and the numbers k of the ties that were met, ascending."""
+        """Returns the outputs, and the numbers k of the ties that were met, ascending."""
         out, met, _ = self._run(columns, n)
         return out, tuple(sorted(met))
 
     def in_order(self, columns: Sequence[npt.NDArray[np.float64]], n: int, order: int) -> npt.NDArray[np.float64]:
-        """The outputs with ties resolved in one order, +1 or -1, and no averaging; in one chunk."""
+        """Returns the outputs with ties resolved in one order, +1 or -1, and no averaging; in one chunk."""
         with np.errstate(all="ignore"):
             return self._outputs(rt.Run(order, self._room), [np.asarray(c, dtype=np.float64)[()] for c in columns], n)
 
     def _run(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], set[int], rt.Run]:
-        """The outputs, the ties that were met, and a run that holds what all parts of the batch noted."""
+        """Returns the outputs, the ties that were met, and a run that holds what all parts of the batch noted."""
         values = [np.asarray(column, dtype=np.float64) for column in columns]
         shared = all(v.ndim == 0 for v in values)
         out = np.empty((len(self.program.outputs), n))
@@ -155,7 +155,7 @@ class NumpyKernel:
 
 
 def _printed(program: Program) -> tuple[str, int]:
-    """The text of a program without the bodies of its functions, and how many doubles a lane it may hold."""
+    """Returns the text of a program without the bodies of its functions, and how many doubles a lane it may hold."""
     if "numpy" not in program.printed:
         printer = _Printer(with_selects(program))
         program.printed["numpy"] = "\n".join(printer.lines), printer.width
@@ -163,25 +163,25 @@ def _printed(program: Program) -> tuple[str, int]:
 
 
 def _made(text: str, scope: dict[str, Any]) -> Any:
-    """The function of a printed program."""
+    """Returns the function of a printed program."""
     exec(compile(text, "<teg numpy kernel>", "exec"), scope)
     return scope["kernel"]
 
 
 def _titled(k: int, body: str) -> str:
-    """The text of function k, as it is shown."""
+    """Returns the text of function k, as it is shown."""
     return f"\n# function_{k}: the kernel of\n{body}"
 
 
 def depth(block: tuple[Stmt, ...]) -> int:
-    """How many integrals, searches for roots and sums stand inside one another."""
+    """Returns the depth of integrals, searches for roots and sums inside one another."""
     inner = [1 + max(depth(b) for b in blocks(s)) for s in block if not isinstance(s, Assign)]
     return max(inner, default=0)
 
 
 def of_bends(stmt: Integrate) -> list[Arg]:
-    """What the bends and tails of an integral use from outside: its base and scale, and the coefficients of each bend; nothing if it has
-    neither."""
+    """Returns the arguments that the bends and tails of an integral take from outside: its base and scale, and the coefficients of each
+    bend; none if it has neither."""
     if not stmt.bends and not stmt.infinite:
         return []
     return [stmt.base, stmt.scale, *(c for b in stmt.bends for c in b.coefficients)]

@@ -42,15 +42,15 @@ BLOCK = 2**17
 
 
 class FlatKernel:
-    """What runs a flat program: a protocol (`outcome(columns, n)`), and its text."""
+    """A kernel of a flat program (a protocol): `outcome(columns, n)` runs it, `source` is its text."""
 
     source: str
     outcome: Callable[[Sequence[Array], int], Outcome]
 
 
 class Results(NamedTuple):
-    """What a run of a program with arrays gives: its outputs, (n,) for a number, (n, *shape) for an array; whether a tolerance was missed,
-    the number of evaluations of integrands, and whether a search had too little room."""
+    """The results of a run of a program with arrays: the outputs, (n,) for a number and (n, *shape) for an array; whether a tolerance was
+    missed; the number of evaluations of integrands; and whether a search had too little room."""
 
     values: list[Array]
     missed: bool
@@ -83,8 +83,8 @@ class LaneKernel:
         return Running(self, arrays, n)
 
     def results(self, columns: Sequence[Array], arrays: Sequence[Array], n: int) -> Results:
-        """The outputs of a batch of n. A column is float64, (n,) or (); an array has its shape, with an axis n in front where the batch
-        does not share it. Subscripts have been checked (`array_plan.check_ranges`)."""
+        """Returns the outputs of a batch of n. A column is float64, (n,) or (); an array has its shape, with an axis n in front where the
+        batch does not share it. Subscripts have been checked (`array_plan.check_ranges`)."""
         run = self._start(arrays, n)
         values: dict[Arg, Array] = {f"p{k}": np.asarray(c) for k, c in enumerate(columns)}
         lanes = Lanes(values, n, np.arange(n))
@@ -100,7 +100,7 @@ class LaneKernel:
 
 
 class Running:
-    """One call: what it has scattered, and noted."""
+    """The state of one call: what it has scattered, and what it has noted."""
 
     def __init__(self, kernel: LaneKernel, arrays: Sequence[Array], n: int) -> None:
         self.kernel = kernel
@@ -235,17 +235,17 @@ class Running:
 
 
 def _numbers(arg: Arg, lanes: Lanes) -> Array:
-    """An argument of a step on lanes, a number for each."""
+    """Returns an argument of a step on lanes, a number for each."""
     return np.broadcast_to(np.asarray(lane_values(arg, lanes), dtype=np.float64), (lanes.size,))
 
 
 def lane_values(arg: Arg, lanes: Lanes) -> Array:
-    """An argument of a step on lanes."""
+    """Returns an argument of a step on lanes."""
     return np.asarray(arg) if isinstance(arg, int | float) else lanes.values[arg]
 
 
 def _used(loop: Loop) -> frozenset[Arg]:
-    """The names that the steps of a loop use, its own included."""
+    """Returns the names that the steps of a loop use, its own included."""
     names: set[Arg] = set(operands(loop, "body"))
     for step in steps(loop.body):
         names.update([f"p{step.args[0]}"] if isinstance(step, Integers) and step.op == "param" else operands(step))

@@ -27,8 +27,8 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class Domain:
-    """What polygons and segments have in common: printed blocks, `values` results, the doubles a node takes, and that there are no
-    integrals in `body` (so that its runs are counted)."""
+    """The common part of polygons and segments: printed blocks, `values` results, the doubles that a node takes, and whether `body` is
+    without integrals (so that its runs are counted)."""
 
     setup: Block
     body: Block
@@ -46,8 +46,8 @@ class Domain:
         lanes: int,
         once: bool = False,
     ) -> Array:
-        """The sums of weights·values over the nodes of each piece, times its length, in its lane: (values, lanes); `once`: one
-        node counts for a whole lane."""
+        """Returns the sums of weights·values over the nodes of each piece, times its length, in its lane: (values, lanes); `once`: one node
+        counts for a whole lane."""
         sums = np.empty((self.values, lane.size))
         run.evaluations += np.unique(lane).size if once else lane.size * len(weights)
         for part in parts(lane.size, run.chunk(self.width, len(weights))):
@@ -60,8 +60,8 @@ class Domain:
 
 @dataclass(frozen=True, slots=True)
 class PolygonIntegral(Domain):
-    """A `Polygon`; `closed` says which half-planes are, `triangle` whether three corners and what is across come after them. `setup`
-    returns what `body` takes from it, then the factors."""
+    """A `Polygon`. `closed` says for each half-plane whether it is closed, and `triangle` whether three corners and the value across come
+    after the half-planes. `setup` returns the arguments of `body`, then the factors."""
 
     closed: tuple[bool, ...]
     degree: int
@@ -77,7 +77,7 @@ class PolygonIntegral(Domain):
         for_body: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """The results, of the arguments' common shape."""
+        """Returns the results, of the arguments' common shape."""
         count, setups = len(planes), len(for_setup)
 
         def work(given: Sequence[Array], lanes: int) -> Array:
@@ -207,7 +207,7 @@ class SegmentIntegral(Domain):
         for_body: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """The results, of the arguments' common shape."""
+        """Returns the results, of the arguments' common shape."""
         first, second = len(for_setup), len(for_setup) + len(for_scales)
 
         def work(given: Sequence[Array], lanes: int) -> Array:
@@ -242,7 +242,7 @@ class SegmentIntegral(Domain):
         return sums
 
     def _ties(self, run: Run, lines: Sequence[Value], scales: Callable[[], Sequence[Value]]) -> list[tuple[Value, Value]]:
-        """Of each half-line, where it ties, and whether it holds there."""
+        """Returns, for each half-line, the lanes in which it ties, and whether it holds there."""
         found: list[tuple[Value, Value]] = [(False, False)] * len(self.lines)
         near = {}
         for i, (_, k) in enumerate(self.lines):
@@ -265,5 +265,5 @@ class SegmentIntegral(Domain):
 
 
 def _times(factors: Sequence[Value], sums: Array) -> Array:
-    """Each row times its factor."""
+    """Returns each row times its factor."""
     return np.array([factor * row for factor, row in zip(factors, sums, strict=True)]).reshape(sums.shape)

@@ -57,7 +57,7 @@ class Isolation:
         for_point: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """The roots, of the arguments' common shape, ascending; `for_…` are what the blocks take from outside."""
+        """Returns the roots, of the arguments' common shape, ascending; `for_…` are what the blocks take from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             first = 2 + len(for_enclosure)
@@ -89,24 +89,24 @@ class _Boxes:
 
     @property
     def changes(self) -> Array:
-        """Where g changes its sign."""
+        """Returns for each box whether g changes its sign."""
         changes: Array = ((self.at_p <= 0.0) & (self.at_q > 0.0)) | ((self.at_q <= 0.0) & (self.at_p > 0.0))
         return changes
 
     @property
     def known(self) -> Array:
-        """Where g is a number at both ends."""
+        """Returns for each box whether g is a number at both ends."""
         known: Array = ~(np.isnan(self.at_p) | np.isnan(self.at_q))
         return known
 
     @property
     def turns(self) -> Array:
-        """Where the slope changes its sign."""
+        """Returns for each box whether the slope changes its sign."""
         turns: Array = (self.slope_p > 0.0) != (self.slope_q > 0.0)
         return turns & ~(np.isnan(self.slope_p) | np.isnan(self.slope_q))
 
     def halved(self, m: Array, at_m: Array, slope_m: Array) -> _Boxes:
-        """The halves, in order; a box whose middle m is rounded to one of its ends stays whole."""
+        """Returns the halves, in order; a box whose middle m is rounded to one of its ends stays whole."""
         apart = (self.p < m) & (m < self.q)
         times = np.where(apart, 2, 1)
         left = (np.cumsum(times) - times)[apart]
@@ -117,7 +117,7 @@ class _Boxes:
         return halves
 
     def joined(self) -> _Boxes:
-        """Boxes that share an end as one."""
+        """Returns boxes that share an end as one."""
         first = self[np.lexsort((self.p, self.lane))]
         starts = np.flatnonzero(np.r_[True, (first.lane[1:] != first.lane[:-1]) | (first.p[1:] != first.q[:-1])])
         last = first[np.r_[starts[1:], first.lane.size] - 1]
@@ -127,7 +127,7 @@ class _Boxes:
 
 @dataclass(frozen=True, slots=True)
 class _Search:
-    """One search on flat lanes, with what the blocks take from outside."""
+    """One search for roots on flat lanes, with the values that the blocks take from outside."""
 
     isolation: Isolation
     run: Run
@@ -135,7 +135,7 @@ class _Search:
     for_point: Sequence[Array]
 
     def roots(self, lo: Array, hi: Array, lanes: int) -> Array:
-        """The roots in (lo, hi) and then their errors, (2·count, lanes)."""
+        """Returns the roots in (lo, hi) and then their errors, (2·count, lanes)."""
         lo, hi = (np.broadcast_to(v, (lanes,)) for v in (lo, hi))
         finite = np.isfinite(lo) & np.isfinite(hi)
         lane = np.flatnonzero(finite & (lo != hi))
@@ -154,8 +154,8 @@ class _Search:
         return _table(lane, (root, error), count, ~finite | crowded, np.nan)
 
     def _boxes(self, boxes: _Boxes, lanes: int) -> tuple[_Boxes, _Boxes, _Boxes, Array]:
-        """The boxes with one root, at which g changes its sign; those that turn, and may have two; the undecided ones; and the lanes with
-        too many boxes on a level."""
+        """Returns the boxes with one root, at which g changes its sign; those that turn, and may have two; the undecided ones; and the
+        lanes with too many boxes on a level."""
         crowded = np.zeros(lanes, dtype=np.bool_)
         crossing, turning, lost = [boxes[:0]], [boxes[:0]], [boxes[:0]]
         for level in range(ISOLATE_DEPTH + 1):
@@ -178,8 +178,8 @@ class _Search:
         return kept[0], kept[1], kept[2], crowded
 
     def _turned(self, boxes: _Boxes) -> tuple[_Boxes, tuple[Array, Array, Array]]:
-        """Of boxes in which g turns, those with one root on either side of the turning point; and the tangencies, (lane, root, error), each
-        twice."""
+        """Returns, of boxes in which g turns, those with one root on either side of the turning point; and the tangencies, (lane, root,
+        error), each twice."""
         if not boxes.lane.size:
             return boxes, (boxes.lane, boxes.p, boxes.p)
         turn = self._newton(boxes.lane, boxes.p, boxes.q, boxes.slope_q > 0.0, 1)
@@ -194,13 +194,13 @@ class _Search:
         return _Boxes(*map(np.concatenate, halves)), cast("tuple[Array, Array, Array]", tuple(twice))
 
     def _crossings(self, boxes: _Boxes) -> tuple[Array, Array, Array]:
-        """The roots in boxes in which g changes its sign, (lane, root, error)."""
+        """Returns the roots in boxes in which g changes its sign, (lane, root, error)."""
         root = self._newton(boxes.lane, boxes.p, boxes.q, boxes.at_q > 0.0, 0)
         return boxes.lane, root, np.zeros(root.size)
 
     def _newton(self, lane: Array, p: Array, q: Array, above: Array, order: int) -> Array:
-        """The zeros in (p, q) of g (order 0) or of its slope (order 1), which is > 0 at q where `above` says so: Newton's method, kept
-        inside by bisection."""
+        """Returns the zeros in (p, q) of g (order 0) or of its slope (order 1), which is > 0 at q where `above` says so: Newton's method,
+        kept inside by bisection."""
         v = 0.5 * (p + q)
         where, root = np.arange(v.size), v.copy()
         before = last = np.full(v.size, np.inf)
@@ -217,7 +217,8 @@ class _Search:
         return root
 
     def _tangencies(self, boxes: _Boxes) -> tuple[Array, Array, Array]:
-        """The roots of undecided boxes, (lane, root, error): one where g changes its sign in neighbouring boxes together, else two."""
+        """Returns the roots of undecided boxes, (lane, root, error): one where g changes its sign in neighbouring boxes together,
+        else two."""
         if not boxes.lane.size:
             return boxes.lane, boxes.p, boxes.p
         boxes = boxes.joined()
@@ -226,11 +227,11 @@ class _Search:
         return np.repeat(boxes.lane, times), np.repeat(middle, times), np.repeat(half, times)
 
     def _at(self, lane: Array, v: Array) -> Array:
-        """g, its slope and its curvature, (3, points), at points v of their lanes."""
+        """Returns g, its slope and its curvature, (3, points), at points v of their lanes."""
         return _evaluated(self.run, self.isolation.point, self.isolation.point_width, 3, lane, (v,), self.for_point)
 
     def _enclosed(self, boxes: _Boxes) -> Array:
-        """Bounds of g, of its slope and of its curvature, and the noise, (7, boxes)."""
+        """Returns bounds of g, of its slope and of its curvature, and the noise, (7, boxes)."""
         width, ends = self.isolation.enclosure_width, (boxes.p, boxes.q)
         return _evaluated(self.run, self.isolation.enclosure, width, 7, boxes.lane, ends, self.for_enclosure)
 
@@ -244,7 +245,7 @@ class PointSum:
     width: int
 
     def __call__(self, run: Run, points: tuple[Value, ...], for_body: tuple[Value, ...], when: Value = True) -> tuple[Value, ...]:
-        """The sums, of the arguments' common shape; `for_body` is what the body takes from outside."""
+        """Returns the sums, of the arguments' common shape; `for_body` is what the body takes from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             at = np.array([np.broadcast_to(v, (lanes,)) for v in given[: len(points)]]).reshape((-1, lanes))
@@ -285,8 +286,8 @@ class Location:
         for_enclosure: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """The places, of the arguments' common shape, ascending, then the part that was given up; `for_enclosure` is what the block takes
-        from outside."""
+        """Returns the places, of the arguments' common shape, ascending, then the part that was given up; `for_enclosure` is what the block
+        takes from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             found = _Locating(self, run, given[4:]).places(given[:4], lanes)
@@ -310,14 +311,14 @@ class _Places:
 
 @dataclass(frozen=True, slots=True)
 class _Locating:
-    """One search on flat lanes, with what the block takes from outside."""
+    """One search for common zeros on flat lanes, with the values that the block takes from outside."""
 
     location: Location
     run: Run
     given: Sequence[Array]
 
     def places(self, limits: Sequence[Array], lanes: int) -> Array:
-        """The places, and the part of the rectangle that was given up, (results + 1, lanes)."""
+        """Returns the places, and the part of the rectangle that was given up, (results + 1, lanes)."""
         lo, hi, low, high = (np.broadcast_to(v, (lanes,)) for v in limits)
         lane = np.flatnonzero(np.isfinite([lo, hi, low, high]).all(axis=0) & (lo != hi) & (low != high))
         origin, extent = np.array([np.minimum(lo, hi), np.minimum(low, high)]), np.array([np.abs(hi - lo), np.abs(high - low)])
@@ -327,7 +328,8 @@ class _Locating:
         return _cut_off(lane, place, self.location.results, lost, origin[0] + extent[0], extent[0])
 
     def _rectangles(self, lane: Array, origin: Array, extent: Array, lanes: int) -> tuple[_Places, Array, Array]:
-        """Intervals that hold a place; of each lane how often its rectangles were halved in v and in u, and if it has too many zeros."""
+        """Returns intervals that hold a place; of each lane how often its rectangles were halved in v and in u, and if it has too many
+        zeros."""
         found: list[tuple[Array, Array, Array, Array]] = [(lane[:0], origin[0, :0], origin[0, :0], origin[0, :0])]
         corner, never = np.zeros((2, lane.size)), np.zeros((2, lanes), dtype=np.bool_)
         halving = Halving(np.zeros((2, lanes), dtype=np.int64), np.full(lanes, -1), never, never)
@@ -366,7 +368,7 @@ class _Locating:
         return _Places(*(column[few] for column in columns)), halving.times, many
 
     def _newton(self, lane: Array, at: Array, values: Array) -> Array:
-        """The v of the zeros near points (v, u), by Newton's method; `values` are f, g and their slopes there."""
+        """Returns the v of the zeros near points (v, u), by Newton's method; `values` are f, g and their slopes there."""
         for step in range(LOCATE_STEPS):
             at = at - plane_step(np, values)
             if step < LOCATE_STEPS - 1:
@@ -374,15 +376,15 @@ class _Locating:
         return cast(Array, at[0])
 
     def _bounds(self, lane: Array, near: Array, far: Array) -> Array:
-        """Bounds over rectangles between two corners."""
+        """Returns bounds over rectangles between two corners."""
         sides = near[0], far[0], near[1], far[1]
         return _evaluated(self.run, self.location.enclosure, self.location.width, self.location.bounds, lane, sides, self.given)
 
 
 def _joined(found: _Places, extent: Array, area: Array) -> tuple[Array, Array, Array]:
-    """The places, as (lane, place), of intervals of which those are joined that overlap or touch: the middle of a narrow one, both ends of
-    another, in which so many rectangles of that `area` are lost. Both ends are sorted by themselves: an interval begins a new place where
-    as many intervals ended before it as began."""
+    """Returns places, (lane, place), after intervals that overlap or touch were joined: the middle of a narrow interval, or both ends of a
+    wide one, in which so many rectangles of that `area` are lost. Both ends are sorted by themselves: an interval begins a new place if as
+    many intervals ended before it as began."""
     if not found.lane.size:
         return found.lane, found.left, np.zeros(extent.size)
     order = np.lexsort((found.left, found.lane))
@@ -398,7 +400,8 @@ def _joined(found: _Places, extent: Array, area: Array) -> tuple[Array, Array, A
 
 
 def _cut_off(lane: Array, place: Array, results: int, lost: Array, end: Array, extent: Array) -> Array:
-    """The first places of each lane in ascending order, then +inf, and what is lost, behind the last one too if there are more of them."""
+    """Returns the first places of each lane in ascending order, then +inf, and the part that is lost, which includes places beyond the last
+    one."""
     order = np.lexsort((place, lane))
     lane, place = lane[order], place[order]
     count = np.bincount(lane, minlength=lost.size)
@@ -412,8 +415,8 @@ def _cut_off(lane: Array, place: Array, results: int, lost: Array, end: Array, e
 
 
 def _table(lane: Array, columns: Sequence[Array], results: int, refused: Array, instead: float) -> Array:
-    """The first column in each lane in ascending order, then +inf; then the others in the same order, then 0; (columns·results, lanes).
-    `instead` where a lane is refused: one that has more than `results`."""
+    """Returns a table of (columns·results, lanes): the first column in each lane in ascending order, then +inf; then the other columns in
+    the same order, then 0. A lane with more than `results` rows is refused, and holds `instead`."""
     lanes = refused.size
     order = np.lexsort((columns[0], lane))
     lane = lane[order]
@@ -437,7 +440,7 @@ def _evaluated(
     at: Sequence[Array],
     given: Sequence[Array],
 ) -> Array:
-    """The results of a block, (results, places), at places in lanes; `given` has a value a lane."""
+    """Returns the results of a block, (results, places), at places in lanes; `given` has a value a lane."""
     found = np.empty((results, lane.size))
     for part in parts(lane.size, run.chunk(width)):
         index = lane[part]

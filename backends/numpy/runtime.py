@@ -37,8 +37,9 @@ MAX_LANES = 2**15
 
 @dataclass(slots=True)
 class Run:
-    """One run of a program: how ties are decided, the doubles a block may hold; the ties met so far, whether a tolerance was
-    missed, at how many points integrands without integrals inside were evaluated, and whether a search has too little room."""
+    """One run of a program: how it decides ties, and how many doubles a block may hold. It notes the ties that were met, whether
+    a tolerance was missed, at how many points integrands without integrals inside were evaluated, and whether a search has too
+    little room."""
 
     order: int
     room: int
@@ -55,27 +56,27 @@ class Run:
         self.evaluations += other.evaluations
 
     def chunk(self, width: int, lanes: int = 1) -> int:
-        """How many items, of `lanes` lanes of `width` doubles each, a block may run on at a time."""
+        """Returns the number of items, of `lanes` lanes of `width` doubles each, on which a block may run at a time."""
         return max(1, min(self.room // max(1, width), MAX_LANES) // lanes)
 
 
 def powi(x: Value, n: int) -> Value:
-    """x to an integer power."""
+    """Returns x to an integer power."""
     return rules.powi(np, x, n)
 
 
 def erf(x: Value) -> Value:
-    """The error function."""
+    """Returns the error function."""
     return error_function.erf(NUMPY, x)
 
 
 def erfc(x: Value) -> Value:
-    """1 - erf(x)."""
+    """Returns 1 - erf(x)."""
     return error_function.erfc(NUMPY, x)
 
 
 def tie(run: Run, g: Value, scale: Value, r: Value, k: int) -> Value:
-    """g > 0, but where g vanishes to rounding the order of the run decides."""
+    """Returns whether g > 0; where g vanishes to rounding, the order of the run decides."""
     near = rules.ties(np, g, scale)
     if not near.any():
         return g > 0.0
@@ -84,22 +85,22 @@ def tie(run: Run, g: Value, scale: Value, r: Value, k: int) -> Value:
 
 
 def gather(value: Value, index: Array | None) -> Value:
-    """The lanes `index` of a value; a scalar, or all lanes, as they are."""
+    """Returns the lanes `index` of a value; a scalar, or all lanes, as they are."""
     return value if index is None or not np.ndim(value) else value[index]
 
 
 def cut(value: Value, part: slice) -> Value:
-    """A run of lanes of a value; a scalar as it is."""
+    """Returns a run of lanes of a value; a scalar as it is."""
     return value[part] if np.ndim(value) else value
 
 
 def parts(size: int, step: int) -> Iterator[slice]:
-    """Slices of at most `step` that cover range(size)."""
+    """Returns slices of at most `step` that cover range(size)."""
     return (slice(start, start + step) for start in range(0, size, step))
 
 
 def scatter(values: Array, lane: Array, lanes: int) -> Array:
-    """Each row of `values` summed into its lanes, (rows, lanes)."""
+    """Returns each row of `values` summed into its lanes, (rows, lanes)."""
     return np.array([np.bincount(lane, weights=row, minlength=lanes) for row in values], dtype=np.float64)
 
 
@@ -111,7 +112,8 @@ def on_lanes(
     absent: float,
     step: int,
 ) -> tuple[Value, ...]:
-    """What `work` makes of the lanes of `given`, `results` values of the common shape; `absent` where `when` is false.
+    """Returns `results` values of the common shape: those that `work` computes from the lanes of `given`, and `absent` where `when` is
+    false.
 
     `work` takes at most `step` lanes at a time, flat, and how many they are; it returns (results, lanes).
     """
@@ -165,7 +167,7 @@ class Integral:
 
     @property
     def results(self) -> int:
-        """The number of results: one a value, and the estimates."""
+        """Returns the number of results: one a value, and the estimates."""
         return self.values + (self.tested if self.estimated else 0)
 
     def __call__(
@@ -179,7 +181,8 @@ class Integral:
         for_body: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """The results, of the arguments' common shape; `bends`: base, scale, coefficients; `for_…`: what blocks take from outside."""
+        """Returns the results, of the arguments' common shape; `bends`: base, scale, coefficients; `for_…`: what blocks take from
+        outside."""
         counts = (len(breaks), len(bends), len(for_flags))
 
         def work(given: Sequence[Array], lanes: int) -> Array:
@@ -189,7 +192,7 @@ class Integral:
         return on_lanes(work, (lo, hi, *breaks, *bends, *for_flags, *for_body), when, self.results, 0.0, step)
 
     def _lanes(self, run: Run, given: Sequence[Array], counts: tuple[int, int, int], lanes: int) -> Array:
-        """The results on flat lanes, (results, lanes); `given`: lo, hi, breaks, of bends, for flags, for body."""
+        """Returns the results on flat lanes, (results, lanes); `given`: lo, hi, breaks, of bends, for flags, for body."""
         lo, hi = given[0], given[1]
         first = 2 + counts[0]
         points = np.empty((counts[0] + 2, lanes))
@@ -218,7 +221,7 @@ class Integral:
         for_flags: Sequence[Array],
         for_body: Sequence[Array],
     ) -> Array:
-        """The sums over the pieces (p, q) of each lane, (results, lanes)."""
+        """Returns the sums over the pieces (p, q) of each lane, (results, lanes)."""
         flagged: list[Value] = []
         base, scale, *coefficients = (gather(v, lane) for v in of_bends) if of_bends else (0.0, 1.0)
         if self.flags is not None and p.size:
@@ -239,7 +242,7 @@ class Integral:
         return substitution(NUMPY, p, q, base, bends, cubic, not np.isfinite(q - p).all(), scale)
 
     def _rule(self, run: Run, places: Substitution, bends: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
-        """The integrals over the pieces, and the estimates of their errors, (results, pieces)."""
+        """Returns the integrals over the pieces, and the estimates of their errors, (results, pieces)."""
         raise NotImplementedError
 
     def _count(self, run: Run, points: int) -> None:
@@ -276,8 +279,8 @@ def _not_finite(x: Array) -> Array:
 
 
 def measure(values: Array, nodes: int, smooth: Array | bool = True) -> tuple[Array, Array, Array]:
-    """Sum, sum of sizes, and error (see `teg.program`) of the values at Gauss nodes, (nodes, lanes), each (lanes,); where they are not
-    known to be `smooth` no decay is counted on."""
+    """Returns sum, sum of sizes, and error (see `teg.program`) of the values at Gauss nodes, (nodes, lanes), each (lanes,); where they are
+    not known to be `smooth` no decay is counted on."""
     weights = np.array(gauss_legendre(nodes)[1])
     total, size = weights @ values, weights @ np.abs(values)
     return total, size, null_rule_error(np, nodes, np.array(null_rules(nodes)) @ values, size, smooth)
@@ -424,7 +427,7 @@ class AdaptiveIntegral(Integral):
         width: float,
         nodes: int,
     ) -> Measured:
-        """What is known of the intervals (left, left + width) of each `piece`."""
+        """Returns the measurements of the intervals (left, left + width) of each `piece`."""
         n, tested = piece.size, self.tested
         changed = np.zeros(n, dtype=np.bool_)
         sharp = self.guard.sharp if self.guard is not None else 0

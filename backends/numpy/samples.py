@@ -21,7 +21,7 @@ ABREAST = 64
 
 @lru_cache(maxsize=16)  # every chunk of a batch wants the same ones
 def points(kind: str, seed: int, dimensions: int, count: int, first: int, last: int) -> npt.NDArray[np.float64]:
-    """The coordinates of points first … last - 1 of a rule, (dimensions, last - first), in (0, 1): replicate after replicate."""
+    """Returns the coordinates of points first … last - 1 of a rule, (dimensions, last - first), in (0, 1): replicate after replicate."""
     _, each = replicated(kind, count)
     numbers = np.arange(first, last, dtype=np.uint64)
     found = np.empty((dimensions, numbers.size))
@@ -51,7 +51,7 @@ class Mean:
     leaf: bool
 
     def __call__(self, run: Run, for_body: tuple[Value, ...], when: Value = True) -> tuple[Value, ...]:
-        """The results, of the arguments' common shape; `for_body` is what the body takes from outside."""
+        """Returns the results, of the arguments' common shape; `for_body` is what the body takes from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             return self._lanes(run, given, lanes)
@@ -60,7 +60,7 @@ class Mean:
         return on_lanes(work, for_body, when, results, 0.0, run.chunk(self.width, ABREAST))
 
     def _lanes(self, run: Run, given: Sequence[Array], lanes: int) -> Array:
-        """The results on flat lanes, (results, lanes)."""
+        """Returns the results on flat lanes, (results, lanes)."""
         replicates, each = replicated(self.kind, self.count)
         totals = np.zeros((replicates, self.values, lanes))
         shift, squares = np.zeros((2, self.tested, lanes))
@@ -89,7 +89,7 @@ class Mean:
         return np.concatenate([mean, np.sqrt(variance)])
 
     def _values(self, run: Run, at: Array, given: Sequence[Array], lanes: int) -> Array:
-        """The values at points (dimensions, n), (values, n, lanes)."""
+        """Returns the values at points (dimensions, n), (values, n, lanes)."""
         shape = (at.shape[1], lanes)
         found = np.empty((self.values, *shape))
         for row, value in zip(found, self.body(run, *(np.broadcast_to(u[:, None], shape) for u in at), *given), strict=True):

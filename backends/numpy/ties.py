@@ -52,7 +52,7 @@ class TieWatch(LaneKernel):
         self._used = {key: names | indices for key, names in self._used.items()}
 
     def ties(self, columns: Sequence[Array], arrays: Sequence[Array], n: int) -> tuple[Results, list[MetTie]]:
-        """The outputs of a batch, as `results` gives them, and the ties that were met and matter."""
+        """Returns the outputs of a batch, as `results` gives them, and the ties that were met and matter."""
         self.met: list[MetTie] = []
         self.noted = False
         return self.results(columns, arrays, n), self.met
@@ -87,7 +87,7 @@ class _Watching(Running):
 
 
 def _differing(kernel: Any, columns: Sequence[Array], start: int, stop: int) -> Array:
-    """Lanes whose results depend on the order; where surfaces merely cross they do not."""
+    """Returns lanes whose results depend on the order; where surfaces merely cross they do not."""
     part = [c if c.ndim == 0 else c[start:stop] for c in columns]
     one, other = (kernel.in_order(part, stop - start, order) for order in (1, -1))
     return np.asarray(~np.isclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True).all(axis=0))

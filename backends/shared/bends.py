@@ -32,12 +32,12 @@ class Substitution(NamedTuple):
     step: Any
 
     def part(self, index: Any) -> Substitution:
-        """That of some of the pieces."""
+        """Returns the substitution of some of the pieces."""
         return Substitution(*(field[index] for field in self))
 
 
 def functions(xp: Any) -> dict[int, Callable[[Any], tuple[Any, Any]]]:
-    """φ and its derivative, by kind."""
+    """Returns φ and its derivative, by kind."""
     return {
         LINE: lambda t: (t, xp.ones_like(t)),
         CUBIC: lambda t: (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t)),
@@ -52,7 +52,7 @@ def functions(xp: Any) -> dict[int, Callable[[Any], tuple[Any, Any]]]:
 
 
 def possible_kinds(bends: Sequence[str], cubic: bool, infinite: bool) -> tuple[int, ...]:
-    """The kinds of substitution that bends of these kinds can ask for."""
+    """Returns the kinds of substitution that bends of these kinds can ask for."""
     kinds = {LINE} | ({CUBIC} if cubic or len(bends) > 1 else set()) | ({TAIL} if infinite else set())
     for bend in bends:
         kinds |= {EXP, SINH} if bend == "pole" else {SQUARE, SINE, COSH, SINH} | ({POWER} if bend == "end" else set())
@@ -60,7 +60,7 @@ def possible_kinds(bends: Sequence[str], cubic: bool, infinite: bool) -> tuple[i
 
 
 def place(arrays: Arrays, s: Substitution, kinds: Iterable[int], u: Any) -> tuple[Any, Any]:
-    """The places and dv/du of u, (…) or (nodes, pieces); `kinds` are all that occur in `s`."""
+    """Returns the places and dv/du of u, (…) or (nodes, pieces); `kinds` are all that occur in `s`."""
     xp, phis = arrays.xp, functions(arrays.xp)
     t = s.start + s.step * u
     first, *others = kinds
@@ -80,7 +80,7 @@ def _beside(xp: Any, p: Any, q: Any) -> Any:
 
 
 def inside(xp: Any, p: Any, q: Any, part: float, infinite: bool, scale: Any) -> Any:
-    """The place of `part` on each piece, on a straight line or a tail."""
+    """Returns the place of `part` on each piece, on a straight line or a tail."""
     straight = p + part * (q - p)
     if not infinite:
         return straight
@@ -89,7 +89,7 @@ def inside(xp: Any, p: Any, q: Any, part: float, infinite: bool, scale: Any) -> 
 
 
 def substitution(arrays: Arrays, p: Any, q: Any, base: Any, bends: Sequence[Bend], cubic: bool, infinite: bool, scale: Any) -> Substitution:
-    """The substitution of each piece; `infinite`: pieces may be tails, of that `scale`."""
+    """Returns the substitution of each piece; `infinite`: pieces may be tails, of that `scale`."""
     xp = arrays.xp
     kind = xp.full_like(p, CUBIC if cubic else LINE, dtype=xp.int32)
     result = Substitution(p, q, kind, p, q - p, xp.zeros_like(p), xp.ones_like(p))
@@ -117,7 +117,7 @@ class _Zeros(NamedTuple):
 
 
 def _bent(arrays: Arrays, straight: Substitution, base: Any, bends: Sequence[Bend]) -> Substitution:
-    """The substitution by the nearest bend; flat ends where two bends are at the two ends."""
+    """Returns the substitution by the nearest bend; flat ends where two bends are at the two ends."""
     xp, result = arrays.xp, straight
     p, q = straight.p - base, straight.q - base
     margin = POLE * xp.maximum(xp.abs(straight.p), xp.abs(straight.q))
@@ -141,12 +141,12 @@ def _bent(arrays: Arrays, straight: Substitution, base: Any, bends: Sequence[Ben
 
 
 def _distance(xp: Any, y: Any, p: Any, q: Any) -> Any:
-    """The sum of the distances of y from the foci of the ellipses around (p, q), scaled to (-1, 1)."""
+    """Returns the sum of the distances of y from the foci of the ellipses around (p, q), scaled to (-1, 1)."""
     return (xp.abs(y - p) + xp.abs(y - q)) * (2.0 / (q - p))
 
 
 def _zeros(xp: Any, kind: str, p: Any, q: Any, margin: Any, c0: Any, c1: Any, c2: Any, when: Any) -> _Zeros:
-    """The zeros of a bend; a pole counts if it is farther than `margin` from the piece."""
+    """Returns the zeros of a bend; a pole counts if it is farther than `margin` from the piece."""
     length, width = q - p, xp.maximum(xp.abs(p), xp.abs(q))
     linear = xp.abs(c2) * width * width <= 1e-13 * (xp.abs(c1) * width + xp.abs(c0))
     active = when & xp.isfinite(c0) & xp.isfinite(c1) & xp.isfinite(c2) & xp.isfinite(length)
@@ -179,7 +179,7 @@ def _zeros(xp: Any, kind: str, p: Any, q: Any, margin: Any, c0: Any, c1: Any, c2
 def _around(
     xp: Any, bend: str, p: Any, q: Any, base: Any, m: Any, h: Any, alone: Any, paired: Any, at_p: Any, at_q: Any
 ) -> tuple[Any, Any, Any, Any, Any]:
-    """Kind, centre, radius, start and step of the substitution around zeros."""
+    """Returns kind, centre, radius, start and step of the substitution around zeros."""
     centre, below, above = 0.5 * (p + q), m - h, m + h
     if bend == "pole":
         nearer = xp.where(xp.abs(below - p) + xp.abs(below - q) <= xp.abs(above - p) + xp.abs(above - q), below, above)

@@ -13,7 +13,7 @@ _STEPS = 2.0**20
 
 
 def erf(arrays: Arrays, x: Any) -> Any:
-    """The error function of each element."""
+    """Returns the error function of each element."""
     xp = arrays.xp
     x, size, shape = _flat(xp, x)
     near = size <= 1.0
@@ -23,7 +23,7 @@ def erf(arrays: Arrays, x: Any) -> Any:
 
 
 def erfc(arrays: Arrays, x: Any) -> Any:
-    """1 - erf of each element, also where erf is 1 to rounding."""
+    """Returns 1 - erf of each element, also where erf is 1 to rounding."""
     xp = arrays.xp
     x, size, shape = _flat(xp, x)
     near = (x < 0.5) & (x > -1.0)
@@ -33,7 +33,7 @@ def erfc(arrays: Arrays, x: Any) -> Any:
 
 
 def _flat(xp: Any, x: Any) -> tuple[Any, Any, tuple[int, ...]]:
-    """The elements in a row, their sizes up to FAREST, and the shape that they had."""
+    """Returns the elements in a row, their sizes up to FAREST, and the shape that they had."""
     x = xp.asarray(x, dtype=xp.float64)
     row = xp.reshape(x, (-1,))
     return row, xp.minimum(xp.abs(row), FAREST), x.shape
@@ -45,12 +45,12 @@ def _either_side(xp: Any, x: Any, size: Any) -> Values:
 
 
 def _near(xp: Any, x: Any) -> Any:
-    """erf(x), |x| <= 1."""
+    """Returns erf(x), |x| <= 1."""
     return x * _polynomial(NEAR, x * x)
 
 
 def _far(xp: Any, x: Any) -> Any:
-    """erfc(x), 1/2 <= x <= FAREST. The exponential is taken in two parts: x² is not rounded."""
+    """Returns erfc(x), 1/2 <= x <= FAREST. The exponential is taken in two parts: x² is not rounded."""
     u = ((x - TURN) / (x + TURN) - CENTRE) / REACH
     head = xp.floor(x * _STEPS) / _STEPS
     value = xp.exp(-(head * head)) * (_polynomial(FAR, u) / (1.0 + 2.0 * x))

@@ -21,13 +21,13 @@ MIDDLES = ((0.5, 0.0), (1.0, 0.5), (0.5, 1.0), (0.0, 0.5))
 
 
 def has_near_side(f: Sequence[Any], xp: Any) -> Any:
-    """Whether g is so small along a side, compared with the other corners, that it may be 0 there."""
+    """Returns whether g is so small along a side, compared with the other corners, that it may be 0 there."""
     sizes = [abs(f[i]) + abs(f[(i + 1) % 4]) for i in range(4)]
     return xp.minimum(xp.minimum(sizes[0], sizes[1]), xp.minimum(sizes[2], sizes[3])) <= NEAR_SIDE * (sizes[0] + sizes[2])
 
 
 def settled(xp: Any, f: Sequence[Any], scales: Sequence[Any], near: Any) -> tuple[list[Any], list[Any], list[Any]]:
-    """The corners, those of sides that tie being 0; which ones these are; and which sides tie. None if all four do."""
+    """Returns the corners, those of sides that tie being 0; which ones these are; and which sides tie. None if all four do."""
     zero = [(abs(v) <= TIE_EPS * s) & near for v, s in zip(f, scales, strict=True)]
     sides = [zero[i] & zero[(i + 1) % 4] for i in range(4)]
     on = [sides[i] | sides[i - 1] for i in range(4)]
@@ -39,7 +39,8 @@ def settled(xp: Any, f: Sequence[Any], scales: Sequence[Any], near: Any) -> tupl
 def totals(
     xp: Any, f: Sequence[Any], turn: Any, above: Sequence[Any], kinds: Sequence[Kind], given: Sequence[Sequence[Any]], zero: Any = 0.0
 ) -> list[Any]:
-    """The results of a `Hyperbola` whose ties are settled; `given` are the coefficients of each, `turn` is NaN where it is not known."""
+    """Returns the results of a `Hyperbola` whose ties are settled; `given` are the coefficients of each, `turn` is NaN where it is not
+    known."""
     inside = frozenset(p for kind, powers in kinds if kind != "border" for p in powers)
     border = frozenset(p for kind, powers in kinds if kind == "border" for p in powers)
     moments = Moments(xp, f, turn, above, inside, border, zero)
@@ -64,7 +65,7 @@ def totals(
 
 
 class Moments:
-    """Of g with values f at the corners, all of one shape: `inside[j, k]` = ∫∫ [g > 0] uʲvᵏ and `border[j, k]` = ∫∫ uʲvᵏ δ(g).
+    """The moments of g with values f at the corners, all of one shape: `inside[j, k]` = ∫∫ [g > 0] uʲvᵏ and `border[j, k]` = ∫∫ uʲvᵏ δ(g).
 
     `above` is where g > 0, of the corners, or where those that were settled count as that. `known` is false where a corner is not finite.
     `crosses` is where the curve crosses itself on the square, to rounding, in `saddle`.
@@ -113,7 +114,7 @@ class Moments:
         self._find_saddle(f)
 
     def _branches(self, cuts: Sequence[Any]) -> list[tuple[list[Any], list[Any]]]:
-        """Two branches: on which of the four sides each begins, if it is there, and on which it ends."""
+        """Returns two branches of the curve: the side on which each begins, whether it is there, and the side on which it ends."""
         xp, both = self.xp, cuts[0] & cuts[1] & cuts[2] & cuts[3]
         odd = both & (self.turn > 0.0)  # corners 1 and 3 are cut off, else 0 and 2
         even, never = both & ~odd, both & False
@@ -127,7 +128,8 @@ class Moments:
         return [(one, other), ([never, even, odd, never], [never, never, even, odd])]
 
     def _sums(self, there: Any, start: Sequence[Any], stop: Sequence[Any], zero: Any) -> dict[Powers, Any]:
-        """The moments along both branches, where they are there; their ends are u, v, the slope of g by v, and that by u, (2, …)."""
+        """Returns the moments along both branches, where they are there; their ends are u, v, the slope of g by v, and that by u,
+        (2, …)."""
         xp, top = self.xp, highest(frozenset(self.wanted))
         (x0, y0, up0, across0), (x1, y1, up1, across1) = start, stop
         half_x, half_y, x, y = 0.5 * (x1 - x0), 0.5 * (y1 - y0), 0.5 * (x0 + x1), 0.5 * (y0 + y1)
@@ -189,14 +191,14 @@ def _largest(xp: Any, f: Sequence[Any]) -> Any:
 
 
 def _difference_of_products(a: Any, b: Any, c: Any, d: Any, zero: Any) -> Any:
-    """ab - cd, to a rounding or two, however much cancels (Dekker 1971)."""
+    """Returns ab - cd, to a rounding or two, however much cancels (Dekker 1971)."""
     first, first_rest = _product(a, b, zero)
     second, second_rest = _product(c, d, zero)
     return (first - second) + (first_rest - second_rest)
 
 
 def _product(a: Any, b: Any, zero: Any) -> tuple[Any, Any]:
-    """A product and its rounding error."""
+    """Returns a product and its rounding error."""
     p = a * b + zero
     high_a, high_b = (_high(v, zero) for v in (a, b))
     low_a, low_b = a - high_a, b - high_b

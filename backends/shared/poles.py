@@ -20,7 +20,7 @@ class Pole(NamedTuple):
 
 
 def pole_at(xp: Any, power: int, p: Any, q: Any, base: Any, c0: Any, c1: Any, when: Any) -> Pole:
-    """The pole of D = c0 + c1·(v - base), to a power, and pieces (p, q) where it counts `when`."""
+    """Returns the pole of D = c0 + c1·(v - base), to a power, and pieces (p, q) where it counts `when`."""
     first, last = p - base, q - base
     low, high = c0 + c1 * first, c0 + c1 * last
     counts = when & xp.isfinite(c0) & xp.isfinite(c1)
@@ -31,7 +31,7 @@ def pole_at(xp: Any, power: int, p: Any, q: Any, base: Any, c0: Any, c1: Any, wh
 
 
 def pole_weights(xp: Any, nodes: int, power: int, low: Any, high: Any) -> Any:
-    """The weights for polynomials over a power of a function that goes from low to high, (nodes, …) for low and high of shape (…).
+    """Returns the weights for polynomials over a power of a function that goes from low to high, (nodes, …) for low and high of shape (…).
 
     Moments of 1/(1 + zu)^m: downwards from a series for small z, upwards from a logarithm else.
     """

@@ -9,24 +9,24 @@ from typing import Any
 
 
 def least_and_most(xp: Any, a: Any, b: Any, c: Any, width: Any, height: Any, zero: Any = 0.0) -> tuple[Any, Any]:
-    """The bounds of a·x + b·y + c on a box from (0, 0) to (width, height)."""
+    """Returns the bounds of a·x + b·y + c on a box from (0, 0) to (width, height)."""
     u, v = a * width + zero, b * height + zero
     least = c + xp.where(u >= 0.0, 0.0, u) + xp.where(v >= 0.0, 0.0, v)
     return least, c + xp.where(u <= 0.0, 0.0, u) + xp.where(v <= 0.0, 0.0, v)
 
 
 def fails(xp: Any, least: Any, most: Any, closed: bool) -> Any:
-    """Whether a half-plane, `closed` or open, has nothing of the box."""
+    """Returns whether a half-plane, `closed` or open, has nothing of the box."""
     return (most <= 0.0) & xp.logical_not((least >= 0.0) & closed)
 
 
 def misses(xp: Any, first: Any, last: Any, closed: bool) -> Any:
-    """Whether a half-line, on which a linear function goes from first to last, has nothing of the segment."""
+    """Returns whether a half-line, on which a linear function goes from first to last, has nothing of the segment."""
     return (first <= 0.0) & (last <= 0.0) & xp.logical_not((first == 0.0) & (last == 0.0) & closed)
 
 
 def cut(xp: Any, start: Any, stop: Any, first: Any, last: Any, ties: Any) -> tuple[Any, Any]:
-    """The part (start, stop) of a segment that a half-line leaves, if it does not tie."""
+    """Returns the part (start, stop) of a segment that a half-line leaves, if it does not tie."""
     difference = first - last
     cuts = xp.logical_not(ties) & xp.isfinite(difference)
     root = first / xp.where(difference == 0.0, 1.0, difference)

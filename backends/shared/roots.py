@@ -8,8 +8,8 @@ from teg.program import LOCATE_HALVINGS
 
 
 class Examined(NamedTuple):
-    """Of boxes: where the function is monotone, where it has one turning point at most, and where it is undecided; there the terms of its
-    Taylor polynomial are `blurred` by noise, or are not. None of these where there is no root."""
+    """The result of examining boxes: where the function is monotone, where it has at most one turning point, and where it is undecided.
+    These are false where there is no root. `blurred` says where noise is as large as the terms of its Taylor polynomial."""
 
     monotone: Any
     bent: Any
@@ -18,8 +18,9 @@ class Examined(NamedTuple):
 
 
 def examined(xp: Any, bounds: Any, g: Any, slope: Any, h: Any, changes: Any, known: Any, sloped: Any) -> Examined:
-    """Boxes of half-width h: `bounds` of g, slope, curvature and the noise, (7, …), `g` and `slope` in the middle; whether g changes its
-    sign between the ends, is a number there, and its slope too."""
+    """Returns the result of examining boxes of half-width h. `bounds` are those of g, its slope and its curvature, and the noise, (7, …);
+    `g` and `slope` are in the middle. `changes`, `known` and `sloped` say whether g changes its sign between the ends, is a number there,
+    and has a slope there."""
     least, most, slowest, fastest, bent_down, bent_up, noise = bounds
     reach = h * xp.maximum(xp.abs(slowest), xp.abs(fastest))
     bounded = xp.isfinite(slowest) & xp.isfinite(fastest)
@@ -34,7 +35,7 @@ def examined(xp: Any, bounds: Any, g: Any, slope: Any, h: Any, changes: Any, kno
 
 
 def touches(xp: Any, g: Any, curvature: Any, noise: Any) -> tuple[Any, Any]:
-    """Whether g is 0 to rounding at a turning point, and how far the zero may be off."""
+    """Returns whether g is 0 to rounding at a turning point, and how far the zero may be off."""
     return (xp.abs(g) <= noise) & xp.isfinite(noise), xp.sqrt(2.0 * noise / xp.abs(curvature))
 
 
@@ -49,7 +50,7 @@ class Step(NamedTuple):
 
 
 def newton_step(xp: Any, g: Any, slope: Any, v: Any, p: Any, q: Any, above: Any, before: Any) -> Step:
-    """A step of Newton's method at v in (p, q), or to the middle if that leads outside, or is not half as long as the last but one,
+    """Returns a step of Newton's method at v in (p, q), or to the middle if that leads outside, or is not half as long as the last but one,
     `before`; g > 0 at q if `above`."""
     at_right = (g > 0.0) == above
     p, q = xp.where(at_right, p, v), xp.where(at_right, v, q)
@@ -61,15 +62,16 @@ def newton_step(xp: Any, g: Any, slope: Any, v: Any, p: Any, q: Any, above: Any,
 
 
 def excluded(xp: Any, bounds: Any) -> Any:
-    """Where bounds f-, f+, g-, g+ leave no common zero."""
+    """Returns for each rectangle whether the bounds f-, f+, g-, g+ exclude a common zero."""
     f_least, f_most, g_least, g_most = bounds
     away = (f_least > 0.0) | (f_most < 0.0) | (g_least > 0.0) | (g_most < 0.0)
     return away | (xp.isnan(f_least) & xp.isnan(f_most)) | (xp.isnan(g_least) & xp.isnan(g_most))
 
 
 def refuted(xp: Any, bounds: Any, at: Any, reach: Any) -> tuple[Any, Any]:
-    """Where there is no common zero by the mean value theorem, and where Krawczyk's test says that there is exactly one. `bounds` are those
-    over rectangles with half the sides `reach`, `at` the values and slopes in their middles, components first."""
+    """Returns for each rectangle whether the mean value theorem excludes a common zero, and whether Krawczyk's test proves that there is
+    exactly one. `bounds` are those over rectangles with half the sides `reach`, `at` the values and slopes in their middles, components
+    first."""
     (f, g), (h, k) = at[:2], reach
     least, most = bounds[4::2], bounds[5::2]
     middle, radius, sizes = 0.5 * (least + most), 0.5 * (most - least), xp.maximum(xp.abs(least), xp.abs(most))
@@ -86,7 +88,7 @@ def refuted(xp: Any, bounds: Any, at: Any, reach: Any) -> tuple[Any, Any]:
 
 
 def plane_step(xp: Any, values: Any) -> Any:
-    """A step of Newton's method in the plane; `values` are f, g and their slopes, components first."""
+    """Returns a step of Newton's method in the plane; `values` are f, g and their slopes, components first."""
     f, g, f_v, f_u, g_v, g_u = values
     det = f_v * g_u - f_u * g_v
     return xp.stack([(g_u * f - f_u * g) / det, (f_v * g - g_v * f) / det])
@@ -103,8 +105,8 @@ class Halving(NamedTuple):
 
 
 def next_halving(xp: Any, at: Halving, before: Any, left: Any) -> Halving:
-    """The next direction, `left` rectangles being left of so many `before`: v and u by turns, but one again that is of use while the other
-    is not. The times stay as they are."""
+    """Returns the next direction, if `left` rectangles are left of `before`. The directions v and u take turns, but one is repeated if
+    halving in it is of use and halving in the other is not. The times stay as they are."""
     judged = xp.stack([at.last == 0, at.last == 1])
     useless = xp.where(judged, 50 * left >= 49 * before, at.useless)
     useful = xp.where(judged, 20 * left <= 11 * before, at.useful)

@@ -10,7 +10,7 @@ from teg.program import ABSOLUTE_FLOOR, EDGE, FAINT, HIDDEN, NOISE, PIECE_EPS, R
 
 
 def powi(xp: Any, x: Any, n: int) -> Any:
-    """x to an integer power, by squaring; 1/powi(x, -n) where n is negative."""
+    """Returns x to an integer power, by squaring; 1/powi(x, -n) where n is negative."""
     if n < 0:
         return 1.0 / powi(xp, x, -n)
     power = xp.float64(1.0)
@@ -24,29 +24,30 @@ def powi(xp: Any, x: Any, n: int) -> Any:
 
 
 def ties(xp: Any, g: Any, scale: Any) -> Any:
-    """Where g vanishes to rounding."""
+    """Returns for each element whether g vanishes to rounding."""
     return (xp.abs(g) <= TIE_EPS * scale) & xp.isfinite(g)
 
 
 def resolved(xp: Any, near: Any, g: Any, resolution: Any, order: Any) -> Any:
-    """g > 0, but where it is near 0 the order decides."""
+    """Returns whether g > 0; where g is near 0, the order decides."""
     return xp.where(near, xp.where(order > 0, resolution, xp.logical_not(resolution)), g > 0.0)
 
 
 def ends_of_pieces(xp: Any, lo: Any, hi: Any, breaks: Sequence[Any]) -> list[Any]:
-    """The lower bound, the breaks inside of the bounds, those that are NaN at the lower one, and the upper bound; not sorted."""
+    """Returns the lower bound, the breaks inside of the bounds, those that are NaN at the lower one, and the upper bound; not sorted."""
     low, high = xp.minimum(lo, hi), xp.maximum(lo, hi)
     return [low, *(xp.minimum(xp.fmax(b, low), high) for b in breaks), high]
 
 
 def is_wide(xp: Any, p: Any, q: Any) -> Any:
-    """Whether a piece is longer than rounding."""
+    """Returns whether a piece is longer than rounding."""
     length = q - p
     return (length > PIECE_EPS * xp.maximum(xp.abs(p), xp.abs(q))) | xp.isposinf(length)
 
 
 def rounding(xp: Any, p: Any, q: Any) -> Any:
-    """What rounding does to the integral over (p, q), relative to that of |values|: theirs, and that of the ends."""
+    """Returns the effect of rounding on the integral over (p, q), relative to the integral of |values|: that of the values, and that of the
+    ends."""
     length = q - p
     return 0.5 * ROUNDING + xp.where(xp.isfinite(length), EDGE * xp.maximum(xp.abs(p), xp.abs(q)) / length, 0.0)
 
@@ -65,10 +66,11 @@ def null_rule_error(xp: Any, nodes: int, sums: Any, size: Any, smooth: Any) -> A
 
 
 def tolerated(xp: Any, tol: float, whole: Any, size: Any) -> Any:
-    """The error that an interval may have, with its integral of |values| and that of what it is a part of."""
+    """Returns the error that an interval may have, from its integral of |values| and the integral of |values| over the interval that it is
+    a part of."""
     return xp.maximum(tol * (whole + ABSOLUTE_FLOOR), ROUNDING * size)
 
 
 def is_unseen(xp: Any, upper: Any, lower: Any, seen: Any) -> Any:
-    """Whether a sharp value between these bounds may be much larger than the nodes have `seen`."""
+    """Returns whether a sharp value between these bounds may be much larger than the nodes have `seen`."""
     return (upper > UNSEEN * xp.fmax(seen, FAINT)) | (upper > HIDDEN * xp.fmax(lower, FAINT))

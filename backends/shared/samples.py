@@ -8,7 +8,7 @@ from teg.numerics.sobol import BITS, GAMMA, LOW_BITS, MIX, SCRAMBLE, key, replic
 
 
 def coordinate(xp: Any, kind: str, seed: int, dimension: int, count: int, replicate: Any, index: Any) -> Any:
-    """A coordinate of points of a rule of `count` points; their numbers `index` in their replicates are 64-bit, without a sign."""
+    """Returns a coordinate of points of a rule of `count` points; their numbers `index` in their replicates are 64-bit, without a sign."""
     replicates, each = replicated(kind, count)
     keys = xp.asarray([key(seed, r, dimension) for r in range(replicates)], dtype=xp.uint64)[replicate]
     if kind == "montecarlo":
@@ -31,12 +31,12 @@ def mix(xp: Any, z: Any) -> Any:
 
 
 def _unit(xp: Any, cell: Any) -> Any:
-    """The centre of a cell of width 2⁻⁵²."""
+    """Returns the centre of a cell of width 2⁻⁵²."""
     return (xp.uint64(2) * cell + xp.uint64(1)).astype(xp.float64) * 2.0**-53
 
 
 def _scramble(xp: Any, x: Any, keys: Any) -> Any:
-    """A nested uniform scramble of reversed bits."""
+    """Returns a nested uniform scramble of reversed bits."""
     before, *after = SCRAMBLE
     x = x ^ x * xp.uint32(before)
     x = (x + keys.astype(xp.uint32)) * ((keys >> xp.uint64(32)).astype(xp.uint32) | xp.uint32(1))

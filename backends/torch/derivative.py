@@ -44,8 +44,8 @@ class Kernels(Protocol):
 
 
 def values(kernels: Kernels, front: int, dtype: Any, operands: Tensors) -> tuple[Any, ...]:
-    """The values, tensors of the batch's shape, its `front` axes, and of the type `dtype`, which the operands that are differentiated by
-    have too. Where one of these requires a gradient, it is computed with the values."""
+    """Returns the values, tensors of the batch's shape, its `front` axes, and of the type `dtype`, which the operands that are
+    differentiated by have too. Where one of these requires a gradient, it is computed with the values."""
     wanted = torch.is_grad_enabled() and any(v.requires_grad for v in operands[: kernels.moving])
     found = Derivative.apply(kernels, None, 0 if wanted else -1, front, dtype, *operands)
     return tuple(found[: kernels.entries])
@@ -133,7 +133,7 @@ cast(Any, Derivative.forward).__signature__ = inspect.signature(Derivative.forwa
 
 
 class _Rule:
-    """What the rules of one application are made of; with `primals` what was saved is without the tangents that it has itself."""
+    """The data of the rules of one application. With `primals` the saved values are without the tangents that they carry themselves."""
 
     def __init__(self, ctx: Any, primals: bool = False) -> None:
         self.kernels, self.front, self.dtype, self.order, self.entry = ctx.kernels, ctx.front, ctx.dtype, ctx.order, ctx.entry
@@ -145,11 +145,11 @@ class _Rule:
         self.slots = [slice(first, first + self.moving) for first in range(given, ctx.count, self.moving or 1)]
 
     def of(self, order: int, operands: Tensors, entry: int | None = None) -> list[Any]:
-        """A derivative on operands, a node of the graph as this one is."""
+        """Returns a derivative on operands, a node of the graph as this one is."""
         return list(Derivative.apply(self.kernels, self.entry if entry is None else entry, order, self.front, self.dtype, *operands))
 
     def slopes(self, entry: int) -> Tensors:
-        """The gradient of a value; where the values were computed alone, now."""
+        """Returns the gradient of a value; where the values were computed alone, now."""
         if self.order < 0 and not self._slopes:
             self._slopes = self.of(0, self.operands)[self.entries :]
         return self._slopes[entry * self.moving :][: self.moving]
@@ -158,18 +158,18 @@ class _Rule:
         return [torch.zeros_like(v) for v in self.operands[: self.moving]]
 
     def filled(self, changes: Tensors) -> list[Any] | None:
-        """Changes of what has the structure of p, zeros written out; None where all are 0."""
+        """Returns changes of what has the structure of p, zeros written out; None where all are 0."""
         if all(c is None for c in changes):
             return None
         leaves = self.operands[: self.moving]
         return [torch.zeros((), dtype=self.dtype).expand(v.shape) if c is None else c for c, v in zip(changes, leaves, strict=True)]
 
     def replaced(self, slot: slice, change: Tensors) -> list[Any]:
-        """The operands with another direction in one place."""
+        """Returns the operands with another direction in one place."""
         return [*self.operands[: slot.start], *change, *self.operands[slot.stop :]]
 
     def pushed(self, tangents: Tensors) -> list[Any]:
-        """The tangents of the results."""
+        """Returns the tangents of the results."""
         moved = self.filled(tangents[: self.moving])
         if self.order <= 0:
             changes = [self.inner(self.slopes(entry), tangents[: self.moving]) for entry in range(self.entries)]
@@ -184,11 +184,11 @@ class _Rule:
         return [sum(parts[1:], start=parts[0]) for parts in zip(*terms, strict=True)] if terms else self.zeros()
 
     def times(self, number: Any, slope: Any) -> Any:
-        """A number times a gradient, of every element of the batch."""
+        """Returns a number times a gradient, of every element of the batch."""
         return number.reshape((*number.shape, *(1,) * (slope.ndim - number.ndim))) * slope
 
     def inner(self, slopes: Tensors, tangents: Tensors) -> Any:
-        """⟨∂e, dp⟩ of every element of the batch."""
+        """Returns ⟨∂e, dp⟩ of every element of the batch."""
         terms = [
             (slope * tangent).sum(tuple(range(self.front, slope.ndim))) if slope.ndim > self.front else slope * tangent
             for slope, tangent in zip(slopes, tangents, strict=True)
@@ -200,13 +200,13 @@ class _Rule:
 
 
 def _shapes(kernels: Kernels, order: int, front: int, operands: Tensors) -> list[tuple[int, ...]]:
-    """The shape of each result for one element of the batch."""
+    """Returns the shape of each result for one element of the batch."""
     leaves = [tuple(v.shape[front:]) for v in operands[: kernels.moving]]
     return ([()] * kernels.entries if order <= 0 else []) + leaves * (kernels.entries if order == 0 else int(order > 0))
 
 
 def _array(operand: Any, front: int, n: int) -> Any:
-    """An operand as a kernel reads it: a view wherever it is one of doubles that lie row by row."""
+    """Returns an operand as a kernel reads it: a view wherever it is one of doubles that lie row by row."""
     operand = operand.detach()
     strides, shape = operand.stride(), operand.shape
     if all(strides[k] == 0 or shape[k] == 1 for k in range(front)):

@@ -11,5 +11,5 @@ import torch
 
 @torch.compiler.disable
 def outside_of_graphs(call: Callable[..., Any], *arguments: Any) -> Any:
-    """The result of a call that is in no graph."""
+    """Returns the result of a call that is in no graph."""
     return call(*arguments)

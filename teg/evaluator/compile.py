@@ -55,7 +55,7 @@ def compile(
     functions: Functions = "linked",
     intrinsics: bool = True,
 ) -> Evaluator:
-    """An Evaluator of a closed expression, of its gradient and of its Hessian.
+    """Returns the `Evaluator` of a closed expression, of its gradient and of its Hessian.
 
         f = teg.compile(teg.integral(teg.bracket(x < t) * teg.exp(a * x), (x, 0, 1)), [t, a])
         value, gradient = f.value_and_grad(t=0.5, a=2.0)

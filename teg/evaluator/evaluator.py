@@ -41,6 +41,12 @@ KEPT = 16
 class Evaluator:
     """A compiled expression. Call it with parameters and arrays by name, by position (in the order of `parameters`) or as one dict.
 
+        f = teg.compile(e, [t, a])
+        f(t=0.5, a=2.0)                           # 0.0625
+        f(0.5, 2.0)                               # 0.0625
+        f({"t": 0.5, a: 2.0})                     # 0.0625
+        f(t=[0.5, 1.0], a=2.0).tolist()           # [0.0625, 0.25]
+
     `parameters` are those listed in `teg.compile`, then the others in the order in which they were created. Where the others were created
     in more than one order, or read from a file, values by position raise ParameterError.
 
@@ -48,6 +54,9 @@ class Evaluator:
     Python float (in single precision a `numpy.float32`). An array parameter has the shape of its dimensions; axes in front of these are
     a batch, and broadcast with the shape of the scalars. The derivative by an array has the array's shape. A tuple expression gives a
     tuple. Evaluators are immutable to their users, safe to share between threads, and pickle.
+
+    Every call raises ParameterError for a value that is missing, unknown, given twice or of a wrong shape, ArrayIndexError for an index
+    out of range, and warns (AccuracyWarning) where a result is not known to be right to the tolerance.
     """
 
     def __init__(
@@ -84,24 +93,39 @@ class Evaluator:
     # -- calls ---------------------------------------------------------------------------------------------------------
 
     def __call__(self, *args: Any, **named: Any) -> Any:
-        """Returns the value."""
+        """Returns the value: a float, or an array of the batch's shape; for a tuple expression a tuple of these.
+
+        f(t=0.5, a=2.0)                       # 0.0625
+        """
         rows, shape = self._run(VALUE, args, named)
         return _nested(self.expression, iter(rows), shape)
 
     def value_and_grad(self, *args: Any, **named: Any) -> tuple[Any, dict[str, Any]]:
         """Returns the value, and a dict name -> derivative: a number for a parameter, an array of its shape for an array (for a tuple
-        expression: a tuple of derivatives)."""
+        expression: a tuple of derivatives).
+
+            f.value_and_grad(t=0.5, a=2.0)        # (0.0625, {'t': 0.25, 'a': -0.03125})
+
+        In a batch the axes of the batch come first. The gradient is derived and compiled by the first call. Raises
+        NoReparameterisationError or NotDifferentiableError for a derivative that is not known, and the errors of a call.
+        """
         found, shape = self._run(GRADIENT, args, named)
         rows = iter(found)
         return _nested(self.expression, rows, shape), self._by_name(rows, shape)
 
     def grad(self, *args: Any, **named: Any) -> dict[str, Any]:
-        """Returns the dict name -> derivative. The value is not computed."""
+        """Returns the dict name -> derivative of `value_and_grad`; the value is not computed. Raises the same errors.
+
+        f.grad(t=0.5, a=2.0)                  # {'t': 0.25, 'a': -0.03125}
+        """
         found, shape = self._run(GRADIENT_ALONE, args, named)
         return self._by_name(iter(found), shape)
 
     def value_and_error(self, *args: Any, **named: Any) -> tuple[Any, Any]:
-        """Returns the value, and an estimate of its error of the same shape.
+        """Returns the value, and an estimate of its error of the same shape. Raises the errors of a call.
+
+            value, error = f.value_and_error(t=0.5, a=2.0)
+            error < 1e-12                         # True
 
         The estimate is a bound for nearly all programs; with the rules "montecarlo" and "qmc" it is the standard error. The estimates of
         the terms of a sum are added up.
@@ -110,13 +134,19 @@ class Evaluator:
         return _nested(self.expression, iter(values), shape), _nested(self.expression, iter(errors), shape)
 
     def grad_and_error(self, *args: Any, **named: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Returns the dict name -> derivative, and the dict of estimates of their errors, of the same shapes."""
+        """Returns the dict name -> derivative, and the dict of estimates of their errors, of the same shapes. Raises as `value_and_grad`.
+
+        slopes, errors = f.grad_and_error(t=0.5, a=2.0)
+        errors["t"] < 1e-12                   # True
+        """
         slopes, errors, shape = self._estimated(GRADIENT_ALONE, args, named)
         first, second = (self._by_name(iter(part), shape) for part in (slopes, errors))
         return first, second
 
     def hessian(self, *args: Any, **named: Any) -> dict[tuple[str, str], Any]:
-        """Returns second derivatives, a dict (name, name) -> array, with both orders of the names.
+        """Returns second derivatives, a dict (name, name) -> number, with both orders of the names. Raises as `value_and_grad`.
+
+            f.hessian(t=0.5, a=2.0)["t", "a"]     # -0.125
 
         By an array of shape s and one of shape r it has the shape s + r, behind that of the batch. With arrays it takes one product with
         a direction for each number: `hvp` scales better.
@@ -132,8 +162,10 @@ class Evaluator:
     def hvp(self, values: Mapping[str, Any], direction: Mapping[str, Any]) -> dict[str, Any]:
         """Returns the Hessian times a direction (a dict name -> number, or array of the parameter's shape), a dict; no matrix is formed.
 
+            f.hvp({"t": 0.5, "a": 2.0}, {"t": 1.0})["a"]  # -0.125
+
         Parameters that the direction does not name do not move. Cost: a small multiple of the gradient's, whatever the number of
-        parameters.
+        parameters. Raises as `value_and_grad`, and ParameterError for a direction along what is not differentiated by.
         """
         wanted, given = self._moved(self.by_name((values,), {}), direction)
         call, kernels = self._call(wanted, given)
@@ -141,13 +173,23 @@ class Evaluator:
         return self._by_name(iter(rows), call.shape)
 
     def jvp(self, values: Mapping[str, Any], direction: Mapping[str, Any]) -> tuple[Any, Any]:
-        """Returns the value, and the derivative along a direction (a dict name -> number, or array of the parameter's shape)."""
+        """Returns the value, and the derivative along a direction (a dict name -> number, or array of the parameter's shape).
+
+            f.jvp({"t": 0.5, "a": 2.0}, {"t": 1.0, "a": 8.0})  # (0.0625, 0.0)
+
+        Raises as `hvp`.
+        """
         value, slopes = self.value_and_grad(values)
         dimensions = self.dimensions
         return value, _along(value, [(slopes[k], d, dimensions[k]) for k, d in self._direction(direction).items()])
 
     def vjp(self, values: Mapping[str, Any], cotangent: Any = 1.0) -> tuple[Any, dict[str, Any]]:
-        """Returns the value, and the dict name -> Σ cotangent · derivative; a tuple expression takes a tuple of cotangents."""
+        """Returns the value, and the dict name -> Σ cotangent · derivative; a tuple expression takes a tuple of cotangents.
+
+            f.vjp({"t": 0.5, "a": 2.0}, 2.0)      # (0.0625, {'t': 0.5, 'a': -0.0625})
+
+        A cotangent is a number, or an array of the batch's shape. Raises as `value_and_grad`.
+        """
         value, slopes = self.value_and_grad(values)
         dimensions = self.dimensions
         if not isinstance(value, tuple):
@@ -159,7 +201,10 @@ class Evaluator:
         """Returns the number of points at which a call evaluates integrands without an inner integral, over all iterations and the whole
         batch.
 
+            f.evaluations(t=0.5, a=2.0)           # 1
+
         `derivatives`: 0 the value, 1 value and gradient, 2 Hessian too. The decision of a bracket on a whole piece is not an evaluation.
+        Raises OptionError for other `derivatives`, and the errors of a call.
         """
         if derivatives not in (0, 1, 2):
             raise OptionError(f"derivatives={derivatives!r} is not known", None, "0: value, 1: and gradient, 2: and Hessian")
@@ -173,6 +218,8 @@ class Evaluator:
         """Returns the compiled program of the value (0), of value and gradient (1), or of value, gradient and Hessian (2), built when first
         needed.
 
+            "def kernel" in f.kernel(0).source    # True
+
         None for a program that depends on the lengths of its arrays, which is built in the call.
         """
         return None if self._kernels is None else self._kernels.kernel_of(ORDERS[orders])
@@ -180,11 +227,17 @@ class Evaluator:
     # -- programs and reports ------------------------------------------------------------------------------------------
 
     def outputs(self, orders: int) -> list[Expr]:
-        """Returns value, gradient and Hessian (up to the given order) without δ, of a program without arrays."""
+        """Returns value, gradient and Hessian (up to the given order) without δ, of a program without arrays: a list of expressions.
+
+        value, gradient = f.outputs(1)
+        len(gradient)                         # 2: the derivatives by t and by a
+        """
         return self._any().plan.outputs(ORDERS[orders])
 
     def program(self, orders: int, errors: bool = False) -> Program | ArrayProgram:
         """Returns the lowered program of the value (0), value and gradient (1), and these with the Hessian (2).
+
+            len(f.program(1).outputs)             # 3
 
         With arrays, the product of the Hessian and a direction takes the Hessian's place; its parameters stand behind the others, that
         of t is called ∂t. Raises ArrayIndexError if lengths of arrays must be known. With `errors`, estimates of the errors of the
@@ -198,15 +251,24 @@ class Evaluator:
         """Returns a report of the compiler's findings: loops, surfaces, reparameterisations, rules and nodes; `derivatives` as in
         `teg.explain`.
 
-        A program that is compiled for lengths of arrays is explained for those of the first call.
+            [s["surface"] for s in f.explain().data["surfaces"]]  # ['t - (x + a·y) = 0']
+
+        A program that is compiled for lengths of arrays is explained for those of the first call. Raises OptionError for other
+        `derivatives` than 0 and 1.
         """
         options, made = self._options, self._kernels or self._made.first()
         asked = Asked(options.integration, options.estimator, options.maps, checked_derivatives(derivatives))
         return explained(self._program if made is None else made.plan.expression, self.wrt, asked)
 
     def diagnose(self, *args: Any, **named: Any) -> list[Diagnosis]:
-        """Returns where and why the expression is not differentiable at these values, and in which iteration of its sums; [] if it is
-        differentiable."""
+        """Returns where and why the expression is not differentiable at these values, and in which iteration of its sums: a list of
+        `Diagnosis`, empty if it is differentiable.
+
+            f.diagnose(t=0.5, a=2.0)              # []
+            [d.kind for d in f.diagnose(t=1.0, a=0.0)]  # ['tie']
+
+        Raises the errors of a call.
+        """
         call, kernels = self._call(GRADIENT, self.by_name(args, named))
         return diagnose(self._loop_watch(kernels, call) if self._loops else self._number_watch(kernels, call), call)
 
@@ -245,22 +307,34 @@ class Evaluator:
 
     @property
     def dtype(self) -> str:
-        """Returns the type of parameter values and results: "float64" or "float32"."""
+        """Returns the type of parameter values and results: "float64" or "float32".
+
+        f.dtype                               # 'float64'
+        """
         return self._options.dtype
 
     @property
     def dimensions(self) -> dict[str, int]:
-        """Returns the number of dimensions of each parameter, 0 for a number."""
+        """Returns the number of dimensions of each parameter, 0 for a number.
+
+        f.dimensions                          # {'t': 0, 'a': 0}
+        """
         return {p.name: dimensions_of(p) for p in self._leaves}
 
     @property
     def integers(self) -> frozenset[str]:
-        """Returns the parameters that hold an integer."""
+        """Returns the names of the parameters that hold an integer.
+
+        sorted(f.integers)                    # []
+        """
         return self._integers
 
     def output_names(self, derivatives: int = 0) -> list[str]:
         """Returns the title of each output of `program`, in order: "value", "d value / d t", "d2 value / d t d a"; of a tuple "value[0]"
-        and so on; with arrays "d2 value / d t d direction"."""
+        and so on; with arrays "d2 value / d t d direction".
+
+            f.output_names(1)                     # ['value', 'd value / d t', 'd value / d a']
+        """
         entries, names = _places(self.expression, "value"), [p.name for p in self.wrt]
         slopes = [f"d {entry} / d {a}" for entry in entries for a in names]
         seconds = ["direction"] if self._loops else names
@@ -269,7 +343,10 @@ class Evaluator:
 
     @property
     def source(self) -> str:
-        """Returns the generated text: value, and value with gradient."""
+        """Returns the generated text: value, and value with gradient.
+
+        "def " in f.source                    # True
+        """
         made = self._kernels or self._made.first()
         if made is None:
             return "nothing yet: this program is compiled for the shapes of its arrays, when it is first called"
@@ -294,7 +371,9 @@ class Evaluator:
     # -- inside --------------------------------------------------------------------------------------------------------
 
     def by_name(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
-        """Returns the values of a call by name.
+        """Returns the values of a call by name: what the other methods make of their arguments.
+
+            f.by_name((0.5,), {"a": 2.0})         # {'t': 0.5, 'a': 2.0}
 
         Raises ParameterError if one is missing, unknown or given twice, or given by position where no order of the parameters is known.
         """
@@ -369,7 +448,7 @@ class Evaluator:
         """Returns a direction by name. Raises ParameterError for a parameter by which no derivative is taken."""
         moved, names = {name_of(k): v for k, v in direction.items()}, [p.name for p in self.wrt]
         if unknown := sorted(moved.keys() - set(names)):
-            raise ParameterError(f"{unknown[0]!r} is not differentiated by", None, "parameters: " + ", ".join(names))
+            raise ParameterError(f"no derivative is taken by {unknown[0]!r}", None, "derivatives are taken by " + ", ".join(names))
         return moved
 
     def _moved(self, given: dict[str, Any], direction: Mapping[str, Any]) -> tuple[Wanted, dict[str, Any]]:

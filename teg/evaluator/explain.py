@@ -48,6 +48,9 @@ def explain(
     """Returns a report on an expression: the owner of each surface and the elimination of its δ; breaks, rule and nodes of each integral;
     the cost.
 
+        print(teg.explain(e, [t]))
+        teg.explain(e, [t]).data["surfaces"][0]["surface"]  # 't - (x + a·y) = 0'
+
     Derivatives are taken by the parameters `wrt` (default: all). `tol`, `rule`, `order`, `seed`, `discontinuities`, `maps`, `max_roots`
     and `intrinsics` are those of `compile`, and `f.explain()` fills them in. The integrals are those of the value and, of the gradient,
     those over surfaces (`derivatives=0`) or all (`derivatives=1`). The evaluations of the integrand are an estimate: every break inside

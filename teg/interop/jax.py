@@ -54,7 +54,8 @@ def jax_function(
     """Returns a pure function of JAX: from a dict of parameters and arrays by name (a pytree) to the value, or a tuple of values.
 
         f = teg.jax_function(e)
-        jax.jit(jax.value_and_grad(f))({"t": 0.5, "a": 1.0})
+        value, slopes = jax.jit(jax.value_and_grad(f))({"t": 0.5, "a": 2.0})
+        float(value), float(slopes["t"])          # (0.0625, 0.25)
 
     `jit`, `vmap`, `shard_map`, `jvp`, `vjp`, `grad`, `hessian`, `linearize`, `checkpoint` and `scan` work on it in any nesting.
     Derivatives of any order are programs made of the symbolic derivative, each made once, when it is first needed. Value and gradient
@@ -94,6 +95,8 @@ def jax_function(
 
 class JaxFunction(FrameworkFunction):
     """A function of JAX made by `teg.jax_function`. Call it with a dict, or by name; `parameters` are the names of its arguments.
+
+        float(teg.jax_function(e)(t=0.5, a=2.0))  # 0.0625
 
     It may be shared between threads, and pickles.
     """

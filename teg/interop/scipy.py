@@ -28,10 +28,10 @@ def scipy_function(
     shapes: Mapping[Any, int | Sequence[int]] | None = None,
     **options: Any,
 ) -> VectorFunction:
-    """Returns the functions (fun, jac) of one vector x, which holds the values of `parameters` in their order:
+    """Returns the functions (fun, jac) of one vector x, which holds the values of `parameters` in their order.
 
-        fun, jac = teg.scipy_function(e, [t], fixed={"a": 2.0})
-        scipy.optimize.minimize(fun, [0.5], jac=jac)
+        fun, jac = teg.scipy_function((e - 0.25) ** 2, [t], fixed={"a": 2.0})
+        scipy.optimize.minimize(fun, [0.5], jac=jac).x.round(3).tolist()  # [1.0]
 
     fun(x) is a float, jac(x) the gradient, float64 of x's shape (n,). For a tuple of m expressions they are a vector (m,) and the
     Jacobian matrix (m, n), the form that `scipy.optimize.least_squares` takes. `hessp(x, p)`, an attribute of the result, is the Hessian
@@ -54,7 +54,13 @@ def scipy_function(
 
 
 class VectorFunction:
-    """Functions of the vector of some parameters of an evaluator; unpacks to (fun, jac). Safe to share between threads, and pickles."""
+    """Functions of the vector of some parameters of an evaluator; unpacks to (fun, jac). Safe to share between threads, and pickles.
+
+        functions = teg.scipy_function(e, [t, a])
+        functions.size                            # 2
+
+    Each method raises ParameterError for a vector of another length, or with entries that are not finite, and the errors of a call.
+    """
 
     def __init__(
         self, evaluator: Any, moving: Sequence[Parameter], fixed: Mapping[str, Any], shapes: Mapping[str, int | Sequence[int]]
@@ -80,25 +86,37 @@ class VectorFunction:
         return iter((self.fun, self.jac))
 
     def fun(self, x: Any) -> Any:
-        """Returns the value at x, a float; of a tuple of m expressions an array (m,)."""
+        """Returns the value at x, a float; of a tuple of m expressions an array (m,).
+
+        functions.fun([0.5, 2.0])             # 0.0625
+        """
         return self._at(x, self._wants_gradients)[0]
 
     def jac(self, x: Any) -> np.ndarray:
-        """Returns the gradient at x, an array (n,); of a tuple of m expressions (m, n)."""
+        """Returns the gradient at x, an array (n,); of a tuple of m expressions (m, n).
+
+        functions.jac([0.5, 2.0]).tolist()    # [0.25, -0.03125]
+        """
         self._wants_gradients = True  # from now on `fun` computes both at once
         return cast("np.ndarray", self._at(x, True)[1]).copy()
 
     def hessp(self, x: Any, p: Any) -> np.ndarray:
-        """Returns the Hessian at x times p, an array (n,); of one expression only."""
+        """Returns the Hessian at x times p, an array (n,). Raises OptionError for a tuple of expressions.
+
+        functions.hessp([0.5, 2.0], [1.0, 0.0]).tolist()  # [0.5, -0.125]
+        """
         import numpy as np
 
         if isinstance(self._at(x, False)[0], np.ndarray):
-            raise OptionError("a tuple of expressions has a Hessian each", None, "hessp is for one expression")
+            raise OptionError("each expression of a tuple has a Hessian of its own", None, "hessp is for one expression")
         along = self.evaluator.hvp(self._values(self._checked(x)), self.unpack(p))
         return np.concatenate([np.ravel(along[name]) for name in self.shapes])
 
     def pack(self, values: Mapping[Any, Any]) -> np.ndarray:
-        """Returns the vector of values of the moving parameters, given by parameter or name."""
+        """Returns the vector (n,) of values of the moving parameters, given by parameter or name.
+
+        functions.pack({"t": 0.5, "a": 2.0}).tolist()  # [0.5, 2.0]
+        """
         import numpy as np
 
         by_name = _by_name(values)
@@ -111,7 +129,10 @@ class VectorFunction:
         return np.concatenate([np.ravel(np.asarray(by_name[name], dtype=np.float64)) for name in self.shapes])
 
     def unpack(self, x: Any) -> dict[str, Any]:
-        """Returns the values of the moving parameters, floats and arrays, by name."""
+        """Returns the values of the moving parameters, floats and arrays, by name.
+
+        functions.unpack([0.5, 2.0])          # {'t': 0.5, 'a': 2.0}
+        """
         vector = self._checked(x)
         parts: dict[str, Any] = {}
         first = 0

@@ -56,8 +56,10 @@ def torch_function(
 ) -> TorchFunction:
     """Returns a function of PyTorch: from a dict of parameters and arrays by name to the value, a tensor, or a tuple of values.
 
-        f = teg.torch_function(e, backend="c")
-        f({"t": t, "a": 1.0}).sum().backward()
+        f = teg.torch_function(e)
+        s = torch.tensor(0.5, requires_grad=True)
+        f(t=s, a=2.0).backward()
+        float(s.grad)                             # 0.25
 
     It is differentiable to any order, in reverse, forward, and by `torch.func` (`grad`, `vmap`, `jvp`, `hessian` and so on). Derivatives
     are programs made of the symbolic derivative, each made once, when it is first needed. Where a tensor requires a gradient, one run
@@ -92,6 +94,8 @@ def torch_function(
 
 class TorchFunction(FrameworkFunction):
     """A function of PyTorch made by `teg.torch_function`. Call it with a dict, or by name; `parameters` are the names of its arguments.
+
+        float(teg.torch_function(e)(t=0.5, a=2.0))  # 0.0625
 
     It may be shared between threads, and pickles, and so does a module that holds it.
     """

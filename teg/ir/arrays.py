@@ -35,7 +35,14 @@ MAX_DIMENSIONS = 8
 
 
 class Array(ArrayName):
-    """An array of parameters. Derivatives are taken by all of its entries."""
+    """An array of parameters, made by `teg.array`. Derivatives are taken by all of its entries.
+
+        V, k = teg.array("V", 2), teg.index("k")
+        str(V[k + 1, 0] ** 2)                               # V[k + 1, 0]²
+
+    `name` is its name, `dimensions` how many indices an entry has. Raises ArrayIndexError for another number of indices, or one that is
+    no integer.
+    """
 
     __slots__ = ()
 
@@ -161,26 +168,50 @@ def _dimensions(dimensions: object, name: str) -> int:
 
 
 def array(name: str, dimensions: int = 1) -> Array:
-    """Returns an array of parameters with so many dimensions: ``V = teg.array("V", 2)``; its entries ``V[i, 0]`` are expressions.
+    """Returns an array of parameters with so many dimensions (1 to 8). Its entries `V[i, 0]` are expressions.
 
-    The shape is known when the program is called. Raises ArrayIndexError if the array is indexed by anything but integers, or by too
-    few.
+        V, k = teg.array("V", 2), teg.index("k")
+        f = teg.compile(teg.sum(V[k, 0] * V[k, 1], (k, 0, teg.length(V, 0))), [V])
+        value, gradient = f.value_and_grad(V=[[1.0, 2.0], [3.0, 4.0]])
+        value                                               # 14.0
+        gradient["V"].tolist()                              # [[2.0, 1.0], [4.0, 3.0]]
+
+    The shape is known when the program is called. Raises ParameterError for a name that is no identifier, ArrayIndexError for another
+    number of dimensions, or if the array is indexed by anything but integers, or by too few.
     """
     return created(Array.make((identifier(_named(name, "array")), _dimensions(dimensions, name)), ()))
 
 
 def indices(name: str, dimensions: int = 1) -> IndexArray:
-    """Returns an array of integers, for gathers: ``F = teg.indices("F", 2)``; ``V[F[k, 0], 1]``. Not differentiable."""
+    """Returns an array of integers with so many dimensions, for gathers. It is not differentiable.
+
+        V, F, k = teg.array("V"), teg.indices("F", 2), teg.index("k")
+        f = teg.compile(teg.sum(V[F[k, 1]] - V[F[k, 0]], (k, 0, teg.length(F, 0))))
+        f(V=[1.0, 5.0, 7.0], F=[[0, 1], [1, 2]])            # 6.0
+
+    Raises as `teg.array` does.
+    """
     return created(IndexArray.make((identifier(_named(name, "array of indices")), _dimensions(dimensions, name)), ()))
 
 
 def index(name: str) -> IndexVar:
-    """Returns the index of a sum. The same name is the same index."""
+    """Returns the index of a sum. The same name is the same index. Raises OperandError for what is no text.
+
+    k = teg.index("k")
+    teg.evaluate(teg.sum(k * k, (k, 0, 4)))             # 14.0
+    """
     return IndexVar.make(_named(name, "index"), ())
 
 
 def length(of: ArrayName, axis: int = 0) -> Index:
-    """Returns the length of an array along an axis, known when the program is called."""
+    """Returns the length of an array along an axis, an integer that is known when the program is called.
+
+        V, k = teg.array("V", 2), teg.index("k")
+        f = teg.compile(teg.sum(V[k, 0], (k, 0, teg.length(V, 0))) / teg.length(V, 0))
+        f(V=[[1.0, 7.0], [3.0, 8.0]])                       # 2.0
+
+    Raises ArrayIndexError for what is no array, and an axis that the array does not have.
+    """
     if not isinstance(of, ArrayName):
         raise ArrayIndexError("teg.length takes an array", of, 'teg.length(V, 0) of V = teg.array("V", 2)')
     if isinstance(axis, bool) or not isinstance(axis, int) or not 0 <= axis < of.dimensions:
@@ -201,6 +232,9 @@ def sum_(body: Operand, *ranges: Range) -> Expr:
 
     Bounds are integers, parameters that hold integers, teg.length, and integer expressions of the indices of later triples. A tuple is
     summed entry by entry. Raises ScopeError for a malformed triple, ArrayIndexError for a bound that is not an integer.
+
+        j, k = teg.index("j"), teg.index("k")
+        teg.evaluate(teg.sum(j, (j, 0, k), (k, 0, 4)))      # 4.0: 0 + 0 + (0 + 1) + (0 + 1 + 2)
     """
     if isinstance(body, tuple | list):
         hint = "Python's sum(…) adds a list; teg.sum(V[k], (k, 0, n)) runs over an index"

@@ -39,7 +39,13 @@ _GUARDS = 4  # the largest number of different branches that are kept together a
 
 
 class Expr(Node):
-    """A number-valued expression."""
+    """A number-valued expression, for annotations and `isinstance`. Expressions are made by operators and by the functions of `teg`.
+
+        isinstance(t + 1, teg.Expr)                         # True
+        (t + 1) is (t + 1)                                  # True
+
+    They are immutable; equal ones are one object, so `==` is identity, and they can be keys of a dict.
+    """
 
     __slots__ = ()
 
@@ -124,10 +130,16 @@ class Expr(Node):
     def __float__(self) -> float:
         if isinstance(self, Const):
             return self.data  # type: ignore[no-any-return]
-        raise OperandError("an expression is not a number yet", self, "teg.evaluate(e, {parameter: value}) gives its number")
+        hint = "functions of expressions are those of teg: teg.exp for math.exp; a number is given by teg.evaluate(e, {parameter: value})"
+        raise OperandError("an expression is not a number yet", self, hint)
 
     def __int__(self) -> int:
         return int(float(self))
+
+    if not TYPE_CHECKING:  # type checkers report it themselves
+
+        def __call__(self, *_: object, **__: object) -> NoReturn:
+            raise OperandError("an expression is not a function", self, "f = teg.compile(e), then f(t=0.5); or teg.evaluate(e, t=0.5)")
 
     def __round__(self, digits: int | None = None) -> Expr:
         if digits is not None:
@@ -163,7 +175,10 @@ class Const(Expr):
 
 
 class Param(Expr):
-    """A parameter. Derivatives are taken by parameters."""
+    """A parameter, made by `teg.param`. Derivatives are taken by parameters. `name` is its name.
+
+    teg.param("t").name                                 # 't'
+    """
 
     __slots__ = ()
 
@@ -179,7 +194,10 @@ class Still(Param):
 
 
 class Var(Expr):
-    """A variable of integration, bound by an integral."""
+    """A variable of integration, made by `teg.var`, and bound by an integral. `name` is its name.
+
+    sorted(v.name for v in (x * y * t).free)            # ['x', 'y']
+    """
 
     __slots__ = ()
 
@@ -255,7 +273,12 @@ class Where(Expr):
 
 
 class Tuple(Expr):
-    """Several expressions evaluated together. Arithmetic and functions work entry by entry; + does not join tuples."""
+    """Several expressions evaluated together, made by `teg.tuple`. It has a length, entries `e[0]`, and can be iterated over.
+
+        str(2 * teg.tuple(t, a) + 1)                        # (2·t + 1, 2·a + 1)
+
+    Arithmetic and functions work entry by entry; + does not join tuples. Raises OperandError for tuples of different lengths.
+    """
 
     __slots__ = ()
     children: tuple[Expr, ...]
@@ -275,7 +298,12 @@ class Tuple(Expr):
 
 
 class Cond(Node):
-    """A condition."""
+    """A condition, made by `< <= > >=` and combined by `& | ~`. `teg.bracket` and `teg.where` take one.
+
+        str((x < t) & ~(x < 0))                             # x < t & ~(x < 0)
+
+    It has no truth value and is no number: `if`, `and`, `not`, `max` and arithmetic raise ConditionError.
+    """
 
     __slots__ = ()
 

@@ -62,7 +62,14 @@ class Slot(Node):
 
 
 class Function(Node):
-    """A function of the language; data is (name, formals, inline), the child is the body. Call it with one argument a formal."""
+    """A function of the language, made by `teg.function`. Call it with one argument for each formal.
+
+        u, v = teg.vars("u v")
+        wave = teg.function("wave", [u, v], teg.sin(u) * v)
+        teg.evaluate(wave(t, 2.0), t=0.0)                   # 0.0
+
+    Its data are (name, formals, inline), its child is the body.
+    """
 
     __slots__ = ("_facts",)
 
@@ -78,7 +85,10 @@ class Function(Node):
 
     @property
     def inline(self) -> bool | None:
-        """Returns the option `inline` given to `teg.function`."""
+        """Returns the option `inline` given to `teg.function`.
+
+        teg.function("wave", [u], teg.sin(u), inline=True).inline  # True
+        """
         return cast("bool | None", self.data[2])
 
     @property
@@ -110,13 +120,19 @@ class Function(Node):
 
     @property
     def obstacle(self) -> str:
-        """Returns the reason why the body has to be written out; "" if it is opaque."""
+        """Returns the reason why the body has to be written out; "" if it is compiled by itself.
+
+        teg.function("wave", [u], teg.sin(u)).obstacle      # ''
+        """
         if self.inline is None:
             return self.facts.obstacle
         return "inline=True" if self.inline else ""
 
     def __call__(self, *arguments: object) -> Apply:
-        """Returns the function applied to numbers or expressions. Raises OperandError for too few or too many arguments, or other types."""
+        """Returns the function applied to numbers or expressions. Raises OperandError for too few or too many arguments, or other types.
+
+        str(teg.function("wave", [u], teg.sin(u))(2 * t))   # wave(2·t)
+        """
         if len(arguments) != len(self.formals):
             names = ", ".join(f.name for f in self.formals)
             raise OperandError(f"{self.title}({names}) takes {len(self.formals)} arguments, and was given {len(arguments)}", self)
@@ -178,8 +194,10 @@ def functions_of(*roots: Node) -> list[Function]:
 
 
 def function(name: str, args: Sequence[Param | Var], body: object, *, inline: bool | None = None) -> Function:
-    """Returns a function of the language, differentiated and compiled once: ``shade = teg.function("shade", [u, v], body)``; ``shade(e1,
-    e2)``.
+    """Returns a function of the language, differentiated and compiled once.
+
+        shade = teg.function("shade", [u, v], u * teg.exp(-v))
+        teg.evaluate(teg.integral(shade(x, t), (x, 0, 1)), t=0.0)  # 0.5
 
     `args` are the formal names, teg.param or teg.var objects. Inside of the body they stand for the arguments; outside they keep their
     usual meaning. Other parameters of the body stay parameters of the program; other variables must be bound in it. An application means

@@ -32,7 +32,13 @@ LARGEST = 2**62
 
 
 class Index(Node):
-    """An integer expression."""
+    """An integer expression: an index of a sum, a length, an entry of an integer array, and `+ - * // %` of these.
+
+        k = teg.index("k")
+        str((k + 1) % 3)                                    # (k + 1) % 3
+
+    Where a number is expected it becomes one, whose derivative is 0.
+    """
 
     __slots__ = ()
 

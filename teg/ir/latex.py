@@ -52,7 +52,9 @@ Text = tuple[str, int]
 
 
 def latex(root: Expr | Cond, limit: int = _LIMIT) -> str:
-    """Returns the expression or condition in LaTeX, without dollar signs; one longer than `limit` characters is named by its size only.
+    """Returns the expression or condition in LaTeX, without dollar signs. One longer than `limit` characters is named by its size only.
+
+        str(teg.latex(teg.sqrt(t) * x**2))                  # \\sqrt{t} \\, x^{2}
 
     A name of one letter, a Greek letter, or one of these with a number at its end (v00, an index) is printed as such, other names
     upright.

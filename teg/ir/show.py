@@ -188,7 +188,10 @@ def _comparison(node: Compare, parts: list[tuple[str, int]]) -> str:
 
 
 def dump(*roots: Node) -> str:
-    """Returns a listing of each distinct node once, a line each: %n = operation(%m, …). It shows the sharing."""
+    """Returns a listing of each distinct node once, a line each: %n = operation(%m, …). It shows what is shared.
+
+    print(teg.dump(teg.sin(t) + teg.sin(t) ** 2))
+    """
     order = postorder(roots)
     label: dict[Node, str] = {}
     lines: list[str] = []

@@ -33,8 +33,8 @@ def substitute(e: N, replacements: Mapping[Var | Param, Operand]) -> N:
     ArrayIndexError for one that is not an integer where an integer is used.
 
         x, t = teg.var("x"), teg.param("t")
-        teg.substitute(x**2 + t, {x: t + 1})                              # (t + 1)² + t
-        teg.substitute(teg.integral(x * t, (x, 0, 1)), {t: x})            # ∫[x′: 0..1] x′·x
+        str(teg.substitute(x**2 + t, {x: t + 1}))                        # (t + 1)² + t
+        str(teg.substitute(teg.integral(x * t, (x, 0, 1)), {t: x}))      # ∫[x′: 0..1] x′·x
     """
     root: Node = e if isinstance(e, Tuple | Cond) else as_number(e)
     if not isinstance(replacements, Mapping):
@@ -98,7 +98,7 @@ def let(definitions: Mapping[Var | Param | str, Operand], body: N) -> N:
 
         x, r, s = teg.vars("x r s")
         t = teg.param("t")
-        teg.let({r: x - t, s: r**2}, teg.exp(-s) * r)                     # exp(-(x - t)²)·(x - t)
+        str(teg.let({r: x - t, s: r**2}, teg.exp(-s) * r))               # exp(-(x - t)²)·(x - t)
     """
     if not isinstance(definitions, Mapping):
         raise ParameterError("definitions are a dict, name -> expression", None, "teg.let({u: x * x}, u + 1)")

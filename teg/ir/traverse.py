@@ -35,7 +35,10 @@ CompareHook = Callable[[Compare, Expr, "Cond | None"], Cond]
 
 
 def size(*roots: Node) -> int:
-    """Returns the number of distinct nodes."""
+    """Returns the number of distinct nodes of one or several expressions.
+
+    teg.size(teg.sin(t) + teg.sin(t) ** 2)              # 4: t, sin(t), its square and the sum
+    """
     return len(postorder(roots))
 
 

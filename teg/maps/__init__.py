@@ -27,20 +27,30 @@ _TURN = (-math.pi, math.pi)
 
 
 def translation(old: Var | Sequence[Var], new: Var | Sequence[Var], by: object) -> Diffeomorphism:
-    """x = u + a, for one variable or several: `translation((x, y), (u, v), (a, b))`. The image of a box is a box."""
+    """Returns the map x = u + a, of one variable or several. The image of a box is a box. Raises ScopeError for unequal numbers.
+
+    str(teg.maps.translation((x, y), (u, v), (t, 1)))  # <teg.Diffeomorphism x = u + t, y = v + 1>
+    """
     rows = _rows(old, new, by)
     return Diffeomorphism({x: u + a for x, u, a in rows}, {u: x - a for x, u, a in rows}, jacobian=1)
 
 
 def scaling(old: Var | Sequence[Var], new: Var | Sequence[Var], by: object) -> Diffeomorphism:
-    """x = a·u, a not 0, for one variable or several: `scaling((x, y), (u, v), (a, b))`. The image of a box is a box."""
+    """Returns the map x = a·u, a not 0, of one variable or several. The image of a box is a box. Raises ScopeError for unequal numbers.
+
+    str(teg.maps.scaling((x, y), (u, v), (t, 2)))      # <teg.Diffeomorphism x = t·u, y = 2·v>
+    """
     rows = _rows(old, new, by)
     return Diffeomorphism({x: a * u for x, u, a in rows}, {u: x / a for x, u, a in rows}, jacobian=ex.mul(*(a for _, _, a in rows)))
 
 
 def rotation(x: Var, y: Var, u: Var, v: Var, angle: Operand, centre: Point = (0, 0)) -> Diffeomorphism:
-    """Returns the map of (u, v) turned by the angle about (0, 0), then moved to the centre: x = a + u·cos - v·sin, y =
-    b + u·sin + v·cos."""
+    """Returns the map of (u, v) turned by the angle (radians) about (0, 0), then moved to the centre (a, b).
+
+        str(teg.maps.rotation(x, y, u, v, t).forward[x])   # u·cos(t) - v·sin(t)
+
+    x = a + u·cos - v·sin, y = b + u·sin + v·cos.
+    """
     c, s = cos(angle), sin(angle)
     a, b = map(as_number, centre)
     return Diffeomorphism(
@@ -49,7 +59,10 @@ def rotation(x: Var, y: Var, u: Var, v: Var, angle: Operand, centre: Point = (0,
 
 
 def shear(x: Var, y: Var, u: Var, v: Var, slope: object) -> Diffeomorphism:
-    """x = u + slope·v, y = v. The image of a box is a nest of integrals, with no brackets."""
+    """Returns the map x = u + slope·v, y = v. The image of a box is a nest of integrals, with no brackets.
+
+    str(teg.maps.shear(x, y, u, v, t))                 # <teg.Diffeomorphism x = u + t·v, y = v>
+    """
     k = as_number(slope)
     return Diffeomorphism({x: u + k * v, y: cast(Expr, v)}, {u: x - k * y, v: y}, jacobian=1)
 
@@ -57,7 +70,10 @@ def shear(x: Var, y: Var, u: Var, v: Var, slope: object) -> Diffeomorphism:
 def affine(
     old: Sequence[Var], new: Sequence[Var], matrix: Sequence[Sequence[object]], offset: Sequence[object] | None = None
 ) -> Diffeomorphism:
-    """x = A·u + b, A a matrix by rows whose determinant is not 0."""
+    """Returns the map x = A·u + b, with a matrix A, given by rows, whose determinant is not 0. Raises ScopeError for another size of A.
+
+    str(teg.maps.affine((x, y), (u, v), [[1, t], [0, 2]]))  # <teg.Diffeomorphism x = u + t·v, y = 2·v>
+    """
     n = len(old)
     if len(matrix) != n or any(len(row) != n for row in matrix):
         raise ScopeError(f"the matrix of {n} old variables must have {n} rows of {n} entries", None, "[[a, b], [c, d]]")
@@ -101,7 +117,13 @@ def _rows(old: Var | Sequence[Var], new: Var | Sequence[Var], shape: object) -> 
 
 
 def smoothstep(x: Var, u: Var, edges: Point = (0, 1)) -> Diffeomorphism:
-    """x = l + (h - l)·(3u² - 2u³) for 0 < u < 1: nodes gather at both edges, where the Jacobian is 0. Integrals inside the edges only."""
+    """Returns the map x = l + (h - l)·(3u² - 2u³), 0 < u < 1, with edges (l, h). Integrals inside the edges only.
+
+        e = teg.change_variables(teg.integral(teg.sqrt(x), (x, 0, 1)), teg.maps.smoothstep(x, u))
+        teg.evaluate(e)                                    # 0.6666666666666666
+
+    Nodes gather at both edges, where the Jacobian is 0.
+    """
     lo, hi = map(as_number, edges)
     share = (x - lo) / (hi - lo)
     return Diffeomorphism(
@@ -113,12 +135,20 @@ def smoothstep(x: Var, u: Var, edges: Point = (0, 1)) -> Diffeomorphism:
 
 
 def exponential(x: Var, u: Var) -> Diffeomorphism:
-    """x = exp(u), for integrals over x > 0."""
+    """Returns the map x = exp(u), for integrals over x > 0.
+
+    e = teg.change_variables(teg.integral(1 / x, (x, 1, t)), teg.maps.exponential(x, u))
+    str(e)                                             # ∫[u: 0..log(t)] 1
+    """
     return Diffeomorphism({x: exp(u)}, {u: log(x)}, jacobian=exp(u))
 
 
 def logarithm(x: Var, u: Var) -> Diffeomorphism:
-    """x = log(u), u > 0."""
+    """Returns the map x = log(u), u > 0.
+
+    e = teg.change_variables(teg.integral(teg.exp(x), (x, 0, 1)), teg.maps.logarithm(x, u))
+    teg.evaluate(e)                                    # 1.718281828459045
+    """
     return Diffeomorphism({x: log(u)}, {u: exp(x)}, domain={u: (0, None)}, jacobian=1 / u)
 
 
@@ -126,7 +156,14 @@ def logarithm(x: Var, u: Var) -> Diffeomorphism:
 
 
 def polar(x: Var, y: Var, r: Var, p: Var, centre: Point = (0, 0)) -> Diffeomorphism:
-    """x = a + r·cos p, y = b + r·sin p, r > 0, -π < p < π. Circles about the centre are r = …, rays from it p = …"""
+    """Returns the map x = a + r·cos p, y = b + r·sin p, with the centre (a, b), r > 0, -π < p < π.
+
+        e = teg.integral(teg.bracket(x**2 + y**2 < t), (x, -1, 1), (y, -1, 1))
+        f = teg.compile(e, [t], maps=[teg.polar(x, y, r, p)])
+        f.grad(t=0.5)                                      # {'t': 3.141592653589793}
+
+    Circles about the centre are r = …, rays from it p = …
+    """
     a, b = map(as_number, centre)
     return Diffeomorphism(
         {x: a + r * cos(p), y: b + r * sin(p)},
@@ -137,7 +174,12 @@ def polar(x: Var, y: Var, r: Var, p: Var, centre: Point = (0, 0)) -> Diffeomorph
 
 
 def elliptic(x: Var, y: Var, u: Var, v: Var, focus: object = 1) -> Diffeomorphism:
-    """x = c·cosh u·cos v, y = c·sinh u·sin v, u > 0, -π < v < π: ellipses u = … and hyperbolas v = … with the foci (±c, 0), c > 0."""
+    """Returns the map x = c·cosh u·cos v, y = c·sinh u·sin v, u > 0, -π < v < π, with the foci (±c, 0), c > 0.
+
+        str(teg.maps.elliptic(x, y, u, v).forward[x])      # cosh(u)·cos(v)
+
+    Ellipses are u = …, hyperbolas v = …
+    """
     c = as_number(focus)
     sum_of_distances = sqrt((x + c) ** 2 + y**2) + sqrt((x - c) ** 2 + y**2)
     ratio = sum_of_distances / (2 * c)
@@ -151,7 +193,10 @@ def elliptic(x: Var, y: Var, u: Var, v: Var, focus: object = 1) -> Diffeomorphis
 
 
 def parabolic(x: Var, y: Var, u: Var, v: Var) -> Diffeomorphism:
-    """x = (u² - v²)/2, y = u·v, v > 0: parabolas u = … and v = … with their focus at (0, 0)."""
+    """Returns the map x = (u² - v²)/2, y = u·v, v > 0: parabolas u = … and v = … with their focus at (0, 0).
+
+    str(teg.maps.parabolic(x, y, u, v).forward[y])     # u·v
+    """
     distance = sqrt(x**2 + y**2)
     return Diffeomorphism(
         {x: (u**2 - v**2) / 2, y: u * v},
@@ -162,7 +207,10 @@ def parabolic(x: Var, y: Var, u: Var, v: Var) -> Diffeomorphism:
 
 
 def hyperbolic(x: Var, y: Var, u: Var, v: Var) -> Diffeomorphism:
-    """x = v·exp(u), y = v·exp(-u), v > 0: hyperbolas x·y = v² and rays, in the quadrant x > 0, y > 0."""
+    """Returns the map x = v·exp(u), y = v·exp(-u), v > 0: hyperbolas x·y = v² and rays, in the quadrant x > 0, y > 0.
+
+    str(teg.maps.hyperbolic(x, y, u, v).jacobian)      # 2·v
+    """
     return Diffeomorphism({x: v * exp(u), y: v * exp(-u)}, {u: 0.5 * log(x / y), v: sqrt(x * y)}, domain={v: (0, None)}, jacobian=2 * v)
 
 
@@ -170,7 +218,11 @@ def hyperbolic(x: Var, y: Var, u: Var, v: Var) -> Diffeomorphism:
 
 
 def cylindrical(x: Var, y: Var, z: Var, r: Var, p: Var, h: Var, centre: Point = (0, 0)) -> Diffeomorphism:
-    """x = a + r·cos p, y = b + r·sin p, z = h, r > 0, -π < p < π."""
+    """Returns the map x = a + r·cos p, y = b + r·sin p, z = h, with the axis through (a, b), r > 0, -π < p < π.
+
+    z, h = teg.vars("z h")
+    str(teg.maps.cylindrical(x, y, z, r, p, h).jacobian)  # r
+    """
     a, b = map(as_number, centre)
     return Diffeomorphism(
         {x: a + r * cos(p), y: b + r * sin(p), z: h},
@@ -181,7 +233,13 @@ def cylindrical(x: Var, y: Var, z: Var, r: Var, p: Var, h: Var, centre: Point = 
 
 
 def spherical(x: Var, y: Var, z: Var, r: Var, theta: Var, phi: Var, centre: tuple[object, object, object] = (0, 0, 0)) -> Diffeomorphism:
-    """x = a + r·sin θ·cos φ, y = b + r·sin θ·sin φ, z = c + r·cos θ; r > 0, 0 < θ < π from the z axis, -π < φ < π around it."""
+    """Returns the map x = a + r·sin θ·cos φ, y = b + r·sin θ·sin φ, z = c + r·cos θ, with the centre (a, b, c).
+
+        z, theta, phi = teg.vars("z theta phi")
+        str(teg.maps.spherical(x, y, z, r, theta, phi).jacobian)  # r²·sin(theta)
+
+    r > 0; 0 < θ < π from the z axis; -π < φ < π around it.
+    """
     a, b, c = map(as_number, centre)
     across = (x - a) ** 2 + (y - b) ** 2
     return Diffeomorphism(

@@ -118,17 +118,26 @@ class Diffeomorphism:
 
     @property
     def old(self) -> tuple[Var, ...]:
-        """Returns the variables that are replaced."""
+        """Returns the variables that are replaced.
+
+        teg.polar(x, y, r, p).old == (x, y)             # True
+        """
         return tuple(self.forward)
 
     @property
     def new(self) -> tuple[Var, ...]:
-        """Returns the variables that replace them, innermost first."""
+        """Returns the variables that replace them, innermost first.
+
+        teg.polar(x, y, r, p).new == (r, p)             # True
+        """
         return tuple(self.inverse)
 
     @property
     def parameters(self) -> tuple[Param, ...]:
-        """Returns every parameter in the map, in order of first appearance."""
+        """Returns every parameter in the map, in order of first appearance.
+
+        teg.maps.scaling(x, u, t).parameters == (t,)    # True
+        """
         ends = (e for pairs in (self.domain, self.bounds) for pair in pairs.values() for e in pair)
         conditions = (e for c in self.within for e in c)
         return tuple(parameters(*self.forward.values(), *self.inverse.values(), self.jacobian, *ends, *conditions))
@@ -136,7 +145,13 @@ class Diffeomorphism:
     # -- other maps ----------------------------------------------------------------------------------------------------
 
     def then(self, other: Diffeomorphism) -> Diffeomorphism:
-        """Returns this map followed by `other` for some or all of its new variables: the same as changing variables twice."""
+        """Returns this map followed by `other` for some or all of its new variables: the same as changing variables twice.
+
+            m = teg.maps.translation(x, u, 1).then(teg.maps.scaling(u, v, 2))
+            str(m)                                          # <teg.Diffeomorphism x = 2·v + 1>
+
+        Raises OperandError for what is no map, ScopeError for old variables that are not new ones of this map.
+        """
         if not isinstance(other, Diffeomorphism):
             raise OperandError(f"a map is composed with a map, not with {type(other).__name__}")
         if not set(other.old) <= set(self.new) or set(other.new) & {*self.old, *self.new}:
@@ -191,7 +206,10 @@ class Diffeomorphism:
         return self.then(cast(Diffeomorphism, other))
 
     def inverse_map(self) -> Diffeomorphism:
-        """Returns the inverse map: its new variables are the old ones of this map."""
+        """Returns the inverse map: its new variables are the old ones of this map.
+
+        str(teg.maps.scaling(x, u, 2).inverse_map())    # <teg.Diffeomorphism u = 0.5·x>
+        """
         reciprocal = integer_power(_into(self.jacobian, self.inverse), -1)
         return _derived(
             forward=self.inverse,
@@ -207,12 +225,20 @@ class Diffeomorphism:
         )
 
     def with_bounds(self, bounds: Mapping[Var, tuple[object, object]]) -> Diffeomorphism:
-        """Returns the same map with a box that contains the image of every integral it is used for."""
+        """Returns the same map with a box that contains the image of every integral it is used for.
+
+            m = teg.polar(x, y, r, p).with_bounds({r: (0, 2), p: (-math.pi, math.pi)})
+
+        Raises ScopeError for what is no interval of a new variable, BoundError for bounds that are infinite or reach beyond the domain.
+        """
         parts = {name: getattr(self, name) for name in self.__slots__}
         return _derived(**{**parts, "bounds": _finite(_intervals(bounds, self.new, "bounds"), self.domain)})
 
     def renamed(self, taken: Iterable[str]) -> Diffeomorphism:
-        """Returns the same map with new variables whose names are not taken."""
+        """Returns the same map with new variables whose names are not among those in `taken`.
+
+        str(teg.maps.scaling(x, u, 2).renamed(["u"]))   # <teg.Diffeomorphism x = 2·u′>
+        """
         names = set(taken)
         change: dict[Var, Expr] = {}
         for v in self.new:
@@ -240,8 +266,10 @@ class Diffeomorphism:
     # -- signs ---------------------------------------------------------------------------------------------------------
 
     def sign_of(self, e: Expr) -> Expr | None:
-        """Returns the sign of an expression of the new variables that does not vanish in the domain: 1, -1, or an
-        expression of parameters."""
+        """Returns the sign of an expression of the new variables that does not vanish in the domain: 1, -1, or an expression of parameters.
+
+        str(teg.polar(x, y, r, p).sign_of(-r))          # -1
+        """
         if by_form := sign_of(e, {}):
             return ONE if by_form > 0 else MINUS_ONE
         there = _into(e, self.reference)
@@ -250,18 +278,27 @@ class Diffeomorphism:
         return where(positive(there), ONE, MINUS_ONE)
 
     def weight(self) -> Expr:
-        """Returns |J|."""
+        """Returns |J|, the factor that an integral in the new variables has.
+
+        str(teg.polar(x, y, r, p).weight())             # r
+        """
         return mul(self.orientation, self.jacobian)
 
     def sample_values(self, known: Sequence[Param], trial: int) -> dict[Param, float]:
-        """Returns parameter values for verifying a map: those of `check_at`, and others between 0.4 and 1.4, no two in a simple ratio."""
+        """Returns parameter values for verifying a map: those of `check_at`, and others between 0.4 and 1.4, no two in a simple ratio.
+
+        m = teg.Diffeomorphism({x: t * u}, inverse={u: x / t}, check_at={t: 2.0})
+        m.sample_values([t], 0)[t]                      # 2.0
+        """
         golden = 0.6180339887498949
         return {p: self.check_at.get(p, 0.4 + math.modf((TRIALS * i + trial + 1) * golden)[0]) for i, p in enumerate(known)}
 
     def verify(self, values: Mapping[Param, Any], samples: int = SAMPLES, derive: bool = False) -> None:
         """Checks the map at parameter values (numbers, or arrays of one length). Raises DiffeomorphismError.
 
-        `derive`: also compare the Jacobian with the determinant of the derivatives.
+            teg.maps.scaling(x, u, t).verify({t: 3.0})
+
+        `samples` is the number of points; with `derive` the Jacobian is compared with the determinant of the derivatives, too.
         """
         verify(self, values, samples, derive)
 

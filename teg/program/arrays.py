@@ -181,7 +181,7 @@ class ArrayProgram:
 
 
 def steps(block: tuple[Step, ...]) -> Iterator[Step]:
-    """Every step of a block and of the loops in it, outermost first."""
+    """Yields every step of a block and of the loops in it, outermost first."""
     stack = list(reversed(block))
     while stack:
         step = stack.pop()
@@ -191,16 +191,16 @@ def steps(block: tuple[Step, ...]) -> Iterator[Step]:
 
 
 def scattered(block: tuple[Step, ...]) -> list[int]:
-    """The outputs that are scattered into, ascending."""
+    """Returns the outputs that are scattered into, ascending."""
     return sorted({s.output for s in steps(block) if isinstance(s, Scatter)})
 
 
 def work(block: tuple[Step, ...]) -> int:
-    """About how many operations a run of a block takes, loops inside counted as a hundred iterations: a fixed number, which decides how
-    many chunks a loop is worth."""
+    """Returns about how many operations a run of a block takes, loops inside counted as a hundred iterations: a fixed number, which decides
+    how many chunks a loop is worth."""
     return sum(size(s.program) * 4 if isinstance(s, Run) else 100 * work(s.body) if isinstance(s, Loop) else 1 for s in block)
 
 
 def array_size(program: ArrayProgram) -> int:
-    """Number of statements, those of the flat programs included."""
+    """Returns the number of statements, those of the flat programs included."""
     return sum(size(s.program) if isinstance(s, Run) else 1 for s in steps(program.body))

@@ -10,13 +10,13 @@ from teg.program.walk import assigned
 
 
 def without_dead_code(program: Program) -> Program:
-    """The program without statements whose results nobody uses."""
+    """Returns the program without statements whose results nobody uses."""
     live: set[Arg] = set(program.outputs)
     return Program(program.parameters, _live_part(program.body, live), program.outputs, program.ties, program.functions)
 
 
 def _live_part(block: tuple[Stmt, ...], live: set[Arg]) -> tuple[Stmt, ...]:
-    """The statements of a block that matter, given the names used after it; the names they use are added to `live`."""
+    """Returns the statements of a block that matter, given the names used after it; the names they use are added to `live`."""
     kept: list[Stmt] = []
     for stmt in reversed(block):
         if isinstance(stmt, Assign):  # most of them

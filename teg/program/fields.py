@@ -100,7 +100,7 @@ _DECLARED: dict[type, tuple[Declared, ...]] = {}
 
 
 def declared(cls: type) -> tuple[Declared, ...]:
-    """The fields of a dataclass that have a role, in order."""
+    """Returns the fields of a dataclass that have a role, in order."""
     if cls not in _DECLARED:
         hints = get_type_hints(cls, include_extras=True)
         roles = ((f.name, role) for f in fields(cls) for role in get_args(hints[f.name])[1:] if isinstance(role, Role))
@@ -109,7 +109,7 @@ def declared(cls: type) -> tuple[Declared, ...]:
 
 
 def flat(value: object) -> Iterator[Any]:
-    """The entries of a tuple, of the tuples in it, and so on; None has no entries."""
+    """Yields the entries of a tuple, of the tuples in it, and so on; None has no entries."""
     if isinstance(value, tuple):
         for entry in value:
             yield from flat(entry)
@@ -118,7 +118,8 @@ def flat(value: object) -> Iterator[Any]:
 
 
 def leaves(node: object) -> Iterator[tuple[Operand | Variable | Result, Any]]:
-    """Every name and literal of a statement itself with its role, in the order of the fields; those of statements in it are left out."""
+    """Yields every name and literal of a statement itself with its role, in the order of the fields; those of statements in it are left
+    out."""
     for field in declared(type(node)):
         value, role = getattr(node, field.name), field.role
         if isinstance(role, Part):
@@ -130,27 +131,27 @@ def leaves(node: object) -> Iterator[tuple[Operand | Variable | Result, Any]]:
 
 
 def operands(node: object, at: str | None = None, hints: bool = True) -> list[Any]:
-    """The names and literals that a statement reads itself: all, or those that are read in the block `at`, or around it ("")."""
+    """Returns the names and literals that a statement reads itself: all, or those that are read in the block `at`, or around it ("")."""
     return [a for r, a in leaves(node) if isinstance(r, Operand) and (at is None or r.at == at) and (hints or not r.hint)]
 
 
 def variables(node: object, block: str | None = None) -> list[str]:
-    """The variables of a statement: all, or those that are known in a block."""
+    """Returns the variables of a statement: all, or those that are known in a block."""
     return [name for role, name in leaves(node) if isinstance(role, Variable) and (block is None or block in role.blocks)]
 
 
 def result_names(node: object) -> tuple[str, ...]:
-    """The names that a statement gives values, known after it."""
+    """Returns the names that a statement gives values, known after it."""
     return tuple(name for role, name in leaves(node) if isinstance(role, Result))
 
 
 def absent(node: object) -> dict[str, float]:
-    """The results of a statement where its condition fails."""
+    """Returns the results of a statement where its condition fails."""
     return {name: role.absent for role, name in leaves(node) if isinstance(role, Result)}
 
 
 def inner_blocks(node: object) -> Iterator[tuple[str, Block, tuple[Any, ...]]]:
-    """The blocks of a statement with their names and roles, in the order in which they are run."""
+    """Yields the blocks of a statement with their names and roles, in the order in which they are run."""
     for field in declared(type(node)):
         if isinstance(field.role, Block):
             yield field.name, field.role, getattr(node, field.name)
@@ -163,7 +164,7 @@ T = TypeVar("T")
 
 
 def rebuilt(node: T, change: Callable[[Declared, Any], Any]) -> T:
-    """The statement with other values of its fields that have a role; those of its parts are changed one by one."""
+    """Returns the statement with other values of its fields that have a role; those of its parts are changed one by one."""
     new = {}
     for field in declared(type(node)):
         old = getattr(node, field.name)
@@ -180,12 +181,12 @@ def _in_parts(value: Any, change: Callable[[Declared, Any], Any]) -> Any:
 
 
 def with_blocks(node: T, blocks: Mapping[str, tuple[Any, ...]]) -> T:
-    """The statement with other statements in some of its blocks, by their names."""
+    """Returns the statement with other statements in some of its blocks, by their names."""
     return rebuilt(node, lambda field, old: blocks.get(field.name, old) if isinstance(field.role, Block) else old)
 
 
 def renamed(node: T, names: Mapping[str, Any]) -> T:
-    """The statement, and those inside it, with other names."""
+    """Returns the statement, and those inside it, with other names."""
 
     def new(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -199,7 +200,8 @@ def renamed(node: T, names: Mapping[str, Any]) -> T:
 
 
 def selected(node: T, live: Set[Any]) -> T:
-    """The statement without those results that are not among the live names, as far as they can be left out, and what belongs to them."""
+    """Returns the statement without those results that are not among the live names, as far as they can be left out, and what belongs to
+    them."""
     own = declared(type(node))
     fixed = any(isinstance(f.role, Result) and f.role.fixed for f in own)
     beside = [getattr(node, f.name) for f in own if isinstance(f.role, Result) and f.role.each]
@@ -223,6 +225,6 @@ def selected(node: T, live: Set[Any]) -> T:
 
 
 def _entries(values: tuple[Any, ...], kept: list[int]) -> tuple[Any, ...]:
-    """The entries that are kept; the tuple itself if these are all."""
+    """Returns the entries that are kept; the tuple itself if these are all."""
     entries = tuple(values[i] for i in kept if i < len(values))
     return values if len(entries) == len(values) else entries

@@ -30,7 +30,7 @@ class Operation(NamedTuple):
 
 
 def _where_it_exists(function: Callable[..., float], beyond: Callable[..., float]) -> Callable[..., float]:
-    """The function, and where Python raises instead of an infinity or a NaN, what IEEE arithmetic has."""
+    """Returns the function, and where Python raises instead of an infinity or a NaN, what IEEE arithmetic has."""
 
     def meaning(*args: float) -> float:
         try:
@@ -42,7 +42,7 @@ def _where_it_exists(function: Callable[..., float], beyond: Callable[..., float
 
 
 def total(*terms: float) -> float:
-    """The sum, from the left."""
+    """Returns the sum, from the left."""
     result = terms[0]
     for term in terms[1:]:
         result = result + term
@@ -50,7 +50,7 @@ def total(*terms: float) -> float:
 
 
 def product(*factors: float) -> float:
-    """The product, from the left."""
+    """Returns the product, from the left."""
     result = factors[0]
     for factor in factors[1:]:
         result = result * factor
@@ -58,14 +58,14 @@ def product(*factors: float) -> float:
 
 
 def divide(x: float, y: float) -> float:
-    """x/y; an infinity or NaN where y is 0."""
+    """Returns x/y; an infinity or NaN where y is 0."""
     if y != 0.0:
         return x / y
     return math.nan if x == 0.0 or x != x else math.copysign(math.inf, x) * math.copysign(1.0, y)
 
 
 def power(x: float, n: int) -> float:
-    """x to an integer power, by squaring; 1/power(x, -n) where n is negative."""
+    """Returns x to an integer power, by squaring; 1/power(x, -n) where n is negative."""
     if n < 0:
         return divide(1.0, power(x, -n))
     result = 1.0
@@ -79,22 +79,22 @@ def power(x: float, n: int) -> float:
 
 
 def floor(x: float) -> float:
-    """The largest whole number that is not above x, with the sign of a 0."""
+    """Returns the largest whole number that is not above x, with the sign of a 0."""
     return math.copysign(float(math.floor(x)), x) if math.isfinite(x) else x
 
 
 def least(x: float, y: float) -> float:
-    """The smaller of two numbers, NaN if one is."""
+    """Returns the smaller of two numbers, NaN if one is."""
     return x if x < y or x != x else y
 
 
 def largest(x: float, y: float) -> float:
-    """The larger of two numbers, NaN if one is."""
+    """Returns the larger of two numbers, NaN if one is."""
     return x if x > y or x != x else y
 
 
 def _infinite_power(x: float, y: float) -> float:
-    """xʸ where Python raises: a negative base and a broken exponent, 0 to a negative power, a number that is too large."""
+    """Returns xʸ where Python raises: a negative base and a broken exponent, 0 to a negative power, a number that is too large."""
     if x < 0.0 and y != math.floor(y):
         return math.nan
     return -math.inf if math.copysign(1.0, x) < 0.0 and y % 2.0 == 1.0 else math.inf

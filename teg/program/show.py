@@ -20,7 +20,7 @@ def listing(program: Program) -> str:
 
 
 def _line(stmt: Stmt) -> str:
-    """A statement without the blocks inside it."""
+    """Returns a statement without the blocks inside it."""
     results = ", ".join(assigned(stmt))
     if isinstance(stmt, Assign):
         return f"{results} = {stmt.op}({', '.join(map(str, stmt.args))})"

@@ -203,12 +203,12 @@ class Integrate:
 
     @property
     def tested(self) -> int:
-        """How many of the values count for the error: all, or those that have estimates."""
+        """Returns the number of the values that count for the error: those with estimates, or all."""
         return len(self.estimates) or len(self.values)
 
     @property
     def at_nodes(self) -> tuple[Arg, ...]:
-        """The arguments that `body` computes at a node: values, watched signs, sharp values."""
+        """Returns the arguments that `body` computes at a node: values, watched signs, sharp values."""
         watch = self.watch if isinstance(self.rule, Adaptive) else ()
         return (*self.values, *watch, *(self.guard.seen if self.guard is not None else ()))
 
@@ -466,8 +466,8 @@ Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segm
 
 
 class Outcome(NamedTuple):
-    """What a run of a program gives: its outputs, (outputs, n), whether a tolerance was missed anywhere, the number of evaluations of
-    integrands without integrals inside (0 if the kernel was not asked to count), and whether a search found more roots than it has room
+    """The results of a run of a program: its outputs, (outputs, n); whether a tolerance was missed anywhere; the number of evaluations of
+    integrands without integrals inside (0 if the kernel was not asked to count); and whether a search found more roots than it has room
     for."""
 
     values: np.ndarray
@@ -478,13 +478,14 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Tie:
-    """What a `tie` operation compares, for diagnosis: two surfaces, printed."""
+    """The two surfaces, printed, that a `tie` operation compares. They are for diagnosis."""
 
     surfaces: tuple[str, str]
 
 
 class Printed(dict[object, Any]):
-    """What backends printed of a program, but for the bodies of its functions: every binding of these shares it. It is not pickled."""
+    """The texts that backends printed of a program, without the bodies of its functions. All bindings of these bodies share it. It is not
+    pickled."""
 
     def __reduce__(self) -> tuple[object, ...]:
         return (Printed, ())

@@ -45,14 +45,14 @@ class MalformedProgram(AssertionError):
 
 
 def verified(program: Program, stage: str) -> Program:
-    """The program, verified after a pass if the environment asks for it (TEG_VERIFY=1)."""
+    """Returns the program, verified after a pass if the environment asks for it (TEG_VERIFY=1)."""
     if os.environ.get("TEG_VERIFY"):
         verify_program(program, stage)
     return program
 
 
 def verified_arrays(program: ArrayProgram, stage: str) -> ArrayProgram:
-    """The program with arrays, verified after a pass if the environment asks for it (TEG_VERIFY=1)."""
+    """Returns the program with arrays, verified after a pass if the environment asks for it (TEG_VERIFY=1)."""
     if os.environ.get("TEG_VERIFY"):
         verify_array_program(program, stage)
     return program
@@ -69,7 +69,7 @@ def verify_array_program(program: ArrayProgram, stage: str = "") -> None:
 
 
 class _Verifier:
-    """What flat programs and programs with arrays have in common."""
+    """The common part of the verifiers of flat programs and of programs with arrays."""
 
     def __init__(self, stage: str) -> None:
         self.stage = stage
@@ -83,7 +83,7 @@ class _Verifier:
             self.fail(what, statement)
 
     def own(self, stmt: object, known: Known) -> None:
-        """Overridden: what a class of statements asks for besides."""
+        """Checks the conditions of one class of statements. Subclasses override it."""
 
     def block(self, block: tuple[object, ...], around: Known) -> Known:
         """Check the statements of a block; returns the names they give. Recursion is as deep as blocks are in each other."""
@@ -126,11 +126,11 @@ class _Verifier:
         return self.kind_of(stmt) if role.kind == "any" else role.kind
 
     def kind_of(self, stmt: object) -> Kind:
-        """What the result of a statement is whose operation says it."""
+        """Returns the kind of the result of a statement whose operation decides it."""
         raise NotImplementedError
 
     def operand(self, arg: object, role: Operand, known: Known, stmt: object) -> None:
-        """Check that a name is known where it is read, and that what is read is of the right kind."""
+        """Checks that a name is known where it is read, and that it has the right kind."""
         if isinstance(arg, str):
             if arg not in known:
                 self.fail(f"{arg} is not known where it is read", stmt)
@@ -158,7 +158,7 @@ class _Verifier:
 
 
 def _is(literal: object, kind: Kind) -> bool:
-    """Whether a literal may stand for that."""
+    """Returns whether a literal may stand for that."""
     match kind:
         case "condition":
             return isinstance(literal, bool)
@@ -169,7 +169,7 @@ def _is(literal: object, kind: Kind) -> bool:
 
 
 class _Flat(_Verifier):
-    """One flat program."""
+    """The verifier of a flat program."""
 
     def __init__(self, program: Program, stage: str) -> None:
         super().__init__(stage)
@@ -272,7 +272,7 @@ class _Flat(_Verifier):
 
 
 class _Arrays(_Verifier):
-    """One program with arrays."""
+    """The verifier of a program with arrays."""
 
     def __init__(self, program: ArrayProgram, stage: str) -> None:
         super().__init__(stage)

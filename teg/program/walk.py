@@ -20,17 +20,17 @@ from teg.program.statements import (
 
 
 def blocks(stmt: Stmt) -> tuple[tuple[Stmt, ...], ...]:
-    """The blocks inside a statement, in the order they are run."""
+    """Returns the blocks inside a statement, in the order they are run."""
     return () if isinstance(stmt, Assign) else tuple(block for _, _, block in inner_blocks(stmt))  # most of them are assignments
 
 
 def assigned(stmt: Stmt) -> tuple[str, ...]:
-    """The names a statement gives a value."""
+    """Returns the names a statement gives a value."""
     return (stmt.name,) if isinstance(stmt, Assign) else result_names(stmt)
 
 
 def free_names(stmt: Stmt, hints: bool = True) -> dict[str, None]:
-    """The names that a statement, and those inside it, read and do not give themselves, in order."""
+    """Returns the names that a statement, and those inside it, read and do not give themselves, in order."""
     if isinstance(stmt, Assign):
         return {a: None for a in stmt.args if isinstance(a, str)}
     names = [a for a in operands(stmt, hints=hints) if isinstance(a, str)]
@@ -42,7 +42,7 @@ def free_names(stmt: Stmt, hints: bool = True) -> dict[str, None]:
 
 
 def free_in(block: Iterable[Stmt], hints: bool = True) -> dict[str, None]:
-    """The names that the statements of a block read and the block does not give, in order."""
+    """Returns the names that the statements of a block read and the block does not give, in order."""
     names: dict[str, None] = {}
     own: set[str] = set()
     for stmt in block:
@@ -52,8 +52,8 @@ def free_in(block: Iterable[Stmt], hints: bool = True) -> dict[str, None]:
 
 
 def captured(stmt: Stmt, *names: str) -> tuple[list[str], list[str]]:
-    """What some blocks of a statement, and the operands that are read in them, take from around the statement; and what they take from its
-    other blocks."""
+    """Returns the names that some blocks of a statement, and the operands that are read in these blocks, take from around the statement;
+    and the names that they take from its other blocks."""
     used: list[str] = []
     own: set[str] = set()
     others: set[str] = set()
@@ -69,7 +69,7 @@ def captured(stmt: Stmt, *names: str) -> tuple[list[str], list[str]]:
 
 
 def statements(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
-    """Every statement of a block and of the blocks inside it, outermost first."""
+    """Yields every statement of a block and of the blocks inside it, outermost first."""
     stack = list(reversed(block))
     while stack:
         stmt = stack.pop()
@@ -80,7 +80,7 @@ def statements(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
 
 
 def compound(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
-    """The same but for assignments, which are most of them."""
+    """Yields the same but for assignments, which are most of them."""
     stack = [s for s in reversed(block) if not isinstance(s, Assign)]
     while stack:
         stmt = stack.pop()
@@ -90,7 +90,7 @@ def compound(block: tuple[Stmt, ...]) -> Iterator[Stmt]:
 
 
 def has_ties(block: tuple[Stmt, ...]) -> bool:
-    """Whether a run of a block can meet a tie."""
+    """Returns whether a run of a block can meet a tie."""
     waiting = [block]
     while waiting:
         stmts = waiting.pop()
@@ -106,12 +106,13 @@ def has_ties(block: tuple[Stmt, ...]) -> bool:
 
 
 def size(program: Program) -> int:
-    """Number of statements, nested ones included."""
+    """Returns the number of statements, nested ones included."""
     return sum(1 for _ in statements(program.body))
 
 
 def without_branches(program: Program) -> Program:
-    """The program with every `When` written out, for backends in which many points run together: what is not wanted is replaced by 0."""
+    """Returns the program with every `When` written out, for backends in which many points run together. Where a branch is not taken, its
+    results are replaced by 0."""
     if not any(isinstance(s, When) for s in statements(program.body)):
         return program
     numbers = count(1 + max(int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit()))
@@ -119,7 +120,7 @@ def without_branches(program: Program) -> Program:
 
 
 def _written_out(block: tuple[Stmt, ...], numbers: Iterator[int]) -> tuple[Stmt, ...]:
-    """Recursion is as deep as branches are in each other; there are none in loops."""
+    """Returns the block with every `When` written out. Recursion is as deep as branches are in each other; loops have none."""
     result: list[Stmt] = []
     for stmt in block:
         match stmt:
@@ -134,7 +135,8 @@ def _written_out(block: tuple[Stmt, ...], numbers: Iterator[int]) -> tuple[Stmt,
 
 
 def clipped_by(stmt: Polygon | Segment) -> tuple[Arg, ...]:
-    """What decides the domain of a polygon or a segment; but for the scales of ties, which are known in the block for them only."""
+    """Returns the arguments that decide the domain of a polygon or a segment, without the scales of ties, which only the block for them
+    knows."""
     if isinstance(stmt, Polygon):
         known = (stmt.across, *(arg for p in stmt.corners for arg in p)) if stmt.corners else ()
         return (stmt.width, stmt.height, *(arg for g in stmt.half_planes for arg in (g.a, g.b, g.c)), *known)

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     Numbers = npt.NDArray[np.float64]
 
 BORDER = "a condition on parameters only"
+CREASE = "a surface meets a corner or another surface: second derivatives differ from side to side, and their mean is given"
 STEP = 2.0**-50
 STEP_OVER_TIES = 2.0**-42
 NOTHING = 1e-18
@@ -58,12 +59,13 @@ MOST = 100
 class Diagnosis:
     """One reason why the derivative at a point is not the usual one.
 
-    kind: "tie" (two surfaces, or a surface and a bound, coincide: the gradient given is the mean over the two orders; the
-    message tells it beside the one-sided ones), "parameter
-    surface" (a condition on parameters only is at its border), "one-sided" (the gradient a few roundings away is another one: a region
-    is born, two curves cross at a saddle), "infinite derivative", "second derivative", "not a number". `index` is the place in the
-    batch, flattened; `iteration` gives the indices of the sums around, in a program with arrays, outermost first, and `parameters` then
-    holds the entries that the surfaces are made of, too. `str()` is a sentence.
+        f.diagnose(t=1.0, a=0.0)[0].surfaces      # ('t - (x + a·y) = 0', 'the bound y = 1 or the bound x = 1')
+
+    kind: "tie" (two surfaces, or a surface and a bound, coincide: the gradient given is the mean over the two orders, and the message
+    tells it beside the one-sided ones), "parameter surface" (a condition on parameters only is at its border), "one-sided" (the gradient a
+    few roundings away is another one: a region is born, two curves cross at a saddle), "infinite derivative", "second derivative", "not a
+    number". `index` is the place in the batch, flattened. In a program with arrays `iteration` gives the indices of the sums around,
+    outermost first, and `parameters` holds the entries that the surfaces are made of, too. `str()` is a sentence.
     """
 
     kind: str
@@ -182,19 +184,21 @@ class NumberWatch:
         import numpy as np
 
         results, met = self.kernel.values_and_ties(at.columns, 1)
-        results, differ = results[: self.results], False
+        results, differ = results[: self.results], np.zeros(self.results, dtype=bool)
         here = results[: self.first_order, 0]
         if met:
-            one, other = (self.kernel.in_order(at.columns, 1, order)[: self.results] for order in (1, -1))
-            differ = not np.allclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True)
+            one, other = (self.kernel.in_order(at.columns, 1, order)[: self.results, 0] for order in (1, -1))
+            differ = ~np.isclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True)
         pairs = [self.program.ties[k].surfaces for k in met]
-        pairs = _once([pair for pair in pairs if pair[1] == BORDER or differ])
+        pairs = _once([pair for pair in pairs if pair[1] == BORDER or differ[: self.first_order].any()])
         ties: list[Diagnosis] = []
+        if differ.any() and not differ[: self.first_order].any():  # surfaces that meet on the boundary: their formulas are the compiler's
+            ties = [Diagnosis("second derivative", (), at.values, CREASE, at.number)]
         if pairs:
             finite = all(np.isfinite(v) for v in at.values.values()) and np.isfinite(here).all()
             moves = self._moves(at, here, STEP_OVER_TIES) if finite else []
             words = _steps_in_numbers(self.expression, at.values)
-            ties = [_of_pair((words.get(first, first), words.get(second, second)), moves, at) for first, second in pairs]
+            ties += [_of_pair((words.get(first, first), words.get(second, second)), moves, at) for first, second in pairs]
         return Look(results, ties, STEP_OVER_TIES if met or self.searched else STEP)
 
     def of_results(self, look: Look, at: Element) -> list[Diagnosis]:

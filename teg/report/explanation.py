@@ -41,6 +41,8 @@ class Table:
 class Explanation:
     """The compiler's findings. `str()` is a report to read, `data` the same, unshortened, as dicts, lists, strings and numbers.
 
+        [*f.explain().data["cost"]]                         # ['value', 'value and gradient']
+
     data["functions"] are the applied functions (not in a program with arrays, where all are written out). data["surfaces"] are the
     surfaces on which integrands change, data["dropped"] the other surfaces of the program. data["integrals"], data["boundary"] and
     data["interior"] are the integrals of the value and the two kinds of the gradient. data["remarks"] are the decisions of the passes:

@@ -36,7 +36,9 @@ _OPERATIONS = 150  # and of operations given to its simplifiers: about a second 
 
 
 def to_sympy(e: object, *, evaluate: bool = False, conditions: str = "auto", symbols: Mapping[Any, Any] | None = None) -> Any:
-    """Returns the SymPy form of an expression, a tuple or a condition, by the table above. Its values are the same, on borders as well.
+    """Returns the SymPy form of an expression, a tuple or a condition. Its values are the same, on borders as well.
+
+        str(teg.to_sympy(teg.bracket(x < t) * teg.exp(x)))  # exp(x)*Heaviside(t - x, 0)
 
         evaluate:   False writes the expression as it is. True goes through SymPy's constructors, which collect and sort terms, so that ==
                     with other SymPy expressions means something; they round anew, and are for short expressions.
@@ -67,6 +69,9 @@ def to_sympy(e: object, *, evaluate: bool = False, conditions: str = "auto", sym
 
 def from_sympy(s: Any, variables: Iterable[Any] = (), *, heaviside_at_zero: float | None = None) -> Any:
     """Returns the expression of a SymPy form: a number, an expression, a condition, a tuple, or a matrix (the tuple of its rows).
+
+        s = sympy.Symbol("s")
+        str(teg.from_sympy(sympy.Integral(sympy.cos(s) * sympy.Symbol("t"), (s, 0, 1))))  # ∫[s: 0..1] t·cos(s)
 
     A symbol that an `Integral` binds becomes a variable. Other symbols become parameters. Those in `variables` (symbols, variables,
     names, or one string of names) become variables instead and stay free, for `teg.integral` to bind. A bound symbol whose name is taken

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import logging
+import threading
 import time
 
 import pytest
@@ -62,3 +64,50 @@ def test_what_failed_is_not_logged_as_done(caplog: pytest.LogCaptureFixture) -> 
 def test_titles() -> None:
     assert [wanted.title for wanted in (VALUE, GRADIENT, HESSIAN)] == ["value", "value and gradient", "value, gradient and Hessian"]
     assert Wanted(False, 1, ((t,),)).title == "gradient of the derivative along a direction"
+
+
+class Terminal(io.StringIO):
+    """A stream that says that it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_shows_a_line_while_it_is_slow_and_removes_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timing, "SLOW", 0.01)
+    monkeypatch.setattr("sys.stderr", terminal := Terminal())
+    with timing.timed("value for c", "compiled"):
+        time.sleep(0.1)
+    first, line, blank, last = terminal.getvalue().split("\r")
+    assert (first, last) == ("", "")
+    assert line == "teg: value for c, not compiled yet after 0 s (Ctrl-C stops it)"
+    assert blank == " " * len(line)
+
+
+def test_nothing_is_shown_where_it_is_quick_or_not_wanted(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stderr", terminal := Terminal())
+    with timing.timed("value", "derived"):
+        pass
+    monkeypatch.setattr(timing, "SLOW", 0.001)
+    with caplog.at_level(logging.ERROR, "teg"), timing.timed("value", "derived"):
+        time.sleep(0.05)
+    assert terminal.getvalue() == ""
+
+
+def test_an_interrupted_compilation_leaves_no_line_and_breaks_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timing, "SLOW", 0.0)
+    monkeypatch.setattr("sys.stderr", terminal := Terminal())
+    f = teg.compile(teg.integral(teg.bracket(x * x * x < t) * teg.exp(t * x), (x, 0, 1)), [t])
+    with monkeypatch.context() as patch:
+        patch.setattr("teg.evaluator.kernels.build_kernel", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            f.grad(t=0.5)
+    assert terminal.getvalue().rpartition("\r")[2] == ""
+    assert f.grad(t=0.5)["t"] == pytest.approx(1.1990362098)
+    assert not [thread for thread in threading.enumerate() if thread.name == "teg progress"]
+
+
+def interrupted(*_: object) -> None:
+    """What Ctrl-C does."""
+    time.sleep(0.05)
+    raise KeyboardInterrupt

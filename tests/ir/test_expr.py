@@ -417,3 +417,21 @@ def test_errors_below_the_exceptions_python_users_expect() -> None:
         thing = getattr(errors, name)
         if isinstance(thing, type) and issubclass(thing, Exception):
             assert issubclass(thing, teg.TegError)
+
+
+@pytest.mark.parametrize(
+    ("mistake", "hint"),
+    [
+        (lambda: math.exp(-x), "teg.exp for math.exp"),
+        (lambda: (t * t)(t=0.5), "teg.evaluate(e, t=0.5)"),
+        (lambda: max(x, t), "teg.minimum, teg.maximum for Python's min, max"),
+        (lambda: teg.integral(x, (0, 1, x)), "the variable comes first: (x, lower, upper)"),  # type: ignore[arg-type]
+        (lambda: teg.integral(t, (t, 0, 1)), 't = teg.var("t")'),  # type: ignore[arg-type]
+        (lambda: teg.compile(t * t, ["t"]), "teg.param('t')"),  # type: ignore[list-item]
+        (lambda: teg.diff(t * t, "t"), "teg.param('t')"),  # type: ignore[call-overload]
+    ],
+)
+def test_a_hint_shows_what_to_write(mistake: Callable[[], object], hint: str) -> None:
+    with pytest.raises(errors.TegError) as caught:
+        mistake()
+    assert hint in caught.value.hint

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import ast
 import inspect
 import re
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -102,63 +100,7 @@ def test_links_and_pictures_lead_somewhere(page: str) -> None:
     assert [t for t in targets if not (DOCS / page).parent.joinpath(t).exists()] == []
 
 
-# -- docstrings ----------------------------------------------------------------------------------------------------------
-
-
-def public_objects() -> dict[str, Any]:
-    """The public functions and classes, and the documented methods of the latter."""
-    found: dict[str, Any] = {}
-    for name in teg.__all__:
-        value = getattr(teg, name)
-        if isinstance(value, ModuleType) or (inspect.isclass(value) and issubclass(value, Exception)):
-            continue  # tests/package/test_errors.py runs the examples of errors, which end in one
-        found[name] = value
-        if inspect.isclass(value):
-            found |= {f"{name}.{k}": m for k, m in vars(value).items() if k[0] != "_" and inspect.isfunction(m)}
-    return found
-
-
-def examples_in(docstring: str) -> list[str]:
-    """The indented paragraphs of a docstring that are programs, and its lines behind >>>."""
-    programs = []
-    for paragraph in re.findall(r"(?:^    .+\n?(?:^ +.+\n?)*)+", inspect.cleandoc(docstring) + "\n", re.MULTILINE):
-        text = inspect.cleandoc(paragraph)
-        try:
-            tree = ast.parse(text)
-        except SyntaxError:
-            continue
-        if any(isinstance(node, ast.Name) and node.id == "teg" for node in ast.walk(tree)):
-            programs.append(text)
-    return programs
-
-
-EXAMPLES = {name: code for name, value in public_objects().items() if (code := examples_in(inspect.getdoc(value) or ""))}
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_the_examples_of_a_docstring_run(name: str) -> None:
-    """With the names that docstrings take for granted; a comment that holds a number is the value of its line."""
-    import math
-
-    x, y = teg.vars("x y")
-    t, a = teg.params("t a")
-    e = teg.integral(teg.bracket(x + a * y < t), (x, 0, 1), (y, 0, 1))
-    names: dict[str, Any] = {"teg": teg, "math": math, "np": np, "x": x, "y": y, "t": t, "a": a, "e": e}
-    u, v, p, r = teg.vars("u v p r")
-    names |= {"u": u, "v": v, "p": p, "r": r, "body": teg.sin(t) + a}
-    for code in EXAMPLES[name]:
-        for package in OPTIONAL & set(re.findall(r"\b(jax|torch|scipy|sympy)(?=\.|_function)", code)):
-            names[package] = pytest.importorskip(package)
-        for line in ast.parse(code).body:
-            source = ast.unparse(line)
-            written = "\n".join(code.splitlines()[line.lineno - 1 : line.end_lineno])
-            promised = re.search(r"  # (.+)$", written)
-            if isinstance(line, ast.Expr) and promised and source.startswith("str("):
-                assert eval(source, names) == promised[1]
-            elif isinstance(line, ast.Expr) and promised and (number := re.match(r"(-?\d+\.\d+|\[.*\])(?=$|:)", promised[1])):
-                assert eval(source, names) == pytest.approx(ast.literal_eval(number[1]), rel=1e-9)
-            else:
-                exec(source, names)
+# -- reference -----------------------------------------------------------------------------------------------------------
 
 
 def test_every_public_name_has_a_docstring_and_a_place() -> None:
@@ -214,10 +156,11 @@ def test_the_version_is_the_same_everywhere() -> None:
 
 
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
-    for package in ("sphinx", "furo", "myst_parser", "sphinx_copybutton", "jax"):
+    for package in ("sphinx", "furo", "myst_nb", "ipykernel", "latex2mathml", "sphinx_copybutton", "matplotlib", "scipy", "jax"):
         pytest.importorskip(package)
     done = subprocess.run([*SPHINX, str(DOCS), str(tmp_path)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "searchindex.js").stat().st_size > 10_000
+    assert "<math" in (tmp_path / "notebooks" / "threshold.html").read_text(encoding="utf-8")
     page = (tmp_path / "errors.html").read_text(encoding="utf-8")
     assert all(name in page for name in vars(teg.errors) if name.endswith("Error"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import pkgutil
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +34,14 @@ def test_a_public_name_is_there_and_hides_no_module(name: str) -> None:
 def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="no attribute 'integrate'"):
         teg.integrate  # type: ignore[attr-defined]  # noqa: B018
+
+
+@pytest.mark.parametrize("name", teg._OTHER_NAMES)
+def test_a_name_of_another_package_leads_to_ours(name: str) -> None:
+    assert name not in teg.__all__
+    assert all(ours in teg.__all__ for ours in re.findall(r"(?<=teg\.)\w+", "teg." + teg._OTHER_NAMES[name]))
+    with pytest.raises(AttributeError, match=re.escape(f"; there is teg.{teg._OTHER_NAMES[name]}")):
+        getattr(teg, name)
 
 
 def test_type_checkers_see_the_names_that_are_loaded_on_first_use() -> None:

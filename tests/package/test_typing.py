@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -104,3 +105,23 @@ def test_mypy_accepts_what_is_right_and_reports_what_is_wrong(tmp_path: Path) ->
     assert [line for number, line in enumerate(lines, 1) if number >= first and number not in wrong] == []
     assert all(number >= first for number in wrong)
     assert checked(RIGHT, tmp_path) == {}
+
+
+def lines_that_pyright_reports(program: str, folder: Path) -> set[int]:
+    """The lines with errors. Skips the test where pyright cannot fetch what it needs."""
+    (folder / "program.py").write_text(program, encoding="utf-8")
+    (folder / "pyrightconfig.json").write_text(json.dumps({"extraPaths": [str(ROOT)]}), encoding="utf-8")
+    command = [sys.executable, "-m", "pyright", "--outputjson", "--pythonpath", sys.executable, "--project", str(folder)]
+    found = subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
+    if not found.stdout.lstrip().startswith("{"):
+        pytest.skip(f"pyright does not run: {found.stderr[-200:]}")
+    reports = json.loads(found.stdout)["generalDiagnostics"]
+    return {report["range"]["start"]["line"] + 1 for report in reports if report["severity"] == "error"}
+
+
+def test_pyright_accepts_what_is_right_and_reports_what_is_wrong(tmp_path: Path) -> None:
+    pytest.importorskip("pyright")
+    lines = WRONG.splitlines()
+    first = lines.index('teg.compile(e, backend="C")') + 1
+    assert lines_that_pyright_reports(WRONG, tmp_path) == set(range(first, len(lines) + 1))
+    assert lines_that_pyright_reports(RIGHT, tmp_path) == set()

@@ -134,3 +134,12 @@ def test_the_program_is_compiled_once() -> None:
     f.diagnose(t=0.25, a=1.0)
     assert len(before) == 1
     assert list(f._watches) == before
+
+
+def test_surfaces_that_meet_on_a_boundary_are_told_without_the_compilers_formulas() -> None:
+    f = teg.compile(teg.integral(teg.bracket(x + a * y < t), (x, 0, 1), (y, 0, 1)), [t, a])
+    f.hessian(t=1.0, a=1.0)
+    (crease,) = f.diagnose(t=1.0, a=1.0)
+    assert (crease.kind, crease.surfaces) == ("second derivative", ())
+    assert "second derivatives differ" in crease.message
+    assert [d.kind for d in f.diagnose(t=1.0, a=0.0)] == ["tie"]

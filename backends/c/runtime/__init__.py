@@ -116,7 +116,7 @@ UNIT = "//: "
 
 
 def runtime(texts: Sequence[str]) -> list[str]:
-    """The part of the runtime that these texts need, directly or through other parts, and its constants."""
+    """Returns the part of the runtime that these texts need, directly or through other parts, and its constants."""
     needed = {name for text in texts for name in identifiers(text)}
     always, units = read_headers()
     parts: list[str] = []
@@ -130,7 +130,8 @@ def runtime(texts: Sequence[str]) -> list[str]:
 
 @cache
 def read_headers() -> tuple[str, list[tuple[str, str]]]:
-    """What every kernel needs, and the units of all headers: their names and texts. A unit needs only units before it."""
+    """Returns the text that every kernel needs, and the units of all headers, with their names and texts. A unit needs only units before
+    it."""
     units: list[tuple[str, str]] = []
     for topic in reversed(TOPICS):
         always, *parts = Path(__file__).with_name(f"{topic}.h").read_text(encoding="ascii").split(UNIT)

@@ -184,6 +184,9 @@ def change_variables(
 ) -> Expr:
     """Returns e with every nest of integrals over all old variables of a map written in the new ones. Value and derivatives are the same.
 
+        disk = teg.integral(teg.bracket(x**2 + y**2 < t), (x, -1, 1), (y, -1, 1))
+        teg.evaluate(teg.change_variables(disk, teg.polar(x, y, r, p)), t=0.5)  # 1.5707963267948966
+
     Old bounds become new bounds if the map carries boxes to boxes or to nests. Otherwise they become brackets in a box that contains
     their image. `bounds` (dict new variable -> (lower, upper), default: those of the map) is that box. With `exact` it is the image
     itself, as far as the integrand does not vanish there, and there are no brackets; this is verified at sample points and parameter

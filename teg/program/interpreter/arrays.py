@@ -40,7 +40,7 @@ class InterpretedArrays(NamedTuple):
 
 
 def interpret_arrays(program: ArrayProgram, arguments: Sequence[float], arrays: Sequence[Any]) -> InterpretedArrays:
-    """The outputs of a program for scalar arguments and arrays, which have a `shape` and are indexed by tuples."""
+    """Returns the outputs of a program for scalar arguments and arrays, which have a `shape` and are indexed by tuples."""
     machine = _Machine(arrays, {f"p{k}": float(x) for k, x in enumerate(arguments)})
     machine.run(program.body)
     outputs = (machine.scattered.get(k, {}) if isinstance(o, Like) else float(machine.of(o)) for k, o in enumerate(program.outputs))
@@ -49,7 +49,8 @@ def interpret_arrays(program: ArrayProgram, arguments: Sequence[float], arrays: 
 
 @dataclass
 class _Machine:
-    """One run: the given arrays, the values of all names so far, what was scattered into outputs, by their numbers."""
+    """The state of one run: the given arrays, the values of all names so far, and what was scattered into outputs, by the numbers
+    of these."""
 
     arrays: Sequence[Any]
     values: dict[str, float | int]
@@ -59,7 +60,7 @@ class _Machine:
     tables: dict[str, tuple[list[list[float]], int]] = field(default_factory=dict)
 
     def of(self, arg: Arg) -> Any:
-        """What a name or a literal stands for."""
+        """Returns the number that a name or a literal stands for."""
         return self.values[arg] if isinstance(arg, str) else arg
 
     def run(self, block: Sequence[Step]) -> None:

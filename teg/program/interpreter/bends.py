@@ -43,7 +43,7 @@ class Substitution:
     step: float
 
     def __call__(self, u: float) -> tuple[float, float]:
-        """The place of u, kept inside the piece, and dv/du."""
+        """Returns the place of u, kept inside the piece, and dv/du."""
         phi, slope = FUNCTIONS[self.kind](self.start + self.step * u)
         place = self.centre + self.radius * phi
         place = place if place > self.p else beside(self.p, self.q)
@@ -57,12 +57,12 @@ def beside(p: float, q: float) -> float:
 
 
 def tail_place(p: float, q: float, u: float, scale: float) -> float:
-    """The place of u on an infinite piece."""
+    """Returns the place of u on an infinite piece."""
     return q - scale * ((1.0 - u) / u) if math.isinf(p) else p + scale * (u / (1.0 - u))
 
 
 def substitution(p: float, q: float, base: float, bends: Sequence[Given], cubic: bool, scale: float) -> Substitution:
-    """How a piece is run through."""
+    """Returns the substitution on a piece: the place of u in (0, 1) and its speed."""
     if math.isinf(p):
         return Substitution(p, q, TAIL, q, -scale, 1.0, -1.0)
     if math.isinf(q):
@@ -102,7 +102,7 @@ class _Bend:
 
 
 def _zeros(given: Given, first: float, last: float, base: float) -> _Bend | None:
-    """Where a bend is, if it counts on the piece (first, last)."""
+    """Returns the zeros of a bend, if it counts on the piece (first, last)."""
     kind, (c0, c1, c2) = given
     p, q = first - base, last - base
     length, width = q - p, max(abs(p), abs(q))
@@ -145,7 +145,7 @@ def _zeros(given: Given, first: float, last: float, base: float) -> _Bend | None
 
 
 def _bent(bend: _Bend) -> Substitution:
-    """The substitution by a bend, relative to the base."""
+    """Returns the substitution by a bend, relative to the base."""
     p, q, m, h = bend.p, bend.q, bend.middle, bend.half
     centre = 0.5 * (p + q)
     below, above = m - h, m + h
@@ -172,7 +172,7 @@ def _bent(bend: _Bend) -> Substitution:
 
 
 def _coordinate(kind: int, offset: float, h: float) -> float:
-    """The t of a place."""
+    """Returns the t of a place."""
     if kind == EXP:
         return math.log(offset)
     if kind == SQUARE:

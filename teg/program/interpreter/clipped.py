@@ -21,7 +21,7 @@ Line = tuple[float, float, float]
 
 
 def polygon(machine: Machine, stmt: Polygon) -> list[float]:
-    """The results."""
+    """Returns the results."""
     nothing = [0.0] * len(stmt.results)
     width, height, across = machine.numbers((stmt.width, stmt.height, stmt.across))
     planes: list[Line] = [(machine.number(g.a), machine.number(g.b), machine.number(g.c)) for g in stmt.half_planes]
@@ -46,7 +46,7 @@ def polygon(machine: Machine, stmt: Polygon) -> list[float]:
 
 
 def _over_a_fan(machine: Machine, stmt: Polygon, vertices: list[Vertex]) -> list[float]:
-    """The rule on the triangles that vertex 0 spans with the sides; with degree 0 vertex 0 counts for all of them."""
+    """Returns the rule on the triangles that vertex 0 spans with the sides; with degree 0 vertex 0 counts for all of them."""
     sums, first = [0.0] * len(stmt.results), vertices[0] if vertices else ()
     rule = triangle_rule(stmt.degree) if stmt.degree else ((0.0, 0.0, 1.0),)
     nodes: list[tuple[Vertex, float]] = []
@@ -68,7 +68,7 @@ def _at(line: Line, vertex: Vertex) -> float:
 
 
 def _range(line: Line, width: float, height: float) -> tuple[float, float]:
-    """The least and the largest value on the box; NaN stays one."""
+    """Returns the least and the largest value on the box; NaN stays one."""
     a, b, c = line
     u, v = a * width, b * height
     least = c + (0.0 if u >= 0.0 else u) + (0.0 if v >= 0.0 else v)
@@ -76,8 +76,8 @@ def _range(line: Line, width: float, height: float) -> tuple[float, float]:
 
 
 def clipped(vertices: list[Vertex], line: Line, exact: tuple[int, float] | None = None) -> list[Vertex]:
-    """The part of a polygon where a function is >= 0 (Sutherland and Hodgman); `exact` says which coordinate of a new vertex is known, and
-    is that."""
+    """Returns the part of a polygon where a function is >= 0 (Sutherland and Hodgman); `exact` says which coordinate of a new vertex is
+    known, and is that."""
     result: list[Vertex] = []
     for before, here in zip(vertices[-1:] + vertices[:-1], vertices, strict=True):
         g, h = _at(line, before), _at(line, here)
@@ -94,7 +94,7 @@ def clipped(vertices: list[Vertex], line: Line, exact: tuple[int, float] | None 
 
 
 def _thin(machine: Machine, stmt: Polygon, width: float, height: float, planes: list[Line]) -> list[Vertex]:
-    """A thin triangle cut by the box, and by the half-planes from number 3 on, with its barycentric coordinates."""
+    """Returns a thin triangle cut by the box, and by the half-planes from number 3 on, with its barycentric coordinates."""
     at = [machine.numbers(corner) for corner in stmt.corners]
     carried = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
     su, sv = math.copysign(1.0, width) if width else 1.0, math.copysign(1.0, height) if height else 1.0
@@ -111,7 +111,7 @@ def _thin(machine: Machine, stmt: Polygon, width: float, height: float, planes: 
 
 
 def segment(machine: Machine, stmt: Segment) -> list[float]:
-    """The results."""
+    """Returns the results."""
     nothing = [0.0] * len(stmt.results)
     machine.run(stmt.setup)
     start, stop, outside, undefined = 0.0, 1.0, False, False
@@ -145,7 +145,7 @@ def segment(machine: Machine, stmt: Segment) -> list[float]:
 
 
 def _is_near(machine: Machine, g: HalfLine) -> bool:
-    """Whether a half-line may tie: then its scale is needed."""
+    """Returns whether a half-line may tie: then its scale is needed."""
     if g.k is None:
         return False
     first, last, size = machine.numbers((g.first, g.last, g.size))

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 def integrate(machine: Machine, stmt: Integrate) -> list[float]:
-    """The results, then the estimates."""
+    """Returns the results, then the estimates."""
     piece = _Piece(machine, stmt)
     lo, hi = machine.numbers((stmt.lo, stmt.hi))
     if lo != lo or hi != hi or not (stmt.infinite or (math.isfinite(lo) and math.isfinite(hi))):
@@ -56,7 +56,8 @@ def integrate(machine: Machine, stmt: Integrate) -> list[float]:
 
 @dataclass
 class _Measured:
-    """Of an interval: K of every value, A and E of those tested, whether a watched sign changes, the sharp values at the nodes."""
+    """Measurements of an interval: K of every value, A and E of those tested, whether a watched sign changes, and the sharp values at
+    the nodes."""
 
     total: list[float]
     size: list[float]
@@ -97,7 +98,7 @@ class _Piece:
                 assert_never(stmt.rule)
 
     def _values(self, x: float) -> list[float]:
-        """What the body computes at a node."""
+        """Returns the values that the body computes at a node."""
         self.machine.evaluations += self.leaf
         return self.machine.at(self.stmt.body, self.stmt.at_nodes, **{self.stmt.var: x})
 
@@ -191,7 +192,7 @@ class _Piece:
         m.missed |= any(s > SPENT * w for s, w in zip(spent, most, strict=True))
 
     def _measure(self, way: Substitution, left: float, right: float, n: int) -> _Measured:
-        """What is known of the interval (left, right) of u by n nodes."""
+        """Returns the measurements of the interval (left, right) of u by n nodes."""
         stmt, m = self.stmt, self.machine
         half, count, watched = 0.5 * (right - left), len(stmt.values), len(stmt.watch)
         rows, signs, seen = [], [], []
@@ -219,8 +220,8 @@ class _Piece:
     def _hides(
         self, guard: Guard, way: Substitution, interval: tuple[float, float, int], seen: list[list[float]], wanted: list[float]
     ) -> bool:
-        """Whether something may be hidden between the nodes of an interval (from, to), halved so often; `seen` are the sharp values there,
-        `wanted` what the error of each tested value may be."""
+        """Returns whether something may be hidden between the nodes of an interval (from, to), halved so often; `seen` are the sharp values
+        there, `wanted` what the error of each tested value may be."""
         (start, stop, depth), n, sharp = interval, len(seen), range(len(guard.seen))
         at = [start, *(start + 0.5 * (stop - start) * (1.0 + node) for node in gauss_legendre(n)[0]), stop]
         points = [way.p if u <= 0.0 else way.q if u >= 1.0 else way(u)[0] for u in at]
@@ -251,17 +252,18 @@ class _Piece:
 
 
 def is_leaf(stmt: Integrate | Sample) -> bool:
-    """Whether there is no integral inside: the evaluations of its integrand are counted."""
+    """Returns whether there is no integral inside: the evaluations of its integrand are counted."""
     return not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in compound(stmt.body))
 
 
 def rounding(p: float, q: float) -> float:
-    """What rounding does to the integral over (p, q), relative to that of |values|: theirs, and that of the ends."""
+    """Returns the effect of rounding on the integral over (p, q), relative to the integral of |values|: that of the values, and that of the
+    ends."""
     return 0.5 * ROUNDING + (EDGE * max(abs(p), abs(q)) / (q - p) if math.isfinite(q - p) else 0.0)
 
 
 def measure(values: Sequence[float], smooth: bool) -> tuple[float, float, float]:
-    """K, A and E of the values at Gauss nodes; where they are not known to be `smooth` no decay is counted on."""
+    """Returns K, A and E of the values at Gauss nodes; where they are not known to be `smooth` no decay is counted on."""
     n = len(values)
     weights = gauss_legendre(n)[1]
     total = sum(w * v for w, v in zip(weights, values, strict=True))
@@ -277,7 +279,7 @@ def measure(values: Sequence[float], smooth: bool) -> tuple[float, float, float]
 
 
 def pole_weights(n: int, order: int, low: float, high: float) -> list[float]:
-    """The weights of n Gauss nodes for polynomials over a power of a linear function that goes from low to high."""
+    """Returns the weights of n Gauss nodes for polynomials over a power of a linear function that goes from low to high."""
     table, nodes = pole_table(n, order), gauss_legendre(n)[0]
     z = (high - low) / (high + low)
     moments = [2.0 / (j + 1) if j % 2 == 0 else 0.0 for j in range(n)]
@@ -301,11 +303,11 @@ def pole_weights(n: int, order: int, low: float, high: float) -> list[float]:
 
 
 def _larger(x: float, y: float) -> float:
-    """The larger of two numbers, or the one that is a number."""
+    """Returns the larger of two numbers, or the one that is a number."""
     return y if x != x or y > x else x
 
 
 def _least(values: object) -> float:
-    """The least of those that are numbers; NaN if there are none."""
+    """Returns the least of those that are numbers; NaN if there are none."""
     numbers = [v for v in values if v == v]  # type: ignore[attr-defined]
     return min(numbers, default=math.nan)

@@ -18,7 +18,7 @@ Root = tuple[float, float]
 
 
 def isolate(machine: Machine, stmt: Isolate) -> list[float]:
-    """The roots in ascending order, then +inf; behind them their errors, if the statement has them."""
+    """Returns the roots in ascending order, then +inf; behind them their errors, if the statement has them."""
     count, errors = len(stmt.results), len(stmt.errors)
     lo, hi = machine.numbers((stmt.lo, stmt.hi))
     if not (math.isfinite(lo) and math.isfinite(hi)):
@@ -46,17 +46,17 @@ class _Box:
 
     @property
     def changes(self) -> bool:
-        """Whether g changes its sign."""
+        """Returns whether g changes its sign."""
         return self.at_p <= 0.0 < self.at_q or self.at_q <= 0.0 < self.at_p
 
     @property
     def known(self) -> bool:
-        """Whether g is a number at both ends."""
+        """Returns whether g is a number at both ends."""
         return self.at_p == self.at_p and self.at_q == self.at_q
 
     @property
     def known_slopes(self) -> bool:
-        """Whether g′ is."""
+        """Returns whether g′ is."""
         return self.slope_p == self.slope_p and self.slope_q == self.slope_q
 
 
@@ -67,7 +67,7 @@ class _Search:
         self.undecided: list[_Box] = []
 
     def roots(self, lo: float, hi: float) -> list[Root] | None:
-        """The roots in ascending order; None if there are too many boxes on a level."""
+        """Returns the roots in ascending order; None if there are too many boxes on a level."""
         (at_lo, slope_lo, _), (at_hi, slope_hi, _) = self._at(lo), self._at(hi)
         level = [_Box(lo, hi, at_lo, at_hi, slope_lo, slope_hi)]
         for depth in range(ISOLATE_DEPTH + 1):
@@ -80,7 +80,7 @@ class _Search:
         return sorted(self.found)
 
     def _judged(self, box: _Box, last: bool) -> list[_Box]:
-        """The halves of a box, if it is to be halved."""
+        """Returns the halves of a box, if it is to be halved."""
         m, h = 0.5 * (box.p + box.q), 0.5 * (box.q - box.p)
         least, most, slowest, fastest, bent_down, bent_up, noise = self._enclosed(box.p, box.q)
         g, slope, _ = self._at(m)
@@ -122,7 +122,7 @@ class _Search:
             self.found += [(self._newton(half, 0), 0.0) for half in halves]
 
     def _newton(self, box: _Box, order: int) -> float:
-        """The zero in a box of g (order 0) or of g′ (order 1) by Newton's method, kept inside by bisection."""
+        """Returns the zero in a box of g (order 0) or of g′ (order 1) by Newton's method, kept inside by bisection."""
         p, q, above = box.p, box.q, (box.at_q, box.slope_q)[order] > 0.0
         v = 0.5 * (p + q)
         before = last = math.inf
@@ -143,18 +143,18 @@ class _Search:
         return v
 
     def _at(self, v: float) -> list[float]:
-        """g, g′ and g″ at a point."""
+        """Returns g, g′ and g″ at a point."""
         stmt = self.stmt
         return self.machine.at(stmt.point, (stmt.value, stmt.slope, stmt.curvature), **{stmt.var: v})
 
     def _enclosed(self, left: float, right: float) -> list[float]:
-        """Bounds of g, g′ and g″ over a box, and the noise."""
+        """Returns bounds of g, g′ and g″ over a box, and the noise."""
         stmt = self.stmt
         return self.machine.at(stmt.enclosure, (*stmt.bounds, *stmt.curving, stmt.noise), **{stmt.left: left, stmt.right: right})
 
 
 def _joined(boxes: list[_Box]) -> list[_Box]:
-    """Boxes that share an end as one."""
+    """Returns boxes that share an end as one."""
     joined: list[_Box] = []
     for box in boxes:
         if joined and joined[-1].q == box.p:

@@ -27,7 +27,7 @@ Corner = tuple[float, float]
 
 
 def locate(machine: Machine, stmt: Locate) -> list[float]:
-    """The places in ascending order, then +inf; then what is lost, if it is asked for."""
+    """Returns the places in ascending order, then +inf; then the part that is lost, if it is asked for."""
     count = len(stmt.results)
     lo, hi, low, high = ends = machine.numbers((stmt.lo, stmt.hi, stmt.low, stmt.high))
     places: list[float] = []
@@ -80,7 +80,8 @@ class _Search:
             level = [half for v, u in left for half in ((v, u), (v + offset, u) if direction == 0 else (v, u + offset))]
 
     def _choose(self, left: int, before: int) -> None:
-        """The next direction: by turns, but one again that is of use while the other is not."""
+        """Chooses the next direction. Directions take turns, but one is repeated if halving in it is of use and halving in the other is
+        not."""
         if self.last is not None:
             self.useless[self.last] = 50 * left >= 49 * before
             self.useful[self.last] = 20 * left <= 11 * before
@@ -93,7 +94,7 @@ class _Search:
         self.times[self.last] += 1
 
     def _is_left(self, corner: Corner) -> bool:
-        """Whether a rectangle is neither dropped nor known to hold one zero, which is then found."""
+        """Returns whether a rectangle is neither dropped nor known to hold one zero, which is then found."""
         wide, tall = 0.5 ** self.times[0], 0.5 ** self.times[1]
         (v, u), stmt = corner, self.stmt
         left, right = self.lo + self.extent * v, self.lo + self.extent * (v + wide)
@@ -118,7 +119,7 @@ class _Search:
         return v
 
     def _at(self, v: float, u: float) -> list[float]:
-        """f, g and their slopes at a point: the lower bounds there."""
+        """Returns f, g and their slopes at a point: the lower bounds there."""
         return self._bounds(v, v, u, u)[::2]
 
     def _bounds(self, left: float, right: float, bottom: float, top: float) -> list[float]:
@@ -127,7 +128,7 @@ class _Search:
         return self.machine.at(stmt.enclosure, stmt.bounds, **sides)
 
     def places(self) -> tuple[list[float], float]:
-        """The places, and what is lost in parts of the whole."""
+        """Returns the places, and the part of the rectangle that is lost."""
         if len(self.zeros) > LOCATE_ZEROS:
             return [], 1.0
         same, wide = LOCATE_SAME * self.extent, 0.5 ** self.times[0]
@@ -149,8 +150,9 @@ class _Search:
 
 
 def _krawczyk(bounds: list[float], at: list[float], h: float, k: float) -> str:
-    """What is known of common zeros in a rectangle with half the sides h and k, from bounds of slopes over it and f and g in its middle:
-    there is "none", or "one", which Newton's method finds, or "" for neither."""
+    """Returns the result of Krawczyk's test on a rectangle with half the sides h and k: "none" if it has no common zero, "one" if it has
+    exactly one, which Newton's method finds, "" if neither is known. It takes bounds of the slopes over the rectangle, and f and g in its
+    middle."""
     f, g = at[:2]
     pairs = list(zip(bounds[::2], bounds[1::2], strict=True))
     sizes = [max(abs(p), abs(q)) if p == p and q == q else math.nan for p, q in pairs]

@@ -37,8 +37,8 @@ Value = float | bool
 
 
 class Interpreted(NamedTuple):
-    """What a run gives: the outputs, the numbers of the ties that were met, whether a tolerance was missed, whether a search found more
-    roots than it has room for, and at how many points integrands without integrals inside were evaluated."""
+    """The results of a run: the outputs, the numbers of the ties that were met, whether a tolerance was missed, whether a search found more
+    roots than it has room for, and the number of points at which integrands without integrals inside were evaluated."""
 
     outputs: tuple[float, ...]
     ties: tuple[int, ...]
@@ -48,7 +48,7 @@ class Interpreted(NamedTuple):
 
 
 def interpret(program: Program, arguments: Sequence[float]) -> Interpreted:
-    """The outputs of a program at one point; where a tie is met, the mean of both orders."""
+    """Returns the outputs of a program at one point; where a tie is met, the mean of both orders."""
     first = Machine.of_program(program, arguments, +1)
     outputs = first.outputs()
     if not first.met:
@@ -61,8 +61,8 @@ def interpret(program: Program, arguments: Sequence[float]) -> Interpreted:
 
 @dataclass
 class Machine:
-    """One run of a program in one order of ties: the values of all names so far, and what the run noted. Names are given once in a program,
-    so that blocks share one table; a block that is run again replaces its values."""
+    """The state of a run of a program in one order of ties: the values of all names so far, and what the run noted. Names are unique in a
+    program, so blocks share one table; running a block again replaces its values."""
 
     program: Program
     order: int
@@ -74,7 +74,7 @@ class Machine:
 
     @staticmethod
     def of_program(program: Program, arguments: Sequence[float], order: int) -> Machine:
-        """The state before the first statement."""
+        """Returns the state before the first statement."""
         assert len(arguments) == len(program.parameters)
         return Machine(program, order, {f"p{i}": float(x) for i, x in enumerate(arguments)})
 
@@ -84,19 +84,19 @@ class Machine:
         return tuple(self.numbers(self.program.outputs))
 
     def number(self, arg: Arg) -> float:
-        """The number that a name or a literal stands for."""
+        """Returns the number that a name or a literal stands for."""
         return float(self.values[arg] if isinstance(arg, str) else arg)
 
     def numbers(self, args: Sequence[Arg]) -> list[float]:
-        """The numbers that names or literals stand for."""
+        """Returns the numbers that names or literals stand for."""
         return [self.number(arg) for arg in args]
 
     def holds(self, arg: Arg | None) -> bool:
-        """Whether a condition holds; one that is not there does."""
+        """Returns whether a condition holds; one that is not there does."""
         return arg is None or bool(self.values[arg] if isinstance(arg, str) else arg)
 
     def at(self, block: Sequence[Stmt], values: Sequence[Arg], **variables: float) -> list[float]:
-        """The numbers that are known after a block was run with these values of its variables."""
+        """Returns the numbers that are known after a block was run with these values of its variables."""
         self.values.update(variables)
         self.run(block)
         return self.numbers(values)
@@ -114,7 +114,7 @@ class Machine:
                 self.values.update(zip(assigned(stmt), self._results(stmt), strict=True))
 
     def _results(self, stmt: Stmt) -> Sequence[float]:
-        """The numbers that a statement with blocks gives its results, where its condition holds."""
+        """Returns the numbers that a statement with blocks gives its results, where its condition holds."""
         match stmt:
             case Integrate():
                 return integrate(self, stmt)
@@ -185,7 +185,8 @@ def _coordinate(stmt: Sample, replicate: int, index: int, dimension: int) -> flo
 
 
 def _standard_error(means: Sequence[float], values: Sequence[float], mean: float) -> float:
-    """That of the mean of several means, or of one mean of all values; relative to the first value, so that nothing cancels."""
+    """Returns the standard error of the mean of several means, or of one mean of all values. It is computed relative to the first value, so
+    that nothing cancels."""
     if not math.isfinite(mean):
         return math.nan
     if len(means) > 1:

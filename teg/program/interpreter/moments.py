@@ -19,7 +19,7 @@ MIDDLES = ((0.5, 0.0), (1.0, 0.5), (0.5, 1.0), (0.0, 0.5))
 
 
 def hyperbola(machine: Machine, stmt: Hyperbola) -> list[float]:
-    """The results."""
+    """Returns the results."""
     f = machine.numbers(stmt.corners)
     on = _tied(machine, stmt, f)
     f = [0.0 if tied else v for tied, v in zip(on, f, strict=True)]
@@ -32,7 +32,7 @@ def hyperbola(machine: Machine, stmt: Hyperbola) -> list[float]:
 
 
 def _tied(machine: Machine, stmt: Hyperbola, f: list[float]) -> list[bool]:
-    """The corners that are ends of sides along which g is 0 to rounding; none if all are."""
+    """Returns the corners at the ends of sides along which g is 0 to rounding; none, if these are all corners."""
     sizes = [abs(f[i]) + abs(f[(i + 1) % 4]) for i in range(4)]
     if not stmt.ties or not min(sizes) <= NEAR_SIDE * (sizes[0] + sizes[2]):
         return [False] * 4
@@ -47,7 +47,7 @@ def _tied(machine: Machine, stmt: Hyperbola, f: list[float]) -> list[bool]:
 
 
 def _result(machine: Machine, wanted: Moments, curve: _Curve | None, all_above: bool) -> float:
-    """One result; without a curve the region is all of the square, or nothing."""
+    """Returns one result. Without a curve the region is the whole square, or empty."""
     if curve is None:
         if wanted.kind == "border" or (wanted.kind == "above") != all_above:
             return 0.0
@@ -95,21 +95,22 @@ class _Curve:
         self.crosses = flat and all(0.0 <= place <= 1.0 for place in self.saddle)
 
     def _place(self, i: int) -> tuple[float, float]:
-        """Where g is 0 on side i."""
+        """Returns the place on side i at which g is 0."""
         at = self.cut[i]
         return ((at, 0.0), (1.0, at), (1.0 - at, 1.0), (0.0, 1.0 - at))[i]
 
     def _slopes(self, i: int, along: float, turn: float) -> tuple[float, float]:
-        """∂g/∂v and ∂g/∂u there; the one across the side may cancel where it is computed, and is had from their product."""
+        """Returns ∂g/∂v and ∂g/∂u at a place. The slope across the side may cancel where it is computed, so it is computed from the product
+        of both."""
         other = -turn / along
         return (along, other) if i % 2 else (other, along)
 
     def border(self, j: int, k: int) -> float:
-        """∫∫ uʲvᵏ δ(g)."""
+        """Returns ∫∫ uʲvᵏ δ(g)."""
         return sum(branch.moment(j, k) for branch in self.branches) / self.unit
 
     def inside(self, j: int, k: int) -> float:
-        """∫∫ [g > 0] uʲvᵏ, by parts in u: the side u = 1, and the curve."""
+        """Returns ∫∫ [g > 0] uʲvᵏ, by parts in u: the side u = 1, and the curve."""
         one, two, at = self.above[1], self.above[2], self.cut[1]
         side = 1.0 if one and two else at ** (k + 1) if one else 1.0 - at ** (k + 1) if two else 0.0
         curve = sum(self.b * s.moment(j + 1, k) + self.d * s.moment(j + 1, k + 1) for s in self.branches)
@@ -132,7 +133,7 @@ class _Branch:
         self.g = _integrals(self.z, ratio, top)
 
     def moment(self, j: int, k: int) -> float:
-        """∫ uʲvᵏ along the branch, by the offsets from the middle of its chord."""
+        """Returns ∫ uʲvᵏ along the branch, by the offsets from the middle of its chord."""
         total = 0.0
         for i in range(j + 1):
             for m in range(k + 1):
@@ -143,7 +144,8 @@ class _Branch:
 
 
 def _integrals(z: float, ratio: float, top: int) -> list[float]:
-    """G_0, …, G_top: downwards from a series where z² is small, upwards from the logarithm of the ratio of the slopes at the ends else."""
+    """Returns G_0, …, G_top: downwards from a series where z² is small, upwards from the logarithm of the ratio of the slopes at the ends
+    else."""
     table, square = series(top), z * z
     if square < table.border:
         g = [0.0]
@@ -159,14 +161,14 @@ def _integrals(z: float, ratio: float, top: int) -> list[float]:
 
 
 def difference_of_products(a: float, b: float, c: float, d: float) -> float:
-    """ab - cd, to a rounding or two, however much cancels (Dekker 1971)."""
+    """Returns ab - cd, to a rounding or two, however much cancels (Dekker 1971)."""
     first, first_rest = _product(a, b)
     second, second_rest = _product(c, d)
     return (first - second) + (first_rest - second_rest)
 
 
 def _product(a: float, b: float) -> tuple[float, float]:
-    """A product and its rounding error."""
+    """Returns a product and its rounding error."""
     p = a * b
     high_a, high_b = _high(a), _high(b)
     low_a, low_b = a - high_a, b - high_b
