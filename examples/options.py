@@ -59,8 +59,9 @@ OPTIONS = {
     "epochs": Option(int, "of the training, in all", "K", 0, 10**7),
     "contacts": Option(int, "with floor and ceiling, by turns", "N", 1, 12),
     "speed": Option(float, "of the lift, upwards, in m/s", "V", -1e12, 1e12),
-    "duration": Option(float, "of the flight, in s (0.7 of the longest that is possible)", "T"),
+    "duration": Option(float, "of the flight, in s (bouncing-ball: 0.7 of the longest; billiards: the scene's)", "T"),
     "floor": Option(str, "a formula of x and t, in m and s, for an uneven floor instead of the lift: '0.1*sin(3*x) + 0.3*t'", "F"),
+    "scene": Option(str, "which balls, and where", choices=("exchange", "collision", "cushions", "break", "stack")),
     "apex": Option(float, "way to the lowest point of the fall, in m", "H", 0.1, 1000),
     "mass": Option(float, "of the jumper, in kg", "M", 0.1, 1000),
     "weight": Option(float, "of the squared acceleration at the lowest point, beside that of the time", "W", 0, 1000),
@@ -126,6 +127,12 @@ DEMOS = {
         "bouncing_ball.run:run_bouncing_ball",
         {"contacts": 5, "speed": 1.5, "duration": None, "floor": None, "steps": 300, **COMPARED, "seed": 0, "backend": None},
         {"contacts": 2},
+    ),
+    "billiards": Demo(
+        "balls that collide, by least action",
+        "billiards.run:run_billiards",
+        {"scene": "break", "duration": None, "steps": 20, **COMPARED, **DESCENT},
+        {"scene": "exchange"},
     ),
     "springs": Demo(
         "two bungee cords with locking strings, designed for a quick jump with a gentle stop",
