@@ -149,6 +149,12 @@ DEMOS = {
         backends=("jax",),
     ),
     "voronoi": Demo("optimal transport to points", "voronoi:run_voronoi", {"sites": 200, "seed": 0, "backend": None}, {"sites": 40}),
+    "cut-cells": Demo(
+        "finite elements on cells that a level set cuts",
+        "cut_cells:run_cut_cells",
+        {"cells": 6, "seed": 0, "backend": "numpy"},
+        {"cells": 4},
+    ),
     "occlusion": Demo(
         "the pose of a mesh from a picture",
         "occlusion:run_occlusion",
