@@ -149,6 +149,8 @@ DEMOS = {
         backends=("jax",),
     ),
     "voronoi": Demo("optimal transport to points", "voronoi:run_voronoi", {"sites": 200, "seed": 0, "backend": None}, {"sites": 40}),
+    "greeks": Demo("a digital and a barrier option with all Greeks", "greeks:run_greeks", {"seed": 0, "backend": "numpy"}),
+    "auction": Demo("the best reserve price of an auction", "auction:run_auction", {"seed": 0, "backend": "numpy"}),
     "cut-cells": Demo(
         "finite elements on cells that a level set cuts",
         "cut_cells:run_cut_cells",
