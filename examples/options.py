@@ -125,7 +125,7 @@ DEMOS = {
     "bouncing-ball": Demo(
         "the path of a ball by least action",
         "bouncing_ball.run:run_bouncing_ball",
-        {"contacts": 5, "speed": 1.5, "duration": None, "floor": None, "steps": 300, **COMPARED, "seed": 0, "backend": None},
+        {"contacts": 5, "speed": 1.5, "duration": None, "floor": None, "steps": 300, **COMPARED, **DESCENT},
         {"contacts": 2},
     ),
     "billiards": Demo(
@@ -148,7 +148,7 @@ DEMOS = {
         photo="astronaut",
         backends=("jax",),
     ),
-    "voronoi": Demo("optimal transport to points", "voronoi:run_voronoi", {"sites": 200, "seed": 0, "backend": None}, {"sites": 40}),
+    "voronoi": Demo("optimal transport to points", "voronoi:run_voronoi", {"sites": 200, **DESCENT}, {"sites": 40}),
     "greeks": Demo("a digital and a barrier option with all Greeks", "greeks:run_greeks", {"seed": 0, "backend": "numpy"}),
     "auction": Demo("the best reserve price of an auction", "auction:run_auction", {"seed": 0, "backend": "numpy"}),
     "cut-cells": Demo(
@@ -160,7 +160,7 @@ DEMOS = {
     "occlusion": Demo(
         "the pose of a mesh from a picture",
         "occlusion:run_occlusion",
-        {"size": 48, "steps": 60, "seed": 0, "backend": None},
+        {"size": 48, "steps": 60, **DESCENT},
         {"size": 16, "steps": 10},
     ),
     "shaders": Demo("one window, several lights", "shaders:run_shaders", {"seed": 0, "backend": "numpy"}),

@@ -17,6 +17,15 @@ from teg.examples.checkpoint import load_arrays, save_arrays
 
 CHECKPOINT_SECONDS = 2.0
 
+OfVector = Callable[[np.ndarray], np.ndarray]
+Keep = Callable[[str, OfVector], OfVector]
+"""From a name and a function of a vector to this function with its results kept, or just to the function."""
+
+
+def not_kept(name: str, function: OfVector) -> OfVector:
+    """Returns the function."""
+    return function
+
 
 class Replay:
     """The results of functions at the points where they were called, written to `checkpoint` every two seconds and by `save`.
@@ -35,7 +44,7 @@ class Replay:
                 points, values = stored[f"{name}:points"], stored[f"{name}:values"]
                 self.results[name] = {p.tobytes(): v for p, v in zip(points, values, strict=True)}
 
-    def kept(self, name: str, function: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
+    def kept(self, name: str, function: OfVector) -> OfVector:
         """Returns a function of a vector with its results kept. All its points have one length, all its results one shape."""
         results = self.results.setdefault(name, {})
 
