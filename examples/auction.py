@@ -73,9 +73,8 @@ def main(backend: Backend = "numpy") -> list[dict[str, Any]]:
         f = compiled(bidders, backend)
         path = best_reserve(f)
         row = {"bidders": bidders, "path": path, "revenue": float(f(r=path[-1])), "error": abs(path[-1] - BEST)}
-        print(
-            f"{bidders} bidders: reserve {path[-1]:.15f}, off by {row['error']:.1e}, revenue {row['revenue']:.12f}, {len(path) - 1} steps"
-        )
+        found = f"reserve {path[-1]:.15f}, off by {row['error']:.1e}, revenue {row['revenue']:.12f}, {len(path) - 1} steps"
+        print(f"{bidders} bidder{'s' * (bidders > 1)}: {found}")
         rows.append(row)
     return rows
 
