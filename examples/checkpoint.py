@@ -27,18 +27,20 @@ def save_checkpoint(
 
     `state` is a dataclass of arrays, numbers and booleans; `frames` are earlier ones, by step.
     """
-    partial = path.with_name(path.name + ".partial")
     arrays = {name: value for step, frame in frames.items() for name, value in _arrays(frame, f"{step}:").items()}
+    save_arrays(path, identity, {"losses": losses, "seconds": seconds, "frames": sorted(frames), **_arrays(state, ""), **arrays})
+
+
+def save_arrays(path: Path, identity: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
+    """Replaces a file of arrays in one step."""
+    partial = path.with_name(path.name + ".partial")
     with partial.open("wb") as file:
-        np.savez(file, identity=json.dumps(identity), losses=losses, seconds=seconds, frames=sorted(frames), **_arrays(state, ""), **arrays)
+        np.savez(file, identity=json.dumps(identity), **arrays)
     os.replace(partial, path)
 
 
-def load_checkpoint(path: Path, identity: Mapping[str, Any], kind: type[S]) -> tuple[S, list[float], float, dict[int, S]]:
-    """Returns the state (of the dataclass `kind`), the losses so far, the seconds they took, and earlier states by their step.
-
-    `identity` must equal the stored one. Raises InputError if there is no checkpoint, it is damaged, or belongs to another run.
-    """
+def load_arrays(path: Path, identity: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Returns the arrays of a file. Raises InputError if there is none, it is damaged, or its identity is another one."""
     try:
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             stored = {name.removesuffix(".npy"): _array_of(archive, name) for name in archive.namelist()}
@@ -49,6 +51,15 @@ def load_checkpoint(path: Path, identity: Mapping[str, Any], kind: type[S]) -> t
     except UNREADABLE as problem:
         raise _damaged(path, problem) from problem
     _check_identity(path, before, identity)
+    return stored
+
+
+def load_checkpoint(path: Path, identity: Mapping[str, Any], kind: type[S]) -> tuple[S, list[float], float, dict[int, S]]:
+    """Returns the state (of the dataclass `kind`), the losses so far, the seconds they took, and earlier states by their step.
+
+    `identity` must equal the stored one. Raises InputError if there is no checkpoint, it is damaged, or belongs to another run.
+    """
+    stored = load_arrays(path, identity)
     try:
         losses, seconds = [float(loss) for loss in stored["losses"]], float(stored["seconds"])
         frames = {int(step): _state(stored, kind, f"{step}:") for step in stored["frames"]}

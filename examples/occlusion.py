@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 import teg
 from teg.evaluator.options import Backend, Discontinuities
+from teg.examples.replay import Keep, Replay, not_kept
 from teg.ir.expr import Expr
 
 Array = npt.NDArray[np.float64]
@@ -134,19 +135,26 @@ class Scene:
         return np.asarray(-0.5 * slopes["T"])
 
 
-def descend(size: int = 48, steps: int = 60, backend: Backend = "c", discontinuities: Discontinuities = "sift") -> Descent:
-    """Returns the descent from one pose to that of a picture."""
+def descend(
+    size: int = 48, steps: int = 60, backend: Backend = "c", discontinuities: Discontinuities = "sift", keep: Keep = not_kept
+) -> Descent:
+    """Returns the descent from one pose to that of a picture; `keep` keeps its evaluations."""
     from scipy.optimize import minimize
 
     scene, found = Scene(size, backend, discontinuities), Descent()
     target = scene.picture(TRUE)
 
+    def evaluated(numbers: Array) -> Array:
+        value, slopes = scene.loss_and_slopes(dict(zip(POSE, map(float, numbers), strict=True)), target)
+        return np.array([value, *(float(slopes[name]) for name in POSE)])
+
+    kept = keep(f"loss, {discontinuities}", evaluated)
+
     def objective(numbers: Array) -> tuple[float, Array]:
-        pose = dict(zip(POSE, map(float, numbers), strict=True))
-        value, slopes = scene.loss_and_slopes(pose, target)
-        found.poses.append(pose)
-        found.losses.append(value)
-        return value, np.array([float(slopes[name]) for name in POSE])
+        value, *slopes = kept(numbers)
+        found.poses.append(dict(zip(POSE, map(float, numbers), strict=True)))
+        found.losses.append(float(value))
+        return float(value), np.array(slopes)
 
     start = np.array([START[name] for name in POSE])
     end = minimize(objective, start, jac=True, method="L-BFGS-B", options={"maxiter": steps, "ftol": 1e-16, "gtol": 1e-9})
@@ -173,9 +181,9 @@ def draw(found: Descent, path: Path) -> None:
     figure.savefig(path, dpi=100)
 
 
-def main(size: int = 48, steps: int = 60, backend: Backend = "c", out: Path | None = None) -> Descent:
+def main(size: int = 48, steps: int = 60, backend: Backend = "c", out: Path | None = None, keep: Keep = not_kept) -> Descent:
     """Descends and prints; writes the picture to a folder."""
-    found, plain = descend(size, steps, backend), descend(size, steps, backend, "ignore")
+    found, plain = descend(size, steps, backend, keep=keep), descend(size, steps, backend, "ignore", keep)
     print(f"{size}² pixels, {2 * AROUND * ALONG} triangles, backend {backend}, {len(found.losses) - 1} evaluations")
     print(f"loss {found.losses[0]:.6g} -> {found.losses[-1]:.3g}; without the derivatives of borders {plain.losses[-1]:.6g}")
     for name in POSE:
@@ -189,7 +197,7 @@ def run_occlusion(out: str | Path = "out/occlusion", progress: bool = True, **op
     """Descends, prints the pose and draws it; writes to `out`, returns the contents of run.json. It has no progress bar.
 
     The options are those of `teg demo occlusion` (`examples/options.py`); nothing is random, so any `seed` gives the same. Raises
-    InputError for options that cannot be used, MissingPackageError.
+    InputError for options and checkpoints that cannot be used, MissingPackageError. A checkpoint is written every two seconds.
     """
     from teg.examples.harness import finish, require_packages, result_folder
     from teg.examples.options import resolved
@@ -197,7 +205,11 @@ def run_occlusion(out: str | Path = "out/occlusion", progress: bool = True, **op
     require_packages("occlusion demo", {"matplotlib": "matplotlib", "scipy": "scipy"}, progress=False)
     settings = resolved("occlusion", {"out": out, **options})
     folder = result_folder(Path(out))
-    found = main(settings["size"], settings["steps"], settings["backend"], folder)
+    replay = Replay(folder / "checkpoint.npz", {k: settings[k] for k in ("size", "backend")}, settings["resume"])
+    try:
+        found = main(settings["size"], settings["steps"], settings["backend"], folder, replay.kept)
+    finally:
+        replay.save()
     report = {
         "summary": [f"descent: loss {found.losses[0]:.3g} → {found.losses[-1]:.3g} after {len(found.losses) - 1} evaluations"],
         "losses": found.losses,

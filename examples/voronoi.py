@@ -25,12 +25,14 @@ import numpy.typing as npt
 
 import teg
 from teg.evaluator.options import Backend
+from teg.examples.checkpoint import load_arrays, save_arrays
 from teg.ir.expr import Expr
 
 Array = npt.NDArray[np.float64]
 TILES = 16
 TOLERANCE = 1e-12
 """The largest error of a mass, relative to the mean of the masses."""
+MOST = 40  # steps
 
 x, y = teg.vars("x y")
 S, W, M = teg.array("S", 2), teg.array("W"), teg.array("M")
@@ -75,20 +77,24 @@ def candidates(sites: Array, weights: Array) -> dict[str, Any]:
 
 @dataclass
 class Transport:
-    """The weights, the largest relative error of a mass after each step, the dual, and the cost."""
+    """The weights, the largest relative error of a mass after each step, the dual, and the cost. No step may leave a mass below `least`."""
 
     sites: Array
     weights: Array
     errors: list[float] = field(default_factory=list)
     dual: float = 0.0
     cost: float = 0.0
+    least: float = 0.0
 
 
-def solve(sites: Array, masses: Array, backend: Backend = "c", most: int = 40) -> Transport:
-    """Returns the optimal transport from the density to sites with these masses."""
+def solve(
+    sites: Array, masses: Array, backend: Backend = "c", start: Transport | None = None, save: Callable[[Transport], None] | None = None
+) -> Transport:
+    """Returns the optimal transport from the density to sites with these masses. `save` gets what is found after each step, and `start`
+    continues from it."""
     dual, cost = programs()
     f = teg.compile(dual, [W], backend=backend)
-    found = Transport(sites, np.zeros(len(sites)))
+    found = start or Transport(sites, np.zeros(len(sites)))
 
     def given(weights: Array) -> dict[str, Any]:
         return {"S": sites, "W": weights, "M": masses, **candidates(sites, weights)}
@@ -96,8 +102,8 @@ def solve(sites: Array, masses: Array, backend: Backend = "c", most: int = 40) -
     here = given(found.weights)
     value, gradient = f.value_and_grad(here)
     slope = gradient["W"]
-    least = 0.5 * min(float((masses - slope).min()), float(masses.min()))
-    for _ in range(most):
+    found.least = found.least or 0.5 * min(float((masses - slope).min()), float(masses.min()))
+    while len(found.errors) < MOST:
         found.errors.append(float(np.abs(slope).max() / masses.mean()))
         if found.errors[-1] < TOLERANCE:
             break
@@ -107,10 +113,12 @@ def solve(sites: Array, masses: Array, backend: Backend = "c", most: int = 40) -
             there = given(found.weights + size * step)
             value, gradient = f.value_and_grad(there)
             ahead = gradient["W"]
-            if (masses - ahead).min() > least and np.linalg.norm(ahead) <= (1 - size / 2) * np.linalg.norm(slope) + 1e-15:
+            if (masses - ahead).min() > found.least and np.linalg.norm(ahead) <= (1 - size / 2) * np.linalg.norm(slope) + 1e-15:
                 break
             size /= 2
         found.weights, here, slope = there["W"], there, ahead
+        if save is not None:
+            save(found)
     found.dual = float(value)
     found.cost = float(teg.compile(cost, backend=backend)({name: v for name, v in here.items() if name != "M"}))
     return found
@@ -167,10 +175,20 @@ def draw(found: Transport, masses: Array, path: Path) -> None:
     figure.savefig(path, dpi=100)
 
 
-def main(count: int = 200, seed: int = 0, backend: Backend = "c", out: Path | None = None) -> Transport:
-    """Solves and prints; writes the picture to a folder."""
+def main(count: int = 200, seed: int = 0, backend: Backend = "c", out: Path | None = None, resume: bool = False) -> Transport:
+    """Solves and prints; writes the picture to a folder, and a checkpoint after each step."""
     sites, masses = scene(count, seed)
-    found = solve(sites, masses, backend)
+    start, save = None, None
+    if out is not None:
+        checkpoint, identity = out / "checkpoint.npz", {"sites": count, "seed": seed, "backend": backend}
+        stored = load_arrays(checkpoint, identity) if resume else {}
+        if stored:
+            start = Transport(sites, stored["weights"], stored["errors"].tolist(), least=float(stored["least"]))
+
+        def save(found: Transport) -> None:
+            save_arrays(checkpoint, identity, {"weights": found.weights, "errors": found.errors, "least": found.least})
+
+    found = solve(sites, masses, backend, start, save)
     print(f"{count} sites, backend {backend}")
     for i, error in enumerate(found.errors):
         print(f"step {i:>2}   largest relative error of a mass {error:.1e}")
@@ -183,8 +201,8 @@ def main(count: int = 200, seed: int = 0, backend: Backend = "c", out: Path | No
 def run_voronoi(out: str | Path = "out/voronoi", progress: bool = True, **options: Any) -> dict[str, Any]:
     """Solves, prints the steps and draws the cells; writes to `out`, returns the contents of run.json. It has no progress bar.
 
-    The options are those of `teg demo voronoi` (`examples/options.py`). Raises InputError for those that cannot be used,
-    MissingPackageError.
+    The options are those of `teg demo voronoi` (`examples/options.py`). A checkpoint is written after each step. Raises InputError for
+    options and checkpoints that cannot be used, MissingPackageError.
     """
     from teg.examples.harness import finish, require_packages, result_folder
     from teg.examples.options import resolved
@@ -192,7 +210,7 @@ def run_voronoi(out: str | Path = "out/voronoi", progress: bool = True, **option
     require_packages("voronoi demo", {"matplotlib": "matplotlib"}, progress=False)
     settings = resolved("voronoi", {"out": out, **options})
     folder = result_folder(Path(out))
-    found = main(settings["sites"], settings["seed"], settings["backend"], folder)
+    found = main(settings["sites"], settings["seed"], settings["backend"], folder, settings["resume"])
     end = found.errors[-1]
     report = {
         "summary": [

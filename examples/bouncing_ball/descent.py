@@ -14,6 +14,7 @@ import numpy as np
 
 from teg.examples.bouncing_ball.scene import GIVEN, CompiledScene, contact_names, height_names
 from teg.examples.bouncing_ball.throw import Throw, straight
+from teg.examples.replay import Keep, not_kept
 
 FIRST = 0.05  # the first step, as a fraction of the mean length of an arc
 SHORTEST = 0.5  # an arc keeps at least this fraction of its time in one step
@@ -31,10 +32,11 @@ class State:
 
 
 class ActionDescent:
-    """The descent of one throw with one compiled scene. `states` holds all states, from straight lines on."""
+    """The descent of one throw with one compiled scene. `states` holds all states, from straight lines on; `keep` keeps evaluations."""
 
-    def __init__(self, throw: Throw, scene: CompiledScene) -> None:
+    def __init__(self, throw: Throw, scene: CompiledScene, keep: Keep = not_kept) -> None:
         self.throw, self.scene = throw, scene
+        self._slopes, self._bends = keep("slopes", self._slopes_at), keep("curvature", self._curvature_at)
         self.given = {name: getattr(throw, name) for name in GIVEN} | {"end": throw.arrival}
         times, heights = straight(throw)
         _, gradient, action = self._evaluate(times, heights)
@@ -70,8 +72,11 @@ class ActionDescent:
 
     def _curvature(self, times: np.ndarray, heights: np.ndarray) -> np.ndarray:
         """Returns the second derivative by each height."""
-        values = self._values(times, heights)
+        return self._bends(np.concatenate([times, heights]))
+
+    def _curvature_at(self, moving: np.ndarray) -> np.ndarray:
         curvature = self.scene.curvature
+        values = self._values(*np.split(moving, [self.throw.contacts]))
         return np.array(curvature({name: values[name] for name in curvature.parameters}))
 
     def _change(self) -> np.ndarray:
@@ -93,9 +98,15 @@ class ActionDescent:
 
     def _evaluate(self, times: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Returns the gradient by the heights and by the times, and the action."""
-        action, slopes = self.scene.action.value_and_grad(self._values(times, heights))
-        by_height, by_time = (np.array([slopes[k] for k in names(len(times))]) for names in (height_names, contact_names))
+        numbers = self._slopes(np.concatenate([times, heights]))
+        by_height, by_time, (action,) = np.split(numbers, [len(heights), len(heights) + len(times)])
         return by_height, by_time, float(action)
+
+    def _slopes_at(self, moving: np.ndarray) -> np.ndarray:
+        """Returns the derivatives by heights and times, then the action."""
+        n = self.throw.contacts
+        action, slopes = self.scene.action.value_and_grad(self._values(*np.split(moving, [n])))
+        return np.array([*(float(slopes[name]) for name in height_names(n) + contact_names(n)), float(action)])
 
     def _values(self, times: np.ndarray, heights: np.ndarray) -> dict[str, float]:
         names = contact_names(len(times)) + height_names(len(times))

@@ -20,6 +20,7 @@ from teg.errors import InputError
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend, Discontinuities
 from teg.examples.bouncing_ball.formula import read_formula
+from teg.examples.replay import Keep, OfVector, not_kept
 from teg.ir.expr import Expr, as_number
 
 HEIGHT, STRIDE, MASS, GRAVITY = 1.2, 1.0, 1.0, 9.81  # start and end above the floor in m; m between contacts; kg; m/s²
@@ -136,18 +137,19 @@ class Search:
     failure: str = ""
 
 
-def find_path(flight: Flight, formula: str, settings: dict[str, Any], discontinuities: Discontinuities) -> Search:
+def find_path(flight: Flight, formula: str, settings: dict[str, Any], discontinuities: Discontinuities, keep: Keep = not_kept) -> Search:
     """Returns the search from contacts at even distances, and if that fails from some near them.
 
     `failure` says what is wrong with its result: the gradient is not zero, or the path goes through the floor.
     """
     wanted = [teg.param(name) for name in names(flight.contacts)]
     action = teg.compile(floor_action(flight.contacts, formula), wanted, backend=settings["backend"], discontinuities=discontinuities)
+    numbers, entries = keep("slopes", _slopes_of(flight, action)), keep("bends", _bends_of(flight, action))
     random = np.random.default_rng(settings["seed"])
     best: Search | None = None
     for start in range(STARTS):
         spread = random.uniform(-JITTER, JITTER, 2 * flight.contacts) * (start > 0)
-        search = _from(flight, action, spread, settings["steps"])
+        search = _from(flight, (numbers, entries), spread, settings["steps"])
         if best is None or not search.failure:
             best = search
         if not search.failure:
@@ -156,12 +158,37 @@ def find_path(flight: Flight, formula: str, settings: dict[str, Any], discontinu
     return best
 
 
-def _from(flight: Flight, action: Evaluator, spread: np.ndarray, steps: int) -> Search:
-    """Returns the search from one start. The arcs' durations are exponentials: contacts keep their order."""
+def _values_of(flight: Flight, moving: np.ndarray) -> dict[str, float]:
+    given = {name: getattr(flight, name) for name in ("duration", "start", "end", "reach")}
+    return dict(zip(names(flight.contacts), moving.tolist(), strict=True)) | given
+
+
+def _slopes_of(flight: Flight, action: Evaluator) -> OfVector:
+    """Returns the function from the times and places of the contacts to the action and its derivatives."""
+
+    def slopes(moving: np.ndarray) -> np.ndarray:
+        value, by_name = action.value_and_grad(_values_of(flight, moving))
+        return np.array([float(value), *(float(by_name[n]) for n in names(flight.contacts))])
+
+    return slopes
+
+
+def _bends_of(flight: Flight, action: Evaluator) -> OfVector:
+    """Returns the function from the times and places of the contacts to the second derivatives of the action."""
+
+    def bends(moving: np.ndarray) -> np.ndarray:
+        entries = action.hessian(_values_of(flight, moving))
+        return np.array([[float(entries[a, b]) for b in names(flight.contacts)] for a in names(flight.contacts)])
+
+    return bends
+
+
+def _from(flight: Flight, action: tuple[OfVector, OfVector], spread: np.ndarray, steps: int) -> Search:
+    """Returns the search from one start, given the first and second derivatives. The arcs' durations are exponentials: contacts keep their
+    order."""
     from scipy.optimize import least_squares
 
-    n = flight.contacts
-    given = {name: getattr(flight, name) for name in ("duration", "start", "end", "reach")}
+    n, (slopes_at, bends_at) = flight.contacts, action
     search = Search(flight, np.zeros(2 * n))
 
     def moving(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -171,18 +198,13 @@ def _from(flight: Flight, action: Evaluator, spread: np.ndarray, steps: int) -> 
         slopes = flight.duration * shares[:-1] * ((np.arange(n)[:, None] >= np.arange(n)) - before[:, None])
         return np.concatenate([flight.duration * before, z[n:]]), slopes
 
-    def values(z: np.ndarray) -> dict[str, float]:
-        return dict(zip(names(n), moving(z)[0].tolist(), strict=True)) | given
-
     def residual(z: np.ndarray) -> np.ndarray:
-        slopes = action.grad(values(z))
-        gradient = np.array([float(slopes[name]) for name in names(n)])
+        gradient = slopes_at(moving(z)[0])[1:]
         search.gradients.append(float(np.abs(gradient).max()))
         return np.where(np.isfinite(gradient), gradient, 1e150)
 
     def jacobian(z: np.ndarray) -> np.ndarray:
-        entries = action.hessian(values(z))
-        matrix = np.array([[float(entries[a, b]) for b in names(n)] for a in names(n)])
+        matrix = bends_at(moving(z)[0])
         by_z = np.concatenate([matrix[:, :n] @ moving(z)[1], matrix[:, n:]], axis=1)
         return np.where(np.isfinite(by_z), by_z, 0.0)
 
@@ -194,7 +216,7 @@ def _from(flight: Flight, action: Evaluator, spread: np.ndarray, steps: int) -> 
         z = least_squares(residual, z, jacobian, method="lm", max_nfev=steps, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
     else:
         residual(z)
-    search.moving, search.action = moving(z)[0], float(action(values(z)))
+    search.moving, search.action = moving(z)[0], float(slopes_at(moving(z)[0])[0])
     search.gradients.append(float(np.abs(residual(z)).max()))
     depth = flight.depth(search.moving)
     if not search.gradients[-1] <= CONVERGED:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from teg.examples.bouncing_ball.scene import compile_scene
 from teg.examples.bouncing_ball.throw import Throw, exact, make_throw
 from teg.examples.harness import finish, progress_bar, require_packages, result_folder
 from teg.examples.options import resolved
+from teg.examples.replay import OfVector, Replay
 
 PACKAGES = {"scipy": "scipy", "matplotlib": "matplotlib", "tqdm": "tqdm"}
 LABELS = {"exact": "exact gradient", "ignore": "plain automatic differentiation"}
@@ -35,12 +37,13 @@ def run_bouncing_ball(out: str | Path = "out/bouncing-ball", progress: bool = Tr
     """Finds the path of a ball by least action; writes a picture to `out`, returns the contents of run.json.
 
     The options are those of `teg demo bouncing-ball` (`examples/options.py`): contacts, speed, duration, floor, steps, discontinuities,
-    alone, seed, backend. The ball makes that many `contacts` with floor and ceiling, by turns, of a lift that rises with `speed` in m/s;
-    with `floor`, a formula of x and t such as "0.1*sin(3*x) + 0.3*t", with this floor alone. `duration` is in s. At most `steps` steps; the
-    descent ends when the gradient is zero to rounding, and "failure" says if it is not. With `discontinuities="exact"` the same search is
-    run beside it like plain automatic differentiation, unless `alone`. Ctrl-C ends it: the report says "interrupted".
+    alone, seed, backend, resume. The ball makes that many `contacts` with floor and ceiling, by turns, of a lift that rises with `speed` in
+    m/s; with `floor`, a formula of x and t such as "0.1*sin(3*x) + 0.3*t", with this floor alone. `duration` is in s. The descent ends
+    after `steps` steps, or when the gradient is zero to rounding, and "failure" says if it is not. With `discontinuities="exact"` the same
+    search is run beside it like plain automatic differentiation, unless `alone`. A checkpoint is written every two seconds. Ctrl-C ends
+    it: the report says "interrupted".
 
-    Raises InputError for an impossible throw, option or folder, MissingPackageError.
+    Raises InputError for an impossible throw, option, folder or checkpoint, MissingPackageError.
     """
     require_packages("bouncing ball", PACKAGES, progress)
     settings = resolved("bouncing-ball", {"out": out, **options})
@@ -54,15 +57,18 @@ def _in_a_lift(settings: Mapping[str, Any], kinds: list[Discontinuities], progre
     """Returns the report of throws in a lift, one for each treatment of discontinuities."""
     throw = make_throw(settings["contacts"], settings["speed"], settings["duration"])
     folder = result_folder(Path(settings["out"]))
+    replay = _replay(folder, settings)
     times, heights, least = exact(throw)
     runs, reports, interrupted = {}, [], False
     for kind in kinds:
         begun = time.perf_counter()
         with np.errstate(all="ignore"):  # of numbers beyond all measure; the report says that it did not converge
-            descent = ActionDescent(throw, compile_scene(throw.contacts, settings["backend"], kind))
+            keep = partial(_kept, replay, kind)
+            descent = ActionDescent(throw, compile_scene(throw.contacts, settings["backend"], kind), keep)
             setup = time.perf_counter() - begun
             interrupted = interrupted or descend(descent, settings["steps"], progress, LABELS.get(kind, kind))
             seconds = {"setup": setup, "descent": time.perf_counter() - begun - setup}
+            replay.save()
             reports.append(_report(descent, kind, times, least) | {"seconds": seconds})
         runs[LABELS.get(kind, kind)] = descent.states
     _draw(folder, throw, (times, heights), runs)
@@ -76,6 +82,16 @@ def _in_a_lift(settings: Mapping[str, Any], kinds: list[Discontinuities], progre
         "throw": asdict(throw),
         "pictures": [SHEET],
     }
+
+
+def _replay(folder: Path, settings: Mapping[str, Any]) -> Replay:
+    """Returns the evaluations of the run before, if it is resumed."""
+    identity = {k: settings[k] for k in ("contacts", "speed", "duration", "floor", "seed", "discontinuities", "backend")}
+    return Replay(folder / "checkpoint.npz", identity, settings["resume"])
+
+
+def _kept(replay: Replay, kind: str, name: str, function: OfVector) -> OfVector:
+    return replay.kept(f"{name}, {kind}", function)
 
 
 def _summary(part: Mapping[str, Any]) -> list[str]:
@@ -93,7 +109,11 @@ def _over_a_floor(settings: Mapping[str, Any], kinds: list[Discontinuities], pro
     with np.errstate(all="ignore"):
         flight = make_flight(settings["floor"], settings["contacts"], settings["duration"], settings["backend"])
         folder = result_folder(Path(settings["out"]))
-        searches = {kind: find_path(flight, settings["floor"], dict(settings), kind) for kind in kinds}
+        replay = _replay(folder, settings)
+        try:
+            searches = {kind: find_path(flight, settings["floor"], dict(settings), kind, partial(_kept, replay, kind)) for kind in kinds}
+        finally:
+            replay.save()
     draw_flights(folder / SHEET, {LABELS.get(kind, kind): search for kind, search in searches.items()})
     reports = []
     for kind, search in searches.items():

@@ -1,4 +1,4 @@
-"""The picture of a design: stress curves and falls before and after, and how far the constraints are violated on the way."""
+"""The picture of a design: stress curves and falls before and after, the violation of the constraints and the loss on the way."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from teg.examples.springs.design import MARGIN, WALL, Jump, Optimum, pull_of, violation
+from teg.examples.springs.design import WALL, Jump, Optimum, violation
 from teg.examples.springs.scene import GRAVITY
 
 COLOURS = ("#2b6cb0", "#c2412d", "#d69e2e")
-GREY, LIGHT, BROWN = "#666666", "#eef1f5", "#8a6d4b"
-LEAST = 1e-16  # a violation of 0 is drawn at this value
+GREY, LIGHT, BROWN = "#666666", "#d5dae1", "#8a6d4b"
+LEAST = 1e-17  # a violation of 0 is drawn at this value
 
 
 def draw_sheet(path: Path, jump: Jump, start: np.ndarray, found: dict[str, Optimum]) -> None:
@@ -28,21 +28,21 @@ def draw_sheet(path: Path, jump: Jump, start: np.ndarray, found: dict[str, Optim
     looks[-1] |= {"linestyle": (0, (1, 1.5)), "linewidth": 3}
     for (label, design), look in zip(designs.items(), looks, strict=False):
         _draw_design(stress, fall, jump, design, {**look, "label": label})
-    weight = jump.mass * GRAVITY / 1000
+    weight = jump.mass * GRAVITY
     stress.axhline(weight, color=LIGHT, linewidth=2, zorder=0)
-    stress.annotate("weight of the jumper", (0.2, weight), (0, 4), textcoords="offset points", color=GREY, fontsize=9)
-    stress.set(xlabel="way fallen in m", ylabel="force of the cords in kN", xlim=(0, jump.drop))
-    fall.axhspan(0, MARGIN, color=BROWN, alpha=0.15, linewidth=0)
+    stress.annotate("weight of the jumper", (0.01 * jump.apex, weight), (0, 4), textcoords="offset points", color=GREY, fontsize=9)
+    stress.set(xlabel="way fallen in m", ylabel="force of the cords in N", xlim=(0, 1.12 * jump.apex), ylim=(0, None))
+    stress.axvline(jump.apex, color=BROWN, linewidth=1, linestyle=":")
     fall.axhline(0, color=BROWN, linewidth=3)
-    fall.annotate("margin above the ground", (0.05, MARGIN / 2), color=BROWN, fontsize=9, va="center")
-    fall.set(xlabel="time in s", ylabel="height in m", ylim=(-0.5, jump.drop * 1.02), xlim=(0, None))
+    fall.annotate("ground", (0.02, 0), (0, 5), textcoords="offset points", color=BROWN, fontsize=9)
+    fall.set(xlabel="time in s", ylabel="height in m", xlim=(0, None))
     for (_, optimum), look in zip(found.items(), looks[1:], strict=False):
         broken.semilogy([max(violation(v), LEAST) for v in optimum.outcomes], **look)
-        loss.plot([v[0] if v[0] < WALL / 2 else np.nan for v in optimum.outcomes], marker="o", markersize=2.5, **look)
+        loss.semilogy([v[0] if v[0] < WALL / 2 else np.nan for v in optimum.outcomes], marker="o", markersize=2.5, **look)
     broken.set_title("largest violation of a constraint, relative", loc="left", fontsize=11)
-    loss.set_title("loss (none where the cords do not stop the jumper)", loc="left", fontsize=11)
+    loss.set_title("loss", loc="left", fontsize=11)
     for axes in (broken, loss):
-        axes.set_xlabel("step")
+        axes.set(xlabel="step", xscale="symlog", xlim=(0, None))
     for axes in (stress, fall, broken, loss):
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(colors=GREY)
@@ -52,8 +52,9 @@ def draw_sheet(path: Path, jump: Jump, start: np.ndarray, found: dict[str, Optim
 
 def _draw_design(stress: Any, fall: Any, jump: Jump, design: np.ndarray, look: dict[str, Any]) -> None:
     flight = jump.simulated(design)
-    way = np.linspace(0, flight["way"][-1], 400)
-    stress.plot(way, pull_of(design, way) / 1000, **look)
-    fall.plot(flight["time"], jump.drop - flight["way"], **look)
-    for axes, end in ((stress, (way[-1], pull_of(design, way[-1]) / 1000)), (fall, (flight["time"][-1], jump.drop - way[-1]))):
+    way = np.linspace(0, flight["way"][-1], 2000)
+    force = jump.stress(design, way)
+    stress.plot(way, force, **look)
+    fall.plot(flight["time"], jump.apex - flight["way"], **look)
+    for axes, end in ((stress, (way[-1], force[-1])), (fall, (flight["time"][-1], jump.apex - way[-1]))):
         axes.plot(*end, "o", color=look["color"], markersize=6)

@@ -1,62 +1,71 @@
-"""The integrals: time, force and energy of a fall into two bungee cords in series, whose stiffness jumps where a string locks.
+"""The integrals: time and energy of a fall on two bungee cords in series, whose force drops where a string locks.
 
-The cords together are `slack` metres long. Stretched by y beyond that, they pull with the force F(y) = ∫₀ʸ κ. Beside cord 1 runs a
-string that locks it when it is stretched by `give` metres; that of cord 2 must never become taut, which is a constraint (design.py).
+The model is that of Bangaru et al. (SIGGRAPH 2021; g = 10, weakening 0.2). A jumper at rest is stretched by x below the rest position. The
+cords share the stretch, x₁ = k₂x/(k₁ + k₂) and x₂ = k₁x/(k₁ + k₂). A string of the length l₁ locks cord 1, which weakens as it yields:
 
-    κ(y) = 1/(1/k₁ + 1/k₂)   for 0 < y < give·(1 + k₁/k₂)        both cords stretch
-         = k₂                beyond                              cord 1 is locked
+    stress(x) = k₁x₁ + k₂x₂                    x₁ < l₁      both cords stretch
+              = WEAKENING·k₁l₁ + k₂(x - l₁)    x₁ > l₁      cord 1 is locked
 
-κ jumps where the parameters say: automatic differentiation of F sees the heights of the step, not its place.
+String 2, of the length l₂, must not become taut above the apex, the lowest point (design.py); swap the cords for the other case.
 
-With x the way fallen and D the lowest point, v² = 2·E(x) and E(D) = 0, so the time of the fall is
+The speed is √(2F) with F(x) = ∫₀ˣ (g - stress/m), and the fall ends where F = 0. The published loss is
 
-    T = √(2·slack/g) + ∫ dx/√(2E(x)) from x = slack to D
+    (g - stress(apex)/m)² + T,      T = ∫ dx/√|2F(x)| from x = NADIR to the apex
 
-Its integrand has a singularity at D, which moves with the parameters. In s with D - x = (D - slack)·s² it has none:
+Its integrand has a singularity where the fall ends, which moves with all of k₁, k₂, l₁. The constraint F(apex) = 0 admits the designs whose
+fall ends at the apex. There ∂T is infinite, as the singularity reaches the bound. An optimiser needs a time that is the same on these
+designs and smooth around them. It comes from F(x) - F(apex)·x/apex, which is 0 at both ends:
 
-    E(x) = (D - x)·G,    G = F(D)/m - g - (D - x)/m ∫₀¹ τ·κ(x + (D - x)τ - slack) dτ,    T = √(2·slack/g) + ∫₀¹ √(2(D - slack)/G) ds
+    T = √(2m·apex) ∫ dφ/√(S₂ - S₁),   x = apex·sin²φ,   S₁ = mean stress over (0, x),   S₂ = mean stress over (x, apex)
 """
 
 from __future__ import annotations
 
+import math
+
 import teg
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend, Discontinuities
-from teg.ir.expr import Expr
+from teg.ir.expr import Expr, as_number
 
-DESIGN = ("k1", "k2", "slack", "give", "lowest")  # N/m, N/m, m, m, m
-GRAVITY = 9.81
+DESIGN = ("k1", "k2", "l1", "l2")  # N/m, N/m, m, m
+GRAVITY, WEAKENING = 10.0, 0.2
+NADIR = 1e-5  # m: where the time starts
 
-
-def stiffness(y: Expr) -> Expr:
-    """Returns κ, in N/m, of cords stretched by y > 0."""
-    k1, k2, give = teg.params("k1 k2 give")
-    return teg.where(y < give * (1 + k1 / k2), k1 * k2 / (k1 + k2), k2)
+k1, k2, l1, l2 = teg.params("k1 k2 l1 l2")
+apex, mass = teg.params("apex mass")
 
 
-def force(y: Expr) -> Expr:
-    """Returns the force of cords stretched by y, in N."""
-    z = teg.var("z")
-    return teg.where(y > 0, teg.integral(stiffness(z), (z, 0, y)), 0)
+def stress(x: Expr) -> Expr:
+    """Returns the force of cords stretched by x, in N."""
+    return teg.where(k2 * x > (k1 + k2) * l1, WEAKENING * k1 * l1 + k2 * (x - l1), 2 * k1 * k2 / (k1 + k2) * x)
+
+
+def published_loss(apex: float, mass: float) -> Expr:
+    """Returns the loss of the paper, F written out on both sides of the place where cord 1 locks."""
+    x = teg.var("x")
+    lock = l1 * (k1 + k2) / k2
+    both = x * (GRAVITY - k1 * k2 / (k1 + k2) * x / mass)
+    at_lock = GRAVITY * lock - k1 * k2 / (k1 + k2) * lock**2 / mass
+    one = at_lock + (GRAVITY - WEAKENING * k1 * l1 / mass) * (x - lock) - k2 * ((x - l1) ** 2 - (lock - l1) ** 2) / (2 * mass)
+    pace = teg.where(x < lock, 1 / teg.sqrt(2 * both), 1 / teg.sqrt(abs(2 * one)))
+    time = teg.integral(pace, (x, NADIR, apex))
+    return (GRAVITY - stress(as_number(apex)) / mass) ** 2 + time + 0 * l2
 
 
 def fall() -> Expr:
-    """Returns the time of the fall in s, the force at its lowest point in N, and the energy there, in J, 0 where the fall ends there."""
-    slack, lowest, mass = teg.params("slack lowest mass")
-    s, tau = teg.vars("s tau")
-    reach = lowest - slack
-    pull = force(reach)
+    """Returns the time of the fall, the acceleration at the apex, and F(apex), 0 where the fall ends there."""
+    phi, tau = teg.vars("phi tau")
 
-    def over_distance(way: Expr) -> Expr:
-        """Returns G where the way to the lowest point is `way`."""
-        inner = teg.integral(tau * stiffness(reach - way + way * tau), (tau, 0, 1))
-        return pull / mass - GRAVITY - way / mass * inner
+    def mean_stress(start: Expr, end: Expr) -> Expr:
+        return teg.integral(stress(start + (end - start) * tau), (tau, 0, 1))
 
-    time = teg.sqrt(2 * slack / GRAVITY) + teg.integral(teg.sqrt(2 * reach / over_distance(reach * s**2)), (s, 0, 1))
-    energy = mass * (GRAVITY * slack - reach * over_distance(reach))
-    return teg.tuple(time, pull, energy)
+    x = apex * teg.sin(phi) ** 2
+    rate = 1 / teg.sqrt(mean_stress(x, apex) - mean_stress(0 * x, x))
+    time = teg.sqrt(2 * mass * apex) * teg.integral(rate, (phi, teg.asin(teg.sqrt(NADIR / apex)), math.pi / 2))
+    return teg.tuple(time, GRAVITY - stress(apex) / mass, apex * (GRAVITY - mean_stress(0 * apex, apex) / mass))
 
 
 def compile_fall(backend: Backend, discontinuities: Discontinuities = "exact") -> Evaluator:
     """Returns the compiled fall, to be differentiated by the design."""
-    return teg.compile(fall(), [teg.param(name) for name in DESIGN], backend=backend, discontinuities=discontinuities)
+    return teg.compile(fall(), [k1, k2, l1], backend=backend, discontinuities=discontinuities)

@@ -90,7 +90,7 @@ def draw_sheet(path: Path, target: np.ndarray, meshes: Mapping[str, np.ndarray],
             figure.colorbar(shades, ax=axes, fraction=0.046, pad=0.03).ax.tick_params(labelsize=8, colors=GREY)
         axes.set_title(title, fontsize=10)
         axes.set_axis_off()
-    figure.savefig(path)
+    figure.savefig(path, bbox_inches="tight", pad_inches=0.05)
 
 
 def draw_loss(path: Path, losses: Mapping[str, Sequence[float]], marks: Mapping[str, float]) -> None:

@@ -17,6 +17,8 @@ from teg.examples.options import DEMOS, OPTIONS, resolved
 pytest.importorskip("matplotlib")
 pytest.importorskip("scipy")
 
+from teg.examples.bouncing_ball.run import run_bouncing_ball
+
 
 @pytest.mark.parametrize("name", DEMOS)
 def test_every_demo_takes_its_options_from_the_table(name: str) -> None:
@@ -71,6 +73,15 @@ def test_a_run_is_repeated_from_its_report(tmp_path: Path) -> None:
     assert reports[0]["times"] == reports[1]["times"]
     assert reports[0]["options"] | {"out": ""} == reports[1]["options"] | {"out": ""}
     assert main(["demo", "springs", "--repeat", str(first / "run.json"), "-o", str(second)]) == 2
+
+
+def test_a_resumed_run_ends_where_the_whole_one_does(tmp_path: Path) -> None:
+    for options in ({"contacts": 2}, {"contacts": 1, "floor": "0.1*sin(2*x)"}):
+        first = run_bouncing_ball(out=tmp_path, backend="numpy", alone=True, **options)
+        again = run_bouncing_ball(out=tmp_path, backend="numpy", alone=True, resume=True, **options)
+        for name in ("times", "action"):
+            assert again[name] == first[name]
+    assert main(["demo", "bouncing-ball", "--contacts", "3", "--resume", "-o", str(tmp_path)]) == 2
 
 
 def test_a_pipe_sees_no_progress_bar_and_the_backend_is_named(tmp_path: Path) -> None:

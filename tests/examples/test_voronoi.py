@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from teg.__main__ import main
-from teg.examples.voronoi import candidates, density, scene, solve
+from teg.examples.voronoi import candidates, density, run_voronoi, scene, solve
 
 COUNT = 40
 
@@ -41,3 +44,22 @@ def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["demo", "voronoi", "--sites", "12", "-o", str(tmp_path)]) == 0
     assert "difference" in capsys.readouterr().out
     assert (tmp_path / "cells.png").stat().st_size > 5000
+
+
+def test_killed_after_a_step_and_resumed_it_ends_with_the_same_weights(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    words = [sys.executable, "-m", "teg", "demo", "voronoi", "--sites", "100", "--backend", "c", "-o", str(tmp_path)]
+    checkpoint = tmp_path / "checkpoint.npz"
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL) as run:
+        while not checkpoint.exists():
+            assert run.poll() is None
+            time.sleep(0.01)
+        run.kill()
+    assert not (tmp_path / "run.json").exists()
+    with np.load(checkpoint) as stored:
+        done = len(stored["errors"])
+    resumed = run_voronoi(out=tmp_path, sites=100, backend="c", resume=True)
+    whole = solve(*scene(100, 0), "c")
+    assert done < len(whole.errors)
+    assert resumed["errors"] == whole.errors
+    assert resumed["cost"] == whole.cost

@@ -1,0 +1,120 @@
+"""Points and weights of the quadrature of a program."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import teg
+from teg.errors import OperandError, ParameterError
+
+x, y, z = teg.vars("x y z")
+t, a = teg.params("t a")
+SQUARE = (x, -1, 1), (y, -1, 1)
+DISK = teg.integral(teg.bracket(x * x + y * y < t), *SQUARE)
+TRIANGLE = teg.integral(teg.bracket(x + a * y < t), (x, 0, 1), (y, 0, 1))
+
+
+def test_they_integrate_any_smooth_function_over_a_disk() -> None:
+    f = teg.compile(DISK, [t], backend="numpy")
+    points, weights = f.nodes(t=0.5)
+    assert points.shape == (len(weights), 2)
+    assert (weights > 0).all()
+    assert ((points**2).sum(axis=1) < 0.5).all()
+    assert weights.sum() == pytest.approx(math.pi / 2, rel=1e-14)
+    truth = teg.evaluate(teg.integral(teg.bracket(x * x + y * y < t) * teg.exp(x - 2 * y), *SQUARE), t=0.5)
+    assert weights @ np.exp(points[:, 0] - 2 * points[:, 1]) == pytest.approx(truth, rel=1e-11)
+
+
+def test_by_a_parameter_they_lie_on_the_boundary() -> None:
+    points, weights = teg.compile(DISK, [t], backend="numpy").nodes(t=0.5, by="t")
+    np.testing.assert_allclose((points**2).sum(axis=1), 0.5, rtol=1e-14)
+    assert weights.sum() == pytest.approx(math.pi, rel=1e-12)
+    assert weights @ points[:, 0] ** 2 == pytest.approx(math.pi * 0.25, rel=1e-12)  # of cos² over the circle, times ds/|∇|
+    f = teg.compile(TRIANGLE, [t, a], backend="numpy")
+    for name in ("t", "a"):
+        points, weights = f.nodes(t=0.5, a=2.0, by=name)
+        np.testing.assert_allclose(points[:, 0] + 2 * points[:, 1], 0.5, rtol=1e-13)
+        assert weights.sum() == pytest.approx(f.grad(t=0.5, a=2.0)[name], rel=1e-12)
+
+
+def test_an_integrand_and_factors_enter_the_weights() -> None:
+    e = a * teg.integral(teg.bracket(x < t) * teg.exp(a * x), (x, 0, 1)) - teg.integral(teg.sin(x), (x, 0, t))
+    f = teg.compile(e, backend="numpy")
+    points, weights = f.nodes(t=0.5, a=2.0)
+    assert points.shape == (len(weights), 1)
+    assert weights.sum() == pytest.approx(f(t=0.5, a=2.0), rel=1e-13)
+    for name, slope in f.grad(t=0.5, a=2.0).items():
+        points, weights = f.nodes(t=0.5, a=2.0, by=name)
+        assert weights.sum() == pytest.approx(slope, rel=1e-13)
+    points, weights = f.nodes(t=0.5, a=2.0, by="t")
+    assert points.tolist() == [[0.5]]  # both integrals end there
+
+
+def test_a_rule_gives_its_own_nodes() -> None:
+    f = teg.compile(TRIANGLE, [t, a], backend="numpy", rule="gauss", order=4)
+    points, weights = f.nodes(t=0.5, a=2.0)
+    assert len(weights) == 16
+    truth = teg.evaluate(teg.integral(x**3 * y**2 * teg.bracket(x + a * y < t), (x, 0, 1), (y, 0, 1)), t=0.5, a=2.0)
+    assert weights @ (points[:, 0] ** 3 * points[:, 1] ** 2) == pytest.approx(truth, rel=1e-12)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_a_batch_is_filled_up_with_weights_of_zero(backend: str) -> None:
+    f = teg.compile(DISK, [t], backend=backend)
+    points, weights = f.nodes(t=[[0.0, 0.1], [0.5, 1.2]])
+    assert points.shape == (2, 2, weights.shape[2], 2)
+    np.testing.assert_allclose(weights.sum(axis=-1), f(t=[[0.0, 0.1], [0.5, 1.2]]), rtol=1e-11, atol=1e-14)
+    one, _ = f.nodes(t=0.5)
+    np.testing.assert_array_equal(points[1, 0, : len(one)], one)
+    assert (points[1, 0, len(one) :] == one[-1]).all()
+    assert (weights[1, 0, len(one) :] == 0).all()
+
+
+def test_where_two_surfaces_coincide_both_orders_count() -> None:
+    e = teg.integral(teg.bracket(x + y < t) * teg.bracket(x + y < a), (x, 0, 1), (y, 0, 1))
+    f = teg.compile(e, [t, a], backend="numpy")
+    assert f.nodes(t=0.5, a=0.5)[1].sum() == pytest.approx(0.125, rel=1e-13)
+    assert f.nodes(t=0.5, a=0.5, by="t")[1].sum() == pytest.approx(f.grad(t=0.5, a=0.5)["t"], rel=1e-13)
+
+
+def test_three_variables_and_a_surface_without_a_formula() -> None:
+    inside = teg.bracket(x + teg.exp(x * y) / 4 + y < t)
+    f = teg.compile(teg.integral(inside, (x, 0, 1), (y, 0, 1)), [t], backend="numpy")
+    points, weights = f.nodes(t=0.9)
+    assert weights.sum() == pytest.approx(f(t=0.9), rel=1e-11)
+    points, weights = f.nodes(t=0.9, by="t")
+    np.testing.assert_allclose(points[:, 0] + np.exp(points.prod(axis=1)) / 4 + points[:, 1], 0.9, rtol=1e-12)
+    cone = teg.compile(teg.integral(teg.bracket(x + y + z < t), (x, 0, 1), (y, 0, 1), (z, 0, 1)), rule="gauss", order=3)
+    points, weights = cone.nodes(t=0.9)
+    assert points.shape == (27, 3)
+    assert weights @ points[:, 2] == pytest.approx(0.9**4 / 24, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    "e",
+    [
+        teg.integral(x, (x, 0, t)) ** 2,
+        teg.exp(teg.integral(x, (x, 0, t))),
+        1 + teg.integral(x, (x, 0, t)),
+        teg.tuple(teg.integral(x, (x, 0, t)), t),
+        t * t,
+        teg.integral(x, (x, 0, t)) + teg.integral(y, (y, 0, t)),
+    ],
+)
+def test_what_is_no_sum_of_integrals_has_none(e: teg.Expr) -> None:
+    with pytest.raises(OperandError) as caught:
+        teg.compile(e, [t], backend="numpy").nodes(t=0.5)
+    assert caught.value.hint
+
+
+def test_derivatives_that_move_the_nodes_and_unknown_names_are_refused() -> None:
+    with pytest.raises(OperandError, match="moves the nodes"):
+        teg.compile(teg.integral(1 / teg.sqrt(abs(x - t)), (x, 0, 1)), [t], backend="numpy").nodes(t=0.3, by="t")
+    with pytest.raises(ParameterError, match="no parameter 'b'"):
+        teg.compile(DISK, [t], backend="numpy").nodes(t=0.3, by="b")
+    V = teg.array("V", 1)
+    with pytest.raises(OperandError, match="arrays"):
+        teg.compile(teg.integral(V[0] * x, (x, 0, 1))).nodes(V=np.ones(1))
