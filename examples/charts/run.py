@@ -61,8 +61,8 @@ def run_integration(
         found = {"points": points, "done": done, "versions": versions(), "machine": machine()}
         return {"settings": settings, "interrupted": interrupted} | found
 
-    def known(key: str) -> float | None:
-        return float(points[key]["seconds"]) if key in points else None
+    def known(key: str) -> int | None:
+        return int(points[key]["evaluations"] or 0) if key in points else None
 
     interrupted = False
     try:

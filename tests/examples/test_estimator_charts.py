@@ -16,7 +16,7 @@ from teg.examples.charts import estimators, run_estimators, run_report, stabilit
 from teg.examples.charts.estimators import SWEEPS, Point, Task, compiled, middle_and_worst, relative_error
 from teg.examples.charts.families_of_cases import FAMILIES
 from teg.examples.charts.scenes import SCENES, gradient_of
-from teg.examples.charts.stability_report import CLASSES, METHODS, judge, score_of
+from teg.examples.charts.stability_report import CLASSES, COLUMNS, judge, score_of
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "estimators.md"
 MARKS = """<!-- begin estimators: written by `teg chart estimators` -->
@@ -97,7 +97,7 @@ def test_plain_differentiation_is_silently_wrong_where_the_boundary_moves() -> N
 def test_one_case_again(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", "stability", "--case", "[x < t]³", "--backend", "numpy"]) == 0
     text = capsys.readouterr().out
-    assert all(method in text for method in METHODS)
+    assert all(method in text for method in COLUMNS)
     with pytest.raises(InputError) as raised:
         run_report.run_case("a disk that")
     assert "a disk that is born" in raised.value.hint
