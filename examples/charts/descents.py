@@ -86,14 +86,14 @@ class Task:
     samples: int
 
 
-def descend(problem: str, method: str, backend: Backend, seconds: float = SECONDS) -> Descent:
-    """Returns the descent of a problem with an estimator."""
+def descend(problem: str, method: str, backend: Backend, seconds: float = SECONDS, most: int = MOST_STEPS) -> Descent:
+    """Returns the descent of a problem with an estimator, of at most so many seconds and steps."""
     task = task_of(problem, backend)
     gradient = task.gradient(method)
     gradient(task.start)  # compiles
     places, times, spent = [task.start], [0.0], 0.0
     mean, square = np.zeros_like(task.start), np.zeros_like(task.start)
-    while spent < seconds and len(places) <= MOST_STEPS:
+    while spent < seconds and len(places) <= most:
         begun = time.perf_counter()
         slopes = gradient(places[-1])
         count = len(places)

@@ -84,7 +84,7 @@ def draw_regions(path: Path, points: Sequence[Point], quantity: str, axis: str) 
 
 def draw_summary(path: Path, points: Sequence[Point]) -> None:
     """Draws the medians over the regions of error and cost at each setting: value and gradient, against time and evaluations."""
-    figure = _figure((13, 9.5))
+    figure = _figure((15, 9.5))
     panels = figure.subplots(2, 2, sharey=True)
     for row, quantity in zip(panels, QUANTITIES, strict=True):
         for panel, axis in zip(row, AXES, strict=True):

@@ -16,7 +16,7 @@ from teg.examples.charts.problem import Problem, TooManyEvaluationsError
 from teg.examples.charts.references import Reference
 from teg.examples.charts.regions import REGIONS
 
-MOST = 2 * 10**6
+MOST = 10**6
 """The most evaluations of one integral by another package. A series ends when the next point would need more."""
 QUANTITIES = ("value", "gradient")
 

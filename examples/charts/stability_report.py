@@ -50,7 +50,7 @@ METHODS: dict[str, dict[str, Any]] = {
 }
 PEERS = {"SciPy quad": ("dblquad", 1e-10), "vegas": ("vegas", 2000.0)}
 """Other packages, whose gradients are central differences: the method, and its setting."""
-MOST_OF_PEERS = 2 * 10**6
+MOST_OF_PEERS = 5 * 10**5
 """The most evaluations of one integral by another package."""
 COLUMNS = (*METHODS, *PEERS)
 PEERLESS = ("conditions on integrals",)

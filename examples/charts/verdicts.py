@@ -35,9 +35,9 @@ ADMITTED = 5
 """A method admits its error if its estimate, times this, covers the error."""
 TOL = 1e-10
 """The tolerance of all methods that take one."""
-MOST = 2 * 10**6
+MOST = 5 * 10**5
 """The most evaluations of one integral by another method."""
-MIDPOINTS = {1: 10**6, 2: 1000}
+MIDPOINTS = {1: 5 * 10**5, 2: 700}
 SETTINGS = {"dblquad": TOL, "cubature": TOL, "vegas": 10**4}
 """Ten times vegas's own number of samples."""
 DIFFERENCED, PLAIN = "ours, differenced", "plain automatic differentiation"

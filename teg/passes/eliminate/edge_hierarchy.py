@@ -5,8 +5,11 @@
                  p_j = (1 - α)·w_j/Σw + α/n,  w_j = |F_j(½)| = length × contribution at the middle,  n: parts with a length
 
 The importances w depend on parameters only, so they are computed once a call. The leaf is found by halving, as in a binary tree whose
-nodes hold the probability of what is below them: a sample evaluates one leaf, in a number of decisions that grows with the logarithm of
-their number. No leaf with a length has the probability 0 (α), so both are unbiased.
+nodes hold the probability of what is below them. No leaf with a length has the probability 0 (α), so both are unbiased. Each derivative has
+its own probabilities: shared ones are cheaper, and their standard errors were two to eight times as large.
+
+Cost: a sample needs one leaf, in a number of decisions that grows with the logarithm of their number; but the leaves are branches of
+`where`, all of which this compiler's backends compute. So it saves samples here, and no time.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@
                sample goes to one part of one surface, drawn from a hierarchy by length × contribution (`edge_hierarchy.py`)
     bias       none
     variance   of order 1/N, of the contribution along each surface, for K strata over K³. Of "importance": of the contribution over its
-               share, and of which surface is drawn; that pays where there are many surfaces. rule="qmc" stratifies all of them
+               share, and of which surface is drawn; that pays in samples where there are many surfaces. rule="qmc" stratifies all
     source     Li, Aittala, Durand, Lehtinen 2018, "Differentiable Monte Carlo ray tracing through edge sampling". They draw one of very
                many edges by its importance, from a tree over bounding boxes; here the tree is over the parts of the clipped edges
 
