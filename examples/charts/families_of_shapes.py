@@ -113,7 +113,7 @@ def _over(f: Callable[[Any], Any]) -> Any:
 
 
 def conditions_on_integrals() -> Iterator[Case]:
-    """Integrals in conditions and functions inside of another integral."""
+    """Integrals in conditions inside of another integral."""
     for c in (0.125, 0.25, 0.375):
         yield case(
             f"[∫ [w < tx] dw > {c}]",
@@ -128,21 +128,6 @@ def conditions_on_integrals() -> Iterator[Case]:
             (UNIT,),
             {"t": c},
             lambda m, t: m.mpf(1) / 2 - t,
-        )
-    for t in (0.5, 1.0):
-        yield case(
-            f"[∫ x·exp(xw) dw > t], t = {t}",
-            lambda m, x, t: m.bracket(_over(lambda w: x * m.exp(x * w)) > t),
-            (UNIT,),
-            {"t": t},
-            lambda m, t: 1 - m.log(1 + t),
-        )
-        yield case(
-            f"sin(∫ [w < tx] dw), t = {t}",
-            lambda m, x, t: m.sin(_over(lambda w: m.bracket(w < t * x))),
-            (UNIT,),
-            {"t": t * 0.875},
-            lambda m, t: (1 - m.cos(t)) / t,
         )
 
 

@@ -36,7 +36,7 @@ def run_descents(
     """
     require_packages("chart of descents", PACKAGES, progress, extra="all")
     folder, chosen = result_folder(Path(out)), backend or default_backend()
-    page_text = tables.read_page(page)
+    tables.read_page(page)  # an error before the work, not after it
     store = folder / "descents.json"
     settings = {"quick": quick, "backend": chosen}
     rows: dict[str, Any] = {} if fresh else dict(_stored(store, "descents", settings))
@@ -59,7 +59,7 @@ def run_descents(
     descents = [descent_of(row) for row in rows.values()]
     pictures = draw_all(folder, descents, chosen) if descents else []
     if page is not None:
-        tables.write_page(page, page_text, "descents", descent_table(descents))
+        tables.write_page(page, tables.read_page(page), "descents", descent_table(descents))
     write_report(store, report())
     return report() | {"pictures": [str(p) for p in pictures], "summary": summary(descents)}
 

@@ -40,7 +40,7 @@ def run_report(
     """
     require_packages("stability report", PACKAGES, progress, extra="chart")
     folder, chosen = result_folder(Path(out)), backend or default_backend()
-    page_text = tables.read_page(page)
+    tables.read_page(page)  # an error before the work, not after it
     store = folder / "report.json"
     settings = {"quick": quick, "backend": chosen}
     answers: dict[str, dict[str, Answer]] = {} if fresh else dict(_stored(store, "answers", settings))
@@ -60,7 +60,7 @@ def run_report(
     if answers:
         draw_heat_map(folder / "heat-map.png", answers)
     if page is not None:
-        tables.write_page(page, page_text, "report", report_tables(answers), "teg report stability")
+        tables.write_page(page, tables.read_page(page), "report", report_tables(answers), "teg report stability")
     write_report(store, report())
     return report() | {"summary": summary(answers)}
 

@@ -76,9 +76,15 @@ def reference_of(case: Case) -> Reference:
 def judge(case: Case, backend: Backend, methods: Sequence[str] = COLUMNS) -> dict[str, Answer]:
     """Returns the answer of each estimator, and of each package that can be asked, to a case."""
     exact = reference_of(case)
-    peerless = any(case in CLASSES[name] for name in PEERLESS)
-    asked = [m for m in methods if m in METHODS or not peerless]
+    asked = [m for m in methods if m in METHODS or _can_be_asked(m, case)]
     return {m: answer(case, exact, m, backend) if m in METHODS else answer_of_peer(case, exact, m) for m in asked}
+
+
+def _can_be_asked(peer: str, case: Case) -> bool:
+    """Returns whether a package takes a case: vegas has no infinite bounds."""
+    if any(case in CLASSES[name] for name in PEERLESS):
+        return False
+    return peer != "vegas" or not any(isinstance(b, float) and math.isinf(b) for pair in case.problem.bounds for b in pair)
 
 
 def answer_of_peer(case: Case, exact: Reference, name: str) -> Answer:

@@ -7,7 +7,7 @@ A condition whose surface has no scale keeps its truth value, 0 or 1.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, And, Compare, Cond, Expr, Not, Or, Truth, Var, add, call, const, div, mul, sub, where
 from teg.ir.node import Node, postorder
@@ -26,18 +26,18 @@ def coverage(condition: Cond, sigma: float) -> Expr:
     truths: dict[Node, Expr] = {}
     for node in postorder([condition]):
         if isinstance(node, Cond):
-            truths[node] = truth_of(node, node, truths, scales)
+            truths[node] = truth_of(node, node, truths, scales, with_tail)
     return truths[condition]
 
 
-def truth_of(node: Cond, result: Cond, truths: Mapping[Node, Expr], scales: Mapping[Expr, Expr]) -> Expr:
+def truth_of(node: Cond, result: Cond, truths: Mapping[Node, Expr], scales: Mapping[Expr, Expr], sigmoid: Callable[[Expr], Expr]) -> Expr:
     """Returns the softened truth of a condition from those of its operands. Its operands may have become those of `result`."""
     match node:
         case Compare() if node.g in scales:
-            return _sigmoid(div(result.g if isinstance(result, Compare) else node.g, scales[node.g]))
+            return sigmoid(div(result.g if isinstance(result, Compare) else node.g, scales[node.g]))
         case Not() if isinstance(node.operand, Compare) and node.operand.g in scales:
             g = result.operand.g if isinstance(result, Not) and isinstance(result.operand, Compare) else node.operand.g
-            return _sigmoid(div(mul(MINUS_ONE, g), scales[node.operand.g]))
+            return sigmoid(div(mul(MINUS_ONE, g), scales[node.operand.g]))
         case Not():
             return sub(ONE, truths[node.operand])
         case And():
@@ -50,6 +50,11 @@ def truth_of(node: Cond, result: Cond, truths: Mapping[Node, Expr], scales: Mapp
             return where(result, ONE, ZERO)
 
 
-def _sigmoid(z: Expr) -> Expr:
-    """Returns 1/(1 + exp(-z)), which keeps its digits where it is small; constant below exp(-70)."""
+def plain(z: Expr) -> Expr:
+    """Returns 1/(1 + exp(-z)) = (1 + tanh(z/2))/2."""
+    return mul(const(0.5), add(ONE, call("tanh", mul(const(0.5), z))))
+
+
+def with_tail(z: Expr) -> Expr:
+    """Returns the same as a quotient, which keeps its digits where it is small; constant below exp(-70)."""
     return div(ONE, add(ONE, call("exp", call("min", mul(MINUS_ONE, z), const(70.0)))))

@@ -30,7 +30,7 @@ from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import rebuild
 from teg.passes.differentiate.estimators.aggregate import aggregated
-from teg.passes.differentiate.estimators.coverage import scale_of, truth_of
+from teg.passes.differentiate.estimators.coverage import plain, scale_of, truth_of
 from teg.passes.differentiate.estimators.estimator import Estimator, check_positive
 from teg.passes.differentiate.estimators.ignore import ignore_discontinuities
 from teg.passes.differentiate.reverse import gradient_of
@@ -77,7 +77,7 @@ def softened(e: Expr, sigma: float) -> Expr:
     for node in postorder([e]):
         result = rebuild(node, tuple([new[c] for c in node.children]))
         if isinstance(node, Cond) and isinstance(result, Cond):
-            truths[node] = truth_of(node, result, truths, scales)
+            truths[node] = truth_of(node, result, truths, scales, plain)
         elif isinstance(node, Where) and _is_soft(node.condition, scales):
             truth, then, otherwise = truths[node.condition], cast(Expr, new[node.then]), cast(Expr, new[node.otherwise])
             result = add(mul(truth, then), mul(sub(ONE, truth), otherwise))
