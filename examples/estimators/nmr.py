@@ -9,7 +9,7 @@ vertices   e = (1 - s)·v₀ + s·v₁: each end takes its share; rows give the 
 bias       it is no derivative of the picture: far pixels count by 1/distance, so that it does not converge to the exact one with
            more pixels, and where no pixel would gain it is 0
 variance   none
-source     Kato, Ushiku and Harada 2018, "Neural 3D mesh renderer" (arXiv 2017), section 3; `rasterize.py` of their package, from
+source     Kato, Ushiku and Harada 2018, "Neural 3D mesh renderer" (arXiv 2017), section 3, and the rasteriser of their package, from
            which the pixels that count and the smallest distance are
 """
 

@@ -8,7 +8,7 @@ bias       the picture is differentiated, not the scene: exact for linear colour
            neighbours show the two sides. A feature thinner than two pixels has neighbours of one colour, hence no derivative; the
            derivative does not change while the edge moves within a pixel
 variance   none
-source     Loper and Black 2014, "OpenDR: an approximate differentiable renderer", section 4, and `common.py` of their package for
+source     Loper and Black 2014, "OpenDR: an approximate differentiable renderer", section 4, and their package for
            the neighbours that are left out and for the doubling
 """
 
