@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ pytest.importorskip("mpmath")
 pytest.importorskip("matplotlib")
 pytest.importorskip("vegas")
 
+from teg.__main__ import main
 from teg.examples.charts import descents, measure, run_descents
 from teg.examples.charts.breaks import BREAKS
 from teg.examples.charts.c_integrand import CIntegrand, c_text
@@ -132,3 +134,17 @@ def test_a_table_of_descents_says_who_failed() -> None:
     table = run_descents.descent_table([good, bad])
     assert "| exact | 1.0e-01, near the best in 1 s | 0 |" in table
     assert "| spsa | nan | 1 |" in table
+
+
+@pytest.mark.slow
+def test_a_quick_chart_of_descents(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("skimage")
+    page = tmp_path / "page.md"
+    page.write_text("<!-- begin descents: written by `teg chart descents` -->\n<!-- end descents -->\n", encoding="utf-8")
+    command = ["chart", "descents", "-o", str(tmp_path), "--page", str(page), "--quick", "--quiet", "--backend", "numpy"]
+    assert main(command) == 0
+    assert "3 descents, 0 of which ended above their start" in capsys.readouterr().out
+    assert (tmp_path / "descents.png").is_file()
+    assert (tmp_path / "results.png").is_file()
+    assert "| exact |" in page.read_text(encoding="utf-8")
+    assert main(command) == 0  # nothing is descended again

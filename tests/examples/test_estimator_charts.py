@@ -12,7 +12,7 @@ pytest.importorskip("matplotlib")
 
 from teg.__main__ import main
 from teg.errors import InputError
-from teg.examples.charts import estimators, run_estimators, run_report, stability_report, tables
+from teg.examples.charts import estimators, run_descents, run_estimators, run_report, stability_report, tables
 from teg.examples.charts.estimators import SWEEPS, Point, Task, compiled, middle_and_worst, relative_error
 from teg.examples.charts.families_of_cases import FAMILIES
 from teg.examples.charts.scenes import SCENES, gradient_of
@@ -115,7 +115,9 @@ def test_the_page_shows_what_was_measured() -> None:
     points = json.loads((PAGE.with_suffix("") / "estimators.json").read_text(encoding="utf-8"))["points"]
     assert {p["scene"] for p in points} == set(SCENES)
     assert run_estimators.estimator_tables([run_estimators.point_of(p) for p in points]) in text
-    for picture in ("summary", "scenes", "heat-map"):
+    descents = json.loads((PAGE.with_suffix("") / "descents.json").read_text(encoding="utf-8"))["descents"]
+    assert run_descents.descent_table([run_descents.descent_of(row) for row in descents.values()]) in text
+    for picture in ("summary", "scenes", "heat-map", "descents", "results", "literature"):
         assert f"estimators/{picture}.png" in text
         assert (PAGE.with_suffix("") / f"{picture}.png").is_file()
     assert tables.read_page(PAGE) == text
