@@ -23,11 +23,11 @@ from functools import partial
 from typing import Any, ClassVar
 
 from teg.analysis.nest import Chain
-from teg.errors import OptionError
+from teg.errors import EstimatorError, OptionError
 from teg.ir.expr import Expr, Param, add
 from teg.ir.integral import Integral
 from teg.passes.differentiate.estimators.estimator import Estimator, check_count
-from teg.passes.differentiate.estimators.nests import chains_of, slopes_of_nests
+from teg.passes.differentiate.estimators.nests import Cube, chains_of, slopes_of_nests
 from teg.passes.differentiate.reverse import gradient_of
 from teg.passes.eliminate.affine import match_affine, match_partly_affine, rewrite_affine
 from teg.passes.eliminate.clip import clipped
@@ -60,16 +60,26 @@ class EdgeMc(Estimator):
 
     def slopes(self, e: Expr, wrt: Sequence[Param]) -> Sequence[Expr]:
         """Returns the derivatives by each parameter, the surfaces in charts that are clipped before they are sampled."""
-        return _boundaries(e, wrt) if self.sampling == "uniform" else slopes_of_nests(e, wrt, self._of_nest)
+        try:
+            return slopes_of_nests(e, wrt, self._of_nest)
+        except EstimatorError:  # not integrals over boxes: uniform, and clipped only as far as the charts are
+            if self.sampling != "uniform":
+                raise
+            return _boundaries(e, wrt)
 
     def _of_nest(self, node: Integral, moving: Sequence[Param]) -> Sequence[Expr]:
         dimension = max(map(len, chains_of(node)))
-        draw = stratified if self.sampling == "stratified" else by_importance
         found = []
         for total in _boundaries(node, moving):
             others, edges = split_by_dimension(total, dimension)
-            found.append(add(others, draw(edges, self.parts)) if edges else total)
+            found.append(add(others, self._drawn(edges)) if edges else total)
         return found
+
+    def _drawn(self, edges: Sequence[Cube]) -> Expr:
+        """Returns the sum of the integrals over edges, as it is sampled. Uniform points are strata of one part."""
+        if self.sampling == "importance":
+            return by_importance(edges, self.parts)
+        return stratified(edges, self.parts if self.sampling == "stratified" else 1)
 
 
 def _boundaries(e: Expr, wrt: Sequence[Param]) -> Sequence[Expr]:
