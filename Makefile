@@ -41,6 +41,7 @@ chart: $(READY)
 	$(BIN)/teg chart stability -o docs/integration --page docs/integration.md $(FRESH)
 	$(BIN)/teg chart integration -o docs/integration --page docs/integration.md $(FRESH)
 	$(BIN)/teg chart estimators -o docs/estimators --page docs/estimators.md $(FRESH)
+	$(BIN)/teg chart descents -o docs/estimators --page docs/estimators.md $(FRESH)
 	$(BIN)/teg report stability -o docs/estimators --page docs/estimators.md --backend numpy $(FRESH)
 
 docs: $(READY)

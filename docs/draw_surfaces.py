@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,8 @@ DPI = 110
 def draw(family: Family) -> None:
     """One picture of two panels."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(7.4, 3.75), dpi=DPI)
+    run = gradient_run(family)
+    family = _in_a_slice_with_points(family, run)
     (x0, x1), (y0, y1) = family.box
     grid = np.meshgrid(np.linspace(x0, x1, 600), np.linspace(y0, y1, 600))
     levels = family.surfaces(Numbers, *grid, *family.values.values(), **family.slices)
@@ -48,11 +51,19 @@ def draw(family: Family) -> None:
     right.contour(*grid, np.minimum.reduce(levels), levels=[0.0], colors=[EDGE], linewidths=0.7)
     depth = len(family.slices)
     _draw_value(left, family, [p for p in value_run(family).pieces if len(p.around) >= depth], depth)
-    run = gradient_run(family)
     print(f"{family.name}: {len(run.pieces)} pieces, {len(run.marks)} points of the derivative")
     _draw_gradient(right, family, run)
     figure.subplots_adjust(left=0.01, right=0.99, bottom=0.02, top=0.92, wspace=0.04)
     _save(figure, family.name)
+
+
+def _in_a_slice_with_points(family: Family, run: RecordedRun) -> Family:
+    """The family, sliced where there are points of the derivative nearest to the slice wanted."""
+    if not family.slices or any(_is_in_slice(family, m) for m in run.marks):
+        return family
+    (wanted,) = family.slices.values()
+    nearest = min((m.around[0] for m in run.marks if m.around), key=lambda v: abs(v - wanted))
+    return replace(family, slices=dict.fromkeys(family.slices, nearest))
 
 
 def _draw_value(axes: Any, family: Family, pieces: Sequence[Piece], depth: int) -> None:
@@ -79,9 +90,10 @@ def _draw_gradient(axes: Any, family: Family, run: RecordedRun) -> None:
         marks = [m for m in marks if _is_in_slice(family, m)]
     heaviest = max(m.weight for m in marks)
     marks = [m for m in marks if m.weight > 1e-4 * heaviest]
+    by_angle = 4 * len({m.around for m in marks}) <= len(marks)  # all points of a node of an angle, none of which is a coordinate
     charts: dict[str, list[Mark]] = {}
     for m in marks:
-        charts.setdefault(_eliminated(family, m), []).append(m)
+        charts.setdefault("" if by_angle else _eliminated(family, m), []).append(m)
     for name, mine in sorted(charts.items()):
         size = [(30.0 if len(marks) < 100 else 12.0) * max(0.2, m.weight / heaviest) for m in mine]
         label = name

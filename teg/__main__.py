@@ -69,6 +69,13 @@ def chart_estimators(options: argparse.Namespace) -> int:
     return _chart(options, run_estimators)
 
 
+def chart_descents(options: argparse.Namespace) -> int:
+    """Descents with each estimator of the gradient, for the same time."""
+    from teg.examples.charts.run_descents import run_descents
+
+    return _chart(options, run_descents)
+
+
 def _chart(options: argparse.Namespace, run: Callable[..., dict[str, Any]]) -> int:
     from teg.examples.charts.run import summary
 
@@ -99,6 +106,7 @@ CHARTS = {
     "integration": (chart_integration, "error against cost"),
     "stability": (chart_stability, "difficult cases"),
     "estimators": (chart_estimators, "estimators of derivatives"),
+    "descents": (chart_descents, "estimators in descents"),
 }
 
 

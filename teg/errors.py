@@ -139,8 +139,8 @@ class NoReparameterisationError(TegError, ValueError):
 class EstimatorError(TegError, ValueError):
     """An estimator of discontinuous derivatives that does not apply to a program.
 
-    Estimators other than "exact" and "ignore" give first derivatives of programs without arrays, and those that move points inside of the
-    integrals need integrals over boxes. Way out: `discontinuities="exact"`, or the estimator that the hint names.
+    Estimators other than "exact" and "ignore" give first derivatives, none through choices among data, and those that move points inside of
+    the integrals need integrals over boxes. Way out: `discontinuities="exact"`, or the estimator that the hint names.
 
     >>> x, t = teg.var("x"), teg.param("t")
     >>> teg.compile(teg.integral(teg.bracket(x < t), (x, 0, 1)), [t], discontinuities="warp").hessian(t=0.5)

@@ -19,7 +19,11 @@ STYLES: dict[str, tuple[str, str]] = {  # the colours of Okabe and Ito, distingu
     "midpoint": ("#5A5A5A", "x"),
     "montecarlo": ("#A8A8A8", "+"),
     "qmc": ("#009E73", "D"),
+    "midpoint-differences": ("#5A5A5A", "x"),
+    "montecarlo-differences": ("#A8A8A8", "+"),
+    "qmc-differences": ("#009E73", "D"),
     "dblquad": ("#D55E00", "^"),
+    "split": ("#000000", "*"),
     "cubature": ("#E69F00", "v"),
     "vegas": ("#CC79A7", "P"),
 }
@@ -70,17 +74,17 @@ def draw_regions(path: Path, points: Sequence[Point], quantity: str, axis: str) 
         if i % 5 == 0:
             panel.set_ylabel("relative error", color=INK)
     shown = [m for m in [BATCH, *SERIES] if handles.get(m)]
-    names = [SERIES[m].label if m in SERIES else m for m in shown]
-    figure.legend([handles[m] for m in shown], names, loc="outside lower center", ncols=9, frameon=False)
+    names = [SERIES[m].name(quantity) if m in SERIES else m for m in shown]
+    figure.legend([handles[m] for m in shown], names, loc="outside lower center", ncols=7, frameon=False)
     what = "value of ∫∫ exp(x)·cos(y) over the region" if quantity == "value" else "gradient by the region's parameters"
-    others = "" if quantity == "value" else "; dblquad, cubature and vegas by central differences with their best step"
+    others = "" if quantity == "value" else "; other packages, and dashed curves, by central differences with their best step"
     figure.suptitle(f"{what}: error against {axis}{others}", fontsize=14, color=INK, x=0.012, ha="left")
     figure.savefig(path)
 
 
 def draw_summary(path: Path, points: Sequence[Point]) -> None:
     """Draws the medians over the regions of error and cost at each setting: value and gradient, against time and evaluations."""
-    figure = _figure((13, 9.5))
+    figure = _figure((15, 9.5))
     panels = figure.subplots(2, 2, sharey=True)
     for row, quantity in zip(panels, QUANTITIES, strict=True):
         for panel, axis in zip(row, AXES, strict=True):
@@ -92,7 +96,7 @@ def draw_summary(path: Path, points: Sequence[Point]) -> None:
                 line = _curve(panel, middle, method, axis)
                 if line is not None:
                     x, error = (float(v) for v in line.get_xydata()[-1])
-                    ends.append((SERIES[method].label, STYLES[method][0], x, error))
+                    ends.append((SERIES[method].name(quantity), STYLES[method][0], x, error))
                 if method == "auto" and axis == "time" and (batch := _batch_curve(panel, middle)) is not None:
                     panel.annotate("in a\nbatch ", batch.get_xydata()[0], ha="right", va="center", **_bold(STYLES[method][0]))
             _direct_labels(panel, ends)
@@ -154,7 +158,8 @@ def _curve(panel: Any, points: Sequence[Point], method: str, axis: str) -> Any:
     """Draws a method's points, joined in the order of effort, and returns the line; None if there are none."""
     colour, mark = STYLES[method]
     width = {"auto": 1.8, "gauss": 4.0}.get(method, 1.4)
-    style = {"color": colour, "marker": mark, "markersize": 8 if method == "gauss" else 5, "linewidth": width}
+    style = {"color": colour, "marker": mark, "markersize": 8 if method in ("gauss", "split") else 5, "linewidth": width}
+    style["linestyle"] = "--" if SERIES[method].differenced else "-"
     return _line(panel, points, AXES[axis][2], axis, zorder={"auto": 5, "gauss": 4}.get(method, 3), **style)
 
 

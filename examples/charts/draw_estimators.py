@@ -15,6 +15,7 @@ STYLES: dict[str, tuple[str, str, str]] = {  # the colours of Okabe and Ito; mar
     "exact": ("#0072B2", "o", "-"),
     "edge-mc": ("#009E73", "D", "-"),
     "edge-qmc": ("#009E73", "D", "--"),
+    "edge-tree": ("#009E73", "D", ":"),
     "warp": ("#D55E00", "^", "-"),
     "warp-4": ("#D55E00", "^", "--"),
     "warp-blur": ("#E69F00", "v", "-"),

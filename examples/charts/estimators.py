@@ -39,6 +39,7 @@ SWEEPS: dict[str, Sweep] = {
     "exact": Sweep("exact, to a tolerance", lambda tol: {"tol": tol}, (1e-2, 1e-5, 1e-10)),
     "edge-mc": Sweep("edge-mc", _sampled("edge-mc"), SAMPLES),
     "edge-qmc": Sweep("edge-mc, Sobol' points", _sampled("edge-mc", rule="qmc"), SAMPLES),
+    "edge-tree": Sweep("edge-mc, by importance", _sampled("edge-mc", estimator={"sampling": "importance", "parts": 2}), SAMPLES[::2]),
     "warp": Sweep("warp, known surfaces", _sampled("warp"), SAMPLES),
     "warp-4": Sweep("warp, 4 auxiliary points", _sampled("warp", estimator={"auxiliary": 4}), SAMPLES[:2]),
     "warp-blur": Sweep(

@@ -7,7 +7,6 @@ notation it is an expression, with NUMPY a plain vectorised integrand, with SCAL
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -22,8 +21,8 @@ Body = Callable[..., Any]
 Bound = float | Callable[..., Any]  # a number, or a function of (m, the outer variables, parameters by name)
 
 
-class OutOfTimeError(Exception):
-    """An integrand was evaluated after its deadline."""
+class TooManyEvaluationsError(Exception):
+    """An integrand was evaluated more often than it may be."""
 
 
 @dataclass(frozen=True)
@@ -52,18 +51,21 @@ def expression(problem: Problem) -> tuple[Expr, list[Param]]:
 
 
 class Integrand:
-    """A problem as a function of points, which counts its evaluations and may have a deadline.
+    """A problem as a function of points, which counts its evaluations and may have a limit to them.
 
     `scalar(x, y, …)` takes numbers, innermost first, within `limits`; `on_cube(points)` takes an array (n, dimension) of
     points of the unit cube, and includes the Jacobian of the map to the problem's own bounds.
     """
 
-    def __init__(self, problem: Problem, parameters: Mapping[str, float], deadline: float = math.inf) -> None:
-        self.problem, self.parameters, self.deadline, self.evaluations = problem, dict(parameters), deadline, 0
+    def __init__(self, problem: Problem, parameters: Mapping[str, float], most: float = math.inf) -> None:
+        self.problem, self.parameters, self.most, self.evaluations = problem, dict(parameters), most, 0
 
     @property
     def dimension(self) -> int:
         return self.problem.dimension
+
+    is_stopped = False
+    """Whether the limit was passed without an error."""
 
     def scalar(self, *point: float) -> float:
         self._count(1)
@@ -88,8 +90,8 @@ class Integrand:
 
     def _count(self, n: int) -> None:
         self.evaluations += n
-        if time.perf_counter() > self.deadline:
-            raise OutOfTimeError
+        if self.evaluations > self.most:
+            raise TooManyEvaluationsError
 
 
 def _at(bound: Bound, m: Any, outer: Any, parameters: Mapping[str, Any]) -> Any:

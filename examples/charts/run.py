@@ -49,7 +49,7 @@ def run_integration(
     from teg.examples.charts import draw
 
     folder, chosen = result_folder(Path(out)), backend or default_backend()
-    page_text = tables.read_page(page)
+    tables.read_page(page)  # an error before the work, not after it
     references = read("regions")
     store = folder / "integration.json"
     settings = {"quick": quick, "backend": chosen}
@@ -61,8 +61,8 @@ def run_integration(
         found = {"points": points, "done": done, "versions": versions(), "machine": machine()}
         return {"settings": settings, "interrupted": interrupted} | found
 
-    def known(key: str) -> float | None:
-        return float(points[key]["seconds"]) if key in points else None
+    def known(key: str) -> int | None:
+        return int(points[key]["evaluations"] or 0) if key in points else None
 
     interrupted = False
     try:
@@ -84,7 +84,7 @@ def run_integration(
     found = [_point(p) for p in points.values()]
     pictures = draw.draw_all(folder, found) if found else []
     if page is not None:
-        tables.write_page(page, page_text, "integration", tables.integration_table(found))
+        tables.write_page(page, tables.read_page(page), "integration", tables.integration_table(found))
     whole = report(interrupted) | {"pictures": [str(p) for p in pictures]}
     write_report(store, whole)
     return whole
@@ -101,7 +101,7 @@ def run_stability(
     """Every difficult case by every method: stability.json in `out`, tables in `page`. The options are those of `run_integration`."""
     require_packages("stability table", PACKAGES, progress, extra="chart")
     folder, chosen = result_folder(Path(out)), backend or default_backend()
-    page_text = tables.read_page(page)
+    tables.read_page(page)  # an error before the work, not after it
     store = folder / "stability.json"
     settings = {"quick": quick, "backend": chosen}
     answers = {} if fresh else _stored(store, "answers", settings)
@@ -119,7 +119,7 @@ def run_stability(
     except KeyboardInterrupt:
         interrupted = True
     if page is not None:
-        tables.write_page(page, page_text, "stability", tables.stability_tables(answers))
+        tables.write_page(page, tables.read_page(page), "stability", tables.stability_tables(answers))
     whole = report(interrupted) | {"counts": tables.counts(answers)}
     write_report(store, whole)
     return whole

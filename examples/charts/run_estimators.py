@@ -35,7 +35,7 @@ def run_estimators(
     from teg.examples.charts import draw_estimators
 
     folder, chosen = result_folder(Path(out)), backend or default_backend()
-    page_text = tables.read_page(page)
+    tables.read_page(page)  # an error before the work, not after it
     store = folder / "estimators.json"
     settings = {"quick": quick, "backend": chosen}
     rows: list[dict[str, Any]] = [] if fresh else list(_stored(store, "points", settings))
@@ -61,7 +61,7 @@ def run_estimators(
     points = [point_of(row) for row in rows]
     pictures = draw_estimators.draw_all(folder, points) if points else []
     if page is not None:
-        tables.write_page(page, page_text, "estimators", estimator_tables(points))
+        tables.write_page(page, tables.read_page(page), "estimators", estimator_tables(points))
     write_report(store, report())
     return report() | {"pictures": [str(p) for p in pictures], "summary": summary(points)}
 

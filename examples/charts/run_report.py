@@ -15,7 +15,7 @@ from teg.errors import InputError
 from teg.evaluator.options import Backend
 from teg.examples.charts import stability_report, tables
 from teg.examples.charts.run import _results, _stored
-from teg.examples.charts.stability_report import METHODS, SCORES, Answer, counts, shares
+from teg.examples.charts.stability_report import COLUMNS, SCORES, Answer, counts, shares
 from teg.examples.harness import machine, require_packages, result_folder, versions, write_report
 from teg.examples.options import default_backend
 
@@ -40,7 +40,7 @@ def run_report(
     """
     require_packages("stability report", PACKAGES, progress, extra="chart")
     folder, chosen = result_folder(Path(out)), backend or default_backend()
-    page_text = tables.read_page(page)
+    tables.read_page(page)  # an error before the work, not after it
     store = folder / "report.json"
     settings = {"quick": quick, "backend": chosen}
     answers: dict[str, dict[str, Answer]] = {} if fresh else dict(_stored(store, "answers", settings))
@@ -60,7 +60,7 @@ def run_report(
     if answers:
         draw_heat_map(folder / "heat-map.png", answers)
     if page is not None:
-        tables.write_page(page, page_text, "report", report_tables(answers), "teg report stability")
+        tables.write_page(page, tables.read_page(page), "report", report_tables(answers), "teg report stability")
     write_report(store, report())
     return report() | {"summary": summary(answers)}
 
@@ -90,11 +90,11 @@ def summary(answers: Mapping[str, Mapping[str, Answer]]) -> str:
 def report_tables(answers: Mapping[str, Mapping[str, Answer]]) -> str:
     """Returns the number of cases of each score for each method, then right and silently wrong ones by class."""
     numbers = counts(answers)
-    rows = [[f"{len(answers)} cases", *SCORES]] + [[m, *map(str, numbers[m].values())] for m in METHODS]
+    rows = [[f"{len(answers)} cases", *SCORES]] + [[m, *map(str, numbers[m].values())] for m in COLUMNS]
     parts = [tables.markdown(rows)]
-    rows = [["class: within 1 % / silently wrong", *METHODS]]
+    rows = [["class: within 1 % / silently wrong", *COLUMNS]]
     for name, row in shares(answers).items():
-        rows.append([name, *(f"{row[m]['right'] + row[m]['imprecise']} / {row[m]['silently wrong']}" for m in METHODS)])
+        rows.append([name, *(f"{row[m]['right'] + row[m]['imprecise']} / {row[m]['silently wrong']}" for m in COLUMNS)])
     return "\n".join([*parts, tables.markdown(rows)])
 
 
@@ -105,22 +105,22 @@ def draw_heat_map(path: Path, answers: Mapping[str, Mapping[str, Answer]]) -> No
     from teg.examples.charts.draw import INK, _figure
 
     rows = shares(answers)
-    figure = _figure((2.0 + 1.35 * len(METHODS), 1.8 + 0.34 * len(rows)))
+    figure = _figure((2.0 + 1.35 * len(COLUMNS), 1.8 + 0.34 * len(rows)))
     panel = figure.subplots()
     for j, row in enumerate(rows.values()):
-        for i, method in enumerate(METHODS):
+        for i, method in enumerate(COLUMNS):
             start, total = i + 0.05, sum(row[method].values())
             for score in SCORES:
                 width = 0.9 * row[method][score] / max(total, 1)
                 panel.add_patch(Rectangle((start, j + 0.08), width, 0.84, facecolor=COLOURS[score], linewidth=0))
                 start += width
-    panel.set_xlim(0, len(METHODS))
+    panel.set_xlim(0, len(COLUMNS))
     panel.set_ylim(len(rows), 0)
-    panel.set_xticks([i + 0.5 for i in range(len(METHODS))], list(METHODS), color=INK)
+    panel.set_xticks([i + 0.5 for i in range(len(COLUMNS))], list(COLUMNS), color=INK)
     panel.set_yticks([j + 0.5 for j in range(len(rows))], [f"{n} ({sum(r['exact'].values())})" for n, r in rows.items()], color=INK)
     panel.xaxis.tick_top()
     panel.tick_params(length=0)
     panel.spines[:].set_visible(False)
     figure.legend([Patch(color=COLOURS[s]) for s in SCORES], SCORES, loc="outside lower center", ncols=len(SCORES), frameon=False)
-    figure.suptitle("Gradients of difficult cases, by class and estimator", fontsize=14, color=INK, x=0.012, ha="left")
+    figure.suptitle("Gradients of difficult cases, by class and estimator or package", fontsize=14, color=INK, x=0.012, ha="left")
     figure.savefig(path)

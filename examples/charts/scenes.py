@@ -1,11 +1,13 @@
 """The scenes of the chart of estimators: integrals with jumps whose exact gradients are known without this compiler.
 
 Three regions of the other chart, with their stored references; triangles with linear colours inside of the pixel, whose integral is
-area times mean colour; and scenes of constant colours, whose integrals are areas of clipped polygons.
+area times mean colour; scenes of constant colours, whose integrals are areas of clipped polygons, a mesh in front of another one among
+them; and the action of a bouncing ball's path, a polynomial between contacts.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -93,13 +95,79 @@ def _two_depths(m: Any, x: Any, y: Any, *values: Any) -> Any:
     return seen * 1.0
 
 
+def _common(polygon: Sequence[Corner], convex: Sequence[Corner]) -> list[Corner]:
+    """Returns the part of a convex polygon inside of another one."""
+    kept = list(polygon)
+    for a, b in zip(convex, [*convex[1:], *convex[:1]], strict=True):
+        kept = clipped(kept, partial(_edge, a, b))
+    return kept
+
+
 def _two_depths_total(m: Any, *values: Any) -> Any:
     front = _corners(values[:6])
-    common = BEHIND
-    for a, b in zip(front, [*front[1:], *front[:1]], strict=True):
-        common = clipped(common, partial(_edge, a, b))
+    common = _common(BEHIND, front)
     hidden = area(clipped(common, lambda x, y: -_nearer(x, y, values[6])))
     return FRONT_COLOUR * (area(front) - hidden) + BACK_COLOUR * (area(BEHIND) - area(common) + hidden)
+
+
+TURNED = {"cx": 0.46875, "cy": 0.53125, "turn": 0.375}
+RADIUS, FRONT_COLOURS = 0.3125, (0.9375, 0.625, 0.3125)
+QUAD: list[list[Corner]] = [[(0.125, 0.1875), (0.875, 0.125), (0.8125, 0.875)], [(0.125, 0.1875), (0.8125, 0.875), (0.1875, 0.9375)]]
+QUAD_COLOURS, GROUND_COLOUR = (0.4375, 0.75), 0.125
+
+
+def _fan(m: Any, cx: Any, cy: Any, turn: Any) -> list[list[Corner]]:
+    """Returns three triangles around a centre, turned."""
+    ring = [(cx + RADIUS * m.cos(turn + 2 * math.pi * k / 3), cy + RADIUS * m.sin(turn + 2 * math.pi * k / 3)) for k in range(3)]
+    return [[(cx, cy), p, q] for p, q in zip(ring, [*ring[1:], *ring[:1]], strict=True)]
+
+
+def _mesh(m: Any, x: Any, y: Any, *values: Any) -> Any:
+    """Returns the colour of a mesh of three triangles in front of one of two."""
+    seen = GROUND_COLOUR
+    layers = [*zip(QUAD, QUAD_COLOURS, strict=True), *zip(_fan(m, *values), FRONT_COLOURS, strict=True)]
+    for triangle, colour in layers:
+        seen = m.where(_inside(m, triangle, x, y), colour, seen)
+    return seen * 1.0
+
+
+def _mesh_total(m: Any, *values: Any) -> Any:
+    fan = _fan(m, *values)
+    front = sum(c * area(t) for t, c in zip(fan, FRONT_COLOURS, strict=True))
+    seen = [area(q) - sum(area(_common(q, t)) for t in fan) for q in QUAD]
+    back = sum(c * a for a, c in zip(seen, QUAD_COLOURS, strict=True))
+    return front + back + GROUND_COLOUR * (1 - sum(area(t) for t in fan) - sum(seen))
+
+
+BALL = {"t1": 0.3125, "t2": 0.6875, "h0": 0.25, "h1": 0.5625, "h2": 0.375}
+GRAVITY, ENDS = 9.75, (0.5, 0.625)
+
+
+def _arcs(*values: Any) -> list[tuple[Any, Any, Any, Any, Any]]:
+    """Returns begin, length, first height, slope and bend of each parabola of a ball between floor 0 and ceiling 1, over a second."""
+    times, heights = (0.0, *values[:2], 1.0), (ENDS[0], 0.0, 1.0, ENDS[1])
+    arcs = []
+    for k, middle in enumerate(values[2:]):
+        first, last = heights[k], heights[k + 1]
+        slope, bend = 4 * middle - 3 * first - last, 2 * first - 4 * middle + 2 * last
+        arcs.append((times[k], times[k + 1] - times[k], first, slope, bend))
+    return arcs
+
+
+def _ball(m: Any, t: Any, *values: Any) -> Any:
+    """Returns the Lagrangian of the arc at time t, with mass 1."""
+    found = []
+    for begin, length, first, slope, bend in _arcs(*values):
+        u = (t - begin) / length
+        found.append(((slope + 2 * u * bend) / length) ** 2 / 2 - GRAVITY * (first + u * (slope + u * bend)))
+    return m.where(t < values[0], found[0], m.where(t < values[1], found[1], found[2]))
+
+
+def _action(m: Any, *values: Any) -> Any:
+    total = 0
+    for _, length, first, slope, bend in _arcs(*values):
+        total += (slope**2 + 2 * slope * bend + bend**2 * 4 / 3) / (2 * length) - GRAVITY * length * (first + slope / 2 + bend / 3)
+    return total
 
 
 def _lit(x: Any, y: Any, h: Any, b: Any) -> Any:
@@ -137,6 +205,8 @@ TRIANGLES: tuple[Case, ...] = (
         {"h": 0.375, "b": 0.4375},
         lambda m, h, b: area(clipped([(0, 0), (1, 0), (1, 1), (0, 1)], lambda x, y: _lit(x, y, h, b))),
     ),
+    case("mesh before a mesh", _mesh, PIXEL, TURNED, _mesh_total),
+    case("bouncing ball", _ball, (UNIT,), BALL, _action),
 )
 SCENES: dict[str, Problem] = {
     **{name: REGIONS[name] for name in ("half-plane", "disk")},

@@ -1,4 +1,4 @@
-"""The stability report: the gradient of every difficult case by every estimator, and how each failed.
+"""The stability report: the gradient of every difficult case by every estimator and by other packages, and how each failed.
 
     right              off by at most 1e-9, relative
     imprecise          by at most 1e-2
@@ -26,13 +26,14 @@ from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend
 from teg.examples.charts.case import Case
 from teg.examples.charts.families_of_cases import FAMILIES
+from teg.examples.charts.families_of_shapes import SHAPES
 from teg.examples.charts.peers import gradient_error
 from teg.examples.charts.problem import expression
 from teg.examples.charts.references import Reference, case_reference, read
 from teg.examples.charts.stability import GROUPS
-from teg.examples.charts.verdicts import ADMITTED, IMPRECISE, RIGHT, _own_warnings
+from teg.examples.charts.verdicts import ADMITTED, IMPRECISE, RIGHT, _own_warnings, peer_answers
 
-CLASSES: dict[str, tuple[Case, ...]] = GROUPS | FAMILIES
+CLASSES: dict[str, tuple[Case, ...]] = GROUPS | FAMILIES | SHAPES
 SCORES = ("right", "imprecise", "said in the call", "said by diagnose", "silently wrong", "crash", "too slow")
 SAMPLES, TOL, MOST = 2**12, 1e-12, 10**7
 PATIENCE = 2.0
@@ -47,6 +48,14 @@ METHODS: dict[str, dict[str, Any]] = {
     "spsa": {"discontinuities": "spsa", "samples": SAMPLES},
     "ignore": {"discontinuities": "ignore", "tol": TOL},
 }
+PEERS = {"SciPy quad": ("dblquad", 1e-10), "vegas": ("vegas", 2000.0)}
+"""Other packages, whose gradients are central differences: the method, and its setting."""
+MOST_OF_PEERS = 5 * 10**5
+"""The most evaluations of one integral by another package."""
+COLUMNS = (*METHODS, *PEERS)
+PEERLESS = ("conditions on integrals",)
+"""Classes whose bodies other packages cannot be given."""
+WORDS = {"says it cannot": "said in the call", "wrong": "silently wrong", "crashes": "crash"}
 Answer = dict[str, Any]  # score, error, note
 
 
@@ -64,10 +73,28 @@ def reference_of(case: Case) -> Reference:
     return Reference(str(value), {k: str(d) for k, d in gradient.items()})
 
 
-def judge(case: Case, backend: Backend, methods: Sequence[str] = tuple(METHODS)) -> dict[str, Answer]:
-    """Returns the answer of each estimator to a case."""
+def judge(case: Case, backend: Backend, methods: Sequence[str] = COLUMNS) -> dict[str, Answer]:
+    """Returns the answer of each estimator, and of each package that can be asked, to a case."""
     exact = reference_of(case)
-    return {method: answer(case, exact, method, backend) for method in methods}
+    asked = [m for m in methods if m in METHODS or _can_be_asked(m, case)]
+    return {m: answer(case, exact, m, backend) if m in METHODS else answer_of_peer(case, exact, m) for m in asked}
+
+
+def _can_be_asked(peer: str, case: Case) -> bool:
+    """Returns whether a package takes a case: vegas has no infinite bounds."""
+    if any(case in CLASSES[name] for name in PEERLESS):
+        return False
+    return peer != "vegas" or not any(isinstance(b, float) and math.isinf(b) for pair in case.problem.bounds for b in pair)
+
+
+def answer_of_peer(case: Case, exact: Reference, name: str) -> Answer:
+    """Returns the score of another package for one case, by differences with the best step (`verdicts`)."""
+    method, setting = PEERS[name]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = peer_answers(case, exact, method, setting, MOST_OF_PEERS)["gradient"]
+    late = found["note"].startswith("no answer")
+    return found | {"score": "too slow" if late else WORDS.get(found["verdict"], found["verdict"])}
 
 
 def answer(case: Case, exact: Reference, method: str, backend: Backend) -> Answer:
@@ -117,7 +144,7 @@ def score_of(error: float, admitted: bool) -> str:
 
 def counts(answers: Mapping[str, Mapping[str, Answer]]) -> dict[str, dict[str, int]]:
     """Returns, for each method, the number of cases of each score."""
-    return {m: {s: sum(a[m]["score"] == s for a in answers.values() if m in a) for s in SCORES} for m in METHODS}
+    return {m: {s: sum(a[m]["score"] == s for a in answers.values() if m in a) for s in SCORES} for m in COLUMNS}
 
 
 def shares(answers: Mapping[str, Mapping[str, Answer]]) -> dict[str, dict[str, dict[str, int]]]:

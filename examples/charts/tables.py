@@ -47,7 +47,7 @@ def integration_table(points: Sequence[Point]) -> str:
     parts = []
     for quantity in QUANTITIES:
         methods = [m for m in SERIES if any(p.method == m and p.quantity == quantity for p in points)]
-        rows = [["", *(SERIES[m].label for m in methods)]]
+        rows = [["", *(SERIES[m].name(quantity) for m in methods)]]
         for region in _regions(points):
             cells = [_cell(_of(points, region, quantity, m)) for m in methods]
             rows.append([region, *cells])

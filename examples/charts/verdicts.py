@@ -3,7 +3,7 @@
     right            off by at most 1e-9, relative
     imprecise        by at most 1e-2
     says it cannot   by more, or no number at all, but not silently: an error of the package's own, a warning, a diagnosis, an
-                     estimate of the error that admits it (a fifth of the true one or more), or no answer within the time limit;
+                     estimate of the error that admits it (a fifth of the true one or more), or no answer within the evaluations;
                      ours must say it in the call, `diagnose` does not count
     wrong            by more, silently
     crashes          any other exception
@@ -15,7 +15,6 @@ answer is 0, errors are relative to the case's scale. Where one-sided derivative
 from __future__ import annotations
 
 import math
-import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -27,19 +26,20 @@ from teg.evaluator.options import Backend
 from teg.examples.charts.case import Case
 from teg.examples.charts.ours import compiled
 from teg.examples.charts.peers import PEERS, Outcome, best_step, differences, gradient_error, relative_error
-from teg.examples.charts.problem import OutOfTimeError, Problem
+from teg.examples.charts.problem import Problem, TooManyEvaluationsError
 from teg.examples.charts.references import Reference
 
 RIGHT, IMPRECISE = 1e-9, 1e-2
 VERDICTS = ("right", "imprecise", "says it cannot", "wrong", "crashes")
 ADMITTED = 5
 """A method admits its error if its estimate, times this, covers the error."""
-TOL = 1e-12
-SECONDS = 1.0
-"""The time limit for one integral by another method."""
-MIDPOINTS = {1: 10**6, 2: 1000}
-SETTINGS = {"dblquad": 1.49e-8, "cubature": 1e-8, "vegas": 10**4}
-"""SciPy's defaults; ten times vegas's number of samples."""
+TOL = 1e-10
+"""The tolerance of all methods that take one."""
+MOST = 5 * 10**5
+"""The most evaluations of one integral by another method."""
+MIDPOINTS = {1: 5 * 10**5, 2: 700}
+SETTINGS = {"dblquad": TOL, "cubature": TOL, "vegas": 10**4}
+"""Ten times vegas's own number of samples."""
 DIFFERENCED, PLAIN = "ours, differenced", "plain automatic differentiation"
 COLUMNS: dict[str, tuple[str, ...]] = {
     "ours": ("value", "gradient"),
@@ -67,7 +67,7 @@ def judge(case: Case, exact: Reference, method: str, backend: Backend) -> dict[s
         return {"gradient": _guarded(lambda: _plain(case, exact, backend))}
     if method == DIFFERENCED:
         return {"gradient": _guarded(lambda: _differences_of_ours(case, exact, backend))}
-    return _peer(case, exact, method)
+    return peer_answers(case, exact, method, SETTINGS.get(method) or MIDPOINTS[case.problem.dimension], MOST)
 
 
 def _answer(error: float, note: str, admitted: bool) -> Answer:
@@ -80,8 +80,8 @@ def _guarded(attempt: Callable[[], Answer]) -> Answer:
         return attempt()
     except TegError as problem:
         return {"verdict": "says it cannot", "error": "inf", "note": f"{type(problem).__name__}: {problem.what}"}
-    except OutOfTimeError:
-        return {"verdict": "says it cannot", "error": "inf", "note": f"no answer in {SECONDS:g} s"}
+    except TooManyEvaluationsError:
+        return {"verdict": "says it cannot", "error": "inf", "note": "no answer in so many evaluations"}
     except Exception as problem:
         return {"verdict": "crashes", "error": "inf", "note": f"{type(problem).__name__}: {problem}"}
 
@@ -126,7 +126,7 @@ def _plain(case: Case, exact: Reference, backend: Backend) -> Answer:
 def _differences_of_ours(case: Case, exact: Reference, backend: Backend) -> Answer:
     f = compiled(case.problem, "auto", TOL, backend)
 
-    def method(problem: Problem, parameters: Mapping[str, float], setting: float, deadline: float) -> Outcome:
+    def method(problem: Problem, parameters: Mapping[str, float], setting: float, most: float) -> Outcome:
         return Outcome(float(f(**parameters)))
 
     with _own_warnings() as said:
@@ -136,21 +136,19 @@ def _differences_of_ours(case: Case, exact: Reference, backend: Backend) -> Answ
     return _answer(error, "; ".join(dict.fromkeys(said)), bool(said))
 
 
-def _peer(case: Case, exact: Reference, name: str) -> dict[str, Answer]:
+def peer_answers(case: Case, exact: Reference, name: str, setting: float, most: float) -> dict[str, Answer]:
+    """Returns the answers of another package: its value, and central differences over the best step."""
     problem, method = case.problem, PEERS[name]
-    setting = SETTINGS.get(name) or MIDPOINTS[problem.dimension]
     errors = [1.0]
 
     def value() -> Answer:
-        outcome = method(problem, problem.parameters, setting, time.perf_counter() + SECONDS)
+        outcome = method(problem, problem.parameters, setting, most)
         error = relative_error(outcome.value, exact.value, case.scale)
         errors.append(error)
         return _answer(error, _note(outcome), _admits(outcome, exact.value))
 
     def gradient() -> Answer:
-        # the deadline is for all integrals together; a slow method has already been stopped at the value
-        deadline = time.perf_counter() + 2 * SECONDS * len(problem.parameters)
-        outcomes = differences(method, problem, setting, best_step(name, setting, errors[-1]), deadline)[0]
+        outcomes = differences(method, problem, setting, best_step(name, setting, errors[-1]), most)[0]
         error = gradient_error({k: o.value for k, o in outcomes.items()}, exact.gradient, case.scale)
         admitted = any(_admits(outcomes[k], d) for k, d in exact.gradient.items())
         return _answer(error, next((n for n in map(_note, outcomes.values()) if n), ""), admitted)

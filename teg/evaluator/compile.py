@@ -84,10 +84,11 @@ def compile(
 
     `discontinuities` names an estimator of derivatives. "exact" (or "sift") integrates along the surfaces and is right to `tol`; the others
     are those of the literature, for comparison (docs/estimators.md): "ignore" (plain automatic differentiation), "differences", "spsa",
-    "edge-mc", "warp", "warp-blur" and "smooth". They give first derivatives of programs without arrays, in C and NumPy; their integrals,
-    the value's among them, are means over `samples` points (2¹⁴) from `seed`, unless `rule` is another one than "auto". `sigma` is the
-    width of "smooth" and "warp-blur"; `estimator` holds further options by name, as `{"richardson": True}`, which the estimators' classes
-    document. Errors that `f.grad_and_error` estimates are standard errors; a bias is not in them.
+    "edge-mc", "warp", "warp-blur" and "smooth". They give first derivatives, in C and NumPy; a choice among data (`teg.nearest`) is for
+    "exact", "ignore" and, with `estimator={"gamma": …}`, "smooth". Their integrals, the value's among them, are means over `samples`
+    points (2¹⁴) from `seed`, unless `rule` is another one than "auto". `sigma` is the width of "smooth" and "warp-blur"; `estimator` holds
+    further options by name, as `{"richardson": True}` or `{"sampling": "importance"}`, which the estimators' classes document. Errors that
+    `f.grad_and_error` estimates are standard errors; a bias is not in them.
 
     `inaccurate` says what happens where the tolerance is not reached, or an integral diverges: "warn" (AccuracyWarning, with the
     estimate), "raise" (AccuracyError) or "ignore".

@@ -507,7 +507,10 @@ class Evaluator:
         return self._made.get(tuple(n for a, shape in shapes.items() if a in self._leaves for n in shape), made)
 
     def _compiled(self, e: Expr) -> Kernels:
-        return Kernels(Plan(outlined(e) if self._loops else e, self._options, self.wrt, self._leaves))
+        source = self._options.estimator.source_of(e)
+        if not self._loops:
+            return Kernels(Plan(e, self._options, self.wrt, self._leaves))
+        return Kernels(Plan(outlined(e), self._options, self.wrt, self._leaves, (), None if source is None else outlined(source)))
 
     def _any(self) -> Kernels:
         """Returns the kernels for any lengths of arrays."""

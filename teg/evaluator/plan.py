@@ -145,7 +145,8 @@ class Kept(Generic[K, V]):
 class Task:
     """The input of a derivation: the expression, the parameters of its derivatives, the arguments of the program, and the options.
 
-    Arguments are `leaves`, then the directions, and the integers among the numbers at the end.
+    `source` is what is differentiated in the place of an expression with arrays; None if the estimator does not take it. Arguments are
+    `leaves`, then the directions, and the integers among the numbers at the end.
     """
 
     expression: Expr
@@ -155,6 +156,7 @@ class Task:
     integration: Integration
     estimator: Estimator
     maps: tuple[Diffeomorphism, ...]
+    source: Expr | None = None
 
 
 class Derivation:
@@ -180,8 +182,8 @@ class Derivation:
         It is integrated by the task's options, or by `how`.
         """
         how = how or self.task.integration
-        if self.first_only and (wanted.along or (self.has_loops and wanted.orders)):
-            raise EstimatorError(f"discontinuities={self.task.estimator.name!r} {self._limit(wanted)}", None, '"exact" and "ignore" do')
+        if self.first_only and (wanted.along or (self.has_loops and wanted.orders and self.task.source is None)):
+            raise EstimatorError(f"discontinuities={self.task.estimator.name!r} {self._limit(wanted)}", None, self._way_out())
         make = self._looped if self.has_loops else self._flat
 
         def derived() -> Program | ArrayProgram:
@@ -192,7 +194,11 @@ class Derivation:
 
     @staticmethod
     def _limit(wanted: Wanted) -> str:
-        return "gives no second derivatives" if wanted.along else "takes no arrays or sums"
+        return "gives no second derivatives" if wanted.along else "takes no choices among data (teg.nearest, teg.any) inside of integrals"
+
+    def _way_out(self) -> str:
+        soft = self.task.estimator.name == "smooth" and self.has_loops
+        return '"exact" and "ignore" do' + (', and "smooth" does for teg.nearest with estimator={"gamma": …}' if soft else "")
 
     def directions(self, wanted: Wanted) -> list[dict[Parameter, Parameter]]:
         """Returns the components of each direction: ∂t of t."""
@@ -238,13 +244,14 @@ class Derivation:
     def _looped_outputs(self, wanted: Wanted, entry: int | None) -> list[Output]:
         """Returns the computed numbers and arrays, without δ."""
         task, entries = self.task, self.entries if entry is None else [self.entries[entry]]
+        moved = entries if task.source is None else [e for i, e in enumerate(flatten(task.source)) if entry in (None, i)]
         normal = partial(normal_form, maps=task.maps)
 
         def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:
             return flatten(compiled_outputs(cell, wrt, 1, task.estimator, task.maps, task.integration.closed_forms)[1])
 
         found: list[Output] = [output_of(on_cells(leaf, normal)) for leaf in entries] if wanted.values else []
-        sources = list(entries) if wanted.orders and (wanted.values or not wanted.along) else []
+        sources = list(moved) if wanted.orders and (wanted.values or not wanted.along) else []
         sources += [self._tangent(leaf, wanted) for leaf in entries] if wanted.along else []
         for source in sources:
             for p, slope in zip(task.wrt, gradient(source, task.wrt, derive, task.estimator.name == "exact"), strict=True):
@@ -272,8 +279,8 @@ class Derivation:
 class Plan:
     """A derivation, and the functions that stand in its slots.
 
-    `entries` are the values, `leaves` the parameters and arrays; derivatives are taken by the leaves in `wrt`; `integers` are the
-    parameters that stand behind all others.
+    `source` is what is differentiated in the place of a program with arrays. `entries` are the values, `leaves` the parameters and arrays;
+    derivatives are taken by the leaves in `wrt`; `integers` are the parameters that stand behind all others.
     """
 
     def __init__(
@@ -283,12 +290,13 @@ class Plan:
         wrt: Sequence[Parameter],
         leaves: Sequence[Param | ArrayName],
         integers: Sequence[Param] = (),
+        source: Expr | None = None,
     ) -> None:
         self.expression, self.options = e, options
         self.wrt, self.leaves, self.integers = tuple(wrt), tuple(leaves), tuple(integers)
         abstract, self._functions = with_slots(write_out(e)) if not has_arrays(e) else (e, ())
         how = options.integration, options.estimator, tuple(options.maps)
-        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how), shared=bool(self._functions))
+        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source), shared=bool(self._functions))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
 

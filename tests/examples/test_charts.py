@@ -26,7 +26,7 @@ from teg.examples.charts import decomposition, draw, measure, run, tables, verdi
 from teg.examples.charts.case import Case, case
 from teg.examples.charts.ours import compiled
 from teg.examples.charts.peers import PEERS, best_step, differences, gradient_error, relative_error
-from teg.examples.charts.problem import NUMPY, SCALAR, Integrand, OutOfTimeError, Problem
+from teg.examples.charts.problem import NUMPY, SCALAR, Integrand, Problem, TooManyEvaluationsError
 from teg.examples.charts.references import Reference, case_reference, checked_region, read
 from teg.examples.charts.regions import INSIDE, REGIONS
 from teg.examples.charts.run import run_integration, run_stability
@@ -157,9 +157,9 @@ def test_all_notations_give_the_same_integrand() -> None:
     assert NUMPY.bracket(np.array([True, False])).tolist() == [1, 0]
 
 
-def test_an_integrand_stops_at_its_deadline() -> None:
-    with pytest.raises(OutOfTimeError):
-        PEERS["dblquad"](REGIONS["disk"], REGIONS["disk"].parameters, 1e-8, 0.0)
+def test_an_integrand_stops_at_its_limit() -> None:
+    with pytest.raises(TooManyEvaluationsError):
+        PEERS["dblquad"](REGIONS["disk"], REGIONS["disk"].parameters, 1e-8, 1000)
 
 
 # -- verdicts ----------------------------------------------------------------------------------------------------------
@@ -323,7 +323,7 @@ def test_mistakes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_a_name_the_charts_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["chart"]) == 0
-    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["integration", "stability", "estimators"]
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["integration", "stability", "estimators", "descents"]
 
 
 def test_the_page_shows_what_was_measured() -> None:

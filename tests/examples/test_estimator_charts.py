@@ -12,11 +12,11 @@ pytest.importorskip("matplotlib")
 
 from teg.__main__ import main
 from teg.errors import InputError
-from teg.examples.charts import estimators, run_estimators, run_report, stability_report, tables
+from teg.examples.charts import estimators, run_descents, run_estimators, run_report, stability_report, tables
 from teg.examples.charts.estimators import SWEEPS, Point, Task, compiled, middle_and_worst, relative_error
 from teg.examples.charts.families_of_cases import FAMILIES
 from teg.examples.charts.scenes import SCENES, gradient_of
-from teg.examples.charts.stability_report import CLASSES, METHODS, judge, score_of
+from teg.examples.charts.stability_report import CLASSES, COLUMNS, judge, score_of
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "estimators.md"
 MARKS = """<!-- begin estimators: written by `teg chart estimators` -->
@@ -35,7 +35,7 @@ def test_the_exact_gradient_of_a_scene_is_that_of_its_closed_form(scene: str) ->
 @pytest.mark.parametrize("method", SWEEPS)
 def test_each_sweep_is_an_estimator_of_the_gradient(method: str) -> None:
     exact = gradient_of("half-plane")
-    setting = SWEEPS[method].settings[1 if method not in ("ignore", "smooth-grid") else 0]
+    setting = SWEEPS[method].settings[1 if method not in ("ignore", "smooth-grid", "edge-tree") else 0]
     (point,) = estimators.measure(Task("half-plane", method, (setting,)), exact, "numpy")
     assert point.error < {"exact": 1e-6, "edge-qmc": 1e-3, "ignore": 1.1, "warp-4": 0.5}.get(method, 0.2)
     assert (point.evaluations > 0) == (method != "ignore" or point.evaluations > 0)
@@ -97,7 +97,7 @@ def test_plain_differentiation_is_silently_wrong_where_the_boundary_moves() -> N
 def test_one_case_again(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", "stability", "--case", "[x < t]³", "--backend", "numpy"]) == 0
     text = capsys.readouterr().out
-    assert all(method in text for method in METHODS)
+    assert all(method in text for method in COLUMNS)
     with pytest.raises(InputError) as raised:
         run_report.run_case("a disk that")
     assert "a disk that is born" in raised.value.hint
@@ -115,7 +115,9 @@ def test_the_page_shows_what_was_measured() -> None:
     points = json.loads((PAGE.with_suffix("") / "estimators.json").read_text(encoding="utf-8"))["points"]
     assert {p["scene"] for p in points} == set(SCENES)
     assert run_estimators.estimator_tables([run_estimators.point_of(p) for p in points]) in text
-    for picture in ("summary", "scenes", "heat-map"):
+    descents = json.loads((PAGE.with_suffix("") / "descents.json").read_text(encoding="utf-8"))["descents"]
+    assert run_descents.descent_table([run_descents.descent_of(row) for row in descents.values()]) in text
+    for picture in ("summary", "scenes", "heat-map", "descents", "results", "literature"):
         assert f"estimators/{picture}.png" in text
         assert (PAGE.with_suffix("") / f"{picture}.png").is_file()
     assert tables.read_page(PAGE) == text

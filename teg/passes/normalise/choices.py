@@ -11,7 +11,7 @@ Cost: written out, the square of the number of candidates; everything else a vis
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import cast
+from typing import Any, cast
 
 from teg.errors import ArrayIndexError
 from teg.ir.arrays import Ranged, sum_over
@@ -116,7 +116,7 @@ def _written_out(root: Expr, reason: str) -> Expr:
     def change(node: Ranged) -> Node:
         if not node.free:
             return node
-        at = [_at(node, i) for i in _numbers(node, reason)]
+        at = candidates_of(node, reason)
         match node:
             case AnyOf():
                 return disjunction(*(c for (c,) in cast("list[tuple[Cond]]", at)))
@@ -126,6 +126,14 @@ def _written_out(root: Expr, reason: str) -> Expr:
                 return _nearest(cast("list[tuple[Expr, Expr, Cond, Expr]]", at), cast(Nearest, node).otherwise)
 
     return _rewritten(root, change)
+
+
+def candidates_of(node: Ranged, reason: str) -> list[tuple[Any, ...]]:
+    """Returns the children of a choice at each index; of `Nearest` value, key, condition and what there is otherwise.
+
+    Raises NeedsLengths if the range is known at run time only, ArrayIndexError if it cannot be written out; the `reason` is why it must be.
+    """
+    return [_at(node, i) for i in _numbers(node, reason)]
 
 
 def _at(node: Ranged, i: int) -> tuple[Node, ...]:

@@ -328,12 +328,24 @@ def test_what_an_estimator_does_not_do_is_an_error(name: str) -> None:
     with pytest.raises(EstimatorError):
         f.hvp({"t": 0.5, "a": 1.0}, {"t": 1.0})
     V = teg.array("V")
-    with pytest.raises(EstimatorError):
-        teg.compile(teg.sum(teg.integral(teg.bracket(x < V[k]), (x, 0, 1)), (k, 0, teg.length(V, 0))), discontinuities=name).grad(V=[0.5])
+    nearest = teg.nearest(k, (x - V[k]) ** 2, (k, 0, teg.length(V)))
+    with pytest.raises(EstimatorError, match="choices among data"):
+        teg.compile(teg.integral(nearest, (x, 0, 1)), discontinuities=name).grad(V=[0.2, 0.6])
     with pytest.raises(EstimatorError):
         teg.compile(HALF, [t], backend="jax", discontinuities=name)
     with pytest.raises(EstimatorError):
         teg.compile(teg.integral(teg.delta(x - t), (x, 0, 1)), [t], discontinuities=name).grad(t=0.5)
+
+
+@pytest.mark.parametrize("name", SAMPLED)
+def test_sums_over_arrays_are_estimated_cell_by_cell(name: str) -> None:
+    V = teg.array("V", 2)
+    strips = teg.sum(teg.integral(teg.bracket((x > V[k, 0]) & (x < V[k, 1])) * (1 + x), (x, 0, 1)), (k, 0, teg.length(V, 0)))
+    ends = [[0.25, 0.5], [0.375, 0.875]]
+    slopes, errors = teg.compile(strips**2, [V], discontinuities=name, samples=2**13).grad_and_error(V=ends)
+    truth = teg.compile(strips**2, [V]).grad(V=ends)["V"]
+    biased = 0.1 if name in ("warp-blur", "differences", "spsa", "smooth") else 0.0
+    assert (abs(slopes["V"] - truth) < 4.5 * errors["V"] + biased * abs(truth) + 1e-9).all()
 
 
 @pytest.mark.parametrize("name", ["spsa", "warp", "warp-blur"])

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 from teg.analysis.settings import Integration
 from teg.errors import OptionError
 from teg.ir.expr import Expr, Param, Tuple, tuple_of
+from teg.passes.normalise.choices import has_choices
 
 SAMPLES = 2**14
 """The number of samples of an estimator, if the user names none."""
@@ -40,6 +41,13 @@ class Estimator:
     def slopes(self, e: Expr, wrt: Sequence[Param]) -> Sequence[Expr]:
         """Returns the derivatives of a number by each parameter."""
         raise NotImplementedError
+
+    def source_of(self, e: Expr) -> Expr | None:
+        """Returns the program that is differentiated, cell by cell, in the place of one with arrays; None for one that is not taken.
+
+        Regions of choices among data (`teg.nearest`) are cut, not sampled, so only estimators of all orders take them.
+        """
+        return None if self.has_all_orders or has_choices(e, inside=True) else e
 
     def checked(self) -> Estimator:
         """Returns the estimator if its options are in their ranges. Raises OptionError if one is not."""

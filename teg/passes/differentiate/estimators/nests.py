@@ -20,7 +20,7 @@ from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import finite_place, infinite_ends, is_unbounded
 from teg.errors import EstimatorError
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Expr, Mul, Param, Var, Where, add, mul, sub, where
-from teg.ir.integral import Integral, integral_over
+from teg.ir.integral import Integral, integral_over, masses_of
 from teg.ir.node import Node
 from teg.ir.traverse import parameters, replace_node, substitute
 from teg.passes.differentiate.reverse import gradient_of
@@ -28,10 +28,11 @@ from teg.passes.differentiate.reverse import gradient_of
 
 @dataclass(frozen=True)
 class Cube:
-    """∫₀¹…∫₀¹ body over `variables`, the outermost first."""
+    """∫₀¹…∫₀¹ body over `variables`, the outermost first. `extent`: that of the outermost variable, before it was brought to (0, 1)."""
 
     variables: tuple[Var, ...]
     body: Expr
+    extent: Expr = ONE
 
     @property
     def surfaces(self) -> list[Expr]:
@@ -50,6 +51,21 @@ class Cube:
 
 def slopes_through_nests(e: Expr, wrt: Sequence[Param], of_cube: Callable[[Cube, Sequence[Param]], Sequence[Expr]]) -> list[Expr]:
     """Returns the derivatives of a number by each parameter, from those of its integrals over unit cubes."""
+
+    def of_nest(node: Integral, moving: Sequence[Param]) -> list[Expr]:
+        totals: dict[Param, Expr] = dict.fromkeys(moving, ZERO)
+        for cube in cubes_of(node):
+            known = set(parameters(cube.body))
+            mine = [p for p in moving if p in known]
+            for p, change in zip(mine, of_cube(cube, mine), strict=True):
+                totals[p] = add(totals[p], change)
+        return list(totals.values())
+
+    return slopes_of_nests(e, wrt, of_nest)
+
+
+def slopes_of_nests(e: Expr, wrt: Sequence[Param], of_nest: Callable[[Integral, Sequence[Param]], Sequence[Expr]]) -> list[Expr]:
+    """Returns the derivatives of a number by each parameter, from those of its outermost integrals by the parameters in them."""
     nests = outermost_integrals(e)
     names = [Param.make(f"the value of nest {k}", ()) for k in range(len(nests))]
     outside: Node = e
@@ -58,12 +74,11 @@ def slopes_through_nests(e: Expr, wrt: Sequence[Param], of_cube: Callable[[Cube,
     partials = gradient_of(cast(Expr, outside), [*wrt, *names]).children
     slopes = list(partials[: len(wrt)])
     for node, weight in zip(nests, partials[len(wrt) :], strict=True):
-        for cube in cubes_of(node):
-            moving = set(parameters(cube.body))
-            found = of_cube(cube, [p for p in wrt if p in moving]) if weight is not ZERO else ()
-            for p, change in zip([p for p in wrt if p in moving], found, strict=False):
-                i = wrt.index(p)
-                slopes[i] = add(slopes[i], mul(weight, change))
+        known = set(parameters(node))
+        moving = [p for p in wrt if p in known and weight is not ZERO]
+        for p, change in zip(moving, of_nest(node, moving) if moving else (), strict=True):
+            i = wrt.index(p)
+            slopes[i] = add(slopes[i], mul(weight, change))
     for node, name in zip(nests, names, strict=True):
         slopes = [cast(Expr, replace_node(s, name, node)) for s in slopes]
     return slopes
@@ -85,28 +100,30 @@ def outermost_integrals(e: Expr) -> list[Integral]:
 def cubes_of(node: Integral) -> list[Cube]:
     """Returns integrals over unit cubes whose sum is the integral. Raises EstimatorError if an inner integral stands in a position that
     is not linear."""
-    return [_cube(chain, body) for chain, body in _parts(node).items() if body is not ZERO]
+    return [unit_cube(chain, body) for chain, body in chains_of(node).items() if body is not ZERO]
 
 
-def _parts(e: Expr) -> dict[Chain, Expr]:
-    """Returns the integrand for each chain of integrals that stands in e."""
+def chains_of(e: Expr) -> dict[Chain, Expr]:
+    """Returns the integrand for each chain of integrals that stands in e. A sum over roots is no integral, but part of an integrand."""
     if not e.has_integral:
         return {(): e}
     found: dict[Chain, Expr] = {}
     match e:
+        case Integral() if masses_of(e.body, e.var) is not None:
+            return {(): e}
         case Integral() if not e.lo.has_integral and not e.hi.has_integral:
-            return {(Binder(e.var, e.lo, e.hi), *chain): body for chain, body in _parts(e.body).items()}
+            return {(Binder(e.var, e.lo, e.hi), *chain): body for chain, body in chains_of(e.body).items()}
         case Add():
             for term in e.children:
-                _collect(found, _parts(term))
+                _collect(found, chains_of(term))
             return found
         case Mul() if sum(c.has_integral for c in e.children) == 1:
             holder = next(c for c in e.children if c.has_integral)
             others = [c for c in e.children if c is not holder]
-            return {chain: mul(body, *others) for chain, body in _parts(holder).items()}
+            return {chain: mul(body, *others) for chain, body in chains_of(holder).items()}
         case Where() if not e.condition.has_integral:
-            _collect(found, {chain: where(e.condition, body, ZERO) for chain, body in _parts(e.then).items()})
-            _collect(found, {chain: where(e.condition, ZERO, body) for chain, body in _parts(e.otherwise).items()})
+            _collect(found, {chain: where(e.condition, body, ZERO) for chain, body in chains_of(e.then).items()})
+            _collect(found, {chain: where(e.condition, ZERO, body) for chain, body in chains_of(e.otherwise).items()})
             return found
         case _:
             hint = 'discontinuities="exact", "differences" and "smooth" take any program'
@@ -118,7 +135,8 @@ def _collect(found: dict[Chain, Expr], parts: dict[Chain, Expr]) -> None:
         found[chain] = add(found[chain], body) if chain in found else body
 
 
-def _cube(chain: Chain, body: Expr) -> Cube:
+def unit_cube(chain: Chain, body: Expr) -> Cube:
+    """Returns the integral of the body over a chain as one over the unit cube."""
     at: dict[Var, Expr] = {}
     weight: Expr = ONE
     units = tuple(Var.make(f"u{i}", ()) for i in range(len(chain)))
@@ -126,7 +144,7 @@ def _cube(chain: Chain, body: Expr) -> Cube:
         lo, hi = (cast(Expr, substitute(bound, at)) for bound in (b.lo, b.hi))
         at[b.var], rate = _place(lo, hi, u)
         weight = mul(weight, rate)
-    return Cube(units, mul(weight, cast(Expr, substitute(body, at))))
+    return Cube(units, mul(weight, cast(Expr, substitute(body, at))), sub(chain[0].hi, chain[0].lo) if chain else ONE)
 
 
 def _place(lo: Expr, hi: Expr, u: Var) -> tuple[Expr, Expr]:

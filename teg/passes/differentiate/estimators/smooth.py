@@ -8,6 +8,8 @@
     source     Liu et al. 2019, "Soft Rasterizer"; their probability of a face is the sigmoid of a signed squared distance, ours of the
                distance |g|/|∇g|, to first order
 
+With `gamma`, `teg.nearest` becomes a mean of its candidates by coverage and depth (`aggregate.py`); σ and γ then both have to go to 0.
+
 The value of a program is not softened, only its derivative is. Both branches of a softened condition are evaluated, so a branch that is
 NaN where its condition fails makes the derivative NaN.
 """
@@ -16,52 +18,47 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
+from numbers import Real
 from typing import ClassVar, cast
 
 from teg.analysis.jumps import surface_terms
 from teg.analysis.surfaces import owned_surfaces
-from teg.ir.expr import (
-    ONE,
-    ZERO,
-    And,
-    Compare,
-    Cond,
-    Expr,
-    Not,
-    Or,
-    Param,
-    Truth,
-    Var,
-    Where,
-    add,
-    call,
-    const,
-    div,
-    mul,
-    sub,
-    where,
-)
+from teg.errors import OptionError
+from teg.ir.expr import ONE, Compare, Cond, Expr, Param, Where, add, mul, sub
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import rebuild
+from teg.passes.differentiate.estimators.aggregate import aggregated
+from teg.passes.differentiate.estimators.coverage import plain, scale_of, truth_of
 from teg.passes.differentiate.estimators.estimator import Estimator, check_positive
 from teg.passes.differentiate.estimators.ignore import ignore_discontinuities
-from teg.passes.differentiate.estimators.nests import squared_slopes
 from teg.passes.differentiate.reverse import gradient_of
 
 
 @dataclass(frozen=True)
 class Smooth(Estimator):
-    """`sigma`: the width of the sigmoid, a distance in the variables of integration."""
+    """`sigma`: the width of the sigmoid, a distance in the variables of integration. `gamma`: the width of the order of depths of
+    `teg.nearest`, in the unit of its key, None for a program without it. `far`: the key of what is seen where there is no candidate."""
 
     sigma: float = 0.01
+    gamma: float | None = None
+    far: float = 1.0
 
     name: ClassVar[str] = "smooth"
 
     def checked(self) -> Estimator:
         """Returns the estimator if its options are in their ranges."""
         check_positive("sigma", self.sigma)
+        if self.gamma is not None:
+            check_positive("gamma", self.gamma)
+        if isinstance(self.far, bool) or not isinstance(self.far, Real) or not isfinite(self.far):
+            raise OptionError(f"far={self.far!r} is not a number")
         return self
+
+    def source_of(self, e: Expr) -> Expr | None:
+        """Returns the program with SoftRas's aggregates in the place of `teg.nearest`; None for choices without `gamma`."""
+        return super().source_of(e if self.gamma is None else aggregated(e, self.sigma, self.gamma, self.far))
 
     def slopes(self, e: Expr, wrt: Sequence[Param]) -> Sequence[Expr]:
         """Returns the derivatives of the softened program by each parameter."""
@@ -74,14 +71,13 @@ def softened(e: Expr, sigma: float) -> Expr:
     for node in postorder([e]):
         if isinstance(node, Integral):
             for g, _ in surface_terms(node.body, owned_surfaces(node.body, node.var)):
-                variables = sorted((v for v in g.free if isinstance(v, Var)), key=lambda v: v.name)
-                scales[g] = mul(call("sqrt", squared_slopes(g, variables)[1]), const(2.0 * sigma))
+                scales[g] = scale_of(g, sigma)
     new: dict[Node, Node] = {}
     truths: dict[Node, Expr] = {}
     for node in postorder([e]):
         result = rebuild(node, tuple([new[c] for c in node.children]))
         if isinstance(node, Cond) and isinstance(result, Cond):
-            truths[node] = _truth(node, result, truths, scales)
+            truths[node] = truth_of(node, result, truths, scales, plain)
         elif isinstance(node, Where) and _is_soft(node.condition, scales):
             truth, then, otherwise = truths[node.condition], cast(Expr, new[node.then]), cast(Expr, new[node.otherwise])
             result = add(mul(truth, then), mul(sub(ONE, truth), otherwise))
@@ -91,21 +87,3 @@ def softened(e: Expr, sigma: float) -> Expr:
 
 def _is_soft(condition: Cond, scales: dict[Expr, Expr]) -> bool:
     return any(isinstance(n, Compare) and n.g in scales for n in postorder([condition]))
-
-
-def _truth(node: Cond, result: Cond, truths: dict[Node, Expr], scales: dict[Expr, Expr]) -> Expr:
-    """Returns the truth value of a condition as a number from 0 to 1."""
-    match node:
-        case Compare() if node.g in scales:  # 1/(1 + exp(-z)) = (1 + tanh(z/2))/2
-            g = result.g if isinstance(result, Compare) else node.g
-            return mul(const(0.5), add(ONE, call("tanh", div(g, scales[node.g]))))
-        case Not():
-            return sub(ONE, truths[node.operand])
-        case And():
-            return mul(*(truths[c] for c in node.children))
-        case Or():
-            return sub(ONE, mul(*(sub(ONE, truths[c]) for c in node.children)))
-        case Truth():
-            return ONE if node.data else ZERO
-        case _:
-            return where(result, ONE, ZERO)
