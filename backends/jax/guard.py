@@ -43,7 +43,7 @@ class Guard(NamedTuple):
         small, finite = jnp.all(found[:, :tested] * length[:, None] <= enough, axis=1), jnp.isfinite(length)
         gap = jnp.arange(length.shape[0]) - 1
         whole = gap < 0
-        matters = ~small & finite | (whole & ~finite)
+        matters = (~small & finite & (length != 0.0)) | (whole & ~finite)  # a node that stands twice hides nothing
         beside = jnp.fmax(jnp.concatenate([seen[:1], seen]), jnp.concatenate([seen, seen[-1:]]))
         known = jnp.concatenate([_least(seen)[None], beside])
         upper, lower = found[:, tested : tested + self.sharp], found[:, tested + self.sharp :]
