@@ -34,7 +34,8 @@ def integral(
 
     Behind the values the body has `watched` conditions (an interval on which one changes is halved), and the sharp values of a `guard`.
     """
-    return integrate(pieces, partial(_piece, pieces, tol, _Nodes.of(orders, watched > 0), watched, guard), *integral, when=when)
+    how = _How(pieces, tol, _Nodes.of(orders, watched > 0), watched, guard)
+    return integrate(pieces, partial(_piece, how), *integral, when=when)
 
 
 class _Nodes(NamedTuple):
@@ -98,82 +99,29 @@ class _Measured(NamedTuple):
     changed: Any
 
 
-def _piece(
-    pieces: Pieces,
-    tol: float,
-    nodes: _Nodes,
-    watched: int,
-    guard: Guard | None,
-    places: Substitution,
-    _: Sequence[Any],
-    active: Scalar,
-    values: Callable[[Scalar], Any],
-) -> tuple[Any, Note]:
+class _How(NamedTuple):
+    """How an integral is computed; `watched` conditions stand behind the values of its body."""
+
+    pieces: Pieces
+    tol: float
+    nodes: _Nodes
+    watched: int
+    guard: Guard | None
+
+    @property
+    def ends(self) -> int:
+        """How many of the first nodes are ends of an interval, where only conditions count."""
+        return 2 if self.watched else 0
+
+
+def _piece(how: _How, places: Substitution, _: Sequence[Any], active: Scalar, values: Callable[[Scalar], Any]) -> tuple[Any, Note]:
     """The integrals over one piece, and their estimates, (results,), and the note.
 
     The intervals are visited from left to right. No stack is needed: behind an accepted interval that ends at
     u, the next one waiting is the largest dyadic one that begins at u: its width is the lowest bit of u.
     """
-    sharp = guard.sharp if guard is not None else 0
-    ends = 2 if watched else 0  # the first two nodes are the ends of an interval, where only conditions count
-
-    def step(at: _Progress) -> _Progress:
-        looks, left, width = at.turn < 0, at.start / END, at.width / END
-        rows = _of_turn(nodes, at.turn)
-        x, rate = place(JAX, places, pieces.ways, left + 0.5 * width * (1.0 + rows))
-        found, notes = jax.vmap(values)(x)
-        weighted = found[:, : pieces.values] * (0.5 * width * rate)[:, None]
-        seen = jnp.concatenate([at.seen[nodes.width :], jnp.concatenate([weighted, found[:, pieces.values :]], axis=1)])
-        full = looks | (at.turn + 1 == nodes.turns)
-        measured = _measured(pieces, nodes, watched, looks, seen, places.kind != POWER)
-        good, above, reference, whole = judged(at, measured, looks, seen)
-        changed, deepest = measured.changed, at.width == 1
-        done = full & (good | (~looks & (deepest | (at.used + 1 >= MAX_INTERVALS))))
-        large = jnp.isfinite(measured.error) & (measured.size > DIVERGENT * reference)
-        endless = done & (at.width <= END >> DEEP) & ~good & ~changed & large
-        tested = measured.total[: pieces.tested]
-        tested = jnp.where(endless, jnp.copysign(jnp.inf, tested), tested)
-        total = jnp.concatenate([tested, measured.total[pieces.tested :]])
-        start = jnp.where(done, at.start + at.width, at.start)
-        halved = jnp.where(full & ~looks, at.width // 2, at.width)
-        return _Progress(
-            start=start,
-            width=jnp.where(done, start & -start, halved),
-            turn=jnp.where(full, 0, at.turn + 1),
-            used=at.used + full,
-            whole=jnp.where(full, whole, at.whole),
-            spent=jnp.where(done & ~changed, at.spent + measured.error, at.spent),
-            sums=jnp.where(done, at.sums + listed(total, measured), at.sums),
-            note=at.note | union(notes[ends:]) | where(done & (~good | jnp.any(jnp.isinf(tested))), MISSED),
-            above=jnp.where(full, above, at.above),
-            seen=seen,
-        )
-
-    def judged(at: _Progress, found: _Measured, looks: Scalar, seen: Any) -> tuple[Scalar, Any, Any, Any]:
-        """Whether an interval is accepted, `above` with it, the A that its error is compared with, and the A of the whole piece."""
-        whole = jnp.where(at.used == 0, found.size, at.whole)
-        if guard is None:
-            enough = rules.tolerated(jnp, tol, whole, found.size)
-            good = jnp.all((found.error <= enough) | ~jnp.isfinite(found.error))
-            return jnp.where(found.changed, at.width / END <= WATCH_WIDTH, good), at.above, whole, whole
-        depth = MAX_DEPTH - lax.population_count(at.width - 1)
-        rows = jnp.arange(MAX_DEPTH + 1)[:, None]
-        reference = jnp.fmax(jnp.max(jnp.where(rows == jnp.maximum(depth - 1, 0), at.above, 0.0), axis=0), found.size)
-        enough = rules.tolerated(jnp, tol, reference, found.size)
-        good = jnp.all((found.error <= enough) | ~jnp.isfinite(found.error))
-        asked = ~found.changed & jnp.all(jnp.isfinite(found.error))
-        interval = at.start / END, (at.start + at.width) / END
-        inner = interval[0] + 0.5 * (at.width / END) * (1.0 + _one_of(looks, nodes.at))
-        known = _without_gaps(nodes, looks, seen[:, pieces.values + watched :])
-        good &= ~(asked & guard.hides(places, pieces.ways, interval, inner[ends:], known[ends:], enough, depth))
-        above = jnp.where(rows == depth, reference, at.above)
-        return jnp.where(found.changed, at.width / END <= WATCH_WIDTH, good), above, reference, jnp.fmax(whole, found.size)
-
-    def listed(total: Any, found: _Measured) -> Any:
-        rounded = rules.rounding(jnp, places.p, places.q) * found.size
-        return jnp.concatenate([total, found.error + rounded]) if pieces.estimated else total
-
-    zeros = jnp.zeros(pieces.tested)
+    pieces, nodes, guard = how.pieces, how.nodes, how.guard
+    zeros, columns = jnp.zeros(pieces.tested), pieces.values + how.watched + (guard.sharp if guard is not None else 0)
     beginning = _Progress(
         start=jnp.where(active, jnp.int64(0), END),
         width=jnp.int64(END),
@@ -184,11 +132,69 @@ def _piece(
         sums=jnp.zeros(pieces.values + (pieces.tested if pieces.estimated else 0)),
         note=jnp.int32(0),
         above=jnp.zeros((MAX_DEPTH + 1 if guard is not None else 0, pieces.tested)),
-        seen=jnp.full((nodes.width * nodes.turns, pieces.values + watched + sharp), jnp.nan),
+        seen=jnp.full((nodes.width * nodes.turns, columns), jnp.nan),
     )
-    end = lax.while_loop(lambda at: at.start < END, step, beginning)
-    overspent = jnp.any(end.spent > SPENT * rules.tolerated(jnp, tol, end.whole, end.whole))
+    end = lax.while_loop(lambda at: at.start < END, partial(_turned, how, places, values), beginning)
+    overspent = jnp.any(end.spent > SPENT * rules.tolerated(jnp, how.tol, end.whole, end.whole))
     return end.sums, end.note | where(active & overspent, MISSED)
+
+
+def _turned(how: _How, places: Substitution, values: Callable[[Scalar], Any], at: _Progress) -> _Progress:
+    """The next turn."""
+    pieces, nodes = how.pieces, how.nodes
+    looks, left, width = at.turn < 0, at.start / END, at.width / END
+    x, rate = place(JAX, places, pieces.ways, left + 0.5 * width * (1.0 + _of_turn(nodes, at.turn)))
+    found, notes = jax.vmap(values)(x)
+    weighted = found[:, : pieces.values] * (0.5 * width * rate)[:, None]
+    seen = jnp.concatenate([at.seen[nodes.width :], jnp.concatenate([weighted, found[:, pieces.values :]], axis=1)])
+    full = looks | (at.turn + 1 == nodes.turns)
+    measured = _measured(how, looks, seen, places.kind != POWER)
+    good, above, reference, whole = _judged(how, places, at, measured, looks, seen)
+    changed, deepest = measured.changed, at.width == 1
+    done = full & (good | (~looks & (deepest | (at.used + 1 >= MAX_INTERVALS))))
+    large = jnp.isfinite(measured.error) & (measured.size > DIVERGENT * reference)
+    endless = done & (at.width <= END >> DEEP) & ~good & ~changed & large
+    tested = measured.total[: pieces.tested]
+    tested = jnp.where(endless, jnp.copysign(jnp.inf, tested), tested)
+    total = jnp.concatenate([tested, measured.total[pieces.tested :]])
+    if pieces.estimated:
+        total = jnp.concatenate([total, measured.error + rules.rounding(jnp, places.p, places.q) * measured.size])
+    start = jnp.where(done, at.start + at.width, at.start)
+    halved = jnp.where(full & ~looks, at.width // 2, at.width)
+    return _Progress(
+        start=start,
+        width=jnp.where(done, start & -start, halved),
+        turn=jnp.where(full, 0, at.turn + 1),
+        used=at.used + full,
+        whole=jnp.where(full, whole, at.whole),
+        spent=jnp.where(done & ~changed, at.spent + measured.error, at.spent),
+        sums=jnp.where(done, at.sums + total, at.sums),
+        note=at.note | union(notes[how.ends :]) | where(done & (~good | jnp.any(jnp.isinf(tested))), MISSED),
+        above=jnp.where(full, above, at.above),
+        seen=seen,
+    )
+
+
+def _judged(how: _How, places: Substitution, at: _Progress, found: _Measured, looks: Scalar, seen: Any) -> tuple[Scalar, Any, Any, Any]:
+    """Whether an interval is accepted, `above` with it, the A that its error is compared with, and the A of the whole piece."""
+    tol, guard, narrow = how.tol, how.guard, at.width / END <= WATCH_WIDTH
+    whole = jnp.where(at.used == 0, found.size, at.whole)
+    if guard is None:
+        enough = rules.tolerated(jnp, tol, whole, found.size)
+        good = jnp.all((found.error <= enough) | ~jnp.isfinite(found.error))
+        return jnp.where(found.changed, narrow, good), at.above, whole, whole
+    depth, rows = MAX_DEPTH - lax.population_count(at.width - 1), jnp.arange(MAX_DEPTH + 1)[:, None]
+    reference = jnp.fmax(jnp.max(jnp.where(rows == jnp.maximum(depth - 1, 0), at.above, 0.0), axis=0), found.size)
+    enough = rules.tolerated(jnp, tol, reference, found.size)
+    good = jnp.all((found.error <= enough) | ~jnp.isfinite(found.error))
+    asked = ~found.changed & jnp.all(jnp.isfinite(found.error))
+    interval = at.start / END, (at.start + at.width) / END
+    inner = interval[0] + 0.5 * (at.width / END) * (1.0 + _one_of(looks, how.nodes.at))
+    known = _without_gaps(how.nodes, looks, seen[:, how.pieces.values + how.watched :])
+    hidden = guard.hides(places, how.pieces.ways, interval, inner[how.ends :], known[how.ends :], enough, depth)
+    good &= ~(asked & hidden)
+    above = jnp.where(rows == depth, reference, at.above)
+    return jnp.where(found.changed, narrow, good), above, reference, jnp.fmax(whole, found.size)
 
 
 def _of_turn(nodes: _Nodes, turn: Scalar) -> Any:
@@ -203,9 +209,10 @@ def _of_turn(nodes: _Nodes, turn: Scalar) -> Any:
     return found
 
 
-def _measured(pieces: Pieces, nodes: _Nodes, watched: int, looks: Scalar, seen: Any, smooth: Scalar) -> _Measured:
+def _measured(how: _How, looks: Scalar, seen: Any, smooth: Scalar) -> _Measured:
     """The measures of an interval (see `teg.program`) by what its nodes gave, (nodes, values); where values are not known to be `smooth` no
     decay is counted on."""
+    pieces, nodes, watched = how.pieces, how.nodes, how.watched
     weights = _one_of(looks, nodes.weights)[:, None]
     found = jnp.where(weights != 0.0, seen[:, : pieces.values], 0.0)
     total, size = jnp.sum(weights * found, axis=0), jnp.sum(weights * jnp.abs(found[:, : pieces.tested]), axis=0)

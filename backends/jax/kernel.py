@@ -118,7 +118,8 @@ class JaxKernel:
             return number + 1, jnp.where(number == 0, found, 0.5 * outputs + 0.5 * found), note | noted
 
         beginning = jnp.int32(0), jnp.zeros(len(self.program.outputs)), jnp.int32(0)
-        return jax.lax.while_loop(lambda at: (at[0] == 0) | ((at[0] == 1) & (at[2] % 2 == 1)), turn, beginning)[1:]
+        _, outputs, note = jax.lax.while_loop(lambda at: (at[0] == 0) | ((at[0] == 1) & (at[2] % 2 == 1)), turn, beginning)
+        return outputs, note
 
     def __call__(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> npt.NDArray[np.float64]:
         """The outputs of a batch of n, (outputs, n); a column is (n,), or () where the batch shares it."""

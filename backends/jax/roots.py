@@ -134,7 +134,8 @@ def _search(active: Scalar, p: Scalar, q: Scalar, enclosure: Block, point: Block
         v = jnp.where(at.phase == MIDDLE, m, jnp.where(at.phase >= TURNING, at.newton.v, jnp.where(at.phase == LEFT_END, at.p, at.q)))
         bounds, note_box = vector(enclosure(jnp.where(turned, v, at.p), jnp.where(turned, v, at.q)))
         values, note = vector(point(v))
-        turning, advanced = _advanced(at, m, v, bounds, values, room)
+        turning, box = _judged(at, m, v, bounds, values)
+        advanced = _advanced(at, m, values, box, room)
         done, newton = _turning(at, m, values)
         phase = jnp.where(at.phase == TURNING, jnp.where(done, TURNED, TURNING), jnp.where(turning, TURNING, MIDDLE))
         at = at._replace(note=at.note | note_box | note)
@@ -182,10 +183,23 @@ def _turning(at: _Search, m: Scalar, values: Any) -> tuple[Scalar, _Newton]:
     return stepped.done | (stepped.steps >= ISOLATE_STEPS), newton
 
 
-def _advanced(at: _Search, m: Scalar, v: Scalar, bounds: Any, values: Any, room: tuple[int, int]) -> tuple[Scalar, _Search]:
-    """Whether g may turn in the box, by the bounds and the values in its middle m; and the search behind it, if it does not, or if these
-    are those at the place v where it turns."""
-    levels, numbers = jnp.arange(ISOLATE_DEPTH + 1, dtype=jnp.int8), jnp.arange(room[0])
+class _Verdict(NamedTuple):
+    """What is to be done with a box: it is halved, or `undecided` (so small that it is `whole`), or has a crossing, a tangency at v, or two
+    roots beside v; `error` is how far the tangency may be off."""
+
+    left: Any
+    whole: Any
+    undecided: Any
+    crossing: Any
+    touch: Any
+    two: Any
+    v: Any
+    error: Any
+
+
+def _judged(at: _Search, m: Scalar, v: Scalar, bounds: Any, values: Any) -> tuple[Scalar, _Verdict]:
+    """Whether g may turn in the box, by the bounds and the values in its middle m; and the verdict, if it does not, or if these are those
+    at the place v where it turns."""
     (g, slope, curvature), middle = values, at.phase == MIDDLE
     changes, turns = at.signs_p * at.signs_q < 0
     known, sloped = at.signs_p * at.signs_q != 0
@@ -194,43 +208,26 @@ def _advanced(at: _Search, m: Scalar, v: Scalar, bounds: Any, values: Any, room:
     touch, error = touches(jnp, g, curvature, bounds[-1])
     touch = touch & ~middle
     two = ~middle & ~touch & ((g > 0.0) != (at.signs_p[0] > 0))
-    left, crossing = middle & left, middle & (monotone | bent) & changes
     whole = (m <= at.p) | (m >= at.q)
-    undecided = left & (whole | (at.level == ISOLATE_DEPTH) | blurred)
-    halve = left & ~undecided
+    undecided = middle & left & (whole | (at.level == ISOLATE_DEPTH) | blurred)
+    return turning, _Verdict(middle & left, whole, undecided, middle & (monotone | bent) & changes, touch, two, v, error)
 
-    joins = at.last == at.p
-    first, sign_first = jnp.where(joins, at.first, at.p), jnp.where(joins, at.sign_first, at.signs_p[0])
-    times = (2 - (sign_first * at.signs_q[0] + 2) % 3).astype(jnp.int8)  # 1, 0, 2 for -1, 0, 1
-    empty = (at.found > 0) & jnp.any((numbers == jnp.minimum(at.found, room[0]) - 1) & (at.places.times == 0))
-    place = at.found - (empty | (undecided & joins))
-    found = undecided | crossing | touch | two
-    begin = jnp.where(undecided, first, jnp.where(touch, v, at.p))
-    end = jnp.where(touch | two, v, at.q)
-    error = jnp.where(undecided, 0.5 * (at.q - first), jnp.where(touch, error, 0.0))
-    new = _Places(
-        begin,
-        end,
-        jnp.where(undecided, times, jnp.where(touch, jnp.int8(2), jnp.int8(1))),
-        crossing | two,
-        jnp.where(two, -at.signs_q[0], at.signs_q[0]),
-        error,
-    )
-    second = _Places(v, at.q, jnp.int8(1), jnp.bool_(True), at.signs_q[0], jnp.float64(0.0))
 
+def _advanced(at: _Search, m: Scalar, values: Any, box: _Verdict, room: tuple[int, int]) -> _Search:
+    """The search behind a box: at its left half, or at the next box that waits."""
+    levels = jnp.arange(ISOLATE_DEPTH + 1, dtype=jnp.int8)
+    at = _listed(at, box, room[0])
+    halve = box.left & ~box.undecided
     # a box that cannot be halved stays whole on the levels below
-    seen = (levels == at.level) | (left & whole & (levels >= at.level))
+    seen = (levels == at.level) | (box.left & box.whole & (levels >= at.level))
     count = at.count + seen.astype(at.count.dtype)
-    taken = jnp.where(found, place + 1 + two, at.found)
-    hopeless = jnp.any(count > room[1]) | (taken > room[0])
+    hopeless = jnp.any(count > room[1]) | (at.found > room[0])
     below = halve & (levels == at.level + 1)
     start = jnp.where(halve, at.start, at.start + (jnp.int64(END) >> at.level.astype(jnp.int64)))
     start = jnp.where(hopeless, END, start)
     level = jnp.where(halve, at.level + 1, (ISOLATE_DEPTH - lax.population_count((start & -start) - 1)).astype(jnp.int8))
-    here, after = (numbers == place) & found, (numbers == place + 1) & two
-    places = [jnp.where(after, b, jnp.where(here, a, old)) for a, b, old in zip(new, second, at.places, strict=True)]
     waiting = levels == level
-    return turning, at._replace(
+    return at._replace(
         start=start,
         level=level,
         p=jnp.where(halve, at.p, at.q),
@@ -240,10 +237,34 @@ def _advanced(at: _Search, m: Scalar, v: Scalar, bounds: Any, values: Any, room:
         ends=jnp.where(below, at.q, at.ends),
         sign_ends=jnp.where(below, at.signs_q[:, None], at.sign_ends),
         count=count,
+    )
+
+
+def _listed(at: _Search, box: _Verdict, room: int) -> _Search:
+    """The search with what was found in a box in its places."""
+    numbers, undecided = jnp.arange(room), box.undecided
+    joins = at.last == at.p
+    first, sign_first = jnp.where(joins, at.first, at.p), jnp.where(joins, at.sign_first, at.signs_p[0])
+    times = (2 - (sign_first * at.signs_q[0] + 2) % 3).astype(jnp.int8)  # 1, 0, 2 for -1, 0, 1
+    empty = (at.found > 0) & jnp.any((numbers == jnp.minimum(at.found, room) - 1) & (at.places.times == 0))
+    place = at.found - (empty | (undecided & joins))
+    found = undecided | box.crossing | box.touch | box.two
+    new = _Places(
+        jnp.where(undecided, first, jnp.where(box.touch, box.v, at.p)),
+        jnp.where(box.touch | box.two, box.v, at.q),
+        jnp.where(undecided, times, jnp.where(box.touch, jnp.int8(2), jnp.int8(1))),
+        box.crossing | box.two,
+        jnp.where(box.two, -at.signs_q[0], at.signs_q[0]),
+        jnp.where(undecided, 0.5 * (at.q - first), jnp.where(box.touch, box.error, 0.0)),
+    )
+    second = _Places(box.v, at.q, jnp.int8(1), jnp.bool_(True), at.signs_q[0], jnp.float64(0.0))
+    here, after = (numbers == place) & found, (numbers == place + 1) & box.two
+    places = [jnp.where(after, b, jnp.where(here, a, old)) for a, b, old in zip(new, second, at.places, strict=True)]
+    return at._replace(
         first=jnp.where(undecided, first, at.first),
         sign_first=jnp.where(undecided, sign_first, at.sign_first),
         last=jnp.where(undecided, at.q, at.last),
-        found=taken,
+        found=jnp.where(found, place + 1 + box.two, at.found),
         places=_Places(*places),
     )
 
