@@ -48,7 +48,7 @@ class Guard(NamedTuple):
         known = jnp.concatenate([_least(seen)[None], beside])
         upper, lower = found[:, tested : tested + self.sharp], found[:, tested + self.sharp :]
         large = is_unseen(jnp, upper, lower, known)
-        inside = (u[jnp.maximum(gap, 0)] > 0.0) & (u[gap + 1] < 1.0) & (depth < GUARD_DEPTH)
+        inside = (jnp.concatenate([u[:1], u[:-1]]) > 0.0) & (u < 1.0) & (depth < GUARD_DEPTH)
         counts = ~jnp.isposinf(upper) | (inside | whole)[:, None]
         unseen = jnp.any(large & counts, axis=1) & matters
         return unseen[0] & jnp.any(unseen[1:])
