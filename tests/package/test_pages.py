@@ -23,7 +23,7 @@ PAGES = sorted(p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md"))
 MEASURED = ("jax.md",)
 """The page whose blocks another test runs."""
 WITH_CODE = [page for page in PAGES if "```python" in (DOCS / page).read_text(encoding="utf-8") and page not in MEASURED]
-OPTIONAL = {"jax", "torch", "scipy", "sympy"}
+OPTIONAL = {"jax", "torch", "scipy", "sympy", "optax", "blackjax", "diffrax"}
 SPHINX = [sys.executable, "-m", "sphinx", "--fail-on-warning", "--fresh-env", "--quiet"]
 
 
@@ -147,7 +147,7 @@ def test_the_examples_of_a_docstring_run(name: str) -> None:
     u, v, p, r = teg.vars("u v p r")
     names |= {"u": u, "v": v, "p": p, "r": r, "body": teg.sin(t) + a}
     for code in EXAMPLES[name]:
-        for package in OPTIONAL & set(re.findall(r"\b(jax|torch|scipy|sympy)(?=\.|_function)", code)):
+        for package in OPTIONAL & set(re.findall(r"\b(jax|torch|scipy|sympy)(?=\.|_function|_cache)", code)):
             names[package] = pytest.importorskip(package)
         for line in ast.parse(code).body:
             source = ast.unparse(line)
