@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.branches import with_selects
+from teg.backends.jax.alike import Rows, with_rows
 from teg.backends.text import Dialect, assignment, inside, strict, value
 from teg.errors import BackendError, MissingPackageError
 from teg.numerics.quadrature import triangle_rule
@@ -178,7 +179,7 @@ class JaxKernel:
 def _printed(program: Program) -> str:
     """The text of a program without the bodies of its functions."""
     if "jax" not in program.printed:
-        program.printed["jax"] = "\n".join(_kernel(with_selects(program)))
+        program.printed["jax"] = "\n".join(_kernel(with_rows(with_selects(program))))
     return cast(str, program.printed["jax"])
 
 
@@ -273,6 +274,8 @@ def _block(block: tuple[Stmt, ...], results: str) -> list[str]:
                 lines.append(f"{name}, {note} = rt.tie(order, {strict(g, 'jnp')}, {_text(scale)}, {_text(r)})")
             case Assign():
                 lines += assignment(stmt, DIALECT)
+            case Rows():
+                lines += _rows(stmt, note)
             case When():
                 raise AssertionError("branches are written out")
             case _:
@@ -414,6 +417,17 @@ def _moments(stmt: Hyperbola, note: str) -> list[str]:
     ]
     arguments += [f"when={stmt.when}"] if stmt.when else []
     return [*lines, f"({inside(stmt.results)}), {note} = hyperbolas.moments({', '.join(arguments)})"]
+
+
+def _rows(stmt: Rows, note: str) -> list[str]:
+    """The function of a row, and its call."""
+    name = f"row_{stmt.results[0]}"
+    columns = inside(f"({inside(map(_text, column))})" for column in stmt.rows)
+    return [
+        f"def {name}({', '.join(stmt.names)}):",
+        *_block(stmt.body, f"({inside(map(_text, stmt.values))})"),
+        f"({inside(stmt.results)}), {note} = rt.rows({name}, ({columns}))",
+    ]
 
 
 def _names(block: tuple[Stmt, ...]) -> list[str]:

@@ -131,7 +131,7 @@ def _with_coordinates(
 ) -> tuple[Any, Any]:
     """The corners of a polygon with barycentric coordinates, of a thin triangle those that the box leaves; and whether anything is left."""
     inverse = 1.0 / jnp.where(jnp.asarray(across, jnp.float64) == 0.0, 1.0, across)
-    own = [(c + (a * places[0] + zero) + (b * places[1] + zero)) * inverse for a, b, c, _ in planes[1:3]]
+    own = [(g[2] + (g[0] * places[0] + zero) + (g[1] * places[1] + zero)) * inverse for g in planes[1:3]]
     places = jnp.concatenate([places[:2], jnp.stack(own)])
     at = jnp.array([[jnp.asarray(x, jnp.float64) for x in p] for p in corners])
     su, sv = jnp.where(width < 0.0, -1.0, 1.0), jnp.where(height < 0.0, -1.0, 1.0)
@@ -139,9 +139,8 @@ def _with_coordinates(
     turns = ((ux * vy + zero) - (vx * uy + zero)) * su * sv < 0.0
     at = jnp.concatenate([at.T, jnp.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])])
     cut, remains = jnp.where(turns, jnp.concatenate([at[:, :1], at[:, 2:], at[:, 1:2]], axis=1), at), thin
-    for a, b, c, side in ((su, 0.0, 0.0, (0, 0.0)), (-su, 0.0, su * width, (0, width))):
-        cut, remains = _clipped(cut, remains, thin, a, b, c, zero, side)
-    for a, b, c, side in ((0.0, sv, 0.0, (1, 0.0)), (0.0, -sv, sv * height, (1, height))):
+    left_and_right: list[tuple[Any, ...]] = [(su, 0.0, 0.0, (0, 0.0)), (-su, 0.0, su * width, (0, width))]
+    for a, b, c, side in [*left_and_right, (0.0, sv, 0.0, (1, 0.0)), (0.0, -sv, sv * height, (1, height))]:
         cut, remains = _clipped(cut, remains, thin, a, b, c, zero, side)
     for a, b, c, _ in planes[3:]:
         cut, remains = _clipped(cut, remains, thin, a, b, c, zero)

@@ -65,6 +65,12 @@ def where(condition: Scalar, note: Note) -> Note:
     return jnp.where(condition, jnp.asarray(note, jnp.int32), jnp.int32(0))
 
 
+def rows(body: Callable[..., tuple[tuple[Scalar, ...], Note]], columns: Sequence[Sequence[Scalar]]) -> tuple[tuple[Scalar, ...], Note]:
+    """The values of a body for each row of the columns, those of a row together, and the note."""
+    found, notes = jax.vmap(body)(*(jnp.stack([jnp.asarray(v) for v in column]) for column in columns))
+    return tuple(value[row] for row in range(len(columns[0])) for value in found), union(notes)
+
+
 class Pieces(NamedTuple):
     """What an integral has beside its body: `values` of which `tested` count, estimates if `estimated`, kinds of bends, tails."""
 
