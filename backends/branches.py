@@ -76,7 +76,7 @@ def with_branches(program: Program) -> Program:
     """Returns the program with what vanishes together behind branches, and without `met` in its polygons."""
     if not any(isinstance(s, Polygon) and s.met is not True for s in compound(program.body)):
         return program
-    body, uses = program.body, _Uses()
+    body, uses = program.body, Uses()
     flags = {s.met: _failures(body, s.met) for s in body if isinstance(s, Polygon) and isinstance(s.met, str)}
     if any(isinstance(s, Segment) for s in body) and sum(map(len, flags.values())) * len(body) <= MOST:
         numbers = count(1 + max((int(n[1:]) for s in statements(body) for n in assigned(s) if n[1:].isdigit()), default=0))
@@ -101,7 +101,7 @@ def _failures(block: Sequence[Stmt], flag: str) -> list[dict[str, bool]]:
 
 
 def _behind(
-    block: tuple[Stmt, ...], outputs: Sequence[Arg], flag: str, cases: Sequence[Mapping[str, bool]], numbers: Iterator[int], names: _Uses
+    block: tuple[Stmt, ...], outputs: Sequence[Arg], flag: str, cases: Sequence[Mapping[str, bool]], numbers: Iterator[int], names: Uses
 ) -> tuple[Stmt, ...]:
     """Returns the block with a branch: the values that are 0 in all cases in which the flag is false are computed only where it is true."""
     before, body, results, after = _divided(block, outputs, flag, cases, names)
@@ -153,7 +153,7 @@ def _cost(name: str, inside: Mapping[str, Assign]) -> int:
 
 
 def _divided(
-    block: tuple[Stmt, ...], outputs: Sequence[Arg], flag: str, cases: Sequence[Mapping[str, bool]], names: _Uses, first: int = 0
+    block: tuple[Stmt, ...], outputs: Sequence[Arg], flag: str, cases: Sequence[Mapping[str, bool]], names: Uses, first: int = 0
 ) -> tuple[tuple[Stmt, ...], tuple[Stmt, ...], tuple[str, ...], tuple[Stmt, ...]]:
     """Returns the statements before a branch, those in it, its results, and the statements after it. Statements before number
     `first` stay."""
@@ -288,7 +288,7 @@ def _follow(stmt: Assign, truth: dict[str, bool], zeros: set[str], opposites: Ma
         zeros.add(stmt.name)
 
 
-class _Uses:
+class Uses:
     """The names that statements, and those inside them, read; hints are for this pass only."""
 
     def __init__(self) -> None:

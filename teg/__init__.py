@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from teg.evaluator.evaluator import ArrayEvaluator, Evaluator
     from teg.evaluator.explain import explain
     from teg.interop.jax import jax_function
+    from teg.interop.jax_cache import jax_cache
     from teg.interop.scipy import scipy_function
     from teg.interop.torch import torch_function
     from teg.maps import polar
@@ -89,6 +90,7 @@ _LOADED_ON_FIRST_USE = {
     "teg.evaluator.evaluator": ("ArrayEvaluator", "Evaluator"),
     "teg.evaluator.explain": ("explain",),
     "teg.interop.jax": ("jax_function",),
+    "teg.interop.jax_cache": ("jax_cache",),
     "teg.interop.scipy": ("scipy_function",),
     "teg.interop.torch": ("torch_function",),
     "teg.maps": ("polar",),
@@ -108,8 +110,8 @@ __all__ = [
     "DiffeomorphismError", "Evaluator", "Explanation", "Expr", "Function", "GradientReport", "Index", "Param", "TegError", "Tuple",
     "Var", "abs", "acos", "all", "any", "array", "asin", "atan", "atan2", "bracket", "ceil", "change_variables", "check_gradient",
     "compile", "cos", "cosh", "delta", "diff", "dump", "eliminate", "erf", "erfc", "errors", "evaluate", "exp", "explain", "expm1",
-    "floor", "from_sympy", "function", "grad", "hessian", "index", "indices", "integral", "jax_function", "jvp", "latex", "length",
-    "let", "log", "log1p", "maps", "maximum", "maximum_of", "minimum", "minimum_of", "mod", "nearest", "param", "params", "polar",
+    "floor", "from_sympy", "function", "grad", "hessian", "index", "indices", "integral", "jax_cache", "jax_function", "jvp", "latex",
+    "length", "let", "log", "log1p", "maps", "maximum", "maximum_of", "minimum", "minimum_of", "mod", "nearest", "param", "params", "polar",
     "prod", "round", "scipy_function", "sign", "sin", "sinh", "size", "sqrt", "stop_delta", "substitute", "sum", "tan", "tanh",
     "to_sympy", "torch_function", "tuple", "var", "vars", "where",
 ]  # fmt: skip

@@ -50,6 +50,10 @@ ZIG = "zig"
 """A folder in which zig keeps its own parts, some 50 MB, if it is the compiler; no entry of ours."""
 
 
+PROGRAMS = "jax"
+"""A folder in which JAX keeps its programs (`teg.jax_cache`); no entry of ours."""
+
+
 def cache_folder() -> Path:
     """Returns the folder of the cache, made if it is missing, or a private temporary one if it cannot be used."""
     try:
@@ -161,7 +165,7 @@ def trim(cache: Path) -> None:
 def clear(cache: Path) -> list[Entry]:
     """Remove all entries; what they were."""
     entries = entries_of(cache)
-    for key in [*_keys(cache), cache / ZIG]:
+    for key in [*_keys(cache), cache / ZIG, cache / PROGRAMS]:
         shutil.rmtree(key, ignore_errors=True)
     with suppress(OSError):
         (cache / TRIMMED).unlink()

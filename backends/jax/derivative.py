@@ -37,7 +37,6 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
 from teg.backends.jax.kernel import JaxKernel, compile_jax
-from teg.backends.jax.lanes import on_lanes
 from teg.backends.jax.loops import ArrayFunction
 from teg.backends.jax.precision import in_double_precision
 from teg.program import Program
@@ -200,8 +199,7 @@ def _own_shapes(family: Family, order: int, batch: Batch, operands: Operands) ->
 
 def _numbers(program: Program) -> Callable[[Operands], list[Any]]:
     kernel: JaxKernel = compile_jax(program)
-    run = on_lanes(kernel)
-    return lambda operands: list(run(*operands)[0])
+    return lambda operands: list(kernel.run(*operands)[0])
 
 
 NOWHERE = jax.sharding.AbstractMesh((), ())

@@ -43,12 +43,12 @@ class Guard(NamedTuple):
         small, finite = jnp.all(found[:, :tested] * length[:, None] <= enough, axis=1), jnp.isfinite(length)
         gap = jnp.arange(length.shape[0]) - 1
         whole = gap < 0
-        matters = ~small & finite | (whole & ~finite)
+        matters = (~small & finite & (length != 0.0)) | (whole & ~finite)  # a node that stands twice hides nothing
         beside = jnp.fmax(jnp.concatenate([seen[:1], seen]), jnp.concatenate([seen, seen[-1:]]))
         known = jnp.concatenate([_least(seen)[None], beside])
         upper, lower = found[:, tested : tested + self.sharp], found[:, tested + self.sharp :]
         large = is_unseen(jnp, upper, lower, known)
-        inside = (u[jnp.maximum(gap, 0)] > 0.0) & (u[gap + 1] < 1.0) & (depth < GUARD_DEPTH)
+        inside = (jnp.concatenate([u[:1], u[:-1]]) > 0.0) & (u < 1.0) & (depth < GUARD_DEPTH)
         counts = ~jnp.isposinf(upper) | (inside | whole)[:, None]
         unseen = jnp.any(large & counts, axis=1) & matters
         return unseen[0] & jnp.any(unseen[1:])

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.branches import with_selects
+from teg.backends.jax.alike import Rows, with_rows
 from teg.backends.text import Dialect, assignment, inside, strict, value
 from teg.errors import BackendError, MissingPackageError
 from teg.numerics.quadrature import triangle_rule
@@ -73,6 +74,7 @@ class JaxKernel:
 
     def __init__(self, program: Program) -> None:
         jax = _import_jax()
+        from teg.backends.jax import adaptive as jax_adaptive
         from teg.backends.jax import guard as jax_guard
         from teg.backends.jax import hyperbola as jax_hyperbola
         from teg.backends.jax import poles as jax_poles
@@ -86,6 +88,7 @@ class JaxKernel:
         self.source = "\n".join([text, *(f"\n# function_{k}: the kernel of\n{body}" for k, body in enumerate(functions))])
         scope: dict[str, Any] = {"jnp": jax.numpy, "rt": jax_runtime, "roots": jax_roots, "sampling": jax_sampling}
         scope |= {"polygons": jax_polygon, "poles": jax_poles, "hyperbolas": jax_hyperbola, "guards": jax_guard}
+        scope["adaptive"] = jax_adaptive
         for k, body in enumerate(functions):
             scope[f"function_{k}"] = _made(body, dict(scope))
         self._kernel = _made(text, scope)
@@ -97,7 +100,27 @@ class JaxKernel:
 
     def function(self, arguments: Sequence[Any]) -> Any:
         """The outputs, a JAX array (outputs,), from one scalar a parameter: pure, for jit and vmap."""
-        return self._resolve(self._once, arguments)[0]
+        return self.run(*arguments)[0]
+
+    def run(self, *arguments: Any) -> tuple[Any, Any]:
+        """The outputs, (outputs,), and the note: were there ties, was a tolerance missed.
+
+        The two orders of a tie are turns of a loop, so that the program stands once in what XLA compiles. The second turn is made if the
+        first one met a tie; of a batch (a mapped loop goes on while one of its lanes does) if it was met anywhere.
+        """
+        if not self.program.ties:
+            return self._once(1, arguments)
+        jax = _import_jax()
+        jnp = jax.numpy
+
+        def turn(at: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+            number, outputs, note = at
+            found, noted = self._once(1 - 2 * number, arguments)
+            return number + 1, jnp.where(number == 0, found, 0.5 * outputs + 0.5 * found), note | noted
+
+        beginning = jnp.int32(0), jnp.zeros(len(self.program.outputs)), jnp.int32(0)
+        _, outputs, note = jax.lax.while_loop(lambda at: (at[0] == 0) | ((at[0] == 1) & (at[2] % 2 == 1)), turn, beginning)
+        return outputs, note
 
     def __call__(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> npt.NDArray[np.float64]:
         """The outputs of a batch of n, (outputs, n); a column is (n,), or () where the batch shares it."""
@@ -134,18 +157,17 @@ class JaxKernel:
 
         axes = tuple(0 if m else None for m in mapped)
 
-        def once(order: Any, arguments: Sequence[Any]) -> tuple[Any, Any]:
+        def batched(*arguments: Any) -> tuple[Any, Any]:
             if not any(mapped):
-                return self._once(order, arguments)
-            run = jax.vmap(lambda *scalars: self._once(order, scalars), in_axes=axes, out_axes=(1, 0))
-            out, notes = run(*arguments)
+                return self.run(*arguments)
+            out, notes = jax.vmap(self.run, in_axes=axes, out_axes=(1, 0))(*arguments)
             return out, union(notes)
 
-        batched: Callable[..., Any] = jax.jit(lambda *arguments: self._resolve(once, arguments))
-        return batched
+        jitted: Callable[..., Any] = jax.jit(batched)
+        return jitted
 
     def _once(self, order: Any, arguments: Sequence[Any]) -> tuple[Any, Any]:
-        """The outputs with ties resolved by `order`, (outputs,), and the note: were there ties, was a tolerance missed."""
+        """The outputs with ties resolved by `order`, (outputs,), and the note."""
         jnp = _import_jax().numpy
         scalars = [jnp.asarray(argument, jnp.float64) for argument in arguments]
         # always -0.0, which the compiler cannot know (see python_text)
@@ -153,23 +175,11 @@ class JaxKernel:
         outputs, note = self._kernel(order, zero, *scalars)
         return jnp.array([jnp.asarray(o, jnp.float64) for o in outputs]), jnp.asarray(note, jnp.int32)
 
-    def _resolve(self, once: Callable[..., tuple[Any, Any]], arguments: Sequence[Any]) -> tuple[Any, Any]:
-        """Both orders averaged if a tie was met, the first if none was; and the note."""
-        out, note = once(+1, arguments)
-        if not self.program.ties:
-            return out, note
-
-        def averaged() -> tuple[Any, Any]:
-            other, again = once(-1, arguments)
-            return 0.5 * out + 0.5 * other, note | again
-
-        return tuple(_import_jax().lax.cond((note & 1) > 0, averaged, lambda: (out, note)))
-
 
 def _printed(program: Program) -> str:
     """The text of a program without the bodies of its functions."""
     if "jax" not in program.printed:
-        program.printed["jax"] = "\n".join(_kernel(with_selects(program)))
+        program.printed["jax"] = "\n".join(_kernel(with_rows(with_selects(program))))
     return cast(str, program.printed["jax"])
 
 
@@ -264,6 +274,8 @@ def _block(block: tuple[Stmt, ...], results: str) -> list[str]:
                 lines.append(f"{name}, {note} = rt.tie(order, {strict(g, 'jnp')}, {_text(scale)}, {_text(r)})")
             case Assign():
                 lines += assignment(stmt, DIALECT)
+            case Rows():
+                lines += _rows(stmt, note)
             case When():
                 raise AssertionError("branches are written out")
             case _:
@@ -286,7 +298,7 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
         case Midpoint(nodes):
             name, options = "rt.midpoint", [str(nodes), "zero"]
         case Adaptive(tol, first, order, cubic):
-            name, options = "rt.adaptive", [_text(tol), f"({first}, {order})", str(len(stmt.watch))]
+            name, options = "adaptive.integral", [_text(tol), f"({first}, {order})", str(len(stmt.watch))]
         case _:
             assert_never(stmt.rule)
     kinds = f"({inside(repr(b.kind) for b in stmt.bends)})"
@@ -327,7 +339,7 @@ def _isolation(stmt: Isolate, note: str) -> list[str]:
 def _location(stmt: Locate, note: str) -> list[str]:
     """The function that encloses two functions, and the call that locates their common zeros."""
     enclosure = f"enclosure_{stmt.left}"
-    arguments = [*map(_text, (stmt.lo, stmt.hi, stmt.low, stmt.high)), enclosure, str(len(stmt.results))]
+    arguments = [*map(_text, (stmt.lo, stmt.hi, stmt.low, stmt.high)), enclosure, f"({len(stmt.results)}, {len(stmt.bounds)})"]
     arguments += [f"when={stmt.when}"] if stmt.when else []
     return [
         f"def {enclosure}({stmt.left}, {stmt.right}, {stmt.bottom}, {stmt.top}):",
@@ -407,6 +419,17 @@ def _moments(stmt: Hyperbola, note: str) -> list[str]:
     ]
     arguments += [f"when={stmt.when}"] if stmt.when else []
     return [*lines, f"({inside(stmt.results)}), {note} = hyperbolas.moments({', '.join(arguments)})"]
+
+
+def _rows(stmt: Rows, note: str) -> list[str]:
+    """The function of a row, and its call."""
+    name = f"row_{stmt.results[0]}"
+    columns = inside(f"({inside(map(_text, column))})" for column in stmt.rows)
+    return [
+        f"def {name}({', '.join(stmt.names)}):",
+        *_block(stmt.body, f"({inside(map(_text, stmt.values))})"),
+        f"({inside(stmt.results)}), {note} = rt.rows({name}, ({columns}))",
+    ]
 
 
 def _names(block: tuple[Stmt, ...]) -> list[str]:

@@ -22,7 +22,6 @@ import numpy as np
 from jax import lax
 
 from teg.backends.jax.kernel import JaxKernel
-from teg.backends.jax.lanes import on_lanes
 from teg.backends.jax.runtime import union
 from teg.backends.numpy.cells import cells_of_lanes
 from teg.backends.plan import exactly
@@ -64,7 +63,7 @@ class ArrayFunction:
         self.program = program
         kernels = {id(s): compile(s.program) for s in steps(program.body) if isinstance(s, Run)}
         self.source = "\n".join(k.source for k in kernels.values())
-        self._runs = {k: on_lanes(kernel) for k, kernel in kernels.items()}
+        self._runs = {k: kernel.run for k, kernel in kernels.items()}
         self._traced = _from_index_arrays(program)
         self._blocks = {id(s): _block_size(s, kernels) for s in steps(program.body) if isinstance(s, Loop)}
 

@@ -52,7 +52,9 @@ def polygon(
         thin = across < THIN * swing
     there = when & ~fails & known
     width, height = (jnp.where(there, x, 0.0) for x in (width, height))
-    places = jnp.zeros((4 if corners else 2, 4)).at[0, jnp.array([1, 2])].set(width).at[1, jnp.array([2, 3])].set(height)
+    none = jnp.zeros_like(width)
+    places = jnp.stack([jnp.stack([none, width, width, none]), jnp.stack([none, none, height, height])])
+    places = jnp.concatenate([places, jnp.zeros((2, 4))]) if corners else places
     left = there
     for (a, b, c, _), low in zip(planes, least, strict=True):
         places, left = _clipped(places, left, there & ~thin & (low < 0.0), a, b, c, zero)
@@ -97,17 +99,23 @@ def _clipped(
     first, last = (before + 1) % n, (after - 1) % n
     leaves, enters = (_crossing(places, d, one, other, zero, side) for one, other in ((before, first), (after, last)))
     kept = jnp.where(cut, jnp.where(number[:-1] == first, leaves, enters), places)
-    place = jnp.where(inside[lowest], n + 1, jnp.where(after == 0, 0, first + 1))
+    place = jnp.where(jnp.all(inside), n + 1, jnp.where(after == 0, 0, first + 1))
     same, shifted = (jnp.concatenate(parts, axis=1) for parts in ((kept, kept[:, -1:]), (kept[:, :1], kept)))
     return jnp.where(number < place, same, jnp.where(number == place, enters, shifted)), left & jnp.any(inside)
 
 
 def _crossing(places: Any, d: Any, one: Scalar, other: Scalar, zero: Scalar, side: Any) -> Any:
     """What the point has, (coordinates, 1), at which an edge from a corner inside to one outside crosses the border."""
-    t = d[one] / jnp.where(d[one] == d[other], 1.0, d[one] - d[other])
-    p = places[:, one]
-    new = p + (t * (places[:, other] - p) + zero)
-    return (new if side is None else new.at[side[0]].set(side[1]))[:, None]
+    start, stop = _corner(d, one), _corner(d, other)
+    t = start / jnp.where(start == stop, 1.0, start - stop)
+    p = _corner(places, one)
+    new = p + (t * (_corner(places, other) - p) + zero)
+    return (new if side is None else jnp.where(jnp.arange(new.shape[0]) == side[0], side[1], new))[:, None]
+
+
+def _corner(values: Any, number: Scalar) -> Any:
+    """What the corner of a number has, (…,) for (…, n): selected, as corners are few, and not gathered."""
+    return jnp.sum(jnp.where(jnp.arange(values.shape[-1]) == number, values, 0.0), axis=-1)
 
 
 def _with_coordinates(
@@ -123,17 +131,16 @@ def _with_coordinates(
 ) -> tuple[Any, Any]:
     """The corners of a polygon with barycentric coordinates, of a thin triangle those that the box leaves; and whether anything is left."""
     inverse = 1.0 / jnp.where(jnp.asarray(across, jnp.float64) == 0.0, 1.0, across)
-    for k, (a, b, c, _) in ((2, planes[1]), (3, planes[2])):
-        places = places.at[k].set((c + (a * places[0] + zero) + (b * places[1] + zero)) * inverse)
+    own = [(g[2] + (g[0] * places[0] + zero) + (g[1] * places[1] + zero)) * inverse for g in planes[1:3]]
+    places = jnp.concatenate([places[:2], jnp.stack(own)])
     at = jnp.array([[jnp.asarray(x, jnp.float64) for x in p] for p in corners])
     su, sv = jnp.where(width < 0.0, -1.0, 1.0), jnp.where(height < 0.0, -1.0, 1.0)
     (ux, uy), (vx, vy) = at[1] - at[0], at[2] - at[0]
     turns = ((ux * vy + zero) - (vx * uy + zero)) * su * sv < 0.0
     at = jnp.concatenate([at.T, jnp.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])])
-    cut, remains = jnp.where(turns, at[:, jnp.array([0, 2, 1])], at), thin
-    for a, b, c, side in ((su, 0.0, 0.0, (0, 0.0)), (-su, 0.0, su * width, (0, width))):
-        cut, remains = _clipped(cut, remains, thin, a, b, c, zero, side)
-    for a, b, c, side in ((0.0, sv, 0.0, (1, 0.0)), (0.0, -sv, sv * height, (1, height))):
+    cut, remains = jnp.where(turns, jnp.concatenate([at[:, :1], at[:, 2:], at[:, 1:2]], axis=1), at), thin
+    left_and_right: list[tuple[Any, ...]] = [(su, 0.0, 0.0, (0, 0.0)), (-su, 0.0, su * width, (0, width))]
+    for a, b, c, side in [*left_and_right, (0.0, sv, 0.0, (1, 0.0)), (0.0, -sv, sv * height, (1, height))]:
         cut, remains = _clipped(cut, remains, thin, a, b, c, zero, side)
     for a, b, c, _ in planes[3:]:
         cut, remains = _clipped(cut, remains, thin, a, b, c, zero)

@@ -36,20 +36,27 @@ ROW = 32
 """Rectangles that are examined together: all that a search carries is copied at every step."""
 
 
+LEFT_END, RIGHT_END, MIDDLE, TURNING, TURNED = range(5)
+"""What a turn of a search looks at."""
+
+
 class _Search(NamedTuple):
     """A search that is at the box (p, q), which begins at start/END; level l has seen count[l] boxes.
 
-    Of g and its slope at ends of boxes only the signs are kept: 1 for > 0, -1 for <= 0, 0 for NaN. The box of level l that waits on
-    the right of the present one, or of an ancestor, ends at ends[l], with the signs sign_ends[:, l]. The last undecided boxes
-    begin at `first` and end at `last`. `found` places are taken.
+    In each turn g is enclosed once and computed once, for what `phase` says: at both ends of the whole, in the middle of a box, at a place
+    where g may turn (of `newton`), or where it does. Of g and its slope at ends of boxes only the signs are kept: 1 for > 0, -1 for <= 0,
+    0 for NaN. The box of level l that waits on the right of the present one, or of an ancestor, ends at ends[l], with the signs
+    sign_ends[:, l]. The last undecided boxes begin at `first` and end at `last`. `found` places are taken.
     """
 
+    phase: Any
     start: Any
     level: Any
     p: Any
     q: Any
     signs_p: Any
     signs_q: Any
+    newton: Any
     ends: Any
     sign_ends: Any
     count: Any
@@ -86,11 +93,10 @@ def isolate(
     finite = jnp.isfinite(lo) & jnp.isfinite(hi)
     active = when & finite & (lo != hi)
     p, q = jnp.minimum(lo, hi), jnp.maximum(lo, hi)
-    at_ends, note = jax.vmap(lambda v: vector(point(v)))(jnp.stack([p, q]))
-    end = _search(active, p, q, _sign(at_ends[:, :2]), enclosure, point, results + 2, width)
+    end = _search(active, p, q, enclosure, point, (results + 2, width))
     places = end.places
     there = jnp.arange(results + 2) < end.found
-    searched, note_steps = jax.vmap(lambda *box: _crossing(point, 0, *box))(there & places.crossing, places.p, places.q, places.sign_q)
+    searched, note_steps = jax.vmap(lambda *box: _crossing(point, *box))(there & places.crossing, places.p, places.q, places.sign_q)
     times = jnp.where(there, places.times, 0)
     root = jnp.where(places.crossing, searched, 0.5 * (places.p + places.q))
     both = [jnp.concatenate([jnp.where(times >= i, v, absent) for i in (1, 2)]) for v, absent in ((root, jnp.inf), (places.error, 0.0))]
@@ -100,7 +106,7 @@ def isolate(
     refused = when & (~finite | crowded)
     found = [jnp.where(when, jnp.where(refused, jnp.nan, v), jnp.inf) for v in ((listed, errors) if estimated else (listed,))]
     noted = jnp.where(crowded, jnp.int32(CROWDED), jnp.int32(0)) | jnp.where(missed, jnp.int32(MISSED), jnp.int32(0))
-    return tuple(v[i] for v in found for i in range(results)), where(active, union(note)) | end.note | union(note_steps) | noted
+    return tuple(v[i] for v in found for i in range(results)), end.note | union(note_steps) | noted
 
 
 def sum_over(points: tuple[Scalar, ...], body: Block, results: int, *, when: Scalar = True) -> tuple[tuple[Scalar, ...], Scalar]:
@@ -116,122 +122,151 @@ def sum_over(points: tuple[Scalar, ...], body: Block, results: int, *, when: Sca
     return tuple(sums[i] for i in range(results)), union(where(there, note))
 
 
-def _search(active: Scalar, p: Scalar, q: Scalar, signs: Any, enclosure: Block, point: Block, room: int, width: int) -> _Search:
-    """The search of the box (p, q), at its end or where it is known to be hopeless, with places for `room` finds and `width` boxes a level.
+def _search(active: Scalar, p: Scalar, q: Scalar, enclosure: Block, point: Block, room: tuple[int, int]) -> _Search:
+    """The search of the box (p, q), at its end or where it is known to be hopeless, with places for so many finds and boxes a level.
 
     No stack is needed to know where the search stands: behind a box that ends at u/END, the next one
     waiting is the largest dyadic one that begins there, whose level is told by the lowest bit of u.
     """
-    levels, numbers = jnp.arange(ISOLATE_DEPTH + 1, dtype=jnp.int8), jnp.arange(room)
 
     def step(at: _Search) -> _Search:
-        m, h = 0.5 * (at.p + at.q), 0.5 * (at.q - at.p)
-        bounds, note_box = vector(enclosure(at.p, at.q))
-        (g, slope, _), note_middle = vector(point(m))
-        changes, turns = at.signs_p * at.signs_q < 0
-        known, sloped = at.signs_p * at.signs_q != 0
-        monotone, bent, left, blurred = examined(jnp, bounds, g, slope, h, changes, known, sloped)
-        turning = bent & ~changes & turns & ((at.signs_p[0] > 0) == (bounds[4] > 0.0))
-        _, touch, two, turn, error, note_turn = _turn(enclosure, point, turning & (at.start < END), at)
-        whole = (m <= at.p) | (m >= at.q)
-        undecided = left & (whole | (at.level == ISOLATE_DEPTH) | blurred)
-        halve = left & ~undecided
-
-        joins = at.last == at.p
-        first, sign_first = jnp.where(joins, at.first, at.p), jnp.where(joins, at.sign_first, at.signs_p[0])
-        times = jnp.array([1, 0, 2], jnp.int8)[sign_first * at.signs_q[0] + 1]
-        crossing = (monotone | bent) & changes
-        empty = (at.found > 0) & (at.places.times[jnp.minimum(at.found, room) - 1] == 0)
-        place = at.found - (empty | (undecided & joins))
-        found = undecided | crossing | touch | two
-        begin = jnp.where(undecided, first, jnp.where(touch, turn, at.p))
-        end = jnp.where(touch | two, turn, at.q)
-        error = jnp.where(undecided, 0.5 * (at.q - first), jnp.where(touch, error, 0.0))
-        new = _Places(
-            begin,
-            end,
-            jnp.where(undecided, times, jnp.where(touch, jnp.int8(2), jnp.int8(1))),
-            crossing | two,
-            jnp.where(two, -at.signs_q[0], at.signs_q[0]),
-            error,
-        )
-        second = _Places(turn, at.q, jnp.int8(1), jnp.bool_(True), at.signs_q[0], jnp.float64(0.0))
-
-        # a box that cannot be halved stays whole on the levels below
-        seen = (levels == at.level) | (left & whole & (levels >= at.level))
-        count = at.count + seen.astype(at.count.dtype)
-        taken = jnp.where(found, place + 1 + two, at.found)
-        hopeless = jnp.any(count > width) | (taken > room)
-        below = halve & (levels == at.level + 1)
-        start = jnp.where(halve, at.start, at.start + (jnp.int64(END) >> at.level.astype(jnp.int64)))
-        start = jnp.where(hopeless, END, start)
-        level = jnp.where(halve, at.level + 1, (ISOLATE_DEPTH - lax.population_count((start & -start) - 1)).astype(jnp.int8))
-        here, after = (numbers == place) & found, (numbers == place + 1) & two
-        places = [jnp.where(after, b, jnp.where(here, a, old)) for a, b, old in zip(new, second, at.places, strict=True)]
-        return _Search(
-            start=start,
-            level=level,
-            p=jnp.where(halve, at.p, at.q),
-            q=jnp.where(halve, m, at.ends[level]),
-            signs_p=jnp.where(halve, at.signs_p, at.signs_q),
-            signs_q=jnp.where(halve, _sign(jnp.stack([g, slope])), at.sign_ends[:, level]),
-            ends=jnp.where(below, at.q, at.ends),
-            sign_ends=jnp.where(below, at.signs_q[:, None], at.sign_ends),
-            count=count,
-            first=jnp.where(undecided, first, at.first),
-            sign_first=jnp.where(undecided, sign_first, at.sign_first),
-            last=jnp.where(undecided, at.q, at.last),
-            found=taken,
-            places=_Places(*places),
-            note=at.note | note_box | note_middle | note_turn,
+        m, turned = 0.5 * (at.p + at.q), at.phase == TURNED
+        v = jnp.where(at.phase == MIDDLE, m, jnp.where(at.phase >= TURNING, at.newton.v, jnp.where(at.phase == LEFT_END, at.p, at.q)))
+        bounds, note_box = vector(enclosure(jnp.where(turned, v, at.p), jnp.where(turned, v, at.q)))
+        values, note = vector(point(v))
+        turning, box = _judged(at, m, v, bounds, values)
+        advanced = _advanced(at, m, values, box, room)
+        done, newton = _turning(at, m, values)
+        phase = jnp.where(at.phase == TURNING, jnp.where(done, TURNED, TURNING), jnp.where(turning, TURNING, MIDDLE))
+        at = at._replace(note=at.note | note_box | note)
+        advances = ((at.phase == MIDDLE) & ~turning) | turned
+        new = [jnp.where(advances, a, b) for a, b in zip(jax.tree.leaves(advanced), jax.tree.leaves(at), strict=True)]
+        sign = _sign(values[:2])
+        moved: _Search = jax.tree.unflatten(jax.tree.structure(at), new)
+        return moved._replace(
+            phase=jnp.where(at.phase == LEFT_END, RIGHT_END, phase).astype(jnp.int8),
+            signs_p=jnp.where(at.phase == LEFT_END, sign, moved.signs_p),
+            signs_q=jnp.where(at.phase == RIGHT_END, sign, moved.signs_q),
+            newton=newton,
+            note=at.note,
         )
 
     kinds = (jnp.float64, jnp.float64, jnp.int8, jnp.bool_, jnp.int8, jnp.float64)
+    levels = ISOLATE_DEPTH + 1
     beginning = _Search(
+        phase=jnp.int8(LEFT_END),
         start=jnp.where(active, jnp.int64(0), END),
         level=jnp.int8(0),
         p=p,
         q=q,
-        signs_p=signs[0],
-        signs_q=signs[1],
-        ends=jnp.zeros(ISOLATE_DEPTH + 1),
-        sign_ends=jnp.zeros((2, ISOLATE_DEPTH + 1), jnp.int8),
-        count=jnp.zeros(ISOLATE_DEPTH + 1, jnp.uint8 if width < 255 else jnp.int32),
+        signs_p=jnp.zeros(2, jnp.int8),
+        signs_q=jnp.zeros(2, jnp.int8),
+        newton=_Newton.between(p, q, jnp.bool_(False)),
+        ends=jnp.zeros(levels),
+        sign_ends=jnp.zeros((2, levels), jnp.int8),
+        count=jnp.zeros(levels, jnp.uint8 if room[1] < 255 else jnp.int32),
         first=jnp.float64(0.0),
         sign_first=jnp.int8(0),
         last=jnp.float64(jnp.nan),
         found=jnp.int64(0),
-        places=_Places(*(jnp.zeros(room, kind) for kind in kinds)),
+        places=_Places(*(jnp.zeros(room[0], kind) for kind in kinds)),
         note=jnp.int32(0),
     )
     return lax.while_loop(lambda at: at.start < END, step, beginning)
 
 
-class _Turned(NamedTuple):
-    """Whether a box that turns is still to be looked at; whether g touches 0 there or has a root on either side; where, how far a tangency
-    may be off, and the note."""
+def _turning(at: _Search, m: Scalar, values: Any) -> tuple[Scalar, _Newton]:
+    """Newton's method for the place where g turns, in the box with middle m: whether it is at its end, and its next step or its first."""
+    stepped = at.newton.stepped(values[1], values[2], at.signs_q[1] > 0)
+    first = _Newton.between(at.p, at.q, jnp.bool_(False))
+    newton = _Newton(*(jnp.where(at.phase == TURNING, a, b) for a, b in zip(stepped, first, strict=True)))
+    return stepped.done | (stepped.steps >= ISOLATE_STEPS), newton
 
-    waits: Any
+
+class _Verdict(NamedTuple):
+    """What is to be done with a box: it is halved, or `undecided` (so small that it is `whole`), or has a crossing, a tangency at v, or two
+    roots beside v; `error` is how far the tangency may be off."""
+
+    left: Any
+    whole: Any
+    undecided: Any
+    crossing: Any
     touch: Any
     two: Any
-    turn: Any
+    v: Any
     error: Any
-    note: Any
 
 
-def _turn(enclosure: Block, point: Block, turning: Scalar, at: _Search) -> _Turned:
-    """What becomes of a box that turns. It is a loop of one step, which a batch makes only if one of its elements needs it."""
+def _judged(at: _Search, m: Scalar, v: Scalar, bounds: Any, values: Any) -> tuple[Scalar, _Verdict]:
+    """Whether g may turn in the box, by the bounds and the values in its middle m; and the verdict, if it does not, or if these are those
+    at the place v where it turns."""
+    (g, slope, curvature), middle = values, at.phase == MIDDLE
+    changes, turns = at.signs_p * at.signs_q < 0
+    known, sloped = at.signs_p * at.signs_q != 0
+    monotone, bent, left, blurred = examined(jnp, bounds, g, slope, 0.5 * (at.q - at.p), changes, known, sloped)
+    turning = middle & bent & ~changes & turns & ((at.signs_p[0] > 0) == (bounds[4] > 0.0))
+    touch, error = touches(jnp, g, curvature, bounds[-1])
+    touch = touch & ~middle
+    two = ~middle & ~touch & ((g > 0.0) != (at.signs_p[0] > 0))
+    whole = (m <= at.p) | (m >= at.q)
+    undecided = middle & left & (whole | (at.level == ISOLATE_DEPTH) | blurred)
+    return turning, _Verdict(middle & left, whole, undecided, middle & (monotone | bent) & changes, touch, two, v, error)
 
-    def look(_: _Turned) -> _Turned:
-        turn, note_steps = _crossing(point, 1, turning, at.p, at.q, at.signs_q[1])
-        (g, _, curvature), note = vector(point(turn))
-        *_, noise = vector(enclosure(turn, turn))[0]
-        touch, error = touches(jnp, g, curvature, noise)
-        two = ~touch & ((g > 0.0) != (at.signs_p[0] > 0))
-        return _Turned(jnp.bool_(False), touch, two, turn, error, note_steps | note)
 
-    no = jnp.bool_(False)
-    return lax.while_loop(lambda found: found.waits, look, _Turned(turning, no, no, at.p, jnp.float64(0.0), jnp.int32(0)))
+def _advanced(at: _Search, m: Scalar, values: Any, box: _Verdict, room: tuple[int, int]) -> _Search:
+    """The search behind a box: at its left half, or at the next box that waits."""
+    levels = jnp.arange(ISOLATE_DEPTH + 1, dtype=jnp.int8)
+    at = _listed(at, box, room[0])
+    halve = box.left & ~box.undecided
+    # a box that cannot be halved stays whole on the levels below
+    seen = (levels == at.level) | (box.left & box.whole & (levels >= at.level))
+    count = at.count + seen.astype(at.count.dtype)
+    hopeless = jnp.any(count > room[1]) | (at.found > room[0])
+    below = halve & (levels == at.level + 1)
+    start = jnp.where(halve, at.start, at.start + (jnp.int64(END) >> at.level.astype(jnp.int64)))
+    start = jnp.where(hopeless, END, start)
+    level = jnp.where(halve, at.level + 1, (ISOLATE_DEPTH - lax.population_count((start & -start) - 1)).astype(jnp.int8))
+    waiting = levels == level
+    return at._replace(
+        start=start,
+        level=level,
+        p=jnp.where(halve, at.p, at.q),
+        q=jnp.where(halve, m, jnp.sum(jnp.where(waiting, at.ends, 0.0))),
+        signs_p=jnp.where(halve, at.signs_p, at.signs_q),
+        signs_q=jnp.where(halve, _sign(values[:2]), jnp.sum(jnp.where(waiting, at.sign_ends, 0), axis=1, dtype=jnp.int8)),
+        ends=jnp.where(below, at.q, at.ends),
+        sign_ends=jnp.where(below, at.signs_q[:, None], at.sign_ends),
+        count=count,
+    )
+
+
+def _listed(at: _Search, box: _Verdict, room: int) -> _Search:
+    """The search with what was found in a box in its places."""
+    numbers, undecided = jnp.arange(room), box.undecided
+    joins = at.last == at.p
+    first, sign_first = jnp.where(joins, at.first, at.p), jnp.where(joins, at.sign_first, at.signs_p[0])
+    times = (2 - (sign_first * at.signs_q[0] + 2) % 3).astype(jnp.int8)  # 1, 0, 2 for -1, 0, 1
+    empty = (at.found > 0) & jnp.any((numbers == jnp.minimum(at.found, room) - 1) & (at.places.times == 0))
+    place = at.found - (empty | (undecided & joins))
+    found = undecided | box.crossing | box.touch | box.two
+    new = _Places(
+        jnp.where(undecided, first, jnp.where(box.touch, box.v, at.p)),
+        jnp.where(box.touch | box.two, box.v, at.q),
+        jnp.where(undecided, times, jnp.where(box.touch, jnp.int8(2), jnp.int8(1))),
+        box.crossing | box.two,
+        jnp.where(box.two, -at.signs_q[0], at.signs_q[0]),
+        jnp.where(undecided, 0.5 * (at.q - first), jnp.where(box.touch, box.error, 0.0)),
+    )
+    second = _Places(box.v, at.q, jnp.int8(1), jnp.bool_(True), at.signs_q[0], jnp.float64(0.0))
+    here, after = (numbers == place) & found, (numbers == place + 1) & box.two
+    places = [jnp.where(after, b, jnp.where(here, a, old)) for a, b, old in zip(new, second, at.places, strict=True)]
+    return at._replace(
+        first=jnp.where(undecided, first, at.first),
+        sign_first=jnp.where(undecided, sign_first, at.sign_first),
+        last=jnp.where(undecided, at.q, at.last),
+        found=jnp.where(found, place + 1 + box.two, at.found),
+        places=_Places(*places),
+    )
 
 
 def _sign(g: Scalar) -> Scalar:
@@ -249,22 +284,31 @@ class _Newton(NamedTuple):
     last: Any
     steps: Any
     done: Any
-    note: Any
+
+    @classmethod
+    def between(cls, p: Scalar, q: Scalar, done: Scalar) -> _Newton:
+        """Its beginning."""
+        infinite = jnp.float64(jnp.inf)
+        return cls(0.5 * (p + q), p, q, infinite, infinite, jnp.int64(0), done)
+
+    def stepped(self, g: Scalar, slope: Scalar, above: Scalar) -> _Newton:
+        """After a step, kept inside by bisection; g > 0 at q if `above`."""
+        v, p, q, size, done = newton_step(jnp, g, slope, self.v, self.p, self.q, above, self.before)
+        return _Newton(v, p, q, self.last, size, self.steps + 1, done)
 
 
-def _crossing(point: Block, order: int, active: Scalar, p: Scalar, q: Scalar, sign_q: Scalar) -> tuple[Scalar, Scalar]:
-    """The zero of g (order 0) or of its slope (order 1) in a box, by Newton's method kept inside by bisection, and the note."""
+def _crossing(point: Block, active: Scalar, p: Scalar, q: Scalar, sign_q: Scalar) -> tuple[Scalar, Scalar]:
+    """The zero of g in a box, by Newton's method, and the note."""
 
-    def step(at: _Newton) -> _Newton:
+    def step(carried: tuple[_Newton, Any]) -> tuple[_Newton, Any]:
+        at, noted = carried
         values, note = vector(point(at.v))
-        g, slope = values[order], values[order + 1]
-        v, p, q, size, done = newton_step(jnp, g, slope, at.v, at.p, at.q, sign_q > 0, at.before)
-        return _Newton(v, p, q, at.last, size, at.steps + 1, done, at.note | note)
+        return at.stepped(values[0], values[1], sign_q > 0), noted | note
 
-    infinite = jnp.float64(jnp.inf)
-    beginning = _Newton(0.5 * (p + q), p, q, infinite, infinite, jnp.int64(0), ~active, jnp.int32(0))
-    end = lax.while_loop(lambda at: ~at.done & (at.steps < ISOLATE_STEPS), step, beginning)
-    return end.v, end.note
+    end, note = lax.while_loop(
+        lambda carried: ~carried[0].done & (carried[0].steps < ISOLATE_STEPS), step, (_Newton.between(p, q, ~active), jnp.int32(0))
+    )
+    return end.v, note
 
 
 class _Level(NamedTuple):
@@ -287,16 +331,18 @@ class _Level(NamedTuple):
 
 
 def locate(
-    lo: Scalar, hi: Scalar, low: Scalar, high: Scalar, enclosure: Block, results: int, *, when: Scalar = True
+    lo: Scalar, hi: Scalar, low: Scalar, high: Scalar, enclosure: Block, counts: tuple[int, int], *, when: Scalar = True
 ) -> tuple[tuple[Scalar, ...], Scalar]:
-    """The places v of common zeros in ascending order, then +inf; the part of the rectangle that was given up; and the note."""
+    """The places v of common zeros in ascending order, then +inf; the part of the rectangle that was given up; and the note. `counts`: of
+    results, and of bounds that the enclosure gives."""
+    results, sloped = counts[0], counts[1] > 4
     lo, hi, low, high = (jnp.asarray(v, jnp.float64) for v in (lo, hi, low, high))
     active = when & jnp.all(jnp.isfinite(jnp.stack([lo, hi, low, high]))) & (lo != hi) & (low != high)
     origin = jnp.stack([jnp.minimum(lo, hi), jnp.minimum(low, high)])
     extent = jnp.stack([jnp.abs(hi - lo), jnp.abs(high - low)])
     bounds = jax.vmap(lambda near, far: vector(enclosure(near[0], far[0], near[1], far[1])))
-    end = _levels(active, origin, extent, bounds)
-    zeros, note = _settled(end.zeros, end.found, bounds)
+    end = _levels(active, origin, extent, bounds, sloped)
+    zeros, note = _settled(end.zeros, end.found, bounds) if sloped else (end.zeros[:, 0], jnp.int32(0))
     width = _widths(end.halving.times)
     waiting = jnp.arange(LOCATE_WIDTH) < end.left
     across = jnp.where(waiting, end.corners[(end.level % 2).astype(jnp.int32), :LOCATE_WIDTH, 0], jnp.inf)
@@ -319,8 +365,8 @@ def _widths(times: Any) -> Any:
     return jnp.asarray([0.5**i for i in range(LOCATE_HALVINGS + 1)])[times]  # `exp2` is not exact
 
 
-def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any], tuple[Any, Note]]) -> _Level:
-    """The search, at its end: ROW rectangles at a time, level by level."""
+def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any], tuple[Any, Note]], sloped: bool) -> _Level:
+    """The search, at its end: ROW rectangles at a time, level by level. With `sloped`, bounds have those of slopes."""
     lanes, nothing = jnp.arange(ROW, dtype=jnp.int32), jnp.int32(0)
 
     def step(at: _Level) -> _Level:
@@ -330,12 +376,14 @@ def _levels(active: Scalar, origin: Any, extent: Any, bounds: Callable[[Any, Any
         corner = jnp.repeat(parents, 2, axis=0) + jnp.where(lanes[:, None] % 2 == 1, half, 0.0)
         there = at.taken + lanes < at.number
         near, far = origin + extent * corner, origin + extent * (corner + width)
-        over, note = bounds(near, far)
+        middle, single = 0.5 * (near + far), jnp.zeros(ROW, jnp.bool_)
+        if sloped:
+            found, notes = bounds(jnp.concatenate([near, middle]), jnp.concatenate([far, middle]))
+            over, values, note, more = found[:ROW], found[ROW:], notes[:ROW], notes[ROW:]
+        else:
+            over, note = bounds(near, far)
         kept = there & ~excluded(jnp, over.T[:4])
-        middle = 0.5 * (near + far)
-        single = jnp.zeros(ROW, jnp.bool_)
-        if over.shape[1] > 4:
-            values, more = bounds(middle, middle)
+        if sloped:
             away, single = refuted(jnp, over.T, values[:, ::2].T, 0.5 * (far - near).T)
             note, kept, single = jnp.where(kept, note | more, note), kept & ~away & ~single, kept & single
         packed = corner[jnp.argsort(~kept, stable=True)]
@@ -382,14 +430,15 @@ def _settled(zeros: Any, found: Scalar, bounds: Callable[[Any, Any], tuple[Any, 
         row, placed, note = at
         near = lax.dynamic_slice(zeros, (row, jnp.int32(0)), (ROW, 2))
         there = jnp.isfinite(near[:, 0])
-        for _ in range(LOCATE_STEPS):
+
+        def step(_: Any, carried: tuple[Any, Any]) -> tuple[Any, Any]:
+            near, note = carried
             values, more = bounds(near, near)
-            near = near - plane_step(jnp, values[:, ::2].T).T
-            note = note | union(where(there, more))
+            return near - plane_step(jnp, values[:, ::2].T).T, note | union(where(there, more))
+
+        near, note = lax.fori_loop(0, LOCATE_STEPS, step, (near, note))
         return row + ROW, lax.dynamic_update_slice(placed, jnp.where(there, near[:, 0], jnp.inf), (row,)), note
 
-    if jax.eval_shape(bounds, zeros[:1], zeros[:1])[0].shape[1] <= 4:
-        return zeros[:, 0], jnp.int32(0)
     _, placed, note = lax.while_loop(lambda at: at[0] < found, block, (jnp.int32(0), zeros[:, 0], jnp.int32(0)))
     return placed, note
 

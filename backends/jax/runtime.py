@@ -16,11 +16,10 @@ import jax.numpy as jnp
 from jax import lax
 
 from teg.backends.jax.arrays import JAX
-from teg.backends.jax.guard import Guard
 from teg.backends.shared import error_function, rules
-from teg.backends.shared.bends import POWER, Substitution, inside, place, possible_kinds, substitution
-from teg.numerics.quadrature import gauss_legendre, null_rules
-from teg.program import DEEP, DIVERGENT, INSIDE, MAX_DEPTH, MAX_INTERVALS, ROUNDING, SPENT, WATCH_WIDTH
+from teg.backends.shared.bends import Substitution, inside, possible_kinds, substitution
+from teg.numerics.quadrature import gauss_legendre
+from teg.program import INSIDE, ROUNDING
 
 Scalar = Any  # a traced scalar, float64 or boolean, or a Python literal
 Note = Any  # an int32: TIED where a tie was met, MISSED where a tolerance was, CROWDED where a search has too little room
@@ -33,8 +32,6 @@ TIED, MISSED, CROWDED = 1, 2, 4
 
 MIDPOINTS = 1024
 """Points of the midpoint rule at a time."""
-END = 2**MAX_DEPTH
-"""The coordinate u in (0, 1) of an adaptive interval is counted in units of 1/END."""
 
 
 def powi(x: Scalar, n: int) -> Scalar:
@@ -68,6 +65,12 @@ def where(condition: Scalar, note: Note) -> Note:
     return jnp.where(condition, jnp.asarray(note, jnp.int32), jnp.int32(0))
 
 
+def rows(body: Callable[..., tuple[tuple[Scalar, ...], Note]], columns: Sequence[Sequence[Scalar]]) -> tuple[tuple[Scalar, ...], Note]:
+    """The values of a body for each row of the columns, those of a row together, and the note."""
+    found, notes = jax.vmap(body)(*(jnp.stack([jnp.asarray(v) for v in column]) for column in columns))
+    return tuple(value[row] for row in range(len(columns[0])) for value in found), union(notes)
+
+
 class Pieces(NamedTuple):
     """What an integral has beside its body: `values` of which `tested` count, estimates if `estimated`, kinds of bends, tails."""
 
@@ -91,16 +94,6 @@ def gauss(pieces: Pieces, nodes: int, *integral: Any, when: Scalar = True) -> tu
 def midpoint(pieces: Pieces, points: int, zero: Scalar, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
     """The midpoint rule on each piece; `zero` keeps a product and a sum apart (see `python_text`), the rest are for `integrate`."""
     return integrate(pieces, partial(_midpoint, pieces, points, zero), *integral, when=when)
-
-
-def adaptive(
-    pieces: Pieces, tol: float, orders: tuple[int, int], watched: int, *integral: Any, when: Scalar = True, guard: Guard | None = None
-) -> tuple[tuple[Scalar, ...], Note]:
-    """Gauss-Legendre with bisection on each piece; the arguments are those of `integrate`.
-
-    Behind the values the body has `watched` signs (an interval on which one changes is halved), and the sharp values of a `guard`.
-    """
-    return integrate(pieces, partial(_adaptive, pieces, tol, orders, watched, guard), *integral, when=when)
 
 
 def integrate(
@@ -149,15 +142,6 @@ def vector(block: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
     return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(note, jnp.int32)
 
 
-def _measure(nodes: int, tested: int, found: Any, smooth: Scalar) -> tuple[Any, Any, Any]:
-    """K of every value, A and E of those tested (see `teg.program`), of values at Gauss nodes by dv/du, (nodes, values); where they
-    are not known to be `smooth` no decay is counted on."""
-    weights = jnp.array(gauss_legendre(nodes)[1], jnp.float64)[:, None]
-    total, size = jnp.sum(weights * found, axis=0), jnp.sum(weights * jnp.abs(found[:, :tested]), axis=0)
-    sums = jnp.sum(jnp.array(null_rules(nodes), jnp.float64)[:, :, None] * found[None, :, :tested], axis=1)
-    return total, size, rules.null_rule_error(jnp, nodes, sums, size, smooth)
-
-
 def _gauss(
     pieces: Pieces, nodes: int, places: Substitution, _: Sequence[Any], active: Scalar, values: Callable[[Scalar], Any]
 ) -> tuple[Any, Note]:
@@ -199,142 +183,3 @@ def _midpoint(
     found = lax.scan(stretch, nothing, jnp.arange(0, points, chunk))[0]
     sums, errors, note = found[0], found[1], found[3]
     return jnp.where(active, jnp.concatenate([sums, errors]) * ((q - p) / points), 0.0), note
-
-
-class _Progress(NamedTuple):
-    """Adaptive quadrature of one piece, left to right; it is at the interval (start, start + width)/END. `above` has the largest A of what
-    the interval came from, a row a depth, if there is a guard."""
-
-    start: Any
-    width: Any
-    used: Any
-    whole: Any
-    spent: Any
-    sums: Any
-    note: Any
-    above: Any
-
-
-class _Measured(NamedTuple):
-    """K of every value, A and E of those tested, whether a watched sign changes, a note; nodes in u, sharp values there."""
-
-    total: Any
-    size: Any
-    error: Any
-    changed: Any
-    note: Any
-    at: Any
-    seen: Any
-
-
-def _adaptive(
-    pieces: Pieces,
-    tol: float,
-    orders: tuple[int, int],
-    watched: int,
-    guard: Guard | None,
-    places: Substitution,
-    _: Sequence[Any],
-    active: Scalar,
-    values: Callable[[Scalar], Any],
-) -> tuple[Any, Note]:
-    """The integrals over one piece, and their estimates, (results,), and the note.
-
-    The intervals are visited from left to right. No stack is needed: behind an accepted interval that ends at
-    u, the next one waiting is the largest dyadic one that begins at u: its width is the lowest bit of u.
-    """
-    possible = pieces.ways
-    behind = pieces.values + watched
-    sharp = guard.sharp if guard is not None else 0
-
-    def measured(nodes: int, left: Scalar, width: Scalar) -> _Measured:
-        at = jnp.array(gauss_legendre(nodes)[0], jnp.float64)
-        inner = left + 0.5 * width * (1.0 + at)
-        if watched:
-            at = jnp.concatenate([at, jnp.array([-1.0, 1.0])])
-        x, rate = place(JAX, places, possible, left + 0.5 * width * (1.0 + at))
-        found, notes = jax.vmap(values)(x)
-        changed = jnp.bool_(False)
-        if watched:  # at the ends, the last two rows, only the signs count
-            signs = found[:, pieces.values : behind]
-            changed = jnp.any(jnp.any(signs > 0.0, axis=0) & jnp.any(signs < 0.0, axis=0))
-            found, notes, rate = found[:-2], notes[:-2], rate[:-2]
-        weighted = found[:, : pieces.values] * (0.5 * width * rate)[:, None]
-        total, size, error = _measure(nodes, pieces.tested, weighted, places.kind != POWER)
-        return _Measured(total, size, error, changed, union(notes), inner, found[:, behind : behind + sharp])
-
-    def listed(total: Any, size: Any, error: Any) -> Any:
-        return jnp.concatenate([total, error + rules.rounding(jnp, places.p, places.q) * size]) if pieces.estimated else total
-
-    def is_fine(error: Any, enough: Any) -> Scalar:
-        return jnp.all((error <= enough) | ~jnp.isfinite(error))
-
-    def hidden(found: _Measured, left: Scalar, width: Scalar, enough: Any, depth: Scalar) -> Scalar:
-        assert guard is not None
-        asked = ~found.changed & jnp.all(jnp.isfinite(found.error))
-        return asked & guard.hides(places, possible, (left, left + width), found.at, found.seen, enough, depth)
-
-    def step(at: _Progress) -> _Progress:
-        width = at.width / END
-        found = measured(orders[1], at.start / END, width)
-        total, size, error, changed = found.total, found.size, found.error, found.changed
-        whole = jnp.where(at.used == 0, size, at.whole)
-        reference, above = whole, at.above
-        if guard is not None:
-            depth = MAX_DEPTH - lax.population_count(at.width - 1)
-            row = jnp.maximum(depth - 1, 0)
-            reference = jnp.fmax(above[row], size)
-            above = above.at[depth].set(reference)
-            whole = jnp.fmax(whole, size)
-        enough = rules.tolerated(jnp, tol, reference, size)
-        good = is_fine(error, enough)
-        if guard is not None:
-            good &= ~hidden(found, at.start / END, width, enough, depth)
-        good = jnp.where(changed, width <= WATCH_WIDTH, good)
-        deepest = at.width == 1
-        done = good | deepest | (at.used + 1 >= MAX_INTERVALS)
-        endless = done & (at.width <= END >> DEEP) & ~good & ~changed & jnp.isfinite(error) & (size > DIVERGENT * reference)
-        tested = jnp.where(endless, jnp.copysign(jnp.inf, total[: pieces.tested]), total[: pieces.tested])
-        total = jnp.concatenate([tested, total[pieces.tested :]])
-        start = jnp.where(done, at.start + at.width, at.start)
-        return _Progress(
-            start=start,
-            width=jnp.where(done, start & -start, at.width // 2),
-            used=at.used + 1,
-            whole=whole,
-            spent=jnp.where(done & ~changed, at.spent + error, at.spent),
-            sums=jnp.where(done, at.sums + listed(total, size, error), at.sums),
-            note=at.note | found.note | where(done & (~good | jnp.any(jnp.isinf(tested))), MISSED),
-            above=above,
-        )
-
-    zeros = jnp.zeros(pieces.tested)
-    beginning = _Progress(
-        start=jnp.where(active, jnp.int64(0), END),
-        width=jnp.int64(END),
-        used=jnp.int64(0),
-        whole=zeros,
-        spent=zeros,
-        sums=jnp.zeros(pieces.values + (pieces.tested if pieces.estimated else 0)),
-        note=jnp.int32(0),
-        above=jnp.zeros((MAX_DEPTH + 1 if guard is not None else 0, pieces.tested)),
-    )
-    if not watched:
-        found = measured(orders[0], 0.0, 1.0)
-        total, size, error = found.total, found.size, found.error
-        enough = rules.tolerated(jnp, tol, size, size)
-        done = active & is_fine(error, enough)
-        if guard is not None:
-            done &= ~hidden(found, jnp.float64(0.0), 1.0, enough, 0)
-        beginning = beginning._replace(
-            start=jnp.where(done, END, beginning.start),
-            used=jnp.int64(1),
-            whole=size,
-            spent=jnp.where(done, error, 0.0),
-            sums=jnp.where(done, listed(total, size, error), 0.0),
-            note=where(active, found.note) | where(done & jnp.any(jnp.isinf(total[: pieces.tested])), MISSED),
-            above=beginning.above.at[0].set(size) if guard is not None else beginning.above,
-        )
-    end = lax.while_loop(lambda at: at.start < END, step, beginning)
-    overspent = jnp.any(end.spent > SPENT * rules.tolerated(jnp, tol, end.whole, end.whole))
-    return end.sums, end.note | where(active & overspent, MISSED)

@@ -55,14 +55,24 @@ def rounding(xp: Any, p: Any, q: Any) -> Any:
 def null_rule_error(xp: Any, nodes: int, sums: Any, size: Any, smooth: Any) -> Any:
     """The error of a Gauss rule by the `sums` of its null rules, (6, …), and the integral of |values|; where these are not known to be
     `smooth` no decay is counted on."""
+    tail, ratio = null_rule_decay(xp, sums, smooth)
+    return null_rule_bound(xp, tail, powi(xp, ratio, decay_power(nodes)), size)
+
+
+def null_rule_decay(xp: Any, sums: Any, smooth: Any) -> tuple[Any, Any]:
+    """The largest coefficients that null rules give, and their decay from one pair to the next; 1 where none is counted on."""
     sums = xp.abs(sums)
     a, b, c = (xp.maximum(sums[i], sums[i + 1]) for i in (0, 2, 4))
     tail = xp.where(b > c, xp.maximum(a, b), a)
     last, before = a / b, b / c
     ratio = xp.maximum(last, before) * xp.maximum(1.0, last / before) ** 3
     ratio = xp.maximum(ratio, (15.0 * ratio - 2.0) / 7.0)
-    error = 4.0 * tail * powi(xp, xp.where((ratio < 1.0) & smooth, ratio, 1.0), decay_power(nodes))
-    return xp.where(tail <= NOISE * size, 0.0, error)
+    return tail, xp.where((ratio < 1.0) & smooth, ratio, 1.0)
+
+
+def null_rule_bound(xp: Any, tail: Any, decay: Any, size: Any) -> Any:
+    """The error by the largest coefficients and their decay, to the power that the nodes allow."""
+    return xp.where(tail <= NOISE * size, 0.0, 4.0 * tail * decay)
 
 
 def tolerated(xp: Any, tol: float, whole: Any, size: Any) -> Any:

@@ -10,6 +10,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from teg.errors import ArrayIndexError, ParameterError
+from teg.ir.creation import in_order_of_creation, is_order_certain
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.program.arrays import ArrayProgram
@@ -130,6 +131,23 @@ def values_by_name(names: Sequence[str], args: tuple[Any, ...], named: Mapping[s
     return given
 
 
+def argument_order(every: Sequence[Param | ArrayName], wrt: Sequence[Param | ArrayName] | None) -> tuple[list[Param | ArrayName], int]:
+    """Returns the arguments, those that a user lists before the others, and how many of them have a certain place."""
+    listed = [] if wrt is None else list(wrt)
+    others = in_order_of_creation([p for p in every if p not in set(listed)])
+    return [*listed, *others], len(listed) + (len(others) if is_order_certain(others) else 0)
+
+
+def refuse_uncertain(names: Sequence[str], certain: int, args: tuple[Any, ...], maker: str) -> None:
+    """Raises ParameterError if more values are given by position than the `certain` first names; `maker` is what takes a list of them."""
+    if certain < len(args) <= len(names):
+        raise ParameterError(
+            f"the order of {', '.join(names[certain:])} is not certain: they were created in several orders, so give values by name",
+            None,
+            f"f({', '.join(f'{name}=…' for name in names[certain:])}), or the order in a list: {maker}(e, [{', '.join(names)}])",
+        )
+
+
 def refuse_nested(given: Mapping[str, Any], names: Sequence[str]) -> None:
     """Raises ParameterError for a value that is itself a dict: arguments are one flat dict."""
     for k, v in given.items():
@@ -199,7 +217,8 @@ def as_floats(name: str, value: Any, dtype: str = "float64") -> np.ndarray:
         with np.errstate(over="ignore"):
             return np.asarray(array, dtype=dtype)
     except (TypeError, ValueError, OverflowError):
-        raise ParameterError(f"the value of {name!r} is not a real number or an array of them: {value!r:.80}") from None
+        hint = "inside of programs of JAX teg.jax_function(e) takes it" if "Tracer" in type(value).__name__ else ""
+        raise ParameterError(f"the value of {name!r} is not a real number or an array of them: {value!r:.80}", None, hint) from None
 
 
 def as_entries(a: ArrayName, value: Any, dtype: str) -> np.ndarray:

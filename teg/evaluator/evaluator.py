@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Any, cast
 from teg.analysis.bodies import write_all_out
 from teg.analysis.settings import Integration
 from teg.errors import ArrayIndexError, OptionError, ParameterError
-from teg.evaluator.arguments import Call, as_entries, name_of, plain_numbers, read_call, rounded, values_by_name, with_rounding
+from teg.evaluator.arguments import (
+    Call,
+    argument_order,
+    as_entries,
+    name_of,
+    plain_numbers,
+    read_call,
+    refuse_uncertain,
+    rounded,
+    values_by_name,
+    with_rounding,
+)
 from teg.evaluator.explain import checked_derivatives, explained
 from teg.evaluator.kernels import Kernels, Key, dimensions_of
 from teg.evaluator.nodes import NodeFinder
@@ -17,7 +28,6 @@ from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, directions_of
 from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
-from teg.ir.creation import in_order_of_creation, is_order_certain
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName, Index, Length, index_const, index_leaves
 from teg.ir.node import postorder
@@ -72,7 +82,7 @@ class Evaluator:
         scalars = dict.fromkeys([*found, *counted])
         mapped = (p for m in options.maps for p in m.parameters)
         every = cast("list[Param | ArrayName]", [*scalars, *arrays, *mapped])
-        leaves, certain = order or _order(every, wrt)
+        leaves, certain = order or argument_order(every, wrt)
         self._leaves: tuple[Param | ArrayName, ...] = tuple(leaves)
         self._certain = certain  # so many parameters may be given by position
         default = [p for p in leaves if isinstance(p, Array) or (isinstance(p, Param) and (p not in set(counted) or p in set(found)))]
@@ -398,13 +408,8 @@ class Evaluator:
 
         Raises ParameterError if one is missing, unknown or given twice, or given by position where no order of the parameters is known.
         """
-        if len(args) > self._certain and not isinstance(args[0], Mapping) and len(args) <= len(self.parameters):
-            names = self.parameters[self._certain :]
-            raise ParameterError(
-                f"the order of {', '.join(names)} is not certain: they were created in several orders, so give values by name",
-                None,
-                f"f({', '.join(f'{name}=…' for name in names)}), or the order in a list: teg.compile(e, [{', '.join(self.parameters)}])",
-            )
+        if args and not isinstance(args[0], Mapping):
+            refuse_uncertain(self.parameters, self._certain, args, "teg.compile")
         return values_by_name(self.parameters, args, named)
 
     def _run(self, wanted: Wanted, args: tuple[Any, ...], named: Mapping[str, Any]) -> tuple[Any, tuple[int, ...]]:
@@ -532,13 +537,6 @@ class Evaluator:
     def _by_name(self, rows: Iterator[Any], shape: tuple[int, ...]) -> dict[str, Any]:
         parts = [[_one(next(rows), shape) for _ in self.wrt] for _ in range(self._entries)]
         return {p.name: _in_structure(self.expression, iter([part[i] for part in parts])) for i, p in enumerate(self.wrt)}
-
-
-def _order(every: Sequence[Param | ArrayName], wrt: Sequence[Parameter] | None) -> tuple[list[Param | ArrayName], int]:
-    """Returns the arguments, those that a user lists before the others, and how many of them have a certain place."""
-    listed: list[Param | ArrayName] = [] if wrt is None else list(wrt)
-    others = in_order_of_creation([p for p in every if p not in set(listed)])
-    return [*listed, *others], len(listed) + (len(others) if is_order_certain(others) else 0)
 
 
 def _plain(value: Any) -> Any:

@@ -10,7 +10,7 @@ from teg.analysis.isolation import MAX_ROOTS
 from teg.analysis.settings import Integration, Rule
 from teg.errors import ArrayIndexError, BackendError, CompilerError, MissingPackageError, OptionError, ParameterError
 from teg.evaluator.accuracy import AccuracyWarning
-from teg.evaluator.arguments import batch_shape
+from teg.evaluator.arguments import argument_order, batch_shape, name_of, refuse_uncertain
 from teg.evaluator.framework import (
     KEPT,
     FrameworkFunction,
@@ -22,6 +22,7 @@ from teg.evaluator.framework import (
 from teg.evaluator.kernels import dimensions_of
 from teg.evaluator.options import DEFAULT_TOLS, Discontinuities, Inaccurate, Options, checked_dtype
 from teg.evaluator.plan import VALUE, Kept, Plan, derivative_of_order
+from teg.interop.pytrees import is_leaf, values_in_pytree
 from teg.ir.expr import Expr, Operand, Param
 from teg.ir.index import ArrayName, IndexArray
 from teg.passes.differentiate.through_sums import parameters_and_arrays
@@ -51,7 +52,7 @@ def jax_function(
     inaccurate: Inaccurate = "warn",
     intrinsics: bool = True,
 ) -> JaxFunction:
-    """Returns a pure function of JAX: from a dict of parameters and arrays by name (a pytree) to the value, or a tuple of values.
+    """Returns a pure function of JAX: from parameters and arrays, by name, to the value, or a tuple of values.
 
         f = teg.jax_function(e)
         value, slopes = jax.jit(jax.value_and_grad(f))({"t": 0.5, "a": 2.0})
@@ -60,6 +61,10 @@ def jax_function(
     `jit`, `vmap`, `shard_map`, `jvp`, `vjp`, `grad`, `hessian`, `linearize`, `checkpoint` and `scan` work on it in any nesting.
     Derivatives of any order are programs made of the symbolic derivative, each made once, when it is first needed. Value and gradient
     come from one program.
+
+    Its argument is a pytree: a dict, also with dicts, tuples, dataclasses or modules in it. A parameter is found by its path in it
+    ("camera_t", "edges_0_t") or by the last key of that ("t"), and gradients have the structure of the argument. Values may also be given
+    by keyword, or by position: in the order of `params`, or in that of their creation if there is one.
 
     Values broadcast as those of an evaluator do: a number may be an array of the batch's shape, an array has the batch's axes in front.
     Derivatives are taken by `params` (default: all real parameters and arrays); the others are constants, as under `lax.stop_gradient`.
@@ -94,7 +99,7 @@ def jax_function(
 
 
 class JaxFunction(FrameworkFunction):
-    """A function of JAX made by `teg.jax_function`. Call it with a dict, or by name; `parameters` are the names of its arguments.
+    """A function of JAX made by `teg.jax_function`. Call it with a pytree, by name, or by position in the order of `parameters`.
 
         float(teg.jax_function(e)(t=0.5, a=2.0))  # 0.0625
 
@@ -113,6 +118,8 @@ class JaxFunction(FrameworkFunction):
         kernel: str = "auto",
     ) -> None:
         super().__init__(e, wrt, options, dtype, indices)
+        order, self._certain = argument_order([*self._leaves, *self._integers], wrt)  # so many may be given by position
+        self.parameters = tuple(name_of(p) for p in order)
         self._families: Kept[Hashable, Any] = Kept(KEPT)
         self._counting: Kept[Plan, frozenset[int]] = Kept(KEPT)
         self._kernel = "c" if kernel == "c" or (kernel == "auto" and _has_compiler()) else "xla"
@@ -121,18 +128,31 @@ class JaxFunction(FrameworkFunction):
     def __repr__(self) -> str:
         return f"<teg.jax_function({', '.join(self.parameters)}) of {shortened(str(self.expression), SHOWN)}>"
 
-    def __call__(self, values: Mapping[str, Any] | None = None, /, **named: Any) -> Any:
+    def __call__(self, *values: Any, **named: Any) -> Any:
         """Returns the value, an array of the batch's shape; for a tuple expression a tuple."""
         _import_jax(self._dtype)
         from teg.backends.jax.derivative import derivative
 
-        by_name = self._values(values, named)
+        by_name = self._values(self._by_name(values), named)
         operands, batch, precision = self._operands(by_name)
         family = self._family(by_name, operands, batch)
         results = iter(derivative(family, -1, batch, precision, operands))
         return nested(self.expression, results)
 
     # -- inside --------------------------------------------------------------------------------------------------------
+
+    def _by_name(self, values: tuple[Any, ...]) -> dict[str, Any]:
+        """Returns the values of one pytree, or of numbers and arrays by position, by name."""
+        if len(values) == 1 and not is_leaf(values[0]):
+            return values_in_pytree(values[0], self.parameters)
+        refuse_uncertain(self.parameters, self._certain, values, "teg.jax_function")
+        if len(values) > len(self.parameters):
+            raise ParameterError(
+                f"{len(values)} values for {len(self.parameters)} parameters", None, f"the parameters are {self._signature}"
+            )
+        if any(not is_leaf(v) for v in values if not isinstance(v, list | tuple)):
+            raise ParameterError("several structures are given", None, "one pytree of all parameters, or values by position or by name")
+        return dict(zip(self.parameters, values, strict=False))
 
     def _operands(self, by_name: Mapping[str, Any]) -> tuple[list[Any], tuple[tuple[int | None, ...], ...], str]:
         """Returns the leaves without leading axes of length 1, the batch axes of each leaf, and the type of results."""

@@ -21,7 +21,7 @@ PAGES = sorted(p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md"))
 MEASURED = ("jax.md",)
 """The page whose blocks another test runs."""
 WITH_CODE = [page for page in PAGES if "```python" in (DOCS / page).read_text(encoding="utf-8") and page not in MEASURED]
-OPTIONAL = {"jax", "torch", "scipy", "sympy"}
+OPTIONAL = {"jax", "torch", "scipy", "sympy", "optax", "blackjax", "diffrax"}
 SPHINX = [sys.executable, "-m", "sphinx", "--fail-on-warning", "--fresh-env", "--quiet"]
 
 

@@ -32,9 +32,6 @@ TOO_LONG = {
     "backends/c/loops.py _ArrayPrinter._chunks",
     "backends/c/printer.py Printer._call",
     "backends/c/quadrature.py adaptive_piece",
-    "backends/jax/roots.py _search",
-    "backends/jax/roots.py _search.step",
-    "backends/jax/runtime.py _adaptive",
     "teg/evaluator/compile.py compile",
 }
 """Functions with more lines. This list only becomes shorter."""
@@ -52,10 +49,8 @@ TOO_MANY_PARAMETERS = {
     "backends/jax/polygon.py _with_coordinates",
     "backends/jax/polygon.py polygon",
     "backends/jax/polygon.py segment",
-    "backends/jax/roots.py _search",
     "backends/jax/roots.py isolate",
     "backends/jax/roots.py locate",
-    "backends/jax/runtime.py _adaptive",
     "backends/jax/runtime.py _midpoint",
     "backends/jax/runtime.py integrate",
     "backends/numpy/guard.py Guard._unseen",

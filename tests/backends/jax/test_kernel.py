@@ -98,3 +98,21 @@ def test_a_missing_jax_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_importing_the_backend_does_not_import_jax() -> None:
     code = "import sys, teg.backends.jax.kernel; sys.exit('jax' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.usefixtures("x64")
+def test_a_body_stands_once_in_the_graph() -> None:
+    """The first look at a piece and all intervals after it are one loop; so are the boxes of a search, its ends and its turning points."""
+    import jax
+
+    import teg
+
+    x, y, t = teg.var("x"), teg.var("y"), teg.param("t")
+    adaptive = teg.integral(teg.exp(teg.sin(t * x)) * teg.bracket(x < t), (x, 0, 1))
+    nested = teg.integral(teg.exp(teg.sin(x * y)), (x, 0, t), (y, 0, 1))
+    search = teg.integral(teg.bracket(teg.exp(x) * x * x < t), (x, -1, 1))
+    for e, twice in ((adaptive, 0), (nested, 0), (search, 1)):  # Newton's method for roots is a loop of its own
+        kernel = compile_jax(teg.compile(e, [t], backend="numpy").program(0))
+        text = jax.jit(lambda p, kernel=kernel: kernel.function([p])).lower(0.5).as_text()
+        assert text.count("stablehlo.exponential") == kernel.source.count("jnp.exp(") + twice
+        assert text.count("stablehlo.sine") == kernel.source.count("jnp.sin(")

@@ -1,0 +1,117 @@
+"""Statements of the same text become rows of one: exact forms on small programs, what is refused, and values that stay the same."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import teg
+from teg.backends.jax.alike import Rows, with_rows
+from teg.backends.jax.kernel import compile_jax
+from teg.backends.numpy.kernel import compile_numpy
+from teg.program import Gauss, Integrate, Program, Stmt
+from tests.backends.programs import let
+from tests.backends.programs import program as program_of
+
+pytest.importorskip("jax")
+
+
+def integral(result: str, var: str, body: tuple[Stmt, ...], value: Any, hi: Any = 1.0, nodes: int = 4) -> Integrate:
+    return Integrate(var, 0.0, hi, (), (), None, body, (value,), (result,), Gauss(nodes))
+
+
+def program(parameters: int, *parts: Any) -> Program:
+    """Statements, then the names of the outputs."""
+    return program_of(parameters, tuple(s for s in parts if not isinstance(s, str)), *(s for s in parts if isinstance(s, str)))
+
+
+def rows_of(p: Program) -> list[Rows]:
+    return [s for s in with_rows(p).body if isinstance(s, Rows)]
+
+
+def agree(p: Program, *columns: Any) -> None:
+    at = [np.asarray(c, float) for c in columns]
+    n = max(c.size for c in at)
+    np.testing.assert_allclose(compile_jax(p)(at, n), compile_numpy(p)(at, n), rtol=1e-14)
+
+
+def two(first: tuple[Stmt, ...], second: tuple[Stmt, ...], **options: Any) -> Program:
+    """∫ vf dx0 and ∫ vs dx1, multiplied."""
+    one, other = integral("va", "x0", first, "vf"), integral("vb", "x1", second, "vs", **options)
+    return program(2, one, other, let("vc", "mul", "va", "vb"), "vc")
+
+
+@pytest.mark.usefixtures("x64")
+def test_numbers_names_and_signs_are_columns() -> None:
+    p = two(
+        (let("v1", "mul", 2.0, "x0"), let("v2", "exp", "v1"), let("vf", "mul", "p0", "v2")),
+        (let("v3", "mul", 3.0, "x1"), let("v4", "neg", "v3"), let("v5", "exp", "v4"), let("vs", "mul", "p1", "v5")),
+    )
+    (rows,) = rows_of(p)
+    assert set(rows.rows) == {(1.0, -1.0), (2.0, 3.0), ("p0", "p1")}
+    assert rows.results == ("va", "vb")
+    agree(p, [0.5, -0.3], [1.5, 2.0])
+
+
+@pytest.mark.usefixtures("x64")
+def test_a_factor_may_be_missing_and_the_order_of_statements_is_free() -> None:
+    p = two(
+        (let("v1", "mul", 2.0, "x0", "x0"), let("v2", "cos", "x0"), let("vf", "add", "v1", "v2")),
+        (let("v3", "cos", "x1"), let("v4", "mul", "x1", "x1"), let("vs", "add", "v4", "v3")),
+    )
+    (rows,) = rows_of(p)
+    assert rows.rows == ((2.0, 1.0),)
+    agree(p, 0.5, 1.5)
+
+
+@pytest.mark.usefixtures("x64")
+def test_what_only_they_use_moves_into_the_rows() -> None:
+    first, second = (let("vf", "mul", "v1", "x0"),), (let("vs", "mul", "v2", "x1"),)
+    inner = integral("va", "x0", first, "vf"), integral("vb", "x1", second, "vs")
+    shared = let("v0", "mul", "p0", "p1")
+    own = let("v1", "add", "v0", "p0"), let("v2", "add", "v0", "p1")
+    p = program(2, shared, *own, *inner, let("vc", "add", "va", "vb"), "vc")
+    changed = with_rows(p)
+    assert [type(s).__name__ for s in changed.body] == ["Assign", "Rows", "Assign"]
+    agree(p, [0.5, 0.1], 1.5)
+    kept = with_rows(program(2, shared, *own, *inner, let("vc", "add", "va", "vb", "v1"), "vc"))
+    assert [type(s).__name__ for s in kept.body] == ["Assign", "Assign", "Assign", "Rows", "Assign"]
+
+
+@pytest.mark.usefixtures("x64")
+def test_texts_that_differ_and_results_that_are_needed_stay_apart() -> None:
+    sine, cosine = (let("vf", "sin", "x0"),), (let("vs", "cos", "x1"),)
+    assert rows_of(two(sine, cosine)) == []
+    assert rows_of(two(sine, (let("vs", "sin", "x1"),), nodes=5)) == []
+    assert rows_of(two((let("vf", "powi", "x0", 2),), (let("vs", "powi", "x1", 3),))) == []
+    one = integral("va", "x0", (let("vf", "mul", "p0", "x0"),), "vf")
+    other = integral("vb", "x1", (let("vs", "mul", "va", "x1"),), "vs")
+    assert rows_of(program(2, one, other, "vb")) == []
+    agree(two(sine, cosine), 0.5, 1.5)
+
+
+@pytest.mark.usefixtures("x64")
+def test_rows_of_integrals_in_integrals() -> None:
+    def nested(result: str, outer: str, inner: str, p: str, k: int) -> Integrate:
+        within = integral(f"v{k}1", inner, (let(f"v{k}2", "mul", p, inner, outer),), f"v{k}2", hi=outer)
+        return integral(result, outer, (within, let(f"v{k}3", "mul", f"v{k}1", outer)), f"v{k}3")
+
+    p = program(2, nested("va", "x0", "x1", "p0", 1), nested("vb", "x2", "x3", "p1", 2), let("vc", "sub", "va", "vb"), "vc")
+    (rows,) = rows_of(p)
+    assert rows.rows == (("p0", "p1"),)
+    agree(p, [0.5, 0.1], [1.5, 2.5])
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("x64")
+def test_a_disk_has_two_kinds_of_quarters() -> None:
+    """And its gradient is that of NumPy."""
+    x, y = teg.vars("x y")
+    r = teg.param("r")
+    f = teg.compile(teg.integral(teg.bracket(x * x + y * y < r * r) * teg.exp(x), (x, -1, 1), (y, -1, 1)), [r], backend="jax")
+    rows = rows_of(f.program(1))
+    assert [len(row.results) for row in rows] == [2, 2]
+    exact = teg.compile(f.expression, [r], backend="numpy")
+    np.testing.assert_allclose(f.grad(r=np.array([0.6, 1.1]))["r"], exact.grad(r=np.array([0.6, 1.1]))["r"], rtol=1e-12)
