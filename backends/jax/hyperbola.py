@@ -31,5 +31,5 @@ def moments(
         above = [(v > 0.0) | (b & (order > 0)) for v, b in zip(f, on, strict=True)]
         turn = jnp.where(on[0] | on[1] | on[2] | on[3], jnp.nan, turn)
         met = sides[0] | sides[1] | sides[2] | sides[3]
-    found = totals(jnp, f, turn, above, kinds, coefficients, zero)
+    found = totals(jnp, [*f, turn], above, kinds, coefficients, zero)
     return tuple(jnp.where(when, v, 0.0) for v in found), where(when & met, jnp.int32(TIED))

@@ -68,8 +68,8 @@ class HyperbolaMoments:
         found[:, done] = self._whole(above[0][done], [v[done] for v in coefficients])
         if crossed.size:
             some = ([gather(v, crossed) for v in part] for part in ([*f, turn], above, coefficients))
-            (*cut, turn), higher, rest = some
-            found[:, crossed] = totals(np, cut, turn, higher, self.kinds, self._by_result(rest))
+            cut, higher, rest = some
+            found[:, crossed] = totals(np, cut, higher, self.kinds, self._by_result(rest))
         return found
 
     def _whole(self, above: Array, coefficients: Sequence[Array]) -> Array:

@@ -37,13 +37,13 @@ def settled(xp: Any, f: Sequence[Any], scales: Sequence[Any], near: Any) -> tupl
 
 
 def totals(
-    xp: Any, f: Sequence[Any], turn: Any, above: Sequence[Any], kinds: Sequence[Kind], given: Sequence[Sequence[Any]], zero: Any = 0.0
+    xp: Any, f: Sequence[Any], above: Sequence[Any], kinds: Sequence[Kind], given: Sequence[Sequence[Any]], zero: Any = 0.0
 ) -> list[Any]:
-    """Returns the results of a `Hyperbola` whose ties are settled; `given` are the coefficients of each, `turn` is NaN where it is not
-    known."""
+    """Returns the results of a `Hyperbola` whose ties are settled; `f` are its corners and its `turn`, `given` the coefficients of
+    each result."""
     inside = frozenset(p for kind, powers in kinds if kind != "border" for p in powers)
     border = frozenset(p for kind, powers in kinds if kind == "border" for p in powers)
-    moments = Moments(xp, f, turn, above, inside, border, zero)
+    moments = Moments(xp, f, above, inside, border, zero)
     every, some = above[0] & above[1] & above[2] & above[3], above[0] | above[1] | above[2] | above[3]
     results = []
     for (kind, powers), coefficients in zip(kinds, given, strict=True):
@@ -65,7 +65,8 @@ def totals(
 
 
 class Moments:
-    """The moments of g with values f at the corners, all of one shape: `inside[j, k]` = ∫∫ [g > 0] uʲvᵏ and `border[j, k]` = ∫∫ uʲvᵏ δ(g).
+    """The moments of g with values f at the corners, behind which its `turn` stands, all of one shape: `inside[j, k]` = ∫∫ [g > 0] uʲvᵏ
+    and `border[j, k]` = ∫∫ uʲvᵏ δ(g).
 
     `above` is where g > 0, of the corners, or where those that were settled count as that. `known` is false where a corner is not finite.
     `crosses` is where the curve crosses itself on the square, to rounding, in `saddle`.
@@ -75,12 +76,12 @@ class Moments:
         self,
         xp: Any,
         f: Sequence[Any],
-        turn: Any,
         above: Sequence[Any],
         inside: frozenset[Powers],
         border: frozenset[Powers],
         zero: Any = 0.0,
     ) -> None:
+        *f, turn = f
         self.xp, most = xp, _largest(xp, f)
         self.known = xp.isfinite(most)
         unit = xp.where((most >= SMALLEST) & (most <= 1.0 / SMALLEST) | ~(most > 0.0) | ~self.known, 1.0, most)

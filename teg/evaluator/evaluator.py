@@ -229,6 +229,9 @@ class Evaluator:
     def nodes(self, *args: Any, by: str | None = None, **named: Any) -> tuple[np.ndarray, np.ndarray]:
         """Returns the points and weights of the quadrature of this program, for functions that are not known when it is compiled.
 
+            points, weights = f.nodes(t=0.5, a=2.0)
+            float(weights.sum())                  # 0.0625
+
         `points` have the shape (batch, n, variables), the innermost variable first, and `weights` (batch, n), where `batch` is the shape of
         the arguments. Σ weights·g(points) is ∫ integrand·g, for g as smooth as the rule assumes; where the integrand is a bracket, that is
         the integral of g over the region. With `by`, the name of a parameter, it is the derivative by this parameter: nodes on the

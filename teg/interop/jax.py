@@ -59,13 +59,11 @@ def jax_function(
         float(value), float(slopes["t"])          # (0.0625, 0.25)
 
     `jit`, `vmap`, `shard_map`, `jvp`, `vjp`, `grad`, `hessian`, `linearize`, `checkpoint` and `scan` work on it in any nesting.
-    Derivatives of any order are programs made of the symbolic derivative, each made once, when it is first needed. Value and gradient
-    come from one program.
+    Derivatives of any order are programs of the symbolic derivative, each made when it is first needed.
 
     Its argument is a pytree: a dict, also with dicts, tuples, dataclasses or modules in it. A parameter is found by its path in it
     ("camera_t", "edges_0_t") or by the last key of that ("t"), and gradients have the structure of the argument. Values may also be given
     by keyword, or by position: in the order of `params`, or in that of their creation if there is one.
-
     Values broadcast as those of an evaluator do: a number may be an array of the batch's shape, an array has the batch's axes in front.
     Derivatives are taken by `params` (default: all real parameters and arrays); the others are constants, as under `lax.stop_gradient`.
     Integer parameters and `teg.indices` may be given at the call, or here by `indices=`. An integer that decides the number of terms of

@@ -10,9 +10,9 @@ from teg.errors import MissingPackageError
 
 
 def jax_cache(folder: str | os.PathLike[str] | None = None, *, seconds: float = 0.5) -> Path:
-    """Keeps the programs that JAX compiles on disk, for this process and those after it, and returns the folder.
+    """Returns the folder on disk where the programs that JAX compiles are kept from now on, for this process and those after it.
 
-        folder = teg.jax_cache()  # once, at the beginning of a script: its next run loads what this one compiles
+        folder = teg.jax_cache()                  # once, at the beginning of a script: its next run loads what this one compiles
 
     This is JAX's persistent compilation cache, for all programs of the process. `folder` is where programs are kept: by default the one
     that is set already (`JAX_COMPILATION_CACHE_DIR`), else `jax` in the cache of compiled C, which `teg cache clear` empties. Programs that
