@@ -223,12 +223,12 @@ class BreakAnalysis:
                     if counts:
                         collected.functions[node.children[0]] = TRUE
                 elif node.name in ("sqrt", "root", "pow"):
-                    if counts:
-                        collected.functions[node.children[0]] = TRUE
-                        collected.turns[Turn("end" if node.name == "pow" else "root", node.children[0])] = None
+                    for factor in _factors(node.children[0], x) if counts else ():
+                        collected.functions[factor] = TRUE
+                        collected.turns[Turn("end" if node.name == "pow" else "root", factor)] = None
                 elif node.name == "log":
-                    if counts:
-                        collected.turns[Turn("end", node.children[0])] = None
+                    for factor in _factors(node.children[0], x) if counts else ():
+                        collected.turns[Turn("end", factor)] = None
                 elif node.name in ("floor", "mod"):
                     collected.complete = False
             elif isinstance(node, Pow) and node.exponent < 0 and counts and not node.free & inner:
@@ -531,6 +531,13 @@ def _with_the_same_zeros(f: Expr) -> Expr:
     while isinstance(f, Pow) or (isinstance(f, Call) and f.name == "magnitude"):
         f = f.base if isinstance(f, Pow) else f.children[0]
     return f
+
+
+def _factors(e: Expr, x: Var) -> list[Expr]:
+    """Returns the factors of a product that depend on x, each of which keeps its own zeros: multiplied out they would be rounded."""
+    if isinstance(e, Mul):
+        return [c.base if isinstance(c, Pow) and c.exponent > 0 else c for c in e.children if x in c.free]
+    return [e]
 
 
 def _turning(f: Expr, z: Var) -> list[Expr]:

@@ -12,7 +12,7 @@ bound. One copy of the integrand a root.
 from __future__ import annotations
 
 import math
-from collections.abc import Container
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import cast
@@ -20,7 +20,7 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.extents import extent
 from teg.analysis.polynomial import Shadow
-from teg.analysis.roots import solve
+from teg.analysis.roots import Root, solve
 from teg.analysis.singularities import SMOOTH, Keys, order_at, sharp_nodes, singular_arguments
 from teg.ir.expr import (
     MINUS_ONE,
@@ -41,6 +41,7 @@ from teg.ir.expr import (
     call,
     conjunction,
     const,
+    disjunction,
     mul,
     positive,
     sub,
@@ -156,9 +157,10 @@ def _arguments(node: Integral, keys: Keys) -> list[_Argument]:
         if roughness == SMOOTH or roughness <= -1.0 or (roughness > 0.0 and key not in in_powers):
             continue
         roots = solve(g, x, node.lo, node.hi)
-        if roots is None or not roots.certain or any(r.exists is not roots.found[0].exists for r in roots.found):
+        pair = None if roots is None or not roots.certain else _pair(g, x, roots.found)
+        if pair is None:
             continue
-        points = [r.point for r in roots.found]
+        points, exists = pair
         ends = [b for b in (node.lo, node.hi) if not _is_infinite(b) and keys.vanishes(cast(Expr, substitute(g, {x: b})))]
         if len(points) != degree or points == [ZERO]:
             continue
@@ -167,8 +169,22 @@ def _arguments(node: Integral, keys: Keys) -> list[_Argument]:
             arguments[key] = _Argument(g, (low, high) if degree == 2 else tuple(ends), TRUE)
         else:
             ascending = points if degree == 1 else [call("min", *points), call("max", *points)]
-            arguments[key] = _Argument(g, tuple(ascending), roots.found[0].exists)
+            arguments[key] = _Argument(g, tuple(ascending), exists)
     return list(arguments.values())
+
+
+def _pair(g: Expr, x: Var, found: Sequence[Root]) -> tuple[list[Expr], Cond] | None:
+    """Returns the roots and the condition that all of them exist; None if it is not one condition.
+
+    Of a quadratic with a constant in front of x², one root is missing only where its formula is 0/0: where it is the other one.
+    """
+    points = [r.point for r in found]
+    if all(r.exists is found[0].exists for r in found):
+        return points, found[0].exists
+    if len(found) != 2 or not isinstance(slope(slope(g, x), x), Const):
+        return None
+    first, second = found
+    return [where(first.exists, *points), where(second.exists, *reversed(points))], disjunction(first.exists, second.exists)
 
 
 def _is_surface(e: Expr) -> bool:

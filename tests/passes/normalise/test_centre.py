@@ -15,7 +15,17 @@ g = r * r - x * x - y * y
 in_disk = ((x, -2, 2), (y, -2, 2))
 inside = x * x + y * y < r * r
 
+TWO_ENDS = {"p": 4.984252948620799, "q": 0.9}
+BELOW, ABOVE = ((2 * end + 0.9 - 4.984252948620799) / 5.884252948620799 for end in (2, 5))
+"""∫ dx/√((p - x)(x + q)) is the arcsine, and beyond p the inverse hyperbolic cosine, of (2x + q - p)/(p + q)."""
+TWO_VALUES = (
+    math.pi / 2 - math.asin(BELOW) + math.acosh(ABOVE),
+    {"p": (5.8 / math.sqrt(1 - BELOW**2) - 11.8 / math.sqrt(ABOVE**2 - 1)) / 5.884252948620799**2},
+)
+
 CASES: dict[str, tuple[teg.Expr, dict[str, float], float, dict[str, float]]] = {
+    "two factors": (teg.integral(1 / teg.sqrt(abs((p - x) * (x + q))), (x, 2, 5)), TWO_ENDS, *TWO_VALUES),
+    "a product multiplied out": (teg.integral(1 / teg.sqrt(abs(p * x + p * q - x * x - x * q)), (x, 2, 5)), TWO_ENDS, *TWO_VALUES),
     **{
         f"|x-p|^-{k}": (
             teg.integral(abs(x - p) ** -k, (x, 0, 1)), {"p": 0.3}, (0.3 ** (1 - k) + 0.7 ** (1 - k)) / (1 - k), {"p": 0.3**-k - 0.7**-k},
