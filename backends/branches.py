@@ -78,7 +78,7 @@ def with_branches(program: Program) -> Program:
         return program
     body, uses = program.body, Uses()
     flags = {s.met: _failures(body, s.met) for s in body if isinstance(s, Polygon) and isinstance(s.met, str)}
-    if any(isinstance(s, Segment) for s in body) and sum(map(len, flags.values())) * len(body) <= MOST:
+    if sum(map(len, flags.values())) * len(body) <= MOST:
         numbers = count(1 + max((int(n[1:]) for s in statements(body) for n in assigned(s) if n[1:].isdigit()), default=0))
         for flag, cases in flags.items():
             body = _behind(body, (*program.outputs, *flags), flag, cases, numbers, uses)  # other flags are needed later
@@ -105,7 +105,7 @@ def _behind(
 ) -> tuple[Stmt, ...]:
     """Returns the block with a branch: the values that are 0 in all cases in which the flag is false are computed only where it is true."""
     before, body, results, after = _divided(block, outputs, flag, cases, names)
-    if not any(isinstance(s, Segment) for s in body) or len(body) <= FEW:
+    if not any(isinstance(s, Polygon) or (isinstance(s, Segment) and len(body) > FEW) for s in body):
         return block
     fails = _refusals(block, body, {name for case in cases for name in case})
     if fails:

@@ -107,14 +107,58 @@ def packed(program: Program) -> Packed | None:
 
 
 def _settled(program: Program, branch: When | None, line: _Line) -> tuple[Arg, list[Assign]]:
-    """Returns the boolean without which every output is 0, and what it is computed from as it stands in the program; True if that is more
-    than short arithmetic."""
+    """Returns the boolean without which every output is 0, and what it is computed from; True if that is more than short arithmetic."""
+    if branch is not None:
+        live: Arg = branch.when
+        wanted: list[Arg] = [live]
+    else:
+        vanishing = _vanishing(program)
+        if not vanishing:
+            return True, []
+        wanted = [name for name, _ in vanishing]
+    settling: list[Assign] = []
+    near: list[Arg] = []
+    for s in _sliced(program.body, wanted):
+        if not isinstance(s, Assign):
+            return True, []
+        if s.op == "tie" and branch is None:
+            near.append(line.near(s, settling))
+            s = Assign(s.name, "gt0", s.args[:1])
+        settling += line.plain(s)
     if branch is None:
-        return True, []
-    kept = _sliced(program.body, (branch.when,))
-    settling = [simple for s in kept if isinstance(s, Assign) for simple in line.plain(s)]
-    known = all(isinstance(s, Assign) for s in kept) and _is_short_decision(settling)
-    return (branch.when, settling) if known else (True, [])
+        parts = [name if not holds else line.new(settling, "not", name, letter="b") for name, holds in vanishing]
+        live = line.new(settling, "or", *parts, *near, letter="b")
+    return (live, settling) if _is_short_decision(settling) else (True, [])
+
+
+def _vanishing(program: Program) -> list[tuple[str, bool]]:
+    """Returns conditions, and whether they hold, under which every output is 0; none if that is not known. What a statement gives that is
+    not run is 0, and so are sums of zeros."""
+    zero: dict[Arg, dict[tuple[str, bool], None] | None] = {}
+
+    def of(arg: Arg) -> dict[tuple[str, bool], None] | None:
+        return ({} if arg == 0.0 else None) if not isinstance(arg, str) else zero.get(arg)
+
+    def together(args: Iterable[Arg]) -> dict[tuple[str, bool], None] | None:
+        parts = [of(a) for a in args]
+        return None if any(p is None for p in parts) else {c: None for p in parts for c in p or ()}
+
+    for s in program.body:
+        match s:
+            case Assign(op="add" | "sub" | "neg" | "const"):
+                zero[s.name] = together(s.args)
+            case Assign(op="select"):
+                condition, then, otherwise = s.args
+                for value, holds in ((otherwise, False), (then, True)):
+                    if isinstance(condition, str) and (parts := of(value)) is not None:
+                        zero[s.name] = {(condition, holds): None, **parts}
+                        break
+            case Assign():
+                pass
+            case _ if isinstance(s.when, str):
+                zero.update({r: {(s.when, False): None} for r, value in absent(s).items() if value == 0.0})
+    found = together(program.outputs)
+    return list(found or ())
 
 
 def _is_hard(stmt: Stmt) -> bool:
@@ -139,6 +183,12 @@ class _Line:
 
     def value(self, arg: Arg) -> Arg:
         return self.absent.get(arg, arg)
+
+    def near(self, tie: Assign, block: list[Assign]) -> str:
+        """Returns whether a tie may be met."""
+        g, scale = map(self.value, tie.args[:2])
+        beyond = self.new(block, "sub", self.new(block, "abs", g), self.new(block, "mul", TIE_EPS, scale))
+        return self.new(block, "le0", beyond, letter="b")
 
     def through(self, block: Iterable[Stmt]) -> bool:
         """Go through a block; whether there is a straight line."""
@@ -169,9 +219,9 @@ class _Line:
         power: Arg = 1.0
         while left:
             if left % 2:
-                power = square if power == 1.0 else self._new(lines, "mul", power, square)
+                power = square if power == 1.0 else self.new(lines, "mul", power, square)
             left //= 2
-            square = self._new(lines, "mul", square, square) if left else square
+            square = self.new(lines, "mul", square, square) if left else square
         return [*lines, Assign(stmt.name, "div", (1.0, power)) if int(stmt.args[1]) < 0 else Assign(stmt.name, "const", (power,))]
 
     def _tie(self, stmt: Assign) -> None:
@@ -219,18 +269,18 @@ class _Line:
         self.conditions.append(self.assign("b", "le0", excess))  # all are finite
         (x, y), coordinates, setup, body = stmt.variables[:2], stmt.variables[2:], list(stmt.setup), list(stmt.body)
         if coordinates:
-            inverse = self._new(setup, "div", 1.0, stmt.across)
+            inverse = self.new(setup, "div", 1.0, stmt.across)
             lines: list[Stmt] = []
             for g, name in zip(stmt.half_planes[1:3], coordinates, strict=True):
-                at = self._new(lines, "add", g.c, self._new(lines, "mul", g.a, x), self._new(lines, "mul", g.b, y))
+                at = self.new(lines, "add", g.c, self.new(lines, "mul", g.a, x), self.new(lines, "mul", g.b, y))
                 lines.append(Assign(name, "mul", (at, inverse)))
             body = [*lines, *body]
         whole = replace(stmt, variables=(x, y), half_planes=(), corners=(), across=0.0, met=True)
         self.steps.append(replace(whole, setup=tuple(setup), body=tuple(body)))
 
-    def _new(self, block: list[Any], op: str, *args: Arg) -> str:
+    def new(self, block: list[Any], op: str, *args: Arg, letter: str = "v") -> str:
         """Returns the name of a value that is computed in a block."""
-        name = f"v{next(self._numbers)}"
+        name = f"{letter}{next(self._numbers)}"
         block.append(Assign(name, op, args))
         return name
 
@@ -322,18 +372,18 @@ def decision(found: Packed, varying: Container[int]) -> list[str]:
     """Returns the inside of the C function that tells of eight points which are `live` and which `fast`; it returns 0 if none is live, else
     1, plus 2 if one is fast."""
 
-    def loop(array: str, arg: Arg, needed: Sequence[Assign]) -> list[str]:
+    def loop(array: str, arg: Arg, needed: Sequence[Assign], further: str = "") -> list[str]:
         frame = _framed([_steps(replace(s, op=BRANCHLESS.get(s.op, s.op)) for s in needed)], [arg])
         there = [f"const double p{i} = q{i}[k];" for i in _inputs(needed, [arg]) if i in varying]
         return [
             f"for (int k = 0; k < {SIDE}; k++) {{",
-            *indent(*in_few_lines(there), *frame.block(0), f"{array}[k] = {frame.scope()(arg)};"),
+            *indent(*in_few_lines(there), *frame.block(0), f"{array}[k] = {further}{frame.scope()(arg)};"),
             "}",
             f"for (int k = 0; k < {SIDE}; k++) some |= {array}[k];",
         ]
 
     lines = ["int some = 0;", *loop("live", found.live, found.settling), "if (!some) return 0;", "some = 0;"]
-    return [*lines, *loop("fast", found.fast, found.deciding), "return 1 | some << 1;"]
+    return [*lines, *loop("fast", found.fast, found.deciding, "live[k] & "), "return 1 | some << 1;"]
 
 
 def straight(found: Packed, varying: Container[int], apart: int) -> list[str]:

@@ -377,7 +377,7 @@ class _ArrayPrinter:
         """Returns the iterations of a loop that is `depth` deep, and what they add to its sums, with what waits in queues."""
         carried = [q for q in self.queues.values() if q.carrier is step]
         opening = [line for q in carried for line in _opened(q)]
-        closing = [line for q in carried for line in (f"if (waiting_{q.name}) {{", *indent(*self._flushed(q)), "}")]
+        closing = [line for q in carried for line in (f"if (waiting_{q.name}) {{", *indent(*self._flushed(q)), "}", *_closed(q))]
         return [*opening, *self._each(step, lo, hi, depth), *closing]
 
     def _flushed(self, queue: Queue) -> list[str]:
@@ -388,8 +388,13 @@ class _ArrayPrinter:
         declaration, *call = self._run(run)
         inputs = [f"const double {run.inputs[i]} = queue_{name}[{m}][k];" for m, i in enumerate(queue.varying)]
         scattered_into = [
-            *(f"const int64_t {index} = place_{name}[{m}][k];" for m, index in enumerate(queue.indices)),
-            *self._block([*queue.integers, *queue.after], 1),
+            f"for (int k = 0; k < waiting_{name}; k++) {{",
+            *indent(
+                *(f"const int64_t {index} = place_{name}[{m}][k];" for m, index in enumerate(queue.indices)),
+                *packed([f"{r} = f[{SIDE * j} + k]" for j, r in enumerate(run.results)], "const double ", ", ", ";"),
+                *self._block([*queue.integers, *queue.after], 1),
+            ),
+            "}",
         ]
         return [
             f"for (int m = 0; m < {len(queue.varying)}; m++)",
@@ -398,16 +403,16 @@ class _ArrayPrinter:
             f"{straight.crossed}({', '.join([*given, 'f', 'good'])});",
             f"for (int k = 0; k < waiting_{name}; k++) {{",
             *indent(
+                "if (good[k] != 0.0) continue;",
                 declaration,
-                f"if (good[k] != 0.0) for (int j = 0; j < {count}; j++) {array}[j] = f[{SIDE} * j + k];",
-                "else {",
-                *indent(*inputs, *call),
-                "}",
-                *_named(run),
-                *(scattered_into if queue.after else []),
-                *(f"{total} += {_spell(value)};" for total, value in queue.sums),
+                *inputs,
+                *call,
+                f"for (int j = 0; j < {count}; j++) f[{SIDE} * j + k] = {array}[j];",
             ),
             "}",
+            f"for (int k = waiting_{name}; k < {SIDE}; k++) for (int j = 0; j < {count}; j++) f[{SIDE} * j + k] = 0.0;",
+            *_into_lanes(queue, "f[{at} + k]"),
+            *(scattered_into if queue.after else []),
             f"waiting_{name} = 0;",
         ]
 
@@ -442,22 +447,23 @@ class _ArrayPrinter:
             values = [run.inputs[i] for i in wanted]
             return ", ".join([*(f"q{i}" if v in inside else _spell(v) for i, v in zip(wanted, values, strict=True)), *more])
 
-        adding = _decisive(step) is not run  # whether an iteration that is not live has something to add
+        adding = not _only_adds(step, run)  # whether an iteration that is not live has something to add
         later = [i for i in straight.used if i not in straight.decided_by]
+        queue = self.queues.get(id(run))
         decided = [*gathered(straight.decided_by), f"int live[{SIDE}], fast[{SIDE}];"]
         decided.append(f"const int some = {straight.decision}({arguments(straight.decided_by, 'live', 'fast')});")
         decided += [] if adding else ["if (!some) continue;"]
         if straight.line:
             line = [*gathered(later), f"{straight.line}({arguments(straight.used, 'f')});"]
+            line += _covered(queue, lanes) if queue and not queue.after else []
             decided += [f"double f[{SIDE * count}];", "if (some & 2) {", *indent(*line), "}"]
         each = [
             *([] if adding else ["if (!live[k]) continue;"]),
+            *(["if (fast[k]) continue;"] if queue and not queue.after else []),
             f"const int64_t {step.index} = {at} + k;",
             *self._block(before, depth),
             *self._way(run, straight, adding),
-            *_named(run),
-            *self._block(after, depth),
-            *self._added(step),
+            *([] if queue and not queue.after else [*_named(run), *self._block(after, depth), *self._added(step)]),
         ]
         return [
             f"for (int64_t {at} = {lo}; {at} < {hi}; {at} += {SIDE}) {{",
@@ -477,14 +483,13 @@ class _ArrayPrinter:
         queue."""
         array, count = _array(run), len(run.results)
         declaration, *call = self._run(run)
-        filled = f"teg_fill({array}, {count}, 0.0);"
         copied = f"for (int j = 0; j < {count}; j++) {array}[j] = f[{SIDE} * j + k];"
-        if id(run) in self.queues:
-            waits = ["if (live[k] && !fast[k]) {", *indent(*self._pushed(self.queues[id(run)])), "}"]
-            ways = [f"if (!live[k]) {filled}"] if adding else []
-            ways += [f"else {copied}" if adding else copied] if straight.line else []
-            return [*waits, declaration, *ways]
-        ways = [f"if (!live[k]) {filled}", "else {"] if adding else ["{"]
+        if queue := self.queues.get(id(run)):
+            if not queue.after:
+                return self._pushed(queue)
+            waits = ["if (!fast[k]) {", *indent(*self._pushed(queue), "continue;"), "}"]
+            return [*waits, declaration, *([copied] if straight.line else [])]
+        ways = [f"if (!live[k]) teg_fill({array}, {count}, 0.0);", "else {"] if adding else ["{"]
         if straight.line:
             ways[-1:] = [f"{ways[-1][:-1]}if (fast[k]) {copied}", "else {"]
         return [declaration, *ways, *indent(*call), "}"]
@@ -498,15 +503,16 @@ class _ArrayPrinter:
             f"if (++waiting_{name} == {SIDE}) {{",
             *indent(*self._flushed(queue)),
             "}",
-            "continue;",
         ]
 
     def _added(self, step: Loop) -> list[str]:
-        return [f"{r} += {_spell(v)};" for r, v in zip(step.results, step.values, strict=True)]
+        """Returns lines that add up the results of an iteration, but for what is added up in the lanes of a queue."""
+        inner = {r for q in self.queues.values() if not q.after and step in q.chain for s in q.chain for r in (*s.results, *q.run.results)}
+        return [f"{r} += {_spell(v)};" for r, v in zip(step.results, step.values, strict=True) if v not in inner]
 
     def _chunks(self, step: Loop) -> list[str]:
         """Returns an outermost loop, which threads share."""
-        targets = scattered(step.body)
+        targets = _shared(step)
         results, total = len(step.results), " + ".join([f"n{j}" for j in targets] or ["0"])
         number = step.index[1:]
         sums = packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if step.results else []
@@ -658,7 +664,37 @@ def _opened(queue: Queue) -> list[str]:
     """Returns the declaration of a queue."""
     name = queue.name
     places = [f"int64_t place_{name}[{len(queue.indices)}][{SIDE}];"] if queue.indices else []
-    return [f"double queue_{name}[{max(1, len(queue.varying))}][{SIDE}];", *places, f"int waiting_{name} = 0;"]
+    lanes = [f"double lanes_{name}[{len(queue.sums)}][{SIDE}] = {{{{0.0}}}};"] if queue.sums else []
+    return [f"double queue_{name}[{max(1, len(queue.varying))}][{SIDE}];", *places, f"int waiting_{name} = 0;", *lanes]
+
+
+def _shared(loop: Loop) -> list[int]:
+    """Returns the outputs that iterations of a loop add to in the same places: not those with the index of the loop in a subscript."""
+    axes: dict[int, set[int]] = {}
+    for s in steps(loop.body):
+        if isinstance(s, Scatter):
+            own = {axis for axis, i in enumerate(s.subscripts) if i == loop.index}
+            axes[s.output] = axes.get(s.output, own) & own
+    return [j for j in scattered(loop.body) if not axes[j]]
+
+
+def _into_lanes(queue: Queue, value: str) -> list[str]:
+    """Returns loops that add results of iterations side by side to the sums of a queue."""
+    places = [SIDE * queue.run.results.index(str(v)) for _, v in queue.sums]
+    name = queue.name
+    return [f"for (int k = 0; k < {SIDE}; k++) lanes_{name}[{m}][k] += {value.format(at=at)};" for m, at in enumerate(places)]
+
+
+def _covered(queue: Queue, lanes: str) -> list[str]:
+    """Returns lines that add the results of the straight line where they are right."""
+    kept = f"for (int k = 0; k < {SIDE}; k++) kept[k] = fast[k] & (k < {lanes});"
+    return [f"int kept[{SIDE}];", kept, *_into_lanes(queue, "kept[k] ? f[{at} + k] : 0.0")]
+
+
+def _closed(queue: Queue) -> list[str]:
+    """Returns lines that add up the lanes of a queue."""
+    name = queue.name
+    return [f"for (int k = 0; k < {SIDE}; k++) {total} += lanes_{name}[{m}][k];" for m, (total, _) in enumerate(queue.sums)]
 
 
 def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
@@ -675,13 +711,15 @@ def _decisive(loop: Loop) -> Run | None:
     """Returns a flat program without whose branch an iteration adds nothing to anything."""
     if any(isinstance(s, Cells) for s in loop.body):
         return None  # what they hold is freed at the end of an iteration
-    for number, step in enumerate(loop.body):
-        if isinstance(step, Run) and decisive_branch(step.program) is not None:
-            rest = loop.body[number + 1 :]
-            added = [*loop.values, *(s.value for s in rest if isinstance(s, Scatter))]
-            if all(isinstance(s, Scatter) for s in rest) and set(added) <= set(step.results):
-                return step
-    return None
+    runs = (s for s in loop.body if isinstance(s, Run) and decisive_branch(s.program) is not None)
+    return next((s for s in runs if _only_adds(loop, s)), None)
+
+
+def _only_adds(loop: Loop, run: Run) -> bool:
+    """Returns whether nothing but results of a flat program is added to anything in an iteration."""
+    rest = loop.body[loop.body.index(run) + 1 :]
+    added = [*loop.values, *(s.value for s in rest if isinstance(s, Scatter))]
+    return all(isinstance(s, Scatter) for s in rest) and set(added) <= set(run.results)
 
 
 def _named(step: Run) -> list[str]:

@@ -16,7 +16,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import cast
 
-from teg.ir.expr import Add, Call, Const, Expr, Mul, Param, Pow, Var, Where, add, const, mul
+from teg.ir.expr import Add, Call, Const, Expr, Mul, Param, Pow, Var, Where, add, const, mul, sub
 from teg.ir.function import Apply, Function
 from teg.ir.integral import Integral
 from teg.ir.node import digest, postorder
@@ -415,6 +415,13 @@ def expanded(e: Expr, limit: int = 48, whole: Collection[Expr] = ()) -> Expr | N
     """
     form, generators = _normal_form(e, limit, frozenset(whole))
     return None if form is None else _from_form(form, generators)
+
+
+def extent(lo: Expr, hi: Expr) -> Expr:
+    """Returns hi - lo; without what both have, if that makes it shorter: 1 for bounds p and p + 1."""
+    difference = sub(hi, lo)
+    short = expanded(difference, limit=8) if lo.children or hi.children else None
+    return difference if short is None or _length(short) >= _length(difference) else short
 
 
 def perfect_power(e: Expr, limit: int = 48) -> tuple[int, Expr, int] | None:

@@ -38,6 +38,7 @@ from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells,
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
+from teg.passes.normalise.integers import with_sums_of_integers
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
 from teg.pipeline import cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
@@ -294,8 +295,9 @@ class Plan:
     ) -> None:
         self.expression, self.options = e, options
         self.wrt, self.leaves, self.integers = tuple(wrt), tuple(leaves), tuple(integers)
-        abstract, self._functions = with_slots(write_out(e)) if not has_arrays(e) else (e, ())
+        abstract, self._functions = with_slots(write_out(e)) if not has_arrays(e) else (with_sums_of_integers(e), ())
         how = options.integration, options.estimator, tuple(options.maps)
+        source = None if source is None else with_sums_of_integers(source)
         self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source), shared=bool(self._functions))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
