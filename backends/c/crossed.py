@@ -3,10 +3,9 @@
     crossed(program)  ->  Crossed      the outputs, and `good`: whether they are right
     function          ->  a C function of eight points
 
-Polygons are combinations of the moments of their boxes (`crossing`), or weights of fixed nodes, whichever is shorter; segments intervals
-that are cut by selects; everything else is arithmetic in the program already. A point with a tie, a thin triangle, a line along a side or
-a number that is not finite is not good, and is computed by the program as it is. So are estimates of errors, whose integrands are no
-polynomials.
+Polygons are weights of fixed nodes of their boxes (`crossing`), segments intervals that are cut by selects; everything else is
+arithmetic in the program already. A point with a tie, a thin triangle, a line along a side or a number that is not finite is not good, and
+is computed by the program as it is. So are estimates of errors, whose integrands are no polynomials.
 
 Stages. A sum over nodes is a loop of its own, so the straight line is cut before and after the sums; each stage is a loop over the points,
 which the C compiler vectorises, and values that a later stage reads lie in arrays. Values that are the same for all points are
@@ -15,13 +14,12 @@ computed before.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from math import isnan
 
-from teg.backends.c.crossing import LARGEST, MOST_DEGREE, MOST_LINES, STOUT, Crossing, Writer, crossing, nodes_of, weights
-from teg.backends.c.expanded import Affine, Expansion
+from teg.backends.c.crossing import MOST_DEGREE, MOST_LINES, STOUT, Crossing, Writer, crossing, nodes_of
 from teg.backends.c.frame import Frame, Step, assignments
 from teg.backends.c.polygon import SIDE_BY_SIDE
 from teg.backends.c.text import indent, literal
@@ -39,8 +37,6 @@ LONGEST = 5000
 MOST = 1600
 """Statements of a program that is looked at."""
 ARITHMETIC = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select", "min", "max", "lower", "upper"}
-STRAIGHT = 1.5
-"""What a statement of the straight line takes, in statements of a short loop over nodes: more values are alive at once."""
 OPPOSITES = {("gt0", "le0"), ("le0", "gt0"), ("ge0", "lt0"), ("lt0", "ge0")}
 SELECTIONS = {"select", "lower", "upper", "min", "max"}
 BRANCHLESS = {"and": "all", "or": "any"}
@@ -84,9 +80,9 @@ def crossed(program: Program) -> Crossed | None:
         return None
     w = line.writer
     outputs = tuple(map(line.value, program.outputs))
-    sizes = [w.abs(o) for o in dict.fromkeys((*outputs, *sorted(line.defined))) if isinstance(o, str)]
+    numbers = [o for o in dict.fromkeys((*outputs, *sorted(line.defined))) if isinstance(o, str)]
     good: Arg = True
-    for condition in (*dict.fromkeys(line.conditions), w.put("b", "le0", w.sub(w.add(*sizes), LARGEST))):
+    for condition in (*dict.fromkeys(line.conditions), w.finite(*numbers)):
         good = condition if good is True else w.put("b", "and", good, condition)
     line.keep()
     items = _needed(line.items, (*outputs, good))
@@ -212,40 +208,26 @@ class _Line:
         planes = [replace(g, a=self.value(g.a), b=self.value(g.b), c=self.value(g.c)) for g in stmt.half_planes]
         width, height = self.value(stmt.width), self.value(stmt.height)
         cut = crossing(w, planes, width, height, stmt.degree, 3 if stmt.corners else 0)
-        half_width, half_height = w.mul(0.5, width), w.mul(0.5, height)
-        x, y = stmt.variables[:2]
-        affine: Affine = {x: {(0, 0): half_width, (1, 0): half_width}, y: {(0, 0): half_height, (0, 1): half_height}}
-        if stmt.corners:
-            cut.conditions.extend(self._barycentric(stmt, cut, affine))
-        body, area = self._block(stmt.body), w.mul(half_width, half_height)
-        distinct = list(dict.fromkeys(map(self.value, stmt.values)))
-        trial = Writer(self._numbers)
-        expansion = Expansion(trial, affine, cut.moments, body)
-        sums = {value: expansion.integral(value) for value in distinct}
         nodes = nodes_of(stmt.degree)
-        if STRAIGHT * len(trial.lines) <= len(nodes) * (len(body) + 2 * len(distinct)):
-            w.lines += trial.lines
-            self._results(stmt, sums, area)
-        else:
-            self._sums(stmt, self._at_nodes(nodes, affine, body, weights(w, cut.moments, stmt.degree)), area)
+        x, y = (f"v{next(self._numbers)}" for _ in range(2))
+        places = {x: tuple(p for p, _ in nodes), y: tuple(q for _, q in nodes)}
+        half_width, half_height = w.mul(0.5, width), w.mul(0.5, height)
+        inside = Writer(self._numbers)
+        for variable, half, at in ((stmt.variables[0], half_width, x), (stmt.variables[1], half_height, y)):
+            inside.lines.append(Assign(variable, "add", (half, inside.mul(half, at))))
+        if stmt.corners:
+            cut.conditions.extend(self._barycentric(stmt, cut, (x, y), inside))
+        body = (*inside.lines, *self._block(stmt.body))
+        self._sums(stmt, Nodes(places, tuple(cut.weights), body, (), ()), w.mul(half_width, half_height))
         return cut.conditions
 
-    def _at_nodes(self, nodes: Sequence[tuple[float, float]], affine: Affine, body: Iterable[Assign], given: Sequence[Arg]) -> Nodes:
-        """Returns the sums over nodes of what a body computes, from affine functions of X and Y."""
-        x, y = (f"v{next(self._numbers)}" for _ in range(2))
-        inside = Writer(self._numbers)
-        for name, polynomial in affine.items():
-            terms = (inside.mul(c, *[x] * p, *[y] * q) for (p, q), c in polynomial.items())
-            inside.lines.append(Assign(str(name), "add", tuple(terms)))
-        places = {x: tuple(p for p, _ in nodes), y: tuple(q for _, q in nodes)}
-        return Nodes(places, tuple(given), (*inside.lines, *body), (), ())
-
-    def _barycentric(self, stmt: Polygon, cut: Crossing, affine: Affine) -> list[Arg]:
-        """Adds the barycentric coordinates; returns whether the triangle is stout."""
+    def _barycentric(self, stmt: Polygon, cut: Crossing, at: tuple[str, str], inside: Writer) -> list[Arg]:
+        """Computes the barycentric coordinates of nodes; returns whether the triangle is stout."""
         w, across = self.writer, self.value(stmt.across)
         inverse = w.div(1.0, across)
         for (a, b, c), name in zip(cut.scaled[1:3], stmt.variables[2:], strict=True):
-            affine[name] = {(0, 0): w.mul(c, inverse), (1, 0): w.mul(a, inverse), (0, 1): w.mul(b, inverse)}
+            a, b, c = (w.mul(part, inverse) for part in (a, b, c))
+            inside.lines.append(Assign(name, "add", (c, inside.mul(a, at[0]), inside.mul(b, at[1]))))
         change: Arg = 0.0
         for a, b, _ in cut.scaled[:3]:
             both = w.add(w.abs(a), w.abs(b))
@@ -258,7 +240,7 @@ class _Line:
         w.lines += self._block(stmt.setup)
         start: Arg = 0.0
         stop: Arg = 1.0
-        sizes: list[Arg] = []
+        changes: list[Arg] = []
         conditions: list[Arg] = []
         for g in stmt.half_lines:
             first, last = self.value(g.first), self.value(g.last)
@@ -267,11 +249,11 @@ class _Line:
             rises = w.put("b", "lt0", falls)
             start = w.select(rises, w.upper(start, root), start)
             stop = w.select(rises, stop, w.lower(root, stop))
-            sizes.append(w.abs(falls))
+            changes.append(falls)
             larger = w.upper(w.abs(first), w.abs(last))
             size = 0.0 if g.k is None else w.mul(NEARLY, self.value(g.size))
             conditions.append(w.positive(w.sub(larger, size)))
-        conditions.append(w.put("b", "le0", w.sub(w.add(*sizes), LARGEST)))
+        conditions.append(w.finite(*changes))
         length = w.upper(w.sub(stop, start), 0.0)
         nodes, weights = gauss_legendre(stmt.nodes)
         at = f"v{next(self._numbers)}"
@@ -284,15 +266,11 @@ class _Line:
 
     def _sums(self, stmt: Polygon | Segment, nodes: Nodes, extent: Arg) -> None:
         """Appends the sums over nodes, and the results that they give."""
+        w = self.writer
         distinct = list(dict.fromkeys(map(self.value, stmt.values)))
         sums = {value: f"v{next(self._numbers)}" for value in distinct}
         self.keep()
         self.items.append(replace(nodes, values=tuple(distinct), sums=tuple(sums.values())))
-        self._results(stmt, sums, extent)
-
-    def _results(self, stmt: Polygon | Segment, sums: Mapping[Arg, Arg], extent: Arg) -> None:
-        """Appends the results of a statement from the means of its values."""
-        w = self.writer
         scaled: dict[Arg, Arg] = {}
         for result, value, factor in zip(stmt.results, stmt.values, stmt.factors, strict=True):
             factor = self.value(factor)

@@ -105,6 +105,10 @@ class Writer:
         """Returns a where the condition holds, else b."""
         return self.put("v", "select", condition, a, b)
 
+    def finite(self, *numbers: Arg) -> str:
+        """Returns whether the sum of numbers is finite. If it is, all of them are."""
+        return self.put("b", "le0", self.sub(self.abs(self.add(*numbers)), LARGEST))
+
     def least_size(self, a: Arg, least: Arg) -> str:
         """Returns a, or `least` where |a| is smaller."""
         return self.select(self.put("b", "lt0", self.sub(self.abs(a), least)), least, a)
@@ -128,10 +132,10 @@ class _Line(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """The moments relative to the area width·height/4, the scaled slopes and constants of the half-planes, and the conditions under which
-    the moments are right."""
+    """The weights of `nodes_of(degree)` relative to the area width·height/4, the scaled slopes and constants of the half-planes, and the
+    conditions under which the weights are right."""
 
-    moments: Moments
+    weights: list[Arg]
     scaled: list[tuple[Arg, Arg, Arg]]
     conditions: list[Arg]
 
@@ -150,7 +154,7 @@ def crossing(w: Writer, planes: Sequence[HalfPlane], width: Arg, height: Arg, de
     total = _moments(w, lines, cuts, degree)
     area = total[0, 0]
     conditions.append(w.any(w.positive(w.sub(area, 4.0 * SPECK)), w.put("b", "le0", w.abs(area))))
-    return Crossing(total, scaled, conditions)
+    return Crossing(_weights(w, total, degree), scaled, conditions)
 
 
 def _line(w: Writer, a: Arg, b: Arg, c: Arg, conditions: list[Arg]) -> _Line:
@@ -271,7 +275,6 @@ def weights_of(degree: int) -> tuple[tuple[tuple[tuple[int, int], float], ...], 
     return tuple(tuple((key, float(v)) for key, v in zip(powers, row, strict=True) if v != 0) for row in inverse)
 
 
-def weights(w: Writer, moments: Moments, degree: int) -> list[Arg]:
-    """Returns the weights of `nodes_of(degree)`."""
+def _weights(w: Writer, moments: Moments, degree: int) -> list[Arg]:
     scaled: Callable[[tuple[int, int], float], Arg] = lambda key, factor: w.mul(factor, moments[key])  # noqa: E731
     return [w.add(*(scaled(key, factor) for key, factor in row)) for row in weights_of(degree)]
