@@ -65,7 +65,8 @@ class Packed:
 @dataclass(frozen=True, slots=True)
 class Straight:
     """C functions of eight points. `decision` says where the outputs are 0 or have a simple value, `line` computes that value, and
-    `crossed` computes points whose boxes are crossed by surfaces. `decided_by`, `used` and `crossed_by` are the inputs of each."""
+    `crossed` computes points whose boxes are crossed by surfaces. `decided_by`, `used` and `crossed_by` are the inputs of each. `narrow`
+    computes, for one point, `heights` numbers of which none is negative where the outputs are not 0; `narrowed_by` are its inputs."""
 
     decision: str
     decided_by: list[int]
@@ -73,6 +74,9 @@ class Straight:
     used: list[int]
     crossed: str | None
     crossed_by: list[int]
+    narrow: str | None = None
+    narrowed_by: tuple[int, ...] = ()
+    heights: int = 0
 
 
 def decisive_branch(program: Program) -> When | None:

@@ -151,7 +151,10 @@ class _ArrayPrinter:
                 inside = {name for s in loop.body for name in result_names(s)}
                 varying = {i for i, arg in enumerate(only.inputs) if arg in inside}
                 queue = queue_of(loop, only, around)
-                if varying and (found := self.printer.packed(only.program, varying, SIDE, queue.varying if queue else None)):
+                numbers = {s.name for s in loop.body if isinstance(s, Number) and s.integer == loop.index}
+                counted = {i for i, arg in enumerate(only.inputs) if arg in numbers}
+                waiting = queue.varying if queue else None
+                if varying and (found := self.printer.packed(only.program, varying, SIDE, waiting, counted)):
                     self.straights[id(only)] = found
                     if queue and found.crossed:
                         self.queues[id(only)] = queue
@@ -465,7 +468,11 @@ class _ArrayPrinter:
             *self._way(run, straight, adding),
             *([] if queue and not queue.after else [*_named(run), *self._block(after, depth), *self._added(step)]),
         ]
+        narrow: list[str] = []
+        if straight.narrow and not adding:
+            narrow, lo, hi = _narrowed(step, run, straight, lo, hi)
         return [
+            *narrow,
             f"for (int64_t {at} = {lo}; {at} < {hi}; {at} += {SIDE}) {{",
             *indent(
                 "if (teg_stopped(pace)) break;",
@@ -666,6 +673,28 @@ def _opened(queue: Queue) -> list[str]:
     places = [f"int64_t place_{name}[{len(queue.indices)}][{SIDE}];"] if queue.indices else []
     lanes = [f"double lanes_{name}[{len(queue.sums)}][{SIDE}] = {{{{0.0}}}};"] if queue.sums else []
     return [f"double queue_{name}[{max(1, len(queue.varying))}][{SIDE}];", *places, f"int waiting_{name} = 0;", *lanes]
+
+
+def _narrowed(step: Loop, run: Run, straight: Straight, lo: str, hi: str) -> tuple[list[str], str, str]:
+    """Returns lines that leave out iterations at both ends that have no result but 0, and the range that is left."""
+    numbers = {s.name for s in step.body if isinstance(s, Number) and s.integer == step.index}
+    start, stop, heights = (f"{step.index}_{part}" for part in ("start", "stop", "height"))
+
+    def call(row: int, index: str) -> str:
+        values = [f"(double)({index})" if run.inputs[i] in numbers else _spell(run.inputs[i]) for i in straight.narrowed_by]
+        return f"{straight.narrow}({', '.join([*values, f'{heights}[{row}]'])})"
+
+    lines = [
+        f"int64_t {start} = {lo}, {stop} = {hi};",
+        f"if ({stop} - {start} > {SIDE}) {{",
+        *indent(
+            f"double {heights}[2][{straight.heights}];",
+            f"if (!({call(0, start)} | {call(1, f'{stop} - 1')}))",
+            *indent(f"teg_narrow({straight.heights}, {heights}[0], {heights}[1], &{start}, &{stop});"),
+        ),
+        "}",
+    ]
+    return lines, start, stop
 
 
 def _shared(loop: Loop) -> list[int]:

@@ -16,7 +16,7 @@ captured values where there are more than BY_VALUE.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import cast
@@ -25,11 +25,12 @@ from teg.backends.branches import with_branches
 from teg.backends.c import crossed as c_crossed
 from teg.backends.c import frame as c_frame
 from teg.backends.c import lanes as c_packed
+from teg.backends.c import ranges as c_ranges
 from teg.backends.c.batch import ABI, batch_loop, together
 from teg.backends.c.bodies import merged, used_inputs, with_inputs
 from teg.backends.c.frame import BY_VALUE, CONTEXT, RESULTS, WORKSPACE, Frame, Routine, Scope, Step, assignments, captured_by
 from teg.backends.c.hyperbola import along_a_branch, along_function, hyperbola
-from teg.backends.c.lanes import SIDE, Straight
+from teg.backends.c.lanes import SIDE, Packed, Straight
 from teg.backends.c.poles import plain_table, rational_piece, weights_function
 from teg.backends.c.polygon import (
     COORDINATES,
@@ -195,9 +196,17 @@ class Printer:
         storage = "TEG_INLINE" if kind == "run" and self.inlined and not frame.indirect else "static"
         return self._routine(kind, frame, f"{storage} {'void' if told is None else 'int'} {frame.signature('f')}", inside)
 
-    def packed(self, program: Program, varying: Container[int], apart: int, in_queue: Container[int] | None = None) -> Straight | None:
-        """Returns the functions that take eight points at once, if there are any; inputs not in `varying` are the same for all, the outputs
-        of a point lie `apart`. There is one of points that surfaces cross if it is known which inputs differ `in_queue`."""
+    def packed(
+        self,
+        program: Program,
+        varying: Collection[int],
+        apart: int,
+        in_queue: Container[int] | None = None,
+        indices: Collection[int] = (),
+    ) -> Straight | None:
+        """Returns the functions that take eight points at once, if there are any; inputs not in `varying` are the same for all, those in
+        `indices` are the number of the point, the outputs of a point lie `apart`. There is one of points that surfaces cross if it is known
+        which inputs differ `in_queue`."""
         found = c_packed.packed(program)
         if found is None:
             return None
@@ -214,7 +223,17 @@ class Printer:
             given = c_packed.signature(c_crossed.inputs_of(across), in_queue, "double *restrict f", "double *restrict good")
             inside = c_crossed.function(across, in_queue, SIDE)
             name = self._once("crossed", wrapped([f"static void @({given})", "{", *indent(*inside), "}"])).name
-        return Straight(decision, decided_by, line, used, name, c_crossed.inputs_of(across) if across else [])
+        made = Straight(decision, decided_by, line, used, name, c_crossed.inputs_of(across) if across else [])
+        return self._narrowed(made, found, varying, indices) if indices else made
+
+    def _narrowed(self, made: Straight, found: Packed, varying: Collection[int], indices: Collection[int]) -> Straight:
+        """Returns the same with the function by which a range of points is narrowed, if there is one."""
+        known = c_ranges.narrowing(found, [f"p{i}" for i in indices], [f"p{i}" for i in varying])
+        if known is None:
+            return made
+        head = f"int @({c_packed.signature(known.inputs, (), 'double *height')})"
+        narrow = self._side_by_side("narrow", head, c_ranges.function(known))
+        return replace(made, narrow=narrow, narrowed_by=tuple(known.inputs), heights=len(known.heights))
 
     def _side_by_side(self, kind: str, head: str, inside: list[str]) -> str:
         """Returns the name of such a function."""

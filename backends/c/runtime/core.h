@@ -30,6 +30,21 @@ static inline int64_t teg_floordiv(int64_t a, int64_t b)
     return q * b != a && (a < 0) != (b < 0) ? q - 1 : q;
 }
 
+//: teg_narrow
+/* Leaves out iterations at both ends of a range: those where a straight line through the first and the last of n numbers is negative. */
+static inline void teg_narrow(int n, const double *first, const double *last, int64_t *lo, int64_t *hi)
+{
+    const int64_t start = *lo, stop = *hi;
+    const double steps = (double)(stop - 1 - start);
+    for (int m = 0; m < n; m++) {
+        const double place = steps * (first[m] / (first[m] - last[m]));
+        if (first[m] < 0.0 && last[m] < 0.0) *hi = *lo;
+        else if (!(place >= 0.0 && place <= steps)) continue;
+        else if (first[m] < 0.0 && start + (int64_t)place - 1 > *lo) *lo = start + (int64_t)place - 1;
+        else if (last[m] < 0.0 && start + (int64_t)place + 3 < *hi) *hi = start + (int64_t)place + 3;
+    }
+}
+
 //: teg_mod
 /* x - y*floor(x/y): the remainder with the sign of y. */
 static inline double teg_mod(double x, double y)
