@@ -379,8 +379,8 @@ class _ArrayPrinter:
     def _iterations(self, step: Loop, lo: str, hi: str, depth: int) -> list[str]:
         """Returns the iterations of a loop that is `depth` deep, and what they add to its sums, with what waits in queues."""
         carried = [q for q in self.queues.values() if q.carrier is step]
-        opening = [line for q in carried for line in _opened(q)]
-        closing = [line for q in carried for line in (f"if (waiting_{q.name}) {{", *indent(*self._flushed(q)), "}", *_closed(q))]
+        opening = [line for q in carried for line in q.opened()]
+        closing = [line for q in carried for line in (f"if (waiting_{q.name}) {{", *indent(*self._flushed(q)), "}", *q.closed())]
         return [*opening, *self._each(step, lo, hi, depth), *closing]
 
     def _flushed(self, queue: Queue) -> list[str]:
@@ -414,7 +414,7 @@ class _ArrayPrinter:
             ),
             "}",
             f"for (int k = waiting_{name}; k < {SIDE}; k++) for (int j = 0; j < {count}; j++) f[{SIDE} * j + k] = 0.0;",
-            *_into_lanes(queue, "f[{at} + k]"),
+            *queue.into_lanes("f[{at} + k]"),
             *(scattered_into if queue.after else []),
             f"waiting_{name} = 0;",
         ]
@@ -458,7 +458,7 @@ class _ArrayPrinter:
         decided += [] if adding else ["if (!some) continue;"]
         if straight.line:
             line = [*gathered(later), f"{straight.line}({arguments(straight.used, 'f')});"]
-            line += _covered(queue, lanes) if queue and not queue.after else []
+            line += queue.covered(lanes) if queue and not queue.after else []
             decided += [f"double f[{SIDE * count}];", "if (some & 2) {", *indent(*line), "}"]
         each = [
             *([] if adding else ["if (!live[k]) continue;"]),
@@ -667,14 +667,6 @@ def _only_run(loop: Loop) -> Run | None:
     return runs[0] if len(runs) == 1 and not any(isinstance(s, Loop) for s in loop.body) else None
 
 
-def _opened(queue: Queue) -> list[str]:
-    """Returns the declaration of a queue."""
-    name = queue.name
-    places = [f"int64_t place_{name}[{len(queue.indices)}][{SIDE}];"] if queue.indices else []
-    lanes = [f"double lanes_{name}[{len(queue.sums)}][{SIDE}] = {{{{0.0}}}};"] if queue.sums else []
-    return [f"double queue_{name}[{max(1, len(queue.varying))}][{SIDE}];", *places, f"int waiting_{name} = 0;", *lanes]
-
-
 def _narrowed(step: Loop, run: Run, straight: Straight, lo: str, hi: str) -> tuple[list[str], str, str]:
     """Returns lines that leave out iterations at both ends that have no result but 0, and the range that is left."""
     numbers = {s.name for s in step.body if isinstance(s, Number) and s.integer == step.index}
@@ -705,25 +697,6 @@ def _shared(loop: Loop) -> list[int]:
             own = {axis for axis, i in enumerate(s.subscripts) if i == loop.index}
             axes[s.output] = axes.get(s.output, own) & own
     return [j for j in scattered(loop.body) if not axes[j]]
-
-
-def _into_lanes(queue: Queue, value: str) -> list[str]:
-    """Returns loops that add results of iterations side by side to the sums of a queue."""
-    places = [SIDE * queue.run.results.index(str(v)) for _, v in queue.sums]
-    name = queue.name
-    return [f"for (int k = 0; k < {SIDE}; k++) lanes_{name}[{m}][k] += {value.format(at=at)};" for m, at in enumerate(places)]
-
-
-def _covered(queue: Queue, lanes: str) -> list[str]:
-    """Returns lines that add the results of the straight line where they are right."""
-    kept = f"for (int k = 0; k < {SIDE}; k++) kept[k] = fast[k] & (k < {lanes});"
-    return [f"int kept[{SIDE}];", kept, *_into_lanes(queue, "kept[k] ? f[{at} + k] : 0.0")]
-
-
-def _closed(queue: Queue) -> list[str]:
-    """Returns lines that add up the lanes of a queue."""
-    name = queue.name
-    return [f"for (int k = 0; k < {SIDE}; k++) {total} += lanes_{name}[{m}][k];" for m, (total, _) in enumerate(queue.sums)]
 
 
 def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:

@@ -4,7 +4,8 @@
     flush    the queue is computed by the line of points that surfaces cross; those that are not good by the program as it is
 
 A queue belongs to the innermost loop whose flat program has such a line, and lives as long as one run of its *carrier*: the outermost loop
-around it through which the results are only added up. Sums of the carrier take what the iterations give, whenever that is.
+around it through which the results are only added up. Sums of the carrier take what the iterations give, whenever that is: each place
+side by side has sums of its own, *lanes*, which are added up at the end, with those of iterations that need not wait.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+from teg.backends.c.lanes import SIDE
 from teg.program.arrays import Arg, Integers, Loop, Run, Scatter, Step, steps
 from teg.program.fields import operands, result_names
 
@@ -43,6 +45,27 @@ class Queue:
     def name(self) -> str:
         """Returns the last part of the names in C."""
         return self.run.results[0][1:]
+
+    def opened(self) -> list[str]:
+        """Returns the declaration of the queue."""
+        name = self.name
+        places = [f"int64_t place_{name}[{len(self.indices)}][{SIDE}];"] if self.indices else []
+        lanes = [f"double lanes_{name}[{len(self.sums)}][{SIDE}] = {{{{0.0}}}};"] if self.sums else []
+        return [f"double queue_{name}[{max(1, len(self.varying))}][{SIDE}];", *places, f"int waiting_{name} = 0;", *lanes]
+
+    def into_lanes(self, value: str) -> list[str]:
+        """Returns loops that add results of iterations side by side to the sums; `value` is one of them in C, {at} + k its place."""
+        places = [SIDE * self.run.results.index(str(v)) for _, v in self.sums]
+        return [f"for (int k = 0; k < {SIDE}; k++) lanes_{self.name}[{m}][k] += {value.format(at=at)};" for m, at in enumerate(places)]
+
+    def covered(self, lanes: str) -> list[str]:
+        """Returns lines that add the results of the straight line where they are right, in the first of some lanes."""
+        kept = f"for (int k = 0; k < {SIDE}; k++) kept[k] = fast[k] & (k < {lanes});"
+        return [f"int kept[{SIDE}];", kept, *self.into_lanes("kept[k] ? f[{at} + k] : 0.0")]
+
+    def closed(self) -> list[str]:
+        """Returns lines that add up the lanes."""
+        return [f"for (int k = 0; k < {SIDE}; k++) {total} += lanes_{self.name}[{m}][k];" for m, (total, _) in enumerate(self.sums)]
 
 
 def with_enclosing(body: Sequence[Step]) -> Iterator[tuple[Loop, tuple[Loop, ...]]]:

@@ -42,6 +42,12 @@ def power() -> tuple[teg.Expr, list[Param]]:
     return teg.integral(inside * (x * s**5 + y * s**-3), (x, 0, 1), (y, 0, 1)), [a, b, c, s]
 
 
+def borders() -> tuple[teg.Expr, list[Param]]:
+    """A derivative of a triangle's area: segments, and no branch that gives everything."""
+    e, wrt = triangle_pixel(0)
+    return teg.diff(e, wrt[0]), []
+
+
 SCENES: dict[str, tuple[teg.Expr, list[Param]]] = {
     "constant": triangle_pixel(0),
     "linear": triangle_pixel(1),
@@ -50,6 +56,7 @@ SCENES: dict[str, tuple[teg.Expr, list[Param]]] = {
     "wedges": two_wedges(),
     "powers": power(),
     "bilinear": bilinear_pixel(),
+    "borders": borders(),
 }
 
 
@@ -112,10 +119,12 @@ def test_the_straight_line_is_the_program_where_points_are_fast(name: str) -> No
     live, fast = decided(found, program, columns)
     assert (live & ~fast).sum() > 40
     assert found.live is True or (~live).sum() > 40
-    assert found.fast is not False
-    assert fast.sum() > 40
+    assert (found.fast is False) == (name == "borders")
+    assert name in ("borders", "wedges") or fast.sum() > 40  # no branch gives everything there
     expected = compile_numpy(program)(columns, 4000)
     assert not expected[:, ~live].any()
+    if found.fast is False:
+        return
     with np.errstate(all="ignore"):  # where it is not to be taken it may be anything
         line = compile_numpy(Program(program.parameters, tuple(plain(found.straight)), found.outputs))(columns, 4000)
     np.testing.assert_allclose(line[:, fast], expected[:, fast], rtol=1e-12, atol=1e-12)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -91,3 +91,21 @@ def test_a_picture_has_a_queue_for_each_face() -> None:
     text = print_arrays(program)
     assert "queue_" in text
     assert text.count("crossed_") == 3  # the function, and its calls where the queue is full and where the face ends
+
+
+def test_outputs_that_chunks_write_apart_have_no_copies() -> None:
+    """Each iteration of the outermost loop adds to its own row of S, and all of them to all rows of L."""
+    apart = teg.sum(scale[j] * teg.sum(pixel(), (i, 0, 11)), (j, 0, teg.length(scale, 0)))
+    for wrt, number in (([scale], 0), ([scale, lines], 0), ([lines], 0)):
+        source = print_arrays(cast(ArrayProgram, teg.compile(apart, wrt, backend="numpy").program(1)))
+        assert source.count("copies + (c - 1) * size") == number
+    k = teg.index("k")
+    shared = teg.sum(lines[k, 0] * scale[j], (k, 0, teg.length(lines, 0)), (j, 0, teg.length(scale, 0)))
+    source = print_arrays(cast(ArrayProgram, teg.compile(shared, [lines, scale], backend="numpy").program(1)))
+    assert source.count("copies + (c - 1) * size") == 1
+    given = rows()
+    once, twice = (teg.compile(shared, [lines, scale], backend="c", threads=n).value_and_grad(given)[1] for n in (1, 2))
+    for name in ("L", "S"):
+        np.testing.assert_array_equal(once[name], twice[name])
+    np.testing.assert_allclose(once["S"], np.full(9, given["L"][:, 0].sum()), rtol=1e-14)
+    np.testing.assert_allclose(once["L"][:, 0], np.full(9, given["S"].sum()), rtol=1e-14)
