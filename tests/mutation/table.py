@@ -195,7 +195,7 @@ MUTANTS: tuple[Mutant, ...] = (
         (SMALL, NUMPY, "tests/backends/numpy/test_kernel.py"),
         ("ties of the second order", "xp.where(order > 0, resolution, xp.logical_not(resolution))", "resolution"),
         ("infinite values tie", "(xp.abs(g) <= TIE_EPS * scale) & xp.isfinite(g)", "(xp.abs(g) <= TIE_EPS * scale)"),
-        ("error of Gauss's rule", "error = 4.0 * tail * powi(", "error = 0.0 * tail * powi("),
+        ("error of Gauss's rule", "0.0, 4.0 * tail * decay)", "0.0, 0.0 * tail * decay)"),
         ("negative powers", "return 1.0 / powi(xp, x, -n)", "return powi(xp, x, -n)"),
     ),
     *_of(
@@ -224,10 +224,10 @@ MUTANTS: tuple[Mutant, ...] = (
         ("mean of two orders", "row[j] = 0.5 * (row[j] + other[j]);", "row[j] = other[j];"),
         (
             "points that are not live",
-            'f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = 0.0;", "continue;"',
-            'f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = 1.0;", "continue;"',
+            'f"for (int j = 0; j < {self.outputs}; j++) f[{self.apart} * j + k] = 0.0;", "continue;"',
+            'f"for (int j = 0; j < {self.outputs}; j++) f[{self.apart} * j + k] = 1.0;", "continue;"',
         ),
-        ("points left over", "at + (k < few ? k : few - 1)", "at + (k < few ? k : 0) * 0"),
+        ("points left over", "(k < few ? k : few - 1)", "(k < few ? 0 : 0)"),
         ("simple strides", "simple &= stride[i] == 0 || stride[i] == 1;", "simple &= 1;"),
     ),
     *_of(
