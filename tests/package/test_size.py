@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -92,6 +93,7 @@ def functions(node: ast.AST, prefix: str = "", in_class: bool = False) -> Iterat
                 yield from functions(child, prefix, in_class)
 
 
+@cache
 def all_functions() -> dict[str, tuple[int, int]]:
     """Lines and parameters of every function, by file and name."""
     sizes = {}
