@@ -82,3 +82,10 @@ def x64() -> Iterator[None]:
     jax.config.update("jax_enable_x64", True)
     yield
     jax.config.update("jax_enable_x64", before)
+
+
+@pytest.fixture
+def x64_for_jax(request: pytest.FixtureRequest) -> None:
+    """The fixture `x64` in tests whose name says that JAX is the backend."""
+    if "jax" in request.node.name:
+        request.getfixturevalue("x64")

@@ -8,6 +8,7 @@ for blocks of points:  for SIDE points:  inputs -> (decision, straight line) -> 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from teg.backends.c.frame import Routine
 from teg.backends.c.lanes import SIDE, Straight
@@ -101,84 +102,175 @@ def _inputs(inputs: int, real: str, straight: Straight | None) -> tuple[list[str
     return once, here, where(side_by_side, "(first + waits[g])", waiting)
 
 
+@dataclass(frozen=True)
+class _Batch:
+    """The loop over a batch: every point runs the routine `element`, but for those that the functions `straight` compute."""
+
+    program: Program
+    element: Routine
+    real: str
+    straight: Straight | None
+
+    @property
+    def inputs(self) -> int:
+        return len(self.program.parameters)
+
+    @property
+    def outputs(self) -> int:
+        return len(self.program.outputs)
+
+    @property
+    def apart(self) -> int:
+        """How far apart the outputs of a point are: as many points are written together."""
+        return together(self.program)
+
+    @property
+    def ties(self) -> bool:
+        return has_ties(self.program.body)
+
+    @property
+    def crossed(self) -> str | None:
+        """The function of points that surfaces cross."""
+        return self.straight.crossed if self.straight else None
+
+    @property
+    def has_base(self) -> bool:
+        """Whether inputs may be read where the caller has them."""
+        return self.real == "double"
+
+    def room(self) -> list[str]:
+        """Returns lines that allocate a thread's memory: the workspace of the element, copies of inputs, and outputs."""
+        space, outputs = self.element.workspace, self.outputs
+        rows = self.apart + 1 + self.ties + (SIDE if self.crossed else 0)
+        base = f", **const base = in + {self.inputs}" if self.has_base else ""
+        return [
+            f"double *const w = malloc({space + SIDE * self.inputs + rows * outputs + 1} * sizeof *w);",
+            f"double *const columns = w + {space}, *const results = columns + {SIDE * self.inputs};",
+            f"double *const row = results + {self.apart * outputs}{f', *const other = row + {outputs}' if self.ties else ''};",
+            *([f"double *const across = row + {(1 + self.ties) * outputs};"] if self.crossed else []),
+            f"const double **const in = malloc({2 * self.inputs + 1} * sizeof *in){base};",
+        ]
+
+    def decided(self) -> list[str]:
+        """Returns lines that decide which of SIDE points are `live` or `fast`, and write the outputs of the fast ones to `f`."""
+        straight = self.straight
+        if not straight:
+            return []
+        given = ", ".join([*(f"in[{i}]" for i in straight.decided_by), "live", "fast"])
+        zero = f"if (!some) for (int j = 0; j < {self.outputs}; j++) teg_fill(f + {self.apart} * j, {SIDE}, 0.0);"
+        used = ", ".join([*(f"in[{i}]" for i in straight.used), "f"])
+        return [
+            "if ((stopped = teg_stopped(&pace))) break;",
+            "if (notes) for (long k = 0; k < few; k++) notes[at + k] = 0;",
+            f"int live[{SIDE}], fast[{SIDE}];",
+            f"const int some = {straight.decision}({given});",
+            *([f"if (some & 2) {straight.line}({used});", f"else {zero}"] if straight.line else [zero]),
+        ]
+
+    def alone(self) -> list[str]:
+        """Returns lines that compute the outputs of point k by the element, and write them to `row`."""
+        element, ties = self.element, self.ties
+        values = [] if element.indirect else [f"in[{i}][k]" for i in range(self.inputs)]
+        given = [*values, "to" if ties else "row", *["w"] * (element.workspace > 0), *["&ctx"] * element.context]
+        call = f"element({', '.join(given)});"
+        return [
+            "if ((stopped = teg_stopped(&pace))) break;",
+            *([f"for (int j = 0; j < {self.inputs}; j++) w[j] = in[j][k];"] if element.indirect else []),
+            *(["teg_context ctx = {+1, 0, 0, 0, 0, 0, &pace};"] if element.context else []),
+            *(_in_both_orders(call, self.outputs) if ties else [call]),
+        ]
+
+    @property
+    def note(self) -> str:
+        """What is told of a point that the element computed."""
+        return "8 * ctx.evaluations + 4 * ctx.crowded + 2 * ctx.missed + ctx.tied" if self.element.context else "0"
+
+    def each(self) -> list[str]:
+        """Returns lines for each of SIDE points: its outputs, or its place in the queue of those that surfaces cross."""
+        passed = [
+            "if (fast[k]) continue;",
+            "if (!live[k]) {",
+            *indent(f"for (int j = 0; j < {self.outputs}; j++) f[{self.apart} * j + k] = 0.0;", "continue;"),
+            "}",
+        ]
+        if self.crossed:
+            return [*passed, "waits[waiting++] = (int)(g + k);"]
+        return [
+            *(passed if self.straight else []),
+            *self.alone(),
+            f"for (int j = 0; j < {self.outputs}; j++) f[{self.apart} * j + k] = row[j];",
+            f"if (notes) notes[at + k] = {self.note};",
+        ]
+
+    def queue(self, gathered: list[str]) -> list[str]:
+        """Returns lines for the points of a block that wait: SIDE at a time where surfaces cross them, the others one by one."""
+        straight = self.straight
+        if not straight or not straight.crossed:
+            return []
+        given = ", ".join([*(f"in[{i}]" for i in straight.crossed_by), "across", "good"])
+        to = f"for (int j = 0; j < {self.outputs}; j++) f[{self.apart} * j]"
+        return [
+            f"for (int g = 0; g < waiting && !stopped; g += {SIDE}) {{",
+            *indent(
+                f"const int few = waiting - g < {SIDE} ? waiting - g : {SIDE};",
+                f"double good[{SIDE}];",
+                *gathered,
+                f"{straight.crossed}({given});",
+                "for (int k = 0; k < few; k++) {",
+                *indent(
+                    "double *const f = results + waits[g + k];",
+                    "if (good[k] != 0.0) {",
+                    *indent(f"{to} = across[{SIDE} * j + k];", "continue;"),
+                    "}",
+                    *self.alone(),
+                    f"{to} = row[j];",
+                    f"if (notes) notes[first + waits[g + k]] = {self.note};",
+                ),
+                "}",
+            ),
+            "}",
+        ]
+
+    def blocks(self, here: list[str], gathered: list[str]) -> list[str]:
+        """Returns the loop over the blocks of a thread; `here` and `gathered` are lines that make the inputs of SIDE points."""
+        cast = "" if self.real == "double" else f"({self.real})"
+        written = f"out[j][first + k] = {cast}results[{self.apart} * j + k];"
+        return [
+            "for (long first = 0; first < n; first += together) {",
+            *indent(
+                "const long count = n - first < together ? n - first : together;",
+                f"int stopped = 0{f', waiting = 0, waits[{self.apart}]' if self.crossed else ''};",
+                "if (!w || !in) {",
+                *indent("failed = 1;", "continue;"),
+                "}",
+                f"for (long g = 0; g < count && !stopped; g += {SIDE}) {{",
+                *indent(
+                    f"const long at = first + g, few = count - g < {SIDE} ? count - g : {SIDE};",
+                    "double *const f = results + g;",
+                    *here,
+                    *self.decided(),
+                    f"for (long k = 0; {'some && ' if self.straight else ''}k < few; k++) {{",
+                    *indent(*self.each()),
+                    "}",
+                ),
+                "}",
+                *self.queue(gathered),
+                "if (stopped) continue;",
+                f"for (int j = 0; j < {self.outputs}; j++) for (long k = 0; k < count; k++) {written}",
+            ),
+            "}",
+        ]
+
+
 def batch_loop(program: Program, name: str, element: Routine, real: str, straight: Straight | None) -> Iterator[str]:
     """Yields the exported functions: every point by itself; where ties were met, the mean of the two orders. A call that is `watched` is
     stopped between points, and in integrals that may take long. The thread that called keeps asking while it waits for the others.
 
     Outputs are kept for a block of points and written together, some lines of the cache for each: those of one point may all lie in places
     that the cache cannot hold at once. In a block SIDE points at a time are looked at by the functions `straight`."""
-    inputs, outputs, apart = len(program.parameters), len(program.outputs), together(program)
-    values = [f"in[{i}][k]" for i in range(inputs)]
-    space, ties, context = element.workspace, has_ties(program.body), element.context
-    arrays = [
-        f"double *const columns = w + {space}, *const results = columns + {SIDE * inputs};",
-        f"double *const row = results + {apart * outputs}{f', *const other = row + {outputs}' if ties else ''};",
-        *([f"double *const across = row + {(1 + ties) * outputs};"] if straight and straight.crossed else []),
-    ]
-    run = [*([] if element.indirect else values), "to" if ties else "row", *["w"] * (space > 0), *["&ctx"] * context]
-    call = f"element({', '.join(run)});"
-    gather = f"for (int j = 0; j < {inputs}; j++) w[j] = in[j][k];"
-    note = "8 * ctx.evaluations + 4 * ctx.crowded + 2 * ctx.missed + ctx.tied"
-    cast = "" if real == "double" else f"({real})"
-    decided: list[str] = []
-    if straight:
-        given = [f"in[{i}]" for i in straight.decided_by]
-        decided = [
-            f"int live[{SIDE}], fast[{SIDE}];",
-            f"const int some = {straight.decision}({', '.join([*given, 'live', 'fast'])});",
-        ]
-        zero = f"for (int j = 0; j < {outputs}; j++) teg_fill(f + {apart} * j, {SIDE}, 0.0);"
-        if straight.line:
-            given = [f"in[{i}]" for i in straight.used]
-            decided.append(f"if (some & 2) {straight.line}({', '.join([*given, 'f'])});")
-        decided.append(f"{'else ' if straight.line else ''}if (!some) {zero}")
-    crossed = straight.crossed if straight else None
-    rows = apart + 1 + ties + (SIDE if crossed else 0)
-    passed = [
-        "if (fast[k]) continue;",
-        "if (!live[k]) {",
-        *indent(f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = 0.0;", "continue;"),
-        "}",
-        *(["waits[waiting++] = (int)(g + k);"] if crossed else []),
-    ]
-    alone = [
-        "if ((stopped = teg_stopped(&pace))) break;",
-        *([gather] if element.indirect else []),
-        *(["teg_context ctx = {+1, 0, 0, 0, 0, 0, &pace};"] if context else []),
-        *(_in_both_orders(call, outputs) if ties else [call]),
-    ]
-    told = note if context else "0"
-    each = [
-        *(passed if straight else []),
-        *([] if crossed else [*alone, f"for (int j = 0; j < {outputs}; j++) f[{apart} * j + k] = row[j];"]),
-        *([] if crossed else [f"if (notes) notes[at + k] = {told};"]),
-    ]
-    written = f"out[j][first + k] = {cast}results[{apart} * j + k];"
-    once, here, gathered = _inputs(inputs, real, straight)
-    queue: list[str] = []
-    if straight and crossed:
-        given = [f"in[{i}]" for i in straight.crossed_by]
-        queue = [
-            f"for (int g = 0; g < waiting && !stopped; g += {SIDE}) {{",
-            *indent(
-                f"const int few = waiting - g < {SIDE} ? waiting - g : {SIDE};",
-                f"double good[{SIDE}];",
-                *gathered,
-                f"{crossed}({', '.join([*given, 'across', 'good'])});",
-                "for (int k = 0; k < few; k++) {",
-                *indent(
-                    "double *const f = results + waits[g + k];",
-                    "if (good[k] != 0.0) {",
-                    *indent(f"for (int j = 0; j < {outputs}; j++) f[{apart} * j] = across[{SIDE} * j + k];", "continue;"),
-                    "}",
-                    *alone,
-                    f"for (int j = 0; j < {outputs}; j++) f[{apart} * j] = row[j];",
-                    f"if (notes) notes[first + waits[g + k]] = {told};",
-                ),
-                "}",
-            ),
-            "}",
-        ]
+    batch = _Batch(program, element, real, straight)
+    apart = batch.apart
+    once, here, gathered = _inputs(batch.inputs, real, straight)
     yield from (
         *exported(name, real)[0],
         "{",
@@ -193,16 +285,7 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
         "#ifdef _OPENMP",
         "#pragma omp parallel num_threads(team) if (team > 1)",
         "#endif",
-        *indent(
-            "{",
-            *indent(
-                f"double *const w = malloc({space + SIDE * inputs + rows * outputs + 1} * sizeof *w);",
-                *arrays,
-                f"const double **const in = malloc({2 * inputs + 1} * sizeof *in){', **const base = in + ' + str(inputs) if once else ''};",
-                *once,
-                "teg_pace pace = {&watch, 0, 16};",
-            ),
-        ),
+        *indent("{", *indent(*batch.room(), *once, "teg_pace pace = {&watch, 0, 16};")),
         "#ifdef _OPENMP",
         "#pragma omp atomic",
         *indent(*indent("working++;")),
@@ -213,44 +296,11 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
         "#ifdef _OPENMP",
         "#pragma omp for schedule(dynamic, share) nowait",
         "#endif",
-        *indent(
-            *indent(
-                "for (long first = 0; first < n; first += together) {",
-                *indent(
-                    "const long count = n - first < together ? n - first : together;",
-                    f"int stopped = 0{f', waiting = 0, waits[{apart}]' if crossed else ''};",
-                    "if (!w || !in) {",
-                    *indent("failed = 1;", "continue;"),
-                    "}",
-                    f"for (long g = 0; g < count && !stopped; g += {SIDE}) {{",
-                    *indent(
-                        f"const long at = first + g, few = count - g < {SIDE} ? count - g : {SIDE};",
-                        "double *const f = results + g;",
-                        *here,
-                        *(["if ((stopped = teg_stopped(&pace))) break;"] if straight else []),
-                        *(["if (notes) for (long k = 0; k < few; k++) notes[at + k] = 0;"] if straight else []),
-                        *decided,
-                        f"for (long k = 0; {'some && ' if straight else ''}k < few; k++) {{",
-                        *indent(*each),
-                        "}",
-                    ),
-                    "}",
-                    *queue,
-                    "if (stopped) continue;",
-                    f"for (int j = 0; j < {outputs}; j++) for (long k = 0; k < count; k++) {written}",
-                ),
-                "}",
-                "free(w);",
-                "free(in);",
-            ),
-        ),
+        *indent(*indent(*batch.blocks(here, gathered), "free(w);", "free(in);")),
         "#ifdef _OPENMP",
         *indent(*indent("teg_wait(&pace, &working);")),
         "#endif",
-        *indent(
-            "}",
-            "return failed ? 1 : watch.stopped ? 2 : 0;",
-        ),
+        *indent("}", "return failed ? 1 : watch.stopped ? 2 : 0;"),
         "}",
         "",
         *unwatched(name, real),

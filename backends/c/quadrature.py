@@ -117,71 +117,32 @@ def adaptive_piece(
 ) -> list[str]:
     """Add the adaptive rule over (p, q) to `sum`, from the left; `waiting` is a stack of intervals.
 
-    `block` writes the values at x to `f`, then the watched signs. Where there are any, k runs over the ends of the
-    interval (-2, -1) before the nodes, and stops where a sign changed and the interval will be halved anyway. `bent`: places are
-    those of the substitution `way`, which may be that of a singular end if there are `ends`; `noted`: the block may note ties and missed
-    tolerances, which at the ends do not count.
+    `block` writes the values at x to `f`, then the watched signs. If there are any, k runs over the ends of the interval (-2, -1) before
+    the nodes, and stops where a sign changed and the interval will be halved anyway. `bent`: places are those of the substitution `way`,
+    which may be that of a singular end if there are `ends`; `noted`: the block may note ties and missed tolerances (not at the ends).
     """
-    place = ["const double slope = half * (q - p);", "x = p + (q - p) * u;"]
-    if bent:
-        place = ["double slope;", "x = teg_place(&way, u, &slope);", "slope *= half;"]
-    elif rule.cubic:
-        place = ["const double slope = half * (q - p) * (6.0 * u * (1.0 - u));", "x = p + (q - p) * (u * u * (3.0 - 2.0 * u));"]
-    if watched and not bent:
-        place.append("x = teg_within(p, q, x);")
-    powers = [str(decay_power(n)) for n in (rule.first, rule.order)]
-    if ends:
-        powers = [f"(way.kind == TEG_POWER ? 0 : {power})" for power in powers]
+    place = _place_in_interval(rule, bent, watched)
     whole = "whole" if guard is None else "above + here.depth * " + str(tested)
-    good = f"teg_assess({tested}, measured, {whole}, {literal(rule.tol)}, {powers[1]})"
-    choose = [f"const int nodes = {rule.order};", f"const teg_node *const table = teg_nodes_{rule.order};"]
-    node, first = "table[k].node", "0"
-    before: list[str] = []
-    after: list[str] = []
-    if watched:
-        node, first = f"(k < 0 ? 2 * k + 3 : {node})", "-2"
-        before = ["const int fine = here.to - here.from <= TEG_WATCH_WIDTH;", f"int changed = 0, seen[{watched}] = {{0}};"]
-        after = [
-            f"for (int j = 0; j < {watched}; j++) changed |= (seen[j] |= (f[{count} + j] > 0.0) + 2 * (f[{count} + j] < 0.0)) == 3;",
-            *(["if (k < 0) ctx->tied = tied, ctx->missed = missed;"] if noted else []),
-            "if (changed && !fine && !last && used > 1) break;",
-            "if (k < 0) continue;",
-        ]
-        good = f"(changed ? fine : {good})"
-    else:
-        power = f"used == 1 ? {powers[0]} : {powers[1]}"
-        good = f"teg_assess({tested}, measured, {whole}, {literal(rule.tol)}, {power})"
-        choose = [
-            f"const int nodes = used == 1 ? {rule.first} : {rule.order};",
-            f"const teg_node *const table = used == 1 ? teg_nodes_{rule.first} : teg_nodes_{rule.order};",
-        ]
-    again = [
-        "waiting[n++] = (teg_interval){middle, here.to, here.depth + 1};",
-        "waiting[n++] = (teg_interval){here.from, middle, here.depth + 1};",
-    ]
-    if not watched:
-        again = ["if (used == 1) {", *indent("waiting[n++] = here;", "continue;"), "}", *again]
-    diverges = f"isfinite(measured[8 * j + 1]) && measured[8 * j + 7] > TEG_DIVERGENT * {'whole[j]' if guard is None else f'({whole})[j]'}"
-    if watched:
-        diverges = f"!changed && {diverges}"
+    table, good = _assessed(rule, tested, watched, whole, ends)
+    before, after = _watched_signs(count, watched, noted)
+    node = "(k < 0 ? 2 * k + 3 : table[k].node)" if watched else "table[k].node"
     return [
         *(["const double rounding = teg_rounding(p, q);"] if estimated else []),
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
         "waiting[0] = (teg_interval){0.0, 1.0, 0};",
-        f"teg_fill(spent, {tested}, 0.0);",
-        f"teg_fill(whole, {tested}, 0.0);",
+        *(f"teg_fill({sums}, {tested}, 0.0);" for sums in ("spent", "whole")),
         "for (int n = 1, used = 1; n > 0; used++) {",
         *indent(
             "const teg_interval here = waiting[--n];",
             "const double middle = 0.5 * (here.from + here.to), half = 0.5 * (here.to - here.from);",
             "const int deep = here.depth >= TEG_MAX_DEPTH || used >= TEG_MAX_INTERVALS;",
             "const int last = deep || ctx->work > TEG_MAX_EVALUATIONS;",
-            *choose,
+            *table,
             "ctx->work += nodes;",
             *([f"ctx->evaluations += nodes + {2 * (watched > 0)};"] if counted else []),
             *_cleared(count, tested),
             *before,
-            f"for (int k = {first}; k < nodes; k++) {{",
+            f"for (int k = {-2 if watched else 0}; k < nodes; k++) {{",
             *indent(
                 f"const double u = middle + half * {node};",
                 *place,
@@ -193,34 +154,94 @@ def adaptive_piece(
                 *_added(count, tested),
             ),
             "}",
-            *(
-                [f"if (used == 1) {_each(tested, 'whole[j] = measured[8 * j + 7];')}", f"const int good = {good};"]
-                if guard is None
-                else [
-                    f"teg_largest({tested}, measured, whole, above, here.depth, used);",
-                    f"int good = {good};",
-                    f"if (good && {'!changed && ' if watched else ''}teg_settled({tested}, measured)) {{",
-                    *indent(*_searched(guard, place, tested, whole, literal(rule.tol))),
-                    "}",
-                ]
-            ),
-            "if (!good && !last) {",
-            *indent(*again, "continue;"),
-            "}",
-            "if (!good) {",
-            *indent(
-                "ctx->missed = 1;",
-                "if (here.depth >= TEG_DEEP) {",
-                *indent(_each(tested, f"if ({diverges}) measured[8 * j] = copysign(INFINITY, measured[8 * j]);")),
-                "}",
-            ),
-            "}",
-            ("if (!changed) " if watched else "") + _each(tested, "spent[j] += measured[8 * j + 1];"),
-            _each(tested, "if (isinf(measured[8 * j])) ctx->missed = 1;"),
+            *_judged(tested, watched, good, None if guard is None else _searched(guard, place, tested, whole, literal(rule.tol))),
+            *_halved_or_accepted(tested, watched, "whole[j]" if guard is None else f"({whole})[j]"),
             *_taken(count, tested, estimated),
         ),
         "}",
         f"if (teg_overspent({tested}, spent, whole, {literal(rule.tol)})) ctx->missed = 1;",
+    ]
+
+
+def _place_in_interval(rule: Adaptive, bent: bool, watched: int) -> list[str]:
+    """Returns lines that set x at the place u of (0, 1), and `slope`, by which the weights of the nodes are multiplied."""
+    if bent:
+        return ["double slope;", "x = teg_place(&way, u, &slope);", "slope *= half;"]
+    place = ["const double slope = half * (q - p);", "x = p + (q - p) * u;"]
+    if rule.cubic:
+        place = ["const double slope = half * (q - p) * (6.0 * u * (1.0 - u));", "x = p + (q - p) * (u * u * (3.0 - 2.0 * u));"]
+    return [*place, "x = teg_within(p, q, x);"] if watched else place
+
+
+def _assessed(rule: Adaptive, tested: int, watched: int, whole: str, ends: bool) -> tuple[list[str], str]:
+    """Returns lines that choose the table of nodes, and the condition under which the measurements are good enough.
+
+    The first look has a rule of its own, unless signs are watched.
+    """
+    first, power = (f"(way.kind == TEG_POWER ? 0 : {n})" if ends else str(n) for n in map(decay_power, (rule.first, rule.order)))
+    if watched:
+        table = [f"const int nodes = {rule.order};", f"const teg_node *const table = teg_nodes_{rule.order};"]
+        return table, f"(changed ? fine : teg_assess({tested}, measured, {whole}, {literal(rule.tol)}, {power}))"
+    table = [
+        f"const int nodes = used == 1 ? {rule.first} : {rule.order};",
+        f"const teg_node *const table = used == 1 ? teg_nodes_{rule.first} : teg_nodes_{rule.order};",
+    ]
+    return table, f"teg_assess({tested}, measured, {whole}, {literal(rule.tol)}, used == 1 ? {first} : {power})"
+
+
+def _watched_signs(count: int, watched: int, noted: bool) -> tuple[list[str], list[str]]:
+    """Returns lines before the nodes of an interval and behind the values at a node: they note whether a watched sign has `changed`."""
+    if not watched:
+        return [], []
+    before = ["const int fine = here.to - here.from <= TEG_WATCH_WIDTH;", f"int changed = 0, seen[{watched}] = {{0}};"]
+    return before, [
+        f"for (int j = 0; j < {watched}; j++) changed |= (seen[j] |= (f[{count} + j] > 0.0) + 2 * (f[{count} + j] < 0.0)) == 3;",
+        *(["if (k < 0) ctx->tied = tied, ctx->missed = missed;"] if noted else []),
+        "if (changed && !fine && !last && used > 1) break;",
+        "if (k < 0) continue;",
+    ]
+
+
+def _judged(tested: int, watched: int, good: str, searched: Sequence[str] | None) -> list[str]:
+    """Returns lines that set `good`; `searched` are those that look between the nodes, of an integral with a guard."""
+    if searched is None:
+        return [f"if (used == 1) {_each(tested, 'whole[j] = measured[8 * j + 7];')}", f"const int good = {good};"]
+    return [
+        f"teg_largest({tested}, measured, whole, above, here.depth, used);",
+        f"int good = {good};",
+        f"if (good && {'!changed && ' if watched else ''}teg_settled({tested}, measured)) {{",
+        *indent(*searched),
+        "}",
+    ]
+
+
+def _halved_or_accepted(tested: int, watched: int, whole: str) -> list[str]:
+    """Returns lines that put both halves of an interval that is not good on the stack, or note what is missed if it is the last one.
+
+    The first look at a piece, which has fewer nodes, is followed by another one at all of it, unless signs are watched.
+    """
+    again = [] if watched else ["if (used == 1) {", *indent("waiting[n++] = here;", "continue;"), "}"]
+    unchanged = "!changed && " if watched else ""
+    diverges = f"{unchanged}isfinite(measured[8 * j + 1]) && measured[8 * j + 7] > TEG_DIVERGENT * {whole}"
+    return [
+        "if (!good && !last) {",
+        *indent(
+            *again,
+            "waiting[n++] = (teg_interval){middle, here.to, here.depth + 1};",
+            "waiting[n++] = (teg_interval){here.from, middle, here.depth + 1};",
+            "continue;",
+        ),
+        "}",
+        "if (!good) {",
+        *indent(
+            "ctx->missed = 1;",
+            "if (here.depth >= TEG_DEEP) {",
+            *indent(_each(tested, f"if ({diverges}) measured[8 * j] = copysign(INFINITY, measured[8 * j]);")),
+            "}",
+        ),
+        "}",
+        ("if (!changed) " if watched else "") + _each(tested, "spent[j] += measured[8 * j + 1];"),
+        _each(tested, "if (isinf(measured[8 * j])) ctx->missed = 1;"),
     ]
 
 

@@ -136,7 +136,7 @@ def _search(active: Scalar, p: Scalar, q: Scalar, enclosure: Block, point: Block
         values, note = vector(point(v))
         turning, box = _judged(at, m, v, bounds, values)
         advanced = _advanced(at, m, values, box, room)
-        done, newton = _turning(at, m, values)
+        done, newton = _turning(at, values)
         phase = jnp.where(at.phase == TURNING, jnp.where(done, TURNED, TURNING), jnp.where(turning, TURNING, MIDDLE))
         at = at._replace(note=at.note | note_box | note)
         advances = ((at.phase == MIDDLE) & ~turning) | turned
@@ -175,8 +175,8 @@ def _search(active: Scalar, p: Scalar, q: Scalar, enclosure: Block, point: Block
     return lax.while_loop(lambda at: at.start < END, step, beginning)
 
 
-def _turning(at: _Search, m: Scalar, values: Any) -> tuple[Scalar, _Newton]:
-    """Newton's method for the place where g turns, in the box with middle m: whether it is at its end, and its next step or its first."""
+def _turning(at: _Search, values: Any) -> tuple[Scalar, _Newton]:
+    """Newton's method for the place where g turns, in its box: whether it is at its end, and its next step or its first."""
     stepped = at.newton.stepped(values[1], values[2], at.signs_q[1] > 0)
     first = _Newton.between(at.p, at.q, jnp.bool_(False))
     newton = _Newton(*(jnp.where(at.phase == TURNING, a, b) for a, b in zip(stepped, first, strict=True)))

@@ -22,7 +22,7 @@ class RationalIntegral(Integral):
     nodes: int = 1
     power: int = 1
 
-    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Bend], scale: Value, cubic: bool = False) -> Substitution:
+    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Bend], scale: Value) -> Substitution:
         return Integral._places(self, p, q, base, (), scale)
 
     def _rule(self, run: Run, places: Substitution, bends: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:

@@ -238,8 +238,13 @@ class Integral:
         bends = [(kind, *coefficients[3 * i : 3 * i + 3], active[i]) for i, kind in enumerate(self.bends)]
         return scatter(self._rule(run, self._places(p, q, base, bends, scale), (base, bends), values), lane, lanes)
 
-    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Bend], scale: Value, cubic: bool = False) -> Substitution:
-        return substitution(NUMPY, p, q, base, bends, cubic, not np.isfinite(q - p).all(), scale)
+    @property
+    def is_cubic(self) -> bool:
+        """Whether pieces without a bend have the substitution with flat ends."""
+        return False
+
+    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Bend], scale: Value) -> Substitution:
+        return substitution(NUMPY, p, q, base, bends, self.is_cubic, not np.isfinite(q - p).all(), scale)
 
     def _rule(self, run: Run, places: Substitution, bends: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
         """Returns the integrals over the pieces, and the estimates of their errors, (results, pieces)."""
@@ -340,8 +345,9 @@ class AdaptiveIntegral(Integral):
     watched: int = 0
     guard: Guard | None = None
 
-    def _places(self, p: Array, q: Array, base: Value, bends: Sequence[Bend], scale: Value, cubic: bool = False) -> Substitution:
-        return Integral._places(self, p, q, base, bends, scale, self.cubic)
+    @property
+    def is_cubic(self) -> bool:
+        return self.cubic
 
     def _rule(self, run: Run, places: Substitution, _: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
         pieces = places.p.size

@@ -17,7 +17,7 @@ def erf(arrays: Arrays, x: Any) -> Any:
     xp = arrays.xp
     x, size, shape = _flat(xp, x)
     near = size <= 1.0
-    (values,) = arrays.choose(near, lambda u: (_near(xp, u),), (x,), (x,))
+    (values,) = arrays.choose(near, lambda u: (_near(u),), (x,), (x,))
     (values,) = arrays.choose(~near, lambda u, v: (xp.copysign(1.0 - _far(xp, v), u),), (x, size), (values,))
     return xp.reshape(values, shape)[()]
 
@@ -27,7 +27,7 @@ def erfc(arrays: Arrays, x: Any) -> Any:
     xp = arrays.xp
     x, size, shape = _flat(xp, x)
     near = (x < 0.5) & (x > -1.0)
-    (values,) = arrays.choose(near, lambda u: (1.0 - _near(xp, u),), (x,), (x,))
+    (values,) = arrays.choose(near, lambda u: (1.0 - _near(u),), (x,), (x,))
     (values,) = arrays.choose(~near, lambda u, v: _either_side(xp, u, v), (x, size), (values,))
     return xp.reshape(values, shape)[()]
 
@@ -44,7 +44,7 @@ def _either_side(xp: Any, x: Any, size: Any) -> Values:
     return (xp.where(x < 0.0, 2.0 - tail, tail),)
 
 
-def _near(xp: Any, x: Any) -> Any:
+def _near(x: Any) -> Any:
     """Returns erf(x), |x| <= 1."""
     return x * _polynomial(NEAR, x * x)
 

@@ -67,7 +67,7 @@ def dblquad(problem: Problem, parameters: Mapping[str, float], tol: float, most:
 
     f, scalar = _callback(problem, parameters, most)
     limits = [Integrand(problem, parameters).limits(i) for i in range(problem.dimension)]
-    with _integration_warnings() as said:
+    with collected_warnings(integrate.IntegrationWarning, others_shown=False) as said:
         if problem.dimension == 1:
             value, error = integrate.quad(scalar, limits[0][0](), limits[0][1](), epsabs=tol, epsrel=tol)[:2]
         else:
@@ -92,7 +92,7 @@ def split(problem: Problem, parameters: Mapping[str, float], tol: float, most: f
         ends = pieces(known.inner(y, **parameters))
         return float(sum(integrate.quad(scalar, a, b, args=(y,), epsabs=tol, epsrel=tol)[0] for a, b in ends))
 
-    with _integration_warnings() as said:
+    with collected_warnings(integrate.IntegrationWarning, others_shown=False) as said:
         found = [integrate.quad(line, a, b, epsabs=tol, epsrel=tol)[:2] for a, b in pieces(known.outer(**parameters))]
     if f.is_stopped:
         raise TooManyEvaluationsError
@@ -119,15 +119,17 @@ def _has_compiler() -> bool:
 
 
 @contextmanager
-def _integration_warnings() -> Iterator[list[str]]:
-    """Collects the warnings of SciPy's integrators."""
-    from scipy import integrate
-
+def collected_warnings(category: type[Warning], others_shown: bool = True) -> Iterator[list[str]]:
+    """Collects the first lines of the warnings of a category, when the block has ended; others are shown as usual, or dropped."""
     said: list[str] = []
     with warnings.catch_warnings(record=True) as recorded:
         warnings.simplefilter("always")
         yield said
-    said += [str(w.message) for w in recorded if issubclass(w.category, integrate.IntegrationWarning)]
+    for w in recorded:
+        if issubclass(w.category, category):
+            said += str(w.message).strip().splitlines()[:1]
+        elif others_shown:
+            warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)
 
 
 def cubature(problem: Problem, parameters: Mapping[str, float], tol: float, most: float = math.inf) -> Outcome:

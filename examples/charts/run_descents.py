@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from teg.evaluator.options import Backend
 from teg.examples.charts import tables
+from teg.examples.charts.chart_run import ChartRun, Options
 from teg.examples.charts.descents import METHODS, PROBLEMS, SECONDS, Descent, descend, shown, task_of, true_picture
-from teg.examples.charts.run import _stored
-from teg.examples.harness import machine, progress_bar, require_packages, result_folder, versions, write_report
-from teg.examples.options import default_backend
+from teg.examples.harness import require_packages
 
 PACKAGES = {"matplotlib": "matplotlib>=3.8", "skimage": "scikit-image", "PIL": "pillow"}
 QUICK_SECONDS, QUICK_METHODS = 0.05, ("exact", "edge-mc", "ignore")
@@ -22,46 +21,26 @@ NEAR = 1.1
 """The table says when a loss came within this factor of the best end of all."""
 
 
-def run_descents(
-    out: str | Path = "out/charts",
-    page: str | Path | None = None,
-    quick: bool = False,
-    fresh: bool = False,
-    backend: Backend | None = None,
-    progress: bool = True,
-) -> dict[str, Any]:
+def run_descents(out: str | Path = "out/charts", page: str | Path | None = None, **options: Unpack[Options]) -> dict[str, Any]:
     """Descents with each estimator for the same time: descents.json and two pictures in `out`, a table in `page`.
 
     The options are those of `teg.examples.charts.run.run_integration`.
     """
-    require_packages("chart of descents", PACKAGES, progress, extra="all")
-    folder, chosen = result_folder(Path(out)), backend or default_backend()
-    tables.read_page(page)  # an error before the work, not after it
-    store = folder / "descents.json"
-    settings = {"quick": quick, "backend": chosen}
-    rows: dict[str, Any] = {} if fresh else dict(_stored(store, "descents", settings))
-    problems = PROBLEMS[1:2] if quick else PROBLEMS
-    wanted = [(p, m) for p in problems for m in (QUICK_METHODS if quick else METHODS) if f"{p} | {m}" not in rows]
-    interrupted = False
-
-    def report() -> dict[str, Any]:
-        return {"settings": settings, "interrupted": interrupted, "descents": rows, "versions": versions(), "machine": machine()}
-
-    try:
-        with progress_bar(progress, len(wanted), 0, "descend") as bar:
-            for problem, method in wanted:
-                rows[f"{problem} | {method}"] = data_of(descend(problem, method, chosen, QUICK_SECONDS if quick else SECONDS))
-                write_report(store, report())
-                if bar is not None:
-                    bar.update()
-    except KeyboardInterrupt:
-        interrupted = True
+    require_packages("chart of descents", PACKAGES, options.get("progress", True), extra="all")
+    run = ChartRun("descents", out, page, options)
+    rows: dict[str, Any] = dict(run.stored("descents"))
+    problems = PROBLEMS[1:2] if run.quick else PROBLEMS
+    wanted = [(p, m) for p in problems for m in (QUICK_METHODS if run.quick else METHODS) if f"{p} | {m}" not in rows]
+    with run.interruptible(), run.bar(len(wanted), "descend") as bar:
+        for problem, method in wanted:
+            rows[f"{problem} | {method}"] = data_of(descend(problem, method, run.backend, QUICK_SECONDS if run.quick else SECONDS))
+            run.save(descents=rows)
+            if bar is not None:
+                bar.update()
     descents = [descent_of(row) for row in rows.values()]
-    pictures = draw_all(folder, descents, chosen) if descents else []
-    if page is not None:
-        tables.write_page(page, tables.read_page(page), "descents", descent_table(descents))
-    write_report(store, report())
-    return report() | {"pictures": [str(p) for p in pictures], "summary": summary(descents)}
+    pictures = draw_all(run.folder, descents, run.backend) if descents else []
+    run.write_table(descent_table(descents))
+    return run.save(descents=rows) | {"pictures": [str(p) for p in pictures], "summary": summary(descents)}
 
 
 def data_of(descent: Descent) -> dict[str, Any]:

@@ -5,65 +5,45 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
-from teg.evaluator.options import Backend
 from teg.examples.charts import estimators, tables
+from teg.examples.charts.chart_run import ChartRun, Options
 from teg.examples.charts.estimators import SWEEPS, Point
-from teg.examples.charts.run import _in_parallel, _stored
+from teg.examples.charts.processes import in_parallel
 from teg.examples.charts.scenes import SCENES, gradient_of
-from teg.examples.harness import machine, progress_bar, require_packages, result_folder, versions, write_report
-from teg.examples.options import default_backend
+from teg.examples.harness import require_packages
 
 PACKAGES = {"matplotlib": "matplotlib>=3.8", "mpmath": "mpmath>=1.3"}
 GOALS = (1e-1, 1e-2, 1e-3)
 
 
-def run_estimators(
-    out: str | Path = "out/charts",
-    page: str | Path | None = None,
-    quick: bool = False,
-    fresh: bool = False,
-    backend: Backend | None = None,
-    progress: bool = True,
-) -> dict[str, Any]:
+def run_estimators(out: str | Path = "out/charts", page: str | Path | None = None, **options: Unpack[Options]) -> dict[str, Any]:
     """Error of the gradient against time and evaluations for all estimators: estimators.json and two pictures in `out`, tables in `page`.
 
     The options are those of `teg.examples.charts.run.run_integration`.
     """
-    require_packages("chart", PACKAGES, progress, extra="chart")
+    require_packages("chart", PACKAGES, options.get("progress", True), extra="chart")
     from teg.examples.charts import draw_estimators
 
-    folder, chosen = result_folder(Path(out)), backend or default_backend()
-    tables.read_page(page)  # an error before the work, not after it
-    store = folder / "estimators.json"
-    settings = {"quick": quick, "backend": chosen}
-    rows: list[dict[str, Any]] = [] if fresh else list(_stored(store, "points", settings))
+    run = ChartRun("estimators", out, page, options)
+    rows: list[dict[str, Any]] = list(run.stored("points"))
     done = {f"{p['scene']} | {p['method']}" for p in rows}
-    missing = [t for t in estimators.tasks(quick) if t.key not in done]
-    interrupted = False
-
-    def report() -> dict[str, Any]:
-        return {"settings": settings, "interrupted": interrupted, "points": rows, "versions": versions(), "machine": machine()}
-
-    try:
-        if chosen == "c":
-            _in_parallel(partial(estimators.prepare, backend=chosen), missing, progress, "compile")
+    missing = [t for t in estimators.tasks(run.quick) if t.key not in done]
+    with run.interruptible():
+        if run.backend == "c":
+            in_parallel(partial(estimators.prepare, backend=run.backend), missing, run.progress, "compile")
         exact = {name: gradient_of(name) for name in dict.fromkeys(t.scene for t in missing)}
-        with progress_bar(progress, len(missing), 0, "measure") as bar:
+        with run.bar(len(missing), "measure") as bar:
             for task in missing:
-                rows += [p.data() for p in estimators.measure(task, exact[task.scene], chosen)]
-                write_report(store, report())
+                rows += [p.data() for p in estimators.measure(task, exact[task.scene], run.backend)]
+                run.save(points=rows)
                 if bar is not None:
                     bar.update()
-    except KeyboardInterrupt:
-        interrupted = True
     points = [point_of(row) for row in rows]
-    pictures = draw_estimators.draw_all(folder, points) if points else []
-    if page is not None:
-        tables.write_page(page, tables.read_page(page), "estimators", estimator_tables(points))
-    write_report(store, report())
-    return report() | {"pictures": [str(p) for p in pictures], "summary": summary(points)}
+    pictures = draw_estimators.draw_all(run.folder, points) if points else []
+    run.write_table(estimator_tables(points))
+    return run.save(points=rows) | {"pictures": [str(p) for p in pictures], "summary": summary(points)}
 
 
 def point_of(row: dict[str, Any]) -> Point:

@@ -9,14 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from teg.errors import InputError
 from teg.evaluator.options import Backend
 from teg.examples.charts import stability_report, tables
-from teg.examples.charts.run import _results, _stored
+from teg.examples.charts.chart_run import ChartRun, Options
+from teg.examples.charts.processes import results
 from teg.examples.charts.stability_report import COLUMNS, SCORES, Answer, counts, shares
-from teg.examples.harness import machine, require_packages, result_folder, versions, write_report
+from teg.examples.harness import require_packages
 from teg.examples.options import default_backend
 
 PACKAGES = {"matplotlib": "matplotlib>=3.8", "mpmath": "mpmath>=1.3"}
@@ -26,43 +27,24 @@ COLOURS = {
 }  # fmt: skip
 
 
-def run_report(
-    out: str | Path = "out/report",
-    page: str | Path | None = None,
-    quick: bool = False,
-    fresh: bool = False,
-    backend: Backend | None = None,
-    progress: bool = True,
-) -> dict[str, Any]:
+def run_report(out: str | Path = "out/report", page: str | Path | None = None, **options: Unpack[Options]) -> dict[str, Any]:
     """Every difficult case by every estimator: report.json and heat-map.png in `out`, tables in `page`.
 
     `quick` judges one case of each class. The other options are those of `teg.examples.charts.run.run_integration`.
     """
-    require_packages("stability report", PACKAGES, progress, extra="chart")
-    folder, chosen = result_folder(Path(out)), backend or default_backend()
-    tables.read_page(page)  # an error before the work, not after it
-    store = folder / "report.json"
-    settings = {"quick": quick, "backend": chosen}
-    answers: dict[str, dict[str, Answer]] = {} if fresh else dict(_stored(store, "answers", settings))
-    names = [group[0].name for group in stability_report.CLASSES.values()] if quick else list(stability_report.cases())
-    interrupted = False
-
-    def report() -> dict[str, Any]:
-        found = {"answers": answers, "counts": counts(answers), "versions": versions(), "machine": machine()}
-        return {"settings": settings, "interrupted": interrupted} | found
-
-    try:
-        for name, found in _results(partial(_judge, backend=chosen), [n for n in names if n not in answers], progress, "cases"):
-            answers[name] = found
-            write_report(store, report())
-    except KeyboardInterrupt:
-        interrupted = True
+    require_packages("stability report", PACKAGES, options.get("progress", True), extra="chart")
+    run = ChartRun("report", out, page, options)
+    answers: dict[str, dict[str, Answer]] = dict(run.stored("answers"))
+    names = [group[0].name for group in stability_report.CLASSES.values()] if run.quick else list(stability_report.cases())
+    missing = [n for n in names if n not in answers]
+    with run.interruptible():
+        for name, answer in results(partial(_judge, backend=run.backend), missing, run.progress, "cases"):
+            answers[name] = answer
+            run.save(answers=answers, counts=counts(answers))
     if answers:
-        draw_heat_map(folder / "heat-map.png", answers)
-    if page is not None:
-        tables.write_page(page, tables.read_page(page), "report", report_tables(answers), "teg report stability")
-    write_report(store, report())
-    return report() | {"summary": summary(answers)}
+        draw_heat_map(run.folder / "heat-map.png", answers)
+    run.write_table(report_tables(answers), "teg report stability")
+    return run.save(answers=answers, counts=counts(answers)) | {"summary": summary(answers)}
 
 
 def run_case(name: str, backend: Backend | None = None) -> str:

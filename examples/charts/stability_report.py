@@ -21,17 +21,18 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import teg
+from teg import AccuracyWarning
 from teg.errors import TegError
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend
 from teg.examples.charts.case import Case
 from teg.examples.charts.families_of_cases import FAMILIES
 from teg.examples.charts.families_of_shapes import SHAPES
-from teg.examples.charts.peers import gradient_error
+from teg.examples.charts.peers import collected_warnings, gradient_error
 from teg.examples.charts.problem import expression
 from teg.examples.charts.references import Reference, case_reference, read
 from teg.examples.charts.stability import GROUPS
-from teg.examples.charts.verdicts import ADMITTED, IMPRECISE, RIGHT, _own_warnings, peer_answers
+from teg.examples.charts.verdicts import ADMITTED, IMPRECISE, RIGHT, peer_answers
 
 CLASSES: dict[str, tuple[Case, ...]] = GROUPS | FAMILIES | SHAPES
 SCORES = ("right", "imprecise", "said in the call", "said by diagnose", "silently wrong", "crash", "too slow")
@@ -101,7 +102,7 @@ def answer(case: Case, exact: Reference, method: str, backend: Backend) -> Answe
     """Returns the score of one estimator for one case, the error of its gradient, and what it said."""
     values = case.problem.parameters
     try:
-        with warnings.catch_warnings(), _own_warnings() as said:
+        with warnings.catch_warnings(), collected_warnings(AccuracyWarning) as said:
             warnings.simplefilter("ignore", RuntimeWarning)
             e, parameters = expression(case.problem)
             f = teg.compile(e, parameters, backend=backend, **METHODS[method])

@@ -15,9 +15,7 @@ answer is 0, errors are relative to the case's scale. Where one-sided derivative
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from teg import AccuracyWarning
@@ -25,7 +23,7 @@ from teg.errors import TegError
 from teg.evaluator.options import Backend
 from teg.examples.charts.case import Case
 from teg.examples.charts.ours import compiled
-from teg.examples.charts.peers import PEERS, Outcome, best_step, differences, gradient_error, relative_error
+from teg.examples.charts.peers import PEERS, Outcome, best_step, collected_warnings, differences, gradient_error, relative_error
 from teg.examples.charts.problem import Problem, TooManyEvaluationsError
 from teg.examples.charts.references import Reference
 
@@ -90,12 +88,12 @@ def _ours(case: Case, exact: Reference, backend: Backend) -> dict[str, Answer]:
     parameters = case.problem.parameters
 
     def value() -> Answer:
-        with _own_warnings() as said:
+        with collected_warnings(AccuracyWarning) as said:
             number = float(compiled(case.problem, "auto", TOL, backend)(**parameters))
         return _answer(relative_error(number, exact.value, case.scale), "; ".join(said), bool(said))
 
     def gradient() -> Answer:
-        with _own_warnings() as said:
+        with collected_warnings(AccuracyWarning) as said:
             f = compiled(case.problem, "auto", TOL, backend)
             slopes = f.grad(**parameters)
         return _answer(gradient_error(slopes, exact.gradient, case.scale), "; ".join(said), bool(said))
@@ -103,22 +101,8 @@ def _ours(case: Case, exact: Reference, backend: Backend) -> dict[str, Answer]:
     return {"value": _guarded(value), "gradient": _guarded(gradient)}
 
 
-@contextmanager
-def _own_warnings() -> Iterator[list[str]]:
-    """Collects this package's own warnings; others are shown as usual."""
-    said: list[str] = []
-    with warnings.catch_warnings(record=True) as recorded:
-        warnings.simplefilter("always")
-        yield said
-    for w in recorded:
-        if issubclass(w.category, AccuracyWarning):
-            said += [str(w.message).splitlines()[0]]
-        else:
-            warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)
-
-
 def _plain(case: Case, exact: Reference, backend: Backend) -> Answer:
-    with _own_warnings() as said:
+    with collected_warnings(AccuracyWarning) as said:
         slopes = compiled(case.problem, "auto", TOL, backend, "ignore").grad(**case.problem.parameters)
     return _answer(gradient_error(slopes, exact.gradient, case.scale), "; ".join(said), bool(said))
 
@@ -129,7 +113,7 @@ def _differences_of_ours(case: Case, exact: Reference, backend: Backend) -> Answ
     def method(problem: Problem, parameters: Mapping[str, float], setting: float, most: float) -> Outcome:
         return Outcome(float(f(**parameters)))
 
-    with _own_warnings() as said:
+    with collected_warnings(AccuracyWarning) as said:
         error = relative_error(method(case.problem, case.problem.parameters, TOL, math.inf).value, exact.value, case.scale)
         outcomes = differences(method, case.problem, TOL, best_step(DIFFERENCED, TOL, error))[0]
     error = gradient_error({k: o.value for k, o in outcomes.items()}, exact.gradient, case.scale)
@@ -164,4 +148,4 @@ def _admits(outcome: Outcome, exact: float) -> bool:
 
 def _note(outcome: Outcome) -> str:
     estimate = "" if math.isnan(outcome.error) else f"own estimate of the error {outcome.error:.1e}"
-    return "; ".join(filter(None, [outcome.warning.strip().splitlines()[0] if outcome.warning else "", estimate]))
+    return "; ".join(filter(None, [outcome.warning, estimate]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import cast
 
 from teg.errors import NotDifferentiableError
@@ -137,32 +137,40 @@ def slope(e: Expr, by: Var | Param) -> Expr:
 def _slope(node: Expr, by: Var | Param, tangent: Mapping[Expr, Expr]) -> Expr:
     if node is by:
         return ONE
+    chained = by_chain_rule(node, tangent)
+    if chained is None and node.has_integral and isinstance(by, Var):
+        raise NotDifferentiableError("the slope of a surface that holds an integral over the same variable is not known", node)
+    return ZERO if chained is None else chained
+
+
+def by_chain_rule(node: Expr, tangent: Mapping[Expr, Expr]) -> Expr | None:
+    """Returns the tangent of a sum, a product, a power, a function or a `where`, from those of its operands; None for other nodes.
+
+    Conditions are constant.
+    """
     match node:
         case Add():
             return add(*(tangent[c] for c in node.children))
         case Mul():
             if all(tangent[c] is ZERO for c in node.children):
                 return ZERO
-            return add(
-                *(
-                    mul(tangent[c], cofactor)
-                    for c, cofactor in zip(node.children, factor_cofactors(node), strict=True)
-                    if tangent[c] is not ZERO
-                )
-            )
+            return _along(tangent, node.children, factor_cofactors(node))
         case Pow():
             t = tangent[node.base]
             return ZERO if t is ZERO else mul(const(node.exponent), t, integer_power(node.base, node.exponent - 1))
         case Call():
             if all(tangent[c] is ZERO for c in node.children):
                 return ZERO
-            return add(*(mul(tangent[c], p) for c, p in zip(node.children, partials(node), strict=True) if tangent[c] is not ZERO))
+            return _along(tangent, node.children, partials(node))
         case Where():
             return where(node.condition, tangent[node.then], tangent[node.otherwise])
-        case _ if node.has_integral and isinstance(by, Var):
-            raise NotDifferentiableError("the slope of a surface that holds an integral over the same variable is not known", node)
         case _:
-            return ZERO
+            return None
+
+
+def _along(tangent: Mapping[Expr, Expr], operands: Sequence[Expr], slopes: Sequence[Expr]) -> Expr:
+    """Returns Σ slope · tangent over the operands that move."""
+    return add(*(mul(tangent[c], p) for c, p in zip(operands, slopes, strict=True) if tangent[c] is not ZERO))
 
 
 def _value_nodes(node: Node) -> tuple[Node, ...]:

@@ -82,10 +82,6 @@ class ZeroSet:
     def __init__(self, g: Expr) -> None:
         self._points = _points_on(peeled(g, partial=True))
 
-    def is_known(self) -> bool:
-        """Returns whether any point was found."""
-        return bool(self._points)
-
     def annuls(self, e: Expr) -> bool:
         """Returns whether e is 0 at all of the points. A wrong yes has probability below 1e-100."""
         return bool(self._points) and all(point.value(e) == 0 for point in self._points)

@@ -18,6 +18,7 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.intervals import Enclosure
 from teg.analysis.polynomial import Shadow
+from teg.analysis.roots import outermost
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, add, call, const, mul, sub
 from teg.ir.node import Node, postorder
@@ -296,7 +297,7 @@ def max_roots(g: Expr, x: Var, limit: int = MAX_ROOTS) -> int:
 
 
 def _of_smooth(g: Expr, x: Var) -> int | None:
-    exponentials = [n for n in _outermost(g, x) if isinstance(n, Call) and n.name == "exp" and Shadow((x,)).degree(n.children[0]) == 1]
+    exponentials = [n for n in _functions(g, x) if isinstance(n, Call) and n.name == "exp" and Shadow((x,)).degree(n.children[0]) == 1]
     weights: list[Var] = []
     e = g
     for node in exponentials:
@@ -312,20 +313,6 @@ def _of_smooth(g: Expr, x: Var) -> int | None:
     return max(1, sum(d + 1 for d in degrees.values()) - 1)
 
 
-def _outermost(g: Expr, x: Var) -> list[Expr]:
+def _functions(g: Expr, x: Var) -> list[Expr]:
     """Returns the outermost functions that depend on x."""
-    functions: dict[Expr, None] = {}
-    stack: list[Expr] = [g]
-    seen: set[Expr] = set()
-    while stack:
-        e = stack.pop()
-        if e in seen or x not in e.free:
-            continue
-        seen.add(e)
-        if isinstance(e, Call) and e.name != "magnitude":
-            functions[e] = None
-        elif isinstance(e, Where):
-            stack += [e.then, e.otherwise]
-        elif isinstance(e, Add | Mul | Pow | Call):
-            stack.extend(cast("tuple[Expr, ...]", e.children))
-    return list(functions)
+    return outermost(g, x, lambda e: isinstance(e, Call) and e.name != "magnitude")

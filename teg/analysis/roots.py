@@ -247,9 +247,9 @@ def _rationalised(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | No
 # -- f(u) = c ------------------------------------------------------------------------------------------------------------
 
 
-def _functions(g: Expr, x: Var) -> list[Call | Pow]:
-    """Returns the outermost functions and higher powers that depend on x."""
-    functions: dict[Call | Pow, None] = {}
+def outermost(g: Expr, x: Var, is_wanted: Callable[[Expr], bool]) -> list[Expr]:
+    """Returns the outermost wanted nodes that depend on x, below sums, products, powers, functions and branches that are not wanted."""
+    wanted: dict[Expr, None] = {}
     stack: list[Expr] = [g]
     seen: set[Expr] = set()
     while stack:
@@ -257,13 +257,19 @@ def _functions(g: Expr, x: Var) -> list[Call | Pow]:
         if e in seen or x not in e.free:
             continue
         seen.add(e)
-        if isinstance(e, Call) or (isinstance(e, Pow) and not 0 < e.exponent <= 2):
-            functions[e] = None
+        if is_wanted(e):
+            wanted[e] = None
         elif isinstance(e, Where):
             stack += [e.then, e.otherwise]
-        elif isinstance(e, Add | Mul | Pow):
+        elif isinstance(e, Add | Mul | Pow | Call):
             stack.extend(cast("tuple[Expr, ...]", e.children))
-    return list(functions)
+    return list(wanted)
+
+
+def _functions(g: Expr, x: Var) -> list[Call | Pow]:
+    """Returns the outermost functions and higher powers that depend on x."""
+    functions = outermost(g, x, lambda e: isinstance(e, Call) or (isinstance(e, Pow) and not 0 < e.exponent <= 2))
+    return cast("list[Call | Pow]", functions)
 
 
 def _inverted(g: Expr, x: Var, lo: Expr, hi: Expr, depth: int) -> Roots | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 from teg.analysis.bodies import write_all_out
 from teg.errors import ArrayIndexError, EstimatorError, ParameterError
@@ -23,7 +23,6 @@ from teg.passes.differentiate.through_sums import outlined
 from teg.passes.normalise.sums import NeedsLengths
 
 Parameter = Param | Array
-Made = TypeVar("Made")
 KEPT = 16
 """The number of programs kept for different shapes, integer parameters and index arrays, if these make a difference."""
 

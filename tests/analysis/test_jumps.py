@@ -30,6 +30,7 @@ OTHER = teg.bracket(x < a)
         (STEP * OTHER, OTHER),
         (teg.where(x < t, a, b), a - b),
         (teg.where(x < t, a, b) * x, (a - b) * x),
+        (teg.where(b > 0, x, a * STEP), teg.where(b > 0, ZERO, a)),
         (teg.bracket((x < t) & (x < a)), OTHER),
         (teg.bracket(~(x < t)), const(-1)),
         (teg.integral(STEP * y, (y, 0, 1)), teg.integral(y, (y, 0, 1))),
@@ -54,6 +55,7 @@ def values(e: teg.Expr, at: dict[teg.Expr, float]) -> float:
     "e",
     [
         (STEP - OTHER) ** 3,
+        teg.where(x < t, a, b) * (STEP + 2),
         STEP * OTHER * (STEP + x) * teg.exp(STEP * t),
         teg.where((x < t) & (x < a), x * STEP, teg.where(x < t, OTHER, t)) * (2 - STEP),
         teg.where((x < t) | ~(x < a), STEP * a, b / (1 + STEP)),

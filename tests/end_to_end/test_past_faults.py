@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import mpmath
 import numpy as np
 import pytest
 
 import teg
+
+pytestmark = pytest.mark.usefixtures("x64_for_jax")
 
 B, INT = teg.bracket, teg.integral
 x, y, z, s = teg.vars("x y z s")
@@ -62,19 +64,6 @@ CASES: dict[str, tuple[Callable[[], teg.Expr], dict[str, float], dict[str, float
         {"r": 0.0, "t": 0.0},
     ),
 }
-
-
-@pytest.fixture(autouse=True)
-def x64(request: pytest.FixtureRequest) -> Iterator[None]:
-    """JAX in 64-bit mode where it is the backend."""
-    if "jax" not in request.node.name:
-        yield
-        return
-    jax = pytest.importorskip("jax")
-    before = jax.config.jax_enable_x64
-    jax.config.update("jax_enable_x64", True)
-    yield
-    jax.config.update("jax_enable_x64", before)
 
 
 @pytest.mark.parametrize("backend", ["numpy", "c"])

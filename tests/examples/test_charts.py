@@ -22,7 +22,7 @@ pytest.importorskip("mpmath")
 
 import mpmath
 
-from teg.examples.charts import decomposition, draw, measure, run, tables, verdicts
+from teg.examples.charts import decomposition, draw, measure, processes, run, tables, verdicts
 from teg.examples.charts.case import Case, case
 from teg.examples.charts.ours import compiled
 from teg.examples.charts.peers import PEERS, best_step, differences, gradient_error, relative_error
@@ -227,7 +227,7 @@ def test_plain_automatic_differentiation_loses_the_jump() -> None:
 
 @pytest.fixture
 def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run.os, "cpu_count", lambda: 1)
+    monkeypatch.setattr(processes.os, "cpu_count", lambda: 1)
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,8 @@ import pytest
 import teg
 from teg import bracket, integral, params
 from teg.errors import ArrayIndexError, ParameterError
+
+pytestmark = pytest.mark.usefixtures("x64_for_jax")
 
 (x,) = teg.vars("x")
 t, n = params("t n")
@@ -29,19 +31,6 @@ TOO_LARGE: dict[str, tuple[Callable[[], teg.Expr], dict[str, Any]]] = {
     "a range": (lambda: teg.sum(V[k % 3], (k, 4 * F[0], 4 * F[0] + 1)), {"F": np.array([HUGE, 0])}),
     "its length": (lambda: teg.sum(V[k % 3], (k, F[1], F[0])), {"F": np.array([HUGE * 2 - 1, -(2**63)])}),
 }
-
-
-@pytest.fixture(autouse=True)
-def x64(request: pytest.FixtureRequest) -> Iterator[None]:
-    """JAX in 64-bit mode where it is the backend."""
-    if "jax" not in request.node.name:
-        yield
-        return
-    jax = pytest.importorskip("jax")
-    before = jax.config.jax_enable_x64
-    jax.config.update("jax_enable_x64", True)
-    yield
-    jax.config.update("jax_enable_x64", before)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -26,7 +26,7 @@ import math
 from collections.abc import Container, Mapping
 from typing import Any, cast
 
-from teg.analysis.calculus import factor_cofactors, partials, slope
+from teg.analysis.calculus import by_chain_rule, slope
 from teg.analysis.coincidence import ZeroSet, peeled
 from teg.analysis.jumps import surface_terms
 from teg.analysis.nest import Binder, Chain, nest
@@ -179,22 +179,6 @@ def _tangent(node: Expr, direction: Direction, tangent: dict[Expr, Expr]) -> Exp
             return direction.get(node, ZERO)
         case Const():
             return ZERO
-        case Add():
-            return add(*(tangent[c] for c in node.children))
-        case Mul():
-            moving = [c for c in node.children if tangent[c] is not ZERO]
-            if not moving:
-                return ZERO
-            return add(*(mul(tangent[c], cofactor) for c, cofactor in zip(node.children, factor_cofactors(node), strict=True)))
-        case Pow():
-            t = tangent[node.base]
-            return ZERO if t is ZERO else mul(const(node.exponent), t, integer_power(node.base, node.exponent - 1))
-        case Call():
-            if all(tangent[c] is ZERO for c in node.children):
-                return ZERO
-            return add(*(mul(tangent[c], p) for c, p in zip(node.children, partials(node), strict=True) if tangent[c] is not ZERO))
-        case Where():
-            return where(node.condition, tangent[node.then], tangent[node.otherwise])
         case Tuple():
             return ex.tuple_of(*(tangent[c] for c in node.children))
         case Integral():
@@ -203,8 +187,9 @@ def _tangent(node: Expr, direction: Direction, tangent: dict[Expr, Expr]) -> Exp
             raise DeltaError(
                 "a delta outside of the integrals over its variables cannot be differentiated", node, "use teg.eliminate first"
             )
-        case _:
-            raise AssertionError(f"unknown node {type(node).__name__}")
+    chained = by_chain_rule(node, tangent)
+    assert chained is not None, f"unknown node {type(node).__name__}"
+    return chained
 
 
 def _integral(node: Integral, tangent: dict[Expr, Expr]) -> Expr:

@@ -246,8 +246,8 @@ class _ArrayScheduler:
     def _known(self, node: Node, levels: Sequence[_Level]) -> Arg | None:
         return next((at.names[node] for at in levels if node in at.names), None)
 
-    def _home(self, node: Node, level: _Level, opened: frozenset[IndexVar]) -> _Level:
-        """Returns the outermost level where the indices of a node exist."""
+    def _home(self, level: _Level, opened: frozenset[IndexVar]) -> _Level:
+        """Returns the outermost level where all `opened` indices exist."""
         at = level
         while at.outer is not None and at.index not in opened:
             at = at.outer
@@ -262,7 +262,7 @@ class _ArrayScheduler:
             opened[node] = frozenset((node,)) if isinstance(node, IndexVar) else frozenset().union(*(opened[c] for c in node.children))
             if isinstance(node, IndexConst) or self._known(node, levels) is not None:
                 continue
-            home = self._home(node, level, opened[node])
+            home = self._home(level, opened[node])
             args = tuple(self._integer_name(c, levels) for c in node.children)
             name = self._fresh("i", home)
             match node:

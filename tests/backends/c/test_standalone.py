@@ -15,23 +15,27 @@ import teg
 from teg.__main__ import main
 from teg.backends.c.build import load_library
 from teg.backends.c.kernel import compile_c, print_kernel
-from teg.backends.c.standalone import standalone_c
+from teg.backends.c.loops import print_arrays
+from teg.backends.c.standalone import ROUTINES, standalone_c
 from teg.errors import OptionError
 from teg.program import Adaptive
+from tests.backends.c.test_frame import SCENES, program_of
 from tests.backends.c_checks import STRICT, _compile, in_c, standalone_files_work
 from tests.backends.programs import TWO_VARIABLES, integrate, let, program
+from tests.bench.scenes import picture
 
 pytestmark = in_c
 SOURCE = """
 import teg
 x, y = teg.vars("x y")
-t, a, b = teg.params("t a b")
+t, a, b = teg.params("bound tilt rate")
 affine = teg.integral(teg.bracket(x + a*y < t) * (1 + b*x*y), (x, 0, 1), (y, 0, 1))
 disk = teg.integral(teg.bracket((x - a)**2 + y*y < t) * teg.exp(b*x), (x, -1, 1), (y, -1, 1))
 both = teg.tuple(affine, teg.tuple(t*a, disk))
 constant = teg.integral(x*x, (x, 0, 3))
 """
-AT = {"t": [0.5, 0.7, 1.1], "a": [0.3, 0.3, 0.3], "b": [1.0, -2.0, 0.25]}
+AT = {"bound": [0.5, 0.7, 1.1], "tilt": [0.3, 0.3, 0.3], "rate": [1.0, -2.0, 0.25]}
+"""In the order in which they are created: no other module has these names."""
 
 
 def flat(values: object) -> list[float]:
@@ -88,18 +92,18 @@ def source(tmp_path: Path) -> Path:
 def test_what_the_command_line_writes(source: Path, which: str, order: int, capsys: pytest.CaptureFixture[str]) -> None:
     """Value, gradient and Hessian in plain C99 with every warning an error, beside the evaluator's."""
     assert main(["compile", f"{source}:{which}", "--target", "c", "--derivatives", str(order), "-o", str(source.with_name("scene.c"))]) == 0
-    assert "scene(t, a, b)" in capsys.readouterr().out
+    assert "scene(bound, tilt, rate)" in capsys.readouterr().out
     found = run_main(source.parent, "scene")
     e = teg.__main__.load_expression(f"{source}:{which}")
     f = teg.compile(e)
     for k in range(3):
-        wanted = expected(f, order, {name: AT[name][k] for name in "tab"})
+        wanted = expected(f, order, {name: AT[name][k] for name in AT})
         np.testing.assert_allclose(found[:, k], wanted, rtol=1e-12, atol=1e-12)
     header = source.with_name("scene.h").read_text()
     listed = re.findall(r"out\[(\d+)\]  (.*)", header)
     assert [int(j) for j, _ in listed] == list(range(len(found)))
     assert [text for _, text in listed] == f.output_names(order)
-    assert re.findall(r"p\[(\d)\]  (.*)", header) == [("0", "t"), ("1", "a"), ("2", "b")]
+    assert re.findall(r"p\[(\d)\]  (.*)", header) == [("0", "bound"), ("1", "tilt"), ("2", "rate")]
 
 
 def test_output_names() -> None:
@@ -115,7 +119,7 @@ def test_single_precision(source: Path) -> None:
     found = run_main(source.parent, "disk", "float")
     f = teg.compile(teg.__main__.load_expression(f"{source}:disk"))
     for k in range(3):
-        wanted = expected(f, 1, {name: AT[name][k] for name in "tab"})
+        wanted = expected(f, 1, {name: AT[name][k] for name in AT})
         np.testing.assert_allclose(found[:, k], wanted, rtol=2e-6, atol=2e-6)
 
 
@@ -228,13 +232,24 @@ def test_notes_say_of_each_point_what_happened_there() -> None:
 
 
 NAMES = ["", "int", "class", "a-b", "1a", "a b", "teg_mod", "TEG_X", "element", "integral_1", "f(", "é", "_x", "sin", "sinf", "y0", "main",
-         "exit", "malloc", "a" * 60, "x;y", "decision_2", "straight_3", "branch_4"]  # fmt: skip
+         "exit", "malloc", "a" * 60, "x;y", "decision_2", "straight_3", "branch_4", "crossed_5", "rest_6"]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_standalone_names_must_be_usable(name: str) -> None:
     with pytest.raises(OptionError):
         standalone_c(TWO_VARIABLES[2].program, name)
+
+
+def test_names_of_routines_are_refused() -> None:
+    """Whatever the printers call a function or a table, the exported function cannot be called so."""
+    texts = [print_kernel(program_of(scene)) for scene in SCENES]
+    scene, wrt = picture()
+    texts.append(print_arrays(teg.compile(scene, wrt, backend="numpy").program(1)))  # type: ignore[arg-type]
+    names = {name for text in texts for name in re.findall(r"^(?:static|TEG_INLINE) [^(=\[]*?\b(\w+)(?=[(\[])", text, re.MULTILINE)}
+    own = {name for name in names if not name.startswith("teg_")}
+    assert {"integral", "polygon", "crossed", "rest"} <= {name.split("_")[0] for name in own}
+    assert not {name for name in own if ROUTINES.fullmatch(name) is None}
 
 
 @pytest.mark.parametrize("name", ["f", "n", "w", "y2", "area", "ends2", "a" * 51, "Sin", "p0"])

@@ -10,21 +10,12 @@ import pytest
 import teg
 from teg.passes.eliminate.bilinear import Bilinear, match_bilinear
 from teg.passes.eliminate.crossings import Curve, match_curve
+from tests.passes.eliminate.differences import second_differences
 
 x, y = teg.vars("x y")
 t, a, b, c, k, p, q = teg.params("t a b c k p q")
 SQUARE = ((x, -1, 1), (y, -1, 1))
 UNIT = ((x, 0, 1), (y, 0, 1))
-
-
-def second_differences(f: teg.Evaluator, at: dict[str, float], h: float = 1e-4) -> dict[tuple[str, str], float]:
-    """Central differences of order 4 of the gradient."""
-    found = {}
-    for i in at:
-        shifted = {s: f.grad({**at, i: at[i] + s * h}) for s in (-2, -1, 1, 2)}
-        for j in at:
-            found[i, j] = (8 * (shifted[1][j] - shifted[-1][j]) - (shifted[2][j] - shifted[-2][j])) / (12 * h)
-    return found
 
 
 def test_matches() -> None:

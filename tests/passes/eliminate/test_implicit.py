@@ -16,19 +16,11 @@ from teg.ir.integral import PointMasses
 from teg.ir.node import postorder
 from teg.passes.eliminate.implicit import Implicit, match_implicit
 from teg.passes.normalise.canonicalise import canonicalise
+from tests.passes.eliminate.differences import second_differences
 
 x, y, z = teg.vars("x y z")
 t, a, b, r = teg.params("t a b r")
 SQUARE = ((x, -1, 1), (y, -1, 1))
-
-
-def _differences(f: teg.Evaluator, at: dict[str, float], h: float = 1e-4) -> dict[tuple[str, str], float]:
-    found = {}
-    for i in at:
-        shifted = {s: f.grad({**at, i: at[i] + s * h}) for s in (-2, -1, 1, 2)}
-        for j in at:
-            found[i, j] = (8 * (shifted[1][j] - shifted[-1][j]) - (shifted[2][j] - shifted[-2][j])) / (12 * h)
-    return found
 
 
 # -- matching and counting -------------------------------------------------------------------------------------------------
@@ -105,7 +97,7 @@ def test_a_bracket_beside_a_root() -> None:
     hessian = f.hessian(at)
     assert hessian["a", "a"] == pytest.approx(math.exp(3.0), rel=1e-13)
     assert hessian["a", "t"] == hessian["t", "a"] == 0.0
-    assert hessian["t", "t"] == pytest.approx(_differences(f, at)["t", "t"], rel=1e-9)
+    assert hessian["t", "t"] == pytest.approx(second_differences(f, at)["t", "t"], rel=1e-9)
 
 
 # -- kinks -----------------------------------------------------------------------------------------------------------------
@@ -165,7 +157,7 @@ def test_second_derivatives_of_a_polygon_in_the_l1_norm() -> None:
     """The kinks of the surface are corners of the region, and move them."""
     f = teg.compile(POLYGON, tol=1e-12, backend="c")
     at = {"t": 0.8, "a": 0.1}
-    hessian, differences = f.hessian(at), _differences(f, at, 1e-3)
+    hessian, differences = f.hessian(at), second_differences(f, at, 1e-3)
     for pair, exact in differences.items():
         assert hessian[pair] == pytest.approx(exact, rel=1e-10, abs=1e-10)
 
@@ -189,7 +181,7 @@ def test_two_circles(backend: str) -> None:
     f = teg.compile(teg.integral(lens * (1 + y), *SQUARE), backend=backend)
     at = {"t": 0.4, "a": 0.5, "r": 0.45}
     hessian = f.hessian(at)
-    for pair, quotient in _differences(f, at).items():
+    for pair, quotient in second_differences(f, at).items():
         assert hessian[pair] == pytest.approx(quotient, rel=1e-7, abs=1e-8)
 
 
@@ -232,7 +224,7 @@ def test_implicit_curves(name: str) -> None:
     f = teg.compile(teg.integral(teg.bracket(condition) * teg.exp(a * x), (x, -side, side), (y, -side, side)), tol=1e-11)
     assert teg.check_gradient(f, at, tol=1e-6)
     hessian = f.hessian(at)
-    for pair, quotient in _differences(f, at).items():
+    for pair, quotient in second_differences(f, at).items():
         assert hessian[pair] == pytest.approx(quotient, rel=1e-6, abs=1e-7)
 
 
@@ -240,7 +232,7 @@ def test_a_curve_cut_by_a_line() -> None:
     f = teg.compile(teg.integral(teg.bracket(x**4 + y**4 < t) * teg.bracket(x < a * y) * teg.exp(x), *SQUARE))
     at = {"t": 0.3, "a": 0.3}
     hessian = f.hessian(at)
-    for pair, quotient in _differences(f, at).items():
+    for pair, quotient in second_differences(f, at).items():
         assert hessian[pair] == pytest.approx(quotient, rel=1e-8, abs=1e-9)
 
 
@@ -296,7 +288,7 @@ def test_a_curve_cut_by_a_circle(condition: teg.Cond) -> None:
     f = teg.compile(teg.integral(teg.bracket(condition), (x, -side, side), (y, -side, side)), tol=1e-12)
     at = {"t": 0.1, "a": 1.3}
     hessian = f.hessian(at)
-    for pair, quotient in _differences(f, at).items():
+    for pair, quotient in second_differences(f, at).items():
         assert hessian[pair] == pytest.approx(quotient, rel=1e-6, abs=1e-8)
 
 

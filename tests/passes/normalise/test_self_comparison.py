@@ -6,7 +6,7 @@ front, and differentiates by central differences.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import combinations, pairwise
 from typing import Any
 
@@ -20,6 +20,8 @@ from teg.ir.expr import Compare
 from teg.ir.node import postorder
 from teg.passes.normalise.self_comparison import without_self_comparisons
 
+pytestmark = pytest.mark.usefixtures("x64_for_jax")
+
 x, y = teg.vars("x y")
 L, H, Z, S, C = (teg.array(name, 1) for name in "LHZSC")
 V = teg.array("V", 2)
@@ -28,19 +30,6 @@ j, k = teg.index("j"), teg.index("k")
 COUNT = teg.length(L, 0)
 BACKENDS = ["numpy", "c", pytest.param("jax", marks=pytest.mark.slow)]
 Values = dict[str, np.ndarray]
-
-
-@pytest.fixture(autouse=True)
-def x64(request: pytest.FixtureRequest) -> Iterator[None]:
-    """JAX in 64-bit mode where it is the backend."""
-    if "jax" not in request.node.name:
-        yield
-        return
-    jax = pytest.importorskip("jax")
-    before = jax.config.jax_enable_x64
-    jax.config.update("jax_enable_x64", True)
-    yield
-    jax.config.update("jax_enable_x64", before)
 
 
 def inside(i: Any) -> teg.Cond:
