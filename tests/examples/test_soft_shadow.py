@@ -1,0 +1,76 @@
+"""Soft shadows: the share of a light that a receiver sees is that of an independent clipper, with derivatives by mesh, light and ground."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from teg.__main__ import main
+from teg.examples.soft_shadow.run import START, TRUE, Scene
+from teg.examples.soft_shadow.scene import POSE, placed
+from tests.examples.clipper import area, region, slope, within, without
+
+SIZE = 8
+Arrays = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene(SIZE, 60, "c", "LGPQ")
+
+
+def clipped_share(scene: Scene, arrays: Arrays, pose: dict[str, float], receiver: int) -> float:
+    """The share, as the area of the light without the projections of all triangles, whichever way they turn."""
+    origin, *axes = arrays["G"]
+    basis, normal = np.linalg.pinv(np.stack(axes, axis=1)), np.cross(*axes)
+    eye = arrays["Q"][receiver]
+    rays = np.stack(placed(arrays["P"].T, pose, np), axis=-1) - eye
+    stretch = (origin - eye) @ normal / (rays @ normal)
+    assert (stretch > 1).all()
+    places = (eye + stretch[:, None] * rays - origin) @ basis.T
+    seen = whole = [[(float(p), float(q)) for p, q in arrays["L"]]]
+    for face in scene.faces:
+        forms = region(places[face].tolist())
+        if len(within(whole[0], forms)) > 2:
+            seen = without(seen, forms)
+    return area(seen) / area(whole)
+
+
+@pytest.mark.parametrize("pose", [TRUE, START])
+def test_the_shadow_is_that_of_the_clipper(scene: Scene, pose: dict[str, float]) -> None:
+    expected = [clipped_share(scene, scene.arrays, pose, n) for n in range(SIZE * SIZE)]
+    assert min(expected) < 0.4
+    np.testing.assert_allclose(scene.picture(pose).ravel(), expected, atol=1e-12)
+
+
+def test_the_derivatives_are_those_of_the_clipper(scene: Scene) -> None:
+    receiver = int(np.argmin(abs(scene.picture(TRUE) - 0.5)))
+    target = scene.picture(TRUE)
+    target.ravel()[receiver] -= 0.5  # the loss is the square of 0.5, its derivative that of the share
+    _, slopes = scene.loss_and_slopes(TRUE, target)
+    rng = np.random.default_rng(0)
+    for name in POSE:
+        by_clipper = slope(lambda s, name=name: clipped_share(scene, scene.arrays, {**TRUE, name: TRUE[name] + s}, receiver), 1e-4)
+        assert float(slopes[name]) == pytest.approx(by_clipper, rel=1e-6, abs=1e-7)
+    for name in "LGPQ":
+        direction = rng.normal(size=scene.arrays[name].shape)
+        along = {s: {**scene.arrays, name: scene.arrays[name] + s * direction} for s in (1e-4, -1e-4, 2e-4, -2e-4)}
+        by_clipper = slope(lambda s, along=along: clipped_share(scene, along[s], TRUE, receiver), 1e-4)
+        assert float((slopes[name] * direction).sum()) == pytest.approx(by_clipper, rel=1e-6, abs=1e-7)
+
+
+def test_a_triangle_beyond_the_light_hides_nothing(scene: Scene) -> None:
+    assert scene.picture({**TRUE, "up": 6.0}).ravel() == pytest.approx(np.ones(SIZE * SIZE))
+
+
+@pytest.mark.slow
+def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["demo", "soft-shadow", "--size", "12", "--triangles", "60", "-o", str(tmp_path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for name in POSE:
+        (line,) = [text for text in lines if text.startswith(name)]
+        assert float(line.split("->")[1].split()[0]) == pytest.approx(TRUE[name], abs=1e-6)
+    assert (tmp_path / "shadow.png").stat().st_size > 5000
