@@ -16,7 +16,7 @@ import teg
 from teg.examples.blur.motion import TARGET, i, inside, j, x, y
 from teg.ir.expr import Expr
 
-CORNERS = np.array([[-1.2, -1.0, 2.0], [2.0, -0.6, 3.0], [0.2, 1.6, 4.0]])
+CORNERS = np.array([[-1.6, -1.4, 2.0], [2.4, -1.3, 3.0], [0.4, 3.2, 5.0]])
 LENS = ("focus", "radius")
 
 u = teg.var("u")

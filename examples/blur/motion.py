@@ -13,10 +13,10 @@ from typing import Any
 import teg
 from teg.ir.expr import Cond, Expr
 
-CORNERS = (-0.3, -0.25), (0.35, -0.15), (-0.1, 0.4)
-"""Around the centre of the triangle, to the left."""
+CORNERS = (-0.1, -0.35), (0.8, -0.15), (0.1, 0.55)
+"""Around the point that the triangle turns about; they turn to the left."""
 MOTION = ("right", "up", "across", "along", "spin")
-"""The centre at time 0, its velocity, and the velocity of the turn."""
+"""The point that the triangle turns about, at time 0, its velocity, and the velocity of the turn."""
 
 x, y, t = teg.vars("x y t")
 TARGET = teg.array("T", 2)

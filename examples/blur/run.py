@@ -24,10 +24,10 @@ from teg.examples.replay import Keep, Replay, not_kept
 
 Array = npt.NDArray[np.float64]
 Numbers = dict[str, float]
-MOVED: Numbers = dict(zip(motion.MOTION, (-0.35, -0.2, 0.6, 0.3, 1.2), strict=True))
-MOVED_START: Numbers = dict(zip(motion.MOTION, (-0.2, -0.1, 0.3, 0.1, 0.6), strict=True))
-SEEN: Numbers = {"focus": 2.4, "radius": 0.6}
-SEEN_START: Numbers = {"focus": 3.0, "radius": 0.4}
+MOVED: Numbers = dict(zip(motion.MOTION, (-0.5, -0.35, 0.5, 0.25, 1.0), strict=True))
+MOVED_START: Numbers = dict(zip(motion.MOTION, (-0.35, -0.2, 0.3, 0.1, 0.6), strict=True))
+SEEN: Numbers = {"focus": 2.4, "radius": 0.9}
+SEEN_START: Numbers = {"focus": 3.0, "radius": 0.6}
 SLITS = 12
 
 
@@ -49,9 +49,10 @@ class Blur:
         value, slopes = self.evaluator.value_and_grad(T=picture, **self.given, **numbers)
         return float(value), slopes
 
-    def picture(self, numbers: Numbers) -> Array:
-        """Returns the pixels, as the derivative by those of a black picture."""
-        return np.asarray(-0.5 * self.loss_and_slopes(numbers, np.zeros((self.size, self.size)))[1]["T"])
+    def picture(self, numbers: Numbers, finer: int = 1) -> Array:
+        """Returns the pixels, `finer` times as many a side, as the derivative by those of a black picture."""
+        side = finer * self.size
+        return np.asarray(-0.5 * self.loss_and_slopes(numbers, np.zeros((side, side)))[1]["T"])
 
 
 def descend(demo: str, size: int, steps: int, backend: Backend = "c", keep: Keep = not_kept) -> Fit:
@@ -60,12 +61,11 @@ def descend(demo: str, size: int, steps: int, backend: Backend = "c", keep: Keep
     target = scene.picture(scene.true)
     found = fit(lambda numbers: scene.loss_and_slopes(numbers, target), scene.start, steps, keep)
     if demo == "motion-blur":
-        still, turn = {"across": 0.0, "along": 0.0}, {"spin": 0.0}
-        shown = {"it moves": scene.true | turn, "it turns": scene.true | still | {"right": 0.0, "up": 0.0, "spin": 2.5}}
+        shown = {"it moves": scene.true | {"spin": 0.0}, "it turns": scene.true | {"across": 0.0, "along": 0.0}}
     else:
-        shown = {"focus on the corner": scene.true | {"focus": 2.0}, "a small lens": scene.true | {"radius": 0.1}}
-    shown |= {"start": found.numbers[0], "end": found.numbers[-1]}
-    found.pictures = {title: scene.picture(numbers) for title, numbers in shown.items()} | {"the picture": target}
+        shown = {"focus on the near corner": scene.true | {"focus": 2.0}, "on the far one": scene.true | {"focus": 5.0}}
+    found.pictures = {title: scene.picture(numbers, 4) for title, numbers in shown.items()}
+    found.pictures |= {"start": scene.picture(found.numbers[0]), "end": scene.picture(found.numbers[-1]), "the picture": target}
     return found
 
 

@@ -122,7 +122,7 @@ def draw(scene: Scene, found: Fit, path: Path) -> None:
     light = scene.arrays["G"][0] + scene.arrays["L"] @ scene.arrays["G"][1:]
     space.add_collection3d(Poly3DCollection([light], facecolors="gold", edgecolors="0.3", zorder=2))
     space.set(xlim=(-GROUND, GROUND), ylim=(-GROUND, GROUND), zlim=(0, 3.1), title="light, mesh, ground")
-    space.set_box_aspect((1, 1, 0.82), zoom=1.45)
+    space.set_box_aspect((1, 1, 0.82), zoom=1.2)
     space.set_axis_off()
     draw_pictures([figure.add_subplot(1, 5, n) for n in (2, 3, 4)], found)
     draw_losses(figure.add_subplot(1, 5, 5), found)

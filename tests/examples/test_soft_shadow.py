@@ -3,40 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from teg.__main__ import main
+from teg.examples.fit import fit
+from teg.examples.replay import not_kept
 from teg.examples.soft_shadow.run import START, TRUE, Scene
-from teg.examples.soft_shadow.scene import POSE, placed
-from tests.examples.clipper import area, region, slope, within, without
+from teg.examples.soft_shadow.scene import POSE
+from tests.examples.clipped_scenes import clipped_share
+from tests.examples.clipper import slope
 
 SIZE = 8
-Arrays = dict[str, Any]
 
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     return Scene(SIZE, 60, "c", "LGPQ")
-
-
-def clipped_share(scene: Scene, arrays: Arrays, pose: dict[str, float], receiver: int) -> float:
-    """The share, as the area of the light without the projections of all triangles, whichever way they turn."""
-    origin, *axes = arrays["G"]
-    basis, normal = np.linalg.pinv(np.stack(axes, axis=1)), np.cross(*axes)
-    eye = arrays["Q"][receiver]
-    rays = np.stack(placed(arrays["P"].T, pose, np), axis=-1) - eye
-    stretch = (origin - eye) @ normal / (rays @ normal)
-    assert (stretch > 1).all()
-    places = (eye + stretch[:, None] * rays - origin) @ basis.T
-    seen = whole = [[(float(p), float(q)) for p, q in arrays["L"]]]
-    for face in scene.faces:
-        forms = region(places[face].tolist())
-        if len(within(whole[0], forms)) > 2:
-            seen = without(seen, forms)
-    return area(seen) / area(whole)
 
 
 @pytest.mark.parametrize("pose", [TRUE, START])
@@ -66,7 +50,14 @@ def test_a_triangle_beyond_the_light_hides_nothing(scene: Scene) -> None:
     assert scene.picture({**TRUE, "up": 6.0}).ravel() == pytest.approx(np.ones(SIZE * SIZE))
 
 
-@pytest.mark.slow
+def test_the_pose_is_found_from_the_shadow(scene: Scene) -> None:
+    target = scene.picture(TRUE)
+    found = fit(lambda pose: scene.loss_and_slopes(pose, target), START, 60, not_kept)
+    assert found.losses[-1] < 1e-15
+    assert found.numbers[-1] == pytest.approx(TRUE, abs=1e-6)
+
+
+@pytest.mark.thorough
 def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["demo", "soft-shadow", "--size", "12", "--triangles", "60", "-o", str(tmp_path)]) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -252,9 +252,8 @@ def _moved_partition(node: Partition, moves: Callable[[Expr], Expr], boundaries:
 
 def not_again(node: Expr) -> NotDifferentiableError:
     """Returns the error for a third derivative of a choice."""
-    return NotDifferentiableError(
-        "the integral of a choice among candidates is differentiated twice: f.grad and f.hvp of the compiled program, no further", node
-    )
+    hint = "a difference of f.hvp or f.hessian at two points, which are exact; jumps written out (teg.where) have derivatives of any order"
+    return NotDifferentiableError("an integral of a choice among candidates has first and second derivatives only", node, hint)
 
 
 def _tangent_of_cell(

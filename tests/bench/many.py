@@ -1,0 +1,104 @@
+"""Scenes of many surfaces, and pictures integrated over a third variable: candidates, compile time, value, gradient, error."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import teg
+from teg.examples import occlusion, voronoi
+from teg.examples.blur.run import Blur
+from teg.examples.soft_shadow import run as shadow
+from tests.bench.rows import Row, median_time
+from tests.examples.clipped_scenes import clipped_pixel, clipped_share, over_lens, over_time
+
+SAMPLE = 12
+
+
+def many_rows() -> list[Row]:
+    """C, one thread. The error is the largest one in a sample of pixels beside the clipper (of the midpoint rule for the last two)."""
+    mesh = occlusion.Scene(512, 10_000, "c")
+    rows = [mesh_row(mesh), mesh_row(occlusion.Scene(1024, 100_000, "c"), mesh.evaluator)]
+    return [*rows, shadow_row(64, 1000), transport_row(1000), blur_row("motion-blur", 64), blur_row("depth-of-field", 32)]
+
+
+def row(name: str, candidates: int, evaluator: teg.Evaluator, given: dict[str, Any], error: Callable[[], float]) -> Row:
+    """One row."""
+    start = time.perf_counter()
+    evaluator.value_and_grad(given)
+    first = time.perf_counter() - start
+    evaluator(given)
+    gradient = median_time(lambda: evaluator.value_and_grad(given), 3)
+    value = median_time(lambda: evaluator(given), 3)
+    return {
+        "scene": name,
+        "candidates": candidates,
+        "compile, s": first - gradient,
+        "value, s": value,
+        "gradient, s": gradient,
+        "error": error(),
+    }
+
+
+def sampled(picture: np.ndarray, exact: Callable[[int], float]) -> float:
+    """The largest error in a sample of pixels that are neither dark nor bright."""
+    flat = picture.ravel()
+    grey = np.nonzero((flat > 0.1) & (flat < 0.9))[0]
+    return max(abs(float(flat[n]) - exact(int(n))) for n in np.random.default_rng(0).choice(grey, SAMPLE))
+
+
+def mesh_row(scene: occlusion.Scene, evaluator: teg.Evaluator | None = None) -> Row:
+    """A mesh in perspective with occlusion."""
+    scene.evaluator = evaluator or scene.evaluator
+    lists = occlusion.candidates(scene.vertices, scene.faces, occlusion.TRUE, scene.size)
+    given = {"P": scene.vertices, "F": scene.faces, "C": scene.colours, "T": np.full((scene.size, scene.size), 0.3)}
+    given |= {**lists, **occlusion.TRUE}
+    name = f"mesh, {len(scene.faces)} triangles, {scene.size}² pixels"
+    picture = scene.picture(occlusion.TRUE)
+    return row(
+        name, len(lists["L"]), scene.evaluator, given, lambda: sampled(picture, lambda n: clipped_pixel(scene, lists, occlusion.TRUE, n))
+    )
+
+
+def shadow_row(size: int, triangles: int) -> Row:
+    """A soft shadow."""
+    scene = shadow.Scene(size, triangles, "c")
+    lists = scene.candidates(shadow.TRUE)
+    given = {"T": np.full(size * size, 0.3), **scene.arrays, **lists, **shadow.TRUE}
+    name = f"soft shadow, {len(scene.faces)} triangles, {size}² receivers"
+    picture = scene.picture(shadow.TRUE)
+    return row(
+        name,
+        len(lists["I"]),
+        scene.evaluator,
+        given,
+        lambda: sampled(picture, lambda n: clipped_share(scene, scene.arrays, shadow.TRUE, n)),
+    )
+
+
+def transport_row(sites: int) -> Row:
+    """Masses of power cells; the error is that of their sum, which is 1."""
+    places, masses = voronoi.scene(sites, 0)
+    evaluator = teg.compile(voronoi.programs()[0], [voronoi.W], backend="c")
+    lists = voronoi.candidates(places, np.zeros(sites))
+    given = {"S": places, "W": np.zeros(sites), "M": masses, **lists}
+    name = f"power diagram, {sites} sites, {voronoi.TILES}² tiles"
+    return row(name, len(lists["L"]), evaluator, given, lambda: abs(float(evaluator.grad(given)["W"].sum())))
+
+
+def blur_row(demo: str, size: int) -> Row:
+    """A triangle in motion, or through a lens."""
+    scene = Blur(demo, size, "c")
+    given = {"T": np.full((size, size), 0.3), **scene.given, **scene.true}
+    picture = scene.picture(scene.true)
+    exact, count = (over_time, 4000) if demo == "motion-blur" else (over_lens, 400)
+    return row(
+        f"{demo.replace('-', ' ')}, {size}² pixels",
+        1,
+        scene.evaluator,
+        given,
+        lambda: sampled(picture, lambda n: exact(size, scene.true, *divmod(n, size), count)),
+    )
