@@ -26,7 +26,8 @@ i, j = teg.index("i"), teg.index("j")
 def inside(corners: Any) -> Cond:
     """Returns whether (x, y) is in a triangle whose corners turn to the left."""
     sides = zip(corners, (*corners[1:], corners[0]), strict=True)
-    return reduce(and_, ((bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0 for (ax, ay), (bx, by) in sides))
+    within: Cond = reduce(and_, ((bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0 for (ax, ay), (bx, by) in sides))
+    return within
 
 
 def corners_at(time: Any, motion: Any, of: Any) -> list[Any]:

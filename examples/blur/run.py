@@ -35,7 +35,9 @@ class Blur:
     """A compiled loss of named numbers and a picture, and what else it takes."""
 
     def __init__(self, demo: str, size: int, backend: Backend) -> None:
-        self.size, self.given = size, {}
+        self.size = size
+        self.given: dict[str, Any] = {}
+        self.names: tuple[str, ...]
         if demo == "motion-blur":
             e, self.names, self.true, self.start = motion.loss(), motion.MOTION, MOVED, MOVED_START
         else:

@@ -110,7 +110,7 @@ def descend(settings: Settings, keep: Keep = not_kept) -> tuple[Scene, Fit]:
 def draw(scene: Scene, found: Fit, path: Path) -> None:
     """Writes the scene, the first, the last and the given shadow, and the losses."""
     from matplotlib.figure import Figure
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     figure = Figure(figsize=(15, 3.4), layout="constrained")
     space = figure.add_subplot(1, 5, 1, projection="3d", computed_zorder=False)

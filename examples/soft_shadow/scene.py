@@ -47,7 +47,8 @@ def on_light() -> Cond:
     """Returns whether a place of the plane is on the light, a convex polygon whose corners turn to the left."""
     corners = [(LIGHT[n, 0], LIGHT[n, 1]) for n in range(SIDES)]
     sides = zip(corners, corners[1:] + corners[:1], strict=True)
-    return reduce(and_, ((bx - ax) * (v - ay) - (by - ay) * (u - ax) > 0 for (ax, ay), (bx, by) in sides))
+    within: Cond = reduce(and_, ((bx - ax) * (v - ay) - (by - ay) * (u - ax) > 0 for (ax, ay), (bx, by) in sides))
+    return within
 
 
 def hidden() -> Cond:
@@ -59,7 +60,8 @@ def hidden() -> Cond:
     d = [PLANE[0, n] + u * PLANE[1, n] + v * PLANE[2, n] - receiver[n] for n in range(3)]
     volume = dot(cross(a, b), c)
     alpha, beta, gamma = dot(cross(b, c), d) / volume, dot(cross(c, a), d) / volume, dot(cross(a, b), d) / volume
-    return (alpha > 0) & (beta > 0) & (gamma > 0) & (alpha + beta + gamma > 1)
+    between: Cond = (alpha > 0) & (beta > 0) & (gamma > 0) & (alpha + beta + gamma > 1)
+    return between
 
 
 def share() -> Expr:
