@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -65,3 +66,7 @@ def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (line,) = [text for text in lines if text.startswith(name)]
         assert float(line.split("->")[1].split()[0]) == pytest.approx(TRUE[name], abs=1e-6)
     assert (tmp_path / "shadow.png").stat().st_size > 5000
+    before = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
+    assert main(["demo", "soft-shadow", "--size", "12", "--triangles", "60", "--resume", "-o", str(tmp_path)]) == 0
+    assert json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["losses"] == before["losses"]
+    assert main(["demo", "soft-shadow", "--size", "10", "--triangles", "60", "--resume", "-o", str(tmp_path)]) == 2  # of another run
