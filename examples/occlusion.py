@@ -21,6 +21,7 @@ import numpy as np
 
 import teg
 from teg.evaluator.options import Backend, Discontinuities
+from teg.examples.bins import binned
 from teg.examples.fit import Fit, draw_losses, draw_pictures, fit, lines_of
 from teg.examples.meshes import Array, Faces, grid_of, normals_of, torus
 from teg.examples.replay import Keep, Replay, not_kept
@@ -85,15 +86,8 @@ def candidates(vertices: Array, faces: Faces, pose: dict[str, float], size: int)
     (front,) = np.nonzero(ux * vy - uy * vx > 0)
     first = np.clip(np.floor(places[front].min(axis=1) - 1e-6), 0, size).astype(int)
     last = np.clip(np.ceil(places[front].max(axis=1) + 1e-6), 0, size).astype(int)
-    wide, high = (last - first).T
-    count = wide * high
-    who = np.repeat(front, count)
-    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)  # the number of a pixel in its triangle's box
-    width = np.repeat(wide, count)
-    where = (np.repeat(first[:, 1], count) + within // width) * size + np.repeat(first[:, 0], count) + within % width
-    order = np.argsort(where, kind="stable")
-    ends = np.cumsum(np.bincount(where, minlength=size * size))
-    return {"R": np.stack([np.concatenate([[0], ends[:-1]]), ends], axis=1), "L": who[order]}
+    ranges, owners = binned(front, first, last, (1, size))
+    return {"R": ranges, "L": owners}
 
 
 class Scene:

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 import teg
 from teg.evaluator.options import Backend
+from teg.examples.bins import binned
 from teg.examples.fit import Fit, draw_losses, draw_pictures, fit, lines_of
 from teg.examples.meshes import grid_of, knot
 from teg.examples.replay import Keep, Replay, not_kept
@@ -52,16 +53,18 @@ class Scene:
         self.evaluator = teg.compile(loss(), wanted, backend=backend)
 
     def candidates(self, pose: dict[str, float]) -> dict[str, Any]:
-        """Returns the triangles that may hide a part of the light from a receiver, for each receiver.
+        """Returns the triangles that may hide a part of a tile of the light from a receiver, for each of both.
 
-        They turn to it (the mesh is closed, so the others hide nothing more), and their boxes in the plane of the light meet the light's.
+        They turn to it (the mesh is closed, so the others hide nothing more), and their boxes in the plane of the light meet the tile and
+        the light's box. There are as many more tiles as triangles.
         """
         vertices = np.stack(placed(self.arrays["P"].T, pose, np), axis=-1)
         origin, *axes = self.arrays["G"]
         normal, dual = np.cross(*axes), np.linalg.pinv(np.stack(axes, axis=1))
         low, high = self.arrays["L"].min(axis=0), self.arrays["L"].max(axis=0)
-        counts, lists = [], []
-        for row in self.arrays["Q"].reshape(-1, self.size, 3):
+        count, size = max(1, round(len(self.faces) ** 0.5 / 12)), len(self.arrays["Q"])
+        who, receivers, first, last = [], [], [], []
+        for at, row in enumerate(self.arrays["Q"].reshape(-1, self.size, 3)):
             rays = vertices - row[:, None]
             away = (origin - row) @ normal
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -70,12 +73,17 @@ class Scene:
             boxed = (stretch >= 1).all(axis=1)  # else a part of the mesh is beyond the light, or behind the receiver
             a, b, c = (rays[:, self.faces[:, n]] for n in range(3))
             kept = np.einsum("rfi,rfi->rf", a, np.cross(b, c)) < -1e-12
-            corners = places[:, self.faces]
-            kept &= ((corners.min(axis=2) < high) & (corners.max(axis=2) > low)).all(axis=2) | ~boxed[:, None]
-            counts.append(kept.sum(axis=1))
-            lists.append(np.nonzero(kept)[1])
-        ends = np.cumsum(np.concatenate(counts))
-        return {"F": self.faces, "R": np.stack([np.concatenate([[0], ends[:-1]]), ends], axis=1), "I": np.concatenate(lists)}
+            corners = np.where(boxed[:, None, None, None], places[:, self.faces], [[-9.0, -9.0], [9.0, 9.0], [0.0, 0.0]])
+            least, most = corners.min(axis=2), corners.max(axis=2)
+            kept &= ((least < high) & (most > low)).all(axis=2)
+            seen, faces = np.nonzero(kept)
+            who.append(faces)
+            receivers.append(seen + at * self.size)
+            first.append(np.floor((least[kept] + 1) * count / 2 - 1e-6))
+            last.append(np.ceil((most[kept] + 1) * count / 2 + 1e-6))
+        start, end = (np.concatenate(ends).clip(0, count).astype(np.int64) for ends in (first, last))
+        ranges, owners = binned(np.concatenate(who), start, end, (size, count), np.concatenate(receivers))
+        return {"F": self.faces, "E": np.linspace(-1, 1, count + 1), "R": ranges.reshape(size, count, count, 2), "I": owners}
 
     def loss_and_slopes(self, pose: dict[str, float], picture: Array) -> tuple[float, dict[str, Any]]:
         """Returns the loss and its derivatives."""

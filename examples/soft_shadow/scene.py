@@ -23,8 +23,9 @@ POSE = ("right", "ahead", "up", "turn")
 u, v = teg.vars("u v")
 RECEIVERS, TARGET = teg.array("Q", 2), teg.array("T")
 VERTICES, LIGHT, PLANE = teg.array("P", 2), teg.array("L", 2), teg.array("G", 2)
-F, RANGES, LIST = teg.indices("F", 2), teg.indices("R", 2), teg.indices("I")
-i, k = teg.index("i"), teg.index("k")
+TICKS = teg.array("E")
+F, RANGES, LIST = teg.indices("F", 2), teg.indices("R", 4), teg.indices("I")
+i, k, p, q = (teg.index(name) for name in "ikpq")
 
 
 def cross(a: Any, b: Any) -> Any:
@@ -65,10 +66,15 @@ def hidden() -> Cond:
 
 
 def share() -> Expr:
-    """Returns the share of the light that receiver i sees; the light lies in the square [-1, 1]² of u and v."""
-    square = (u, -1, 1), (v, -1, 1)
-    dark = teg.integral(teg.bracket(teg.any(on_light() & hidden(), (k, RANGES[i, 0], RANGES[i, 1]))), *square)
-    return 1 - dark / teg.integral(teg.bracket(on_light()), *square)
+    """Returns the share of the light that receiver i sees; the light lies in the square [-1, 1]² of u and v.
+
+    The square is cut at ticks into tiles with lists of their own: a union costs the square of the number of candidates in a tile.
+    """
+    tile = (u, TICKS[p], TICKS[p + 1]), (v, TICKS[q], TICKS[q + 1])
+    dark = teg.integral(teg.bracket(teg.any(on_light() & hidden(), (k, RANGES[i, q, p, 0], RANGES[i, q, p, 1]))), *tile)
+    tiles = teg.length(TICKS) - 1
+    light = teg.integral(teg.bracket(on_light()), (u, -1, 1), (v, -1, 1))
+    return 1 - teg.sum(dark, (p, 0, tiles), (q, 0, tiles)) / light
 
 
 def loss() -> Expr:

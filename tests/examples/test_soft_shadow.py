@@ -51,6 +51,25 @@ def test_a_triangle_beyond_the_light_hides_nothing(scene: Scene) -> None:
     assert scene.picture({**TRUE, "up": 6.0}).ravel() == pytest.approx(np.ones(SIZE * SIZE))
 
 
+def test_lists_grow_with_the_mesh_and_those_of_a_tile_hardly() -> None:
+    lists = [Scene(SIZE, triangles, "c").candidates(TRUE) for triangles in (1000, 4000, 16000)]
+    lengths, longest = ([f(one) for one in lists] for f in (lambda one: len(one["I"]), lambda one: int(np.diff(one["R"]).max())))
+    assert lengths[2] < 5 * lengths[1] < 25 * lengths[0]
+    assert longest[2] < 4 * longest[0]  # and not 16 times: a union costs the square of them
+
+
+def test_tiles_change_nothing(scene: Scene) -> None:
+    lists = scene.candidates(TRUE)
+    assert lists["E"].tolist() == [-1.0, 1.0]
+    tiled = {"E": np.array([-1.0, -0.2, 0.5, 1.0]), "R": np.broadcast_to(lists["R"], (SIZE * SIZE, 3, 3, 2)).copy()}
+    given = {**scene.arrays, **TRUE, "T": np.zeros(SIZE * SIZE)}
+    value, slopes = scene.evaluator.value_and_grad({**given, **lists})
+    again, others = scene.evaluator.value_and_grad({**given, **lists, **tiled})
+    assert float(again) == pytest.approx(float(value), rel=1e-13)
+    for name, slope_by_it in slopes.items():
+        np.testing.assert_allclose(others[name], slope_by_it, atol=1e-10)
+
+
 def test_the_pose_is_found_from_the_shadow(scene: Scene) -> None:
     target = scene.picture(TRUE)
     found = fit(lambda pose: scene.loss_and_slopes(pose, target), START, 60, not_kept)
