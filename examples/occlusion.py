@@ -1,6 +1,7 @@
 """The pose of a mesh from one picture, with its parts in front of each other.
 
-    teg demo occlusion                      (python -m teg.examples.occlusion runs it without pictures)
+    teg demo occlusion
+    teg demo occlusion --size 1024 --triangles 100000
 
 A torus of flat grey triangles is seen in perspective. A pixel is the integral of the colour of the nearest triangle, one `teg.nearest` over
 the pixel's list of candidates: exact antialiasing, and exact derivatives by the pose, those of the borders where one part hides another
@@ -12,21 +13,20 @@ On the screen 1/depth is affine in a triangle, as are barycentric coordinates: g
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import teg
 from teg.evaluator.options import Backend, Discontinuities
+from teg.examples.bins import binned
+from teg.examples.fit import Fit, draw_losses, draw_pictures, fit, lines_of
+from teg.examples.meshes import Array, Faces, grid_of, normals_of, torus
 from teg.examples.replay import Keep, Replay, not_kept
 from teg.ir.expr import Expr
 
-Array = npt.NDArray[np.float64]
-AROUND, ALONG = 10, 24
-"""Vertices around the tube, and along it."""
 FOCAL = 1.6
 BACKGROUND = 0.05
 POSE = ("turn", "tilt", "roll", "right", "up", "far")
@@ -39,21 +39,13 @@ F, RANGES, LIST = teg.indices("F", 2), teg.indices("R", 2), teg.indices("L")
 i, j, k = teg.index("i"), teg.index("j"), teg.index("k")
 
 
-def torus() -> tuple[Array, npt.NDArray[np.int64], Array]:
-    """Returns vertices, faces that turn to the left when they are seen from outside, and a grey for each face."""
-    a, b = (2 * np.pi * np.arange(n) / n for n in (ALONG, AROUND))
-    ring = 1 + 0.42 * np.cos(b)
-    points = np.stack([np.outer(np.cos(a), ring), np.outer(np.sin(a), ring), np.tile(0.42 * np.sin(b), (ALONG, 1))], axis=-1)
-    number = np.arange(ALONG * AROUND).reshape(ALONG, AROUND)
-    one, two = np.roll(number, -1, 0), np.roll(number, -1, 1)
-    both = np.roll(one, -1, 1)
-    faces = np.concatenate([np.stack([number, one, both], -1).reshape(-1, 3), np.stack([number, both, two], -1).reshape(-1, 3)])
-    vertices = points.reshape(-1, 3)
-    u, v = (vertices[faces[:, n]] - vertices[faces[:, 0]] for n in (1, 2))
-    normals = np.cross(u, v)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    stripes = 0.25 * (np.arange(len(faces)) % (ALONG * AROUND) // (2 * AROUND) % 2)
-    return vertices, faces, 0.45 + 0.3 * normals @ np.array([0.6, -0.3, 0.74]) + stripes
+def scene_of(triangles: int) -> tuple[Array, Faces, Array]:
+    """Returns vertices, faces, and a grey for each face, of a torus of about so many triangles."""
+    along, around = grid_of(triangles)
+    vertices, faces = torus(along, around)
+    row = np.arange(len(faces)) % (along * around) // around
+    stripes = 0.25 * (row * 12 // along % 2)
+    return vertices, faces, 0.45 + 0.3 * normals_of(vertices, faces) @ np.array([0.6, -0.3, 0.74]) + stripes
 
 
 def seen(point: tuple[Any, Any, Any], pose: dict[str, Any], of: Any) -> tuple[Any, Any, Any]:
@@ -86,7 +78,7 @@ def loss() -> Expr:
     return teg.sum((mean - T[i, j]) ** 2, (j, 0, size), (i, 0, size))
 
 
-def candidates(vertices: Array, faces: npt.NDArray[np.int64], pose: dict[str, float], size: int) -> dict[str, Any]:
+def candidates(vertices: Array, faces: Faces, pose: dict[str, float], size: int) -> dict[str, Any]:
     """Returns the faces whose bounding boxes meet a pixel, for each pixel; those that turn away are hidden by others."""
     px, py, _ = seen((vertices[:, 0], vertices[:, 1], vertices[:, 2]), pose, np)
     places = (np.stack([px, py], axis=-1)[faces] + 1) * size / 2
@@ -94,32 +86,16 @@ def candidates(vertices: Array, faces: npt.NDArray[np.int64], pose: dict[str, fl
     (front,) = np.nonzero(ux * vy - uy * vx > 0)
     first = np.clip(np.floor(places[front].min(axis=1) - 1e-6), 0, size).astype(int)
     last = np.clip(np.ceil(places[front].max(axis=1) + 1e-6), 0, size).astype(int)
-    pixels, owners = [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
-    for face, (left, low), (right, high) in zip(front, first, last, strict=True):
-        met = (np.arange(low, high)[:, None] * size + np.arange(left, right)).ravel()
-        pixels.append(met)
-        owners.append(np.full(len(met), face))
-    where, who = np.concatenate(pixels), np.concatenate(owners)
-    order = np.argsort(where, kind="stable")
-    ends = np.cumsum(np.bincount(where, minlength=size * size))
-    return {"R": np.stack([np.concatenate([[0], ends[:-1]]), ends], axis=1), "L": who[order]}
-
-
-@dataclass
-class Descent:
-    """Poses and losses, one for each evaluation, and pictures of the first, the last and the true pose."""
-
-    poses: list[dict[str, float]] = field(default_factory=list)
-    losses: list[float] = field(default_factory=list)
-    pictures: list[Array] = field(default_factory=list)
+    ranges, owners = binned(front, first, last, (1, size))
+    return {"R": ranges, "L": owners}
 
 
 class Scene:
     """The compiled program and the mesh."""
 
-    def __init__(self, size: int, backend: Backend, discontinuities: Discontinuities) -> None:
+    def __init__(self, size: int, triangles: int, backend: Backend, discontinuities: Discontinuities = "sift") -> None:
         self.size = size
-        self.vertices, self.faces, self.colours = torus()
+        self.vertices, self.faces, self.colours = scene_of(triangles)
         wanted: list[Any] = [*(teg.param(name) for name in POSE), T]
         self.evaluator = teg.compile(loss(), wanted, backend=backend, discontinuities=discontinuities)
 
@@ -135,66 +111,38 @@ class Scene:
         return np.asarray(-0.5 * slopes["T"])
 
 
-def descend(
-    size: int = 48, steps: int = 60, backend: Backend = "c", discontinuities: Discontinuities = "sift", keep: Keep = not_kept
-) -> Descent:
+@dataclass
+class Settings:
+    """How large, how long, in what."""
+
+    size: int = 48
+    triangles: int = 480
+    steps: int = 60
+    backend: Backend = "c"
+
+
+def descend(settings: Settings, discontinuities: Discontinuities = "sift", keep: Keep = not_kept) -> Fit:
     """Returns the descent from one pose to that of a picture; `keep` keeps its evaluations."""
-    from scipy.optimize import minimize
-
-    scene, found = Scene(size, backend, discontinuities), Descent()
+    scene = Scene(settings.size, settings.triangles, settings.backend, discontinuities)
     target = scene.picture(TRUE)
-
-    def evaluated(numbers: Array) -> Array:
-        value, slopes = scene.loss_and_slopes(dict(zip(POSE, map(float, numbers), strict=True)), target)
-        return np.array([value, *(float(slopes[name]) for name in POSE)])
-
-    kept = keep(f"loss, {discontinuities}", evaluated)
-
-    def objective(numbers: Array) -> tuple[float, Array]:
-        value, *slopes = kept(numbers)
-        found.poses.append(dict(zip(POSE, map(float, numbers), strict=True)))
-        found.losses.append(float(value))
-        return float(value), np.array(slopes)
-
-    start = np.array([START[name] for name in POSE])
-    end = minimize(objective, start, jac=True, method="L-BFGS-B", options={"maxiter": steps, "ftol": 1e-16, "gtol": 1e-9})
-    best = dict(zip(POSE, map(float, end.x), strict=True))
-    found.poses.append(best)
-    found.losses.append(float(end.fun))
-    found.pictures = [scene.picture(START), scene.picture(best), target]
+    found = fit(lambda pose: scene.loss_and_slopes(pose, target), START, settings.steps, keep, f"loss, {discontinuities}")
+    found.pictures = {"start": scene.picture(START), "end": scene.picture(found.numbers[-1]), "picture": target}
     return found
 
 
-def draw(found: Descent, path: Path) -> None:
+def draw(found: Fit, path: Path) -> None:
     """Writes the pictures of the first, the last and the true pose, and the losses."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 3.2), layout="constrained")
-    for n, (title, picture) in enumerate(zip(("start", "end", "picture"), found.pictures, strict=True)):
-        axes = figure.add_subplot(1, 4, n + 1)
-        axes.imshow(picture, origin="lower", cmap="gray", vmin=0, vmax=1, interpolation="nearest")
-        axes.set_title(title)
-        axes.axis("off")
-    axes = figure.add_subplot(1, 4, 4)
-    axes.semilogy(np.maximum(found.losses, 1e-16))
-    axes.set_title("loss, by evaluation")
+    axes = figure.subplots(1, 4)
+    draw_pictures(axes, found)
+    draw_losses(axes[3], found)
     figure.savefig(path, dpi=100)
 
 
-def main(size: int = 48, steps: int = 60, backend: Backend = "c", out: Path | None = None, keep: Keep = not_kept) -> Descent:
-    """Descends and prints; writes the picture to a folder."""
-    found, plain = descend(size, steps, backend, keep=keep), descend(size, steps, backend, "ignore", keep)
-    print(f"{size}² pixels, {2 * AROUND * ALONG} triangles, backend {backend}, {len(found.losses) - 1} evaluations")
-    print(f"loss {found.losses[0]:.6g} -> {found.losses[-1]:.3g}; without the derivatives of borders {plain.losses[-1]:.6g}")
-    for name in POSE:
-        print(f"{name:<6}{START[name]:>8.3f} -> {found.poses[-1][name]:>12.8f}   picture {TRUE[name]:>6.3f}")
-    if out is not None:
-        draw(found, out / "pose.png")
-    return found
-
-
 def run_occlusion(out: str | Path = "out/occlusion", progress: bool = True, **options: Any) -> dict[str, Any]:
-    """Descends, prints the pose and draws it; writes to `out`, returns the contents of run.json. It has no progress bar.
+    """Descends and draws the pose; writes to `out`, returns the contents of run.json. It has no progress bar.
 
     The options are those of `teg demo occlusion` (`examples/options.py`); nothing is random, so any `seed` gives the same. Raises
     InputError for options and checkpoints that cannot be used, MissingPackageError. A checkpoint is written every two seconds.
@@ -205,19 +153,17 @@ def run_occlusion(out: str | Path = "out/occlusion", progress: bool = True, **op
     require_packages("occlusion demo", {"matplotlib": "matplotlib", "scipy": "scipy"}, progress=False)
     settings = resolved("occlusion", {"out": out, **options})
     folder = result_folder(Path(out))
-    replay = Replay(folder / "checkpoint.npz", {k: settings[k] for k in ("size", "backend")}, settings["resume"])
+    chosen = {k: settings[k] for k in ("size", "triangles", "backend")}
+    replay = Replay(folder / "checkpoint.npz", chosen, settings["resume"])
     try:
-        found = main(settings["size"], settings["steps"], settings["backend"], folder, replay.kept)
+        found, plain = (descend(Settings(steps=settings["steps"], **chosen), how, replay.kept) for how in ("sift", "ignore"))
     finally:
         replay.save()
+    draw(found, folder / "pose.png")
     report = {
-        "summary": [f"descent: loss {found.losses[0]:.3g} → {found.losses[-1]:.3g} after {len(found.losses) - 1} evaluations"],
+        "summary": [*lines_of(found, TRUE), f"without the derivatives of borders the loss stays {plain.losses[-1]:.6g}"],
         "losses": found.losses,
-        "pose": found.poses[-1],
+        "pose": found.numbers[-1],
         "pictures": ["pose.png"],
     }
     return finish(folder, "occlusion", settings, report)
-
-
-if __name__ == "__main__":
-    main()

@@ -160,8 +160,26 @@ DEMOS = {
     "occlusion": Demo(
         "the pose of a mesh from a picture",
         "occlusion:run_occlusion",
-        {"size": 48, "steps": 60, **DESCENT},
+        {"size": 48, "triangles": 480, "steps": 60, **DESCENT},
         {"size": 16, "steps": 10},
+    ),
+    "soft-shadow": Demo(
+        "the place of a mesh from its soft shadow",
+        "soft_shadow.run:run_soft_shadow",
+        {"size": 32, "triangles": 400, "steps": 60, **DESCENT},
+        {"size": 12, "triangles": 60, "steps": 10},
+    ),
+    "motion-blur": Demo(
+        "the motion of a triangle from one blurred picture",
+        "blur.run:run_motion_blur",
+        {"size": 32, "steps": 60, **DESCENT},
+        {"size": 12, "steps": 10},
+    ),
+    "depth-of-field": Demo(
+        "the focus of a lens from one picture of a slanted triangle",
+        "blur.run:run_depth_of_field",
+        {"size": 24, "steps": 40, **DESCENT},
+        {"size": 8, "steps": 5},
     ),
     "shaders": Demo("one window, several lights", "shaders:run_shaders", {"seed": 0, "backend": "numpy"}),
 }

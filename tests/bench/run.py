@@ -22,6 +22,7 @@ from teg.backends.c.standalone import standalone_c
 from tests.backends import isolate_programs, locate_programs, programs
 from tests.bench.backends import backend_rows
 from tests.bench.functions import call_time_rows, swap_rows
+from tests.bench.many import many_rows
 from tests.bench.rows import (
     Row,
     compile_row,
@@ -157,6 +158,7 @@ def main() -> None:
         "kinks": lambda: [kink_row(n, *distances(n)) for n in (8, 20)],
         "search": searches,
         "backends": backend_rows,
+        "many surfaces": many_rows,
         "sympy": lambda: sympy_rows(nested_sines(100_000), squares(2_000)),
         "single": single,
     }

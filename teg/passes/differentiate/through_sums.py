@@ -129,17 +129,15 @@ class _Gradient:
         The weights of all of them come together at the numbers of a candidate, and one sweep goes on from there.
         """
         node = next(iter(weights))
-        layout = node.layout
         candidate: dict[Expr, list[Expr]] = {}  # a number to its adjoints
         otherwise: dict[Expr, list[Expr]] = {}
         for partition, weight in weights.items():
             for number, slope, repeated in numbers_of(partition, self.boundaries):
                 if number in self.active:
                     (candidate if repeated else otherwise).setdefault(number, []).append(mul(weight, slope))
-        area = Slope.make((node.index, layout.order * layout.columns + layout.forms), (node,))
         around: dict[Node, list[Expr]] = {}
         for leaf, slope in self._swept(candidate, node.index).items():
-            seen = where(positive(area), slope, ZERO)  # of a candidate that is not seen nothing matters, even if it is infinite
+            seen = where(_is_seen(node), slope, ZERO)
             around.setdefault(leaf, []).append(sum_over(seen, node.index, node.lo, node.hi))
         for leaf, slope in self._swept(otherwise, bound).items():
             around.setdefault(leaf, []).append(slope)
@@ -172,7 +170,7 @@ def tangent(e: Expr, direction: Mapping[Any, object], along: Along, boundaries: 
     """
     changes = {p: ex.as_number(d) for p, d in direction.items() if isinstance(p, Param | Var)}
     moved = {p: _direction_of(p, d) for p, d in direction.items() if isinstance(p, Array)}
-    new: dict[Node, Expr] = {}  # of sums, products and partitions
+    new: dict[Node, Expr] = {}  # of sums, products, partitions and slopes
 
     def moves(cell: Expr) -> Expr:
         return _tangent_of_cell(cell, changes, moved, new, along)
@@ -186,8 +184,8 @@ def tangent(e: Expr, direction: Mapping[Any, object], along: Along, boundaries: 
                 new[node] = sum_over(mul(others, moves(node.body)), node.index, node.lo, node.hi)
             case Partition():
                 new[node] = _moved_partition(node, moves, boundaries)
-            case Slope() if moves(node.partition) is not ZERO:
-                raise not_again(node)
+            case Slope():
+                new[node] = _moved_slope(node, new[node.partition])
             case _:
                 pass
     return moves(e)
@@ -236,11 +234,11 @@ def _is_beside(other: Ranged, node: Partition) -> bool:
 
 
 def _moved_partition(node: Partition, moves: Callable[[Expr], Expr], boundaries: bool) -> Expr:
-    """Returns the derivative of a partition along a direction, a partition of order 1."""
+    """Returns the derivative of a partition along a direction, a partition of order 1; of one of order 1 by its `Slope`s."""
     if node.layout.order:
-        if all(moves(c) is ZERO for c in (*node.candidate, *node.otherwise)):
-            return ZERO
-        raise not_again(node)
+        along = [(moves(number), slope, repeated) for number, slope, repeated in numbers_of(node, boundaries)]
+        changes, once = (add(*(mul(slope, change) for change, slope, at in along if at is repeated)) for repeated in (True, False))
+        return add(sum_over(where(_is_seen(node), changes, ZERO), node.index, node.lo, node.hi), once)
     forms = node.layout.forms
     candidate = tuple(moves(c) if boundaries or k >= forms else ZERO for k, c in enumerate(node.candidate))
     otherwise = tuple(map(moves, node.otherwise))
@@ -250,11 +248,31 @@ def _moved_partition(node: Partition, moves: Callable[[Expr], Expr], boundaries:
     return Partition.make((node.index, node.lo, node.hi, layout), (*node.candidate, *candidate, *node.otherwise, *otherwise))
 
 
-def not_again(node: Expr) -> NotDifferentiableError:
-    """Returns the error for a third derivative of a choice."""
-    return NotDifferentiableError(
-        "the integral of a choice among candidates is differentiated twice: f.grad and f.hvp of the compiled program, no further", node
-    )
+def _moved_slope(node: Slope, along: Expr) -> Expr:
+    """Returns the derivative of a slope along a direction: the same slope of the derivative of its partition."""
+    if along is ZERO:
+        return ZERO
+    if not isinstance(along, Partition):
+        raise not_again(node)
+    return Slope.make(node.data, (along,))
+
+
+def _is_seen(node: Partition) -> ex.Cond:
+    """Returns whether a candidate is seen: of one that is not nothing matters, even if it is infinite."""
+    layout = node.layout
+    return positive(Slope.make((node.index, layout.order * layout.columns + layout.forms), (node,)))
+
+
+def not_again(node: Slope) -> NotDifferentiableError:
+    """Returns the error for a derivative of a choice that there is not: the third one, or the gradient of a gradient."""
+    partition = cast(Partition, node.partition)
+    if partition.layout.order:
+        hint = (
+            "a difference of f.hvp or f.hessian at two points, which are exact; jumps written out (teg.where) have derivatives of any order"
+        )
+        return NotDifferentiableError("an integral of a choice among candidates has first and second derivatives only", partition, hint)
+    hint = "teg.jvp(teg.grad(e, …), …), which is one along a direction; f.hvp and f.hessian of the compiled program"
+    return NotDifferentiableError("the gradient of an integral of a choice among candidates has no gradient in symbols", partition, hint)
 
 
 def _tangent_of_cell(
@@ -268,7 +286,7 @@ def _tangent_of_cell(
         change: Expr = ZERO
         if isinstance(leaf, Gather) and not isinstance(leaf, StillGather) and leaf.array in moved:
             change = Gather.make((moved[leaf.array], leaf.subscripts), ())
-        elif isinstance(leaf, Ranged):
+        elif isinstance(leaf, Ranged | Slope):
             change = sums.get(leaf, ZERO)
         if change is not ZERO:
             along[symbol] = Param.make(f"∂{symbol.name}", ())
