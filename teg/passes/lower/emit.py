@@ -9,11 +9,13 @@ terms (Wilkinson, Rounding Errors in Algebraic Processes, 1963).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import cast
 
 from teg.analysis.breaks import Breaks
+from teg.analysis.intervals import Interval
 from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import binders_inside
 from teg.ir.expr import MINUS_ONE, ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where, add
@@ -22,6 +24,7 @@ from teg.ir.integral import ClosedForm, Delta, Integral
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, replace_node
 from teg.passes.lower.inverse_erf import inverse_of_erf, inverse_of_erfc
+from teg.passes.lower.scaled import ByExponents
 from teg.program import TIE_EPS, Arg, Assign, Stmt
 
 Truths = tuple[Arg, Arg]  # holds, fails
@@ -112,6 +115,8 @@ class Emitter:
         self.functions: dict[tuple[Callee, tuple[int, ...]], int] = {}
         self._count = 0
         self._binders: dict[Node, frozenset[Var]] = {}
+        self.ranges: Mapping[Var, Interval] = {}  # of the variables of outer integrals, if they are known in numbers
+        self._by_exponents = ByExponents(lambda: {v: (_number(lo), _number(hi)) for v, (lo, hi) in self.ranges.items()})
 
     def fresh(self, kind: str) -> str:
         """Returns an unused name: "v…" for a number, "b…" for a boolean, "x…" for a variable."""
@@ -193,7 +198,8 @@ class Emitter:
             case Add():
                 return self.sum(e, home)
             case Mul():
-                return self.product(e, home)
+                by_exponents = self._by_exponents.product(e, partial(self.home_of, level=home))
+                return self.product(e, home) if by_exponents is None else self.number(by_exponents, home)
             case Pow() if e.exponent >= 3 and home.constants is not None:
                 return self._power_by_products(e, home)
             case Pow():
@@ -207,6 +213,8 @@ class Emitter:
             case Call() if e.name in ("erfinv", "erfcinv"):
                 u = e.children[0]
                 return self.number(inverse_of_erf(u) if e.name == "erfinv" else inverse_of_erfc(u), home)
+            case Call() if e.name == "log" and (by_exponents := self._by_exponents.logarithm(e)) is not None:
+                return self.number(by_exponents, home)
             case Call():
                 args = [self._number_of(c, home) for c in e.children]
                 if e.name == "root":
@@ -523,6 +531,11 @@ class Emitter:
         if errors[1] != 0.0:
             parts.append(put("mul", errors[1], self.size(e, home), put("abs", put("log", base))))
         return parts
+
+
+def _number(e: Expr) -> float:
+    """Returns the value of a constant."""
+    return cast(float, cast(Const, e).data)
 
 
 def _less_one(e: Add) -> tuple[Expr, int] | None:
