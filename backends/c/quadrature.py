@@ -140,11 +140,12 @@ def adaptive_piece(
     after: list[str] = []
     if watched:
         node, first = f"(k < 0 ? 2 * k + 3 : {node})", "-2"
-        before = ["const int fine = here.to - here.from <= TEG_WATCH_WIDTH;", f"int changed = 0, seen[{watched}] = {{0}};"]
+        before = ["const int fine = here.to - here.from <= TEG_WATCH_WIDTH;", f"int changed = 0, hidden = 0, seen[{watched}] = {{0}};"]
         after = [
             f"for (int j = 0; j < {watched}; j++) changed |= (seen[j] |= (f[{count} + j] > 0.0) + 2 * (f[{count} + j] < 0.0)) == 3;",
             *(["if (k < 0) ctx->tied = tied, ctx->missed = missed;"] if noted else []),
             "if (changed && !fine && !last && used > 1) break;",
+            f"{_each(watched, f'hidden |= f[{count} + j] == 0.0;')}",
             "if (k < 0) continue;",
         ]
         good = f"(changed ? fine : {good})"
@@ -163,7 +164,7 @@ def adaptive_piece(
         again = ["if (used == 1) {", *indent("waiting[n++] = here;", "continue;"), "}", *again]
     diverges = f"isfinite(measured[8 * j + 1]) && measured[8 * j + 7] > TEG_DIVERGENT * {'whole[j]' if guard is None else f'({whole})[j]'}"
     if watched:
-        diverges = f"!changed && {diverges}"
+        diverges = f"!changed && !hidden && {diverges}"
     return [
         *(["const double rounding = teg_rounding(p, q);"] if estimated else []),
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
@@ -273,6 +274,7 @@ def isolation(enclosure: Sequence[str], point: Sequence[str], bounds: tuple[str,
         f"teg_isolate(&search, {given});",
         "while (search.asks != TEG_DONE) {",
         *indent(
+            "ctx->work += TEG_BOX_COST;",
             "if (search.asks == TEG_BOX || search.asks == TEG_TOUCH) {",
             *indent(
                 *_used(enclosure, left="search.from", right="search.to"),

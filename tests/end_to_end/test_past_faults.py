@@ -312,3 +312,13 @@ def test_either_branch_of_a_where_around_sums(backend: str) -> None:
         assert f(at) == pytest.approx(value, rel=1e-12), name
         assert slopes["t"] == pytest.approx(by_t, rel=1e-12), name
         np.testing.assert_allclose(slopes["V"], by_array, rtol=1e-12, atol=1e-14, err_msg=name)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_root_beyond_those_that_have_a_formula(backend: str) -> None:
+    """Of the 17 roots of sin(4.661·x) = t the last is 2e-3 from the end of the range: no node of a first look sees what is behind it."""
+    count, rest = divmod(46.61, 2 * math.pi)
+    gap = math.pi - 2 * math.asin(0.5)
+    above = count * gap + min(max(rest - math.asin(0.5), 0.0), gap)
+    f = teg.compile(INT(B(teg.sin(t * x) < a), (x, 0, 10)), backend=backend)
+    assert f(t=4.661, a=0.5) == pytest.approx(10 - above / 4.661, rel=1e-11)
