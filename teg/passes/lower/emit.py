@@ -16,7 +16,7 @@ from typing import cast
 
 from teg.analysis.breaks import Breaks
 from teg.analysis.intervals import Interval
-from teg.analysis.polynomial import Shadow
+from teg.analysis.polynomial import Point, Shadow, divided
 from teg.analysis.surfaces import binders_inside
 from teg.ir.expr import MINUS_ONE, ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where, add
 from teg.ir.function import Apply, Callee
@@ -115,6 +115,7 @@ class Emitter:
         self.functions: dict[tuple[Callee, tuple[int, ...]], int] = {}
         self._count = 0
         self._binders: dict[Node, frozenset[Var]] = {}
+        self._points = (Point("first"), Point("second"))
         self.ranges: Mapping[Var, Interval] = {}  # of the variables of outer integrals, if they are known in numbers
         self._by_exponents = ByExponents(lambda: {v: (_number(lo), _number(hi)) for v, (lo, hi) in self.ranges.items()})
 
@@ -217,6 +218,8 @@ class Emitter:
                 return self.number(by_exponents, home)
             case Call():
                 args = [self._number_of(c, home) for c in e.children]
+                if e.name in ("sqrt", "log", "pow") and self._keeps_its_sign(e.children[0], home):
+                    args[0] = self._of_sign_in_the_middle(e.children[0], args[0], home)
                 if e.name == "root":
                     return self.assign(home, "v", "sqrt", self.assign(home, "v", "abs", *args))
                 if e.name == "log" and isinstance(e.children[0], Add) and ONE in e.children[0].children:
@@ -231,6 +234,23 @@ class Emitter:
                 return self.assign(home, "v", "select", holds, self._number_of(e.then, home), otherwise)
             case Tuple() | Delta() | _:
                 raise AssertionError(f"{type(e).__name__} cannot be scheduled")
+
+    def _keeps_its_sign(self, u: Expr, home: Level) -> bool:
+        """Returns whether the roots of u are breaks of the integral around it, so that u has one sign on each piece."""
+        if home.middle is None or home.breaks is None or home.var not in u.free:
+            return False
+        own = [p.value(u) for p in self._points]
+        for g in home.breaks.handled if all(own) else ():
+            ratios = [divided(p.value(g) or 0, cast(int, v)) for p, v in zip(self._points, own, strict=True)]
+            if ratios[0] == ratios[1] != 0:
+                return True
+        return False
+
+    def _of_sign_in_the_middle(self, u: Expr, value: Arg, home: Level) -> Arg:
+        """Returns u, and its size where it is positive in the middle of the piece: beside a root only rounding makes it negative."""
+        middle = cast(Level, home.middle)
+        above = self.assign(middle, "b", "gt0", self.number(u, middle))
+        return self.assign(home, "v", "select", above, self._size_of(value, home), value)
 
     def sum(self, e: Add, home: Level) -> Arg:
         """Returns a sum. Terms are added from the left in the order written; a term -u is subtracted. Constants are
