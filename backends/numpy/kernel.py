@@ -75,18 +75,18 @@ PART = 400
 """Statements a printed function may have: longer ones keep dead arrays alive."""
 
 
-def compile_numpy(program: Program, *, memory: int = MEMORY, most: int = MAX_EVALUATIONS) -> NumpyKernel:
-    """Returns a kernel that keeps its temporary arrays within about `memory` bytes; `most` bounds the evaluations a point."""
+def compile_numpy(program: Program, *, memory: int = MEMORY, most: int | None = None) -> NumpyKernel:
+    """Returns a kernel that keeps its temporary arrays within about `memory` bytes; `most` bounds evaluations a point."""
     return NumpyKernel(program, memory, most)
 
 
 class NumpyKernel:
     """A program as Python functions over NumPy arrays; `source` is their text."""
 
-    def __init__(self, program: Program, memory: int = MEMORY, most: int = MAX_EVALUATIONS) -> None:
+    def __init__(self, program: Program, memory: int = MEMORY, most: int | None = None) -> None:
         text, width = _printed(program)
         self.program = program
-        self.memory, self.most = memory, most
+        self.memory, self.most = memory, MAX_EVALUATIONS if most is None else most
         functions = [_printed(cast(Program, f.body))[0] for f in program.functions]
         self.source = "\n".join([text, *(_titled(k, body) for k, body in enumerate(functions))])
         self._width = width
