@@ -190,14 +190,16 @@ def _assessed(rule: Adaptive, tested: int, watched: int, whole: str, ends: bool)
 
 
 def _watched_signs(count: int, watched: int, noted: bool) -> tuple[list[str], list[str]]:
-    """Returns lines before the nodes of an interval and behind the values at a node: they note whether a watched sign has `changed`."""
+    """Returns lines before the nodes of an interval and behind the values at a node: they note whether a watched sign has `changed`, or is
+    `hidden` by rounding."""
     if not watched:
         return [], []
-    before = ["const int fine = here.to - here.from <= TEG_WATCH_WIDTH;", f"int changed = 0, seen[{watched}] = {{0}};"]
+    before = ["const int fine = here.to - here.from <= TEG_WATCH_WIDTH;", f"int changed = 0, hidden = 0, seen[{watched}] = {{0}};"]
     return before, [
         f"for (int j = 0; j < {watched}; j++) changed |= (seen[j] |= (f[{count} + j] > 0.0) + 2 * (f[{count} + j] < 0.0)) == 3;",
         *(["if (k < 0) ctx->tied = tied, ctx->missed = missed;"] if noted else []),
         "if (changed && !fine && !last && used > 1) break;",
+        _each(watched, f"hidden |= f[{count} + j] == 0.0;"),
         "if (k < 0) continue;",
     ]
 
@@ -221,7 +223,7 @@ def _halved_or_accepted(tested: int, watched: int, whole: str) -> list[str]:
     The first look at a piece, which has fewer nodes, is followed by another one at all of it, unless signs are watched.
     """
     again = [] if watched else ["if (used == 1) {", *indent("waiting[n++] = here;", "continue;"), "}"]
-    unchanged = "!changed && " if watched else ""
+    unchanged = "!changed && !hidden && " if watched else ""
     diverges = f"{unchanged}isfinite(measured[8 * j + 1]) && measured[8 * j + 7] > TEG_DIVERGENT * {whole}"
     return [
         "if (!good && !last) {",

@@ -91,12 +91,13 @@ class _Progress(NamedTuple):
 
 
 class _Measured(NamedTuple):
-    """K of every value, A and E of those tested, and whether a watched sign changes."""
+    """K of every value, A and E of those tested, whether a watched sign changes, and whether one is 0."""
 
     total: Any
     size: Any
     error: Any
     changed: Any
+    hidden: Any
 
 
 class _How(NamedTuple):
@@ -153,7 +154,7 @@ def _turned(how: _How, places: Substitution, values: Callable[[Scalar], Any], at
     changed, deepest = measured.changed, at.width == 1
     done = full & (good | (~looks & (deepest | (at.used + 1 >= MAX_INTERVALS))))
     large = jnp.isfinite(measured.error) & (measured.size > DIVERGENT * reference)
-    endless = done & (at.width <= END >> DEEP) & ~good & ~changed & large
+    endless = done & (at.width <= END >> DEEP) & ~good & ~changed & ~measured.hidden & large
     tested = measured.total[: pieces.tested]
     tested = jnp.where(endless, jnp.copysign(jnp.inf, tested), tested)
     total = jnp.concatenate([tested, measured.total[pieces.tested :]])
@@ -220,11 +221,11 @@ def _measured(how: _How, looks: Scalar, seen: Any, smooth: Scalar) -> _Measured:
     tail, decay = rules.null_rule_decay(jnp, sums, smooth)
     powers = [rules.powi(jnp, decay, decay_power(n)) for n in (nodes.first, nodes.order) if n is not None]
     error = rules.null_rule_bound(jnp, tail, _one_of(looks, powers), size)
-    changed = jnp.bool_(False)
+    changed = hidden = jnp.bool_(False)
     if watched:
         signs = seen[:, pieces.values : pieces.values + watched]
-        changed = jnp.any(jnp.any(signs > 0.0, axis=0) & jnp.any(signs < 0.0, axis=0))
-    return _Measured(total, size, error, changed)
+        changed, hidden = jnp.any(jnp.any(signs > 0.0, axis=0) & jnp.any(signs < 0.0, axis=0)), jnp.any(signs == 0.0)
+    return _Measured(total, size, error, changed, hidden)
 
 
 def _without_gaps(nodes: _Nodes, looks: Scalar, seen: Any) -> Any:

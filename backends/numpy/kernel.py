@@ -75,18 +75,18 @@ PART = 400
 """Statements a printed function may have: longer ones keep dead arrays alive."""
 
 
-def compile_numpy(program: Program, *, memory: int = MEMORY) -> NumpyKernel:
-    """Returns a kernel that keeps its temporary arrays within about `memory` bytes."""
-    return NumpyKernel(program, memory)
+def compile_numpy(program: Program, *, memory: int = MEMORY, most: int | None = None) -> NumpyKernel:
+    """Returns a kernel that keeps its temporary arrays within about `memory` bytes; `most` bounds evaluations a point."""
+    return NumpyKernel(program, memory, most)
 
 
 class NumpyKernel:
     """A program as Python functions over NumPy arrays; `source` is their text."""
 
-    def __init__(self, program: Program, memory: int = MEMORY) -> None:
+    def __init__(self, program: Program, memory: int = MEMORY, most: int | None = None) -> None:
         text, width = _printed(program)
         self.program = program
-        self.memory = memory
+        self.memory, self.most = memory, MAX_EVALUATIONS if most is None else most
         functions = [_printed(cast(Program, f.body))[0] for f in program.functions]
         self.source = "\n".join([text, *(_titled(k, body) for k, body in enumerate(functions))])
         self._width = width
@@ -98,7 +98,7 @@ class NumpyKernel:
         self._function = _made(text, scope)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return (NumpyKernel, (self.program, self.memory))
+        return (NumpyKernel, (self.program, self.memory, self.most))
 
     def __call__(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> npt.NDArray[np.float64]:
         """Returns the outputs of a batch of n, (outputs, n); a column is (n,), or () where the batch shares it."""
@@ -113,15 +113,17 @@ class NumpyKernel:
         """Returns the numbers k of the ties that a call with these arguments meets, ascending."""
         return tuple(sorted(self._run(columns, n)[1]))
 
-    def values_and_ties(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], tuple[int, ...]]:
-        """Returns the outputs, and the numbers k of the ties that were met, ascending."""
-        out, met, _ = self._run(columns, n)
-        return out, tuple(sorted(met))
+    def values_and_ties(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], tuple[int, ...], bool]:
+        """Returns the outputs, the numbers k of the ties that were met, ascending, and whether evaluations ended before they were done."""
+        out, met, run = self._run(columns, n)
+        return out, tuple(sorted(met)), run.ended
 
     def in_order(self, columns: Sequence[npt.NDArray[np.float64]], n: int, order: int) -> npt.NDArray[np.float64]:
         """Returns the outputs with ties resolved in one order, +1 or -1, and no averaging; in one chunk."""
         with np.errstate(all="ignore"):
-            return self._outputs(rt.Run(order, self._room), [np.asarray(c, dtype=np.float64)[()] for c in columns], n)
+            return self._outputs(
+                rt.Run(order, self._room, most=self.most * float(n)), [np.asarray(c, dtype=np.float64)[()] for c in columns], n
+            )
 
     def _run(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], set[int], rt.Run]:
         """Returns the outputs, the ties that were met, and a run that holds what all parts of the batch noted."""
@@ -135,7 +137,7 @@ class NumpyKernel:
             for start in range(0, n, max(1, step)):
                 part = slice(start, start + step)
                 arguments = [v[part] if v.ndim else v[()] for v in values]
-                most = MAX_EVALUATIONS * float(min(step, n - start))
+                most = self.most * float(min(step, n - start))
                 run = rt.Run(+1, self._room, most=most)
                 out[:, part] = self._outputs(run, arguments, min(step, n - start))
                 if run.met:

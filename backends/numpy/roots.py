@@ -15,6 +15,7 @@ import numpy as np
 from teg.backends.numpy.runtime import Array, Block, Run, Value, gather, on_lanes, parts, scatter
 from teg.backends.shared.roots import Halving, examined, excluded, newton_step, next_halving, plane_step, refuted, touches
 from teg.program import (
+    BOX_COST,
     ISOLATE_DEPTH,
     ISOLATE_STEPS,
     LOCATE_HALVINGS,
@@ -228,11 +229,13 @@ class _Search:
 
     def _at(self, lane: Array, v: Array) -> Array:
         """Returns g, its slope and its curvature, (3, points), at points v of their lanes."""
+        self.run.searched += BOX_COST * lane.size
         return _evaluated(self.run, self.isolation.point, self.isolation.point_width, 3, lane, (v,), self.for_point)
 
     def _enclosed(self, boxes: _Boxes) -> Array:
         """Returns bounds of g, of its slope and of its curvature, and the noise, (7, boxes)."""
         width, ends = self.isolation.enclosure_width, (boxes.p, boxes.q)
+        self.run.searched += BOX_COST * boxes.lane.size
         return _evaluated(self.run, self.isolation.enclosure, width, 7, boxes.lane, ends, self.for_enclosure)
 
 

@@ -48,12 +48,16 @@ class Run:
     evaluations: int = 0
     crowded: bool = False
     most: float = np.inf  # evaluations, beyond which every interval is accepted
+    searched: int = 0  # boxes and places of isolations, which count as evaluations
+    ended: bool = False  # intervals were accepted for that reason
 
     def add(self, other: Run) -> None:
         """Note what another run of the program noted, but for its ties."""
         self.missed |= other.missed
         self.crowded |= other.crowded
         self.evaluations += other.evaluations
+        self.searched += other.searched
+        self.ended |= other.ended
 
     def chunk(self, width: int, lanes: int = 1) -> int:
         """Returns the number of items, of `lanes` lanes of `width` doubles each, on which a block may run at a time."""
@@ -320,13 +324,14 @@ class MidpointIntegral(Integral):
 
 @dataclass(slots=True)
 class Measured:
-    """K of every value, (values, intervals), A and E of those tested, (tested, intervals); where a watched sign changes,
-    (intervals,); sharp values at the nodes, (sharp, nodes, intervals)."""
+    """K of every value, (values, intervals), A and E of those tested, (tested, intervals); where a watched sign changes, and where one
+    is 0, (intervals,); sharp values at the nodes, (sharp, nodes, intervals)."""
 
     total: Array
     size: Array
     error: Array
     changed: Array
+    hidden: Array
     seen: Array
 
 
@@ -374,12 +379,14 @@ class AdaptiveIntegral(Integral):
             accepted = np.where(changed, width <= WATCH_WIDTH, fine.all(axis=0))
             if self.guard is not None:
                 self._search(run, places, values, piece, (left, left + width), found, accepted, enough, depth)
-            again = ~accepted & ((used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH) & (run.evaluations <= run.most))
+            late = run.evaluations + run.searched > run.most
+            again = ~accepted & ((used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH) & (not late))
             missed = ~accepted & ~again
+            run.ended |= late and bool(missed.any())
             if missed.any():
                 run.missed = True
                 if depth >= DEEP:
-                    endless = missed & ~changed & np.isfinite(error) & (size > DIVERGENT * largest)
+                    endless = missed & ~changed & ~found.hidden & np.isfinite(error) & (size > DIVERGENT * largest)
                     total[: self.tested][endless] = np.copysign(np.inf, total[: self.tested][endless])
             done = np.flatnonzero(~again)
             run.missed |= bool(np.isinf(total[: self.tested, done]).any())
@@ -435,9 +442,10 @@ class AdaptiveIntegral(Integral):
     ) -> Measured:
         """Returns the measurements of the intervals (left, left + width) of each `piece`."""
         n, tested = piece.size, self.tested
-        changed = np.zeros(n, dtype=np.bool_)
+        changed, hidden = np.zeros((2, n), dtype=np.bool_)
         sharp = self.guard.sharp if self.guard is not None else 0
-        result = Measured(np.empty((self.values, n)), np.empty((tested, n)), np.empty((tested, n)), changed, np.empty((sharp, nodes, n)))
+        total, size, error = (np.empty((rows, n)) for rows in (self.values, tested, tested))
+        result = Measured(total, size, error, changed, hidden, np.empty((sharp, nodes, n)))
         at, weights = (np.array(column) for column in gauss_legendre(nodes))
         self._count(run, piece.size * (nodes + 2 * (self.watched > 0)))
         for part in parts(piece.size, run.chunk(self.node_width, nodes)):
@@ -461,8 +469,10 @@ class AdaptiveIntegral(Integral):
                 ends = places_of(here, np.array([left[part], left[part] + width]))[0]
                 at_ends = self.body(aside, ends, *given)
                 run.evaluations += aside.evaluations
+                run.searched += aside.searched
                 watched = slice(self.values, behind)
                 for inner, outer in zip(found[watched], at_ends[watched], strict=True):
                     both = np.concatenate([np.broadcast_to(inner, x.shape), np.broadcast_to(outer, ends.shape)])
                     changed[part] |= (both > 0.0).any(axis=0) & (both < 0.0).any(axis=0)
+                    hidden[part] |= (both == 0.0).any(axis=0)
         return result

@@ -42,20 +42,23 @@ def has_samples(program: Program | ArrayProgram) -> bool:
 
 
 def report_missed(
-    values: Results, errors: Results, names: Sequence[str], call: Call, how: tuple[float, str], sampled: bool = False
+    both: Results, names: Sequence[str], call: Call, how: tuple[float, str], sampled: bool = False, beside: Results | None = None
 ) -> bool:
     """Warns of, or raises for, the entry of the results that misses its tolerance most. Returns whether any entry misses it.
 
-    `values` and `errors` are the results, (n, *shape of one), and the estimates of their errors; `names` are titles of the results;
-    `how` is the tolerance, and "warn" or "raise"; `sampled` says that integrals of the program are sampled because they are nested too
-    deeply.
+    `both` are the results, (n, *shape of one), then the estimates of their errors; `names` are titles of the results; `how` is the
+    tolerance, and "warn" or "raise"; `sampled` says that integrals of the program are sampled because they are nested too deeply. The
+    tolerance is relative to the largest result; to the values `beside` a gradient where that is 0 within its estimate, because it cancels.
     """
     import numpy as np
 
+    values, errors = both[: len(both) // 2], both[len(both) // 2 :]
     results, estimates, (tol, inaccurate) = _rows(values), _rows(errors), how
     with np.errstate(all="ignore"):
-        sizes = np.where(np.isfinite(results), np.abs(results), 0.0)
-        excess = estimates / (tol * np.maximum(sizes.max(axis=0, initial=FLOOR), FLOOR))  # entries of a gradient may cancel
+        scale = _largest(results)
+        if beside is not None:
+            scale = np.where(scale <= _largest(estimates), _largest(_rows(beside)), scale)
+        excess = estimates / (tol * np.maximum(scale, FLOOR))
     endless = ~np.isfinite(results) & call.elements(np.isfinite)
     excess = np.where(endless, np.inf, np.where(np.isnan(excess), 0.0, excess))
     if not excess.size or not excess.max() > SLACK:
@@ -97,6 +100,9 @@ def report_not_a_number(values: Results, names: Sequence[str], call: Call, inacc
     hint = (
         "does the expression hold 0/0, inf - inf, a root or a logarithm of a negative number, or a choice from nothing there? f.diagnose(…)"
     )
+    if not call.elements(np.isfinite)[j]:
+        what += ", where an argument is infinite"
+        hint = "give a large number; a bound that is infinite is written so: (x, 0, math.inf)"
     if crowded:
         what += ": a condition has more roots than are looked for"
         hint = "integrate over a smaller region"
@@ -111,6 +117,14 @@ def _rows(results: Results) -> np.ndarray:
     if isinstance(results, np.ndarray):
         return results
     return np.concatenate([np.moveaxis(v, 0, -1).reshape(-1, len(v)) for v in results])
+
+
+def _largest(rows: np.ndarray) -> np.ndarray:
+    """Returns the largest finite size in each column."""
+    import numpy as np
+
+    sizes: np.ndarray = np.where(np.isfinite(rows), np.abs(rows), 0.0)
+    return sizes.max(axis=0, initial=0.0)  # type: ignore[no-any-return]
 
 
 def _title(results: Results, names: Sequence[str], row: int) -> str:

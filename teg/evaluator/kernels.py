@@ -12,7 +12,7 @@ from teg.analysis.settings import Integration, with_more_room
 from teg.evaluator.accuracy import has_samples, report_missed, report_not_a_number
 from teg.evaluator.arguments import Call, whole_numbers
 from teg.evaluator.options import Options
-from teg.evaluator.plan import GRADIENT_ALONE, ORDERS, Kept, Plan, Wanted, derivative_of_order
+from teg.evaluator.plan import GRADIENT_ALONE, ORDERS, VALUE, Kept, Plan, Wanted, derivative_of_order
 from teg.evaluator.timing import timed
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName
@@ -125,8 +125,8 @@ class Kernels:
             sampled, told = self._is_sampled(wanted, entry), False
             if outcome.missed or sampled:
                 both = self.outcome(Key(wanted, entry, errors=True), call).values
-                half, how = len(both) // 2, (options.integration.tol, options.inaccurate)
-                told = report_missed(both[:half], both[half:], titles(), call, how, sampled)
+                beside = self.outcome(Key(VALUE), call).values if wanted == GRADIENT_ALONE and entry is None else None
+                told = report_missed(both, titles(), call, (options.integration.tol, options.inaccurate), sampled, beside)
             if not told:
                 report_not_a_number(outcome.values, titles(), call, options.inaccurate, outcome.crowded)
         values: Sequence[np.ndarray] = outcome.values

@@ -24,6 +24,7 @@ a dataclass whose fields have roles (`teg.program.fields`): walks, renaming, dea
 
 from teg.program.limits import (
     ABSOLUTE_FLOOR,
+    BOX_COST,
     DEEP,
     DIVERGENT,
     EDGE,
@@ -110,6 +111,7 @@ from teg.program.walk import (
 
 __all__ = [
     "ABSOLUTE_FLOOR",
+    "BOX_COST",
     "DEEP",
     "DIVERGENT",
     "EDGE",

@@ -23,6 +23,8 @@ MAX_INTERVALS = 2**17
 """Intervals of a piece that are measured, at most."""
 MAX_EVALUATIONS = 2**28
 """Of integrands, that one point may take: some seconds of a compiled kernel."""
+BOX_COST = 8
+"""A box in which roots are isolated counts as so many evaluations."""
 WATCH_WIDTH = 2.0**-44
 """An interval so narrow, in parts of its piece, is not halved because a watched sign changes in it."""
 NOISE = 10 * 2.0**-52

@@ -59,15 +59,16 @@ class Adaptive:
 
     and if it was bisected MAX_DEPTH times, or the piece has used MAX_INTERVALS measurements. But then the tolerance was *missed*, as it
     is where K is infinite, or where the errors of a piece (but for intervals in which a watched sign changes) add up to more than
-    SPENT times what one of them may be. After DEEP bisections a value with A > DIVERGENT·A₀ diverges: its K is an infinity of its sign.
+    SPENT times what one of them may be. After DEEP bisections a value with A > DIVERGENT·A₀ diverges, where no
+    watched sign is 0: its K is an infinity of its sign.
 
     The error is 4·t·min(1, max(r, (15·r - 2)/7))^decay_power, t the largest coefficients that the null rules give and r the decay from
     one pair of them to the next; no decay is counted on where r is NaN, and at an "end". It is 0 if t <= NOISE·A. The estimate is E plus
     that of `Gauss`.
 
     Once the intervals of a run have been measured with more than MAX_EVALUATIONS nodes a point of the batch, or an iteration of a loop,
-    each that is still to be measured is accepted, and the tolerance was missed. Which these are, and which nodes count, is for a backend
-    to say; JAX and the interpreter have no such limit.
+    each that is still to be measured is accepted, and the tolerance was missed. A box in which roots are isolated counts as
+    BOX_COST nodes. Which these are, and which nodes count, is for a backend to say; JAX and the interpreter have no such limit.
     """
 
     tol: float

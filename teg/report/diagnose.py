@@ -37,6 +37,12 @@ BORDER = "a condition on parameters only"
 CREASE = "a surface meets a corner or another surface: second derivatives differ from side to side, and their mean is given"
 STEP = 2.0**-50
 STEP_OVER_TIES = 2.0**-42
+MOST_EVALUATIONS = 2**24
+"""The largest number of evaluations of a gradient that is looked into: a diagnosis takes a dozen of them."""
+NOT_LOOKED_AT = (
+    "ties and one-sided derivatives were not looked for: value and gradient take more than {} evaluations here, as they do where surfaces "
+    "touch all along a curve"
+)
 NOTHING = 1e-18
 """Smaller derivatives are rounding errors."""
 CHANGE = 1e-3
@@ -64,8 +70,9 @@ class Diagnosis:
     kind: "tie" (two surfaces, or a surface and a bound, coincide: the gradient given is the mean over the two orders, and the message
     tells it beside the one-sided ones), "parameter surface" (a condition on parameters only is at its border), "one-sided" (the gradient a
     few roundings away is another one: a region is born, two curves cross at a saddle), "infinite derivative", "second derivative", "not a
-    number". `index` is the place in the batch, flattened. In a program with arrays `iteration` gives the indices of the sums around,
-    outermost first, and `parameters` holds the entries that the surfaces are made of, too. `str()` is a sentence.
+    number", "not looked at" (the gradient takes too many evaluations). `index` is the place in the batch, flattened. In a program with
+    arrays `iteration` gives the indices of the sums around, outermost first, and `parameters` holds the entries that the surfaces are
+    made of, too. `str()` is a sentence.
     """
 
     kind: str
@@ -174,7 +181,7 @@ class NumberWatch:
         self.expression, self.names, self.parameters = e, names, parameters
         self.wrt = {p.name for p in wrt}
         self.program = program_for([*leaves, *_probes(e)], parameters, how)
-        self.kernel = compile_numpy(self.program)
+        self.kernel = compile_numpy(self.program, most=MOST_EVALUATIONS)
         self.results, self.first_order = len(leaves), len(names)
         self.searched = any(isinstance(s, Isolate) for s in statements(self.program.body))  # roots that meet to rounding are a tangency
 
@@ -183,7 +190,10 @@ class NumberWatch:
         cross do not tie."""
         import numpy as np
 
-        results, met = self.kernel.values_and_ties(at.columns, 1)
+        results, met, ended = self.kernel.values_and_ties(at.columns, 1)
+        if ended:
+            message = NOT_LOOKED_AT.format(MOST_EVALUATIONS)
+            return Look(results[: self.results], [Diagnosis("not looked at", (), at.values, message, at.number)], STEP)
         results, differ = results[: self.results], np.zeros(self.results, dtype=bool)
         here = results[: self.first_order, 0]
         if met:

@@ -301,3 +301,30 @@ def test_either_branch_of_a_where_around_sums(backend: str) -> None:
         assert f(at) == pytest.approx(value, rel=1e-12), name
         assert slopes["t"] == pytest.approx(by_t, rel=1e-12), name
         np.testing.assert_allclose(slopes["V"], by_array, rtol=1e-12, atol=1e-14, err_msg=name)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_root_beyond_those_that_have_a_formula(backend: str) -> None:
+    """Of the 17 roots of sin(4.661·x) = t the last is 2e-3 from the end of the range: no node of a first look sees what is behind it."""
+    count, rest = divmod(46.61, 2 * math.pi)
+    gap = math.pi - 2 * math.asin(0.5)
+    above = count * gap + min(max(rest - math.asin(0.5), 0.0), gap)
+    f = teg.compile(INT(B(teg.sin(t * x) < a), (x, 0, 10)), backend=backend)
+    assert f(t=4.661, a=0.5) == pytest.approx(10 - above / 4.661, rel=1e-11)
+
+
+@pytest.mark.parametrize(("name", "backend"), [("sqrt", "numpy"), ("sqrt", "c"), ("power", "numpy"), ("log", "numpy")])
+def test_a_root_beside_the_border_of_its_condition_is_no_nan(name: str, backend: str) -> None:
+    """Between its breaks the argument is positive, but beside them rounding makes it negative, the more the farther away."""
+    far, q = 64.0, 0.519
+    square = r**2 - (x - far) ** 2 - (y - far) ** 2
+    inside = (x - far) ** 2 + (y - far) ** 2 < r * r
+    f, value, slope = {
+        "sqrt": (teg.sqrt(square), 2 * math.pi * q**3 / 3, 2 * math.pi * q**2),
+        "power": (square**1.5, 2 * math.pi * q**5 / 5, 2 * math.pi * q**4),
+        "log": (teg.log(square), math.pi * q**2 * (2 * math.log(q) - 1), 4 * math.pi * q * math.log(q)),
+    }[name]
+    e = INT(teg.where(inside, f, 0), (x, far - 1, far + 1), (y, far - 1, far + 1))
+    got, gradient = teg.compile(e, [r], backend=backend).value_and_grad(r=q)
+    assert got == pytest.approx(value, rel=1e-9)
+    assert gradient["r"] == pytest.approx(slope, rel=1e-9)

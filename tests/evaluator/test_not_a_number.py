@@ -89,3 +89,16 @@ def test_torch_tells() -> None:
     f = teg.torch_function(teg.log(t) * a)
     with pytest.warns(AccuracyWarning, match="the value is not a number at t = -1"):
         f(t=torch.tensor(-1.0, dtype=torch.float64), a=torch.tensor(2.0, dtype=torch.float64))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_an_infinite_argument_gives_the_limit_or_says_so(backend: str) -> None:
+    """The derivative by t at t = ∞ is 0; a disk of infinite radius has no number for its boundary, and the warning has the reason."""
+    for surface in (x < t, x + x**5 < t, teg.sin(5 * x) < t):
+        f = teg.compile(teg.integral(teg.bracket(surface), (x, 0, 1)), [t], backend=backend)
+        assert f.value_and_grad(t=np.inf) == (1.0, {"t": 0.0})
+        assert f.grad(t=-np.inf)["t"] == 0.0
+    y = teg.var("y")
+    disk = teg.compile(teg.integral(teg.bracket(x * x + y * y < t * t), (x, 0, 1), (y, 0, 1)), [t], backend=backend)
+    with pytest.warns(AccuracyWarning, match=r"not a number at t = inf, where an argument is infinite"):
+        disk.grad(t=np.inf)

@@ -246,8 +246,8 @@ def agreement(program: Program, backend: str, limit: float) -> Judgement:
             error = float(one.evaluator.value_and_error(one.arguments)[1])
     except (TegError, OutOfTimeError):
         error = 0.0
-    estimate = _slope_estimate(one, Answer(0.0, 0.0, direction=direction), limit)
-    known = Answer(one.value, error, slope, 0.0 if math.isnan(estimate) else estimate, direction)  # NaN: there was no time for it
+    slope_error = _slope_estimate(one, Answer(0.0, 0.0, direction=direction), limit)
+    known = Answer(one.value, error, slope, slope_error if math.isfinite(slope_error) else 0.0, direction)
     faults = [w for w in (_value_fault(other, known, limit), _slope_fault(other, known, limit)) if w]
     return Judgement("wrong", f"not as before the law: {'; '.join(faults)}") if faults else Judgement("right")
 

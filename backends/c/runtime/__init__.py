@@ -11,6 +11,7 @@ from teg.numerics.cells import EPSILON, MOST_DEGREE, SHIFT, SKEW, monomials
 from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.program import (
     ABSOLUTE_FLOOR,
+    BOX_COST,
     DEEP,
     DIVERGENT,
     EDGE,
@@ -69,6 +70,7 @@ LIMITS = {
     "TEG_MAX_EVALUATIONS": MAX_EVALUATIONS,
     "TEG_WATCH_WIDTH": WATCH_WIDTH,
     "TEG_NOISE": NOISE,
+    "TEG_BOX_COST": BOX_COST,
     "TEG_DIVERGENT": DIVERGENT,
     "TEG_DEEP": DEEP,
     "TEG_SPENT": SPENT,

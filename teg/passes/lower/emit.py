@@ -9,12 +9,14 @@ terms (Wilkinson, Rounding Errors in Algebraic Processes, 1963).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import cast
 
 from teg.analysis.breaks import Breaks
-from teg.analysis.polynomial import Shadow
+from teg.analysis.intervals import Interval
+from teg.analysis.polynomial import Point, Shadow, divided
 from teg.analysis.surfaces import binders_inside
 from teg.ir.expr import MINUS_ONE, ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where, add
 from teg.ir.function import Apply, Callee
@@ -22,6 +24,7 @@ from teg.ir.integral import ClosedForm, Delta, Integral
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, replace_node
 from teg.passes.lower.inverse_erf import inverse_of_erf, inverse_of_erfc
+from teg.passes.lower.scaled import ByExponents
 from teg.program import TIE_EPS, Arg, Assign, Stmt
 
 Truths = tuple[Arg, Arg]  # holds, fails
@@ -112,6 +115,9 @@ class Emitter:
         self.functions: dict[tuple[Callee, tuple[int, ...]], int] = {}
         self._count = 0
         self._binders: dict[Node, frozenset[Var]] = {}
+        self._points = (Point("first"), Point("second"))
+        self.ranges: Mapping[Var, Interval] = {}  # of the variables of outer integrals, if they are known in numbers
+        self._by_exponents = ByExponents(lambda: {v: (_number(lo), _number(hi)) for v, (lo, hi) in self.ranges.items()})
 
     def fresh(self, kind: str) -> str:
         """Returns an unused name: "v…" for a number, "b…" for a boolean, "x…" for a variable."""
@@ -193,7 +199,8 @@ class Emitter:
             case Add():
                 return self.sum(e, home)
             case Mul():
-                return self.product(e, home)
+                by_exponents = self._by_exponents.product(e, partial(self.home_of, level=home))
+                return self.product(e, home) if by_exponents is None else self.number(by_exponents, home)
             case Pow() if e.exponent >= 3 and home.constants is not None:
                 return self._power_by_products(e, home)
             case Pow():
@@ -207,8 +214,12 @@ class Emitter:
             case Call() if e.name in ("erfinv", "erfcinv"):
                 u = e.children[0]
                 return self.number(inverse_of_erf(u) if e.name == "erfinv" else inverse_of_erfc(u), home)
+            case Call() if e.name == "log" and (by_exponents := self._by_exponents.logarithm(e)) is not None:
+                return self.number(by_exponents, home)
             case Call():
                 args = [self._number_of(c, home) for c in e.children]
+                if e.name in ("sqrt", "log", "pow") and self._keeps_its_sign(e.children[0], home):
+                    args[0] = self._of_sign_in_the_middle(e.children[0], args[0], home)
                 if e.name == "root":
                     return self.assign(home, "v", "sqrt", self.assign(home, "v", "abs", *args))
                 if e.name == "log" and isinstance(e.children[0], Add) and ONE in e.children[0].children:
@@ -223,6 +234,23 @@ class Emitter:
                 return self.assign(home, "v", "select", holds, self._number_of(e.then, home), otherwise)
             case Tuple() | Delta() | _:
                 raise AssertionError(f"{type(e).__name__} cannot be scheduled")
+
+    def _keeps_its_sign(self, u: Expr, home: Level) -> bool:
+        """Returns whether the roots of u are breaks of the integral around it, so that u has one sign on each piece."""
+        if home.middle is None or home.breaks is None or home.var not in u.free:
+            return False
+        own = [p.value(u) for p in self._points]
+        for g in home.breaks.handled if all(own) else ():
+            ratios = [divided(p.value(g) or 0, cast(int, v)) for p, v in zip(self._points, own, strict=True)]
+            if ratios[0] == ratios[1] != 0:
+                return True
+        return False
+
+    def _of_sign_in_the_middle(self, u: Expr, value: Arg, home: Level) -> Arg:
+        """Returns u, and its size where it is positive in the middle of the piece: beside a root only rounding makes it negative."""
+        middle = cast(Level, home.middle)
+        above = self.assign(middle, "b", "gt0", self.number(u, middle))
+        return self.assign(home, "v", "select", above, self._size_of(value, home), value)
 
     def sum(self, e: Add, home: Level) -> Arg:
         """Returns a sum. Terms are added from the left in the order written; a term -u is subtracted. Constants are
@@ -523,6 +551,11 @@ class Emitter:
         if errors[1] != 0.0:
             parts.append(put("mul", errors[1], self.size(e, home), put("abs", put("log", base))))
         return parts
+
+
+def _number(e: Expr) -> float:
+    """Returns the value of a constant."""
+    return cast(float, cast(Const, e).data)
 
 
 def _less_one(e: Add) -> tuple[Expr, int] | None:

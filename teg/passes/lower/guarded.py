@@ -65,7 +65,6 @@ class Guards:
     def __init__(self, out: Emitter) -> None:
         self.out = out
         self.degrees = Degrees()
-        self.ranges: Mapping[Var, Interval] = {}  # of the variables of outer integrals, if they are known in numbers
         self.peaks: dict[Integral, tuple[Peak, ...]] = {}
 
     def guard(self, bodies: Sequence[Expr], x: Var, known: Sequence[Sharp], level: Level, home: Level, gap: float | None) -> Guard | None:
@@ -100,7 +99,7 @@ class Guards:
 
     def not_tame(self, known: Sequence[Sharp], x: Var, gap: float | None) -> list[Sharp]:
         """Returns the sharp values that may change much between neighbouring nodes in x."""
-        return [s for s, tame in zip(known, tame_ones(known, self.ranges, x, gap), strict=True) if not tame]
+        return [s for s, tame in zip(known, tame_ones(known, self.out.ranges, x, gap), strict=True) if not tame]
 
     def note_peaks(self, group: Sequence[Integral], level: Level) -> None:
         """Records the nodes that may be sharp as seen from outer integrals."""
@@ -148,7 +147,7 @@ class Guards:
                 paths.setdefault(peak.path, []).append((peak, sharp))
         found: list[Peak] = []
         for path, entries in paths.items():
-            ranges = dict(self.ranges)
+            ranges = dict(self.out.ranges)
             for node in path:
                 ranges = numeric_range(node, ranges)
             tame = tame_ones([s for _, s in entries], ranges, x, gap)

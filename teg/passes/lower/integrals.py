@@ -192,7 +192,7 @@ class _Integrals:
         if isinstance(rule, Mean):
             return self._by_means(group, home, when, (lo, hi, breaks))
         var = self.out.fresh("x")
-        around, self.guards.ranges = self.guards.ranges, numeric_range(node, self.guards.ranges)
+        around, self.out.ranges = self.out.ranges, numeric_range(node, self.out.ranges)
         level = home.inside(node.var, var)
         level.breaks, level.middle = self.rules.analysis.of(node), home.inside(node.var, var)
         weight = largest([home.weights.get(i, ONE) for i in group]) if isinstance(rule, Adaptive) else ONE
@@ -213,7 +213,7 @@ class _Integrals:
         used = {a for s in flags if isinstance(s, Assign) for a in s.args}
         integral = Integrate(var, lo, hi, breaks, flags, need, body, values, results, rule, when, watch, bends, base, infinite, scale)
         home.block.append(replace(integral, guard=guard, ends=ends if used.intersection(ends) else ()))
-        self.guards.ranges = around
+        self.out.ranges = around
         if weight is ONE:
             return results
         by = self.out.number(weight, home)

@@ -63,6 +63,7 @@ class _Measured:
     size: list[float]
     error: list[float]
     changed: bool
+    hidden: bool
     seen: list[list[float]]
 
 
@@ -180,7 +181,7 @@ class _Piece:
                 continue
             if not good:
                 m.missed = True
-                for j in tested if depth >= DEEP and not found.changed else ():
+                for j in tested if depth >= DEEP and not found.changed and not found.hidden else ():
                     if math.isfinite(found.error[j]) and found.size[j] > DIVERGENT * known[j]:
                         found.total[j] = math.copysign(math.inf, found.total[j])
             m.missed |= any(math.isinf(found.total[j]) for j in tested)
@@ -208,6 +209,7 @@ class _Piece:
                 signs.append(self._values(way(u)[0])[count : count + watched])
             m.met, m.missed, m.crowded = met, missed, crowded  # what happens at the ends does not count
         changed = any(any(s > 0.0 for s in column) and any(s < 0.0 for s in column) for column in zip(*signs, strict=True))
+        hidden = any(s == 0.0 for row in signs for s in row)
         totals, sizes, errors = [], [], []
         for j in range(count):
             total, size, error = measure([row[j] for row in rows], way.kind != POWER)
@@ -215,7 +217,7 @@ class _Piece:
             if j < stmt.tested:
                 sizes.append(size)
                 errors.append(error)
-        return _Measured(totals, sizes, errors, changed, seen)
+        return _Measured(totals, sizes, errors, changed, hidden, seen)
 
     def _hides(
         self, guard: Guard, way: Substitution, interval: tuple[float, float, int], seen: list[list[float]], wanted: list[float]
