@@ -69,9 +69,13 @@ def schedule(
     how: Integration,
     intrinsics: Sequence[Intrinsic],
     remarks: Remarks | None = None,
+    intervals: bool = True,
 ) -> Program:
-    """Returns one program for several outputs. `intrinsics` may compute integrals of their shapes; decisions are added to `remarks`."""
-    return _Integrals(parameters, how, intrinsics, Remarks() if remarks is None else remarks).run(outputs)
+    """Returns one program for several outputs. `intrinsics` may compute integrals of their shapes, closed forms may lie on `intervals`;
+    decisions are added to `remarks`."""
+    made = _Integrals(parameters, how, intrinsics, Remarks() if remarks is None else remarks)
+    made.has_intervals = intervals
+    return made.run(outputs)
 
 
 class _Integrals:
@@ -87,6 +91,7 @@ class _Integrals:
         self.pieces = Pieces(self.out, self.rules, self.roots)
         self.lowerings: list[Lowering] = [i.lowering(self.out) for i in intrinsics if i.lowering is not None]
         self._claimed: dict[Node, Lowering] = {}
+        self.has_intervals = True
 
     def run(self, outputs: Sequence[Expr]) -> Program:
         """Returns the program of the outputs."""
@@ -184,7 +189,7 @@ class _Integrals:
 
     def _interval(self, group: Sequence[Integral], home: Level) -> Interval | None:
         """Returns the interval of integrals of closed form that live on one interval."""
-        if masses_of(group[0].body, group[0].var) is not None or self.samples.is_unbroken(group[0], home):
+        if not self.has_intervals or masses_of(group[0].body, group[0].var) is not None or self.samples.is_unbroken(group[0], home):
             return None
         if not isinstance(self.rules.shared(group, home.depth), Mean):
             return None
