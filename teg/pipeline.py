@@ -247,9 +247,14 @@ def _together(outputs: Sequence[Expr], canonical: Canonical) -> list[Expr]:
     return list(cast(Tuple, run_pass("canonicalise", canonical, ex.tuple_of(*centred_outputs))).children)
 
 
-def flat_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration, remarks: Remarks | None = None) -> Program:
-    """Returns the flat program of outputs without δ, before the passes over flat programs. Decisions are added to `remarks`."""
-    return checked("lower", schedule([released(output) for output in outputs], names, how, intrinsics_for(how), remarks))
+def flat_program(
+    outputs: Sequence[Expr], names: Sequence[str], how: Integration, remarks: Remarks | None = None, intervals: bool = False
+) -> Program:
+    """Returns the flat program of outputs without δ, before the passes over flat programs. Decisions are added to `remarks`.
+
+    Closed forms on `intervals` have no pieces, whose ends an estimate of errors needs.
+    """
+    return checked("lower", schedule([released(output) for output in outputs], names, how, intrinsics_for(how), remarks, intervals))
 
 
 def finished(program: Program, errors: bool = False) -> Program:
@@ -263,7 +268,7 @@ def program_for(
     outputs: Sequence[Expr], names: Sequence[str], how: Integration, errors: bool = False, remarks: Remarks | None = None
 ) -> Program:
     """Returns the finished program of outputs without δ; with `errors`, an estimate of the error of each follows them."""
-    return finished(flat_program(outputs, names, how, remarks), errors)
+    return finished(flat_program(outputs, names, how, remarks, not errors), errors)
 
 
 def cell_program(outputs: Sequence[Expr], names: Sequence[str], how: Integration) -> Program:

@@ -45,14 +45,19 @@ LONGEST, MOST = 400, 1600
 """Statements of a straight line or of a decision, each one C function that is not cut; and of a program that is looked at."""
 DECIDING = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select"}
 STRAIGHT = SIDE_BY_SIDE | {"choose"}
-BRANCHLESS = {"and": "all", "or": "any"}
+WIDE = DECIDING | {"min", "max", "exp", "expm1", "sqrt"}
+"""Operations of straight lines with functions, which are loops over eight points."""
+FUNCTIONS = {"exp", "expm1"}
+BRANCHLESS = {"and": "all", "or": "any", "exp": "teg_exp", "expm1": "teg_expm1"}
+"""Operations that loops over eight points replace: without branches, and without calls."""
 LARGEST = 1.7976931348623157e308
 
 
 @dataclass(frozen=True, slots=True)
 class Packed:
     """Branch-free approximation of a program. `settling` computes `live`; where it is False all outputs are 0. `deciding` computes `fast`;
-    where it is True `straight` gives the `outputs`. A constant `live` of True, or `fast` of False, means that nothing is known."""
+    where it is True `straight` gives the `outputs`. A constant `live` of True, or `fast` of False, means that nothing is known. A
+    straight line that is `wide` has functions and choices."""
 
     live: Arg
     fast: Arg
@@ -60,6 +65,7 @@ class Packed:
     deciding: tuple[Assign, ...]
     straight: tuple[Stmt, ...]
     outputs: tuple[Arg, ...]
+    wide: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +101,12 @@ def packed(program: Program) -> Packed | None:
     if branch is not None:
         fast = fast and line.through(branch.body)
         line.conditions.append(branch.when)
-    elif not line.conditions:
-        return None
     outputs: tuple[Arg, ...] = tuple(line.value(o) for o in program.outputs)
     straight = _sliced(line.steps, outputs) if fast else []
-    fast = fast and _is_short_arithmetic(straight)
+    wide = branch is None and fast and _is_wide(straight)
+    if branch is None and not line.conditions and not wide:
+        return None
+    fast = fast and (wide or _is_short_arithmetic(straight))
     both: Arg = line.assign("b", "and", *line.conditions) if fast else False
     needed = _sliced(line.steps, (both,))
     deciding = [s for s in needed if isinstance(s, Assign)]
@@ -107,7 +114,7 @@ def packed(program: Program) -> Packed | None:
         fast, both, deciding = False, False, []
     if live is True and not fast:
         return None
-    return Packed(live, both, tuple(settling), tuple(deciding), tuple(straight) if fast else (), outputs)
+    return Packed(live, both, tuple(settling), tuple(deciding), tuple(straight) if fast else (), outputs, wide)
 
 
 def _settled(program: Program, branch: When | None, line: _Line) -> tuple[Arg, list[Assign]]:
@@ -342,6 +349,12 @@ def _is_short_arithmetic(straight: Sequence[Stmt]) -> bool:
     return len(simple) == len(flat) and _weight(simple) + results <= LONGEST
 
 
+def _is_wide(straight: Sequence[Stmt]) -> bool:
+    """Returns whether the statements are short, and operations of scalars with a function among them that eight points share."""
+    simple = [s for s in straight if isinstance(s, Assign) and s.op in WIDE]
+    return len(simple) == len(straight) and any(s.op in FUNCTIONS for s in simple) and _weight(simple) <= LONGEST
+
+
 def _nodes(stmt: Polygon) -> int:
     """Returns nodes of the rule on a box in one variable."""
     return stmt.degree // 2 + 1
@@ -377,12 +390,8 @@ def decision(found: Packed, varying: Container[int]) -> list[str]:
     1, plus 2 if one is fast."""
 
     def loop(array: str, arg: Arg, needed: Sequence[Assign], further: str = "") -> list[str]:
-        frame = _framed([_steps(replace(s, op=BRANCHLESS.get(s.op, s.op)) for s in needed)], [arg])
-        there = [f"const double p{i} = q{i}[k];" for i in _inputs(needed, [arg]) if i in varying]
         return [
-            f"for (int k = 0; k < {SIDE}; k++) {{",
-            *indent(*in_few_lines(there), *frame.block(0), f"{array}[k] = {further}{frame.scope()(arg)};"),
-            "}",
+            *_each_point(needed, [arg], [f"{array}[k]"], varying, further),
             f"for (int k = 0; k < {SIDE}; k++) some |= {array}[k];",
         ]
 
@@ -390,8 +399,29 @@ def decision(found: Packed, varying: Container[int]) -> list[str]:
     return [*lines, *loop("fast", found.fast, found.deciding, "live[k] & "), "return 1 | some << 1;"]
 
 
+def _each_point(
+    needed: Sequence[Stmt], wanted: Sequence[Arg], places: Sequence[str], varying: Container[int], further: str = ""
+) -> list[str]:
+    """Returns a loop over eight points, numbered k, that computes the wanted values and writes them, behind `further`, to their places."""
+    frame = _framed([_steps(replace(s, op=BRANCHLESS.get(s.op, s.op)) for s in needed if isinstance(s, Assign))], wanted)
+    there = [f"const double p{i} = q{i}[k];" for i in _inputs(needed, wanted) if i in varying]
+    block, scope = frame.block(0), frame.scope()
+    written = [f"{place} = {further}{scope(arg)};" for place, arg in zip(places, wanted, strict=True)]
+    return [f"for (int k = 0; k < {SIDE}; k++) {{", *indent(*in_few_lines(there), *block, *written), "}"]
+
+
+def _is_shared_choice(stmt: Assign, moving: Container[Arg]) -> bool:
+    """Returns whether a choice is the same one at all points: gcc vectorises no loop with such a condition."""
+    return stmt.op == "select" and stmt.args[0] not in moving
+
+
 def straight(found: Packed, varying: Container[int], apart: int) -> list[str]:
     """Returns the inside of the C function of the outputs at eight points: output j of point k goes to f[apart * j + k]."""
+    if found.wide:
+        moving = _values_in_lanes(found.straight, {f"p{i}" for i in _inputs(found.straight, found.outputs) if i in varying})
+        simple = [s for s in found.straight if isinstance(s, Assign)]
+        steps = [replace(s, op="teg_pick") if _is_shared_choice(s, moving) else s for s in simple]
+        return _each_point(steps, found.outputs, [f"f[{apart * j} + k]" for j in range(len(found.outputs))], varying)
     blocks: list[list[Step]] = [[]]
     own: list[Arg] = list(found.outputs)
     boxes: list[Polygon] = []

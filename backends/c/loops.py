@@ -28,6 +28,7 @@ from teg.backends.c.printer import Printer
 from teg.backends.c.queues import Queue, queue_of, with_enclosing
 from teg.backends.c.runtime import runtime
 from teg.backends.c.signals import Caller
+from teg.backends.c.tabled import tabled_entry
 from teg.backends.c.text import indent, literal, packed, wrapped
 from teg.backends.c.threads import team_size
 from teg.backends.numpy.loops import Results
@@ -54,6 +55,7 @@ from teg.program.arrays import (
     work,
 )
 from teg.program.fields import operands, result_names
+from teg.program.tabled import TabledProgram
 
 BY_VALUE = 120
 """Inputs of a flat program that are C arguments: it is called in one place, and inlined there."""
@@ -114,9 +116,9 @@ def compile_c_arrays(program: ArrayProgram, *, threads: int = 1) -> CArrayKernel
     return CArrayKernel(program, threads)
 
 
-def print_arrays(program: ArrayProgram, name: str = "teg_kernel") -> str:
-    """Returns the translation unit."""
-    return _ArrayPrinter(program, name).text()
+def print_arrays(program: ArrayProgram, name: str = "teg_kernel", tabled: TabledProgram | None = None) -> str:
+    """Returns the translation unit; that of a `tabled` program takes no arrays, but fills them."""
+    return _ArrayPrinter(program, name, tabled).text()
 
 
 def _title(program: ArrayProgram) -> str:
@@ -135,8 +137,8 @@ def _title(program: ArrayProgram) -> str:
 
 
 class _ArrayPrinter:
-    def __init__(self, program: ArrayProgram, name: str) -> None:
-        self.program, self.name = with_branches_in_loops(program), name
+    def __init__(self, program: ArrayProgram, name: str, tabled: TabledProgram | None) -> None:
+        self.program, self.name, self.tabled = with_branches_in_loops(program), name, tabled
         program = self.program
         self.printer = Printer()
         self.routines: dict[int, Routine] = {}
@@ -171,7 +173,7 @@ class _ArrayPrinter:
     def text(self) -> str:
         printer = self.printer
         loops = wrapped(list(self._element()))
-        entry = wrapped(list(self._entry()))
+        entry = wrapped(list(self._entry() if self.tabled is None else tabled_entry(self.tabled, self.name, NO_MEMORY)))
         texts = [*printer.tables(), *printer.texts, *self.shapes.values(), loops, entry]
         first, *needed = runtime([*texts, "teg_context"])
         return "\n\n".join([_title(self.program), first, ABI, *needed, *texts]) + "\n"
@@ -543,9 +545,10 @@ class _ArrayPrinter:
             *indent(
                 f"const int64_t lo = {_spell(step.lo)}, hi = {_spell(step.hi)}, size = {total};",
                 f"const long chunks = teg_chunks(hi - lo, {work(step.body)}, size);",
-                f"double *const partial = calloc((size_t)chunks * {results + 1} + 1, sizeof *partial);",
-                "double *const copies = calloc((size_t)((chunks - 1) * size) + 1, sizeof *copies);",
-                "int failed = !partial || !copies, working = 0;",
+                f"double only[{results + 1}];",
+                f"double *const partial = chunks > 1 ? calloc((size_t)chunks * {results + 1}, sizeof *partial) : only;",
+                "double *const copies = chunks > 1 ? calloc((size_t)((chunks - 1) * size) + 1, sizeof *copies) : NULL;",
+                "int failed = !partial || (!copies && chunks > 1), working = 0;",
                 "(void)size, (void)working;",
                 "if (!failed) {",
                 "#ifdef _OPENMP",
@@ -596,7 +599,7 @@ class _ArrayPrinter:
                     *merged,
                 ),
                 "}",
-                "free(partial);",
+                "if (partial != only) free(partial);",
                 "free(copies);",
                 "if (failed) return -1;",
             ),

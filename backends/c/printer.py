@@ -59,6 +59,7 @@ from teg.backends.c.quadrature import (
 from teg.backends.c.runtime import runtime
 from teg.backends.c.samples import sample_loop, sobol_table, used_points
 from teg.backends.c.text import each, harmless, indent, packed, wrapped
+from teg.backends.lazily import with_lazy_choices
 from teg.numerics.sobol import REPLICATES
 from teg.program import (
     MAX_DEPTH,
@@ -185,6 +186,8 @@ class Printer:
     def element(self, program: Program, kind: str = "element", by_value: int = BY_VALUE, told: str | None = None) -> Routine:
         """Returns the routine of the whole program at one point: from the parameters it writes the outputs to `f`. There is one "element",
         "run"s are numbered. It returns the boolean `told`, if there is one."""
+        if told is None and not any(isinstance(s, Polygon | Segment | Hyperbola | When) for s in compound(program.body)):
+            program = with_lazy_choices(program)
         self.inlined = sum(isinstance(s, Polygon | Segment | Hyperbola) for s in compound(program.body)) <= INLINED
         self.functions = program.functions
         steps = [*self._steps(program.body), *_yields(program.outputs)]
@@ -215,8 +218,12 @@ class Printer:
         decision = self._side_by_side("decision", f"int @({given})", c_packed.decision(found, varying))
         line = None
         if found.fast is not False:
-            given = c_packed.signature(used, varying, "double *f")
-            line = self._side_by_side("straight", f"void @({given})", c_packed.straight(found, varying, apart))
+            given = c_packed.signature(used, varying, "double *restrict f")
+            inside = c_packed.straight(found, varying, apart)
+            if found.wide:  # inlined, its loop would be unrolled before it is vectorised
+                line = self._once("straight", wrapped([f"TEG_APART void @({given})", "{", *indent(*inside), "}"])).name
+            else:
+                line = self._side_by_side("straight", f"void @({given})", inside)
         across = None if in_queue is None else c_crossed.crossed(program)
         name = None
         if across is not None and in_queue is not None:

@@ -12,6 +12,7 @@ from teg.errors import AccuracyError
 from teg.evaluator.arguments import Call
 from teg.program import Program, Sample, statements
 from teg.program.arrays import ArrayProgram, Run, steps
+from teg.program.tabled import TabledProgram
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,8 +36,9 @@ class AccuracyWarning(UserWarning):
     """
 
 
-def has_samples(program: Program | ArrayProgram) -> bool:
+def has_samples(program: Program | ArrayProgram | TabledProgram) -> bool:
     """Returns whether integrals of a program are sampled."""
+    program = program.program if isinstance(program, TabledProgram) else program
     flat = [program] if isinstance(program, Program) else [s.program for s in steps(program.body) if isinstance(s, Run)]
     return any(isinstance(s, Sample) for p in flat for s in statements(p.body))
 

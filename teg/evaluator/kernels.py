@@ -13,12 +13,14 @@ from teg.evaluator.accuracy import has_samples, report_missed, report_not_a_numb
 from teg.evaluator.arguments import Call, whole_numbers
 from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT_ALONE, ORDERS, VALUE, Kept, Plan, Wanted, derivative_of_order
+from teg.evaluator.tabled import Tabled
 from teg.evaluator.timing import timed
 from teg.ir.expr import Param
 from teg.ir.index import ArrayName
 from teg.maps.checks import MapChecks
 from teg.program import Outcome, Program
 from teg.program.arrays import ArrayProgram
+from teg.program.tabled import TabledProgram
 
 if TYPE_CHECKING:
     import numpy as np
@@ -51,6 +53,7 @@ class Kernels:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
+        self._tabled = Tabled(plan)
         self._kernels: Kept[Key, Kernel] = Kept()
         self._room: Kept[Key, Integration] = Kept()  # for kernels that met more roots than there was room for
         self._sampled: Kept[tuple[Wanted, int | None], bool] = Kept()
@@ -62,11 +65,17 @@ class Kernels:
         return self._kernels.get(key, lambda: self._made(key))
 
     def _made(self, key: Key) -> Kernel:
-        program = self.plan.program(key.wanted, key.entry, key.errors, self.room(key))
+        program = self._program(key)
         dtype = "float64" if key.errors or key.counted else self.plan.options.dtype
         with timed(f"{key.wanted.title} for {self.plan.options.backend}", "compiled"):
             kernel: Kernel = build_kernel(program, self.plan.options, dtype, key.counted)
         return kernel
+
+    def _program(self, key: Key) -> Program | ArrayProgram | TabledProgram:
+        """Returns the program of a kernel: with tables, unless errors are estimated or evaluations counted."""
+        how = self.room(key)
+        tabled = None if key.errors or key.counted else self._tabled.program(key.wanted, key.entry, how)
+        return tabled or self.plan.program(key.wanted, key.entry, key.errors, how)
 
     def room(self, key: Key) -> Integration:
         """Returns the integration of a kernel: that of the options, or with more room for roots."""
@@ -191,9 +200,7 @@ class Kernels:
     def _is_sampled(self, wanted: Wanted, entry: int | None) -> bool:
         """Returns whether integrals are sampled though no sampling rule was chosen: they rarely reach a tolerance."""
         how = self.plan.options.integration
-        return how.rule == "auto" and self._sampled.get(
-            (wanted, entry), lambda: has_samples(self.plan.program(wanted, entry, how=self.room(Key(wanted, entry))))
-        )
+        return how.rule == "auto" and self._sampled.get((wanted, entry), lambda: has_samples(self._program(Key(wanted, entry))))
 
 
 class DerivativeKernels:
@@ -238,12 +245,20 @@ class DerivativeKernels:
         return values if order < 0 else [*values, *[f"the derivative by {p.name}" for p in self.plan.wrt] * self.entries]
 
 
-def build_kernel(program: Program | ArrayProgram, options: Options, dtype: str = "float64", counted: bool = False) -> Any:
+def build_kernel(program: Program | ArrayProgram | TabledProgram, options: Options, dtype: str = "float64", counted: bool = False) -> Any:
     """Returns a backend's kernel of a program; a `counted` one counts evaluations.
 
     JAX does not count, nor do loops in C: NumPy's twin does. Only C supports another dtype than float64, and in programs without loops
     only.
     """
+    if isinstance(program, TabledProgram):
+        if options.backend == "c":
+            from teg.backends.c.tabled_kernel import CTabledKernel
+
+            return CTabledKernel(program, options.threads)
+        from teg.backends.numpy.tabled import TabledKernel
+
+        return TabledKernel(program, build_kernel(program.program, options))
     from teg.backends.numpy.kernel import compile_numpy
 
     by_numpy: Callable[[Program], Any] = partial(compile_numpy, memory=options.memory)

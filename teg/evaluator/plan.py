@@ -295,27 +295,27 @@ class Plan:
     ) -> None:
         self.expression, self.options = e, options
         self.wrt, self.leaves, self.integers = tuple(wrt), tuple(leaves), tuple(integers)
-        abstract, self._functions = with_slots(write_out(e)) if not has_arrays(e) else (with_sums_of_integers(e), ())
+        abstract, self.functions = with_slots(write_out(e)) if not has_arrays(e) else (with_sums_of_integers(e), ())
         how = options.integration, options.estimator, tuple(options.maps)
         source = None if source is None else with_sums_of_integers(source)
-        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source), shared=bool(self._functions))
+        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source), shared=bool(self.functions))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
 
     def outputs(self, wanted: Wanted) -> list[Expr]:
         """Returns the outputs of a program without loops, without δ, with its functions."""
         found = self.derivation.outputs(wanted)
-        return [without_slots(e, self._functions) for e in found] if self._functions else found
+        return [without_slots(e, self.functions) for e in found] if self.functions else found
 
     def program(
         self, wanted: Wanted, entry: int | None = None, errors: bool = False, how: Integration | None = None
     ) -> Program | ArrayProgram:
         """Returns the program of all values or of one entry, as `Derivation.program` does, with the bodies of the functions."""
-        if not self._functions:
+        if not self.functions:
             return self.derivation.program(wanted, entry, errors, how)
 
         def linked() -> Program:
-            return with_bodies(cast(Program, self.derivation.program(wanted, entry, errors, how)), self._functions)
+            return with_bodies(cast(Program, self.derivation.program(wanted, entry, errors, how)), self.functions)
 
         return self._linked.get((wanted, entry, errors, how), linked)
 

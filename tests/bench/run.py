@@ -21,6 +21,7 @@ import teg
 from teg.backends.c.standalone import standalone_c
 from tests.backends import isolate_programs, locate_programs, programs
 from tests.bench.backends import backend_rows
+from tests.bench.closed import closed_rows
 from tests.bench.functions import call_time_rows, swap_rows
 from tests.bench.many import many_rows
 from tests.bench.rows import (
@@ -150,6 +151,7 @@ def main() -> None:
         "half-planes in a box": crossed_rows,
         "picture": image_rows,
         "bilinear pixel": bilinear_rows,
+        "closed forms": closed_rows,
         "calls": call_rows,
         "functions": swap_rows,
         "calls of functions": call_time_rows,

@@ -111,7 +111,7 @@ LIMITS = {
 }
 
 
-TOPICS = ("core", "calls", "lanes", "polygon", "quadrature", "bends", "hyperbola", "roots", "places", "samples", "cells")
+TOPICS = ("core", "calls", "lanes", "exponential", "polygon", "quadrature", "bends", "hyperbola", "roots", "places", "samples", "cells")
 """The headers, in the order in which they build on one another."""
 UNIT = "//: "
 """What begins the line before a unit, a type or a function that is printed if it is used; its name follows."""

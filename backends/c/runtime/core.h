@@ -18,8 +18,10 @@
 
 #ifdef __GNUC__
 #define TEG_INLINE static inline __attribute__((always_inline))
+#define TEG_APART static __attribute__((noinline))
 #else
 #define TEG_INLINE static inline
+#define TEG_APART static
 #endif
 
 //: teg_floordiv

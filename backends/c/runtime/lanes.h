@@ -77,3 +77,16 @@ static inline double teg_total_8(const teg_lanes_8 *lanes)
     return *lanes;
 #endif
 }
+
+//: teg_pick
+/* x where a condition holds that is the same for all numbers side by side, else y. */
+TEG_INLINE double teg_pick(int holds, double x, double y)
+{
+    const uint64_t mask = holds ? UINT64_MAX : 0;
+    uint64_t first, second;
+    memcpy(&first, &x, sizeof first);
+    memcpy(&second, &y, sizeof second);
+    first = (first & mask) | (second & ~mask);
+    memcpy(&x, &first, sizeof x);
+    return x;
+}

@@ -55,6 +55,8 @@ Gaussian falls off like an exponential, and TAIL_NODES nodes on the part where i
 TAIL_NODES, DECAY = 24, 37.0
 FLAT = 1e-280
 """Replaces w² where it is 0: the formulas are then those of an exponential."""
+UNDERFLOW = 746.0
+"""exp(-UNDERFLOW) is 0."""
 REACH = 39.0
 """exp(-w²x²) is 0 beyond w·|x| = REACH, also where exp(c) is as large as a number can be."""
 
@@ -105,7 +107,10 @@ class Gaussian:
         (p, q), (alpha, beta) = piece, ends
         at_p, at_q = (call("exp", self.at(self.exponent, end)) for end in (p, q))
         peak = self.peak_from(p)
-        a, b = mul(at_p, scaled_erfc(call("magnitude", alpha))), mul(at_q, scaled_erfc(call("magnitude", beta)))
+        a, b = (
+            where(positive(add(self.at(self.exponent, end), const(UNDERFLOW))), mul(value, scaled_erfc(call("magnitude", at))), ZERO)
+            for end, value, at in ((p, at_p, alpha), (q, at_q, beta))
+        )
         inside = conjunction(positive(mul(MINUS_ONE, alpha)), positive(beta))
         around = sub(sub(mul(const(2.0), call("exp", self.at(self.exponent, peak))), a), b)
         first = mul(const(0.5 * math.sqrt(math.pi)), where(inside, around, call("magnitude", sub(a, b))))
@@ -153,7 +158,7 @@ def sign_of(e: Expr) -> int:
 
 def scaled_erfc(x: Expr) -> Expr:
     """Returns exp(x²)·erfc(x) for x >= 0."""
-    t = div(sub(x, const(SCALED_TURN)), add(x, const(SCALED_TURN)))
+    t = sub(ONE, div(const(2.0 * SCALED_TURN), add(x, const(SCALED_TURN))))  # (x - turn)/(x + turn), with one division
     return div(_polynomial(SCALED, t), add(ONE, mul(const(2.0), x)))
 
 

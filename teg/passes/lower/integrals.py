@@ -43,6 +43,7 @@ from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, postorder
 from teg.passes.lower.emit import Emitter, Level
 from teg.passes.lower.guarded import Guards, widest_gap
+from teg.passes.lower.intervals import Interval, integrals_over_interval, interval_of
 from teg.passes.lower.intrinsic import Intrinsic, Lowering
 from teg.passes.lower.means import Mean, Means, P, Q, mean_of, without_tails
 from teg.passes.lower.pieces import Pieces
@@ -68,9 +69,13 @@ def schedule(
     how: Integration,
     intrinsics: Sequence[Intrinsic],
     remarks: Remarks | None = None,
+    intervals: bool = True,
 ) -> Program:
-    """Returns one program for several outputs. `intrinsics` may compute integrals of their shapes; decisions are added to `remarks`."""
-    return _Integrals(parameters, how, intrinsics, Remarks() if remarks is None else remarks).run(outputs)
+    """Returns one program for several outputs. `intrinsics` may compute integrals of their shapes, closed forms may lie on `intervals`;
+    decisions are added to `remarks`."""
+    made = _Integrals(parameters, how, intrinsics, Remarks() if remarks is None else remarks)
+    made.has_intervals = intervals
+    return made.run(outputs)
 
 
 class _Integrals:
@@ -86,6 +91,7 @@ class _Integrals:
         self.pieces = Pieces(self.out, self.rules, self.roots)
         self.lowerings: list[Lowering] = [i.lowering(self.out) for i in intrinsics if i.lowering is not None]
         self._claimed: dict[Node, Lowering] = {}
+        self.has_intervals = True
 
     def run(self, outputs: Sequence[Expr]) -> Program:
         """Returns the program of the outputs."""
@@ -155,7 +161,8 @@ class _Integrals:
         guard = home.guards.get(node, TRUE)
         needed = True if guard is TRUE else self.out.truths(guard, home)[0]
         shape = self._shape(node, home)
-        if home.var is None and shape is None:
+        interval = None if shape is not None else self._interval(group, home)
+        if home.var is None and shape is None and interval is None:
             needed = self._unless_empty(group, needed, home)
         if needed is False:
             home.names.update(dict.fromkeys(group, 0.0))
@@ -174,10 +181,19 @@ class _Integrals:
             results = (self.samples.sample if sampled else self.samples.midpoint)(group, home, when)
             self._note(group, "samples" if sampled else "midpoint", DEEP if self.how.rule == "auto" else "asked for")
         else:
-            results = self._by_pieces(group, home, when)
+            interval_results = None if interval is None else integrals_over_interval(self.out, group, interval, home, when)
+            results = interval_results or self._by_pieces(group, home, when)
             for i in group:
                 self._note([i], self.rules.title(self.rules.of(i, home.depth)), self.rules.reason(i, home.depth))
         home.names.update(zip(group, results, strict=True))
+
+    def _interval(self, group: Sequence[Integral], home: Level) -> Interval | None:
+        """Returns the interval of integrals of closed form that live on one interval."""
+        if not self.has_intervals or masses_of(group[0].body, group[0].var) is not None or self.samples.is_unbroken(group[0], home):
+            return None
+        if not isinstance(self.rules.shared(group, home.depth), Mean):
+            return None
+        return interval_of(group, self.rules.analysis.of(group[0]))
 
     def _note(self, group: Sequence[Integral], choice: str, reason: str) -> None:
         """Records the choice for a group of integrals."""
@@ -187,8 +203,8 @@ class _Integrals:
     def _by_pieces(self, group: Sequence[Integral], home: Level, when: str | None) -> Sequence[Arg]:
         """Returns the results of integrals that share a loop over pieces: one `Integrate`."""
         node, infinite = group[0], is_unbounded(group[0])
-        lo, hi, breaks = self.pieces.of(group, home, when)
         rule = self.rules.shared(group, home.depth)
+        lo, hi, breaks = self.pieces.of(group, home, when)
         if isinstance(rule, Mean):
             return self._by_means(group, home, when, (lo, hi, breaks))
         var = self.out.fresh("x")

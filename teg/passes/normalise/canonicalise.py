@@ -52,6 +52,8 @@ from teg.ir.node import Node, postorder, union
 from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, substitute
 
 MAX_HOISTED = 6
+FEW_TERMS = 4
+"""So many terms with surfaces of their own are integrated one by one, times their common factor."""
 MAX_KINKS = 2
 """A surface with more kinks is not split into smooth ones: its roots are isolated as it is."""
 
@@ -377,7 +379,7 @@ def _common_factors(e: Add) -> tuple[list[Expr], Expr]:
 def _separable_terms(body: Expr, x: Var) -> list[Expr]:
     """Returns the summands of an integrand in groups: terms with the same atoms in x stay together, and so do terms
     that may diverge alone."""
-    if not isinstance(body, Add):
+    if not isinstance(body, Add | Mul):
         return [body]
     flat: list[Expr] = []
     stack: list[Expr] = [body]
@@ -385,6 +387,8 @@ def _separable_terms(body: Expr, x: Var) -> list[Expr]:
         e = stack.pop()
         if isinstance(e, Add):
             stack.extend(reversed(e.children))
+        elif isinstance(e, Mul) and (products := _distributed(e, x)):
+            stack.extend(reversed(products))
         else:
             flat.append(e)
     atoms, divergent = _facts(flat, x)
@@ -397,6 +401,30 @@ def _separable_terms(body: Expr, x: Var) -> list[Expr]:
             key = "may diverge"
         groups.setdefault(key, []).append(term)
     return [add(*terms) for terms in groups.values()] if len(groups) > 1 else [body]
+
+
+def _distributed(e: Mul, x: Var) -> list[Expr]:
+    """Returns the products of a factor that has an antiderivative with each term of a sum; nothing unless these are several terms, each
+    with surfaces of its own. Together every piece between two surfaces would ask for all of them."""
+    sums = [f for f in e.children if isinstance(f, Add) and any(isinstance(n, Compare) and x in n.free for n in postorder([f]))]
+    if len(sums) != 1 or e.has_delta or e.has_integral:
+        return []
+    (total,) = sums
+    others = [f for f in e.children if f is not total]
+    atoms, divergent = _facts(list(e.children), x)
+    if any(atoms.get(f, _NONE) for f in others) or any(f in divergent for f in e.children) or not all(_is_elementary(f, x) for f in others):
+        return []
+    groups: dict[frozenset[Expr], list[Expr]] = {}
+    for term in total.children:
+        groups.setdefault(atoms.get(term, _NONE), []).append(term)
+    return [mul(*others, add(*terms)) for terms in groups.values()] if len(groups) >= FEW_TERMS else []
+
+
+def _is_elementary(f: Expr, x: Var) -> bool:
+    """Returns whether a factor is a polynomial in x, an exponential or a wave, of which products have antiderivatives."""
+    if isinstance(f, Call):
+        return f.name in ("exp", "sin", "cos") and Shadow((x,)).degree(f.children[0]) in (0, 1, 2)
+    return x not in f.free or Shadow((x,)).degree(f) is not None
 
 
 def _facts(terms: list[Expr], x: Var) -> tuple[dict[Node, frozenset[Expr]], set[Node]]:

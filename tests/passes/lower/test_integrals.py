@@ -51,7 +51,7 @@ def test_a_number_needs_no_statement() -> None:
 
 
 def test_values_go_to_the_outermost_level() -> None:
-    p = program(teg.integral(teg.sin(t) * teg.exp(x + y) * teg.cos(y), (x, 0, 1), (y, 0, 1)), "t")
+    p = program(teg.integral(teg.sin(t) * teg.atan(x + y) * teg.cos(y), (x, 0, 1), (y, 0, 1)), "t")
     depth: dict[str, int] = {}
 
     def walk(block: tuple[object, ...], level: int) -> None:
@@ -63,7 +63,7 @@ def test_values_go_to_the_outermost_level() -> None:
                 walk(s.body, level + 1)
 
     walk(p.body, 0)
-    assert (depth["sin"], depth["cos"], depth["exp"]) == (0, 1, 2)
+    assert (depth["sin"], depth["cos"], depth["atan"]) == (0, 1, 2)
 
 
 def test_integrals_of_one_shape_share_a_loop() -> None:
@@ -74,7 +74,7 @@ def test_integrals_of_one_shape_share_a_loop() -> None:
 
 
 def test_value_and_gradient_share_the_value_loop() -> None:
-    f = teg.compile(teg.integral(teg.bracket(x < t) * teg.exp(a * x), (x, 0, 1)), [t, a])
+    f = teg.compile(teg.integral(teg.bracket(x < t) * teg.exp(a * x**3), (x, 0, 1)), [t, a])
     loops = [s for s in statements(f.program(1).body) if isinstance(s, Integrate)]
     assert len(loops) == 1
 

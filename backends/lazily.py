@@ -1,0 +1,123 @@
+"""Values that only one branch of a choice needs, computed only where it is taken.
+
+    u = exp(x);  v = …u…;  r = b ? v : w        →        when b: u = exp(x);  v = …u…   r = b ? v : w
+
+A value is needed under the conditions of all choices through which its every use goes. The condition that covers the most work becomes a
+`When` around what needs it, and the rest of the block and the inside of the branch are looked at again. Each statement is moved at most
+once at every depth and none is copied; ties stay where they are. For backends that compute one point at a time. Cost: a visit a
+statement for each branch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import count
+
+from teg.program import Arg, Assign, Program, Stmt, When, assigned, free_names, statements
+
+COSTS = {
+    **dict.fromkeys(("exp", "expm1", "log", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan"), 12),
+    **dict.fromkeys(("erf", "erfc", "pow", "atan2", "call"), 20),
+    **dict.fromkeys(("div", "sqrt", "mod", "floor"), 4),
+}
+"""About how many additions an operation costs; 1 where it is not said."""
+LEAST = 24
+"""A branch that is not taken saves so much, or is not made."""
+DEEPEST, MOST_BRANCHES = 4, 24
+MOST = 4000
+"""Statements of a block that is looked at."""
+
+Literal = tuple[str, bool]
+"""A boolean and its value."""
+
+
+def with_lazy_choices(program: Program) -> Program:
+    """Returns the program in which long computations for one branch of a choice are made only where it is taken."""
+    if len(program.body) > MOST or not any(isinstance(s, Assign) and s.op == "select" for s in program.body):
+        return program
+    numbers = count(1 + max((int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit()), default=0))
+    body = _lazy(list(program.body), program.outputs, numbers, DEEPEST)
+    return replace(program, body=tuple(body))
+
+
+def _lazy(block: list[Stmt], outputs: Iterable[Arg], numbers: Iterator[int], depth: int) -> list[Stmt]:
+    """Returns a block with branches, `depth` inside of each other at most."""
+    wanted = set(outputs)
+    tried: set[Literal] = set()
+    while depth:
+        needs = _needs(block, wanted)
+        work: dict[Literal, int] = {}
+        for stmt in block:
+            if isinstance(stmt, Assign):
+                for literal in needs.get(stmt.name, ()):
+                    work[literal] = work.get(literal, 0) + COSTS.get(stmt.op, 1)
+        chosen = max((x for x in work if x not in tried), key=work.__getitem__, default=None)
+        if chosen is None or work[chosen] < LEAST or len(tried) >= MOST_BRANCHES:
+            break
+        tried.add(chosen)
+        block = _behind(block, wanted, chosen, {n for n, conditions in needs.items() if chosen in conditions}, numbers, depth)
+    return block
+
+
+def _needs(block: Sequence[Stmt], wanted: set[Arg]) -> dict[str, frozenset[Literal]]:
+    """Returns, for the assignments of a block that can be moved, the conditions under which they are needed."""
+    needed: dict[Arg, frozenset[Literal]] = dict.fromkeys(wanted, frozenset())
+    found: dict[str, frozenset[Literal]] = {}
+
+    def note(arg: Arg, conditions: frozenset[Literal]) -> None:
+        if isinstance(arg, str):
+            needed[arg] = needed[arg] & conditions if arg in needed else conditions
+
+    for stmt in reversed(block):
+        if not isinstance(stmt, Assign):
+            for name in free_names(stmt):
+                note(name, frozenset())
+            continue
+        own = needed.get(stmt.name, frozenset())
+        if stmt.op != "tie":
+            found[stmt.name] = own
+        else:
+            own = frozenset()
+        if stmt.op == "select" and isinstance(stmt.args[0], str):
+            b, x, y = stmt.args
+            note(b, own)
+            note(x, own | {(str(b), True)})
+            note(y, own | {(str(b), False)})
+        else:
+            for arg in stmt.args:
+                note(arg, own)
+    return {name: conditions for name, conditions in found.items() if conditions}
+
+
+def _behind(block: list[Stmt], wanted: set[Arg], literal: Literal, members: set[str], numbers: Iterator[int], depth: int) -> list[Stmt]:
+    """Returns the block with some assignments, which are needed under a condition only, in a branch."""
+    name, value = literal
+    made = {n for s in block for n in assigned(s)}
+    late: set[str] = set()  # what depends on users of the branch, or on the condition, which come after it
+    before: list[Stmt] = []
+    body: list[Stmt] = []
+    after: list[Stmt] = []
+    known = name not in made
+    inside: set[str] = set()
+    for stmt in block:
+        used, results = set(free_names(stmt)), assigned(stmt)
+        if isinstance(stmt, Assign) and stmt.name in members and used.isdisjoint(late):
+            body.append(stmt)
+            inside.add(stmt.name)
+        elif not used.isdisjoint(inside) or not used.isdisjoint(late):
+            after.append(stmt)
+            late.update(results)
+        else:
+            before.append(stmt)
+            known = known or name in results
+    if not known or sum(COSTS.get(s.op, 1) for s in body if isinstance(s, Assign)) < LEAST:
+        return block
+    if not value:
+        name = f"b{next(numbers)}"
+        before.append(Assign(name, "not", (literal[0],)))
+    used_after = {n for s in after for n in free_names(s)} | wanted
+    results = tuple(n for s in body for n in assigned(s) if n in used_after and n[0] != "b")
+    if any(n in used_after for s in body for n in assigned(s) if n[0] == "b"):  # a branch has numbers as results
+        return block
+    return [*before, When(name, tuple(_lazy(body, results, numbers, depth - 1)), results), *after]

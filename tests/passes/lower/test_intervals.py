@@ -1,0 +1,97 @@
+"""Integrals of closed form on one interval, against 40 digits and against pieces; the exponential of the C runtime."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+
+import teg
+from teg.program import Integrate, statements
+
+x = teg.var("x")
+s, t, a, m, k, lo, hi = teg.params("s t a m k lo hi")
+BELL = teg.exp(-(x**2) / 2) / math.sqrt(2 * math.pi)
+BACKENDS = ("numpy", "c")
+
+
+def pieces(f: teg.Evaluator) -> int:
+    return sum(isinstance(stmt, Integrate) for stmt in statements(f.program(1).body))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    "at",
+    [(0.2, 0.7, 0.0, 1.0), (0.7, 0.2, 0.0, 1.0), (0.2, 0.7, 1.0, 0.0), (-1.0, 2.0, 0.5, 0.75), (0.3, 0.3, 0.0, 1.0), (0.2, 5.0, -2.0, 2.0)],
+)
+@pytest.mark.parametrize("rate", [-2.0, 0.0, 1e-8, 3.0])
+def test_two_conditions_and_bounds(backend: str, at: tuple[float, ...], rate: float) -> None:
+    e = teg.integral(teg.bracket(x > s) * teg.bracket(2 * x < 2 * t) * x * teg.exp(a * x), (x, lo, hi))
+    f = teg.compile(e, [s, t, a, lo, hi], backend=backend)
+    assert pieces(f) == 0
+    left, right, first, last = at
+    value, slopes = f.value_and_grad(s=left, t=right, a=rate, lo=first, hi=last)
+    p, q, sign = max(left, min(first, last)), min(right, max(first, last)), math.copysign(1.0, last - first)
+    with mpmath.workdps(40):
+        inside = mpmath.quad(lambda v: v * mpmath.exp(rate * v), [p, q]) if p < q else mpmath.mpf(0)
+        moved = mpmath.quad(lambda v: v * v * mpmath.exp(rate * v), [p, q]) if p < q else mpmath.mpf(0)
+    assert abs(value - sign * inside) < 1e-15 * (1 + abs(inside))
+    assert abs(slopes["a"] - sign * moved) < 2e-15 * (1 + abs(moved))
+    if p < q:
+        assert abs(slopes["t"] - (sign * right * math.exp(rate * right) if q == right else 0.0)) < 2e-15 * (1 + abs(inside))
+        assert abs(slopes["s"] + (sign * left * math.exp(rate * left) if p == left else 0.0)) < 2e-15 * (1 + abs(inside))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("at", [(0.3, 0.1, 1.1), (-0.3, 0.1, 1.1), (0.3, 0.1, -1.0), (0.0, 0.1, 0.5), (1e-9, 0.0, 0.5), (2.0, -1.0, 90.0)])
+def test_a_payoff_against_a_gaussian(backend: str, at: tuple[float, ...]) -> None:
+    f = teg.compile(teg.integral(teg.maximum(teg.exp(s * x + m) - k, 0) * BELL, (x, -math.inf, math.inf)), [s, m, k], backend=backend)
+    assert pieces(f) == 0
+    width, drift, strike = at
+    value, slopes = f.value_and_grad(s=width, m=drift, k=strike)
+    with mpmath.workdps(30):
+        normal = mpmath.ncdf
+        if strike > 0 and width:
+            d = (drift - mpmath.log(strike)) / abs(width)
+            growth = mpmath.exp(drift + mpmath.mpf(width) ** 2 / 2)
+            upper, lower = normal(d + abs(width)), normal(d)
+            density = mpmath.npdf(d + abs(width)) * growth
+        else:
+            growth = mpmath.exp(drift + mpmath.mpf(width) ** 2 / 2)
+            upper, lower, density = mpmath.mpf(1), mpmath.mpf(1), mpmath.mpf(0)
+        size = growth + abs(strike)
+        assert abs(value - (growth * upper - strike * lower)) < 4e-15 * size
+        assert abs(slopes["m"] - growth * upper) < 4e-15 * size
+        assert abs(slopes["k"] + lower) < 4e-15 * size
+        assert abs(slopes["s"] - (width * growth * upper + (math.copysign(1.0, width) * density if width else 0))) < 2e-14 * size
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_condition_whose_slope_is_known_at_run_time(backend: str) -> None:
+    e = teg.integral(teg.bracket(s * x < t) * teg.exp(a * x), (x, -1, 1))
+    f, plain = (teg.compile(e, [s, t, a], backend=backend, intrinsics=on) for on in (True, False))
+    assert pieces(f) == 0
+    for values in ((2.0, 0.5, 1.0), (-2.0, 0.5, 1.0), (0.0, 0.5, 1.0), (0.0, -0.5, 1.0), (1.0, 1.0, -1.0), (1e-12, 0.0, 0.3)):
+        at = dict(zip("sta", values, strict=True))
+        assert abs(f(at) - plain(at)) < 1e-13
+        assert all(abs(v - plain.grad(at)[name]) < 1e-12 * (1 + abs(v)) for name, v in f.grad(at).items())
+    assert math.isnan(f(s=math.nan, t=0.5, a=1.0))
+
+
+def test_the_exponential_of_the_runtime() -> None:
+    places = np.concatenate(
+        [np.linspace(-745.5, 710.0, 20_001), np.linspace(-1, 1, 2001), [0.0, -0.0, 1e-300, math.inf, -math.inf, -1e308, 1e308]]
+    )
+    f = teg.compile(teg.tuple(teg.exp(a), teg.exp(a) - 1), [a], backend="c")
+    found, less_one = f(places)
+    with np.errstate(over="ignore"):
+        expected, other = np.exp(places), np.expm1(places)
+    normal = expected > 1e-307
+    finite = normal & np.isfinite(expected)
+    assert np.max(np.abs(found[finite] / expected[finite] - 1)) < 4e-16
+    assert np.all(found[~finite & normal] == math.inf)
+    assert np.max(np.abs(found[~normal] - expected[~normal])) <= 1e-323
+    nonzero = np.isfinite(other) & (other != 0)
+    assert np.max(np.abs(less_one[nonzero] / other[nonzero] - 1)) < 7e-16
