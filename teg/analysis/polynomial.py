@@ -417,7 +417,7 @@ def expanded(e: Expr, limit: int = 48, whole: Collection[Expr] = ()) -> Expr | N
     return None if form is None else _from_form(form, generators)
 
 
-def extent(lo: Expr, hi: Expr) -> Expr:
+def distance(lo: Expr, hi: Expr) -> Expr:
     """Returns hi - lo; without what both have, if that makes it shorter: 1 for bounds p and p + 1."""
     difference = sub(hi, lo)
     short = expanded(difference, limit=8) if lo.children or hi.children else None

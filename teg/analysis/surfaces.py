@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import ZeroSet, peeled
 from teg.analysis.nest import Binder
-from teg.analysis.polynomial import Shadow, extent
+from teg.analysis.polynomial import Shadow, distance
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
 from teg.ir.expr import (
@@ -189,7 +189,7 @@ def ordered(lo: Expr, hi: Expr) -> int:
     """Returns +1 if lo <= hi is known, -1 if lo > hi is known, else 0."""
     if isinstance(lo, Const) and isinstance(hi, Const):
         return 1 if lo.data <= hi.data else -1
-    size = extent(lo, hi)
+    size = distance(lo, hi)
     return 0 if not isinstance(size, Const) or math.isnan(size.data) else 1 if size.data >= 0.0 else -1
 
 

@@ -24,7 +24,7 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.guards import middle_and_reach, support
 from teg.analysis.nest import Binder, Chain, nest, ranges_of
-from teg.analysis.polynomial import Point, Shadow, extent, residue
+from teg.analysis.polynomial import Point, Shadow, distance, residue
 from teg.analysis.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
@@ -151,7 +151,7 @@ def rewrite_affine(g: Expr, coefficient: Expr, chain: Chain, data: Affine) -> Ex
     if ranges is None or not all(free_of(e, [r.var for r in others]) for b in chosen for e in (b.lo, b.hi)):
         return None
     corner = {b.var: lo for b, (lo, _) in zip(chosen, ranges, strict=True)}
-    extents = [extent(lo, hi) for lo, hi in ranges]
+    extents = [distance(lo, hi) for lo, hi in ranges]
     if len(chosen) == 2 and not others:
         side = match_side(g, support(coefficient), (chosen[1].var, chosen[0].var))
         if side is not None:

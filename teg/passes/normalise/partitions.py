@@ -16,7 +16,7 @@ from itertools import product
 from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.polynomial import Point, Shadow, extent
+from teg.analysis.polynomial import Point, Shadow, distance
 from teg.errors import NotDifferentiableError
 from teg.ir.arrays import Ranged, Sum, open_indices
 from teg.ir.cells import Symbols, indices_apart, rename_indices, replace_integers, replaced
@@ -104,7 +104,7 @@ def _term(body: Expr, bounds: Sequence[tuple[Var, Expr, Expr]]) -> Expr:
     for _, lo, hi in bounds:
         if any(isinstance(b, Const) and not math.isfinite(b.data) for b in (lo, hi)):
             raise Refused("a bound is infinite")
-    box = _Box(tuple(x for x, _, _ in bounds), tuple(lo for _, lo, _ in bounds), tuple(extent(lo, hi) for _, lo, hi in bounds))
+    box = _Box(tuple(x for x, _, _ in bounds), tuple(lo for _, lo, _ in bounds), tuple(distance(lo, hi) for _, lo, hi in bounds))
     return mul(*box.lengths, _partition(body, box))
 
 

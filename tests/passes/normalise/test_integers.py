@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.analysis.polynomial import extent
+from teg.analysis.polynomial import distance
 from teg.ir.expr import Add, Const, Expr, Mul, as_number
 from teg.ir.index import Index, IndexCall, IndexValue
 from teg.ir.node import postorder
@@ -67,13 +67,13 @@ def number(e: object) -> Expr:
         (as_number(0.25), as_number(1.0), 0.75),
     ],
 )
-def test_extents_that_are_known(lo: Expr, hi: Expr, size: Expr | float) -> None:
-    assert extent(lo, hi) is as_number(size)
+def test_distances_that_are_known(lo: Expr, hi: Expr, size: Expr | float) -> None:
+    assert distance(lo, hi) is as_number(size)
 
 
-def test_other_extents_are_differences() -> None:
-    assert extent(t, s) is teg.ir.expr.sub(s, t)
-    assert extent(t * t, teg.sin(s)) is teg.ir.expr.sub(teg.sin(s), t * t)
+def test_other_distances_are_differences() -> None:
+    assert distance(t, s) is teg.ir.expr.sub(s, t)
+    assert distance(t * t, teg.sin(s)) is teg.ir.expr.sub(teg.sin(s), t * t)
 
 
 @pytest.mark.parametrize("backend", ["numpy", pytest.param("c", marks=in_c)])

@@ -19,7 +19,7 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder, Chain
-from teg.analysis.polynomial import Shadow, extent
+from teg.analysis.polynomial import Shadow, distance
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
@@ -152,7 +152,7 @@ def _corners(g: Expr, chain: Chain) -> Corners:
 
 
 def _area(chain: Chain) -> Expr:
-    return mul(*(extent(b.lo, b.hi) for b in chain))
+    return mul(*(distance(b.lo, b.hi) for b in chain))
 
 
 def _coefficients(e: Expr, chain: Chain, most: int) -> Coefficients | None:
@@ -166,7 +166,7 @@ def _coefficients(e: Expr, chain: Chain, most: int) -> Coefficients | None:
         return None
     found: Coefficients = {}
     corner: dict[Var, Expr] = {x: inner.lo, y: outer.lo}
-    width, height = extent(inner.lo, inner.hi), extent(outer.lo, outer.hi)
+    width, height = distance(inner.lo, inner.hi), distance(outer.lo, outer.hi)
     try:
         for j in range(max((m[0] for m in poly), default=-1) + 1):
             along = e

@@ -15,7 +15,7 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.guards import middle_and_reach
-from teg.analysis.polynomial import Shadow, extent
+from teg.analysis.polynomial import Shadow, distance
 from teg.ir.expr import (
     MINUS_ONE,
     ONE,
@@ -110,7 +110,7 @@ class PolygonLowering(Lowering):
         for var, name in zip(variables, names, strict=True):
             levels.append(levels[-1].inside(var, name))
         values, factors = self._integrands(group, local, variables, levels[1:], home)
-        width, height = (self.out.number(extent(b.lo, b.hi), home) for b in (inner, outer))
+        width, height = (self.out.number(distance(b.lo, b.hi), home) for b in (inner, outer))
         results = tuple(self.out.fresh("v") for _ in group)
         body = tuple(stmt for level in levels[1:] for stmt in level.block)
         degree = max(c.degree for c in group)
@@ -127,7 +127,7 @@ class PolygonLowering(Lowering):
         """
         inner, outer = clipped.boxes
         corner = {outer.var: outer.lo, inner.var: inner.lo}
-        extents = [extent(b.lo, b.hi) for b in (outer, inner)]
+        extents = [distance(b.lo, b.hi) for b in (outer, inner)]
         parts = []
         for half in clipped.halves:
             middle, reach = middle_and_reach(half.atom.g, corner, extents)
@@ -138,7 +138,7 @@ class PolygonLowering(Lowering):
     def _segment(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
         (node,) = group[0].boxes
         x, lo, hi = node.var, node.lo, node.hi
-        length = extent(lo, hi)
+        length = distance(lo, hi)
         taken = set(node.body.free | lo.free | hi.free) | {x}
         t = fresh("t", taken)
         steady = _Local((x,), {x: lo}, {x: add(lo, mul(length, t))}, {})
