@@ -7,6 +7,7 @@ flags. Tests of the C backend itself, of its lanes and of its threads compile as
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from math import inf
 from pathlib import Path
@@ -72,6 +73,16 @@ def as_users_compile(quickly_compiled: None) -> Iterator[None]:
         patch.setattr(kernel, "OPTIMISATION", AS_RELEASED[0])
         patch.setattr(build, "OPTIMISE", AS_RELEASED[1])
         yield
+
+
+@pytest.fixture(autouse=True)
+def jax_as_before() -> Iterator[None]:
+    """The precision of JAX again after a test that changed it, an example that a user would run for instance."""
+    jax = sys.modules.get("jax")
+    before = bool(jax and jax.config.jax_enable_x64)
+    yield
+    if jax := sys.modules.get("jax"):
+        jax.config.update("jax_enable_x64", before)
 
 
 @pytest.fixture
