@@ -35,7 +35,7 @@ fuzz: $(READY)
 	$(BIN)/python -m tests.fuzz.run -n $(N) -o out/fuzz
 
 bench: $(READY)
-	$(BIN)/python tests/bench/run.py
+	$(BIN)/python tests/bench/run.py --page docs/performance.md
 
 chart: $(READY)
 	$(BIN)/teg chart stability -o docs/integration --page docs/integration.md $(FRESH)

@@ -90,7 +90,7 @@ def _notation(lines: list[str]) -> SimpleNamespace:
         return lambda *values: Text(lines, template.format(*map(_name, values)))
 
     names = {"abs": "fabs", "minimum": "fmin", "maximum": "fmax"}
-    plain = {name: written(f"{names.get(name, name)}({{}})") for name in ("sin", "cos", "exp", "log", "sqrt", "floor", "abs")}
+    plain = {name: written(f"{names.get(name, name)}({{}})") for name in ("sin", "cos", "exp", "log", "sqrt", "atan", "floor", "abs")}
     pairs = {name: written(f"{names[name]}({{}}, {{}})") for name in ("minimum", "maximum")}
     return SimpleNamespace(**plain, **pairs, where=written("{} ? {} : {}"), bracket=written("{} ? 1.0 : 0.0"))
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from mpmath import mp
 
-from teg.examples.charts.problem import Problem, _at
+from teg.examples.charts.problem import Problem, bound_at
 
 Polynomial = list[Any]  # coefficients, lowest first
 LARGEST_DEGREE = 30
@@ -224,7 +224,7 @@ def _condition(problem: Problem, parameters: Mapping[str, Any], outer: Sequence[
 
 def inner_breaks(problem: Problem, parameters: Mapping[str, Any], outer: Sequence[Any], degree: int) -> list[Any]:
     """Returns the bounds of the innermost integral and the roots of conditions between them, ascending."""
-    lo, hi = (mp.mpf(_at(b, EXACT, outer, parameters)) for b in problem.bounds[0])
+    lo, hi = (mp.mpf(bound_at(b, EXACT, outer, parameters)) for b in problem.bounds[0])
     lo, hi = min(lo, hi), max(lo, hi)
     polynomials = conditions(problem, parameters, outer, degree)
     if polynomials is None:
@@ -246,7 +246,7 @@ def _scanned_roots(problem: Problem, parameters: Mapping[str, Any], outer: Seque
 
 
 def inner_integral(problem: Problem, parameters: Mapping[str, Any], outer: Sequence[Any], degree: int) -> Any:
-    lo, hi = (mp.mpf(_at(b, EXACT, outer, parameters)) for b in problem.bounds[0])
+    lo, hi = (mp.mpf(bound_at(b, EXACT, outer, parameters)) for b in problem.bounds[0])
     points = inner_breaks(problem, parameters, outer, degree)
 
     def body(x: Any) -> Any:
@@ -265,12 +265,12 @@ def outer_breaks(problem: Problem, parameters: Mapping[str, Any], degree: int) -
 
 
 def _outer_breaks(problem: Problem, parameters: Mapping[str, Any], degree: int) -> list[Any]:
-    lo, hi = (mp.mpf(_at(b, EXACT, (), parameters)) for b in problem.bounds[1])
+    lo, hi = (mp.mpf(bound_at(b, EXACT, (), parameters)) for b in problem.bounds[1])
     lo, hi = min(lo, hi), max(lo, hi)
     middle = (lo + hi) / 2
 
     def bound(k: int, y: Any) -> Any:
-        return mp.mpf(_at(problem.bounds[0][k], EXACT, (y,), parameters))
+        return mp.mpf(bound_at(problem.bounds[0][k], EXACT, (y,), parameters))
 
     def atoms_at(y: Any) -> list[Polynomial]:
         polynomials = conditions(problem, parameters, [y], degree)
@@ -328,7 +328,7 @@ def integrate(problem: Problem, parameters: Mapping[str, Any], degree: int = 4) 
     """Returns the value, in one or two variables; `degree` bounds that of the conditions in the inner variable."""
     if problem.dimension == 1:
         return inner_integral(problem, parameters, (), degree)
-    lo, hi = (mp.mpf(_at(b, EXACT, (), parameters)) for b in problem.bounds[1])
+    lo, hi = (mp.mpf(bound_at(b, EXACT, (), parameters)) for b in problem.bounds[1])
     points = outer_breaks(problem, parameters, degree)
     whole = mp.fsum(mp.quad(lambda y: inner_integral(problem, parameters, (y,), degree), [a, b]) for a, b in pairwise(points))
     return whole if lo <= hi else -whole

@@ -7,23 +7,22 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import combinations
 from typing import Any
 
-import teg
 from teg.examples.charts.case import UNIT, Case, case
 
-WORDS: dict[str, Callable[[Any], Any]] = {
-    "x": lambda u: u,
-    "x²": lambda u: u * u,
-    "x³": lambda u: u**3,
-    "√x": lambda u: teg.sqrt(u),
-    "exp(x)": lambda u: teg.exp(u),
-    "log(x)": lambda u: teg.log(u),
-    "1/(2-x)": lambda u: 1 / (2 - u),
-    "sin(x)": lambda u: teg.sin(u),
-    "atan(x)": lambda u: teg.atan(u),
-    "x + x²": lambda u: u + u * u,
-    "-1/x": lambda u: -1 / u,
+WORDS: dict[str, Callable[[Any, Any], Any]] = {
+    "x": lambda m, u: u,
+    "x²": lambda m, u: u * u,
+    "x³": lambda m, u: u**3,
+    "√x": lambda m, u: m.sqrt(u),
+    "exp(x)": lambda m, u: m.exp(u),
+    "log(x)": lambda m, u: m.log(u),
+    "1/(2-x)": lambda m, u: 1 / (2 - u),
+    "sin(x)": lambda m, u: m.sin(u),
+    "atan(x)": lambda m, u: m.atan(u),
+    "x + x²": lambda m, u: u + u * u,
+    "-1/x": lambda m, u: -1 / u,
 }
-"""Increasing functions on (0, 1): any two conditions f(x) > f(r) are one surface."""
+"""Increasing functions on (0, 1), in a notation: any two conditions f(x) > f(r) are one surface."""
 
 
 def coincident() -> Iterator[Case]:
@@ -31,7 +30,7 @@ def coincident() -> Iterator[Case]:
     for (name, f), (other, g) in combinations(WORDS.items(), 2):
         yield case(
             f"{name} > … and {other} > …",
-            lambda m, x, r, f=f, g=g: m.bracket(f(x) > f(r)) * m.bracket(g(x) > g(r)) * (1 + x),
+            lambda m, x, r, f=f, g=g: m.bracket(f(m, x) > f(m, r)) * m.bracket(g(m, x) > g(m, r)) * (1 + x),
             (UNIT,),
             {"r": 0.375},
             lambda m, r: 1 - r + (1 - r * r) / 2,

@@ -44,7 +44,7 @@ def expression(problem: Problem) -> tuple[Expr, list[Param]]:
     symbols = {name: teg.param(name) for name in problem.parameters}
     e = problem.body(teg, *variables, **symbols)
     triples = [
-        (x, *(_at(b, teg, variables[i + 1 :], symbols) for b in bounds))
+        (x, *(bound_at(b, teg, variables[i + 1 :], symbols) for b in bounds))
         for i, (x, bounds) in enumerate(zip(variables, problem.bounds, strict=True))
     ]
     return teg.integral(e, *triples), list(symbols.values())
@@ -74,7 +74,9 @@ class Integrand:
     def limits(self, i: int) -> tuple[Callable[..., float], Callable[..., float]]:
         """Returns the bounds of variable i, as functions of the variables outside it."""
         lower, upper = self.problem.bounds[i]
-        return lambda *outer: _at(lower, SCALAR, outer, self.parameters), lambda *outer: _at(upper, SCALAR, outer, self.parameters)
+        return lambda *outer: bound_at(lower, SCALAR, outer, self.parameters), lambda *outer: bound_at(
+            upper, SCALAR, outer, self.parameters
+        )
 
     def on_cube(self, points: np.ndarray) -> np.ndarray:
         self._count(len(points))
@@ -82,7 +84,7 @@ class Integrand:
         inner: list[Any] = []
         with np.errstate(all="ignore"):
             for i in reversed(range(self.dimension)):
-                lower, upper = (_at(b, NUMPY, inner, self.parameters) for b in self.problem.bounds[i])
+                lower, upper = (bound_at(b, NUMPY, inner, self.parameters) for b in self.problem.bounds[i])
                 inner.insert(0, lower + (upper - lower) * points[:, i])
                 weight = weight * (upper - lower)
             values = self.problem.body(NUMPY, *inner, **self.parameters) * weight
@@ -94,7 +96,8 @@ class Integrand:
             raise TooManyEvaluationsError
 
 
-def _at(bound: Bound, m: Any, outer: Any, parameters: Mapping[str, Any]) -> Any:
+def bound_at(bound: Bound, m: Any, outer: Any, parameters: Mapping[str, Any]) -> Any:
+    """Returns a bound as a number, or what it is in a notation at the outer variables."""
     return bound(m, *outer, **parameters) if callable(bound) else bound
 
 
@@ -112,12 +115,15 @@ def _or_nan(f: Callable[[float], float]) -> Callable[[float], float]:
     return total
 
 
+FUNCTIONS = ("sin", "cos", "exp", "log", "sqrt", "abs", "floor", "minimum", "maximum", "where")
+"""Functions that have the same name in NumPy and in JAX."""
 NUMPY = SimpleNamespace(
-    **{name: getattr(np, name) for name in ["sin", "cos", "exp", "log", "sqrt", "abs", "floor", "minimum", "maximum", "where"]},
+    **{name: getattr(np, name) for name in FUNCTIONS},
+    atan=np.arctan,
     bracket=lambda c: np.where(c, 1.0, 0.0),
 )
 SCALAR = SimpleNamespace(
-    **{name: _or_nan(getattr(math, name)) for name in ["sin", "cos", "exp", "log", "sqrt"]},
+    **{name: _or_nan(getattr(math, name)) for name in ["sin", "cos", "exp", "log", "sqrt", "atan"]},
     abs=abs,
     floor=math.floor,
     minimum=min,

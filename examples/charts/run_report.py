@@ -16,7 +16,7 @@ from teg.evaluator.options import Backend
 from teg.examples.charts import stability_report, tables
 from teg.examples.charts.chart_run import ChartRun, Options
 from teg.examples.charts.processes import results
-from teg.examples.charts.stability_report import COLUMNS, SCORES, Answer, counts, shares
+from teg.examples.charts.stability_report import COLUMNS, SCORES, Answer, can_be_asked, columns, counts, shares
 from teg.examples.harness import require_packages
 from teg.examples.options import default_backend
 
@@ -36,10 +36,10 @@ def run_report(out: str | Path = "out/report", page: str | Path | None = None, *
     run = ChartRun("report", out, page, options)
     answers: dict[str, dict[str, Answer]] = dict(run.stored("answers"))
     names = [group[0].name for group in stability_report.CLASSES.values()] if run.quick else list(stability_report.cases())
-    missing = [n for n in names if n not in answers]
+    missing = [(n, m) for n in names if (m := _missing(n, answers.get(n, {})))]
     with run.interruptible():
-        for name, answer in results(partial(_judge, backend=run.backend), missing, run.progress, "cases"):
-            answers[name] = answer
+        for (name, _), answer in results(partial(_judge, backend=run.backend), missing, run.progress, "cases"):
+            answers[name] = answers.get(name, {}) | answer
             run.save(answers=answers, counts=counts(answers))
     if answers:
         draw_heat_map(run.folder / "heat-map.png", answers)
@@ -60,8 +60,15 @@ def run_case(name: str, backend: Backend | None = None) -> str:
     return "\n".join(lines)
 
 
-def _judge(name: str, backend: Backend) -> dict[str, Answer]:
-    return stability_report.judge(stability_report.cases()[name][1], backend)
+def _missing(name: str, answered: Mapping[str, Answer]) -> tuple[str, ...]:
+    """Returns the methods that can be asked about a case and were not."""
+    case = stability_report.cases()[name][1]
+    return tuple(m for m in COLUMNS if m not in answered and can_be_asked(m, case))
+
+
+def _judge(asked: tuple[str, tuple[str, ...]], backend: Backend) -> dict[str, Answer]:
+    name, methods = asked
+    return stability_report.judge(stability_report.cases()[name][1], backend, methods)
 
 
 def summary(answers: Mapping[str, Mapping[str, Answer]]) -> str:
@@ -72,11 +79,11 @@ def summary(answers: Mapping[str, Mapping[str, Answer]]) -> str:
 def report_tables(answers: Mapping[str, Mapping[str, Answer]]) -> str:
     """Returns the number of cases of each score for each method, then right and silently wrong ones by class."""
     numbers = counts(answers)
-    rows = [[f"{len(answers)} cases", *SCORES]] + [[m, *map(str, numbers[m].values())] for m in COLUMNS]
+    rows = [[f"{len(answers)} cases", *SCORES]] + [[m, *map(str, numbers[m].values())] for m in numbers]
     parts = [tables.markdown(rows)]
-    rows = [["class: within 1 % / silently wrong", *COLUMNS]]
+    rows = [["class: within 1 % / silently wrong", *numbers]]
     for name, row in shares(answers).items():
-        rows.append([name, *(f"{row[m]['right'] + row[m]['imprecise']} / {row[m]['silently wrong']}" for m in COLUMNS)])
+        rows.append([name, *(f"{row[m]['right'] + row[m]['imprecise']} / {row[m]['silently wrong']}" for m in numbers)])
     return "\n".join([*parts, tables.markdown(rows)])
 
 
@@ -86,19 +93,19 @@ def draw_heat_map(path: Path, answers: Mapping[str, Mapping[str, Answer]]) -> No
 
     from teg.examples.charts.draw import INK, _figure
 
-    rows = shares(answers)
-    figure = _figure((2.0 + 1.35 * len(COLUMNS), 1.8 + 0.34 * len(rows)))
+    rows, methods = shares(answers), columns(answers)
+    figure = _figure((2.0 + 1.35 * len(methods), 1.8 + 0.34 * len(rows)))
     panel = figure.subplots()
     for j, row in enumerate(rows.values()):
-        for i, method in enumerate(COLUMNS):
+        for i, method in enumerate(methods):
             start, total = i + 0.05, sum(row[method].values())
             for score in SCORES:
                 width = 0.9 * row[method][score] / max(total, 1)
                 panel.add_patch(Rectangle((start, j + 0.08), width, 0.84, facecolor=COLOURS[score], linewidth=0))
                 start += width
-    panel.set_xlim(0, len(COLUMNS))
+    panel.set_xlim(0, len(methods))
     panel.set_ylim(len(rows), 0)
-    panel.set_xticks([i + 0.5 for i in range(len(COLUMNS))], list(COLUMNS), color=INK)
+    panel.set_xticks([i + 0.5 for i in range(len(methods))], methods, color=INK)
     panel.set_yticks([j + 0.5 for j in range(len(rows))], [f"{n} ({sum(r['exact'].values())})" for n, r in rows.items()], color=INK)
     panel.xaxis.tick_top()
     panel.tick_params(length=0)

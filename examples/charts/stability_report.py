@@ -28,6 +28,7 @@ from teg.evaluator.options import Backend
 from teg.examples.charts.case import Case
 from teg.examples.charts.families_of_cases import FAMILIES
 from teg.examples.charts.families_of_shapes import SHAPES
+from teg.examples.charts.optional_peers import OPTIONAL, is_installed
 from teg.examples.charts.peers import collected_warnings, gradient_error
 from teg.examples.charts.problem import expression
 from teg.examples.charts.references import Reference, case_reference, read
@@ -49,13 +50,15 @@ METHODS: dict[str, dict[str, Any]] = {
     "spsa": {"discontinuities": "spsa", "samples": SAMPLES},
     "ignore": {"discontinuities": "ignore", "tol": TOL},
 }
-PEERS = {"SciPy quad": ("dblquad", 1e-10), "vegas": ("vegas", 2000.0)}
-"""Other packages, whose gradients are central differences: the method, and its setting."""
+PEERS = {"SciPy quad": ("dblquad", 1e-10), "vegas": ("vegas", 2000.0), "cubature": ("hcubature", 1e-10), "quadax": ("quadax", 1e-10)}
+"""Other packages, whose gradients are central differences: the method, and its setting. The last two are asked where they are installed."""
 MOST_OF_PEERS = 5 * 10**5
 """The most evaluations of one integral by another package."""
 COLUMNS = (*METHODS, *PEERS)
 PEERLESS = ("conditions on integrals",)
 """Classes whose bodies other packages cannot be given."""
+FINITE_ONLY = ("vegas", "cubature")
+"""Packages that have no infinite bounds."""
 WORDS = {"says it cannot": "said in the call", "wrong": "silently wrong", "crashes": "crash"}
 Answer = dict[str, Any]  # score, error, note
 
@@ -77,15 +80,17 @@ def reference_of(case: Case) -> Reference:
 def judge(case: Case, backend: Backend, methods: Sequence[str] = COLUMNS) -> dict[str, Answer]:
     """Returns the answer of each estimator, and of each package that can be asked, to a case."""
     exact = reference_of(case)
-    asked = [m for m in methods if m in METHODS or _can_be_asked(m, case)]
+    asked = [m for m in methods if can_be_asked(m, case)]
     return {m: answer(case, exact, m, backend) if m in METHODS else answer_of_peer(case, exact, m) for m in asked}
 
 
-def _can_be_asked(peer: str, case: Case) -> bool:
-    """Returns whether a package takes a case: vegas has no infinite bounds."""
-    if any(case in CLASSES[name] for name in PEERLESS):
+def can_be_asked(method: str, case: Case) -> bool:
+    """Returns whether a method takes a case: other packages must be installed, and some have no infinite bounds."""
+    if method in METHODS:
+        return True
+    if any(case in CLASSES[name] for name in PEERLESS) or not is_installed(PEERS[method][0]):
         return False
-    return peer != "vegas" or not any(isinstance(b, float) and math.isinf(b) for pair in case.problem.bounds for b in pair)
+    return method not in FINITE_ONLY or not any(isinstance(b, float) and math.isinf(b) for pair in case.problem.bounds for b in pair)
 
 
 def answer_of_peer(case: Case, exact: Reference, name: str) -> Answer:
@@ -93,7 +98,7 @@ def answer_of_peer(case: Case, exact: Reference, name: str) -> Answer:
     method, setting = PEERS[name]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = peer_answers(case, exact, method, setting, MOST_OF_PEERS)["gradient"]
+        found = peer_answers(case, exact, method, OPTIONAL.get(method), setting, MOST_OF_PEERS)["gradient"]
     late = found["note"].startswith("no answer")
     return found | {"score": "too slow" if late else WORDS.get(found["verdict"], found["verdict"])}
 
@@ -145,14 +150,19 @@ def score_of(error: float, admitted: bool) -> str:
 
 def counts(answers: Mapping[str, Mapping[str, Answer]]) -> dict[str, dict[str, int]]:
     """Returns, for each method, the number of cases of each score."""
-    return {m: {s: sum(a[m]["score"] == s for a in answers.values() if m in a) for s in SCORES} for m in COLUMNS}
+    return {m: {s: sum(a[m]["score"] == s for a in answers.values() if m in a) for s in SCORES} for m in columns(answers)}
+
+
+def columns(answers: Mapping[str, Mapping[str, Answer]]) -> list[str]:
+    """Returns the methods that were asked."""
+    return [m for m in COLUMNS if any(m in a for a in answers.values())]
 
 
 def shares(answers: Mapping[str, Mapping[str, Answer]]) -> dict[str, dict[str, dict[str, int]]]:
     """Returns the same for each class of cases."""
-    found = {}
+    found, none = {}, {m: dict.fromkeys(SCORES, 0) for m in columns(answers)}
     for name, group in CLASSES.items():
         mine = {c.name: answers[c.name] for c in group if c.name in answers}
         if mine:
-            found[name] = counts(mine)
+            found[name] = none | counts(mine)
     return found

@@ -23,7 +23,7 @@ from teg.errors import TegError
 from teg.evaluator.options import Backend
 from teg.examples.charts.case import Case
 from teg.examples.charts.ours import compiled
-from teg.examples.charts.peers import PEERS, Outcome, best_step, collected_warnings, differences, gradient_error, relative_error
+from teg.examples.charts.peers import PEERS, Method, Outcome, best_step, collected_warnings, differences, gradient_error, relative_error
 from teg.examples.charts.problem import Problem, TooManyEvaluationsError
 from teg.examples.charts.references import Reference
 
@@ -65,21 +65,26 @@ def judge(case: Case, exact: Reference, method: str, backend: Backend) -> dict[s
         return {"gradient": _guarded(lambda: _plain(case, exact, backend))}
     if method == DIFFERENCED:
         return {"gradient": _guarded(lambda: _differences_of_ours(case, exact, backend))}
-    return peer_answers(case, exact, method, SETTINGS.get(method) or MIDPOINTS[case.problem.dimension], MOST)
+    return peer_answers(case, exact, method, None, SETTINGS.get(method) or MIDPOINTS[case.problem.dimension], MOST)
 
 
 def _answer(error: float, note: str, admitted: bool) -> Answer:
     return {"verdict": verdict(error, admitted), "error": error if math.isfinite(error) else str(error), "note": note}
 
 
-def _guarded(attempt: Callable[[], Answer]) -> Answer:
-    """Returns the answer of an attempt, or the verdict on its exception."""
+def _guarded(attempt: Callable[[], Answer], refusals: type[Exception] = TegError) -> Answer:
+    """Returns the answer of an attempt, or the verdict on its exception.
+
+    An error of this package is a refusal of ours; in an attempt of another package it is a fault of this program, and is raised.
+    """
     try:
         return attempt()
-    except TegError as problem:
-        return {"verdict": "says it cannot", "error": "inf", "note": f"{type(problem).__name__}: {problem.what}"}
     except TooManyEvaluationsError:
         return {"verdict": "says it cannot", "error": "inf", "note": "no answer in so many evaluations"}
+    except TegError as problem:
+        if not isinstance(problem, refusals):
+            raise
+        return {"verdict": "says it cannot", "error": "inf", "note": f"{type(problem).__name__}: {problem.what}"}
     except Exception as problem:
         return {"verdict": "crashes", "error": "inf", "note": f"{type(problem).__name__}: {problem}"}
 
@@ -120,9 +125,9 @@ def _differences_of_ours(case: Case, exact: Reference, backend: Backend) -> Answ
     return _answer(error, "; ".join(dict.fromkeys(said)), bool(said))
 
 
-def peer_answers(case: Case, exact: Reference, name: str, setting: float, most: float) -> dict[str, Answer]:
-    """Returns the answers of another package: its value, and central differences over the best step."""
-    problem, method = case.problem, PEERS[name]
+def peer_answers(case: Case, exact: Reference, name: str, method: Method | None, setting: float, most: float) -> dict[str, Answer]:
+    """Returns the answers of another package, one of PEERS or the given method: its value, and central differences over the best step."""
+    problem, method = case.problem, method or PEERS[name]
     errors = [1.0]
 
     def value() -> Answer:
@@ -137,9 +142,9 @@ def peer_answers(case: Case, exact: Reference, name: str, setting: float, most: 
         admitted = any(_admits(outcomes[k], d) for k, d in exact.gradient.items())
         return _answer(error, next((n for n in map(_note, outcomes.values()) if n), ""), admitted)
 
-    answers = {"value": _guarded(value)}
+    answers = {"value": _guarded(value, TooManyEvaluationsError)}
     late = answers["value"]["note"].startswith("no answer")
-    return answers | {"gradient": answers["value"] if late else _guarded(gradient)}
+    return answers | {"gradient": answers["value"] if late else _guarded(gradient, TooManyEvaluationsError)}
 
 
 def _admits(outcome: Outcome, exact: float) -> bool:

@@ -1,6 +1,7 @@
 """Measure: `make bench`. Medians of several runs; compare ratios of one run only, machines are noisy.
 
-python tests/bench/run.py [--json FILE]: tables as Markdown, and all of it in out/bench.json. About two minutes.
+python tests/bench/run.py [--json FILE] [--page FILE]: tables as Markdown, and all of it in out/bench.json. About two minutes.
+With `--page` the tables are written into a page, as in docs/performance.md.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import os
 import platform
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import teg
 from teg.backends.c.standalone import standalone_c
+from teg.examples.charts.tables import read_page, write_page
 from tests.backends import isolate_programs, locate_programs, programs
 from tests.bench.backends import backend_rows
 from tests.bench.closed import closed_rows
@@ -53,12 +56,19 @@ from tests.bench.scenes import (
 from tests.bench.speed import bilinear_rows, call_rows, compile_time_row, crossed_rows, image_rows, triangle_rows
 
 
+def shown(number: Any) -> str:
+    """Returns a number with three digits, without an exponent from 0.001 to 10⁶."""
+    if not isinstance(number, float):
+        return str(number)
+    return f"{number:.0f}" if 1000 <= abs(number) < 1e6 else f"{number:.3g}"
+
+
 def table(rows: list[Row]) -> str:
     """Rows as Markdown."""
     heads = list(rows[0])
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
     for row in rows:
-        cells = [f"{row[h]:.3g}" if isinstance(row[h], float) else str(row[h]) for h in heads]
+        cells = [shown(row[h]) for h in heads]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
@@ -138,40 +148,69 @@ def single() -> list[Row]:
     ]
 
 
+Measurement = Callable[[], list[Row]]
+TABLES: dict[str, tuple[Measurement, str]] = {
+    "triangle and pixel": (
+        lambda: [row for order in range(3) for row in triangle_rows(order)],
+        "Loss and full gradient of one triangle and one pixel, generated C beside C written by hand for this one integral. `error` is "
+        "the largest difference of the two; `error to 60 digits` is that of the generated program.",
+    ),
+    "picture": (
+        image_rows,
+        "Loss and gradient by all vertices and colours of 2048 triangles in 512² pixels, every pixel of every bounding box.",
+    ),
+    "half-planes in a box": (
+        crossed_rows,
+        "Value and gradient of polynomials on half-planes, eight boxes at once, beside one at a time.",
+    ),
+    "bilinear pixel": (bilinear_rows, "A thresholded bilinear pixel, by the number of branches of its hyperbola inside."),
+    "curved": (curved, "Surfaces that are no lines, in C; second derivatives where they are asked for."),
+    "closed forms": (closed_rows, "Integrals whose antiderivative is known: value and gradient of one element of a batch."),
+    "many surfaces": (
+        many_rows,
+        "Scenes of many surfaces, and pictures integrated over a third variable. Processor time of one thread; the largest error in a "
+        "sample of pixels. The references share nothing with the compiler: a clipper of convex polygons, the sum of the masses of power "
+        "cells, and the midpoint rule over time or lens, whose own error the last two rows show.",
+    ),
+    "backends": (
+        backend_rows,
+        "From the expression to the first value and gradient with nothing in the cache, and the time of each element of a batch of 4096. "
+        "JAX calls the C kernel here, on all cores; the other columns are of one thread.",
+    ),
+    "evaluate": (evaluated, "Value and gradient of triangles that cut their pixel, through Python, one thread."),
+    "calls": (call_rows, "What a call from Python costs beside its kernel."),
+    "compile": (compiled, "Sizes, and the time from an expression to the statements of its gradient."),
+    "compile time": (timed_compilation, "From an expression to C, and from C to machine code, both of value and gradient."),
+    "kinks": (lambda: [kink_row(n, *distances(n)) for n in (8, 20)], "A condition with kinks, to its first gradient in NumPy."),
+    "functions": (swap_rows, "Shaders as compiled functions: a scene with one shader, and the same with four others in turn."),
+    "calls of functions": (call_time_rows, "What a call of a compiled function costs, beside the same body in line."),
+    "search": (searches, "One search for roots, or for the places where curves meet."),
+    "sympy": (lambda: sympy_rows(nested_sines(100_000), squares(2_000)), "To SymPy and back."),
+    "single": (single, "Numbers that stand alone."),
+}
+"""What is measured, and what its table shows."""
+
+
 def main() -> None:
     """Print the tables; write them as JSON too."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--json", type=Path, default=OUT, help="where to (default: %(default)s)")
+    arguments.add_argument("--page", type=Path, help="a page between whose lines for `make bench` the tables are written")
     chosen = arguments.parse_args()
     start = time.perf_counter()
-    tables = {
-        "compile": compiled,
-        "compile time": timed_compilation,
-        "triangle and pixel": lambda: [row for order in range(3) for row in triangle_rows(order)],
-        "half-planes in a box": crossed_rows,
-        "picture": image_rows,
-        "bilinear pixel": bilinear_rows,
-        "closed forms": closed_rows,
-        "calls": call_rows,
-        "functions": swap_rows,
-        "calls of functions": call_time_rows,
-        "evaluate": evaluated,
-        "curved": curved,
-        "kinks": lambda: [kink_row(n, *distances(n)) for n in (8, 20)],
-        "search": searches,
-        "backends": backend_rows,
-        "many surfaces": many_rows,
-        "sympy": lambda: sympy_rows(nested_sines(100_000), squares(2_000)),
-        "single": single,
-    }
+    page = read_page(chosen.page)
     found: dict[str, Any] = {}
-    for name, measure in tables.items():
+    sections = []
+    for name, (measure, shown) in TABLES.items():
         found[name] = measure()
-        sys.stdout.write(f"{name}\n\n{table(found[name])}\n\n")
+        sections.append(f"### {name[0].upper()}{name[1:]}\n\n{shown}\n\n{table(found[name])}\n")
+        sys.stdout.write(sections[-1] + "\n")
         sys.stdout.flush()
     machine = {"python": platform.python_version(), "machine": platform.machine(), "cores": os.cpu_count()}
     chosen.json.parent.mkdir(parents=True, exist_ok=True)
     chosen.json.write_text(json.dumps({"machine": machine, **found}, indent=1, ensure_ascii=False), encoding="utf-8")
+    if chosen.page:
+        write_page(chosen.page, page, "bench", "\n".join(sections), "make bench")
     sys.stdout.write(f"{time.perf_counter() - start:.0f} s in all; {chosen.json}\n")
 
 

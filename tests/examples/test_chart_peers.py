@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,18 +16,21 @@ pytest.importorskip("mpmath")
 pytest.importorskip("matplotlib")
 pytest.importorskip("vegas")
 
+import teg
 from teg.__main__ import main
-from teg.examples.charts import descents, measure, run_descents
+from teg.errors import TegError
+from teg.examples.charts import descents, measure, run_descents, stability_report
 from teg.examples.charts.breaks import BREAKS
 from teg.examples.charts.c_integrand import CIntegrand, c_text
 from teg.examples.charts.descents import Array
 from teg.examples.charts.families_of_shapes import SHAPES
+from teg.examples.charts.optional_peers import OPTIONAL, is_installed
 from teg.examples.charts.peers import PEERS, relative_error, split
 from teg.examples.charts.problem import Integrand, TooManyEvaluationsError
 from teg.examples.charts.references import read
 from teg.examples.charts.regions import REGIONS
 from teg.examples.charts.stability import CASES
-from teg.examples.charts.stability_report import COLUMNS, answer_of_peer, judge, reference_of
+from teg.examples.charts.stability_report import CLASSES, COLUMNS, PEERLESS, answer_of_peer, judge, reference_of
 
 # -- the integrand in C ------------------------------------------------------------------------------------------------
 
@@ -50,6 +54,22 @@ def test_the_function_in_c_is_the_integrand(name: str) -> None:
 def test_every_case_of_the_table_can_be_written_in_c() -> None:
     for c in CASES:
         assert "return" in c_text(c.problem)
+
+
+def test_every_case_of_the_report_can_be_given_to_other_packages() -> None:
+    """A case in words that only this package knows would be a failure of theirs in the report."""
+    for name, group in CLASSES.items():
+        for c in group if name not in PEERLESS else ():
+            assert "return" in c_text(c.problem), c.name
+            points = np.full((2, c.problem.dimension), 0.37)
+            assert Integrand(c.problem, c.problem.parameters).on_cube(points).shape == (2,), c.name
+
+
+def test_a_fault_of_this_program_is_no_answer_of_another_package() -> None:
+    words = SHAPES["narrow and smooth"][0]
+    broken = replace(words, problem=replace(words.problem, body=lambda m, x, **_: teg.exp(x)))
+    with pytest.raises(TegError, match="not a number"):
+        answer_of_peer(broken, reference_of(words), "SciPy quad")
 
 
 def test_the_function_in_c_stops_at_its_limit() -> None:
@@ -99,7 +119,26 @@ def test_other_packages_are_judged_where_they_can_be_asked() -> None:
     smooth = SHAPES["narrow and smooth"][0]
     assert answer_of_peer(smooth, reference_of(smooth), "SciPy quad")["score"] in ("right", "imprecise")
     inner = SHAPES["conditions on integrals"][0]
-    assert set(judge(inner, "numpy", ["ignore", *COLUMNS[-2:]])) == {"ignore"}
+    assert set(judge(inner, "numpy", ["ignore", *stability_report.PEERS])) == {"ignore"}
+
+
+@pytest.mark.parametrize("name", OPTIONAL)
+def test_optional_packages_integrate(name: str) -> None:
+    if not is_installed(name):
+        pytest.skip(f"{name} is not installed")
+    for shape, tol in ("narrow and smooth", 1e-9), ("cut peaks", 1e-2):
+        c = SHAPES[shape][0] if shape in SHAPES else CLASSES[shape][0]
+        found = OPTIONAL[name](c.problem, c.problem.parameters, 1e-10, 10**5)
+        assert relative_error(found.value, reference_of(c).value) < tol, c.name
+        assert 0 < found.evaluations < 2 * 10**5
+
+
+def test_packages_that_are_not_installed_have_no_column(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stability_report, "is_installed", lambda name: name not in OPTIONAL)
+    smooth = SHAPES["narrow and smooth"][0]
+    answers = {smooth.name: judge(smooth, "numpy", ["exact", "SciPy quad", "cubature", "quadax"])}
+    assert stability_report.columns(answers) == ["exact", "SciPy quad"]
+    assert list(stability_report.counts(answers)) == ["exact", "SciPy quad"]
 
 
 # -- descents ----------------------------------------------------------------------------------------------------------
