@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 import time
 from typing import Any
-from unittest import mock
 
 import numpy as np
 
 import teg
 from teg.ir.expr import Expr, Param
 from teg.ir.traverse import parameters
-from tests.bench.rows import Row, median_time
+from tests.bench.rows import Row, empty_cache, median_time
 from tests.bench.scenes import bilinear_pixel, disk, triangle_pixel
 
 BATCH = 4096
@@ -53,7 +50,7 @@ def backend_rows() -> list[Row]:
         row: Row = {"program": name}
         scalar = {k: float(v[0]) for k, v in at.items()}
         for backend in ("numpy", "c"):
-            with tempfile.TemporaryDirectory() as folder, mock.patch.dict(os.environ, {"TEG_CACHE_DIR": folder}):
+            with empty_cache():
                 start = time.perf_counter()
                 f = teg.compile(e, wrt, backend=backend)
                 f.value_and_grad(scalar)
@@ -66,7 +63,7 @@ def backend_rows() -> list[Row]:
 def _in_jax(e: Expr, wrt: list[Param], scalar: Values, at: Values) -> Row:
     import jax
 
-    with jax.enable_x64(True):
+    with empty_cache(), jax.enable_x64(True):
         start = time.perf_counter()
         f = teg.jax_function(e, wrt)
         jax.block_until_ready(jax.jit(jax.value_and_grad(f))(scalar))

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
-from unittest import mock
 
 import numpy as np
 
 import teg
 from teg.ir.expr import Expr, Param
 from teg.ir.function import Function
-from tests.bench.rows import Row
+from tests.bench.rows import Row, empty_cache
 from tests.bench.scenes import shaded_brackets
 
 SWAPS = 4
@@ -22,7 +20,7 @@ def swap_rows(n: int = 90) -> list[Row]:
     rows = []
     for backend in ("numpy", "c"):
         for kind in ("linked", "inlined"):
-            with tempfile.TemporaryDirectory() as folder, mock.patch.dict("os.environ", TEG_CACHE_DIR=folder):
+            with empty_cache():
                 kept, times = [], []
                 for _, e, wrt in shaded_brackets(n, SWAPS):
                     start = time.perf_counter()

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import statistics
 import time
 from collections.abc import Callable
 from functools import partial
-from tempfile import TemporaryDirectory
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 
@@ -17,7 +14,7 @@ import teg
 from teg.examples import occlusion, voronoi
 from teg.examples.blur.run import Blur
 from teg.examples.soft_shadow import run as shadow
-from tests.bench.rows import Row
+from tests.bench.rows import Row, empty_cache
 from tests.examples.clipped_scenes import clipped_pixel, clipped_share, over_lens, over_time
 
 SAMPLE = 12
@@ -26,7 +23,7 @@ SAMPLE = 12
 def many_rows() -> list[Row]:
     """C, one thread, nothing compiled before. The error is the largest one in a sample of pixels beside the clipper, and for the last two
     beside the midpoint rule over time or lens, whose own it is."""
-    with TemporaryDirectory() as folder, patch.dict(os.environ, TEG_CACHE_DIR=folder):
+    with empty_cache():
         mesh = occlusion.Scene(512, 10_000, "c")
         rows = [mesh_row(mesh), mesh_row(occlusion.Scene(1024, 100_000, "c"), mesh.evaluator)]
         return [*rows, shadow_row(64, 1000), transport_row(1000), blur_row("motion-blur", 64), blur_row("depth-of-field", 32)]

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -18,6 +22,13 @@ from teg.symbolic import from_sympy, to_sympy
 from tests.references import REFERENCES
 
 Row = dict[str, Any]
+
+
+@contextmanager
+def empty_cache() -> Iterator[None]:
+    """In the block nothing has been compiled before, and what is compiled is not kept."""
+    with tempfile.TemporaryDirectory() as folder, mock.patch.dict(os.environ, TEG_CACHE_DIR=folder):
+        yield
 
 
 def median_time(action: Callable[[], object], runs: int = 7, warm: bool = False) -> float:

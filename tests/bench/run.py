@@ -1,6 +1,6 @@
 """Measure: `make bench`. Medians of several runs; compare ratios of one run only, machines are noisy.
 
-python tests/bench/run.py [--json FILE] [--page FILE]: tables as Markdown, and all of it in out/bench.json. About two minutes.
+python tests/bench/run.py [--json FILE] [--page FILE]: tables as Markdown, and all of it in out/bench.json. About four minutes.
 With `--page` the tables are written into a page, as in docs/performance.md.
 """
 
@@ -31,6 +31,7 @@ from tests.bench.rows import (
     Row,
     compile_row,
     curved_row,
+    empty_cache,
     evaluation_row,
     import_time,
     kink_row,
@@ -202,7 +203,8 @@ def main() -> None:
     found: dict[str, Any] = {}
     sections = []
     for name, (measure, shown) in TABLES.items():
-        found[name] = measure()
+        with empty_cache():
+            found[name] = measure()
         sections.append(f"### {name[0].upper()}{name[1:]}\n\n{shown}\n\n{table(found[name])}\n")
         sys.stdout.write(sections[-1] + "\n")
         sys.stdout.flush()
