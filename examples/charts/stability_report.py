@@ -50,10 +50,14 @@ METHODS: dict[str, dict[str, Any]] = {
     "spsa": {"discontinuities": "spsa", "samples": SAMPLES},
     "ignore": {"discontinuities": "ignore", "tol": TOL},
 }
-PEERS = {"SciPy quad": ("dblquad", 1e-10), "vegas": ("vegas", 2000.0), "cubature": ("hcubature", 1e-10), "quadax": ("quadax", 1e-10)}
-"""Other packages, whose gradients are central differences: the method, and its setting. The last two are asked where they are installed."""
-MOST_OF_PEERS = 5 * 10**5
-"""The most evaluations of one integral by another package."""
+PEERS = {
+    "SciPy quad": ("dblquad", 1e-10, 5 * 10**5),
+    "vegas": ("vegas", 2000.0, 5 * 10**5),
+    "cubature": ("hcubature", 1e-10, 5 * 10**5),
+    "quadax": ("quadax", 1e-10, 10**5),
+}
+"""Other packages, whose gradients are central differences: the method, its setting, and the most evaluations of one integral, fewer where
+their number makes each slower. The last two are asked where they are installed."""
 COLUMNS = (*METHODS, *PEERS)
 PEERLESS = ("conditions on integrals",)
 """Classes whose bodies other packages cannot be given."""
@@ -95,10 +99,10 @@ def can_be_asked(method: str, case: Case) -> bool:
 
 def answer_of_peer(case: Case, exact: Reference, name: str) -> Answer:
     """Returns the score of another package for one case, by differences with the best step (`verdicts`)."""
-    method, setting = PEERS[name]
+    method, setting, most = PEERS[name]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = peer_answers(case, exact, method, OPTIONAL.get(method), setting, MOST_OF_PEERS)["gradient"]
+        found = peer_answers(case, exact, method, OPTIONAL.get(method), setting, most)["gradient"]
     late = found["note"].startswith("no answer")
     return found | {"score": "too slow" if late else WORDS.get(found["verdict"], found["verdict"])}
 

@@ -3,12 +3,14 @@
     f(u) - f(v) > 0   is   u - v > 0           where f increases on all numbers: exp, sinh, tanh, atan, erf, odd powers
     f(u) - f(v) > 0   is   v - u > 0           where f decreases on all numbers: erfc
     f(u) - f(v) > 0   is   (u - v)(u + v) > 0  where f increases with |u|: cosh, even powers
+    eᵘ¹·eᵘ² - eᵛ > 0  is   u1 + u2 - v > 0     however many factors there are
     c·hᵏ > 0          is   c > 0               almost everywhere for even k; it is c·h > 0 for odd k, also where the power is written out
 
 A surface whose slope is 0 all along it has no δ; the shorter form has one. Functions that are not defined everywhere (log, √, other
-powers, asin) keep their form, because a condition on them is NaN outside of their domain; `coincide` looks through them all the same.
+powers, asin) keep their form, because a condition on them is NaN outside of their domain; `coincide` looks through them all the same,
+and through sums of logarithms: log u + 2·log v - log w is 0 where u·v² = w.
 Whether a polynomial is a power, or shares a factor with another one, is decided by its values in GF(P), like all questions of structure
-(`teg.analysis.polynomial`).
+(`teg.analysis.polynomial`); where functions obey an identity, by numbers (`teg.analysis.numeric_zeros`).
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from itertools import islice
 from typing import cast
 
 from teg.analysis.field_polynomials import coefficients, common_factor, derivative, one_root
+from teg.analysis.numeric_zeros import is_zero_on
 from teg.analysis.polynomial import P, Point, Shadow, divided, perfect_power
 from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Param, Pow, Var, add, call, integer_power, mul, sub
 from teg.ir.node import postorder
@@ -70,7 +73,7 @@ def _share_zeros(f: Expr, g: Expr, v: Var) -> bool:
     p, q = _coefficients(f, v), _coefficients(g, v)
     if p and q:
         return max(len(p), len(q)) <= MAX_DEGREE + 1 and len(common_factor(p, q)) > 1
-    return (bool(p) and ZeroSet(f).annuls(g)) or (bool(q) and ZeroSet(g).annuls(f))
+    return (bool(p) and ZeroSet(f).annuls(g)) or (bool(q) and ZeroSet(g).annuls(f)) or is_zero_on(f, g)
 
 
 class ZeroSet:
@@ -80,11 +83,12 @@ class ZeroSet:
     """
 
     def __init__(self, g: Expr) -> None:
-        self._points = _points_on(peeled(g, partial=True))
+        self._surface = peeled(g, partial=True)
+        self._points = _points_on(self._surface)
 
     def annuls(self, e: Expr) -> bool:
-        """Returns whether e is 0 at all of the points. A wrong yes has probability below 1e-100."""
-        return bool(self._points) and all(point.value(e) == 0 for point in self._points)
+        """Returns whether e is 0 at all of the points, where a wrong yes has probability below 1e-100; or else numerically."""
+        return (bool(self._points) and all(point.value(e) == 0 for point in self._points)) or is_zero_on(e, self._surface)
 
 
 def _points_on(g: Expr) -> list[Point]:
@@ -120,12 +124,18 @@ def _is_multiple(g: Expr, v: Var) -> bool:
 
 
 def _without_function(g: Expr, partial: bool) -> Expr | None:
-    if not isinstance(g, Add) or len(g.children) != 2:
+    if not isinstance(g, Add):
         return None
+    product = _without_logarithms(g) if partial else None
+    if product is not None or len(g.children) != 2:
+        return product
     (a, first), (b, second) = (_split(c) for c in g.children)
     if a != -b or not a:
         return None
     above, below = (first, second) if a > 0 else (second, first)
+    exponents = [_exponent_of_e(e) for e in (above, below)]
+    if exponents[0] is not None and exponents[1] is not None:
+        return sub(exponents[0], exponents[1])
     if {e.name for e in (above, below) if isinstance(e, Call)} == {"log", "log1p"}:  # log1p of variables is written log(1 + u)
         above, below = (call("log", add(ONE, e.children[0])) if e.name == "log1p" else e for e in cast("tuple[Call, Call]", (above, below)))
     if isinstance(above, Call) and isinstance(below, Call) and above.name == below.name:
@@ -146,6 +156,32 @@ def _without_function(g: Expr, partial: bool) -> Expr | None:
             return sub(roots[0], roots[1])
         return mul(sub(roots[0], roots[1]), add(roots[0], roots[1]))
     return None
+
+
+def _without_logarithms(g: Add) -> Expr | None:
+    """Returns u·v² - w for log u + 2·log v - log w; None if g is no sum of logarithms with small whole factors."""
+    sides: tuple[list[Expr], list[Expr]] = ([], [])
+    terms: list[tuple[float, Expr]] = [(1.0, g)]
+    while terms:
+        outer, term = terms.pop()
+        if len(terms) + len(sides[0]) + len(sides[1]) > MAX_DEGREE:
+            return None
+        inner, e = _split(term)
+        k = outer * inner
+        if isinstance(e, Add):
+            terms += [(k, c) for c in reversed(e.children)]
+            continue
+        if not (isinstance(e, Call) and e.name in ("log", "log1p") and k == int(k) and 0 < abs(k) <= MAX_ROOT_DEGREE):
+            return None
+        u = e.children[0]
+        sides[k < 0].append(integer_power(add(ONE, u) if e.name == "log1p" else u, abs(int(k))))
+    return sub(mul(*sides[0]), mul(*sides[1]))
+
+
+def _exponent_of_e(e: Expr) -> Expr | None:
+    """Returns u + v for eᵘ·eᵛ; None if e is no product of exponentials."""
+    exponentials = [f for f in _factors(e) if isinstance(f, Call) and f.name == "exp"]
+    return add(*(f.children[0] for f in exponentials)) if len(exponentials) == len(_factors(e)) else None
 
 
 def _split(e: Expr) -> tuple[float, Expr]:

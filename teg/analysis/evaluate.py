@@ -17,7 +17,8 @@ from teg.ir.traverse import parameters
 def values_of(expressions: Sequence[Expr], at: Mapping[Any, Any]) -> list[Any]:
     """Returns the values of expressions as float64 arrays that broadcast together, at given values of their parameters and variables.
 
-    NaN and infinities are valid results. Raises OperandError for an integral, a delta or a tuple, which have no value at a point.
+    NaN and infinities are valid results. Raises OperandError for what has no value at a point: an integral, a delta, a
+    tuple, a function of the user's.
     """
     import numpy as np
 
@@ -57,7 +58,10 @@ def _value(node: Node, parts: list[Any], np: Any) -> Any:
                 least, most = (-1.0, 1.0) if node.name == "erfinv" else (0.0, 2.0)
                 inside = (parts[0] > least) & (parts[0] < most)
                 return np.where(inside, np.vectorize(FUNCTIONS[node.name], otypes=[float])(np.where(inside, parts[0], 0.5)), np.nan)
-            return getattr(np, _NAMES.get(node.name, node.name))(*parts)
+            function = getattr(np, _NAMES.get(node.name, node.name), None)
+            if function is None:
+                raise OperandError(f"{node.name} has no value at a point", node)
+            return function(*parts)
         case Where():
             return np.where(*parts)
         case Compare():
