@@ -1,7 +1,7 @@
 """Integrals of the polynomial of the nearest candidate (`teg.numerics.cells`) on lanes.
 
-Lanes in which nothing cuts the square (one candidate covers it and hides the others, or there is none) are found and computed together;
-the other ones are cut one by one.
+Lanes in which nothing cuts the square (one candidate covers it and hides the others, or there is none) need no cells; the cells of all
+other lanes are made together, `CHUNK` lanes at a time. Only lanes with numbers that are not finite are left to `teg.numerics.cells`.
 """
 
 from __future__ import annotations
@@ -11,9 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teg.numerics.cells import EPSILON, ROUNDING, Layout, integrals, monomials
+from teg.backends.numpy.arrangement import Arrangements, classified, regions_of
+from teg.backends.numpy.measured import Measured, Numbers
+from teg.numerics.cells import NOBODY, SHIFT, SKEW, Layout, integrals, monomials
 
 Array = npt.NDArray[Any]
+CHUNK = 4096
+"""The number of lanes whose cells are in memory at a time."""
 
 
 class Results(NamedTuple):
@@ -24,79 +28,135 @@ class Results(NamedTuple):
     tables: list[Array]
 
 
+class Lanes(NamedTuple):
+    """Candidates of all lanes one below the other, the number of each lane, and a row for each lane where there is no candidate."""
+
+    rows: Array
+    counts: Array
+    otherwise: Array
+
+    def take(self, lanes: Array) -> tuple[Lanes, Array]:
+        """Returns some lanes, and the places of their rows in a table, that of `otherwise` behind the candidates of each lane."""
+        counts = self.counts[lanes]
+        starts = np.cumsum(self.counts) - self.counts
+        lane = np.repeat(np.arange(len(lanes)), counts + 1)
+        within = np.arange(len(lane)) - np.repeat(np.cumsum(counts + 1) - (counts + 1), counts + 1)
+        is_candidate = within < counts[lane]
+        rows = starts[lanes][lane] + within
+        return Lanes(self.rows[rows[is_candidate]], counts, self.otherwise[lanes]), rows + lanes[lane]
+
+
 def cells_of_lanes(shape: Layout, candidates: Array, counts: Array, otherwise: Array, slopes: bool) -> Results:
     """Returns the integrals of lanes.
 
     `candidates` has the rows of all lanes one below the other, `counts` of each lane; `otherwise` has a row for each lane.
     """
-    lanes = len(counts)
-    ends = np.cumsum(counts)
+    lanes, rows = len(counts), int(counts.sum())
+    given = Lanes(candidates[:rows], counts, otherwise)
     half = otherwise.shape[1] // (1 + shape.order)
     bodies = half // shape.coefficients
-    values, sizes = np.empty((bodies, lanes)), np.empty((bodies, lanes))
     columns = shape.columns * (1 + shape.order)
-    tables = [np.zeros((int(ends[-1]) + lanes if lanes else 0, columns)) for _ in range(bodies if slopes else 0)]
-    whole, owner = _uncut(shape, candidates[: int(ends[-1]) if lanes else 0], counts)
-    _fill(shape, (candidates, otherwise), (whole, owner, ends), Results(values, sizes, tables))
-    for lane in np.flatnonzero(~whole):
-        rows = candidates[ends[lane] - counts[lane] : ends[lane]].tolist()
-        found = integrals(shape, rows, otherwise[lane].tolist(), slopes)
-        values[:, lane], sizes[:, lane] = found.values, found.sizes
-        for table, part in zip(tables, found.tables, strict=False):
-            table[ends[lane] - counts[lane] + lane : ends[lane] + lane + 1] = part
-    return Results(values, sizes, tables)
+    tables = [np.zeros((rows + lanes, columns)) for _ in range(bodies if slopes else 0)]
+    results = Results(np.empty((bodies, lanes)), np.empty((bodies, lanes)), tables)
+    regions = regions_of(shape, given.rows, counts)
+    known = classified(regions, lanes)
+    lost, cut = np.zeros(lanes, dtype=bool), np.zeros(lanes, dtype=bool)
+    lost[regions.lane[known.lost]] = True
+    cut[regions.lane[known.order]] = True
+    owner = np.where(known.base >= 0, regions.row[known.base] if len(regions.row) else NOBODY, NOBODY)
+    _fill(shape, given, (~(cut | lost), owner), results)
+    for lane in np.flatnonzero(lost):
+        _single(shape, given, int(lane), results)
+    cut_lanes = np.flatnonzero(cut & ~lost)
+    for first in range(0, len(cut_lanes), CHUNK):
+        chunk = cut_lanes[first : first + CHUNK]
+        some, places = given.take(chunk)
+        found = _cut(shape, some, slopes)
+        results.values[:, chunk], results.sizes[:, chunk] = found.values, found.sizes
+        for table, part in zip(results.tables, found.tables, strict=False):
+            table[places] = part
+    return results
 
 
-def _uncut(shape: Layout, rows: Array, counts: Array) -> tuple[Array, Array]:
-    """Returns whether nothing cuts the square of a lane, and the row of its owner; -1 if it has none."""
-    lane = np.repeat(np.repeat(np.arange(len(counts)), counts), shape.parts)
-    row = np.repeat(np.arange(len(rows)), shape.parts)
-    guards = rows[:, : shape.forms - 3].reshape(len(row), shape.guards, 3)
-    key = rows[row, shape.forms - 3 : shape.forms]
-    with np.errstate(all="ignore"):
-        size = np.hypot(guards[..., 1], guards[..., 2])
-        most, least = _range(guards)
-        absent = ((most < -EPSILON * size) | ((size == 0.0) & (guards[..., 0] < 0.0))).any(axis=1)
-        lost = ~absent & ~(np.isfinite(guards).all(axis=(1, 2)) & np.isfinite(key).all(axis=1))
-        cutting = ((least <= EPSILON * size) & (size > 0.0)).any(axis=1)
-        covering = np.flatnonzero(~absent & ~cutting & ~lost)
-        covering = covering[np.lexsort((covering, _range(key[covering])[0], lane[covering]))]
-        covered, first = np.unique(lane[covering], return_index=True)
-        base = np.full(len(counts), -1)
-        base[covered] = covering[first]
-        behind = key[base[lane]] if len(key) else key
-        difference = key - behind
-        tolerance = EPSILON * np.hypot(difference[:, 1], difference[:, 2]) + ROUNDING * np.maximum(np.abs(key[:, 0]), np.abs(behind[:, 0]))
-        hidden = (base[lane] >= 0) & (_range(difference)[1] > tolerance)
-    inserted = ~absent & ~hidden & (np.arange(len(row)) != base[lane])
-    whole = np.ones(len(counts), dtype=bool)
-    whole[lane[inserted | lost]] = False
-    return whole, np.where(base >= 0, row[base] if len(row) else -1, -1)
+def _single(shape: Layout, given: Lanes, lane: int, results: Results) -> None:
+    """Computes a lane by itself."""
+    some, places = given.take(np.array([lane]))
+    found = integrals(shape, some.rows.tolist(), some.otherwise[0].tolist(), bool(results.tables))
+    results.values[:, lane], results.sizes[:, lane] = found.values, found.sizes
+    for table, part in zip(results.tables, found.tables, strict=False):
+        table[places] = part
 
 
-def _range(forms: Array) -> tuple[Array, Array]:
-    """Returns the largest and the least value of forms on the square."""
-    c, a, b = forms[..., 0], forms[..., 1], forms[..., 2]
-    return c + np.maximum(a, 0.0) + np.maximum(b, 0.0), c + np.minimum(a, 0.0) + np.minimum(b, 0.0)
+def _cut(shape: Layout, given: Lanes, slopes: bool) -> Results:
+    """Computes lanes that are cut; where a line lies on a side, derivatives are the mean of both sides."""
+    numbers = _numbers(shape, given)
+    lanes = len(given.counts)
+    measured, touching = _measured(shape, given, numbers, (0.0, 0.0))
+    values, sizes = measured.values(lanes)
+    if not slopes and not shape.order:
+        return Results(values, sizes, [])
+    tables = measured.tables()
+    moved = np.flatnonzero(touching)
+    if moved.size:
+        some, places = given.take(moved)
+        own = _numbers(shape, some)
+        sides = [_measured(shape, some, own, (sign * SHIFT, sign * SHIFT * SKEW))[0].tables() for sign in (1.0, -1.0)]
+        for table, one, other in zip(tables, *sides, strict=True):
+            table[places] = 0.5 * (one + other)
+    if shape.order:
+        values = np.stack([_along(shape, table, k, (given, numbers)) for k, table in enumerate(tables)])
+    return Results(values, sizes, tables if slopes else [])
 
 
-def _fill(shape: Layout, given: tuple[Array, Array], uncut: tuple[Array, Array, Array], results: Results) -> None:
-    """Computes the lanes that are not cut."""
-    (candidates, otherwise), (whole, owner, ends) = given, uncut
+def _measured(shape: Layout, given: Lanes, numbers: Numbers, shift: tuple[float, float]) -> tuple[Measured, Array]:
+    regions = regions_of(shape, given.rows, given.counts, shift)
+    cells = Arrangements(shape, regions, classified(regions, len(given.counts)))
+    return Measured(shape, cells, numbers, shift), cells.touching
+
+
+def _numbers(shape: Layout, given: Lanes) -> Numbers:
+    rows, counts = len(given.rows), given.counts
+    half = given.otherwise.shape[1] // (1 + shape.order)
+    wide = shape.forms + half
+    place = np.arange(rows) + np.repeat(np.arange(len(counts)), counts)
+    beyond = np.cumsum(counts + 1) - 1
+    both = []
+    for order in range(1 + shape.order):
+        polynomials = np.empty((rows + len(counts), half))
+        polynomials[place] = given.rows[:, order * wide + shape.forms : (order + 1) * wide]
+        polynomials[beyond] = given.otherwise[:, order * half : (order + 1) * half]
+        both.append(polynomials)
+    return Numbers(given.rows, both[0], both[-1], place, beyond)
+
+
+def _along(shape: Layout, table: Array, body: int, given: tuple[Lanes, Numbers]) -> Array:
+    """Returns the derivatives along the direction, from a table of derivatives of order 1."""
+    lanes, numbers = given
+    half, width = lanes.rows.shape[1] // 2, shape.coefficients
+    moving = np.zeros((len(table), shape.columns))
+    moving[numbers.place, : shape.forms] = lanes.rows[:, half : half + shape.forms]
+    moving[:, shape.forms :] = numbers.changes[:, body * width : (body + 1) * width]
+    shares = np.where(moving != 0.0, moving * table[:, shape.columns :], 0.0).sum(axis=1)
+    return np.bincount(np.repeat(np.arange(len(lanes.counts)), lanes.counts + 1), shares, len(lanes.counts))
+
+
+def _fill(shape: Layout, given: Lanes, uncut: tuple[Array, Array], results: Results) -> None:
+    """Computes the lanes that are not cut, from the row of their owner; -1 for none."""
+    whole, owner = uncut
     moments = np.array([1.0 / ((i + 1) * (j + 1)) for i, j in monomials(shape.degree)])
-    half = otherwise.shape[1] // (1 + shape.order)
+    half = given.otherwise.shape[1] // (1 + shape.order)
     (lanes,) = np.nonzero(whole)
     owners = owner[lanes]
     seen = owners >= 0
-    polynomials = otherwise[lanes]
+    polynomials = given.otherwise[lanes]
     for order in range(1 + shape.order):
         first = shape.forms + order * (shape.forms + half)
-        polynomials[seen, order * half : (order + 1) * half] = candidates[owners[seen], first : first + half]
+        polynomials[seen, order * half : (order + 1) * half] = given.rows[owners[seen], first : first + half]
     for body, (value, size) in enumerate(zip(results.values, results.sizes, strict=True)):
         own = polynomials[:, body * len(moments) : (body + 1) * len(moments)]
         moving = polynomials[:, half * shape.order + body * len(moments) :][:, : len(moments)]
         value[lanes], size[lanes] = moving @ moments, np.abs(own).sum(axis=1)
-    rows = np.where(seen, owners, ends[lanes]) + lanes
+    rows = np.where(seen, owners, np.cumsum(given.counts)[lanes]) + lanes
     last = shape.order * shape.columns + shape.forms
     for table in results.tables:
         table[rows, last : last + len(moments)] = moments

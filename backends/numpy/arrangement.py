@@ -1,0 +1,303 @@
+"""The cells of many squares at once (`teg.numerics.cells` says what they are): every square inserts its next candidate in the same step.
+
+Cells of all squares stand one below the other, as polygons with as many places for corners as the largest has; places that are not used
+repeat the first corner. A clip by a line computes both halves of every cell that it cuts, and packs the corners to the left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from teg.numerics.cells import BOX, EPSILON, NOBODY, ROUNDING, SIDES, Layout
+
+Array = npt.NDArray[Any]
+
+
+class Polygons(NamedTuple):
+    """Convex polygons: corners (n, places, 2), the label of the edge behind each corner (n, places), the number of corners (n,)."""
+
+    corners: Array
+    labels: Array
+    sizes: Array
+
+    def take(self, which: Array) -> Polygons:
+        return Polygons(self.corners[which], self.labels[which], self.sizes[which])
+
+    def following(self) -> Array:
+        """Returns the place of the next corner, (n, places)."""
+        places = np.arange(1, self.labels.shape[1] + 1)[None, :]
+        return np.where(places < self.sizes[:, None], places, 0)
+
+    def used(self) -> Array:
+        """Returns which places have a corner, (n, places)."""
+        return np.arange(self.labels.shape[1])[None, :] < self.sizes[:, None]
+
+
+def joined(parts: Sequence[Polygons]) -> Polygons:
+    """Returns all polygons one below the other."""
+    places = max(p.labels.shape[1] for p in parts)
+    wide = [_widened(p, places) for p in parts]
+    return Polygons(*(np.concatenate(columns) for columns in zip(*wide, strict=True)))
+
+
+def _widened(p: Polygons, places: int) -> Polygons:
+    missing = places - p.labels.shape[1]
+    if not missing:
+        return p
+    corners = np.concatenate([p.corners, np.repeat(p.corners[:, :1], missing, axis=1)], axis=1)
+    return Polygons(corners, np.pad(p.labels, ((0, 0), (0, missing))), p.sizes)
+
+
+class Halves(NamedTuple):
+    """Which polygons are on the positive side, which are cut, both parts of these, and which have an uncut side of the square on the
+    line."""
+
+    inside: Array
+    cut: Array
+    positive: Polygons
+    negative: Polygons
+    touching: Array
+
+
+def split(p: Polygons, lines: Array, units: Array) -> Halves:
+    """Cuts each polygon by its own line, whose form (c, a, b) has |(a, b)| = 1."""
+    d = units[:, :1] + units[:, 1:2] * p.corners[..., 0] + units[:, 2:] * p.corners[..., 1]
+    d = np.where(np.abs(d) < EPSILON, 0.0, d)
+    most, least = d.max(axis=1), d.min(axis=1)
+    whole = (most <= 0.0) | (least >= 0.0)
+    behind = np.take_along_axis(d, p.following(), axis=1)
+    touching = whole & (p.used() & (p.labels < 2 * BOX) & (d == 0.0) & (behind == 0.0)).any(axis=1)
+    cut = np.flatnonzero(~whole)
+    q, d, behind = p.take(cut), d[cut], behind[cut]
+    positive = _half(q, d, behind, 2 * lines[cut], 1.0)
+    return Halves(most > 0.0, ~whole, positive, _half(q, d, behind, 2 * lines[cut] + 1, -1.0), touching)
+
+
+def _half(p: Polygons, d: Array, behind: Array, label: Array, side: float) -> Polygons:
+    n, places = d.shape
+    following = p.following()
+    used = p.used()
+    mine, next_one = side * d, side * behind
+    crossing = used & (d * behind < 0.0)
+    t = np.where(crossing, d, 0.0) / np.where(crossing, d - behind, 1.0)
+    ahead = np.take_along_axis(p.corners, following[..., None], axis=1)
+    at = p.corners + t[..., None] * (ahead - p.corners)
+    new = np.broadcast_to(label[:, None], (n, places))
+    keep = np.stack([used & (mine >= 0.0), crossing], axis=2).reshape(n, 2 * places)
+    corners = np.stack([p.corners, at], axis=2).reshape(n, 2 * places, 2)
+    labels = np.stack([np.where((mine == 0.0) & (next_one < 0.0), new, p.labels), np.where(mine > 0.0, new, p.labels)], axis=2).reshape(
+        n, 2 * places
+    )
+    sizes = keep.sum(axis=1)
+    order = np.argsort(~keep, axis=1, kind="stable")[:, : int(sizes.max(initial=3))]
+    order = np.where(np.arange(order.shape[1])[None, :] < sizes[:, None], order, order[:, :1])
+    return Polygons(np.take_along_axis(corners, order[..., None], axis=1), np.take_along_axis(labels, order, axis=1), sizes)
+
+
+class Lines(NamedTuple):
+    """Lines of forms divided by |(a, b)|: units (n, 3), sizes (n,), and the rows and columns of the form's one or two parts, (n, 2); the
+    second part counts negatively, a row of -1 is none."""
+
+    units: Array
+    sizes: Array
+    rows: Array
+    columns: Array
+
+
+class Regions(NamedTuple):
+    """The parts of the candidates of all squares: square, row, forms of guards (n, guards, 3) and key (n, 3)."""
+
+    lane: Array
+    row: Array
+    guards: Array
+    key: Array
+
+
+def regions_of(shape: Layout, rows: Array, counts: Array, shift: tuple[float, float] = (0.0, 0.0)) -> Regions:
+    """Returns the regions of squares that are moved by `shift`; `rows` are the candidates of all squares, `counts` of each."""
+    lane = np.repeat(np.repeat(np.arange(len(counts)), counts), shape.parts)
+    row = np.repeat(np.arange(len(rows)), shape.parts)
+    forms = rows[:, : shape.forms].reshape(len(rows), shape.forms // 3, 3)
+    if shift != (0.0, 0.0):
+        forms = forms.copy()
+        forms[..., 0] += forms[..., 1] * shift[0] + forms[..., 2] * shift[1]
+    guards = forms[:, :-1].reshape(len(row), shape.guards, 3)
+    return Regions(lane, row, guards, forms[row, -1])
+
+
+class Inserted(NamedTuple):
+    """What is known of the regions of squares before any is cut.
+
+    lost: whether a region is there whose numbers are not finite; base: the region that covers each square in front of other such ones, -1
+    for none; cutting: which guards may cut, (regions, guards); order: the regions that may be seen in front of it.
+    """
+
+    lost: Array
+    base: Array
+    cutting: Array
+    order: Array
+
+
+def classified(r: Regions, lanes: int) -> Inserted:
+    """Returns which regions are seen, by their least and largest values on the square."""
+    region = np.arange(len(r.lane))
+    with np.errstate(all="ignore"):
+        size = np.hypot(r.guards[..., 1], r.guards[..., 2])
+        most, least = ranges(r.guards)
+        absent = ((most < -EPSILON * size) | ((size == 0.0) & (r.guards[..., 0] < 0.0))).any(axis=1)
+        lost = ~absent & ~(np.isfinite(r.guards).all(axis=(1, 2)) & np.isfinite(r.key).all(axis=1))
+        cutting = (least <= EPSILON * size) & (size > 0.0) & (size < np.inf)
+        covering = np.flatnonzero(~absent & ~cutting.any(axis=1) & ~lost)
+        covering = covering[np.lexsort((covering, ranges(r.key[covering])[0], r.lane[covering]))]
+        covered, first = np.unique(r.lane[covering], return_index=True)
+        base = np.full(lanes, NOBODY)
+        base[covered] = covering[first]
+        behind = r.key[base[r.lane]] if len(r.key) else r.key
+        difference = r.key - behind
+        hidden = (base[r.lane] >= 0) & (ranges(difference)[1] > tolerances(difference, r.key, behind))
+    seen = np.flatnonzero(~absent & ~hidden & ~lost & (region != base[r.lane]))
+    middle = r.key[seen] @ np.array([1.0, 0.5, 0.5])
+    return Inserted(lost, base, cutting, seen[np.lexsort((seen, middle, r.lane[seen]))])
+
+
+def ranges(forms: Array) -> tuple[Array, Array]:
+    """Returns the largest and the least value of forms on the square."""
+    c, a, b = forms[..., 0], forms[..., 1], forms[..., 2]
+    return c + np.maximum(a, 0.0) + np.maximum(b, 0.0), c + np.minimum(a, 0.0) + np.minimum(b, 0.0)
+
+
+def tolerances(difference: Array, key: Array, other: Array) -> Array:
+    """Returns the values below which differences of keys count as 0."""
+    scale = np.maximum(np.abs(key[..., 0]), np.abs(other[..., 0]))
+    return EPSILON * np.hypot(difference[..., 1], difference[..., 2]) + ROUNDING * scale
+
+
+class Arrangements:
+    """The cells of squares: `polygons`, the `owner` region of each (NOBODY for none) and its square `lane`; `lines` of all their edges.
+
+    `touching` are the squares with a line on a side.
+    """
+
+    def __init__(self, shape: Layout, regions: Regions, known: Inserted) -> None:
+        self.shape, self.regions, self.known = shape, regions, known
+        lanes = len(known.base)
+        corners = np.broadcast_to(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]), (lanes, 4, 2))
+        self.polygons = Polygons(corners, np.broadcast_to(np.array([4, 2, 6, 0]), (lanes, 4)), np.full(lanes, 4))
+        self.owner, self.lane = known.base.copy(), np.arange(lanes)
+        self.touching = np.zeros(lanes, dtype=bool)
+        self._count = BOX + known.cutting.size
+        self._keys: list[Lines] = []
+        with np.errstate(all="ignore"):
+            self._units = regions.guards / np.hypot(regions.guards[..., 1], regions.guards[..., 2])[..., None]
+        in_lane = regions.lane[known.order]
+        starts = np.searchsorted(in_lane, np.arange(lanes))
+        numbers = np.bincount(in_lane, minlength=lanes)
+        for turn in range(int(numbers.max(initial=0))):
+            chosen = np.where(numbers > turn, known.order[np.minimum(starts + turn, len(known.order) - 1)], NOBODY)
+            self._insert(chosen)
+        self.lines = self._all_lines()
+
+    def _insert(self, chosen: Array) -> None:
+        """Inserts a region into each square, NOBODY for none."""
+        region = chosen[self.lane]
+        at = np.flatnonzero((region != NOBODY) & (self._candidate(self.owner) != self._candidate(region)))
+        if not at.size:
+            return
+        owner, region, cells = self.owner[at], region[at], self.polygons.take(at)
+        difference, touching, kept, needed = self._compared(owner, region, cells)
+        self.touching[self.lane[at[touching]]] = True
+        alive = np.flatnonzero(~kept)
+        at, region, needed = at[alive], region[alive], needed[alive]
+        lines = np.full(len(at), -1)
+        lines[needed] = self._key_lines(owner[alive[needed]], region[needed], difference[alive[needed]])
+        units = difference[alive]
+        with np.errstate(all="ignore"):
+            units = units / np.hypot(units[:, 1], units[:, 2])[:, None]
+        self._clip(at, region, (lines, units))
+
+    def _candidate(self, region: Array) -> Array:
+        """Returns the candidate of regions; the one of NOBODY is like no other."""
+        return np.where(region == NOBODY, NOBODY, region // self.shape.parts)
+
+    def _compared(self, owner: Array, region: Array, cells: Polygons) -> tuple[Array, Array, Array, Array]:
+        """Returns the differences of the keys, which cells touch a side, which stay as they are, and which the line of equal keys cuts."""
+        key, other = self.regions.key[owner], self.regions.key[region]
+        difference = key - other
+        tolerance = tolerances(difference, key, other)[:, None]
+        d = difference[:, :1] + difference[:, 1:2] * cells.corners[..., 0] + difference[:, 2:] * cells.corners[..., 1]
+        above, below = (d > tolerance).any(axis=1), (d < -tolerance).any(axis=1)
+        owned = owner != NOBODY
+        on = np.abs(d) <= tolerance
+        on &= cells.used() & (cells.labels < 2 * BOX) & np.take_along_axis(on, cells.following(), axis=1)
+        touching = owned & (above != below) & on.any(axis=1)
+        return difference, touching, owned & ~above & (below | (region > owner)), owned & above & below
+
+    def _key_lines(self, owner: Array, region: Array, difference: Array) -> Array:
+        """Returns the labels of new lines on which the keys of two regions are equal."""
+        size = np.hypot(difference[:, 1], difference[:, 2])
+        rows = np.stack([self.regions.row[owner], self.regions.row[region]], axis=1)
+        self._keys.append(Lines(difference / size[:, None], size, rows, np.full(rows.shape, self.shape.forms - 3)))
+        self._count += len(owner)
+        return np.arange(self._count - len(owner), self._count)
+
+    def _clip(self, at: Array, region: Array, last: tuple[Array, Array]) -> None:
+        """Gives each region its part of the cells `at`, by its guards and then by the line of equal keys, -1 for none."""
+        inner = self.polygons.take(at)
+        alive = np.ones(len(at), dtype=bool)
+        pieces: list[tuple[Array, Polygons]] = []
+        for turn in range(self.shape.guards + 1):
+            if turn < self.shape.guards:
+                asked = alive & self.known.cutting[region, turn]
+                lines, units = BOX + region * self.shape.guards + turn, self._units[region, turn]
+            else:
+                (lines, units), asked = last, alive & (last[0] >= 0)
+            which = np.flatnonzero(asked)
+            if not which.size:
+                continue
+            halves = split(inner.take(which), lines[which], units[which])
+            self.touching[self.lane[at[which[halves.touching]]]] = True
+            alive[which[~halves.inside]] = False
+            cut = which[halves.cut]
+            pieces.append((cut, halves.negative))
+            inner = _replaced(inner, cut, halves.positive)
+        self._store(at, region, (alive, inner, pieces))
+
+    def _store(self, at: Array, region: Array, result: tuple[Array, Polygons, list[tuple[Array, Polygons]]]) -> None:
+        alive, inner, pieces = result
+        whole, owners, lanes = [self.polygons], [self.owner], [self.lane]
+        for cut, rest in pieces:
+            left = alive[cut]
+            whole.append(rest.take(left))
+            owners.append(self.owner[at[cut[left]]])
+            lanes.append(self.lane[at[cut[left]]])
+        first = _replaced(self.polygons, at[alive], inner.take(alive))
+        self.polygons = joined([first, *whole[1:]])
+        self.owner, self.lane = np.concatenate(owners), np.concatenate(lanes)
+        self.owner[at[alive]] = region[alive]
+
+    def _all_lines(self) -> Lines:
+        guards, r = self.shape.guards, self.regions
+        n = len(r.row) * guards
+        part = np.arange(len(r.row)) % self.shape.parts
+        columns = (3 * (part[:, None] * guards + np.arange(guards)[None, :])).reshape(n)
+        none, sides = np.full(n, -1), np.full((BOX, 2), -1)
+        sizes = np.where(self.known.cutting, np.hypot(r.guards[..., 1], r.guards[..., 2]), 1.0).reshape(n)
+        known = [
+            Lines(np.array(SIDES), np.ones(BOX), sides, sides),
+            Lines(self._units.reshape(n, 3), sizes, np.stack([np.repeat(r.row, guards), none], axis=1), np.stack([columns, none], axis=1)),
+            *self._keys,
+        ]
+        return Lines(*(np.concatenate(fields) for fields in zip(*known, strict=True)))
+
+
+def _replaced(p: Polygons, which: Array, by: Polygons) -> Polygons:
+    """Returns the polygons, some of them replaced."""
+    places = max(p.labels.shape[1], by.labels.shape[1])
+    p, by = _widened(p, places), _widened(by, places)
+    corners, labels, sizes = p.corners.copy(), p.labels.copy(), p.sizes.copy()
+    corners[which], labels[which], sizes[which] = by.corners, by.labels, by.sizes
+    return Polygons(corners, labels, sizes)

@@ -1,0 +1,200 @@
+"""Integrals over the cells of many squares, and along their edges: values, and derivatives by the numbers of all candidates.
+
+What `_Measured` in `teg.numerics.cells` does for one square, for all at once; the formulas are there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from teg.backends.numpy.arrangement import Arrangements
+from teg.numerics.cells import BOX, NOBODY, Layout, monomials
+from teg.numerics.quadrature import gauss_legendre, triangle_rule
+
+Array = npt.NDArray[Any]
+Point = tuple[Array, Array]
+
+
+class Numbers(NamedTuple):
+    """What the candidates of squares are: `forms` (rows, numbers); polynomials (owners, bodies · coefficients) and how these change along
+    the direction. Owners are the rows of candidates and behind the last of each square the row of `otherwise`; `place` has the owner of a
+    row, `beyond` that of the `otherwise` of a square."""
+
+    forms: Array
+    polynomials: Array
+    changes: Array
+    place: Array
+    beyond: Array
+
+
+class Measured:
+    """Integrals over arrangements. `bodies` is the number of polynomials of each candidate."""
+
+    def __init__(self, shape: Layout, cells: Arrangements, numbers: Numbers, shift: tuple[float, float]) -> None:
+        self.shape, self.cells, self.numbers, self.shift = shape, cells, numbers, shift
+        self.exponents = monomials(shape.degree)
+        self.width = len(self.exponents)
+        self.bodies = numbers.polynomials.shape[1] // self.width
+        self.wide = shape.forms + numbers.polynomials.shape[1]
+        self.moving = bool(shape.order)
+        rows = cells.regions.row
+        owned = cells.owner != NOBODY
+        self.owner = numbers.beyond[cells.lane]
+        self.owner[owned] = numbers.place[rows[cells.owner[owned]]]
+        if self.moving:
+            self._rates = self._all_rates()
+            self._speed = self._velocities()
+        self.moments, self.growths = self._all_moments()
+
+    def values(self, lanes: int) -> tuple[Array, Array]:
+        """Returns the integrals, and bounds of those of absolute values: (bodies, squares)."""
+        values, sizes = np.zeros((self.bodies, lanes)), np.zeros((self.bodies, lanes))
+        for body in range(self.bodies):
+            own = self.numbers.polynomials[self.owner, body * self.width : (body + 1) * self.width]
+            values[body] = np.bincount(self.cells.lane, (own * self.moments).sum(axis=1), lanes)
+            sizes[body] = np.bincount(self.cells.lane, self.moments[:, 0] * np.abs(own).sum(axis=1), lanes)
+        return values, sizes
+
+    def tables(self) -> list[Array]:
+        """Returns the derivatives by every number of every owner; at order 1 those of the derivative along the direction first."""
+        columns, forms = self.shape.columns, self.shape.forms
+        tables = []
+        for body in range(self.bodies):
+            table = np.zeros((len(self.numbers.polynomials), columns * (1 + self.shape.order)))
+            _add(table, self.owner, forms, self.growths if self.moving else self.moments)
+            if self.moving:
+                _add(table, self.owner, columns + forms, self.moments)
+            self._edges(slice(body * self.width, (body + 1) * self.width), table)
+            tables.append(table)
+        return tables
+
+    def _all_rates(self) -> Array:
+        """Returns the derivatives of the lines' forms along the direction, divided by |(a, b)|: (lines, 3)."""
+        lines = self.cells.lines
+        total = np.zeros((len(lines.sizes), 3))
+        for part, sign in enumerate((1.0, -1.0)):
+            which = np.flatnonzero(lines.rows[:, part] >= 0)
+            columns = self.wide + lines.columns[which, part, None] + np.arange(3)[None, :]
+            total[which] += sign * self.numbers.forms[lines.rows[which, part, None], columns]
+        total[:, 0] += total[:, 1] * self.shift[0] + total[:, 2] * self.shift[1]
+        return total / lines.sizes[:, None]
+
+    def _velocities(self) -> Array:
+        """Returns the derivatives of the corners, (cells, places, 2): each is where the lines of its two edges meet."""
+        p = self.cells.polygons
+        before = np.where(np.arange(p.labels.shape[1])[None, :] > 0, np.arange(-1, p.labels.shape[1] - 1)[None, :], p.sizes[:, None] - 1)
+        x, y = p.corners[..., 0], p.corners[..., 1]
+        first, second = np.take_along_axis(p.labels, before, axis=1) >> 1, p.labels >> 1
+        units = self.cells.lines.units
+        (e, f), (g, h) = (units[line][..., 1:].transpose(2, 0, 1) for line in (first, second))
+        r, s = (-(q[..., 0] + q[..., 1] * x + q[..., 2] * y) for q in (self._rates[first], self._rates[second]))
+        across = e * h - f * g
+        crossing = np.abs(across) > 1e-9
+        safe = np.where(crossing, across, 1.0)
+        u = np.where(crossing, (r * h - f * s) / safe, 0.5 * (r * e + s * g))
+        v = np.where(crossing, (e * s - g * r) / safe, 0.5 * (r * f + s * h))
+        return np.stack([u, v], axis=2)
+
+    def _all_moments(self) -> tuple[Array, Array]:
+        """Returns the moments of all cells, and their derivatives along the direction: (cells, monomials)."""
+        moments = np.zeros((len(self.cells.lane), self.width))
+        growths = np.zeros_like(moments) if self.moving else moments
+        for which, (x, y), (p, q), weight, growth in self._nodes():
+            for k, (i, j) in enumerate(self.exponents):
+                at = x**i * y**j
+                moments[which, k] += weight * at
+                if self.moving:
+                    growths[which, k] += growth * at + weight * _slope(i, j, (x, y), (p, q))
+        return moments, growths
+
+    def _nodes(self) -> Iterator[tuple[Array, Point, Point, Array, Array]]:
+        """Yields nodes of a rule on polygons: which polygons, point, velocity, weight, derivative of the weight."""
+        polygons = self.cells.polygons
+        for k in range(1, polygons.labels.shape[1] - 1):
+            which = np.flatnonzero(polygons.sizes > k + 1)
+            start, (a, b), (c, d) = _fan(polygons.corners[which], k)
+            from_, (e, f), (g, h) = _fan(self._speed[which], k) if self.moving else ((0.0 * a, 0.0 * a),) * 3
+            area = 0.5 * (a * d - c * b)
+            growth = 0.5 * (e * d + a * h - g * b - c * f)
+            for r, s, w in triangle_rule(self.shape.degree):
+                at = start[0] + r * a + s * c, start[1] + r * b + s * d
+                speed = from_[0] + r * e + s * g, from_[1] + r * f + s * h
+                yield which, at, speed, w * area, w * growth
+
+    def _edges(self, own: slice, table: Array) -> None:
+        """Adds what the edges of all cells give to the derivatives by the forms of their lines."""
+        polygons, lines, columns = self.cells.polygons, self.cells.lines, self.shape.columns
+        cell, place = np.nonzero(polygons.used() & (polygons.labels >= 2 * BOX))
+        label = polygons.labels[cell, place]
+        ends = cell, place, polygons.following()[cell, place]
+        plain, changed = self._along_edges(ends, label >> 1, own)
+        side = np.where(label & 1, -1.0, 1.0)[:, None]
+        for part, sign in enumerate((1.0, -1.0)):
+            rows = lines.rows[label >> 1, part]
+            which = np.flatnonzero(rows >= 0)
+            owners, first = self.numbers.place[rows[which]], lines.columns[label[which] >> 1, part]
+            share = sign * side[which]
+            if self.moving:
+                _add(table, owners, first, share * changed[which])
+                _add(table, owners, columns + first, share * plain[which])
+            else:
+                _add(table, owners, first, share * plain[which])
+
+    def _along_edges(self, ends: tuple[Array, Array, Array], line: Array, own: slice) -> tuple[Array, Array]:
+        """Returns ∫ f·(1, u, v) ds/|(a, b)| along edges, and its derivatives along the direction: (edges, 3)."""
+        cell, first, second = ends
+        lines, corners = self.cells.lines, self.cells.polygons.corners
+        start, end = corners[cell, first], corners[cell, second]
+        across = end - start
+        length = np.hypot(across[:, 0], across[:, 1])
+        body, moving = (n[self.owner[cell], own] for n in (self.numbers.polynomials, self.numbers.changes))
+        plain, changed = np.zeros((len(cell), 3)), np.zeros((len(cell), 3))
+        speeds = (self._speed[cell, first], self._speed[cell, second]) if self.moving else (0.0 * start, 0.0 * start)
+        faster = speeds[1] - speeds[0]
+        stretch = np.zeros(len(cell))
+        if self.moving:
+            safe = np.where(length > 0.0, length, 1.0)
+            stretch = (across * faster).sum(axis=1) / (safe * safe) * (length > 0.0)
+            stretch -= (lines.units[line, 1:] * self._rates[line, 1:]).sum(axis=1)
+        for node, weight in zip(*gauss_legendre((self.shape.degree + 1) // 2 + 1), strict=True):
+            t = 0.5 + 0.5 * node
+            (x, y), (p, q) = (start + t * across).T, (speeds[0] + t * faster).T
+            h = 0.5 * weight * length / lines.sizes[line]
+            f = self._polynomial(body, x, y)
+            for k, at in enumerate((1.0, x, y)):
+                plain[:, k] += h * f * at
+            if not self.moving:
+                continue
+            df = self._polynomial(moving, x, y) + f * stretch
+            for k, (i, j) in enumerate(self.exponents):
+                df += body[:, k] * _slope(i, j, (x, y), (p, q))
+            for k, (at, slope) in enumerate(((1.0, 0.0), (x, p), (y, q))):
+                changed[:, k] += h * (df * at + f * slope)
+        return plain, changed
+
+    def _polynomial(self, coefficients: Array, x: Array, y: Array) -> Array:
+        return sum((coefficients[:, k] * x**i * y**j for k, (i, j) in enumerate(self.exponents)), start=np.zeros(len(x)))
+
+
+def _fan(points: Array, k: int) -> Sequence[Point]:
+    """Returns the first point, and the ways from it to point k and the next one."""
+    x0, y0 = points[:, 0, 0], points[:, 0, 1]
+    return [(x0, y0), *((points[:, i, 0] - x0, points[:, i, 1] - y0) for i in (k, k + 1))]
+
+
+def _slope(i: int, j: int, at: Point, speed: Point) -> Array:
+    """Returns the derivative of xⁱyʲ along a velocity."""
+    (x, y), (p, q) = at, speed
+    rising = i * x ** (i - 1) * y**j * p if i else 0.0 * p
+    return rising + (j * x**i * y ** (j - 1) * q if j else 0.0)
+
+
+def _add(table: Array, rows: Array, first: Array | int, numbers: Array) -> None:
+    """Adds rows of numbers to rows of a table, from their first column on; rows may repeat."""
+    width = table.shape[1]
+    places = (rows * width + first)[:, None] + np.arange(numbers.shape[1])[None, :]
+    table += np.bincount(places.ravel(), numbers.ravel(), table.size).reshape(table.shape)
