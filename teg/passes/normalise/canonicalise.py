@@ -80,7 +80,7 @@ class Canonical:
                 continue
             result = remake(node, tuple([new[c] for c in node.children]))
             if node in deciding and isinstance(result, Integral) and (polynomial := integrated(result)) is not None:
-                result = polynomial
+                result = self(polynomial)
             if isinstance(result, Compare):
                 if result.resolution is None:
                     result = self._atom(result.g, result.strict, MAX_HOISTED)
