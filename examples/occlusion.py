@@ -155,8 +155,9 @@ def run_occlusion(out: str | Path = "out/occlusion", progress: bool = True, **op
     folder = result_folder(Path(out))
     chosen = {k: settings[k] for k in ("size", "triangles", "backend")}
     replay = Replay(folder / "checkpoint.npz", chosen, settings["resume"])
+    kind = settings["discontinuities"]
     try:
-        found, plain = (descend(Settings(steps=settings["steps"], **chosen), how, replay.kept) for how in ("sift", "ignore"))
+        found, plain = (descend(Settings(steps=settings["steps"], **chosen), how, replay.kept) for how in (kind, "ignore"))
     finally:
         replay.save()
     draw(found, folder / "pose.png")

@@ -22,9 +22,9 @@ from teg.examples.billiards.table import scene as scene_of
 from teg.examples.harness import finish, require_packages, result_folder
 from teg.examples.options import resolved
 from teg.examples.replay import Replay
+from teg.examples.treatments import LABELS
 
 PACKAGES = {"matplotlib": "matplotlib", "PIL": "pillow"}
-LABELS = {"exact": "exact gradient", "ignore": "plain automatic differentiation"}
 PICTURES = ("billiards.png", "billiards.gif")
 
 

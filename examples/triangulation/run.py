@@ -19,6 +19,7 @@ from teg.errors import InputError, MissingPackageError
 from teg.examples.descent_record import RecordedDescent
 from teg.examples.harness import finish, ratio, require_packages, result_folder
 from teg.examples.options import resolved
+from teg.examples.treatments import LABELS
 from teg.examples.triangulation.colour_fit import DEGREES, TERMS
 from teg.examples.triangulation.descent import State, first_state, next_state
 from teg.examples.triangulation.image_loss import ImageLoss, PictureLoss
@@ -27,7 +28,6 @@ from teg.examples.triangulation.scene import compile_scene
 
 PACKAGES = {"PIL": "pillow", "matplotlib": "matplotlib", "scipy": "scipy", "tqdm": "tqdm"}
 PICTURES = ("sheet.png", "descent.gif", "loss.png", "target.png", "before.png", "after.png", "error.png", "mesh.svg")
-EXACT, PLAIN = "exact gradient", "plain automatic differentiation"
 NOTHING_MOVES = (
     "the gradient by the vertices is exactly 0: automatic differentiation does not see that an edge moves, "
     "so no vertex did (with --discontinuities exact, the default, they do)"
@@ -54,7 +54,7 @@ def run_triangulation(
     mesh = _first_mesh(settings, (target.shape[1], target.shape[0]))
     folder = result_folder(Path(out))
     fits = [Fit(settings, mesh, target, folder / "checkpoint.npz", settings["resume"])]
-    if settings["discontinuities"] != "ignore" and not settings["alone"]:
+    if settings["discontinuities"] == "exact" and not settings["alone"]:
         plain = settings | {"discontinuities": "ignore"}
         path = folder / "checkpoint-ignore.npz"
         fits.append(Fit(plain, mesh, target, path, settings["resume"] and path.exists()))
@@ -80,7 +80,7 @@ class Fit:
     def __init__(self, settings: Mapping[str, Any], mesh: Mesh, target: np.ndarray, checkpoint: Path, resume: bool) -> None:
         begun = time.perf_counter()
         self.settings, self.size = settings, mesh.size
-        self.label = PLAIN if settings["discontinuities"] == "ignore" else EXACT
+        self.label = LABELS[settings["discontinuities"]]
         self.image = _loss(settings, target, mesh.triangles)
         identity = {k: settings[k] for k in ("triangles", "size", "seed", "colours", "optimiser", "refine", "discontinuities")}
         identity |= {"target": hashlib.sha256(target.tobytes()).hexdigest(), "mesh": hashlib.sha256(mesh.vertices.tobytes()).hexdigest()}

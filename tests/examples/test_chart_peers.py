@@ -30,7 +30,7 @@ from teg.examples.charts.problem import Integrand, TooManyEvaluationsError
 from teg.examples.charts.references import read
 from teg.examples.charts.regions import REGIONS
 from teg.examples.charts.stability import CASES
-from teg.examples.charts.stability_report import CLASSES, COLUMNS, PEERLESS, answer_of_peer, judge, reference_of
+from teg.examples.charts.stability_report import CLASSES, PEERLESS, answer_of_peer, judge, reference_of
 
 # -- the integrand in C ------------------------------------------------------------------------------------------------
 
