@@ -164,6 +164,7 @@ def run_occlusion(out: str | Path = "out/occlusion", progress: bool = True, **op
     report = {
         "summary": [*lines_of(found, TRUE), f"without the derivatives of borders the loss stays {plain.losses[-1]:.6g}"],
         "losses": found.losses,
+        "seconds": {"descent": found.seconds},
         "pose": found.numbers[-1],
         "pictures": ["pose.png"],
     }

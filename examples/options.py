@@ -63,6 +63,7 @@ OPTIONS = {
     "duration": Option(float, "of the flight, in s (bouncing-ball: 0.7 of the longest; billiards: the scene's)", "T"),
     "floor": Option(str, "a formula of x and t, in m and s, for an uneven floor instead of the lift: '0.1*sin(3*x) + 0.3*t'", "F"),
     "scene": Option(str, "which balls, and where", choices=("exchange", "collision", "cushions", "break", "stack")),
+    "balls": Option(str, "a scene of your own instead, in JSON (examples/billiards/README.md)", "FILE.json"),
     "apex": Option(float, "way to the lowest point of the fall, in m", "H", 0.1, 1000),
     "mass": Option(float, "of the jumper, in kg", "M", 0.1, 1000),
     "weight": Option(float, "of the squared acceleration at the lowest point, beside that of the time", "W", 0, 1000),
@@ -129,7 +130,7 @@ DEMOS = {
     "perlin": Demo(
         "a photo as a thresholded noise in a few colours",
         "perlin.run:run_perlin",
-        {"cells": 8, "octaves": 4, "levels": 3, "colour_cells": 0, "size": 160, "steps": 300, **COMPARED, **DESCENT},
+        {"cells": 8, "octaves": 5, "levels": 3, "colour_cells": 6, "size": 256, "steps": 300, **COMPARED, **DESCENT},
         {"size": 64, "octaves": 3, "steps": 60},
         photo="astronaut",
         treatments=SMOOTHED,
@@ -144,7 +145,7 @@ DEMOS = {
     "billiards": Demo(
         "balls that collide, by least action",
         "billiards.run:run_billiards",
-        {"scene": "break", "duration": None, "steps": 20, **COMPARED, **DESCENT},
+        {"scene": "break", "balls": None, "duration": None, "steps": 20, **COMPARED, **DESCENT},
         {"scene": "exchange"},
     ),
     "springs": Demo(

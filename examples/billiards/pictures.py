@@ -41,8 +41,8 @@ def draw_sheet(file: File, scene: Scene, flight: Flight, found: Mapping[str, Sea
         top = max(top, _draw_energies(energy, scene, own))
     for panel in panels:
         panel.set_ylim(0, 1.08 * top)
-    places.set_height_ratios((tall + 0.6, 2.2, 2.2))
-    figure.set_size_inches(6.5 * len(found), tall + 5.8)
+    places.set_height_ratios((tall + 1.2, 2.2, 2.2))
+    figure.set_size_inches(6.5 * len(found), tall + 6.8)
     axes = figure.add_subplot(places[2, :])
     for (label, search), colour, style in zip(found.items(), COLOURS, ("solid", (0, (3, 1.5))), strict=False):
         steps = np.maximum(search.steps, LEAST)

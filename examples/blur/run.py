@@ -99,6 +99,7 @@ def _run(demo: str, out: str | Path, options: dict[str, Any]) -> dict[str, Any]:
     draw(found, folder / "blur.png")
     true = MOVED if demo == "motion-blur" else SEEN
     shown = {"summary": lines_of(found, true), "losses": found.losses, "numbers": found.numbers[-1], "pictures": ["blur.png"]}
+    shown["seconds"] = {"descent": found.seconds}
     return finish(folder, demo, settings, shown)
 
 

@@ -27,7 +27,7 @@ def draw(path: Path, picture: np.ndarray) -> None:
 
 def write_gif(path: Path, frames: Sequence[np.ndarray]) -> None:
     """Writes pictures as an animation, which repeats and waits at its last picture."""
-    images = [Image.fromarray(_bytes(frame)).quantize(64, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE) for frame in frames]
+    images = [Image.fromarray(_bytes(frame)).quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE) for frame in frames]
     times = [GIF_MILLISECONDS] * (len(images) - 1) + [GIF_LAST]
     images[0].save(path, save_all=True, append_images=images[1:], duration=times, loop=0)
 

@@ -158,4 +158,5 @@ def run_soft_shadow(out: str | Path = "out/soft-shadow", progress: bool = True, 
         replay.save()
     draw(scene, found, folder / "shadow.png")
     shown = {"summary": lines_of(found, TRUE), "losses": found.losses, "pose": found.numbers[-1], "pictures": ["shadow.png"]}
+    shown["seconds"] = {"descent": found.seconds}
     return finish(folder, "soft-shadow", settings, shown)
