@@ -40,14 +40,26 @@ class SmoothedSlopes:
         return self.smoothed.grad(values)
 
 
-def compiled(e: Expr, wrt: Sequence[Any], backend: Backend, kind: Discontinuities, width: float, points: int = 8, threads: int = 1) -> Any:
-    """Returns the evaluator of a program with these derivatives.
+@dataclass(frozen=True)
+class Grid:
+    """The grid of smoothed derivatives: so many points for each variable of integration, in a range of that width."""
 
-    Smoothed ones are those on a grid of `points` for each variable of integration. Sigmoids are half as wide as its cells, where `width` is
-    the range of the variables.
-    """
+    points: int
+    width: float
+
+    @property
+    def sigma(self) -> float:
+        """Returns the width of sigmoids: half a cell."""
+        return self.width / (2 * self.points)
+
+
+PIXEL = Grid(8, 1.0)
+
+
+def compiled(e: Expr, wrt: Sequence[Any], backend: Backend, kind: Discontinuities, grid: Grid = PIXEL, threads: int = 1) -> Any:
+    """Returns the evaluator of a program with these derivatives; smoothed ones are those of softened brackets on a grid."""
     if kind != "smooth":
         return teg.compile(e, wrt, backend=backend, discontinuities=kind, threads=threads)
-    grid: dict[str, Any] = {"rule": "midpoint", "order": points, "sigma": width / (2 * points)}
-    smoothed = teg.compile(e, wrt, backend=backend, discontinuities=kind, threads=threads, **grid)
+    rule: dict[str, Any] = {"rule": "midpoint", "order": grid.points, "sigma": grid.sigma}
+    smoothed = teg.compile(e, wrt, backend=backend, discontinuities=kind, threads=threads, **rule)
     return SmoothedSlopes(teg.compile(e, wrt, backend=backend, threads=threads), smoothed)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import teg
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend, Discontinuities
-from teg.examples.treatments import compiled
+from teg.examples.treatments import Grid, compiled
 from teg.ir.expr import Expr, Param, as_number
 
 GIVEN = ("duration", "start", "end", "speed", "room", "mass", "gravity")
@@ -73,6 +73,6 @@ def compile_scene(contacts: int, backend: Backend, discontinuities: Discontinuit
     moving = [teg.param(name) for name in contact_names(contacts)] + heights
     curvature = teg.tuple(*(teg.diff(teg.diff(path, h), h) for h in heights))
     return CompiledScene(
-        compiled(path, moving, backend, discontinuities, width=seconds, points=SMOOTH_POINTS),
+        compiled(path, moving, backend, discontinuities, Grid(SMOOTH_POINTS, seconds)),
         teg.compile(curvature, [], backend=backend),
     )

@@ -79,7 +79,7 @@ def compile_scene(backend: Backend, discontinuities: Discontinuities = "exact", 
     """Returns the compiled loss, to be differentiated, and the compiled colour, to be shown."""
     moving = [teg.param(name) for name in (*CORNERS, *threshold_names(levels), *colour_names(levels))]
     return CompiledScene(
-        compiled(pixel_loss(levels), moving, backend, discontinuities, width=1, threads=threads),
+        compiled(pixel_loss(levels), moving, backend, discontinuities, threads=threads),
         teg.compile(pixel_colour(levels), [], backend=backend, threads=threads),
         levels,
     )

@@ -85,7 +85,7 @@ def compile_scene(backend: Backend, discontinuities: Discontinuities = "exact", 
     """Returns the program, compiled for both."""
     loss = picture_loss(degree)
     return CompiledScene(
-        compiled(loss, [VERTICES], backend, discontinuities, width=1, threads=threads),
+        compiled(loss, [VERTICES], backend, discontinuities, threads=threads),
         teg.compile(loss, [COLOURS, WEIGHTS], backend=backend, threads=threads),
         backend,
         degree,
