@@ -51,6 +51,6 @@ def _scale(axes: Any, low: float, high: float) -> None:
 
     axes.set_yscale("log")
     axes.set_ylim(np.exp(low - 0.06 * (high - low) - 0.02), np.exp(high + 0.06 * (high - low) + 0.02))
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high - low < 5 else (1,)))
+    axes.yaxis.set_major_locator(LogLocator(subs=range(1, 10) if high - low < 1.6 else (1, 2, 5) if high - low < 5 else (1,)))
     axes.yaxis.set_major_formatter("{x:.3g}")
-    axes.yaxis.set_minor_formatter("{x:.3g}" if high - low < 0.5 else "")
+    axes.yaxis.set_minor_formatter("{x:.3g}" if high - low < 0.3 else "")

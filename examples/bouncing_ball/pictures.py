@@ -106,10 +106,11 @@ def _draw_energies(axes: Any, throw: Throw, found: Mapping[str, Path_]) -> None:
         {"color": BLUE, "linewidth": 2},
         {"color": RED, "linewidth": 2, "linestyle": DASHED},
     ]
-    for arcs, look in zip(found.values(), looks, strict=False):
-        axes.plot(t, throw.energy(*arcs, t), **look)
+    rows = [throw.energy(*arcs, t) for arcs in found.values()]
+    for row, look in zip(rows, looks, strict=False):
+        axes.plot(t, row, **look)
     axes.set_title("energy of the ball, seen from inside the lift, in J", loc="left", fontsize=11)
-    axes.set(xlim=(0, throw.duration), ylim=(0, None))
+    axes.set(xlim=(0, throw.duration), ylim=(min(0.0, *(row.min() for row in rows)), 1.15 * max(row.max() for row in rows)))
     axes.set_xlabel("time in s", color=GREY)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(colors=GREY)
