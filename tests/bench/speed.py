@@ -290,7 +290,7 @@ def call_rows() -> list[Row]:
     return [
         {"call": "value, two scalars", "kernel, µs": "-", "call, µs": 1e-3 * scalar, "call / kernel": "-"},
         {"call": "value and gradient, two scalars", "kernel, µs": "-", "call, µs": 1e-3 * gradient, "call / kernel": "-"},
-        {"call": "10⁶ of ∫[x < t](a + x)", "kernel, µs": 1e-3 * alone, "call, µs": 1e-3 * whole, "call / kernel": whole / alone},
+        {"call": "10⁶ of ∫[x < t]·(a + x)", "kernel, µs": 1e-3 * alone, "call, µs": 1e-3 * whole, "call / kernel": whole / alone},
         {
             "call": f"{n // 4} triangle-pixel pairs, linear",
             "kernel, µs": 1e-3 * pixels_alone,
