@@ -113,9 +113,9 @@ def draw(rows: list[dict[str, Any]], backend: Backend, path: Path) -> None:
         left.plot(grid, exact, color=colour, linewidth=2, label=f"{n} bidder{'s' * (n > 1)}")
         left.plot(row["path"], compiled(n, backend)(r=np.array(row["path"])), "o", color=colour, markersize=4)
         right.plot(grid, slope["r"], color=colour, linewidth=2)
-        right.plot(grid, plain, color=colour, linewidth=1.5, linestyle=(0, (2, 2)))
+        right.plot(grid, plain, color=colour, linewidth=2, linestyle=(0, (2, 2)))
     right.plot([], [], color="#666666", linewidth=2, label="exact")
-    right.plot([], [], color="#666666", linewidth=1.5, linestyle=(0, (2, 2)), label="plain automatic differentiation")
+    right.plot([], [], color="#666666", linewidth=2, linestyle=(0, (2, 2)), label="plain automatic differentiation")
     right.axhline(0, color="#c8ccd2", linewidth=1, zorder=0)
     for axes, title in ((left, "revenue, and the steps of Newton's method"), (right, "its slope")):
         axes.axvline(BEST, color="#c2412d", linewidth=1)

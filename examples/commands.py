@@ -38,7 +38,7 @@ def _add(parser: argparse.ArgumentParser, name: str, value: Any, demo: Demo) -> 
     if option.kind is bool:
         parser.add_argument(_flag(name), action="store_true", help=option.help)
         return
-    choices = demo.backends if name == "backend" else option.choices
+    choices = {"backend": demo.backends, "discontinuities": demo.treatments}.get(name, option.choices)
     default = "" if value is None else f" ({value})"
     parser.add_argument(
         _flag(name),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,11 +18,12 @@ Picture = npt.NDArray[np.float64]
 
 @dataclass
 class Fit:
-    """Numbers and losses, one for each evaluation and the best at the end, and pictures with their titles."""
+    """Numbers and losses, one for each evaluation and the best at the end, pictures with their titles, seconds of the descent."""
 
     numbers: list[dict[str, float]] = field(default_factory=list)
     losses: list[float] = field(default_factory=list)
     pictures: dict[str, Picture] = field(default_factory=dict)
+    seconds: float = 0.0
 
 
 Loss = Callable[[dict[str, float]], tuple[float, Mapping[str, Any]]]
@@ -50,7 +52,9 @@ def fit(loss_and_slopes: Loss, start: Numbers, steps: int, keep: Keep, name: str
         return float(value), np.array(slopes)
 
     options = {"maxiter": steps, "ftol": 1e-16, "gtol": 1e-10}
+    begun = time.perf_counter()
     end = minimize(objective, np.array([start[name] for name in names]), jac=True, method="L-BFGS-B", options=options)
+    found.seconds = time.perf_counter() - begun
     found.numbers.append(named(end.x))
     found.losses.append(float(end.fun))
     return found

@@ -136,7 +136,7 @@ def draw(backend: Backend, path: Path) -> None:
         for axes, greek in zip(row, ("price", "delta", "gamma"), strict=True):
             axes.plot(spots, exact[greek], color="#2b6cb0", linewidth=2.5, label="exact")
             if greek != "price":
-                axes.plot(spots, plain[greek], color="#c2412d", linewidth=1.5, label="plain automatic differentiation")
+                axes.plot(spots, plain[greek], color="#c2412d", linewidth=2.5, label="plain automatic differentiation")
             axes.plot(spots[::10], closed[greek][::10], "o", color="#d69e2e", markersize=5, label="closed form")
             axes.set_title(f"{name}: {greek}", loc="left", fontsize=11)
             axes.spines[["top", "right"]].set_visible(False)

@@ -155,14 +155,16 @@ def run_occlusion(out: str | Path = "out/occlusion", progress: bool = True, **op
     folder = result_folder(Path(out))
     chosen = {k: settings[k] for k in ("size", "triangles", "backend")}
     replay = Replay(folder / "checkpoint.npz", chosen, settings["resume"])
+    kind = settings["discontinuities"]
     try:
-        found, plain = (descend(Settings(steps=settings["steps"], **chosen), how, replay.kept) for how in ("sift", "ignore"))
+        found, plain = (descend(Settings(steps=settings["steps"], **chosen), how, replay.kept) for how in (kind, "ignore"))
     finally:
         replay.save()
     draw(found, folder / "pose.png")
     report = {
         "summary": [*lines_of(found, TRUE), f"without the derivatives of borders the loss stays {plain.losses[-1]:.6g}"],
         "losses": found.losses,
+        "seconds": {"descent": found.seconds},
         "pose": found.numbers[-1],
         "pictures": ["pose.png"],
     }

@@ -56,17 +56,23 @@ OPTIONS = {
     "cells": Option(int, "cells a side, of the coarsest lattice or of the mesh", "N", 1, 1024),
     "octaves": Option(int, "each with twice the cells of the one before", "N", 1, 10),
     "levels": Option(int, "colours, one more than thresholds", "N", 2, 3),
+    "colour_cells": Option(int, "cells a side of a map of each colour; 0: one shade of it everywhere", "N", 0, 256),
     "epochs": Option(int, "of the training, in all", "K", 0, 10**7),
     "contacts": Option(int, "with floor and ceiling, by turns", "N", 1, 12),
     "speed": Option(float, "of the lift, upwards, in m/s", "V", -1e12, 1e12),
     "duration": Option(float, "of the flight, in s (bouncing-ball: 0.7 of the longest; billiards: the scene's)", "T"),
     "floor": Option(str, "a formula of x and t, in m and s, for an uneven floor instead of the lift: '0.1*sin(3*x) + 0.3*t'", "F"),
     "scene": Option(str, "which balls, and where", choices=("exchange", "collision", "cushions", "break", "stack")),
+    "balls": Option(str, "a scene of your own instead, in JSON (examples/billiards/README.md)", "FILE.json"),
     "apex": Option(float, "way to the lowest point of the fall, in m", "H", 0.1, 1000),
     "mass": Option(float, "of the jumper, in kg", "M", 0.1, 1000),
     "weight": Option(float, "of the squared acceleration at the lowest point, beside that of the time", "W", 0, 1000),
     "sites": Option(int, "points that mass is sent to", "N", 2, 100_000),
-    "discontinuities": Option(str, "ignore: what plain automatic differentiation does", choices=("exact", "ignore")),
+    "discontinuities": Option(
+        str,
+        "derivatives: exact; ignore: those of plain automatic differentiation; smooth: of softened brackets, on a grid",
+        choices=("exact", "ignore", "smooth"),
+    ),
     "alone": Option(bool, "without plain automatic differentiation beside it"),
     "backend": Option(str, "c if there is a C compiler, else numpy", choices=BACKENDS),
     "resume": Option(bool, "go on from the checkpoint in DIR"),
@@ -77,7 +83,10 @@ OPTIONS = {
 
 @dataclass(frozen=True)
 class Demo:
-    """A demonstration: its function, the photo it takes if none is named, the defaults of its options, and those of --fast."""
+    """A demonstration: its function, the photo it takes if none is named, the defaults of its options, and those of --fast.
+
+    `backends` and `treatments` (of discontinuities) are those that it has.
+    """
 
     about: str
     function: str
@@ -85,6 +94,7 @@ class Demo:
     fast: Mapping[str, Any] = field(default_factory=dict)
     photo: str | None = None
     backends: tuple[str, ...] = BACKENDS
+    treatments: tuple[str, ...] = ("exact", "ignore")
 
     def run(self, settings: Mapping[str, Any], progress: bool) -> dict[str, Any]:
         """Returns the report of a run with these settings."""
@@ -95,6 +105,7 @@ class Demo:
 
 DESCENT = {"seed": 0, "backend": None, "resume": False}
 COMPARED = {"discontinuities": "exact", "alone": False}
+SMOOTHED = ("exact", "ignore", "smooth")
 
 DEMOS = {
     "triangulation": Demo(
@@ -114,24 +125,27 @@ DEMOS = {
         },
         {"triangles": 80, "size": 96, "steps": 25},
         photo="astronaut",
+        treatments=SMOOTHED,
     ),
     "perlin": Demo(
         "a photo as a thresholded noise in a few colours",
         "perlin.run:run_perlin",
-        {"cells": 8, "octaves": 4, "levels": 3, "size": 160, "steps": 300, **COMPARED, **DESCENT},
+        {"cells": 8, "octaves": 5, "levels": 3, "colour_cells": 6, "size": 256, "steps": 300, **COMPARED, **DESCENT},
         {"size": 64, "octaves": 3, "steps": 60},
         photo="astronaut",
+        treatments=SMOOTHED,
     ),
     "bouncing-ball": Demo(
         "the path of a ball by least action",
         "bouncing_ball.run:run_bouncing_ball",
         {"contacts": 5, "speed": 1.5, "duration": None, "floor": None, "steps": 300, **COMPARED, **DESCENT},
         {"contacts": 2},
+        treatments=SMOOTHED,
     ),
     "billiards": Demo(
         "balls that collide, by least action",
         "billiards.run:run_billiards",
-        {"scene": "break", "duration": None, "steps": 20, **COMPARED, **DESCENT},
+        {"scene": "break", "balls": None, "duration": None, "steps": 20, **COMPARED, **DESCENT},
         {"scene": "exchange"},
     ),
     "springs": Demo(
@@ -139,6 +153,7 @@ DEMOS = {
         "springs.run:run_springs",
         {"apex": 5.0, "mass": 1.0, "weight": 1.0, "steps": 100, **COMPARED, **DESCENT},
         {"steps": 40},
+        treatments=SMOOTHED,
     ),
     "mesh-network": Demo(
         "a network in JAX that turns photos into triangles",
@@ -160,25 +175,25 @@ DEMOS = {
     "occlusion": Demo(
         "the pose of a mesh from a picture",
         "occlusion:run_occlusion",
-        {"size": 48, "triangles": 480, "steps": 60, **DESCENT},
+        {"size": 48, "triangles": 480, "steps": 60, "discontinuities": "exact", **DESCENT},
         {"size": 16, "steps": 10},
     ),
     "soft-shadow": Demo(
         "the place of a mesh from its soft shadow",
         "soft_shadow.run:run_soft_shadow",
-        {"size": 32, "triangles": 400, "steps": 60, **DESCENT},
+        {"size": 32, "triangles": 400, "steps": 60, "discontinuities": "exact", **DESCENT},
         {"size": 12, "triangles": 60, "steps": 10},
     ),
     "motion-blur": Demo(
         "the motion of a triangle from one blurred picture",
         "blur.run:run_motion_blur",
-        {"size": 32, "steps": 60, **DESCENT},
+        {"size": 32, "steps": 60, "discontinuities": "exact", **DESCENT},
         {"size": 12, "steps": 10},
     ),
     "depth-of-field": Demo(
         "the focus of a lens from one picture of a slanted triangle",
         "blur.run:run_depth_of_field",
-        {"size": 24, "steps": 40, **DESCENT},
+        {"size": 24, "steps": 40, "discontinuities": "exact", **DESCENT},
         {"size": 8, "steps": 5},
     ),
     "shaders": Demo("one window, several lights", "shaders:run_shaders", {"seed": 0, "backend": "numpy"}),
@@ -207,6 +222,9 @@ def resolved(name: str, given: Mapping[str, Any], fast: bool = False) -> dict[st
         settings["backend"] = chosen_backend(demo, settings)
     if settings["backend"] not in demo.backends:
         raise InputError(f"the demo {name} does not run in {settings['backend']!r}", None, "it runs in " + ", ".join(demo.backends))
+    if settings.get("discontinuities", "exact") not in demo.treatments:
+        what = f"the demo {name} has no --discontinuities {settings['discontinuities']}"
+        raise InputError(what, None, "it has " + ", ".join(demo.treatments))
     return settings
 
 

@@ -166,12 +166,13 @@ def draw(found: Transport, masses: Array, path: Path) -> None:
     border = np.zeros((600, 600), dtype=bool)
     border[1:] |= owner[1:] != owner[:-1]
     border[:, 1:] |= owner[:, 1:] != owner[:, :-1]
-    figure = Figure(figsize=(6, 6))
-    axes = figure.add_axes((0, 0, 1, 1))
-    axes.imshow(np.where(border, np.nan, masses[owner]), origin="lower", extent=(0, 1, 0, 1), cmap="YlGnBu")
-    axes.plot(*found.sites.T, "k.", markersize=3)
-    axes.set(xlim=(0, 1), ylim=(0, 1))
+    figure = Figure(figsize=(7, 6), layout="constrained")
+    axes = figure.add_subplot()
+    shades = axes.imshow(np.where(border, np.nan, masses[owner]), origin="lower", extent=(0, 1, 0, 1), cmap="YlGnBu", vmin=0)
+    axes.plot(*found.sites.T, "o", color="black", markeredgecolor="white", markeredgewidth=0.6, markersize=4)
+    axes.set(xlim=(0, 1), ylim=(0, 1), title=f"{len(masses)} sites, and the cells that send their mass to them")
     axes.axis("off")
+    figure.colorbar(shades, ax=axes, label="mass of the cell", shrink=0.85)
     figure.savefig(path, dpi=100)
 
 

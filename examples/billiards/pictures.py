@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from teg.examples.animation import write_animation
 from teg.examples.billiards.newton import Search
 from teg.examples.billiards.paths import Path, energies, paths
 from teg.examples.billiards.table import Flight, Scene
 
 COLOURS = ("#2b6cb0", "#c2412d", "#d69e2e", "#3f8f5f", "#7b4fa3", "#666666")
 FELT, GREY = "#eef3ee", "#666666"
-FRAMES = 72
 LEAST = 1e-17  # a step of 0 is drawn at this value
 
 
@@ -27,7 +27,7 @@ def draw_sheet(file: File, scene: Scene, flight: Flight, found: Mapping[str, Sea
     figure = Figure(figsize=(6.5 * len(found), 9.5), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
     places = figure.add_gridspec(3, len(found), height_ratios=(2.2, 1, 1))
-    panels, top = [], 0.0
+    panels, top, tall = [], 0.0, 0.0
     for k, (label, search) in enumerate(found.items()):
         axes, energy = figure.add_subplot(places[0, k]), figure.add_subplot(places[1, k])
         own = paths(scene, flight, search.z)
@@ -36,53 +36,55 @@ def draw_sheet(file: File, scene: Scene, flight: Flight, found: Mapping[str, Sea
             _draw_path(axes, scene, i, path)
         off = float(np.abs(search.z - flight.unknowns).max())
         axes.set_title(f"{label}: contacts off by {off:.0e}" if off < 1e-3 else f"{label}: contacts off by {off:.2f}", fontsize=11)
+        tall = max(tall, float(np.clip(5.8 * _shape(axes), 1.2, 5)))
         panels.append(energy)
         top = max(top, _draw_energies(energy, scene, own))
     for panel in panels:
         panel.set_ylim(0, 1.08 * top)
+    places.set_height_ratios((tall + 1.2, 2.2, 2.2))
+    figure.set_size_inches(6.5 * len(found), tall + 6.8)
     axes = figure.add_subplot(places[2, :])
-    for (label, search), colour in zip(found.items(), COLOURS, strict=False):
+    for (label, search), colour, style in zip(found.items(), COLOURS, ("solid", (0, (3, 1.5))), strict=False):
         steps = np.maximum(search.steps, LEAST)
-        axes.semilogy(np.arange(1, len(steps) + 1), steps, color=colour, linewidth=2, marker="o", markersize=4, label=label)
+        look: Any = {"color": colour, "linewidth": 2, "linestyle": style, "marker": "o", "markersize": 4}
+        axes.semilogy(np.arange(1, len(steps) + 1), steps, label=label, **look)
     axes.set_title("largest entry of a Newton step, in s, m and radians", loc="left", fontsize=11)
     axes.set_xlabel("step", color=GREY)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.legend(frameon=False, fontsize=9)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(file)
 
 
 def draw_animation(file: File, scene: Scene, found: list[Path]) -> None:
     """Draws the balls on their paths as a GIF, with the way they have come."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle
-    from PIL import Image
 
     figure = Figure(figsize=(5, 3.4), dpi=100, layout="constrained")
-    canvas: Any = FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     _draw_table(axes, scene, found)
     axes.set(xlabel="", ylabel="", xticks=[], yticks=[])
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    figure.set_size_inches(5, float(np.clip(5 * (high - low) / (right - left), 1.5, 6)) + 0.1)
-    canvas.draw()
-    figure.set_layout_engine("none")  # the layout stays
+    figure.set_size_inches(5, float(np.clip(5 * _shape(axes), 1.5, 6)) + 0.1)
     disks = [Circle((0, 0), ball.radius, color=c, zorder=3) for ball, c in zip(scene.balls, COLOURS, strict=False)]
     for disk in disks:
         axes.add_patch(disk)
     trails = [axes.plot([], [], color=c, linewidth=1.5, alpha=0.6)[0] for c in COLOURS[: len(disks)]]
-    images = []
-    for now in np.linspace(0, scene.duration, FRAMES):
+
+    def update(now: float) -> None:
         for disk, trail, path in zip(disks, trails, found, strict=True):
             before = np.union1d(np.linspace(0, now, 100), path.knots[path.knots[:, 0] < now, 0])
             way = path.place(before)
             disk.set_center(tuple(way[-1]))
             trail.set_data(*way.T)
-        canvas.draw()
-        images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]).quantize(64))
-    times = [40] * (FRAMES - 1) + [900]
-    images[0].save(file, save_all=True, append_images=images[1:], duration=times, loop=0, disposal=1)
+
+    write_animation(file, figure, update, scene.duration)
+
+
+def _shape(axes: Any) -> float:
+    """Returns height over width of what axes show."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    return float((high - low) / (right - left))
 
 
 def _draw_table(axes: Any, scene: Scene, found: list[Path]) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +16,7 @@ from teg.examples.billiards.scene import Ball, Contact
 
 LATER = 1e-9  # s: contacts of one ball closer in time than this are one
 MOST = 24  # contacts of a scene
+LARGEST = 6  # balls of a scene that is read
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,51 @@ def scene(name: str, seed: int = 0) -> Scene:
         ),
     }
     return scenes[name]()  # type: ignore[no-any-return]
+
+
+def read_scene(file: Path) -> Scene:
+    """Returns the scene in a JSON file: "balls" with "mass", "radius", "place" and "velocity", "duration", perhaps "walls" and "gravity".
+
+    The walls are [[left, right], [floor, ceiling]], each a number or null; without them there is none. Raises InputError if the file cannot
+    be read, has something else, or its balls overlap or stick in walls.
+    """
+    try:
+        stored = json.loads(file.read_text(encoding="utf-8"))
+        balls = tuple(Ball(float(b["mass"]), float(b["radius"]), _pair(b["place"]), _pair(b["velocity"])) for b in stored["balls"])
+        walls = tuple(
+            (low if low is None else float(low), high if high is None else float(high)) for low, high in stored.get("walls", OPEN)
+        )
+        read = Scene(balls, walls, float(stored.get("gravity", 0.0)), float(stored["duration"]))  # type: ignore[arg-type]
+    except OSError as problem:
+        raise InputError(f"cannot read {str(file)!r}", None, str(problem.strerror)) from None
+    except (ValueError, KeyError, TypeError, AttributeError) as problem:
+        raise InputError(f"{str(file)!r} is not a scene ({type(problem).__name__}: {problem})", None, EXAMPLE) from None
+    _check(file, read)
+    return read
+
+
+EXAMPLE = '{"balls": [{"mass": 1, "radius": 0.1, "place": [0, 0], "velocity": [1, 0]}, …], "walls": [[0, 2], [0, null]], "duration": 2}'
+
+
+def _pair(values: Sequence[float]) -> tuple[float, float]:
+    x, y = values
+    return float(x), float(y)
+
+
+def _check(file: Path, read: Scene) -> None:
+    numbers = [read.gravity, read.duration, *(z for b in read.balls for z in (b.mass, b.radius, *b.place, *b.velocity))]
+    if not np.isfinite(numbers).all() or not 0 < len(read.balls) <= LARGEST or len(read.walls) != 2:
+        raise InputError(f"the scene {str(file)!r} has numbers that are not finite, or too many balls", None, f"1 to {LARGEST} balls")
+    if min(read.duration, *(z for b in read.balls for z in (b.mass, b.radius))) <= 0:
+        raise InputError(f"a mass, a radius or the duration of {str(file)!r} is not above 0", None, "kg, m and s")
+    for i, ball in enumerate(read.balls):
+        for axis, (low, high) in enumerate(read.walls):
+            at = ball.place[axis]
+            if (low is not None and at < low + ball.radius) or (high is not None and at > high - ball.radius):
+                raise InputError(f"ball {i} of {str(file)!r} is not between the walls", None, "a whole radius away from each")
+        for j in range(i):
+            if math.dist(ball.place, read.balls[j].place) <= ball.radius + read.balls[j].radius:
+                raise InputError(f"balls {j} and {i} of {str(file)!r} overlap", None, "places further apart")
 
 
 @dataclass(frozen=True)

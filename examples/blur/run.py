@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 import teg
-from teg.evaluator.options import Backend
+from teg.evaluator.options import Backend, Discontinuities
 from teg.examples.blur import lens, motion
 from teg.examples.fit import Fit, draw_losses, draw_pictures, fit, lines_of
 from teg.examples.replay import Keep, Replay, not_kept
@@ -34,7 +34,7 @@ SLITS = 12
 class Blur:
     """A compiled loss of named numbers and a picture, and what else it takes."""
 
-    def __init__(self, demo: str, size: int, backend: Backend) -> None:
+    def __init__(self, demo: str, size: int, backend: Backend, discontinuities: Discontinuities = "exact") -> None:
         self.size = size
         self.given: dict[str, Any] = {}
         self.names: tuple[str, ...]
@@ -44,7 +44,7 @@ class Blur:
             e, self.names, self.true, self.start = lens.loss(), lens.LENS, SEEN, SEEN_START
             self.given = {"S": lens.slits(SLITS)}
         wanted: list[Any] = [*(teg.param(name) for name in self.names), motion.TARGET]
-        self.evaluator = teg.compile(e, wanted, backend=backend)
+        self.evaluator = teg.compile(e, wanted, backend=backend, discontinuities=discontinuities)
 
     def loss_and_slopes(self, numbers: Numbers, picture: Array) -> tuple[float, dict[str, Any]]:
         """Returns the loss and its derivatives."""
@@ -57,9 +57,11 @@ class Blur:
         return np.asarray(-0.5 * self.loss_and_slopes(numbers, np.zeros((side, side)))[1]["T"])
 
 
-def descend(demo: str, size: int, steps: int, backend: Backend = "c", keep: Keep = not_kept) -> Fit:
+def descend(
+    demo: str, size: int, steps: int, backend: Backend = "c", keep: Keep = not_kept, discontinuities: Discontinuities = "exact"
+) -> Fit:
     """Returns the descent from other numbers to those of a given picture, with pictures of simpler ones."""
-    scene = Blur(demo, size, backend)
+    scene = Blur(demo, size, backend, discontinuities)
     target = scene.picture(scene.true)
     found = fit(lambda numbers: scene.loss_and_slopes(numbers, target), scene.start, steps, keep)
     if demo == "motion-blur":
@@ -89,14 +91,15 @@ def _run(demo: str, out: str | Path, options: dict[str, Any]) -> dict[str, Any]:
     require_packages(f"{demo} demo", {"matplotlib": "matplotlib", "scipy": "scipy"}, progress=False)
     settings = resolved(demo, {"out": out, **options})
     folder = result_folder(Path(out))
-    replay = Replay(folder / "checkpoint.npz", {k: settings[k] for k in ("size", "backend")}, settings["resume"])
+    replay = Replay(folder / "checkpoint.npz", {k: settings[k] for k in ("size", "backend", "discontinuities")}, settings["resume"])
     try:
-        found = descend(demo, settings["size"], settings["steps"], settings["backend"], replay.kept)
+        found = descend(demo, settings["size"], settings["steps"], settings["backend"], replay.kept, settings["discontinuities"])
     finally:
         replay.save()
     draw(found, folder / "blur.png")
     true = MOVED if demo == "motion-blur" else SEEN
     shown = {"summary": lines_of(found, true), "losses": found.losses, "numbers": found.numbers[-1], "pictures": ["blur.png"]}
+    shown["seconds"] = {"descent": found.seconds}
     return finish(folder, demo, settings, shown)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from teg.examples.animation import write_animation
 from teg.examples.bouncing_ball.floor import Search
 
 BLUE, RED, GREY, LIGHT, BROWN = "#2b6cb0", "#c2412d", "#666666", "#eef1f5", "#8a6d4b"
@@ -38,6 +39,35 @@ def draw_flights(path: Path, searches: Mapping[str, Search]) -> None:
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     _plain(axes)
     figure.savefig(path)
+
+
+def draw_animation(path: Path, searches: Mapping[str, Search]) -> None:
+    """Draws the moving floor and the ball of each search, with the way it has come, as a GIF."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.5, 3.8), dpi=100, layout="constrained")
+    axes, flight = figure.add_subplot(), next(iter(searches.values())).flight
+    x = np.linspace(-0.1 * flight.reach, 1.1 * flight.reach, 300)
+    ways = [[np.asarray(part).ravel() for part in search.flight.path(search.moving)] for search in searches.values()]
+    floors = np.concatenate([flight.ground(x, np.full_like(x, t))[0] for t in np.linspace(0, flight.duration, 24)])
+    low, high = min(floors.min(), *(w[2].min() for w in ways)), max(floors.max(), *(w[2].max() for w in ways))
+    axes.set(xlim=x[[0, -1]], ylim=(low - 0.1 * (high - low), high + 0.1 * (high - low)))
+    (floor,) = axes.plot(x, flight.ground(x, 0 * x)[0], color=BROWN, linewidth=2.5)
+    trails = [axes.plot([], [], color=c, linewidth=1.5, alpha=0.5)[0] for c in (BLUE, RED)[: len(ways)]]
+    balls = [axes.plot([], [], "o", color=c, markersize=9, label=label)[0] for c, label in zip((BLUE, RED), searches, strict=False)]
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=8)
+    axes.set_xlabel("place in m", color=GREY)
+    axes.set_ylabel("height in m", color=GREY)
+    _plain(axes)
+
+    def update(now: float) -> None:
+        floor.set_ydata(flight.ground(x, np.full_like(x, now))[0])
+        for trail, ball, (t, along, y) in zip(trails, balls, ways, strict=True):
+            at = np.interp(now, t, along), np.interp(now, t, y)
+            trail.set_data(np.append(along[t < now], at[0]), np.append(y[t < now], at[1]))
+            ball.set_data([at[0]], [at[1]])
+
+    write_animation(path, figure, update, flight.duration)
 
 
 def _draw_flight(axes: Any, search: Search, colour: str) -> None:

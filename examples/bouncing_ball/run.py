@@ -21,10 +21,10 @@ from teg.examples.bouncing_ball.throw import Throw, exact, make_throw
 from teg.examples.harness import finish, progress_bar, require_packages, result_folder
 from teg.examples.options import resolved
 from teg.examples.replay import OfVector, Replay
+from teg.examples.treatments import LABELS
 
 PACKAGES = {"scipy": "scipy", "matplotlib": "matplotlib", "tqdm": "tqdm"}
-LABELS = {"exact": "exact gradient", "ignore": "plain automatic differentiation"}
-SHEET = "bouncing_ball.png"
+SHEET, ANIMATION = "bouncing_ball.png", "bouncing_ball.gif"
 LIFT_AT_REST = (
     "in a lift at rest automatic differentiation finds the same contacts: what it gives is then twice the gradient, "
     "which is zero in the same place (with --speed 1.5, the default, it is not)"
@@ -48,7 +48,7 @@ def run_bouncing_ball(out: str | Path = "out/bouncing-ball", progress: bool = Tr
     require_packages("bouncing ball", PACKAGES, progress)
     settings = resolved("bouncing-ball", {"out": out, **options})
     chosen: Discontinuities = settings["discontinuities"]
-    kinds: list[Discontinuities] = [chosen] if chosen == "ignore" or settings["alone"] else [chosen, "ignore"]
+    kinds: list[Discontinuities] = [chosen] if chosen != "exact" or settings["alone"] else [chosen, "ignore"]
     report = (_in_a_lift if settings["floor"] is None else _over_a_floor)(settings, kinds, progress)
     return finish(Path(out), "bouncing-ball", settings, report)
 
@@ -64,13 +64,13 @@ def _in_a_lift(settings: Mapping[str, Any], kinds: list[Discontinuities], progre
         begun = time.perf_counter()
         with np.errstate(all="ignore"):  # of numbers beyond all measure; the report says that it did not converge
             keep = partial(_kept, replay, kind)
-            descent = ActionDescent(throw, compile_scene(throw.contacts, settings["backend"], kind), keep)
+            descent = ActionDescent(throw, compile_scene(throw.contacts, settings["backend"], kind, throw.duration), keep)
             setup = time.perf_counter() - begun
-            interrupted = interrupted or descend(descent, settings["steps"], progress, LABELS.get(kind, kind))
+            interrupted = interrupted or descend(descent, settings["steps"], progress, LABELS[kind])
             seconds = {"setup": setup, "descent": time.perf_counter() - begun - setup}
             replay.save()
             reports.append(_report(descent, kind, times, least) | {"seconds": seconds})
-        runs[LABELS.get(kind, kind)] = descent.states
+        runs[LABELS[kind]] = descent.states
     _draw(folder, throw, (times, heights), runs)
     failure = "" if reports[0]["converged"] else f"the gradient is {reports[0]['gradient']:.1e} after {reports[0]['steps']} steps"
     return reports[0] | {
@@ -80,7 +80,7 @@ def _in_a_lift(settings: Mapping[str, Any], kinds: list[Discontinuities], progre
         "interrupted": interrupted,
         "exact": {"times": times.tolist(), "heights": heights.tolist(), "action": least},
         "throw": asdict(throw),
-        "pictures": [SHEET],
+        "pictures": [SHEET, ANIMATION],
     }
 
 
@@ -104,7 +104,7 @@ def _summary(part: Mapping[str, Any]) -> list[str]:
 def _over_a_floor(settings: Mapping[str, Any], kinds: list[Discontinuities], progress: bool) -> dict[str, Any]:
     """Returns the report of flights over an uneven floor, one for each treatment of discontinuities."""
     from teg.examples.bouncing_ball.floor import find_path, make_flight
-    from teg.examples.bouncing_ball.floor_pictures import draw_flights
+    from teg.examples.bouncing_ball.floor_pictures import draw_animation, draw_flights
 
     with np.errstate(all="ignore"):
         flight = make_flight(settings["floor"], settings["contacts"], settings["duration"], settings["backend"])
@@ -114,7 +114,9 @@ def _over_a_floor(settings: Mapping[str, Any], kinds: list[Discontinuities], pro
             searches = {kind: find_path(flight, settings["floor"], dict(settings), kind, partial(_kept, replay, kind)) for kind in kinds}
         finally:
             replay.save()
-    draw_flights(folder / SHEET, {LABELS.get(kind, kind): search for kind, search in searches.items()})
+    labelled = {LABELS[kind]: search for kind, search in searches.items()}
+    draw_flights(folder / SHEET, labelled)
+    draw_animation(folder / ANIMATION, labelled)
     reports = []
     for kind, search in searches.items():
         places = search.moving.reshape(2, -1).tolist()
@@ -136,7 +138,7 @@ def _over_a_floor(settings: Mapping[str, Any], kinds: list[Discontinuities], pro
             for r in reports
         ],
         "beside": reports[1] if len(reports) > 1 else None,
-        "pictures": [SHEET],
+        "pictures": [SHEET, ANIMATION],
     }
 
 
@@ -145,14 +147,16 @@ def _draw(folder: Path, throw: Throw, true: tuple[np.ndarray, np.ndarray], runs:
     from teg.examples.bouncing_ball import pictures
 
     first = next(iter(runs.values()))[0]
+    ends = {label: (states[-1].times, states[-1].heights) for label, states in runs.items()}
     pictures.draw_sheet(
         folder / SHEET,
         throw,
         true,
         (first.times, first.heights),
-        {label: (states[-1].times, states[-1].heights) for label, states in runs.items()},
+        ends,
         {label: [_error(s, true[0]) for s in states] for label, states in runs.items()},
     )
+    pictures.draw_animation(folder / ANIMATION, throw, {"true path": true, **ends})
 
 
 def descend(descent: ActionDescent, steps: int, progress: bool, label: str = "") -> bool:

@@ -15,9 +15,11 @@ from dataclasses import dataclass
 import teg
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend, Discontinuities
+from teg.examples.treatments import Grid, compiled
 from teg.ir.expr import Expr, Param, as_number
 
 GIVEN = ("duration", "start", "end", "speed", "room", "mass", "gravity")
+SMOOTH_POINTS = 256  # of smoothed derivatives
 
 
 def contact_names(contacts: int) -> list[str]:
@@ -61,13 +63,16 @@ class CompiledScene:
     curvature: Evaluator
 
 
-def compile_scene(contacts: int, backend: Backend, discontinuities: Discontinuities = "exact") -> CompiledScene:
-    """Returns the compiled action. It is quadratic in the heights without mixed terms: one Newton step finds the best heights."""
+def compile_scene(contacts: int, backend: Backend, discontinuities: Discontinuities = "exact", seconds: float = 1.0) -> CompiledScene:
+    """Returns the compiled action. It is quadratic in the heights without mixed terms: one Newton step finds the best heights.
+
+    Smoothed derivatives are for a flight of that many `seconds`.
+    """
     path = action(contacts)
     heights = [teg.param(name) for name in height_names(contacts)]
     moving = [teg.param(name) for name in contact_names(contacts)] + heights
     curvature = teg.tuple(*(teg.diff(teg.diff(path, h), h) for h in heights))
     return CompiledScene(
-        teg.compile(path, moving, backend=backend, discontinuities=discontinuities),
+        compiled(path, moving, backend, discontinuities, Grid(SMOOTH_POINTS, seconds)),
         teg.compile(curvature, [], backend=backend),
     )

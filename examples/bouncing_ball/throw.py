@@ -56,6 +56,16 @@ class Throw:
         first, last, middle = ends[arc], ends[arc + 1], heights[arc]
         return np.asarray(first * (1 - u) * (1 - 2 * u) + 4 * middle * u * (1 - u) + last * u * (2 * u - 1))
 
+    def energy(self, times: np.ndarray, heights: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Returns the energy in J of the ball on such a path, seen from inside, where it is the same at all times of the true one."""
+        knots, ends = self.knots(times)
+        arc = np.searchsorted(times, t, side="right")
+        length = knots[arc + 1] - knots[arc]
+        u = (t - knots[arc]) / length
+        velocity = (4 * heights[arc] * (1 - 2 * u) - ends[arc] * (3 - 4 * u) - ends[arc + 1] * (1 - 4 * u)) / length
+        height = self.path(times, heights, t) - self.speed * t
+        return np.asarray(self.mass * ((velocity - self.speed) ** 2 / 2 + self.gravity * height))
+
     def contact_speeds(self, times: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Returns the ball's velocity just before and just after each contact."""
         knots, ends = self.knots(times)

@@ -41,7 +41,8 @@ def first_state(shader: ShaderLoss, gradients: np.ndarray, target: np.ndarray) -
     ordered = np.array_split(pixels[np.argsort(-pixels.sum(axis=1), kind="stable")], levels)
     heights = np.sort(shader.noise.corners(gradients), axis=None)[::-1]
     thresholds = [heights[len(heights) * level // levels] for level in range(1, levels)]
-    parameters = np.concatenate([gradients, thresholds, *(part.mean(axis=0) for part in ordered)])
+    colours = np.repeat([part.mean(axis=0) for part in ordered], shader.nodes)
+    parameters = np.concatenate([gradients, thresholds, colours])
     loss, gradient = shader.value_and_gradient(parameters)
     still = np.zeros(len(parameters))
     return State(parameters, gradient, still, still, 0, loss, _is_zero(gradient))
@@ -52,11 +53,11 @@ def next_state(shader: ShaderLoss, state: State) -> State:
     step = state.step + 1
     mean = MEAN * state.mean + (1 - MEAN) * state.gradient
     square = SQUARE * state.square + (1 - SQUARE) * state.gradient**2
-    levels = shader.scene.levels
-    length = _lengths(len(mean), levels) / np.sqrt(1 + state.step / HORIZON)
+    sizes = [part.size for part in shader.split(mean)]
+    length = np.repeat([GRADIENTS, THRESHOLD, COLOUR], sizes) / np.sqrt(1 + state.step / HORIZON)
     change = (mean / (1 - MEAN**step)) / (np.sqrt(square / (1 - SQUARE**step)) + TINY)
     parameters = state.parameters - length * change
-    thresholds = slice(len(mean) - 4 * levels + 1, len(mean) - 3 * levels)
+    thresholds = slice(sizes[0], sizes[0] + sizes[1])
     parameters[thresholds] = np.sort(parameters[thresholds])[::-1]
     loss, gradient = shader.value_and_gradient(parameters)
     return State(parameters, gradient, mean, square, step, loss, _is_zero(gradient))
@@ -64,7 +65,3 @@ def next_state(shader: ShaderLoss, state: State) -> State:
 
 def _is_zero(gradient: np.ndarray) -> bool:
     return bool(np.abs(gradient).max() <= ROUNDING)
-
-
-def _lengths(count: int, levels: int) -> np.ndarray:
-    return np.repeat([GRADIENTS, THRESHOLD, COLOUR], [count - 4 * levels + 1, levels - 1, 3 * levels])

@@ -72,5 +72,21 @@ def _octave(size: int, cells: int, shift: np.ndarray) -> sparse.csr_array:
     return sparse.coo_array(entries, shape=(len(x), 2 * nodes**2)).tocsr()
 
 
+def tints(size: int, cells: int) -> sparse.csr_array:
+    """Returns the matrix, (size², (cells + 1)²), from colours at the nodes of a square lattice to those at the pixels' centres, bilinear.
+
+    Without cells there is one colour for all pixels.
+    """
+    if cells == 0:
+        return sparse.csr_array(np.ones((size**2, 1)))
+    place = (np.arange(size) + 0.5) * (cells / size)
+    column, share = np.divmod(place, 1)
+    along = sparse.coo_array(
+        (np.concatenate([1 - share, share]), (np.tile(np.arange(size), 2), np.concatenate([column, column + 1]).astype(int))),
+        shape=(size, cells + 1),
+    )
+    return sparse.kron(along, along, format="csr")
+
+
 def _smoothstep(w: np.ndarray) -> np.ndarray:
     return np.asarray(w * w * (3 - 2 * w))

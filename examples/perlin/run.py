@@ -20,6 +20,7 @@ from teg.examples.options import resolved
 from teg.examples.perlin.descent import first_state, next_state
 from teg.examples.perlin.scene import compile_scene
 from teg.examples.perlin.shader_loss import ShaderLoss
+from teg.examples.treatments import LABELS
 
 if TYPE_CHECKING:
     from teg.examples.perlin.noise import Noise
@@ -28,7 +29,6 @@ PACKAGES = {"PIL": "pillow", "matplotlib": "matplotlib", "scipy": "scipy", "tqdm
 SHEET, ANIMATION = "perlin.png", "descent.gif"
 PICTURES = ("target.png", "before.png", "after.png", "ignore.png")
 BUNDLED = "astronaut"
-LABELS = {"exact": "exact gradient", "ignore": "plain automatic differentiation"}
 NOTHING_MOVES = (
     "the gradient by the noise and the threshold is exactly 0: automatic differentiation does not see that the border of the "
     "colours moves, so only the colours changed (with --discontinuities exact, the default, the noise does too)"
@@ -39,10 +39,10 @@ def run_perlin(photo: str | Path | None = None, out: str | Path = "out/perlin", 
     """Fits a thresholded noise to a photo; writes pictures to `out`, returns the contents of run.json.
 
     `photo` is any file that Pillow reads (None: scikit-image's astronaut), cropped to a square of `size`² pixels. The options are
-    those of `teg demo perlin` (`examples/options.py`): cells, octaves, levels, size, steps, discontinuities, alone, seed, backend, resume.
-    The noise has `octaves`, the coarsest of `cells` lattice cells a side, and `levels` colours. With `discontinuities="exact"` the same
-    descent is run beside it like plain automatic differentiation, unless `alone`. Ctrl-C ends the descent, not the writing: the report
-    says "interrupted".
+    those of `teg demo perlin` (`examples/options.py`): cells, octaves, levels, colour_cells, size, steps, discontinuities, alone, seed,
+    backend, resume. The noise has `octaves`, the coarsest of `cells` lattice cells a side, and `levels` colours, each of which is a map
+    with `colour_cells` cells a side if that is not 0. With `discontinuities="exact"` the same descent is run beside it like plain automatic
+    differentiation, unless `alone`. Ctrl-C ends the descent, not the writing: the report says "interrupted".
 
     Raises InputError for a photo, option, folder or checkpoint that cannot be used, MissingPackageError.
     """
@@ -55,7 +55,7 @@ def run_perlin(photo: str | Path | None = None, out: str | Path = "out/perlin", 
     target = read_target(photo, settings["size"], BUNDLED)
     folder = result_folder(Path(out))
     fits = [Fit(settings, noise, gradients, target, folder / "checkpoint.npz", settings["resume"])]
-    if settings["discontinuities"] != "ignore" and not settings["alone"]:
+    if settings["discontinuities"] == "exact" and not settings["alone"]:
         checkpoint = folder / "checkpoint-ignore.npz"
         plain = settings | {"discontinuities": "ignore"}
         fits.append(Fit(plain, noise, gradients, target, checkpoint, settings["resume"] and checkpoint.exists()))
@@ -100,10 +100,10 @@ class Fit:
     ) -> None:
         begun = time.perf_counter()
         self.discontinuities, self.levels = settings["discontinuities"], settings["levels"]
-        self.label = LABELS.get(self.discontinuities, self.discontinuities)
+        self.label = LABELS[self.discontinuities]
         scene = compile_scene(settings["backend"], self.discontinuities, os.cpu_count() or 1, self.levels)
-        self.shader = ShaderLoss(scene, noise, target)
-        identity = {k: settings[k] for k in ("cells", "octaves", "levels", "size", "seed", "discontinuities")}
+        self.shader = ShaderLoss(scene, noise, target, settings["colour_cells"])
+        identity = {k: settings[k] for k in ("cells", "octaves", "levels", "colour_cells", "size", "seed", "discontinuities")}
         identity["target"] = hashlib.sha256(target.tobytes()).hexdigest()
         start = first_state(self.shader, gradients, target)
         self.descent = RecordedDescent(start, lambda s: next_state(self.shader, s), checkpoint, identity, resume)
@@ -129,9 +129,8 @@ class Fit:
     def report(self) -> dict[str, Any]:
         """Returns the results as a dict."""
         descent = self.descent
-        losses, start, end = descent.losses, descent.start.parameters, self.end
-        after = len(self.shader.names)
-        moved = np.abs(end - start)[:-after].reshape(-1, 2)
+        losses, (start, _, _), (end, thresholds, colours) = descent.losses, *map(self.shader.split, (descent.start.parameters, self.end))
+        moved = np.abs(end - start).reshape(-1, 2)
         note = NOTHING_MOVES if self.discontinuities == "ignore" and not moved.any() and self.steps else ""
         return {
             "loss": {"start": losses[0], "end": losses[-1], "ratio": ratio(losses[-1], losses[0])},
@@ -141,8 +140,8 @@ class Fit:
             "shader": {
                 "lattice_nodes": len(moved),
                 "largest_movement": float(np.linalg.norm(moved, axis=1).max()),
-                "thresholds": end[-after : -3 * self.levels].tolist(),
-                "colours": end[-3 * self.levels :].reshape(-1, 3).tolist(),
+                "thresholds": thresholds.tolist(),
+                "colours": (colours[..., 0] if self.shader.nodes == 1 else colours).tolist(),
             },
             "seconds": {"setup": self.setup, "descent": descent.seconds, "kernels": self.shader.seconds},
             "pixels_per_second": self.shader.pixels / self.shader.seconds if self.shader.seconds > 0 else None,

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import teg
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend, Discontinuities
+from teg.examples.treatments import compiled
 from teg.ir.expr import Expr, Var
 
 CORNERS = ("top_left", "top_right", "bottom_left", "bottom_right")
@@ -78,7 +79,7 @@ def compile_scene(backend: Backend, discontinuities: Discontinuities = "exact", 
     """Returns the compiled loss, to be differentiated, and the compiled colour, to be shown."""
     moving = [teg.param(name) for name in (*CORNERS, *threshold_names(levels), *colour_names(levels))]
     return CompiledScene(
-        teg.compile(pixel_loss(levels), moving, backend=backend, discontinuities=discontinuities, threads=threads),
+        compiled(pixel_loss(levels), moving, backend, discontinuities, threads=threads),
         teg.compile(pixel_colour(levels), [], backend=backend, threads=threads),
         levels,
     )

@@ -2,7 +2,8 @@
 
     loss = 1/size² Σ over pixels of `scene.pixel_loss`
 
-All parameters are one vector: the lattice's gradients, the thresholds, the colours, from the highest noise to the lowest.
+All parameters are one vector: the lattice's gradients, the thresholds, the colours, from the highest noise to the lowest. A channel of a
+colour is one number, or one for each node of a lattice of colours, between which the colour of a pixel is interpolated.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from teg.examples.perlin.noise import tints
 from teg.examples.perlin.scene import CORNERS, TARGET, CompiledScene, colour_names, threshold_names
 
 if TYPE_CHECKING:
@@ -24,9 +26,11 @@ class ShaderLoss:
     `pixels` and `seconds` count the pixels that the kernel has evaluated, and its time.
     """
 
-    def __init__(self, scene: CompiledScene, noise: Noise, target: np.ndarray) -> None:
-        self.scene, self.noise = scene, noise
-        self.names = [*threshold_names(scene.levels), *colour_names(scene.levels)]  # of the parameters after the gradients
+    def __init__(self, scene: CompiledScene, noise: Noise, target: np.ndarray, colour_cells: int = 0) -> None:
+        self.scene, self.noise, self.colour_cells = scene, noise, colour_cells
+        self.thresholds, self.channels = threshold_names(scene.levels), colour_names(scene.levels)
+        self.tints = tints(noise.size, colour_cells)
+        self.nodes = self.tints.shape[1]
         self.target = dict(zip(TARGET, np.ascontiguousarray(np.moveaxis(target, -1, 0)), strict=True))
         self.pixels = 0
         self.seconds = 0.0
@@ -42,7 +46,9 @@ class ShaderLoss:
         by_corner = np.zeros((n + 1, n + 1))
         for name, (i, j) in zip(CORNERS, np.ndindex(2, 2), strict=True):
             by_corner[i : n + i, j : n + j] += slopes[name]
-        gradient = np.concatenate([self.noise.pull_back(by_corner), [np.sum(slopes[name]) for name in self.names]])
+        by_threshold = [np.sum(slopes[name]) for name in self.thresholds]
+        by_colour = [self.tints.T @ slopes[name].ravel() for name in self.channels]
+        gradient = np.concatenate([self.noise.pull_back(by_corner), by_threshold, *by_colour])
         return float(np.sum(losses)) / n**2, gradient / n**2
 
     def picture(self, parameters: np.ndarray, factor: int = 1) -> np.ndarray:
@@ -50,15 +56,26 @@ class ShaderLoss:
 
         With a `factor` each pixel is divided into factor² smaller ones; the shader stays the same.
         """
-        values = _corner_columns(refine(self._heights(parameters), factor)) | self._values(parameters)
+        values = _corner_columns(refine(self._heights(parameters), factor)) | self._values(parameters, factor)
         return np.stack(self.scene.colour(values), axis=-1)
 
     def _heights(self, parameters: np.ndarray) -> np.ndarray:
         """Returns the noise at the pixels' corners, (size + 1, size + 1)."""
-        return np.asarray(self.noise.corners(parameters[: -len(self.names)]))
+        return np.asarray(self.noise.corners(self.split(parameters)[0]))
 
-    def _values(self, parameters: np.ndarray) -> dict[str, np.ndarray]:
-        return dict(zip(self.names, parameters[-len(self.names) :], strict=True))
+    def split(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Returns gradients, flat, thresholds (levels - 1,), and colours (levels, 3, nodes)."""
+        colours = len(self.channels) * self.nodes
+        gradients, thresholds, channels = np.split(parameters, [-colours - len(self.thresholds), -colours])
+        return gradients, thresholds, channels.reshape(-1, 3, self.nodes)
+
+    def _values(self, parameters: np.ndarray, factor: int = 1) -> dict[str, np.ndarray]:
+        _, thresholds, colours = self.split(parameters)
+        side = factor * self.noise.size
+        spread = self.tints if factor == 1 else tints(side, self.colour_cells)
+        channels = colours.reshape(-1, self.nodes)
+        shades = channels[:, 0] if self.nodes == 1 else [(spread @ channel).reshape(side, side) for channel in channels]
+        return dict(zip([*self.thresholds, *self.channels], [*thresholds, *shades], strict=True))
 
 
 def _corner_columns(heights: np.ndarray) -> dict[str, np.ndarray]:

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 import teg
-from teg.evaluator.options import Backend
+from teg.evaluator.options import Backend, Discontinuities
 from teg.examples.bins import binned
 from teg.examples.fit import Fit, draw_losses, draw_pictures, fit, lines_of
 from teg.examples.meshes import grid_of, knot
@@ -37,7 +37,7 @@ class Scene:
     Derivatives are those by the pose of the mesh and by `arrays`: "L" and "G" for the light, "P" for the mesh, "Q" for the receivers.
     """
 
-    def __init__(self, size: int, triangles: int, backend: Backend, arrays: str = "") -> None:
+    def __init__(self, size: int, triangles: int, backend: Backend, arrays: str = "", kind: Discontinuities = "exact") -> None:
         self.size = size
         angles = 0.3 + 2 * np.pi * np.arange(SIDES) / SIDES
         light = 0.9 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -50,7 +50,7 @@ class Scene:
         self.arrays = {"L": light, "G": plane, "P": 0.6 * vertices, "Q": ground}
         named = {"L": LIGHT, "G": PLANE, "P": VERTICES, "Q": RECEIVERS}
         wanted: list[Any] = [*(teg.param(name) for name in POSE), TARGET, *(named[name] for name in arrays)]
-        self.evaluator = teg.compile(loss(), wanted, backend=backend)
+        self.evaluator = teg.compile(loss(), wanted, backend=backend, discontinuities=kind)
 
     def candidates(self, pose: dict[str, float]) -> dict[str, Any]:
         """Returns the triangles that may hide a part of a tile of the light from a receiver, for each of both.
@@ -104,11 +104,12 @@ class Settings:
     triangles: int = 400
     steps: int = 60
     backend: Backend = "c"
+    discontinuities: Discontinuities = "exact"
 
 
 def descend(settings: Settings, keep: Keep = not_kept) -> tuple[Scene, Fit]:
     """Returns the descent from one place of the mesh to that of a given shadow."""
-    scene = Scene(settings.size, settings.triangles, settings.backend)
+    scene = Scene(settings.size, settings.triangles, settings.backend, kind=settings.discontinuities)
     target = scene.picture(TRUE)
     found = fit(lambda pose: scene.loss_and_slopes(pose, target), START, settings.steps, keep)
     found.pictures = {"start": scene.picture(START), "end": scene.picture(found.numbers[-1]), "the shadow": target}
@@ -149,7 +150,7 @@ def run_soft_shadow(out: str | Path = "out/soft-shadow", progress: bool = True, 
     require_packages("soft-shadow demo", {"matplotlib": "matplotlib", "scipy": "scipy"}, progress=False)
     settings = resolved("soft-shadow", {"out": out, **options})
     folder = result_folder(Path(out))
-    chosen = {k: settings[k] for k in ("size", "triangles", "backend")}
+    chosen = {k: settings[k] for k in ("size", "triangles", "backend", "discontinuities")}
     replay = Replay(folder / "checkpoint.npz", chosen, settings["resume"])
     try:
         scene, found = descend(Settings(steps=settings["steps"], **chosen), replay.kept)
@@ -157,4 +158,5 @@ def run_soft_shadow(out: str | Path = "out/soft-shadow", progress: bool = True, 
         replay.save()
     draw(scene, found, folder / "shadow.png")
     shown = {"summary": lines_of(found, TRUE), "losses": found.losses, "pose": found.numbers[-1], "pictures": ["shadow.png"]}
+    shown["seconds"] = {"descent": found.seconds}
     return finish(folder, "soft-shadow", settings, shown)

@@ -18,10 +18,10 @@ from teg.examples.options import resolved
 from teg.examples.replay import Replay
 from teg.examples.springs.design import Jump, OfDesign, Optimum, optimise, violation
 from teg.examples.springs.scene import DESIGN, GRAVITY, compile_fall, published_loss
+from teg.examples.treatments import LABELS
 
 PACKAGES = {"scipy": "scipy", "matplotlib": "matplotlib"}
 PICTURES = ("springs.png",)
-LABELS = {"exact": "exact gradient", "ignore": "plain automatic differentiation", "differences": "finite differences"}
 
 
 def run_springs(out: str | Path = "out/springs", progress: bool = True, **options: Any) -> dict[str, Any]:

@@ -26,11 +26,13 @@ import math
 import teg
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend, Discontinuities
+from teg.examples.treatments import Grid, compiled
 from teg.ir.expr import Expr, as_number
 
 DESIGN = ("k1", "k2", "l1", "l2")  # N/m, N/m, m, m
 GRAVITY, WEAKENING = 10.0, 0.2
 NADIR = 1e-5  # m: where the time starts
+GRID = Grid(64, 1.0)  # of smoothed derivatives
 
 k1, k2, l1, l2 = teg.params("k1 k2 l1 l2")
 apex, mass = teg.params("apex mass")
@@ -68,4 +70,5 @@ def fall() -> Expr:
 
 def compile_fall(backend: Backend, discontinuities: Discontinuities = "exact") -> Evaluator:
     """Returns the compiled fall, to be differentiated by the design."""
-    return teg.compile(fall(), [k1, k2, l1], backend=backend, discontinuities=discontinuities)
+    evaluator: Evaluator = compiled(fall(), [k1, k2, l1], backend, discontinuities, GRID)
+    return evaluator

@@ -9,6 +9,8 @@ import numpy as np
 from teg.examples.triangulation.image_loss import ImageLoss
 from teg.examples.triangulation.mesh import Mesh, inner, signed_areas
 
+ROUNDING = 1e-12  # of a loss
+
 
 def random_delaunay(triangles: int, size: tuple[int, int], seed: int) -> Mesh:
     """Returns Delaunay's triangulation of random points, with about that many triangles; points on the border are evenly spaced."""
@@ -33,5 +35,8 @@ def best_loss(image: ImageLoss, mesh: Mesh) -> float:
 
 
 def psnr(loss: float) -> float:
-    """Returns the peak signal-to-noise ratio in dB, of a loss that is the squared difference summed over three channels."""
-    return 10 * math.log10(3 / loss) if loss > 0 else math.inf
+    """Returns the peak signal-to-noise ratio in dB, of a loss that is the squared difference summed over three channels.
+
+    A loss of 0 to rounding has 125 dB.
+    """
+    return 10 * math.log10(3 / max(loss, ROUNDING))

@@ -37,7 +37,7 @@ def read_ply(path: Path, size: tuple[int, int]) -> Mesh:
         raise InputError(f"cannot read {str(path)!r}", None, str(problem.strerror)) from None
     except (ValueError, IndexError, StopIteration) as problem:
         raise InputError(
-            f"{str(path)!r} is not a mesh of triangles in ASCII PLY", None, f"mesh.ply of an earlier run is ({problem})"
+            f"{str(path)!r} is not a mesh of triangles in ASCII PLY: {problem}", None, "name the mesh.ply that an earlier run wrote"
         ) from None
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     unit = (vertices - low) / np.where(high > low, high - low, 1)

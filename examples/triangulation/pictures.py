@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
+from teg.examples.loss_chart import draw_losses
 from teg.examples.triangulation.baselines import psnr
 from teg.examples.triangulation.colour_fit import colours_at
 from teg.examples.triangulation.mesh import extent
@@ -16,7 +17,7 @@ from teg.examples.triangulation.mesh import extent
 SMALLEST = 512  # pixels of the longer side of the pictures written
 FINE = 1024  # pixels of the longer side before averaging, if that is two to four times those after it
 GIF_SIDE, GIF_MILLISECONDS, GIF_LAST = 320, 120, 2000
-BLUE, RED, GREY = "#2b6cb0", "#c2412d", "#666666"
+GREY = "#666666"
 STRIP = 64  # rows that are coloured at once
 
 
@@ -96,28 +97,8 @@ def draw_sheet(path: Path, target: np.ndarray, meshes: Mapping[str, np.ndarray],
 def draw_loss(path: Path, losses: Mapping[str, Sequence[float]], marks: Mapping[str, float]) -> None:
     """Draws the losses after each step, from the undeformed mesh in its best colours on; `marks` are losses to compare with."""
     figure = _figure((7.5, 4))
-    axes = figure.subplots()
-    longest = max(1, *(len(values) - 1 for values in losses.values()))
-    for (label, values), colour in zip(losses.items(), (BLUE, RED), strict=False):
-        steady = len(values) == 1
-        axes.plot([0, longest] if steady else range(len(values)), [values[0]] * 2 if steady else values, color=colour, linewidth=2)
-        end = (longest if steady else len(values) - 1), values[-1]
-        axes.annotate(
-            f"{label}: {values[-1]:.4f}", end, (8, 0), textcoords="offset points", color=colour, va="center", annotation_clip=False
-        )
-    for label, value in marks.items():
-        axes.axhline(value, color=GREY, linewidth=0.9, linestyle=(0, (4, 3)), zorder=0)
-        axes.annotate(f"{label}: {value:.4f}", (longest, value), (8, 0), textcoords="offset points", color=GREY, va="center")
-    every = [value for values in (*losses.values(), [*marks.values()]) for value in values]
-    if min(every) > 0:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter("{x:.3g}")
-        axes.yaxis.set_minor_formatter("{x:.3g}" if max(every) < 10 * min(every) else "")
-    axes.set_xlim(0, longest)
-    axes.set_xlabel("step")
-    axes.set_title("squared colour difference per pixel", loc="left", fontsize=11)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(which="both", colors=GREY, labelsize=9)
+    chart = figure.add_gridspec(1, 2, width_ratios=(2, 1))[0, 0]  # at the right is room for labels
+    draw_losses(figure.add_subplot(chart), losses, marks)
     figure.savefig(path)
 
 

@@ -9,6 +9,7 @@ import hashlib
 import os
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib import util
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ from teg.errors import InputError, MissingPackageError
 from teg.examples.descent_record import RecordedDescent
 from teg.examples.harness import finish, ratio, require_packages, result_folder
 from teg.examples.options import resolved
+from teg.examples.treatments import LABELS
+from teg.examples.triangulation.baselines import ROUNDING, best_loss, psnr, random_delaunay
 from teg.examples.triangulation.colour_fit import DEGREES, TERMS
 from teg.examples.triangulation.descent import State, first_state, next_state
 from teg.examples.triangulation.image_loss import ImageLoss, PictureLoss
@@ -27,7 +30,6 @@ from teg.examples.triangulation.scene import compile_scene
 
 PACKAGES = {"PIL": "pillow", "matplotlib": "matplotlib", "scipy": "scipy", "tqdm": "tqdm"}
 PICTURES = ("sheet.png", "descent.gif", "loss.png", "target.png", "before.png", "after.png", "error.png", "mesh.svg")
-EXACT, PLAIN = "exact gradient", "plain automatic differentiation"
 NOTHING_MOVES = (
     "the gradient by the vertices is exactly 0: automatic differentiation does not see that an edge moves, "
     "so no vertex did (with --discontinuities exact, the default, they do)"
@@ -54,7 +56,7 @@ def run_triangulation(
     mesh = _first_mesh(settings, (target.shape[1], target.shape[0]))
     folder = result_folder(Path(out))
     fits = [Fit(settings, mesh, target, folder / "checkpoint.npz", settings["resume"])]
-    if settings["discontinuities"] != "ignore" and not settings["alone"]:
+    if settings["discontinuities"] == "exact" and not settings["alone"]:
         plain = settings | {"discontinuities": "ignore"}
         path = folder / "checkpoint-ignore.npz"
         fits.append(Fit(plain, mesh, target, path, settings["resume"] and path.exists()))
@@ -66,7 +68,7 @@ def run_triangulation(
     report = fits[0].report() | {
         "summary": _summary(fits, marks),
         "beside": fits[1].report() if len(fits) > 1 else None,
-        "comparisons": {label: {"loss": loss, "psnr": _psnr(loss)} for label, loss in marks.items()},
+        "comparisons": {label: {"loss": loss, "psnr": psnr(loss)} for label, loss in marks.items()},
         "interrupted": interrupted,
         "target_sha256": hashlib.sha256(target.tobytes()).hexdigest(),
         "pictures": PICTURES,
@@ -80,7 +82,7 @@ class Fit:
     def __init__(self, settings: Mapping[str, Any], mesh: Mesh, target: np.ndarray, checkpoint: Path, resume: bool) -> None:
         begun = time.perf_counter()
         self.settings, self.size = settings, mesh.size
-        self.label = PLAIN if settings["discontinuities"] == "ignore" else EXACT
+        self.label = LABELS[settings["discontinuities"]]
         self.image = _loss(settings, target, mesh.triangles)
         identity = {k: settings[k] for k in ("triangles", "size", "seed", "colours", "optimiser", "refine", "discontinuities")}
         identity |= {"target": hashlib.sha256(target.tobytes()).hexdigest(), "mesh": hashlib.sha256(mesh.vertices.tobytes()).hexdigest()}
@@ -91,7 +93,9 @@ class Fit:
         self.setup = time.perf_counter() - begun
 
     def advance(self, state: State) -> State:
-        """Returns the state after one step, and every `refine` steps after a refinement."""
+        """Returns the state after one step, and every `refine` steps after a refinement. A loss of 0 to rounding is not descended."""
+        if state.loss <= ROUNDING:
+            return replace(state, stuck=True)
         state = next_state(self.image, state, self.size, self.settings["optimiser"])
         every = self.settings["refine"]
         if every and isinstance(self.image, ImageLoss) and state.step and state.step % every == 0 and not state.stuck:
@@ -108,10 +112,10 @@ class Fit:
         moved = np.linalg.norm(state.vertices - start.vertices, axis=1) if same else np.array([np.nan])
         return {
             "loss": {"start": losses[0], "end": losses[-1], "ratio": ratio(losses[-1], losses[0])},
-            "psnr": {"start": _psnr(losses[0]), "end": _psnr(losses[-1])},
+            "psnr": {"start": psnr(losses[0]), "end": psnr(losses[-1])},
             "steps": steps,
             "converged": state.stuck,
-            "note": NOTHING_MOVES if state.stuck and self.settings["discontinuities"] == "ignore" else "",
+            "note": NOTHING_MOVES if state.stuck and losses[0] > ROUNDING and self.settings["discontinuities"] == "ignore" else "",
             "mesh": {
                 "triangles": len(state.triangles),
                 "vertices": len(state.vertices),
@@ -153,7 +157,6 @@ def _loss(settings: Mapping[str, Any], target: np.ndarray, triangles: np.ndarray
 
 def _comparisons(fit: Fit, mesh: Mesh, target: np.ndarray, settings: Mapping[str, Any]) -> dict[str, float]:
     """Returns the losses of other meshes in their best colours."""
-    from teg.examples.triangulation.baselines import best_loss, random_delaunay
 
     if not isinstance(fit.image, ImageLoss):
         return {}
@@ -186,18 +189,14 @@ def _draw(folder: Path, fits: list[Fit], target: np.ndarray, marks: Mapping[str,
 
 
 def _summary(fits: list[Fit], marks: Mapping[str, float]) -> list[str]:
+    if fits[0].descent.losses[0] <= ROUNDING:
+        return ["the undeformed mesh equals the picture to rounding: there is nothing to descend"]
     lines = []
     for fit in fits:
         run = fit.descent
         change = f"loss {run.losses[0]:.5f} → {run.losses[-1]:.5f}, {ratio(run.losses[-1], run.losses[0]):.1%} of the undeformed mesh"
         lines.append(
-            f"{fit.label}: {change} in its best colours, {_psnr(run.losses[-1]):.2f} dB, after {run.steps} steps in {run.seconds:.1f} s"
+            f"{fit.label}: {change} in its best colours, {psnr(run.losses[-1]):.2f} dB, after {run.steps} steps in {run.seconds:.1f} s"
         )
-    lines += [f"{label}: loss {loss:.5f}, {_psnr(loss):.2f} dB" for label, loss in marks.items()]
+    lines += [f"{label}: loss {loss:.5f}, {psnr(loss):.2f} dB" for label, loss in marks.items()]
     return lines + [note for note in (fit.report()["note"] for fit in fits) if note]
-
-
-def _psnr(loss: float) -> float:
-    from teg.examples.triangulation.baselines import psnr
-
-    return psnr(max(loss, 0.0)) if loss > 3e-30 else 300.0

@@ -18,6 +18,7 @@ from typing import Any
 import teg
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend, Discontinuities
+from teg.examples.treatments import compiled
 from teg.ir.expr import Cond, Expr
 from teg.ir.index import Index
 
@@ -84,7 +85,7 @@ def compile_scene(backend: Backend, discontinuities: Discontinuities = "exact", 
     """Returns the program, compiled for both."""
     loss = picture_loss(degree)
     return CompiledScene(
-        teg.compile(loss, [VERTICES], backend=backend, discontinuities=discontinuities, threads=threads),
+        compiled(loss, [VERTICES], backend, discontinuities, threads=threads),
         teg.compile(loss, [COLOURS, WEIGHTS], backend=backend, threads=threads),
         backend,
         degree,

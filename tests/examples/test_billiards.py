@@ -17,7 +17,7 @@ pytest.importorskip("PIL")
 
 from teg.examples.billiards.newton import search
 from teg.examples.billiards.paths import energies, paths
-from teg.examples.billiards.run import _derivatives, run_billiards
+from teg.examples.billiards.run import _derivatives, _flown_error, run_billiards
 from teg.examples.billiards.table import fly, scene
 from teg.examples.replay import Replay
 
@@ -73,6 +73,37 @@ def test_what_cannot_be_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[st
     for wrong in (["--duration", "-1"], ["--duration", "0.1"], ["--duration", "nan"]):
         assert main([*words, *wrong]) == 2
         assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_scene_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, out = tmp_path / "mine.json", tmp_path / "out"
+    balls = [
+        {"mass": 1, "radius": 0.1, "place": [0, 0], "velocity": [1, 0]},
+        {"mass": 3, "radius": 0.1, "place": [1, 0], "velocity": [0, 0]},
+    ]
+    words = ["demo", "billiards", "--balls", str(file), "--alone", "--backend", "numpy", "-o", str(out)]
+    file.write_text(json.dumps({"balls": balls, "duration": 1.5}))
+    assert main(words) == 0
+    velocities = np.array(json.loads((out / "run.json").read_text(encoding="utf-8"))["velocities"])
+    np.testing.assert_allclose(velocities[:, 1], [[-0.5, 0], [0.5, 0]], atol=1e-13)
+    capsys.readouterr()
+    wrong = [
+        {"balls": balls[:1] * 2},
+        {"balls": [balls[0] | {"mass": 0}]},
+        {"balls": [balls[0] | {"place": 1}]},
+        {"walls": [[0, None]] * 2},
+    ]
+    for text in ("[", "[]", "{}", *(json.dumps({"balls": balls, "duration": 1.5} | change) for change in wrong)):
+        file.write_text(text)
+        assert main(words) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_another_true_path_is_recognised() -> None:
+    table = replace(scene("stack"), duration=1.2)
+    flight = fly(table)
+    assert _flown_error(table, flight, flight.unknowns) < 1e-9
+    assert _flown_error(table, flight, flight.unknowns + 1e-3) > 1e-6
 
 
 def test_endless_contacts_are_refused() -> None:

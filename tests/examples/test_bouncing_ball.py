@@ -47,6 +47,16 @@ def test_the_action_of_the_exact_path_is_the_sum_over_its_parabolas(contacts: in
     assert max(abs(s) for s in slopes.values()) < 1e-10  # of a path of least action
 
 
+def test_the_energy_of_the_exact_path_is_the_same_at_all_times_seen_from_inside() -> None:
+    throw = make_throw(4, -1.5)
+    times, heights, _ = exact(throw)
+    t = np.linspace(0, throw.duration, 200)
+    assert np.ptp(throw.energy(times, heights, t)) < 1e-9
+    first = throw.path(times, heights, np.array([0.0, 1e-6]))
+    start = throw.mass * (((first[1] - first[0]) / 1e-6 - throw.speed) ** 2 / 2 + throw.gravity * throw.start)
+    assert throw.energy(times, heights, t)[0] == pytest.approx(start, rel=1e-5)
+
+
 def test_the_gradient_agrees_with_differences_of_the_action() -> None:
     throw = make_throw(3, 1.5)
     descent = descent_of(throw)

@@ -107,6 +107,24 @@ def test_three_colours_have_two_borders_and_the_gradient_agrees_with_differences
     assert set(np.argmin(distance, axis=-1)[distance.min(axis=-1) < 1e-12]) == {0, 1, 2}
 
 
+def test_maps_of_colours_are_interpolated_and_their_gradient_agrees_with_differences(scene: CompiledScene) -> None:
+    random, h = np.random.default_rng(5), 1e-5
+    noise, gradients = make_noise(8, 2, 2)
+    shader = ShaderLoss(scene, noise, random.uniform(0, 1, (8, 8, 3)), colour_cells=2)
+    np.testing.assert_allclose(shader.tints.sum(axis=1), 1)
+    np.testing.assert_allclose(shader.tints @ np.tile([0.0, 1, 2], 3), np.tile((np.arange(8) + 0.5) / 4, 8))
+    parameters = np.concatenate([gradients, [0.1], random.uniform(0, 1, 6 * 9)])
+    _, gradient = shader.value_and_gradient(parameters)
+    for k in random.choice(54, 8, replace=False) - 54:
+        step = np.zeros(len(parameters))
+        step[k] = h
+        ahead, behind = (shader.value_and_gradient(parameters + s * step)[0] for s in (1, -1))
+        assert gradient[k] == pytest.approx((ahead - behind) / (2 * h), rel=1e-5, abs=1e-9)
+    even = np.concatenate([gradients, [0.1], np.repeat(np.arange(6) / 6, 9)])
+    one = ShaderLoss(scene, noise, np.zeros((8, 8, 3)))
+    np.testing.assert_allclose(shader.picture(even, 2), one.picture(np.concatenate([gradients, [0.1], np.arange(6) / 6]), 2), atol=1e-14)
+
+
 def test_automatic_differentiation_sees_the_colours_only(scene: CompiledScene) -> None:
     shader, parameters = small_shader(scene)
     plain = ShaderLoss(compile_scene("numpy", "ignore"), shader.noise, np.stack([shader.target[k] for k in TARGET], axis=-1))
@@ -276,6 +294,6 @@ def test_the_command_line(photo: Path, tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.slow
 def test_the_default_run_meets_its_goal(tmp_path: Path) -> None:
     pytest.importorskip("skimage")
-    report = run_perlin(out=tmp_path, steps=120, progress=False)
+    report = run_perlin(out=tmp_path, steps=120, size=160, octaves=4, progress=False)
     assert report["loss"]["ratio"] < 0.25
     assert report["loss"]["end"] < 0.5 * report["beside"]["loss"]["end"]

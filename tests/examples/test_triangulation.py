@@ -312,3 +312,12 @@ def test_a_missing_package_is_named(photo: Path, tmp_path: Path, monkeypatch: py
     with pytest.raises(MissingPackageError, match="thing") as error:
         run_triangulation(photo, out=tmp_path, **SMALL)
     assert "teg-compiler[demo]" in error.value.hint
+
+
+def test_a_picture_of_one_colour_is_not_descended(tmp_path: Path) -> None:
+    Image.new("RGB", (20, 30), "teal").save(tmp_path / "teal.png")
+    report = run_triangulation(tmp_path / "teal.png", out=tmp_path / "out", steps=5, **SMALL)
+    assert report["steps"] == 0
+    assert report["converged"]
+    assert "nothing to descend" in report["summary"][0]
+    assert report["psnr"]["end"] == pytest.approx(124.77, abs=0.01)
