@@ -152,10 +152,3 @@ def test_a_gradient_that_takes_too_long_is_not_looked_into(monkeypatch: pytest.M
     (said,) = teg.compile(e).diagnose(t=0.9)
     assert said.kind == "not looked at"
     assert "more than 500 evaluations" in said.message
-
-
-def test_the_evaluations_of_the_value_are_not_repeated(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnose, "MOST_EVALUATIONS", 10_000)
-    f = teg.compile(teg.integral(teg.bracket(teg.sin(x * y) < t), (x, 0, 3), (y, 0, 3)), [t])
-    assert f.evaluations(t=0.5) > 100_000
-    assert f.diagnose(t=0.5) == []
