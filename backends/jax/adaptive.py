@@ -6,7 +6,7 @@ computed as the first look has; an interval after it takes several turns. This m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from jax import lax
 
 from teg.backends.jax.arrays import JAX
 from teg.backends.jax.guard import Guard
-from teg.backends.jax.runtime import MISSED, Note, Pieces, Scalar, integrate, union, where
+from teg.backends.jax.runtime import MISSED, Note, OnPiece, Pieces, Scalar, integrate, union, where
 from teg.backends.shared import rules
 from teg.backends.shared.bends import POWER, Substitution, place
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
@@ -115,7 +115,7 @@ class _How(NamedTuple):
         return 2 if self.watched else 0
 
 
-def _piece(how: _How, places: Substitution, _: Sequence[Any], active: Scalar, values: Callable[[Scalar], Any]) -> tuple[Any, Note]:
+def _piece(how: _How, places: Substitution, _: Sequence[Any], active: Scalar, values: OnPiece) -> tuple[Any, Note]:
     """The integrals over one piece, and their estimates, (results,), and the note.
 
     The intervals are visited from left to right. No stack is needed: behind an accepted interval that ends at
@@ -140,17 +140,17 @@ def _piece(how: _How, places: Substitution, _: Sequence[Any], active: Scalar, va
     return end.sums, end.note | where(active & overspent, MISSED)
 
 
-def _turned(how: _How, places: Substitution, values: Callable[[Scalar], Any], at: _Progress) -> _Progress:
+def _turned(how: _How, places: Substitution, values: OnPiece, at: _Progress) -> _Progress:
     """The next turn."""
     pieces, nodes = how.pieces, how.nodes
     looks, left, width = at.turn < 0, at.start / END, at.width / END
     x, rate = place(JAX, places, pieces.ways, left + 0.5 * width * (1.0 + _of_turn(nodes, at.turn)))
-    found, notes = jax.vmap(values)(x)
+    found, notes = jax.vmap(values.at)(x)
     weighted = found[:, : pieces.values] * (0.5 * width * rate)[:, None]
     seen = jnp.concatenate([at.seen[nodes.width :], jnp.concatenate([weighted, found[:, pieces.values :]], axis=1)])
     full = looks | (at.turn + 1 == nodes.turns)
     measured = _measured(how, looks, seen, places.kind != POWER)
-    good, above, reference, whole = _judged(how, places, at, measured, looks, seen)
+    good, above, reference, whole = _judged(how, places, values.flagged, at, measured, (looks, seen))
     changed, deepest = measured.changed, at.width == 1
     done = full & (good | (~looks & (deepest | (at.used + 1 >= MAX_INTERVALS))))
     large = jnp.isfinite(measured.error) & (measured.size > DIVERGENT * reference)
@@ -176,8 +176,11 @@ def _turned(how: _How, places: Substitution, values: Callable[[Scalar], Any], at
     )
 
 
-def _judged(how: _How, places: Substitution, at: _Progress, found: _Measured, looks: Scalar, seen: Any) -> tuple[Scalar, Any, Any, Any]:
+def _judged(
+    how: _How, places: Substitution, flagged: tuple[Scalar, ...], at: _Progress, found: _Measured, nodes: tuple[Scalar, Any]
+) -> tuple[Scalar, Any, Any, Any]:
     """Whether an interval is accepted, `above` with it, the A that its error is compared with, and the A of the whole piece."""
+    looks, seen = nodes
     tol, guard, narrow = how.tol, how.guard, at.width / END <= WATCH_WIDTH
     whole = jnp.where(at.used == 0, found.size, at.whole)
     if guard is None:
@@ -192,7 +195,7 @@ def _judged(how: _How, places: Substitution, at: _Progress, found: _Measured, lo
     interval = at.start / END, (at.start + at.width) / END
     inner = interval[0] + 0.5 * (at.width / END) * (1.0 + _one_of(looks, how.nodes.at))
     known = _without_gaps(how.nodes, looks, seen[:, how.pieces.values + how.watched :])
-    hidden = guard.hides(places, how.pieces.ways, interval, inner[how.ends :], known[how.ends :], enough, depth)
+    hidden = guard.hides(places, flagged, how.pieces.ways, interval, inner[how.ends :], known[how.ends :], enough, depth)
     good &= ~(asked & hidden)
     above = jnp.where(rows == depth, reference, at.above)
     return jnp.where(found.changed, narrow, good), above, reference, jnp.fmax(whole, found.size)

@@ -17,14 +17,16 @@ Scalar = Any
 
 
 class Guard(NamedTuple):
-    """The printed `block`: from (left, right) to bounds of sizes, then the upper and the lower bounds of `sharp` values; and a note."""
+    """The printed `block`: from (left, right, flags of the piece) to bounds of sizes, then the upper and the lower bounds of `sharp`
+    values; and a note."""
 
-    block: Callable[[Scalar, Scalar], tuple[tuple[Scalar, ...], Any]]
+    block: Callable[[Scalar, Scalar, tuple[Scalar, ...]], tuple[tuple[Scalar, ...], Any]]
     sharp: int
 
     def hides(
         self,
         places: Substitution,
+        flagged: tuple[Scalar, ...],
         possible: tuple[int, ...],
         ends: tuple[Scalar, Scalar],
         at: Any,
@@ -38,7 +40,7 @@ class Guard(NamedTuple):
         x = place(JAX, places, possible, u)[0]
         x = jnp.where(u <= 0.0, places.p, jnp.where(u >= 1.0, places.q, x))
         left, right = jnp.concatenate([x[:1], x[:-1]]), jnp.concatenate([x[-1:], x[1:]])  # the whole interval, then the gaps
-        found = jax.vmap(lambda a, b: jnp.stack([jnp.asarray(v, jnp.float64) for v in self.block(a, b)[0]]))(left, right)
+        found = jax.vmap(lambda a, b: jnp.stack([jnp.asarray(v, jnp.float64) for v in self.block(a, b, flagged)[0]]))(left, right)
         tested, length = enough.shape[0], right - left
         small, finite = jnp.all(found[:, :tested] * length[:, None] <= enough, axis=1), jnp.isfinite(length)
         gap = jnp.arange(length.shape[0]) - 1

@@ -315,7 +315,8 @@ def _integral(stmt: Integrate, note: str) -> list[str]:
     lines += _block(stmt.body, f"({inside(map(_text, stmt.at_nodes))})")
     if stmt.guard is not None:
         bounds = (*stmt.guard.sizes, *stmt.guard.upper, *stmt.guard.lower)
-        lines += [f"def guard_{stmt.var}({stmt.guard.left}, {stmt.guard.right}):"]
+        lines += [f"def guard_{stmt.var}({stmt.guard.left}, {stmt.guard.right}, flagged):"]
+        lines += [f"    {flagged} = flagged"] if _names(stmt.flags) else []
         lines += _block(stmt.guard.block, f"({inside(map(_text, bounds))})")
         arguments.append(f"guard=guards.Guard(guard_{stmt.var}, {len(stmt.guard.upper)})")
     return [*lines, f"({inside(assigned(stmt))}), {note} = {name}({', '.join(arguments)})"]

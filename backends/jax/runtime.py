@@ -27,7 +27,7 @@ Body = Callable[[Scalar, tuple[Scalar, ...]], tuple[tuple[Scalar, ...], Note]]  
 Flags = Callable[
     [Scalar, Scalar, Scalar], tuple[Scalar, tuple[Scalar, ...], tuple[Scalar, ...], Note]
 ]  # middle, ends -> need, bends, flags, note
-Rule = Callable[[Substitution, Sequence[Any], Scalar, Callable[[Scalar], Any]], tuple[Any, Note]]
+Rule = Callable[[Substitution, Sequence[Any], Scalar, "OnPiece"], tuple[Any, Note]]
 TIED, MISSED, CROWDED = 1, 2, 4
 
 MIDPOINTS = 1024
@@ -124,7 +124,7 @@ def integrate(
             need, counts, flagged, note = flags(inside(jnp, p, q, INSIDE, pieces.infinite, scale), p, q)
         bent = [(kind, *coefficients[3 * i : 3 * i + 3], counts[i]) for i, kind in enumerate(pieces.kinds)]
         places = substitution(JAX, p, q, base, bent, pieces.cubic, pieces.infinite, scale)
-        sums, note_body = rule(places, (base, bent), active & need, lambda x: vector(body(x, flagged)))
+        sums, note_body = rule(places, (base, bent), active & need, OnPiece(body, flagged))
         return sums, where(active, note) | note_body
 
     sums, notes = jax.vmap(piece)(points[:-1], points[1:])
@@ -136,19 +136,27 @@ def integrate(
     return tuple(total[i] for i in range(pieces.values + (pieces.tested if pieces.estimated else 0))), union(notes)
 
 
+class OnPiece(NamedTuple):
+    """The body of an integral on one piece: its values at a place, (results,), and the note; and the flags of the piece."""
+
+    body: Body
+    flagged: tuple[Scalar, ...]
+
+    def at(self, x: Scalar) -> tuple[Any, Any]:
+        return vector(self.body(x, self.flagged))
+
+
 def vector(block: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
     """The values of a body as one vector, (results,)."""
     values, note = block
     return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(note, jnp.int32)
 
 
-def _gauss(
-    pieces: Pieces, nodes: int, places: Substitution, _: Sequence[Any], active: Scalar, values: Callable[[Scalar], Any]
-) -> tuple[Any, Note]:
+def _gauss(pieces: Pieces, nodes: int, places: Substitution, _: Sequence[Any], active: Scalar, values: OnPiece) -> tuple[Any, Note]:
     """The integrals over one piece and their estimates, (results,), and the note."""
     at, weights = map(jnp.float64, gauss_legendre(nodes))
     half = 0.5 * (places.q - places.p)
-    found, notes = jax.vmap(values)(0.5 * (places.p + places.q) + half * at)
+    found, notes = jax.vmap(values.at)(0.5 * (places.p + places.q) + half * at)
     sums = half * jnp.sum(weights[:, None] * found, axis=0)
     if pieces.estimated:
         size = half * jnp.sum(weights[:, None] * jnp.abs(found[:, : pieces.tested]), axis=0)
@@ -163,7 +171,7 @@ def _midpoint(
     places: Substitution,
     _: Sequence[Any],
     active: Scalar,
-    values: Callable[[Scalar], Any],
+    values: OnPiece,
 ) -> tuple[Any, Note]:
     """The integrals over one piece and their estimates, (results,), and the note; so many points at a time."""
     p, q, chunk = places.p, places.q, min(points, MIDPOINTS)
@@ -173,7 +181,7 @@ def _midpoint(
         sums, errors, last, note = carried
         k = start + jnp.arange(chunk)
         there = active & (k < points)
-        found, notes = jax.vmap(values)(p + ((q - p) * ((jnp.minimum(k, points - 1) + 0.5) / points) + zero))
+        found, notes = jax.vmap(values.at)(p + ((q - p) * ((jnp.minimum(k, points - 1) + 0.5) / points) + zero))
         steps = jnp.abs(found[:, :tested] - jnp.concatenate([last[None], found[:-1, :tested]]))
         steps = jnp.where((k > 0)[:, None], steps, 0.0) + ROUNDING * jnp.abs(found[:, :tested])
         total, error = (jnp.sum(jnp.where(there[:, None], v, 0.0), axis=0) for v in (found, steps))

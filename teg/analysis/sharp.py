@@ -26,7 +26,25 @@ from teg.analysis.evaluate import folded, values_of
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, Call, Compare, Const, Expr, Param, Pow, Var, add, call, const, integer_power, mul, sub
+from teg.ir.expr import (
+    MINUS_ONE,
+    ONE,
+    Call,
+    Compare,
+    Const,
+    Expr,
+    Param,
+    Pow,
+    Var,
+    add,
+    call,
+    const,
+    integer_power,
+    mul,
+    positive,
+    sub,
+    where,
+)
 from teg.ir.function import Apply
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import Node, postorder
@@ -44,6 +62,8 @@ FAR_ARGUMENT = 3.0
 """The largest change of a wave's argument between two nodes."""
 MAX_NODES = 4000
 """The largest number of nodes of a guard's bounds. Beyond it every box matters."""
+LARGEST = 1e300
+"""A bound beyond this is infinite, unless it is known to overflow only."""
 _INFINITY = const(math.inf)
 _NO_NUMBER = const(math.nan)
 
@@ -150,16 +170,28 @@ def _sharp_call(node: Call, x: Var, degrees: Degrees) -> Sharp | None:
 def bounds(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr] | None:
     """Returns the upper and the lower bound of a sharp value over a box; None if none are known.
 
-    A function whose body is hidden is bounded by its values at both ends and in the middle.
+    What only overflows, because its argument is finite, is no singularity: its bound is finite. A function whose body is hidden is bounded
+    by its values at both ends and in the middle.
     """
     try:
         if not sharp.wave:
             lo, hi = boxed.of(sharp.value)
-            return hi, lo
+            return _unless_singular(hi, sharp, boxed), lo
         first, last = boxed.of(sharp.argument)
     except NotDifferentiableError:
         return None if sharp.wave else _at_points(sharp.value, boxed.box)
     return call("max", ONE, mul(const(UNSEEN / FAR_ARGUMENT), sub(last, first))), ONE
+
+
+def _unless_singular(upper: Expr, sharp: Sharp, boxed: Enclosure) -> Expr:
+    """Returns the upper bound of an exponential or a positive power, finite where the argument is."""
+    value = sharp.value
+    grows = isinstance(value, Call) and value.name in ("exp", "cosh")
+    if not grows and not (isinstance(value, Pow) and value.exponent > 0):
+        return upper
+    lo, hi = boxed.of(sharp.argument)
+    finite = positive(sub(const(LARGEST), call("max", hi, mul(MINUS_ONE, lo))))
+    return where(finite, call("min", upper, const(LARGEST)), upper)
 
 
 def _at_points(value: Expr, box: Mapping[Var, Interval]) -> tuple[Expr, Expr] | None:

@@ -303,19 +303,24 @@ class Evaluator:
 
         Raises the errors of a call.
         """
-        call, kernels = self._call(GRADIENT, self.by_name(args, named))
-        return diagnose(self._loop_watch(kernels, call) if self._loops else self._number_watch(kernels, call), call)
+        import numpy as np
 
-    def _number_watch(self, kernels: Kernels, call: Call) -> Watch:
-        """Returns the watch of a program without loops; of its Hessian too, if that was asked for before. Compiled once."""
+        call, kernels = self._call(GRADIENT, self.by_name(args, named))
+        if self._loops:
+            return diagnose(self._loop_watch(kernels, call), call, np.empty((0, call.n)))
+        return diagnose(*self._number_watch(kernels, call))
+
+    def _number_watch(self, kernels: Kernels, call: Call) -> tuple[Watch, Call, np.ndarray]:
+        """Returns the watch of a program without loops, of its Hessian too, if that was asked for before, compiled once; the call, and the
+        values there."""
         wanted = HESSIAN if kernels.has(HESSIAN) else GRADIENT
-        kernels.outcome(Key(wanted), call)  # with room for all roots
-        how = kernels.room_of(wanted)
+        outcome = kernels.outcome(Key(wanted), call)  # with room for all roots
+        how, entries = kernels.room_of(wanted), len(self.output_names(0))
 
         def made() -> NumberWatch:
             return NumberWatch(self.expression, self.outputs(wanted.orders), self.output_names(1), self.wrt, self.parameters, how)
 
-        return self._watches.get((wanted, how), made)
+        return self._watches.get((wanted, how), made), call, outcome.values[:entries].reshape(entries, call.n)
 
     def _loop_watch(self, kernels: Kernels, call: Call) -> Watch:
         """Returns the watch of a program with loops."""

@@ -139,8 +139,8 @@ class Bend:
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """Finds what lies between all nodes of an `Adaptive` rule: its block computes for left <= v <= right a bound `sizes` of each tested
-    |value|, and bounds `lower` <= s <= `upper` of *sharp* values, which the body computes at the nodes as `seen`.
+    """Finds what lies between all nodes of an `Adaptive` rule: its block computes for left <= v <= right, on one piece, a bound `sizes` of
+    each tested |value|, and bounds `lower` <= s <= `upper` of *sharp* values, which the body computes at the nodes as `seen`.
 
     A₀ of an interval is the largest A among those of the interval itself and of the intervals it came from. An interval that would be
     accepted because its errors are small, all being finite, and in which no watched sign changes, is accepted only if nothing there
@@ -159,7 +159,7 @@ class Guard:
 
     left: Annotated[str, Variable(("block",))]
     right: Annotated[str, Variable(("block",))]
-    block: Annotated[tuple[Stmt, ...], Block()]
+    block: Annotated[tuple[Stmt, ...], Block(sees=("flags",))]
     sizes: Annotated[tuple[Arg, ...], Operand(at="block", each=True)]
     upper: Annotated[tuple[Arg, ...], Operand(at="block")]
     lower: Annotated[tuple[Arg, ...], Operand(at="block")]

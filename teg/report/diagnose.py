@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
+    from teg.backends.numpy.kernel import NumpyKernel
     from teg.backends.numpy.ties import MetTie
 
     Numbers = npt.NDArray[np.float64]
@@ -40,8 +41,8 @@ STEP_OVER_TIES = 2.0**-42
 MOST_EVALUATIONS = 2**24
 """The largest number of evaluations of a gradient that is looked into: a diagnosis takes a dozen of them."""
 NOT_LOOKED_AT = (
-    "ties and one-sided derivatives were not looked for: value and gradient take more than {} evaluations here, as they do where surfaces "
-    "touch all along a curve"
+    "ties and one-sided derivatives were not looked for: the gradient takes more than {} evaluations here, as it does where surfaces touch "
+    "all along a curve"
 )
 NOTHING = 1e-18
 """Smaller derivatives are rounding errors."""
@@ -110,12 +111,13 @@ class Arguments(Protocol):
 
 
 class Element(NamedTuple):
-    """One element of a batch, its place in it, and the values of its numbers."""
+    """One element of a batch, its place in it, the values of its numbers, and the program's own values there."""
 
     columns: list[Numbers]
     arrays: list[Numbers]
     number: int
     values: dict[str, float]
+    computed: Numbers
 
 
 class Look(NamedTuple):
@@ -134,8 +136,9 @@ class Watch(Protocol):
     def one_sided(self, look: Look, at: Element) -> list[Diagnosis]: ...
 
 
-def diagnose(watch: Watch, given: Arguments) -> list[Diagnosis]:
-    """Returns one Diagnosis for each reason, iteration and element: ties, and results that are infinite or NaN.
+def diagnose(watch: Watch, given: Arguments, computed: Numbers) -> list[Diagnosis]:
+    """Returns one Diagnosis for each reason, iteration and element: ties, and results that are infinite or NaN; `computed` are the values
+    that the call gave, (entries, n).
 
     If there are none of these: gradients that change within a few roundings.
     """
@@ -145,7 +148,8 @@ def diagnose(watch: Watch, given: Arguments) -> list[Diagnosis]:
     for i in range(given.n):
         columns = [c if c.ndim == 0 else c[i : i + 1] for c in given.doubles]
         arrays = [a if a.ndim == len(own) else a[i : i + 1] for a, own in zip(given.arrays, given.shapes, strict=True)]
-        at = Element(columns, arrays, i, {k: float(np.ravel(c)[0]) for k, c in zip(given.names, columns, strict=True)})
+        numbers = {k: float(np.ravel(c)[0]) for k, c in zip(given.names, columns, strict=True)}
+        at = Element(columns, arrays, i, numbers, computed[:, i])
         look = watch.look(at)
         mine = [*look.ties]
         if all(np.isfinite(v).all() for v in (*columns, *arrays)):
@@ -160,10 +164,11 @@ def diagnose(watch: Watch, given: Arguments) -> list[Diagnosis]:
 
 
 class NumberWatch:
-    """The program of `outputs`, and of the conditions on parameters.
+    """The program of derivatives, and of the conditions on parameters. Values may take far more evaluations: they are known from the call,
+    and their changes are looked at only where a condition on parameters is at its border.
 
-    The first `first_order` outputs are values and first derivatives, called `names`. Derivatives are taken by `wrt`; `parameters` are
-    the arguments.
+    `outputs` begin with the values and the first derivatives, called `names`; the first `first_order` results are those derivatives.
+    Derivatives are taken by `wrt`; `parameters` are the arguments.
     """
 
     def __init__(
@@ -177,18 +182,21 @@ class NumberWatch:
     ) -> None:
         from teg.backends.numpy.kernel import compile_numpy
 
-        leaves = [leaf for output in outputs for leaf in flatten(output)]
+        leaves = [leaf for output in outputs[1:] for leaf in flatten(output)]
         self.expression, self.names, self.parameters = e, names, parameters
+        self._outputs, self._how = [leaf for output in outputs[:2] for leaf in flatten(output)], how
         self.wrt = {p.name for p in wrt}
         self.program = program_for([*leaves, *_probes(e)], parameters, how)
         self.kernel = compile_numpy(self.program, most=MOST_EVALUATIONS)
-        self.results, self.first_order = len(leaves), len(names)
+        self.results, self.first_order = len(leaves), len(names) - len(flatten(e))
         self.searched = any(isinstance(s, Isolate) for s in statements(self.program.body))  # roots that meet to rounding are a tangency
 
     def look(self, at: Element) -> Look:
         """Returns the results and ties. For coinciding surfaces the derivative is given beside the one-sided ones; surfaces that merely
         cross do not tie."""
         import numpy as np
+
+        from teg.backends.numpy.kernel import compile_numpy
 
         results, met, ended = self.kernel.values_and_ties(at.columns, 1)
         if ended:
@@ -206,7 +214,12 @@ class NumberWatch:
             ties = [Diagnosis("second derivative", (), at.values, CREASE, at.number)]
         if pairs:
             finite = all(np.isfinite(v) for v in at.values.values()) and np.isfinite(here).all()
-            moves = self._moves(at, here, STEP_OVER_TIES) if finite else []
+            moves = []
+            if finite and any(pair[1] == BORDER for pair in pairs):
+                whole = compile_numpy(program_for(self._outputs, self.parameters, self._how), most=MOST_EVALUATIONS)
+                moves = self._moves(whole, at, np.concatenate([at.computed, here]), STEP_OVER_TIES)
+            elif finite:
+                moves = self._moves(self.kernel, at, here, STEP_OVER_TIES)
             words = _steps_in_numbers(self.expression, at.values)
             ties += [_of_pair((words.get(first, first), words.get(second, second)), moves, at) for first, second in pairs]
         return Look(results, ties, STEP_OVER_TIES if met or self.searched else STEP)
@@ -215,19 +228,19 @@ class NumberWatch:
         """Returns diagnoses of infinite derivatives, and of values and derivatives that are NaN."""
         import numpy as np
 
-        first, second = look.results[: self.first_order], look.results[self.first_order :]
+        first, second = np.concatenate([at.computed, look.results[: self.first_order, 0]]), look.results[self.first_order :]
         kind, message = "", ""
         if np.isinf(first).any():
             kind, message = "infinite derivative", "a derivative is infinite here: a region is born or meets a pole"
         elif np.isnan(first).any():
-            kind, message = "not a number", f"{self.names[int(np.argmax(np.isnan(first[:, 0])))]} is not a number here"
+            kind, message = "not a number", f"{self.names[int(np.argmax(np.isnan(first)))]} is not a number here"
         elif not np.isfinite(second).all():
             kind, message = "second derivative", "a second derivative is infinite, or not a number, here"
         return [Diagnosis(kind, (), at.values, message, at.number)] if kind else []
 
     def one_sided(self, look: Look, at: Element) -> list[Diagnosis]:
         """Returns a diagnosis of the largest change along each parameter."""
-        first = {m.parameter: m for m in reversed(self._moves(at, look.results[: self.first_order, 0], look.step))}
+        first = {m.parameter: m for m in reversed(self._moves(self.kernel, at, look.results[: self.first_order, 0], look.step))}
         found = []
         for move in reversed(first.values()):
             place = f"within {move.step:.1e} of {move.parameter} = {at.values[move.parameter]:.6g}"
@@ -235,8 +248,9 @@ class NumberWatch:
             found.append(Diagnosis("one-sided", (), at.values, message, at.number))
         return found
 
-    def _moves(self, at: Element, here: Numbers, relative: float) -> list[_Move]:
-        """Returns the results that jump along a parameter, the largest jump of each parameter first.
+    def _moves(self, kernel: NumpyKernel, at: Element, here: Numbers, relative: float) -> list[_Move]:
+        """Returns the first results of a kernel that jump along a parameter, the largest jump of each parameter first; `here` are their
+        values at the element.
 
         A change in proportion to the step is smooth: a step LONGER times as long shows it.
         """
@@ -249,7 +263,7 @@ class NumberWatch:
             step = relative * (abs(at.values[name]) or 1.0)
             columns = [np.repeat(np.reshape(c, 1), 4) for c in at.columns]
             columns[k] = columns[k] + step * np.array([-1.0, 1.0, -LONGER, LONGER])
-            below, above, farther, beyond = self.kernel(columns, 4)[: len(here)].T
+            below, above, farther, beyond = kernel(columns, 4)[: len(here)].T
             scale = np.maximum(np.maximum(np.abs(below), np.abs(above)), np.abs(here).max() * 1e-3 + NOTHING)
             change = np.maximum(np.abs(above - below), np.abs(here - 0.5 * (below + above)))
             longer = np.maximum(np.abs(beyond - farther), np.abs(here - 0.5 * (farther + beyond)))
@@ -257,7 +271,11 @@ class NumberWatch:
             at_once &= ~(longer > 0.5 * LONGER * change)
             for j in np.argsort(-np.nan_to_num(change / scale)):
                 if at_once[j]:
-                    found.append(_Move(self.names[j], name, float(step), float(below[j]), float(above[j]), float(here[j])))
+                    found.append(
+                        _Move(
+                            self.names[len(self.names) - len(here) + j], name, float(step), float(below[j]), float(above[j]), float(here[j])
+                        )
+                    )
         return found
 
 

@@ -3,25 +3,26 @@
 A feature between all nodes changes no value of the rule. But its node (`teg.analysis.sharp`) has an enclosure over the gap, which is
 compared with its values at the nodes beside it. If the node stands in an inner integral, the bound over the gap and the inner range is
 compared with those over the nodes and the inner range: both come from one enclosure, so they agree in a gap that is short enough. (The
-largest value in the inner integral is no such measure, because brackets may cut the range.) At the ends of the inner range the sharp
-value is one of the outer variable alone: a ridge that leaves the domain has a layer there.
+largest value in the inner integral is no such measure, because brackets may cut the range.) At the ends of the inner range, and at its
+breaks, the sharp value is one of the outer variable alone: a ridge that leaves the domain, or meets a slit, has a layer there.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import cast
 
+from teg.analysis.breaks import BreakAnalysis
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
-from teg.analysis.sharp import Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
-from teg.ir.expr import ZERO, Const, Expr, Var, const, positive, sub, where
+from teg.analysis.sharp import LARGEST, Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
+from teg.ir.expr import ZERO, Compare, Const, Expr, Var, Where, const, positive, sub, where
 from teg.ir.integral import Integral
-from teg.ir.node import Node
-from teg.ir.traverse import fresh, substitute
+from teg.ir.node import Node, postorder
+from teg.ir.traverse import fresh, rewrite, substitute
 from teg.numerics.quadrature import gauss_legendre
 from teg.passes.lower.emit import Emitter, Level
 from teg.program import Adaptive, Arg, Guard
@@ -30,7 +31,8 @@ CUBIC_RATE = 1.5
 """The factor by which a cubic's place may move faster than on a straight line."""
 WIDE_GAP = 0.4
 """The largest fraction of a piece in one gap, for rules that are not known yet."""
-_LARGEST = 1e300
+MAX_FACES = 16
+"""The largest number of ends and breaks of an inner range at which a sharp value is looked at."""
 
 
 def widest_gap(rule: Adaptive) -> float:
@@ -62,8 +64,8 @@ class Bounded:
 class Guards:
     """Makes the guards of adaptive integrals. Statements go to `out`."""
 
-    def __init__(self, out: Emitter) -> None:
-        self.out = out
+    def __init__(self, out: Emitter, analysis: BreakAnalysis) -> None:
+        self.out, self.analysis = out, analysis
         self.degrees = Degrees()
         self.peaks: dict[Integral, tuple[Peak, ...]] = {}
 
@@ -74,9 +76,11 @@ class Guards:
         boxed = Enclosure({x: (left, right)})
         inside = self._inside(bodies, x, gap)
         known = [*known, *self.not_tame([s for peak in inside for s in self._faces(peak, x)], x, gap)]
+        on_piece = _OnPiece(self.out, [*bodies, *(s.value for s in known), *(s.argument for s in known)], x, level)
         found = []
         for sharp in known:
-            if (b := bounds(sharp, boxed)) is not None:
+            settled = replace(sharp, value=on_piece.of(sharp.value), argument=on_piece.of(sharp.argument))
+            if (b := bounds(settled, boxed)) is not None:
                 found.append(Bounded(self.out.number(sharp.value, level), *b))
         for peak in inside:
             sharp = cast(Sharp, sharp_value(peak.node, x, self.degrees, 2))
@@ -84,26 +88,27 @@ class Guards:
             known_bounds = [bounds(sharp, Enclosure(box)) for box in slices if box is not None]
             if len(known_bounds) == 2 and all(known_bounds):
                 # an inner singularity is not searched for
-                upper, seen = (where(positive(sub(const(_LARGEST), b[0])), b[0], ZERO) for b in known_bounds if b is not None)
+                upper, seen = (where(positive(sub(const(LARGEST), b[0])), b[0], ZERO) for b in known_bounds if b is not None)
                 found.append(Bounded(self.out.number(seen, level), upper, upper))
         if not found:
             return None
         names = self.out.fresh("x"), self.out.fresh("x")
-        at_left = home.inside(left, names[0])
+        levels = on_piece.levels(home)
+        at_left = levels[-1].inside(left, names[0])
         at_both = at_left.inside(right, names[1])
-        extents = tuple(self.out.number(e, at_both) for e in sizes(bodies, boxed))
+        extents = tuple(self.out.number(e, at_both) for e in sizes([on_piece.of(b) for b in bodies], boxed))
         upper_names = tuple(self.out.number(b.upper, at_both) for b in found)
         lower_names = tuple(self.out.number(b.lower, at_both) for b in found)
-        block = (*at_left.block, *at_both.block)
+        block = tuple(s for at in (*levels[1:], at_left, at_both) for s in at.block)
         return Guard(*names, block, extents, upper_names, lower_names, tuple(b.seen for b in found))
 
     def not_tame(self, known: Sequence[Sharp], x: Var, gap: float | None) -> list[Sharp]:
         """Returns the sharp values that may change much between neighbouring nodes in x."""
         return [s for s, tame in zip(known, tame_ones(known, self.out.ranges, x, gap), strict=True) if not tame]
 
-    def note_peaks(self, group: Sequence[Integral], level: Level) -> None:
-        """Records the nodes that may be sharp as seen from outer integrals."""
-        outside = list(_variables(level.outer))
+    def note_peaks(self, group: Sequence[Integral], home: Level) -> None:
+        """Records the nodes of integrals at this level that may be sharp as seen from outer integrals."""
+        outside = list(_variables(home))
         if not outside:
             return
         x, bodies = group[0].var, [i.body for i in group]
@@ -155,16 +160,49 @@ class Guards:
         return found
 
     def _faces(self, peak: Peak, x: Var) -> Iterator[Sharp]:
-        """Yields a sharp value at both ends of the range of the only integral around it."""
+        """Yields a sharp value at both ends of the range of the only integral around it, and at its breaks with a formula."""
         if len(peak.path) != 1:
             return
         (inner,) = peak.path
-        for end in (inner.lo, inner.hi):
+        breaks = [b.then if isinstance(b, Where) else b for b in self.analysis.of(inner).points]
+        for end in [inner.lo, inner.hi, *breaks][:MAX_FACES]:
             if not (isinstance(end, Const) and math.isinf(end.data)):
                 node = cast(Expr, substitute(peak.node, {inner.var: end}))
                 sharp = sharp_value(node, x, self.degrees, 2) if x in node.free else None
                 if sharp is not None and not sharp.wave:
                     yield sharp
+
+
+class _OnPiece:
+    """Expressions in x with new variables in the place of conditions that are constant on a piece: enclosures are those of one side."""
+
+    def __init__(self, out: Emitter, expressions: Sequence[Expr], x: Var, level: Level) -> None:
+        taken = frozenset[Var]().union(*(e.free for e in expressions))
+        self.truths: dict[Compare, tuple[Var, tuple[Arg, Arg]]] = {}
+        for node in postorder(expressions):
+            if isinstance(node, Compare) and x in node.free and level.is_constant(node):
+                side = fresh(f"side{len(self.truths)}", taken)
+                self.truths[node] = side, out.truths(node, level)
+        self._rewritten: dict[Node, Node] = {}
+        if self.truths:
+            self._rewritten = rewrite(expressions, self._settled)
+
+    def _settled(self, old: Node, new: Node) -> Node:
+        known = self.truths.get(cast(Compare, old))
+        return new if known is None else positive(known[0])
+
+    def of(self, e: Expr) -> Expr:
+        """Returns an expression with its conditions replaced."""
+        return cast(Expr, self._rewritten.get(e, e))
+
+    def levels(self, home: Level) -> list[Level]:
+        """Returns the level around a guard's block, and one more for each condition, where its truth has a name."""
+        levels = [home]
+        for side, truths in self.truths.values():
+            inside = levels[-1].inside(side, truths[0])
+            inside.names[positive(side)] = truths
+            levels.append(inside)
+        return levels
 
 
 def _variables(level: Level | None) -> Iterator[Var]:

@@ -87,7 +87,7 @@ class _Integrals:
         self.rules = Rules(how, [i.rule for i in intrinsics if i.rule is not None])
         self.roots = Roots(self.out, self.plan, how.max_roots, how.tol)
         self.samples = Samples(self.out, self.plan, how, self.rules.is_too_deep)
-        self.guards = Guards(self.out)
+        self.guards = Guards(self.out, self.rules.analysis)
         self.pieces = Pieces(self.out, self.rules, self.roots)
         self.lowerings: list[Lowering] = [i.lowering(self.out) for i in intrinsics if i.lowering is not None]
         self._claimed: dict[Node, Lowering] = {}
@@ -182,6 +182,8 @@ class _Integrals:
             self._note(group, "samples" if sampled else "midpoint", DEEP if self.how.rule == "auto" else "asked for")
         else:
             interval_results = None if interval is None else integrals_over_interval(self.out, group, interval, home, when)
+            if isinstance(self.rules.shared(group, home.depth), Mean):
+                self.guards.note_peaks(group, home)
             results = interval_results or self._by_pieces(group, home, when)
             for i in group:
                 self._note([i], self.rules.title(self.rules.of(i, home.depth)), self.rules.reason(i, home.depth))
@@ -222,7 +224,7 @@ class _Integrals:
         watch = self.pieces.watched(bodies, level) if isinstance(rule, Adaptive) and rule.tol < math.inf else ()
         base, bends = self.pieces.bends(group, level, home, rule) if not isinstance(rule, Gauss) else (0.0, ())
         guard = self._guard(group, weight, level, home, rule, bends)
-        self.guards.note_peaks(group, level)
+        self.guards.note_peaks(group, home)
         results = tuple(self.out.fresh("v") for _ in group)
         flags, body = tuple(level.middle.block), tuple(level.block)
         scale = self.pieces.scale(group, home) if infinite else 1.0

@@ -27,6 +27,10 @@ def bump(u: Expr) -> Expr:
     return 1 / cosh(u) ** 2
 
 
+def over_square(f: Expr) -> Expr:
+    return integral(f, (y, 0, 1), (x, 0, 1))
+
+
 def logistic_slope(u: Expr) -> Expr:
     return 1 / (exp(u / 2) + exp(-u / 2)) ** 2
 
@@ -76,6 +80,23 @@ def test_the_same_in_c(name: str) -> None:
     f, g = (teg.compile(integral(make(3000), (x, 0, 1)), backend=backend) for backend in BACKENDS)
     assert g() == pytest.approx(exact(3000), rel=1e-10)
     assert g.evaluations() == f.evaluations()
+
+
+VERY_NARROW: dict[str, tuple[Expr, float]] = {
+    "both sides of a kink": (integral(1e6 * exp(-1e6 * abs(x - 0.3)), (x, 0, 1)), 2.0),
+    "a bound that overflows": (integral(1e10 * exp(1e10 * (x**3 - x)), (x, 0, 0.5)), 1.0),
+    "a ridge into corners": (over_square(3000 * exp(-((3000 * (x - y)) ** 2))), ROOT_PI - 1 / 3000),
+    "a ridge through a slit": (over_square(bracket(x > 0.3) * bracket(x < 0.301) * 1e5 * exp(-((1e5 * (x - y)) ** 2))), 1e-3 * ROOT_PI),
+    "another one": (over_square(bracket(x > 0.3 + y / 2) * bracket(x < 0.301 + y / 2) * 1e5 * bump(1e5 * (x + y - 1))), 2e-3 / 1.5),
+}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", VERY_NARROW)
+def test_features_beside_ends_and_breaks(name: str, backend: str) -> None:
+    """A condition has one truth on a piece; a ridge in two variables has a layer where it meets a break of the inner integral."""
+    program, exact = VERY_NARROW[name]
+    assert teg.compile(program, backend=backend)() == pytest.approx(exact, rel=1e-10)
 
 
 @pytest.mark.slow
@@ -134,10 +155,6 @@ RELATIVES: dict[str, tuple[Expr, float]] = {
 def test_relatives(name: str, backend: str) -> None:
     program, exact = RELATIVES[name]
     assert teg.compile(program, backend=backend)() == pytest.approx(exact, rel=1e-8)
-
-
-def over_square(f: Expr) -> Expr:
-    return integral(f, (y, 0, 1), (x, 0, 1))
 
 
 NESTS: dict[str, tuple[Expr, float]] = {
