@@ -9,8 +9,9 @@ square root or a pole. The sides of the box, other lines and conics are made pol
 of degree n is multiplied by (1 + t²)ⁿ. So their roots have formulas, or are isolated as those of polynomials; on a quarter t is
 monotone. Around a sphere the measure is that of its slices, dφ dz, which has no pole.
 
-The coefficients of Q are numbers; its condition is at most `MAX_CONDITION`. A further derivative carries the δ itself along, as that of
-`teg.passes.eliminate.implicit`.
+The coefficients of Q are numbers. Where g is written with two squares, κ - u² - v², L is the inverse of the matrix of u and v, and
+nothing cancels however long the ellipse is; else L comes from the coefficients, and the condition of Q is at most `MAX_CONDITION`. A
+further derivative carries the δ itself along, as that of `teg.passes.eliminate.implicit`.
 Source: Archimedes' theorem for the sphere; rational parametrisation of conics (Farin 2002, chapter 12).
 """
 
@@ -18,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 from teg.analysis.calculus import slope
@@ -32,11 +33,14 @@ from teg.ir.expr import (
     MINUS_ONE,
     ONE,
     ZERO,
+    Add,
     Call,
     Compare,
     Cond,
     Const,
     Expr,
+    Mul,
+    Pow,
     Var,
     add,
     call,
@@ -55,18 +59,36 @@ from teg.passes.eliminate.implicit import Implicit, rewrite_implicit
 
 MAX_CONDITION = 1e6
 """The largest ratio of the eigenvalues of Q. The ends of a longer ellipse would lose more digits than those of the charts by variable."""
+LEAST_SINE = 1e-3
+"""The least sine of the angle between the gradients of two squares."""
 MAX_DEGREE = 8
 """The largest degree of a condition that is made a polynomial of t."""
 EIGHTH = math.pi / 4
 
 
 @dataclass(frozen=True)
+class Squares:
+    """sign·g is top - (Mx + offsets)²."""
+
+    top: Expr
+    matrix: tuple[tuple[float, float], tuple[float, float]]
+    offsets: tuple[Expr, Expr]
+
+    @property
+    def inverse(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        (a, b), (c, d) = self.matrix
+        whole = a * d - b * c
+        return (d / whole, -b / whole), (-c / whole, a / whole)
+
+
+@dataclass(frozen=True)
 class Conic:
-    """g is an ellipse in `variables` (outermost first): sign·g has the quadratic part -xᵀQx."""
+    """g is an ellipse in `variables` (outermost first): sign·g has the quadratic part -xᵀQx. `inverse` is L, Q⁻¹ = LLᵀ."""
 
     variables: tuple[Var, Var]
     sign: float
-    quadratic: tuple[float, float, float]  # Q₁₁, Q₁₂, Q₂₂
+    inverse: tuple[tuple[float, float], tuple[float, float]]
+    squares: Squares | None = None
 
     name = "an ellipse, by angle"
     moves = True
@@ -86,11 +108,46 @@ def match_conic(g: Expr, variables: Sequence[Var]) -> Conic | None:
     if len(numbers) != 3:
         return None
     sign = -1.0 if numbers[0] > 0.0 else 1.0
+    squares = _squares(g, (x, y), sign)
+    if squares is not None:
+        return Conic((x, y), sign, squares.inverse, squares)
     a, b, c = (-0.5 * sign * n for n in numbers)
     middle, radius = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
     if not a > 0.0 or not middle + radius <= MAX_CONDITION * (middle - radius):
         return None
-    return Conic((x, y), sign, (a, b, c))
+    scale, across = math.sqrt(a), math.sqrt((a * c - b * b) / a)  # R⁻¹ with RᵀR = Q, R upper triangular
+    return Conic((x, y), sign, ((1.0 / scale, -b / (a * across)), (0.0, 1.0 / across)))
+
+
+def _squares(g: Expr, variables: tuple[Var, Var], sign: float) -> Squares | None:
+    """Returns the squares of which g consists in the variables, if they are two; their factors are numbers."""
+    top: list[Expr] = []
+    rows: list[tuple[float, float]] = []
+    offsets: list[Expr] = []
+    terms: list[tuple[float, Expr]] = [(1.0, g)]
+    while terms:
+        factor, term = terms.pop()
+        if free_of(term, variables):
+            top.append(mul(const(sign * factor), term))
+        elif isinstance(term, Add):
+            terms += [(factor, c) for c in reversed(term.children)]
+        elif isinstance(term, Mul) and isinstance(term.children[0], Const):
+            terms.append((factor * term.children[0].data, mul(*term.children[1:])))
+        elif len(rows) < 2 and isinstance(term, Pow) and term.exponent == 2 and -sign * factor > 0.0:
+            root = math.sqrt(-sign * factor)
+            row = [root * float(r.data) for r in (slope(term.base, v) for v in variables) if isinstance(r, Const)]
+            if len(row) != 2:
+                return None
+            rows.append((row[0], row[1]))
+            offsets.append(mul(const(root), cast(Expr, substitute(term.base, dict.fromkeys(variables, ZERO)))))
+        else:
+            return None
+    if len(rows) != 2:
+        return None
+    (a, b), (c, d) = rows
+    if not abs(a * d - b * c) >= LEAST_SINE * math.hypot(a, b) * math.hypot(c, d) > 0.0:
+        return None
+    return Squares(add(*top), (rows[0], rows[1]), (offsets[0], offsets[1]))
 
 
 def rewrite_conic(g: Expr, coefficient: Expr, chain: Chain, data: Conic) -> Expr | None:
@@ -106,12 +163,24 @@ def rewrite_conic(g: Expr, coefficient: Expr, chain: Chain, data: Conic) -> Expr
     critical = critical_point(g, boxes)
     if critical is None:
         return rewrite_implicit(g, coefficient, chain, Implicit(data.variables))
+    if data.squares is not None:
+        top = data.squares.top
+        size = add(*(call("magnitude", cast(Expr, term)) for term in (top.children if isinstance(top, Add) else (top,))))
+        critical = replace(critical, point=_centre(data, data.squares), value=mul(const(data.sign), top), size=size)
     above, squared = is_above_birth(g, critical), mul(const(data.sign), tidy(critical.value))
     radius = call("sqrt", call("max", squared, least_height(critical)))
     centre = {v: tidy(e) for v, e in critical.point.items()}
     curve = _Ellipse(g, coefficient, (mine[0], mine[1]), data, centre, radius)
     quarters = add(*(_quarter(curve, k) for k in range(4)))
     return nest(where(above if data.sign > 0.0 else negation(above), quarters, ZERO), others)
+
+
+def _centre(data: Conic, squares: Squares) -> dict[Var, Expr]:
+    """Returns the point at which both squares are 0."""
+    return {
+        v: add(*(mul(const(-entry), offset) for entry, offset in zip(row, squares.offsets, strict=True)))
+        for v, row in zip(data.variables, data.inverse, strict=True)
+    }
 
 
 @dataclass(frozen=True)
@@ -128,15 +197,12 @@ class _Ellipse:
     @property
     def measure(self) -> float:
         """½·det L."""
-        a, b, c = self.data.quadratic
-        return 0.5 / math.sqrt(a * c - b * b)
+        (a, b), (c, d) = self.data.inverse
+        return 0.5 * abs(a * d - b * c)
 
     def at(self, first: Expr, second: Expr) -> dict[Var, Expr]:
-        """Returns the point of the ellipse for a point of the unit circle: c + √κ·R⁻¹w with RᵀR = Q, R upper triangular."""
-        a, b, c = self.data.quadratic
-        scale = math.sqrt(a)
-        across = math.sqrt((a * c - b * b) / a)
-        steps = (add(mul(const(1.0 / scale), first), mul(const(-b / (a * across)), second)), mul(const(1.0 / across), second))
+        """Returns the point of the ellipse for a point w of the unit circle: c + √κ·Lw."""
+        steps = [add(mul(const(a), first), mul(const(b), second)) for a, b in self.data.inverse]
         return {v: add(self.centre[v], mul(self.radius, step)) for v, step in zip(self.data.variables, steps, strict=True)}
 
 
