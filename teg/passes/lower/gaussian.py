@@ -57,8 +57,8 @@ FLAT = 1e-280
 """Replaces w² where it is 0: the formulas are then those of an exponential."""
 UNDERFLOW = 746.0
 """exp(-UNDERFLOW) is 0."""
-REACH = 39.0
-"""exp(-w²x²) is 0 beyond w·|x| = REACH, also where exp(c) is as large as a number can be."""
+REACH = 1521.0
+"""exp(-w²x²) is 0 beyond w²x² = REACH, also where exp(c) is as large as a number can be."""
 
 
 class Gaussian:
@@ -80,8 +80,11 @@ class Gaussian:
         return add(place, div(mul(const(0.5), self.at(self.slope, place)), self.curvature))
 
     def end(self, sign: float) -> Expr:
-        """Returns a place below (sign -1) or above the peak beyond which the Gaussian is 0; no number if there is none."""
-        return add(self.peak_from(ZERO), div(const(sign * REACH), call("sqrt", self.least)))
+        """Returns a place below (sign -1) or above the peak beyond which the Gaussian is 0; no number if there is none. Conditions may
+        leave out a peak that is too large for a number; the place is then rounded away from it."""
+        peak = self.peak_from(ZERO)
+        reach = call("sqrt", add(const(REACH), call("max", ZERO, self.at(self.exponent, peak))))
+        return add(peak, div(mul(const(sign * (1.0 + 1e-15)), reach), call("sqrt", self.least)))
 
     def mean(self, polynomial: Expr, degree: int, p: Expr, q: Expr) -> Expr:
         """Returns the mean times a polynomial over (p, q)."""

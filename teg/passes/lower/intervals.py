@@ -31,12 +31,13 @@ MOST_CONDITIONS = 4
 
 class Side(NamedTuple):
     """A condition that holds on one side of its root, or, unless `holds`, whose negation is asked for; `rising` says whether its function
-    grows, None if that is known at run time only."""
+    grows, None if that is known at run time only. Where the number `rate` is 0 the function is constant and has no root."""
 
     atom: Compare
     root: Expr
     holds: bool
     rising: bool | None
+    rate: Expr | None
 
 
 class Interval(NamedTuple):
@@ -85,7 +86,7 @@ def _side(atom: Compare, node: Integral, bodies: Sequence[Expr]) -> Side | None:
     rising = rate.data > 0 if isinstance(rate, Const) and rate.data and math.isfinite(rate.data) else None
     if rising is None and atom.resolution is not None and Shadow((node.var,)).degree(atom.g) != 1:
         return None  # a tie is then looked at in several places
-    return Side(atom, roots.found[0].point, dead[0] is FALSE, rising)
+    return Side(atom, roots.found[0].point, dead[0] is FALSE, rising, None if node.var in rate.free else rate)
 
 
 def _is_monotone(g: Expr, x: Var) -> bool:
@@ -146,6 +147,8 @@ class _Places:
         if side.rising is not None:
             return (self.put("max", p, root), q) if side.rising == side.holds else (p, self.put("min", q, root))
         before = self.put("gt0", self.put("sub", root, p))
+        if side.rate is not None:  # all of (p, q) is then right of the root
+            before = self.put("and", before, self.put("gt0", self.put("abs", self.out.number(side.rate, self.home))))
         place = self.put("select", before, self.put("min", root, q), p)
         left, right = self.put("sub", place, p), self.put("sub", q, place)
         looks_left = self.put("gt0", self.put("sub", left, right))

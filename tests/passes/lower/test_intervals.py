@@ -95,3 +95,28 @@ def test_the_exponential_of_the_runtime() -> None:
     assert np.max(np.abs(found[~normal] - expected[~normal])) <= 1e-323
     nonzero = np.isfinite(other) & (other != 0)
     assert np.max(np.abs(less_one[nonzero] / other[nonzero] - 1)) < 7e-16
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("body", [teg.bracket(s * x + s < s), teg.bracket(s * x + t < s * m + t) * x], ids=["at 0", "at m"])
+def test_a_condition_that_is_nowhere_met_where_its_slope_vanishes(backend: str, body: teg.Expr) -> None:
+    """The root of such a condition is a number, though its function is 0 everywhere."""
+    f = teg.compile(teg.integral(body * teg.exp(a * x), (x, -1, 1)), backend=backend)
+    given = {name: v for name, v in {"s": 0.0, "t": 0.25, "a": 0.5, "m": 0.5}.items() if name in f.parameters}
+    assert pieces(f) == 0
+    assert f(given) == f.value_and_grad(given)[0] == f.value_and_error(given)[0] == 0.0
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("width", [1e-20, 1e-6, 1e-4, 0.01])
+def test_a_gaussian_whose_peak_is_too_large_and_left_out(backend: str, width: float) -> None:
+    f = teg.compile(teg.integral(teg.bracket(x < t) * teg.exp(a * x - (s * x) ** 2), (x, -math.inf, math.inf)), [s, t, a], backend=backend)
+    assert pieces(f) == 0
+    value, slopes = f.value_and_grad(s=width, t=1.0, a=3.0)
+    with mpmath.workdps(30):
+        places = [-1000, -100, -10, 0, 1]
+        expected = mpmath.quad(lambda v: mpmath.exp(3 * v - (width * v) ** 2), places)
+        moved = mpmath.quad(lambda v: v * mpmath.exp(3 * v - (width * v) ** 2), places)
+    assert abs(value - expected) < 1e-14 * expected
+    assert abs(slopes["a"] - moved) < 1e-11 * abs(moved)
+    assert abs(slopes["t"] - math.exp(3 - width**2)) < 1e-14 * expected
