@@ -486,11 +486,18 @@ def _product(a: Form, b: Form, limit: int) -> Form | None:
     return {m: c for m, c in out.items() if c} if len(out) <= limit else None
 
 
+def _is_float(number: Fraction) -> bool:
+    try:
+        return Fraction(float(number)) == number
+    except OverflowError:
+        return False
+
+
 def _from_form(form: Form, generators: Sequence[Expr]) -> Expr | None:
     """Returns a form as an expression; None if a number in it is not exact as float64."""
     terms = []
     for m, coefficient in form.items():
-        if Fraction(float(coefficient)) != coefficient:
+        if not _is_float(coefficient):
             return None
         terms.append(mul(const(float(coefficient)), *(generators[i] ** k for i, k in m)))
     return add(*terms)

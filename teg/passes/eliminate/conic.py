@@ -61,6 +61,8 @@ MAX_CONDITION = 1e6
 """The largest ratio of the eigenvalues of Q. The ends of a longer ellipse would lose more digits than those of the charts by variable."""
 LEAST_SINE = 1e-3
 """The least sine of the angle between the gradients of two squares."""
+MAX_ASPECT = 1e10
+"""The largest ratio of these gradients."""
 MAX_DEGREE = 8
 """The largest degree of a condition that is made a polynomial of t."""
 EIGHTH = math.pi / 4
@@ -145,7 +147,8 @@ def _squares(g: Expr, variables: tuple[Var, Var], sign: float) -> Squares | None
     if len(rows) != 2:
         return None
     (a, b), (c, d) = rows
-    if not abs(a * d - b * c) >= LEAST_SINE * math.hypot(a, b) * math.hypot(c, d) > 0.0:
+    long, short = sorted((math.hypot(a, b), math.hypot(c, d)), reverse=True)
+    if not (abs(a * d - b * c) >= LEAST_SINE * long * short > 0.0 and long <= MAX_ASPECT * short):
         return None
     return Squares(add(*top), (rows[0], rows[1]), (offsets[0], offsets[1]))
 
@@ -165,7 +168,7 @@ def rewrite_conic(g: Expr, coefficient: Expr, chain: Chain, data: Conic) -> Expr
         return rewrite_implicit(g, coefficient, chain, Implicit(data.variables))
     if data.squares is not None:
         top = data.squares.top
-        size = add(*(call("magnitude", cast(Expr, term)) for term in (top.children if isinstance(top, Add) else (top,))))
+        size = add(*(call("magnitude", term) for term in (top.children if isinstance(top, Add) else (top,))))
         critical = replace(critical, point=_centre(data, data.squares), value=mul(const(data.sign), top), size=size)
     above, squared = is_above_birth(g, critical), mul(const(data.sign), tidy(critical.value))
     radius = call("sqrt", call("max", squared, least_height(critical)))
