@@ -52,9 +52,13 @@ class State:
 
 
 def first_state(mesh: Mesh, image: PictureLoss, terms: int = 1) -> State:
-    """Returns the undeformed mesh with its best colours: the best that colours alone can do."""
+    """Returns the undeformed mesh with its best colours, the best that colours alone can do; a mesh with colours starts from these."""
     image.triangles = mesh.triangles
-    loss, colours = image.best_colours(mesh.vertices, np.full((len(mesh.triangles), 3 * terms), 0.5 / terms))
+    first = np.full((len(mesh.triangles), 3 * terms), 0.5 / terms)
+    if mesh.colours is not None:
+        shared = min(3 * terms, mesh.colours.shape[1])
+        first[:, :shared], first[:, shared:] = mesh.colours[:, :shared], 0
+    loss, colours = image.best_colours(mesh.vertices, first)
     memory = fresh_memory(len(mesh.vertices), mesh.cell)
     return State(mesh.vertices, mesh.triangles, mesh.movable, colours, np.zeros(mesh.vertices.shape), memory, loss)
 
