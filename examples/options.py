@@ -49,7 +49,7 @@ OPTIONS = {
     "steps": Option(int, "of the descent, in all", "K", 0, 10**7),
     "seed": Option(int, "of what is random at the start", "N", 0),
     "colours": Option(str, "of a triangle, as polynomials of the place", choices=("constant", "linear", "quadratic")),
-    "optimiser": Option(str, "how the vertices descend", choices=("resilient", "adam", "gradient", "lbfgs")),
+    "optimiser": Option(str, "how the vertices descend", choices=("resilient", "adam", "gradient", "lbfgs", "newton")),
     "refine": Option(int, "times that triangles are split, joined and flipped during the descent", "N", 0, 1000),
     "smoothness": Option(float, "weight of a penalty on long edges, beside the loss; such as 0.001", "W", 0, 1e6),
     "keep_area": Option(float, "weight of a penalty on triangles of little area; such as 0.0001", "W", 0, 1e6),

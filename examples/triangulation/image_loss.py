@@ -61,6 +61,23 @@ class ImageLoss:
         shape = self.penalty.gradient(vertices, self.triangles) if self.penalty else 0.0
         return np.asarray(slopes["vertices"] + shape)
 
+    def hessian_product(self, vertices: np.ndarray, colours: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """Returns the second derivative of the least loss by the vertices, at its colours, times a direction, (n, 2).
+
+        While vertices move, colours follow, by -H_cc⁻¹·H_cv·d. The result is H_vv·d - H_vc·H_cc⁻¹·H_cv·d.
+        """
+        values = self._values(vertices, colours)
+
+        def product(along: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+            return dict(self._timed(lambda v: self.scene.by_both.hvp(v, along), values))
+
+        turned = product({"vertices": direction})
+        if not self.keep_colours:
+            follow = least_squares(turned["colours"], vertices[self.triangles], self.size[0] * self.size[1])
+            turned = product({"vertices": direction, "colours": follow})
+        shape = self.penalty.hessian_product(vertices, self.triangles, direction) if self.penalty else 0.0
+        return np.asarray(turned["vertices"] + shape)
+
     def best_colours(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[float, np.ndarray]:
         """Returns the least loss that these vertices can have, and the colours that attain it."""
         losses, best = self.fit(vertices, colours)

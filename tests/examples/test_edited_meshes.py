@@ -165,3 +165,30 @@ def test_options_that_exclude_each_other(tmp_path: Path, monkeypatch: pytest.Mon
     with pytest.raises(InputError) as error:
         _first_mesh(resolved("triangulation", options), WIDE)
     assert error.value.hint
+
+
+@pytest.mark.parametrize("penalised", [False, True])
+def test_products_of_the_hessian_are_those_of_the_least_loss(scene: CompiledScene, penalised: bool) -> None:
+    mesh, picture = make_mesh(20, WIDE, seed=5), np.random.default_rng(3).uniform(size=(16, 24, 3))
+    image = ImageLoss(scene, picture, mesh.triangles, Penalty(mesh, 0.1, 0.01, "c") if penalised else None)
+    direction = np.where(mesh.movable, np.random.default_rng(0).normal(size=mesh.vertices.shape), 0)
+    vertices = mesh.vertices + 0.1 * direction  # no edge along a border of pixels, where the gradient jumps
+    colours = first_state(replace(mesh, vertices=vertices), image).colours
+    ahead, behind = (
+        image.gradient(places, image.best_colours(places, colours)[1])[mesh.movable]
+        for places in (vertices + 1e-5 * direction, vertices - 1e-5 * direction)
+    )
+    product = image.hessian_product(vertices, colours, direction)[mesh.movable]
+    np.testing.assert_allclose(product, (ahead - behind) / 2e-5, atol=1e-8 * np.abs(product).max())
+
+
+def test_newton_steps_lower_the_loss(scene: CompiledScene) -> None:
+    mesh = make_mesh(20, WIDE)
+    image = ImageLoss(scene, target(), mesh.triangles)
+    state = first_state(mesh, image)
+    for _ in range(8):
+        after = next_state(image, state, WIDE, "newton")
+        assert after.loss < state.loss
+        assert signed_areas(after.vertices, after.triangles).min() > 0
+        state = after
+    assert state.loss < 0.7 * image.best_colours(mesh.vertices, state.colours)[0]
