@@ -47,6 +47,7 @@ def draw_slopes(path: Path, picture: np.ndarray, slopes: Mapping[str, np.ndarray
         figure.colorbar(shown, ax=axes, location="bottom", fraction=0.05, pad=0.03, extend="both")
     for axes in (first, *others):
         axes.set_axis_off()
+        axes.set_anchor("N")
     figure.savefig(path)
 
 
