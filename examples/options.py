@@ -68,6 +68,7 @@ OPTIONS = {
     "speed": Option(float, "of the lift, upwards, in m/s", "V", -1e12, 1e12),
     "duration": Option(float, "of the flight, in s (bouncing-ball: 0.7 of the longest; billiards: the scene's)", "T"),
     "floor": Option(str, "a formula of x and t, in m and s, for an uneven floor instead of the lift: '0.1*sin(3*x) + 0.3*t'", "F"),
+    "restitution": Option(float, "of the uneven floor: speed away from it after a contact, as a part of that towards it", "E", 0.1, 1),
     "scene": Option(str, "which balls, and where", choices=("exchange", "collision", "cushions", "break", "stack")),
     "balls": Option(str, "a scene of your own instead, in JSON (examples/billiards/README.md)", "FILE.json"),
     "apex": Option(float, "way to the lowest point of the fall, in m", "H", 0.1, 1000),
@@ -159,7 +160,7 @@ DEMOS = {
     "bouncing-ball": Demo(
         "the path of a ball by least action",
         "bouncing_ball.run:run_bouncing_ball",
-        {"contacts": 5, "speed": 1.5, "duration": None, "floor": None, "steps": 300, **COMPARED, **DESCENT},
+        {"contacts": 5, "speed": 1.5, "duration": None, "floor": None, "restitution": 1.0, "steps": 300, **COMPARED, **DESCENT},
         {"contacts": 2},
         treatments=SMOOTHED,
     ),
