@@ -16,6 +16,7 @@ from typing import Any
 
 from teg.errors import InputError, MissingPackageError
 from teg.examples.page import write_page
+from teg.examples.replay import Keep, OfVector
 
 REPORTED = ("teg-compiler", "numpy", "scipy", "jax", "optax", "pillow", "scikit-image", "matplotlib")
 
@@ -49,15 +50,34 @@ def write_report(path: Path, report: Mapping[str, Any]) -> None:
 
 
 @contextmanager
-def progress_bar(shown: bool, total: int, done: int, label: str = "") -> Iterator[Any]:
-    """Yields a bar on the standard error, or None if it is not a terminal."""
+def progress_bar(shown: bool, total: int | None, done: int, label: str = "", unit: str = "step") -> Iterator[Any]:
+    """Yields a bar on the standard error, or None if it is not a terminal. Without a total it counts."""
     if not shown or not sys.stderr.isatty():
         yield None
         return
     from tqdm import tqdm
 
-    with tqdm(total=total, initial=done, desc=label or None, unit="step", file=sys.stderr, dynamic_ncols=True) as bar:
+    with tqdm(total=total, initial=done, desc=label or None, unit=unit, file=sys.stderr, dynamic_ncols=True) as bar:
         yield bar
+
+
+@contextmanager
+def evaluations_shown(shown: bool, keep: Keep, label: str) -> Iterator[Keep]:
+    """Yields `keep` with a bar that counts the evaluations of all functions, and shows the first number of the last result."""
+    with progress_bar(shown, None, 0, label, " evaluations") as bar:
+
+        def counted(name: str, function: OfVector) -> OfVector:
+            kept = keep(name, function)
+
+            def call(point: Any) -> Any:
+                values = kept(point)
+                bar.update()
+                bar.set_postfix_str(f"{name} {values.flat[0]:.5g}")
+                return values
+
+            return call
+
+        yield keep if bar is None else counted
 
 
 def ratio(end: float, start: float) -> float:

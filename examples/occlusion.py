@@ -142,22 +142,23 @@ def draw(found: Fit, path: Path) -> None:
 
 
 def run_occlusion(out: str | Path = "out/occlusion", progress: bool = True, **options: Any) -> dict[str, Any]:
-    """Descends and draws the pose; writes to `out`, returns the contents of run.json. It has no progress bar.
+    """Descends and draws the pose; writes to `out`, returns the contents of run.json.
 
     The options are those of `teg demo occlusion` (`examples/options.py`); nothing is random, so any `seed` gives the same. Raises
     InputError for options and checkpoints that cannot be used, MissingPackageError. A checkpoint is written every two seconds.
     """
-    from teg.examples.harness import finish, require_packages, result_folder
+    from teg.examples.harness import evaluations_shown, finish, require_packages, result_folder
     from teg.examples.options import resolved
 
-    require_packages("occlusion demo", {"matplotlib": "matplotlib", "scipy": "scipy"}, progress=False)
+    require_packages("occlusion demo", {"matplotlib": "matplotlib", "scipy": "scipy", "tqdm": "tqdm"}, progress)
     settings = resolved("occlusion", {"out": out, **options})
     folder = result_folder(Path(out))
     chosen = {k: settings[k] for k in ("size", "triangles", "backend")}
     replay = Replay(folder / "checkpoint.npz", chosen, settings["resume"])
     kind = settings["discontinuities"]
     try:
-        found, plain = (descend(Settings(steps=settings["steps"], **chosen), how, replay.kept) for how in (kind, "ignore"))
+        with evaluations_shown(progress, replay.kept, "occlusion") as keep:
+            found, plain = (descend(Settings(steps=settings["steps"], **chosen), how, keep) for how in (kind, "ignore"))
     finally:
         replay.save()
     draw(found, folder / "pose.png")

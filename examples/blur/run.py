@@ -84,16 +84,17 @@ def draw(found: Fit, path: Path) -> None:
     figure.savefig(path, dpi=100)
 
 
-def _run(demo: str, out: str | Path, options: dict[str, Any]) -> dict[str, Any]:
-    from teg.examples.harness import finish, require_packages, result_folder
+def _run(demo: str, out: str | Path, progress: bool, options: dict[str, Any]) -> dict[str, Any]:
+    from teg.examples.harness import evaluations_shown, finish, require_packages, result_folder
     from teg.examples.options import resolved
 
-    require_packages(f"{demo} demo", {"matplotlib": "matplotlib", "scipy": "scipy"}, progress=False)
+    require_packages(f"{demo} demo", {"matplotlib": "matplotlib", "scipy": "scipy", "tqdm": "tqdm"}, progress)
     settings = resolved(demo, {"out": out, **options})
     folder = result_folder(Path(out))
     replay = Replay(folder / "checkpoint.npz", {k: settings[k] for k in ("size", "backend", "discontinuities")}, settings["resume"])
     try:
-        found = descend(demo, settings["size"], settings["steps"], settings["backend"], replay.kept, settings["discontinuities"])
+        with evaluations_shown(progress, replay.kept, demo) as keep:
+            found = descend(demo, settings["size"], settings["steps"], settings["backend"], keep, settings["discontinuities"])
     finally:
         replay.save()
     draw(found, folder / "blur.png")
@@ -104,12 +105,12 @@ def _run(demo: str, out: str | Path, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def run_motion_blur(out: str | Path = "out/motion-blur", progress: bool = True, **options: Any) -> dict[str, Any]:
-    """Recovers a motion from a picture and draws it; writes to `out`, returns the contents of run.json. It has no progress bar.
+    """Recovers a motion from a picture and draws it; writes to `out`, returns the contents of run.json.
 
     The options are those of `teg demo motion-blur` (`examples/options.py`); nothing is random, so any `seed` gives the same. Raises
     InputError for options and checkpoints that cannot be used, MissingPackageError. A checkpoint is written every two seconds.
     """
-    return _run("motion-blur", out, options)
+    return _run("motion-blur", out, progress, options)
 
 
 def run_depth_of_field(out: str | Path = "out/depth-of-field", progress: bool = True, **options: Any) -> dict[str, Any]:
@@ -117,4 +118,4 @@ def run_depth_of_field(out: str | Path = "out/depth-of-field", progress: bool = 
 
     The options are those of `teg demo depth-of-field` (`examples/options.py`).
     """
-    return _run("depth-of-field", out, options)
+    return _run("depth-of-field", out, progress, options)

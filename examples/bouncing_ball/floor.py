@@ -6,6 +6,9 @@ Unknown are the times and the places of the contacts; between them the ball flie
 floor is any formula. Both components of the velocity jump at a contact, and so does the integrand. Where S is stationary, the ball
 rebounds elastically from the floor as it stands and moves there. S is no minimum (between contacts with the floor alone it is a saddle),
 so its gradient is brought to zero by Levenberg and Marquardt's method (SciPy) with the compiled second derivatives.
+
+With a restitution e < 1 the ball leaves the floor at e times the speed of its approach, and a contact takes the energy
+½m·(1 - e²)·approach². The derivative of S by the time of a contact is the energy gained there, as seen from the floor: minus that loss.
 """
 
 from __future__ import annotations
@@ -40,6 +43,7 @@ class Flight:
     end: float
     reach: float
     floor: Evaluator
+    restitution: float = 1.0
 
     def ground(self, x: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Returns the floor's height, its slope by x, and its velocity, upwards."""
@@ -68,8 +72,15 @@ class Flight:
         t, x, y = self.path(moving)
         return float(np.max(self.ground(x, t)[0] - y, initial=0.0, where=np.isfinite(y)))
 
+    def energies(self, moving: np.ndarray) -> np.ndarray:
+        """Returns the energy of the ball on each arc, in J."""
+        t, x, y = self.knots(moving)
+        length = np.diff(t)
+        speeds = (np.diff(x) / length) ** 2 + (np.diff(y) / length + GRAVITY * length / 2) ** 2
+        return np.asarray(MASS * (speeds / 2 + GRAVITY * y[:-1]))
+
     def rebound_error(self, moving: np.ndarray) -> float:
-        """Returns the largest difference, in m/s, between the velocity after a contact and that of an elastic rebound."""
+        """Returns the largest difference, in m/s, between the velocity after a contact and that of a rebound with this restitution."""
         t, x, y = self.knots(moving)
         length = np.diff(t)
         across, rise = np.diff(x) / length, np.diff(y) / length
@@ -78,15 +89,24 @@ class Flight:
         _, slope, velocity = self.ground(x[1:-1], t[1:-1])
         normal = np.stack([-slope, np.ones_like(slope)]) / np.hypot(slope, 1)
         approach = np.sum(before * normal, axis=0) - velocity / np.hypot(slope, 1)
-        return float(np.abs(after - before + 2 * approach * normal).max())
+        return float(np.abs(after - before + (1 + self.restitution) * approach * normal).max())
 
 
-def make_flight(formula: str, contacts: int, duration: float | None, backend: Backend) -> Flight:
+def level_arcs(contacts: int, restitution: float) -> np.ndarray:
+    """Returns the durations of the arcs in s, on a level floor, of a ball that just comes back to its height after the last contact."""
+    speed = np.sqrt(2 * GRAVITY * HEIGHT) / restitution**contacts  # at the first contact
+    rising = np.sqrt(max(speed**2 - 2 * GRAVITY * HEIGHT, 0.0))
+    arcs = 2 * speed * restitution ** np.arange(contacts + 1)
+    arcs[0], arcs[-1] = rising + speed, arcs[-1] / 2
+    return np.asarray(arcs / GRAVITY)
+
+
+def make_flight(formula: str, contacts: int, duration: float | None, backend: Backend, restitution: float = 1.0) -> Flight:
     """Returns the flight; without a duration, that of a ball dropped on a flat floor. Raises InputError for an impossible one."""
     x, t = teg.params("x t")
     height = read_formula(formula, x, t)
     floor = teg.compile(teg.tuple(height, teg.diff(height, x), teg.diff(height, t)), [], backend=backend)
-    time = 2 * contacts * float(np.sqrt(2 * HEIGHT / GRAVITY)) if duration is None else duration
+    time = float(level_arcs(contacts, restitution).sum()) if duration is None else duration
     if not 0 < time < 1e3:
         raise InputError(f"a flight cannot take {time:g} s", None, "more than 0 s, at most 1000 s")
     reach = STRIDE * contacts
@@ -95,7 +115,7 @@ def make_flight(formula: str, contacts: int, duration: float | None, backend: Ba
         raise InputError(
             f"the floor {formula!r} is not finite where the ball starts or ends", None, f"for 0 ≤ x ≤ {reach:g}, 0 ≤ t ≤ {time:g}"
         )
-    return Flight(contacts, time, ends[0] + HEIGHT, ends[1] + HEIGHT, reach, floor)
+    return Flight(contacts, time, ends[0] + HEIGHT, ends[1] + HEIGHT, reach, floor, restitution)
 
 
 def names(contacts: int) -> list[str]:
@@ -126,6 +146,22 @@ def floor_action(contacts: int, formula: str) -> Expr:
     return teg.integral(selected, (t, 0, duration))
 
 
+def lost_energies(contacts: int, formula: str, restitution: float) -> Expr:
+    """Returns the energies in J that contacts with this restitution take, a tuple."""
+    duration, start, end, reach = (teg.param(name) for name in ("duration", "start", "end", "reach"))
+    moving = [teg.param(name) for name in names(contacts)]
+    inner_times, inner_places = moving[:contacts], moving[contacts:]
+    floors = [read_formula(formula, x, s) for s, x in zip(inner_times, inner_places, strict=True)]
+    times, places, heights = [as_number(0), *inner_times, duration], [as_number(0), *inner_places, reach], [start, *floors, end]
+    losses = []
+    for k, (s, x, height) in enumerate(zip(inner_times, inner_places, floors, strict=True)):
+        length = times[k + 1] - times[k]
+        across, fall = (places[k + 1] - places[k]) / length, (heights[k + 1] - heights[k]) / length - GRAVITY * length / 2
+        slope, velocity = teg.diff(height, x), teg.diff(height, s)
+        losses.append(MASS * (1 - restitution**2) / 2 * (fall - slope * across - velocity) ** 2 / (1 + slope**2))
+    return teg.tuple(*losses)
+
+
 @dataclass
 class Search:
     """The search for a stationary path: where it ended, the largest entry of the gradient at each evaluation, and its result."""
@@ -144,7 +180,10 @@ def find_path(flight: Flight, formula: str, settings: dict[str, Any], discontinu
     """
     wanted = [teg.param(name) for name in names(flight.contacts)]
     action = teg.compile(floor_action(flight.contacts, formula), wanted, backend=settings["backend"], discontinuities=discontinuities)
-    numbers, entries = keep("slopes", _slopes_of(flight, action)), keep("bends", _bends_of(flight, action))
+    lost = None
+    if flight.restitution < 1:
+        lost = teg.compile(lost_energies(flight.contacts, formula, flight.restitution), wanted, backend=settings["backend"])
+    numbers, entries = keep("slopes", _slopes_of(flight, action, lost)), keep("bends", _bends_of(flight, action, lost))
     random = np.random.default_rng(settings["seed"])
     best: Search | None = None
     for start in range(STARTS):
@@ -163,22 +202,34 @@ def _values_of(flight: Flight, moving: np.ndarray) -> dict[str, float]:
     return dict(zip(names(flight.contacts), moving.tolist(), strict=True)) | given
 
 
-def _slopes_of(flight: Flight, action: Evaluator) -> OfVector:
-    """Returns the function from the times and places of the contacts to the action and its derivatives."""
+def _read_by(program: Evaluator, flight: Flight, moving: np.ndarray) -> dict[str, float]:
+    """Returns the values of the parameters that a program has."""
+    return {name: value for name, value in _values_of(flight, moving).items() if name in program.parameters}
+
+
+def _slopes_of(flight: Flight, action: Evaluator, lost: Evaluator | None) -> OfVector:
+    """Returns the function from the times and places of the contacts to the action and its derivatives, by times plus the losses."""
 
     def slopes(moving: np.ndarray) -> np.ndarray:
         value, by_name = action.value_and_grad(_values_of(flight, moving))
-        return np.array([float(value), *(float(by_name[n]) for n in names(flight.contacts))])
+        numbers = np.array([float(value), *(float(by_name[n]) for n in names(flight.contacts))])
+        if lost is not None:
+            numbers[1 : 1 + flight.contacts] += [float(loss) for loss in lost(_read_by(lost, flight, moving))]
+        return numbers
 
     return slopes
 
 
-def _bends_of(flight: Flight, action: Evaluator) -> OfVector:
-    """Returns the function from the times and places of the contacts to the second derivatives of the action."""
+def _bends_of(flight: Flight, action: Evaluator, lost: Evaluator | None) -> OfVector:
+    """Returns the function from the times and places of the contacts to the derivatives of the numbers that are to be zero."""
 
     def bends(moving: np.ndarray) -> np.ndarray:
         entries = action.hessian(_values_of(flight, moving))
-        return np.array([[float(entries[a, b]) for b in names(flight.contacts)] for a in names(flight.contacts)])
+        matrix = np.array([[float(entries[a, b]) for b in names(flight.contacts)] for a in names(flight.contacts)])
+        if lost is not None:
+            slopes = lost.grad(_read_by(lost, flight, moving))
+            matrix[: flight.contacts] += np.array([[float(loss) for loss in slopes[b]] for b in names(flight.contacts)]).T
+        return matrix
 
     return bends
 
@@ -208,8 +259,7 @@ def _from(flight: Flight, action: tuple[OfVector, OfVector], spread: np.ndarray,
         by_z = np.concatenate([matrix[:, :n] @ moving(z)[1], matrix[:, n:]], axis=1)
         return np.where(np.isfinite(by_z), by_z, 0.0)
 
-    weights = np.ones(n + 1)
-    weights[[0, -1]] = 0.5  # the first and the last arc are halves
+    weights = level_arcs(n, flight.restitution)
     x = flight.reach * np.cumsum(weights)[:-1] / weights.sum()
     z = np.concatenate([np.log(weights[:-1] / weights[-1]), x]) + spread
     if steps:

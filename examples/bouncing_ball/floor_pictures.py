@@ -21,9 +21,9 @@ def draw_flights(path: Path, searches: Mapping[str, Search]) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.5 * len(searches), 8), dpi=100, layout="constrained")
+    figure = Figure(figsize=(6.5 * len(searches), 10), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
-    places = figure.add_gridspec(2, len(searches), height_ratios=(2.4, 1))
+    places = figure.add_gridspec(3, len(searches), height_ratios=(2.4, 0.8, 1))
     shared = None
     for k, ((label, search), colour) in enumerate(zip(searches.items(), (BLUE, RED), strict=False)):
         shared = axes = figure.add_subplot(places[0, k], sharex=shared, sharey=shared)
@@ -31,6 +31,13 @@ def draw_flights(path: Path, searches: Mapping[str, Search]) -> None:
         error = search.flight.rebound_error(search.moving)
         axes.set_title(f"{label}\nrebounds off by {error:.1e} m/s" + (f"\n{search.failure}" if search.failure else ""), fontsize=11)
     axes = figure.add_subplot(places[1, :])
+    for search, colour in zip(searches.values(), (BLUE, RED), strict=False):
+        axes.stairs(search.flight.energies(search.moving), search.flight.knots(search.moving)[0], baseline=None, color=colour, linewidth=2)
+    axes.set_ylim(bottom=0, top=1.1 * max(search.flight.energies(search.moving).max() for search in searches.values()))
+    axes.set_title("energy of the ball, in J", loc="left", fontsize=11)
+    axes.set_xlabel("time in s", color=GREY)
+    _plain(axes)
+    axes = figure.add_subplot(places[2, :])
     for (label, search), colour in zip(searches.items(), (BLUE, RED), strict=False):
         axes.semilogy(np.maximum(search.gradients, LEAST), color=colour, linewidth=2, marker="o", markersize=3, label=label)
     axes.set_title("largest entry of the gradient of the action, as each method sees it", loc="left", fontsize=11)
@@ -73,11 +80,18 @@ def draw_animation(path: Path, searches: Mapping[str, Search]) -> None:
 def _draw_flight(axes: Any, search: Search, colour: str) -> None:
     flight = search.flight
     x = np.linspace(-0.1 * flight.reach, 1.1 * flight.reach, 400)
-    for t, style in ((0.0, "solid"), (flight.duration, (0, (4, 3)))):
+    rests = np.array_equal(flight.ground(x, 0 * x)[0], flight.ground(x, np.full_like(x, flight.duration))[0])
+    for t, style in ((0.0, "solid"), (flight.duration, (0, (4, 3))))[: 1 if rests else 2]:
         height = flight.ground(x, np.full_like(x, t))[0]
         axes.plot(x, height, color=BROWN, linewidth=1, linestyle=style, alpha=0.6)
         axes.annotate(
-            f"floor, t = {t:.2f} s", (x[-1], height[-1]), (4, 0), textcoords="offset points", color=BROWN, fontsize=8, va="center"
+            "floor" if rests else f"floor, t = {t:.2f} s",
+            (x[-1], height[-1]),
+            (4, 0),
+            textcoords="offset points",
+            color=BROWN,
+            fontsize=8,
+            va="center",
         )
     times, places, heights = flight.knots(search.moving)
     for t, place in zip(times[1:-1], places[1:-1], strict=True):

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from teg.errors import InputError
 from teg.evaluator.options import Discontinuities
 from teg.examples.bouncing_ball.descent import ActionDescent, State
 from teg.examples.bouncing_ball.scene import compile_scene
@@ -36,17 +37,19 @@ ELSEWHERE = "without the jumps of the integrand the contacts go to wrong places"
 def run_bouncing_ball(out: str | Path = "out/bouncing-ball", progress: bool = True, **options: Any) -> dict[str, Any]:
     """Finds the path of a ball by least action; writes a picture to `out`, returns the contents of run.json.
 
-    The options are those of `teg demo bouncing-ball` (`examples/options.py`): contacts, speed, duration, floor, steps, discontinuities,
-    alone, seed, backend, resume. The ball makes that many `contacts` with floor and ceiling, by turns, of a lift that rises with `speed` in
-    m/s; with `floor`, a formula of x and t such as "0.1*sin(3*x) + 0.3*t", with this floor alone. `duration` is in s. The descent ends
-    after `steps` steps, or when the gradient is zero to rounding, and "failure" says if it is not. With `discontinuities="exact"` the same
-    search is run beside it like plain automatic differentiation, unless `alone`. A checkpoint is written every two seconds. Ctrl-C ends
-    it: the report says "interrupted".
+    The options are those of `teg demo bouncing-ball` (`examples/options.py`): contacts, speed, duration, floor, restitution, steps,
+    discontinuities, alone, seed, backend, resume. The ball makes that many `contacts` with floor and ceiling, by turns, of a lift that
+    rises with `speed` in m/s; with `floor`, a formula of x and t such as "0.1*sin(3*x) + 0.3*t", with this floor alone, which it leaves at
+    `restitution` times the speed of its approach. `duration` is in s. The descent ends after `steps` steps, or when the gradient is zero to
+    rounding, and "failure" says if it is not. With `discontinuities="exact"` the same search is run beside it like plain automatic
+    differentiation, unless `alone`. A checkpoint is written every two seconds. Ctrl-C ends it: the report says "interrupted".
 
     Raises InputError for an impossible throw, option, folder or checkpoint, MissingPackageError.
     """
     require_packages("bouncing ball", PACKAGES, progress)
     settings = resolved("bouncing-ball", {"out": out, **options})
+    if settings["floor"] is None and settings["restitution"] < 1:
+        raise InputError("a lift has no restitution", None, "--floor F with --restitution E")
     chosen: Discontinuities = settings["discontinuities"]
     kinds: list[Discontinuities] = [chosen] if chosen != "exact" or settings["alone"] else [chosen, "ignore"]
     report = (_in_a_lift if settings["floor"] is None else _over_a_floor)(settings, kinds, progress)
@@ -86,7 +89,7 @@ def _in_a_lift(settings: Mapping[str, Any], kinds: list[Discontinuities], progre
 
 def _replay(folder: Path, settings: Mapping[str, Any]) -> Replay:
     """Returns the evaluations of the run before, if it is resumed."""
-    identity = {k: settings[k] for k in ("contacts", "speed", "duration", "floor", "seed", "discontinuities", "backend")}
+    identity = {k: settings[k] for k in ("contacts", "speed", "duration", "floor", "restitution", "seed", "discontinuities", "backend")}
     return Replay(folder / "checkpoint.npz", identity, settings["resume"])
 
 
@@ -107,7 +110,7 @@ def _over_a_floor(settings: Mapping[str, Any], kinds: list[Discontinuities], pro
     from teg.examples.bouncing_ball.floor_pictures import draw_animation, draw_flights
 
     with np.errstate(all="ignore"):
-        flight = make_flight(settings["floor"], settings["contacts"], settings["duration"], settings["backend"])
+        flight = make_flight(settings["floor"], settings["contacts"], settings["duration"], settings["backend"], settings["restitution"])
         folder = result_folder(Path(settings["out"]))
         replay = _replay(folder, settings)
         try:
@@ -129,6 +132,7 @@ def _over_a_floor(settings: Mapping[str, Any], kinds: list[Discontinuities], pro
                 "places": places[1],
                 "action": search.action,
                 "gradients": search.gradients,
+                "energies": flight.energies(search.moving).tolist(),
                 "rebound_error": flight.rebound_error(search.moving),
             }
         )

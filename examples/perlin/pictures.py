@@ -11,6 +11,7 @@ from PIL import Image
 from teg.examples.loss_chart import draw_losses
 
 SMALLEST = 512  # pixels per side of the pictures written
+COLOURED = 0.9  # of the pixels with a derivative are within the range of its colours
 GIF_MILLISECONDS, GIF_LAST = 120, 2000
 
 
@@ -20,9 +21,34 @@ def enlargement(size: int) -> int:
 
 
 def draw(path: Path, picture: np.ndarray) -> None:
-    """Draws a picture, (n, n, 3), one constant colour a pixel, at least SMALLEST pixels a side."""
-    side = max(SMALLEST, len(picture))
-    Image.fromarray(_bytes(picture)).resize((side, side), Image.Resampling.NEAREST).save(path)
+    """Draws a picture, (rows, columns, 3), one constant colour a pixel, at least SMALLEST pixels on its longer side."""
+    longest = max(picture.shape[:2])
+    height, width = (round(n * max(SMALLEST, longest) / longest) for n in picture.shape[:2])
+    Image.fromarray(_bytes(picture)).resize((width, height), Image.Resampling.NEAREST).save(path)
+
+
+def draw_slopes(path: Path, picture: np.ndarray, slopes: Mapping[str, np.ndarray]) -> None:
+    """Draws a picture, and beside it derivatives of it, the means of their channels: red where it becomes brighter, blue where darker."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    height, width = picture.shape[:2]
+    figure = Figure(figsize=(4.2 * (1 + len(slopes)), 4.2 * height / width + 0.9), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    first, *others = figure.subplots(1, 1 + len(slopes))
+    first.imshow(np.clip(picture, 0, 1), interpolation="antialiased")
+    first.set_title("the picture I", fontsize=10)
+    for axes, (title, slope) in zip(others, slopes.items(), strict=True):
+        grey = slope.mean(axis=2)
+        seen = np.abs(grey[grey != 0])
+        most = float(np.quantile(seen, COLOURED)) if seen.size else 1.0
+        shown = axes.imshow(grey, cmap="RdBu_r", vmin=-most, vmax=most, interpolation="antialiased")
+        axes.set_title(title, fontsize=10)
+        figure.colorbar(shown, ax=axes, location="bottom", fraction=0.05, pad=0.03, extend="both")
+    for axes in (first, *others):
+        axes.set_axis_off()
+        axes.set_anchor("N")
+    figure.savefig(path)
 
 
 def write_gif(path: Path, frames: Sequence[np.ndarray]) -> None:
@@ -37,9 +63,10 @@ def draw_sheet(path: Path, shown: Mapping[str, np.ndarray], losses: Mapping[str,
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(3 * len(shown), 5.2), dpi=100, layout="constrained")
+    height, width = next(iter(shown.values())).shape[:2]
+    figure = Figure(figsize=(3 * len(shown), 2.9 * height / width + 2.3), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
-    places = figure.add_gridspec(2, len(shown), height_ratios=(3, 1.7))
+    places = figure.add_gridspec(2, len(shown), height_ratios=(3 * height / width, 1.7))
     for k, (title, picture) in enumerate(shown.items()):
         axes = figure.add_subplot(places[0, k])
         axes.imshow(np.clip(picture, 0, 1), interpolation="antialiased")

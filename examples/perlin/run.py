@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from teg.errors import InputError
 from teg.examples.descent_record import RecordedDescent
 from teg.examples.harness import finish, ratio, require_packages, result_folder
 from teg.examples.options import resolved
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
     from teg.examples.perlin.noise import Noise
 
 PACKAGES = {"PIL": "pillow", "matplotlib": "matplotlib", "scipy": "scipy", "tqdm": "tqdm"}
-SHEET, ANIMATION = "perlin.png", "descent.gif"
+SHEET, ANIMATION, SLOPES = "perlin.png", "descent.gif", "derivatives.png"
+IDENTITY = ("cells", "octaves", "noise", "levels", "colour_cells", "size", "seed", "discontinuities")
 PICTURES = ("target.png", "before.png", "after.png", "ignore.png")
 BUNDLED = "astronaut"
 NOTHING_MOVES = (
@@ -38,11 +40,12 @@ NOTHING_MOVES = (
 def run_perlin(photo: str | Path | None = None, out: str | Path = "out/perlin", progress: bool = True, **options: Any) -> dict[str, Any]:
     """Fits a thresholded noise to a photo; writes pictures to `out`, returns the contents of run.json.
 
-    `photo` is any file that Pillow reads (None: scikit-image's astronaut), cropped to a square of `size`² pixels. The options are
-    those of `teg demo perlin` (`examples/options.py`): cells, octaves, levels, colour_cells, size, steps, discontinuities, alone, seed,
-    backend, resume. The noise has `octaves`, the coarsest of `cells` lattice cells a side, and `levels` colours, each of which is a map
-    with `colour_cells` cells a side if that is not 0. With `discontinuities="exact"` the same descent is run beside it like plain automatic
-    differentiation, unless `alone`. Ctrl-C ends the descent, not the writing: the report says "interrupted".
+    `photo` is any file that Pillow reads (None: scikit-image's astronaut), of any shape, resized to `size` pixels on its longer side. The
+    options are those of `teg demo perlin` (`examples/options.py`): cells, octaves, noise, levels, colour_cells, node, size, steps,
+    discontinuities, alone, seed, backend, resume. The noise has `octaves`, the coarsest of `cells` lattice cells on the longer side, and
+    `levels` colours, each of which is a map with `colour_cells` cells if that is not 0. With `discontinuities="exact"` the same descent is
+    run beside it like plain automatic differentiation, unless `alone`. Ctrl-C ends the descent, not the writing: the report says
+    "interrupted".
 
     Raises InputError for a photo, option, folder or checkpoint that cannot be used, MissingPackageError.
     """
@@ -51,8 +54,10 @@ def run_perlin(photo: str | Path | None = None, out: str | Path = "out/perlin", 
     from teg.examples.photo import read_target
 
     settings = resolved("perlin", {"photo": photo, "out": out, **options})
-    noise, gradients = make_noise(settings["size"], settings["cells"], settings["octaves"], settings["seed"])
-    target = read_target(photo, settings["size"], BUNDLED)
+    target = read_target(photo, settings["size"], BUNDLED, square=False)
+    shape = target.shape[1], target.shape[0]
+    noise, gradients = make_noise(shape, settings["cells"], settings["octaves"], settings["seed"], settings["noise"])
+    node = chosen_node(noise, settings["node"])
     folder = result_folder(Path(out))
     fits = [Fit(settings, noise, gradients, target, folder / "checkpoint.npz", settings["resume"])]
     if settings["discontinuities"] == "exact" and not settings["alone"]:
@@ -64,13 +69,14 @@ def run_perlin(photo: str | Path | None = None, out: str | Path = "out/perlin", 
         interrupted = interrupted or fit.descent.descend(settings["steps"], progress, fit.label)
     marks = simple_approximations(target, settings["levels"])
     drawn = _draw(folder, target, fits, marks)
+    _draw_slopes(folder / SLOPES, fits[0], node)
     report = fits[0].report() | {
         "summary": [line for fit in fits for line in fit.summary()],
         "beside": fits[1].report() if len(fits) > 1 else None,
         "interrupted": interrupted,
         "simple_approximations": marks,
         "target_sha256": fits[0].descent.identity["target"],
-        "pictures": [SHEET, ANIMATION, *drawn],
+        "pictures": [SHEET, ANIMATION, SLOPES, *drawn],
     }
     return finish(folder, "perlin", settings, report)
 
@@ -79,17 +85,44 @@ def _draw(folder: Path, target: np.ndarray, fits: Sequence[Fit], marks: Mapping[
     """Draws the photo, the first noise and the end of each fit, and a sheet of them; returns the files of the single pictures."""
     from teg.examples.perlin import pictures
 
-    fit, factor = fits[0], pictures.enlargement(len(target))
+    fit, factor = fits[0], pictures.enlargement(max(target.shape[:2]))
     start, *ends = (f.shader.picture(p, factor) for f, p in [(fit, fit.descent.start.parameters), *((f, f.end) for f in fits)])
     drawn = dict(zip(PICTURES, (target, start, *ends), strict=False))
     for file, picture in drawn.items():
         pictures.draw(folder / file, picture)
     captions = ["the photo", "noise at the start", *(f"{f.label}, step {f.steps}" for f in fits)]
     shown = dict(zip(captions, drawn.values(), strict=True))
-    frames = [fit.shader.picture(state.parameters, pictures.enlargement(len(target))) for state in fit.descent.animation()]
+    frames = [fit.shader.picture(state.parameters, factor) for state in fit.descent.animation()]
     pictures.write_gif(folder / ANIMATION, frames)
     pictures.draw_sheet(folder / SHEET, shown, {f.label: f.descent.losses for f in fits}, marks)
     return list(drawn)
+
+
+def chosen_node(noise: Noise, node: int | None) -> int:
+    """Returns the number of the lattice node whose derivative is drawn; by default the one that the noise amid the picture depends on most.
+
+    Raises InputError if there is none of that number.
+    """
+    nodes = noise.matrix.shape[1] // 2
+    if node is None:
+        middle = noise.size[1] // 2 * (noise.size[0] + 1) + noise.size[0] // 2
+        return int(np.argmax(np.abs(noise.matrix[[middle]].toarray()[0].reshape(-1, 2)).sum(axis=1)))
+    if node >= nodes:
+        raise InputError(f"--node is {node}", None, f"less than {nodes}, the number of the nodes")
+    return node
+
+
+def _draw_slopes(path: Path, fit: Fit, node: int) -> None:
+    """Draws the exact derivatives of the last picture by the first threshold, and by the gradient of a node, to the right."""
+    from teg.examples.perlin import pictures
+
+    shader, factor = fit.shader, pictures.enlargement(max(fit.shader.noise.size))
+    by_threshold, by_node = np.zeros((2, len(fit.end)))
+    by_threshold[shader.noise.matrix.shape[1]] = 1
+    by_node[2 * node] = 1
+    directions = {"dI / d(first threshold)": by_threshold, f"dI / d(gradient of node {node}, to the right)": by_node}
+    slopes = {title: shader.slope_picture(fit.end, direction, factor) for title, direction in directions.items()}
+    pictures.draw_slopes(path, shader.picture(fit.end, factor), slopes)
 
 
 class Fit:
@@ -103,7 +136,7 @@ class Fit:
         self.label = LABELS[self.discontinuities]
         scene = compile_scene(settings["backend"], self.discontinuities, os.cpu_count() or 1, self.levels)
         self.shader = ShaderLoss(scene, noise, target, settings["colour_cells"])
-        identity = {k: settings[k] for k in ("cells", "octaves", "levels", "colour_cells", "size", "seed", "discontinuities")}
+        identity = {k: settings[k] for k in IDENTITY}
         identity["target"] = hashlib.sha256(target.tobytes()).hexdigest()
         start = first_state(self.shader, gradients, target)
         self.descent = RecordedDescent(start, lambda s: next_state(self.shader, s), checkpoint, identity, resume)

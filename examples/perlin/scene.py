@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import teg
 from teg.evaluator.evaluator import Evaluator
@@ -73,6 +74,14 @@ class CompiledScene:
     loss: Evaluator
     colour: Evaluator
     levels: int
+    backend: Backend
+    threads: int = 1
+
+    @cached_property
+    def colour_slopes(self) -> Evaluator:
+        """Returns the colour, to be differentiated by corner values and thresholds: exactly, by integrals along the borders."""
+        moving = [teg.param(name) for name in (*CORNERS, *threshold_names(self.levels))]
+        return teg.compile(pixel_colour(self.levels), moving, backend=self.backend, threads=self.threads)
 
 
 def compile_scene(backend: Backend, discontinuities: Discontinuities = "exact", threads: int = 1, levels: int = 2) -> CompiledScene:
@@ -82,4 +91,6 @@ def compile_scene(backend: Backend, discontinuities: Discontinuities = "exact", 
         compiled(pixel_loss(levels), moving, backend, discontinuities, threads=threads),
         teg.compile(pixel_colour(levels), [], backend=backend, threads=threads),
         levels,
+        backend,
+        threads,
     )

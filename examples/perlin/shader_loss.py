@@ -1,6 +1,6 @@
 """The loss of a whole picture: corner values from the lattice, the compiled kernel, and the chain rule back.
 
-    loss = 1/size² Σ over pixels of `scene.pixel_loss`
+    loss = 1/pixels Σ over pixels of `scene.pixel_loss`
 
 All parameters are one vector: the lattice's gradients, the thresholds, the colours, from the highest noise to the lowest. A channel of a
 colour is one number, or one for each node of a lattice of colours, between which the colour of a pixel is interpolated.
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class ShaderLoss:
-    """The loss against one picture, `target` (size, size, 3), and its gradient.
+    """The loss against one picture, `target` (height, width, 3), and its gradient.
 
     `pixels` and `seconds` count the pixels that the kernel has evaluated, and its time.
     """
@@ -37,30 +37,38 @@ class ShaderLoss:
 
     def value_and_gradient(self, parameters: np.ndarray) -> tuple[float, np.ndarray]:
         """Returns the loss per pixel and its derivative by every parameter."""
-        n = self.noise.size
+        width, height = self.noise.size
         values = self._values(parameters) | _corner_columns(self._heights(parameters)) | self.target
         begun = time.perf_counter()
         losses, slopes = self.scene.loss.value_and_grad(values)
         self.seconds += time.perf_counter() - begun
-        self.pixels += n * n
-        by_corner = np.zeros((n + 1, n + 1))
+        self.pixels += width * height
+        by_corner = np.zeros((height + 1, width + 1))
         for name, (i, j) in zip(CORNERS, np.ndindex(2, 2), strict=True):
-            by_corner[i : n + i, j : n + j] += slopes[name]
+            by_corner[i : height + i, j : width + j] += slopes[name]
         by_threshold = [np.sum(slopes[name]) for name in self.thresholds]
         by_colour = [self.tints.T @ slopes[name].ravel() for name in self.channels]
         gradient = np.concatenate([self.noise.pull_back(by_corner), by_threshold, *by_colour])
-        return float(np.sum(losses)) / n**2, gradient / n**2
+        return float(np.sum(losses)) / (width * height), gradient / (width * height)
 
     def picture(self, parameters: np.ndarray, factor: int = 1) -> np.ndarray:
-        """Returns the shader's picture, every pixel's mean colour, (factor·size, factor·size, 3).
+        """Returns the shader's picture, every pixel's mean colour, (factor·height, factor·width, 3).
 
         With a `factor` each pixel is divided into factor² smaller ones; the shader stays the same.
         """
         values = _corner_columns(refine(self._heights(parameters), factor)) | self._values(parameters, factor)
         return np.stack(self.scene.colour(values), axis=-1)
 
+    def slope_picture(self, parameters: np.ndarray, direction: np.ndarray, factor: int = 1) -> np.ndarray:
+        """Returns the exact derivative of `picture` along a direction of gradients and thresholds, a vector like the parameters."""
+        values = _corner_columns(refine(self._heights(parameters), factor)) | self._values(parameters, factor)
+        _, thresholds, _ = self.split(direction)
+        moving = _corner_columns(refine(self._heights(direction), factor)) | dict(zip(self.thresholds, thresholds, strict=True))
+        slopes = self.scene.colour_slopes.grad(values)
+        return np.asarray(sum(np.stack(slopes[name], axis=-1) * np.asarray(moved)[..., None] for name, moved in moving.items()))
+
     def _heights(self, parameters: np.ndarray) -> np.ndarray:
-        """Returns the noise at the pixels' corners, (size + 1, size + 1)."""
+        """Returns the noise at the pixels' corners, (height + 1, width + 1)."""
         return np.asarray(self.noise.corners(self.split(parameters)[0]))
 
     def split(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -71,17 +79,17 @@ class ShaderLoss:
 
     def _values(self, parameters: np.ndarray, factor: int = 1) -> dict[str, np.ndarray]:
         _, thresholds, colours = self.split(parameters)
-        side = factor * self.noise.size
-        spread = self.tints if factor == 1 else tints(side, self.colour_cells)
+        width, height = (factor * n for n in self.noise.size)
+        spread = self.tints if factor == 1 else tints((width, height), self.colour_cells)
         channels = colours.reshape(-1, self.nodes)
-        shades = channels[:, 0] if self.nodes == 1 else [(spread @ channel).reshape(side, side) for channel in channels]
+        shades = channels[:, 0] if self.nodes == 1 else [(spread @ channel).reshape(height, width) for channel in channels]
         return dict(zip([*self.thresholds, *self.channels], [*thresholds, *shades], strict=True))
 
 
 def _corner_columns(heights: np.ndarray) -> dict[str, np.ndarray]:
-    """Returns the four corner values of every pixel, each (size, size)."""
-    n = len(heights) - 1
-    return {name: heights[i : n + i, j : n + j] for name, (i, j) in zip(CORNERS, np.ndindex(2, 2), strict=True)}
+    """Returns the four corner values of every pixel, each (height, width)."""
+    height, width = heights.shape[0] - 1, heights.shape[1] - 1
+    return {name: heights[i : height + i, j : width + j] for name, (i, j) in zip(CORNERS, np.ndindex(2, 2), strict=True)}
 
 
 def refine(heights: np.ndarray, factor: int) -> np.ndarray:

@@ -139,21 +139,22 @@ def draw(scene: Scene, found: Fit, path: Path) -> None:
 
 
 def run_soft_shadow(out: str | Path = "out/soft-shadow", progress: bool = True, **options: Any) -> dict[str, Any]:
-    """Descends, draws the shadows; writes to `out`, returns the contents of run.json. It has no progress bar.
+    """Descends, draws the shadows; writes to `out`, returns the contents of run.json.
 
     The options are those of `teg demo soft-shadow` (`examples/options.py`); nothing is random, so any `seed` gives the same. Raises
     InputError for options and checkpoints that cannot be used, MissingPackageError. A checkpoint is written every two seconds.
     """
-    from teg.examples.harness import finish, require_packages, result_folder
+    from teg.examples.harness import evaluations_shown, finish, require_packages, result_folder
     from teg.examples.options import resolved
 
-    require_packages("soft-shadow demo", {"matplotlib": "matplotlib", "scipy": "scipy"}, progress=False)
+    require_packages("soft-shadow demo", {"matplotlib": "matplotlib", "scipy": "scipy", "tqdm": "tqdm"}, progress)
     settings = resolved("soft-shadow", {"out": out, **options})
     folder = result_folder(Path(out))
     chosen = {k: settings[k] for k in ("size", "triangles", "backend", "discontinuities")}
     replay = Replay(folder / "checkpoint.npz", chosen, settings["resume"])
     try:
-        scene, found = descend(Settings(steps=settings["steps"], **chosen), replay.kept)
+        with evaluations_shown(progress, replay.kept, "soft shadow") as keep:
+            scene, found = descend(Settings(steps=settings["steps"], **chosen), keep)
     finally:
         replay.save()
     draw(scene, found, folder / "shadow.png")

@@ -13,19 +13,19 @@ import numpy as np
 
 import teg
 from teg.evaluator.options import Backend, Discontinuities
-from teg.examples.harness import finish, require_packages, result_folder
+from teg.examples.harness import evaluations_shown, finish, require_packages, result_folder
 from teg.examples.options import resolved
 from teg.examples.replay import Replay
 from teg.examples.springs.design import Jump, OfDesign, Optimum, optimise, violation
 from teg.examples.springs.scene import DESIGN, GRAVITY, compile_fall, published_loss
 from teg.examples.treatments import LABELS
 
-PACKAGES = {"scipy": "scipy", "matplotlib": "matplotlib"}
+PACKAGES = {"scipy": "scipy", "matplotlib": "matplotlib", "tqdm": "tqdm"}
 PICTURES = ("springs.png",)
 
 
 def run_springs(out: str | Path = "out/springs", progress: bool = True, **options: Any) -> dict[str, Any]:
-    """Designs two cords for a jump; writes pictures to `out`, returns the contents of run.json. It has no progress bar.
+    """Designs two cords for a jump; writes pictures to `out`, returns the contents of run.json.
 
     The options are those of `teg demo springs` (`examples/options.py`): apex, mass, weight, steps, discontinuities, alone, backend, resume;
     nothing is random, so any `seed` gives the same. With `discontinuities="exact"` the same optimiser also runs on the derivatives of plain
@@ -34,7 +34,7 @@ def run_springs(out: str | Path = "out/springs", progress: bool = True, **option
 
     Raises InputError for options, folders and checkpoints that cannot be used, MissingPackageError.
     """
-    require_packages("springs demo", PACKAGES, False)
+    require_packages("springs demo", PACKAGES, progress)
     import scipy.integrate  # now, as times are measured below
     import scipy.optimize  # noqa: F401
 
@@ -52,8 +52,9 @@ def run_springs(out: str | Path = "out/springs", progress: bool = True, **option
         derivatives = _derivatives(jump, kind, settings["backend"])
         derivatives(start)  # compiled now
         begun = time.perf_counter()
-        kept = replay.kept("values", jump.values), replay.kept(f"derivatives, {kind}", derivatives)
-        optima[LABELS[kind]] = optimum = optimise(jump, *kept, settings["steps"])
+        with evaluations_shown(progress, replay.kept, LABELS[kind]) as keep:
+            kept = keep("values", jump.values), keep(f"derivatives, {kind}", derivatives)
+            optima[LABELS[kind]] = optimum = optimise(jump, *kept, settings["steps"])
         optimum.seconds = time.perf_counter() - begun
         replay.save()
         if optimum.interrupted:

@@ -30,8 +30,9 @@ def random_delaunay(triangles: int, size: tuple[int, int], seed: int) -> Mesh:
 
 
 def best_loss(image: ImageLoss, mesh: Mesh) -> float:
-    """Returns the loss of a mesh in its best colours."""
-    return float(image.fit_apart(mesh.vertices[mesh.triangles]).sum())
+    """Returns the loss of a mesh in its best colours, without penalties."""
+    bare = ImageLoss(image.scene, image.target, mesh.triangles)
+    return float(bare.fit_apart(mesh.vertices[mesh.triangles]).sum())
 
 
 def psnr(loss: float) -> float:

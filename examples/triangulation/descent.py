@@ -1,4 +1,4 @@
-"""Descent of the vertices with the best colours, by four methods.
+"""Descent of the vertices with the best colours, by five methods.
 
 With the colours eliminated, the gradient of the loss by the vertices is the one at the best colours (envelope theorem). Every method cuts
 its step where a triangle would fold, so that no mesh on the way has a fold.
@@ -8,6 +8,8 @@ its step where a triangle would fold, so that no mesh on the way has a fold.
     gradient    steepest descent; the length grows by a third after each step, and is halved until the loss falls
     adam        Kingma and Ba 2015, with a length that falls like 1/√step; the loss need not fall
     lbfgs       SciPy's L-BFGS-B, ten iterations a step, in a box around each vertex in which no triangle can fold
+    newton      Newton-Krylov: a step of SciPy's truncated conjugate gradients (Steihaug 1983) in a trust region, with products of the
+                exact Hessian, which negative curvature ends; the region grows and shrinks as the loss falls as promised or does not
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from teg.examples.triangulation.image_loss import PictureLoss
+from teg.errors import InputError
+from teg.examples.triangulation.image_loss import ImageLoss, PictureLoss
 from teg.examples.triangulation.mesh import Mesh, limit_step, signed_areas
 
 FIRST, LONGEST, SHORTEST = 0.02, 0.08, 1e-6  # lengths of a vertex's step, in cells of the mesh
@@ -25,6 +28,8 @@ GROW, SHRINK = 1.3, 0.5
 HALVINGS = 30
 ADAM, MEAN, SQUARE = 0.05, 0.9, 0.99
 ITERATIONS = 10
+SLOPE = 0.01  # norm of the scaled gradient in a Newton step: conjugate gradients end at a tenth of their first residual
+POOR, GOOD = 0.25, 0.75  # shares of the promised gain at which a trust region shrinks, and grows
 BOX = 0.25  # of the least height of the triangles around: two vertices that move by √2·BOX cannot meet
 
 
@@ -52,9 +57,13 @@ class State:
 
 
 def first_state(mesh: Mesh, image: PictureLoss, terms: int = 1) -> State:
-    """Returns the undeformed mesh with its best colours: the best that colours alone can do."""
+    """Returns the undeformed mesh with its best colours, the best that colours alone can do; a mesh with colours starts from these."""
     image.triangles = mesh.triangles
-    loss, colours = image.best_colours(mesh.vertices, np.full((len(mesh.triangles), 3 * terms), 0.5 / terms))
+    first = np.full((len(mesh.triangles), 3 * terms), 0.5 / terms)
+    if mesh.colours is not None:
+        shared = min(3 * terms, mesh.colours.shape[1])
+        first[:, :shared], first[:, shared:] = mesh.colours[:, :shared], 0
+    loss, colours = image.best_colours(mesh.vertices, first)
     memory = fresh_memory(len(mesh.vertices), mesh.cell)
     return State(mesh.vertices, mesh.triangles, mesh.movable, colours, np.zeros(mesh.vertices.shape), memory, loss)
 
@@ -137,6 +146,50 @@ def _lbfgs(image: PictureLoss, state: State, gradient: np.ndarray, mesh: Mesh) -
     return replace(state, vertices=vertices, colours=colours, gradient=gradient, loss=loss, step=state.step + (not stuck), stuck=stuck)
 
 
+def _newton(image: PictureLoss, state: State, gradient: np.ndarray, mesh: Mesh) -> State:
+    if not isinstance(image, ImageLoss):
+        raise InputError("a picture that JAX's devices share has no products of its Hessian", None, "--optimiser resilient")
+    from scipy.optimize import minimize
+
+    free, unit = mesh.movable, mesh.cell
+    slope = gradient[free] * unit
+    scale = SLOPE / np.linalg.norm(slope)  # SciPy stops conjugate gradients at √(norm of the slope) of their first residual
+    known: dict[bytes, np.ndarray] = {}  # a smaller region begins with the same directions
+
+    def curved(_: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        key = direction.tobytes()
+        if key not in known:
+            along = np.zeros(gradient.shape)
+            along[free] = direction * unit
+            known[key] = image.hessian_product(state.vertices, state.colours, along)[free] * (unit * scale)
+        return known[key]
+
+    def model(step: np.ndarray) -> tuple[float, np.ndarray]:
+        turned = curved(step, step) if step.any() else 0.0 * step
+        return float(scale * slope @ step + step @ turned / 2), scale * slope + turned
+
+    radius = float(np.median(state.memory[:, 0])) / unit
+    while radius > SHORTEST:
+        whole = radius * np.sqrt(len(slope))
+        region = {"maxiter": 1, "initial_trust_radius": whole, "max_trust_radius": 2 * whole, "gtol": 0.0}
+        best = minimize(model, np.zeros(len(slope)), jac=True, hessp=curved, method="trust-ncg", options=region)
+        step = np.zeros(gradient.shape)
+        step[free] = best.x * unit
+        vertices = limit_step(mesh, state.vertices, step)
+        loss, colours = image.best_colours(vertices, state.colours)
+        kept = (state.loss - loss) * scale / max(-best.fun, 1e-300)  # of what the model promised
+        if kept < POOR:
+            radius /= 4
+        elif kept > GOOD and np.linalg.norm(best.x) > 0.9 * whole:
+            radius *= 2
+        if loss < state.loss:
+            memory = np.column_stack([np.full(len(vertices), radius * unit), state.memory[:, 1:]])
+            return replace(
+                state, vertices=vertices, colours=colours, gradient=gradient, memory=memory, loss=loss, step=state.step + 1, stuck=False
+            )
+    return replace(state, gradient=gradient, stuck=True)
+
+
 def _boxes(mesh: Mesh) -> np.ndarray:
     """Returns how far each coordinate of a vertex may move, (n,), so that no triangle folds; 0 where one is at the least area."""
     corners, areas = mesh.vertices[mesh.triangles], signed_areas(mesh.vertices, mesh.triangles)
@@ -152,5 +205,6 @@ OPTIMISERS: dict[str, Callable[[PictureLoss, State, np.ndarray, Mesh], State]] =
     "gradient": _gradient,
     "adam": _adam,
     "lbfgs": _lbfgs,
+    "newton": _newton,
 }
 """The methods by name."""

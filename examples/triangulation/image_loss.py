@@ -11,6 +11,7 @@ import numpy as np
 
 from teg.examples.triangulation.colour_fit import TERMS, anchors, least_squares
 from teg.examples.triangulation.mesh import extent
+from teg.examples.triangulation.regularisers import Penalty
 from teg.examples.triangulation.scene import CompiledScene
 
 TOUCHING = 1e-9  # pixels that only touch an edge are kept: half of its boundary term is theirs
@@ -34,14 +35,18 @@ class ImageLoss:
     """The loss of meshes against one picture, its gradient, and the best colours.
 
     `target` is (rows, columns, 3), `triangles` (m, 3); below, vertices are (n, 2) and colours (m, 3·terms). `pairs` and `seconds` count
-    the pairs of a triangle and a pixel that the kernels have evaluated, and their time.
+    the pairs of a triangle and a pixel that the kernels have evaluated, and their time. A `penalty` on shapes is part of the loss. With
+    `keep_colours` the colours that are passed in count as the best ones.
     """
 
-    def __init__(self, scene: CompiledScene, target: np.ndarray, triangles: np.ndarray) -> None:
+    def __init__(
+        self, scene: CompiledScene, target: np.ndarray, triangles: np.ndarray, penalty: Penalty | None = None, keep_colours: bool = False
+    ) -> None:
         self.scene = scene
         self.size = target.shape[1], target.shape[0]
         self.target = np.ascontiguousarray(target, dtype=float)
         self.triangles = triangles
+        self.penalty, self.keep_colours = penalty, keep_colours
         self.pairs = 0
         self.seconds = 0.0
 
@@ -53,7 +58,25 @@ class ImageLoss:
     def gradient(self, vertices: np.ndarray, colours: np.ndarray) -> np.ndarray:
         """Returns the derivative of the loss by the vertices, (n, 2)."""
         slopes = self._timed(self.scene.by_vertices.grad, self._values(vertices, colours))
-        return np.asarray(slopes["vertices"])
+        shape = self.penalty.gradient(vertices, self.triangles) if self.penalty else 0.0
+        return np.asarray(slopes["vertices"] + shape)
+
+    def hessian_product(self, vertices: np.ndarray, colours: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """Returns the second derivative of the least loss by the vertices, at its colours, times a direction, (n, 2).
+
+        While vertices move, colours follow, by -H_cc⁻¹·H_cv·d. The result is H_vv·d - H_vc·H_cc⁻¹·H_cv·d.
+        """
+        values = self._values(vertices, colours)
+
+        def product(along: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+            return dict(self._timed(lambda v: self.scene.by_both.hvp(v, along), values))
+
+        turned = product({"vertices": direction})
+        if not self.keep_colours:
+            follow = least_squares(turned["colours"], vertices[self.triangles], self.size[0] * self.size[1])
+            turned = product({"vertices": direction, "colours": follow})
+        shape = self.penalty.hessian_product(vertices, self.triangles, direction) if self.penalty else 0.0
+        return np.asarray(turned["vertices"] + shape)
 
     def best_colours(self, vertices: np.ndarray, colours: np.ndarray) -> tuple[float, np.ndarray]:
         """Returns the least loss that these vertices can have, and the colours that attain it."""
@@ -64,13 +87,20 @@ class ImageLoss:
         """Returns the least loss of each triangle, (m,), and the colours that attain it; any `colours` will do to begin with."""
         values = self._values(vertices, colours)
         slopes = self._timed(self.scene.by_colours.grad, values)
+        losses = slopes["weights"] + self.penalties(vertices)
+        if self.keep_colours:
+            return losses, colours
         change = least_squares(slopes["colours"], vertices[self.triangles], self.size[0] * self.size[1])
         gained = np.einsum("mk,mk->m", change, slopes["colours"]) / 2
-        return slopes["weights"] + gained, colours + change
+        return losses + gained, colours + change
+
+    def penalties(self, vertices: np.ndarray) -> np.ndarray:
+        """Returns the penalty of each triangle, (m,), a part of its loss."""
+        return self.penalty.of_triangles(vertices, self.triangles) if self.penalty else np.zeros(len(self.triangles))
 
     def fit_apart(self, corners: np.ndarray) -> np.ndarray:
         """Returns the least losses of triangles that need not belong to a mesh, (m,); `corners` (m, 3, 2)."""
-        apart = ImageLoss(self.scene, self.target, np.arange(3 * len(corners)).reshape(-1, 3))
+        apart = ImageLoss(self.scene, self.target, np.arange(3 * len(corners)).reshape(-1, 3), self.penalty)
         losses, _ = apart.fit(corners.reshape(-1, 2), np.full((len(corners), 3 * self.terms), 0.5 / self.terms))
         self.pairs, self.seconds = self.pairs + apart.pairs, self.seconds + apart.seconds
         return losses

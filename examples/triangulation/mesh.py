@@ -8,7 +8,7 @@ picture exactly once.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -23,12 +23,16 @@ HALVINGS = 12
 
 @dataclass(frozen=True)
 class Mesh:
-    """Vertices (n, 2), triangles (m, 3) as indices of vertices, and which coordinates may move, (n, 2) bool."""
+    """Vertices (n, 2), triangles (m, 3) as indices of vertices, and which coordinates may move, (n, 2) bool.
+
+    A mesh that was read may have `colours`, (m, 3·terms).
+    """
 
     vertices: np.ndarray
     triangles: np.ndarray
     movable: np.ndarray
     size: tuple[int, int]  # width and height
+    colours: np.ndarray | None = None
 
     @property
     def area(self) -> float:
@@ -54,6 +58,11 @@ def extent(size: int | tuple[int, int]) -> tuple[int, int]:
 def inner(vertices: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """Returns which coordinates may move, (n, 2): those that are not on the border."""
     return np.asarray((vertices > 0) & (vertices < size))
+
+
+def pin_border(mesh: Mesh) -> Mesh:
+    """Returns the mesh with all vertices of the border where they are."""
+    return replace(mesh, movable=mesh.movable & inner(mesh.vertices, mesh.size).all(axis=1, keepdims=True))
 
 
 def make_mesh(triangles: int, size: int | tuple[int, int], seed: int = 0) -> Mesh:

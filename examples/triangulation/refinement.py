@@ -15,7 +15,7 @@ import numpy as np
 
 from teg.examples.triangulation.descent import State, fresh_memory
 from teg.examples.triangulation.image_loss import ImageLoss
-from teg.examples.triangulation.mesh import Mesh, inner, signed_areas
+from teg.examples.triangulation.mesh import Mesh, inner, pin_border, signed_areas
 
 WORTH = 1.2  # a split must gain this much more than a removal loses
 LARGEST_SHARE = 0.1  # of the triangles, changed by splits in one refinement
@@ -32,8 +32,8 @@ class Change:
     middle: tuple[float, float] = (0.0, 0.0)
 
 
-def refine(image: ImageLoss, state: State, size: tuple[int, int]) -> State:
-    """Returns the state after one refinement: never with a larger loss."""
+def refine(image: ImageLoss, state: State, size: tuple[int, int], pinned_border: bool = False) -> State:
+    """Returns the state after one refinement: never with a larger loss. Vertices that cannot move stay, and do so afterwards."""
     mesh = state.mesh(size)
     image.triangles = mesh.triangles
     losses, _ = image.fit(state.vertices, state.colours)
@@ -49,7 +49,8 @@ def refine(image: ImageLoss, state: State, size: tuple[int, int]) -> State:
     chosen = choose(changes, gains, len(mesh.triangles))
     if not chosen:
         return state
-    return _applied(image, state, mesh, chosen)
+    refined = _applied(image, state, mesh, chosen)
+    return replace(refined, movable=pin_border(refined.mesh(size)).movable) if pinned_border else refined
 
 
 def candidates(mesh: Mesh) -> Iterator[Change]:
@@ -124,7 +125,8 @@ def _applied(image: ImageLoss, state: State, mesh: Mesh, chosen: list[Change]) -
     gradient = np.concatenate([state.gradient, np.zeros((added, 2))])[used]
     image.triangles = triangles
     loss, colours = image.best_colours(vertices, np.full((len(triangles), state.colours.shape[1]), 0.1))
-    changed = replace(state, vertices=vertices, triangles=triangles, movable=inner(vertices, mesh.size), colours=colours)
+    movable = np.concatenate([mesh.movable, np.ones((added, 2), dtype=bool)])[used] & inner(vertices, mesh.size)
+    changed = replace(state, vertices=vertices, triangles=triangles, movable=movable, colours=colours)
     return replace(changed, gradient=gradient, memory=memory, loss=loss)
 
 

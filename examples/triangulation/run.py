@@ -25,10 +25,12 @@ from teg.examples.triangulation.baselines import ROUNDING, best_loss, psnr, rand
 from teg.examples.triangulation.colour_fit import DEGREES, TERMS
 from teg.examples.triangulation.descent import State, first_state, next_state
 from teg.examples.triangulation.image_loss import ImageLoss, PictureLoss
-from teg.examples.triangulation.mesh import Mesh, make_mesh, signed_areas
+from teg.examples.triangulation.mesh import Mesh, make_mesh, pin_border, signed_areas
+from teg.examples.triangulation.regularisers import Penalty
 from teg.examples.triangulation.scene import compile_scene
 
 PACKAGES = {"PIL": "pillow", "matplotlib": "matplotlib", "scipy": "scipy", "tqdm": "tqdm"}
+IDENTITY = ("triangles", "size", "seed", "colours", "optimiser", "refine", "smoothness", "keep_area", "keep_colours", "discontinuities")
 PICTURES = ("sheet.png", "descent.gif", "loss.png", "target.png", "before.png", "after.png", "error.png", "mesh.svg")
 NOTHING_MOVES = (
     "the gradient by the vertices is exactly 0: automatic differentiation does not see that an edge moves, "
@@ -42,9 +44,10 @@ def run_triangulation(
     """Approximates a photo by triangles whose colours are polynomials; writes pictures to `out`, returns the contents of run.json.
 
     `photo` is any file that Pillow reads, of any shape (None: scikit-image's astronaut), resized to `size` pixels on its longer side. The
-    options are those of `teg demo triangulation` (`examples/options.py`): triangles, size, steps, colours, optimiser, refine, mesh,
-    discontinuities, alone, shared_by, seed, backend, resume. With `discontinuities="exact"` the same descent is run beside it like plain
-    automatic differentiation, unless `alone`. Ctrl-C ends the descent, not the writing: the report says "interrupted".
+    options are those of `teg demo triangulation` (`examples/options.py`): triangles, size, steps, colours, optimiser, refine, smoothness,
+    keep_area, mesh, pin, keep_colours, discontinuities, alone, shared_by, seed, backend, resume.
+    With `discontinuities="exact"` the same descent is run beside it like plain automatic differentiation, unless `alone`. Ctrl-C ends the
+    descent, not the writing: the report says "interrupted".
 
     Raises InputError for a photo, option, folder or checkpoint that cannot be used, MissingPackageError.
     """
@@ -83,9 +86,10 @@ class Fit:
         begun = time.perf_counter()
         self.settings, self.size = settings, mesh.size
         self.label = LABELS[settings["discontinuities"]]
-        self.image = _loss(settings, target, mesh.triangles)
-        identity = {k: settings[k] for k in ("triangles", "size", "seed", "colours", "optimiser", "refine", "discontinuities")}
-        identity |= {"target": hashlib.sha256(target.tobytes()).hexdigest(), "mesh": hashlib.sha256(mesh.vertices.tobytes()).hexdigest()}
+        self.image = _loss(settings, target, mesh)
+        identity = {k: settings[k] for k in IDENTITY}
+        start_of = mesh.vertices.tobytes() + mesh.movable.tobytes()
+        identity |= {"target": hashlib.sha256(target.tobytes()).hexdigest(), "mesh": hashlib.sha256(start_of).hexdigest()}
         start = first_state(mesh, self.image, TERMS[DEGREES[settings["colours"]]])
         self.descent = RecordedDescent(start, self.advance, checkpoint, identity, resume)
         self.image.gradient(mesh.vertices, start.colours)  # derived and compiled now, as part of the set-up
@@ -101,21 +105,32 @@ class Fit:
         if every and isinstance(self.image, ImageLoss) and state.step and state.step % every == 0 and not state.stuck:
             from teg.examples.triangulation.refinement import refine
 
-            return refine(self.image, state, self.size)
+            return refine(self.image, state, self.size, self.settings["pin"] == "border")
         return state
+
+    def penalty(self, state: State) -> float:
+        """Returns the part of the loss that is a penalty on shapes."""
+        if not isinstance(self.image, ImageLoss):
+            return 0.0
+        self.image.triangles = state.triangles
+        return float(self.image.penalties(state.vertices).sum())
 
     def report(self) -> dict[str, Any]:
         """Returns the results as a dict."""
         descent, state, start = self.descent, self.descent.state, self.descent.start
         losses, steps = descent.losses, descent.steps
         same = state.vertices.shape == start.vertices.shape and np.array_equal(state.triangles, start.triangles)
+        penalties = [self.penalty(state) for state in (start, state)]
         moved = np.linalg.norm(state.vertices - start.vertices, axis=1) if same else np.array([np.nan])
         return {
             "loss": {"start": losses[0], "end": losses[-1], "ratio": ratio(losses[-1], losses[0])},
-            "psnr": {"start": psnr(losses[0]), "end": psnr(losses[-1])},
+            "penalty": {"start": penalties[0], "end": penalties[1]},  # a part of the loss
+            "psnr": {"start": psnr(losses[0] - penalties[0]), "end": psnr(losses[-1] - penalties[1])},
             "steps": steps,
             "converged": state.stuck,
-            "note": NOTHING_MOVES if state.stuck and losses[0] > ROUNDING and self.settings["discontinuities"] == "ignore" else "",
+            "note": NOTHING_MOVES
+            if state.stuck and losses[0] > ROUNDING and self.settings["discontinuities"] == "ignore" and same and not moved.any()
+            else "",
             "mesh": {
                 "triangles": len(state.triangles),
                 "vertices": len(state.vertices),
@@ -134,25 +149,48 @@ def _first_mesh(settings: Mapping[str, Any], size: tuple[int, int]) -> Mesh:
     if settings["triangles"] > size[0] * size[1]:
         what = f"a mesh of {settings['triangles']} triangles for {size[0]} × {size[1]} pixels is not possible"
         raise InputError(what, None, "at most one a pixel")
-    if settings["shared_by"] and (settings["backend"] != "jax" or settings["colours"] != "constant" or settings["refine"]):
+    if settings["shared_by"]:
+        _check_shared(settings)
+    if settings["mesh"] is None:
+        mesh = make_mesh(settings["triangles"], size, settings["seed"])
+    else:
+        from teg.examples.triangulation.mesh_files import read_mesh
+
+        mesh = read_mesh(Path(settings["mesh"]), size)
+    if settings["keep_colours"]:
+        _check_colours(mesh, settings)
+    return pin_border(mesh) if settings["pin"] == "border" else mesh
+
+
+def _check_shared(settings: Mapping[str, Any]) -> None:
+    """Raises InputError for options that a picture on several devices does not have."""
+    if settings["backend"] != "jax" or settings["colours"] != "constant" or settings["refine"]:
         what = "a picture that JAX's devices share has constant colours and is not refined"
         raise InputError(what, None, "--backend jax --colours constant --refine 0, or no --shared-by")
-    if settings["mesh"] is None:
-        return make_mesh(settings["triangles"], size, settings["seed"])
-    from teg.examples.triangulation.mesh_files import read_ply
-
-    return read_ply(Path(settings["mesh"]), size)
+    if settings["smoothness"] or settings["keep_area"] or settings["keep_colours"]:
+        raise InputError("a picture that JAX's devices share has no penalties, and the best colours", None, "no --shared-by")
 
 
-def _loss(settings: Mapping[str, Any], target: np.ndarray, triangles: np.ndarray) -> PictureLoss:
+def _check_colours(mesh: Mesh, settings: Mapping[str, Any]) -> None:
+    """Raises InputError unless a mesh has constant colours that can be kept."""
+    if mesh.colours is None:
+        raise InputError("there are no colours to keep", None, "--mesh FILE.ply with the colours of its faces")
+    if mesh.colours.shape[1] > 3 or settings["colours"] != "constant" or settings["refine"]:
+        raise InputError("--keep-colours is for constant colours, and no refinement", None, "--colours constant --refine 0")
+
+
+def _loss(settings: Mapping[str, Any], target: np.ndarray, mesh: Mesh) -> PictureLoss:
     if settings["shared_by"]:
         if util.find_spec("jax") is None:
             raise MissingPackageError("a picture is computed on the devices of JAX", None, 'pip install "teg-compiler[jax]"')
         from teg.examples.triangulation.sharded import ShardedLoss
 
-        return ShardedLoss(settings["shared_by"], target, triangles, discontinuities=settings["discontinuities"])
+        return ShardedLoss(settings["shared_by"], target, mesh.triangles, discontinuities=settings["discontinuities"])
     degree, threads = DEGREES[settings["colours"]], os.cpu_count() or 1
-    return ImageLoss(compile_scene(settings["backend"], settings["discontinuities"], threads, degree), target, triangles)
+    scene = compile_scene(settings["backend"], settings["discontinuities"], threads, degree)
+    weights = settings["smoothness"], settings["keep_area"]
+    penalty = Penalty(mesh, *weights, settings["backend"]) if any(weights) else None
+    return ImageLoss(scene, target, mesh.triangles, penalty, settings["keep_colours"])
 
 
 def _comparisons(fit: Fit, mesh: Mesh, target: np.ndarray, settings: Mapping[str, Any]) -> dict[str, float]:
@@ -165,9 +203,9 @@ def _comparisons(fit: Fit, mesh: Mesh, target: np.ndarray, settings: Mapping[str
 
 
 def _draw(folder: Path, fits: list[Fit], target: np.ndarray, marks: Mapping[str, float]) -> None:
-    """Draws the mesh before and after, the target, the error, the loss, the sheet and the animation; writes the mesh as PLY and SVG."""
+    """Draws the mesh before and after, target, error, loss, the sheet and the animation; writes the mesh as PLY, OBJ and SVG."""
     from teg.examples.triangulation import pictures
-    from teg.examples.triangulation.mesh_files import write_ply, write_svg
+    from teg.examples.triangulation.mesh_files import write_obj, write_ply, write_svg
 
     run, size = fits[0].descent, fits[0].size
 
@@ -185,7 +223,8 @@ def _draw(folder: Path, fits: list[Fit], target: np.ndarray, marks: Mapping[str,
     pictures.draw_loss(folder / "loss.png", {fit.label: fit.descent.losses for fit in fits}, marks)
     pictures.write_gif(folder / "descent.gif", [render(state, pictures.GIF_SIDE) for state in run.animation()])
     write_svg(folder / "mesh.svg", end.vertices, end.triangles, end.colours, size)
-    write_ply(folder / "mesh.ply", end.vertices, end.triangles, end.colours, size)
+    write_ply(folder / "mesh.ply", end.vertices, end.triangles, end.colours, size, np.logical_not(end.movable.any(axis=1)))
+    write_obj(folder / "mesh.obj", end.vertices, end.triangles, end.colours)
 
 
 def _summary(fits: list[Fit], marks: Mapping[str, float]) -> list[str]:
@@ -195,8 +234,9 @@ def _summary(fits: list[Fit], marks: Mapping[str, float]) -> list[str]:
     for fit in fits:
         run = fit.descent
         change = f"loss {run.losses[0]:.5f} → {run.losses[-1]:.5f}, {ratio(run.losses[-1], run.losses[0]):.1%} of the undeformed mesh"
-        lines.append(
-            f"{fit.label}: {change} in its best colours, {psnr(run.losses[-1]):.2f} dB, after {run.steps} steps in {run.seconds:.1f} s"
-        )
+        which = "the colours of its file" if fit.settings["keep_colours"] else "its best colours"
+        penalty = fit.penalty(run.state)
+        change += f" in {which}" + (f" (penalties: {penalty:.5f} of it)" if penalty else "")
+        lines.append(f"{fit.label}: {change}, {psnr(run.losses[-1] - penalty):.2f} dB, after {run.steps} steps in {run.seconds:.1f} s")
     lines += [f"{label}: loss {loss:.5f}, {psnr(loss):.2f} dB" for label, loss in marks.items()]
     return lines + [note for note in (fit.report()["note"] for fit in fits) if note]

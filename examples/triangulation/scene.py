@@ -13,6 +13,7 @@ which values are computed once a face and once a row, and where derivatives are 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import teg
@@ -79,6 +80,12 @@ class CompiledScene:
     by_colours: Evaluator
     backend: Backend
     degree: int
+    threads: int = 1
+
+    @cached_property
+    def by_both(self) -> Evaluator:
+        """Returns the program, compiled for second derivatives by vertices and colours."""
+        return teg.compile(picture_loss(self.degree), [VERTICES, COLOURS], backend=self.backend, threads=self.threads)
 
 
 def compile_scene(backend: Backend, discontinuities: Discontinuities = "exact", threads: int = 1, degree: int = 0) -> CompiledScene:
@@ -89,4 +96,5 @@ def compile_scene(backend: Backend, discontinuities: Discontinuities = "exact", 
         teg.compile(loss, [COLOURS, WEIGHTS], backend=backend, threads=threads),
         backend,
         degree,
+        threads,
     )

@@ -19,7 +19,7 @@ pytest.importorskip("tqdm")
 
 from teg.examples.perlin import pictures, run  # noqa: E402
 from teg.examples.perlin.descent import State, first_state, next_state  # noqa: E402
-from teg.examples.perlin.noise import PERSISTENCE, make_noise  # noqa: E402
+from teg.examples.perlin.noise import BLENDS, PERSISTENCE, make_noise  # noqa: E402
 from teg.examples.perlin.run import run_perlin, simple_approximations  # noqa: E402
 from teg.examples.perlin.scene import CORNERS, TARGET, CompiledScene, colour_names, compile_scene  # noqa: E402
 from teg.examples.perlin.shader_loss import ShaderLoss  # noqa: E402
@@ -177,6 +177,32 @@ def test_derivatives_go_back_by_the_transpose() -> None:
     assert np.linalg.norm(gradients.reshape(-1, 2), axis=1) == pytest.approx(1)
 
 
+@pytest.mark.parametrize(("blend", "quarter"), [("smoothstep", 0.15625), ("quintic", 0.103515625), ("linear", 0.25)])
+def test_a_blend_goes_from_one_node_to_the_next(blend: str, quarter: float) -> None:
+    np.testing.assert_allclose(BLENDS[blend](np.array([0, 0.25, 0.5, 1])), [0, quarter, 0.5, 1], atol=1e-15)
+    noise, gradients = make_noise((12, 6), 3, 2, 4, blend)
+    assert noise.corners(gradients).shape == (7, 13)
+    square, same = make_noise(12, 3, 1, 4, blend)
+    assert noise.matrix.shape[1] < 2 * (25 + 64)
+    assert square.corners(same).shape == (13, 13)
+
+
+def test_a_wide_picture_has_the_gradient_of_its_loss_and_its_derivative_is_that_of_the_picture(scene: CompiledScene) -> None:
+    random, h = np.random.default_rng(2), 1e-5
+    noise, gradients = make_noise((10, 6), 2, 2, 0, "quintic")
+    shader = ShaderLoss(scene, noise, random.uniform(0, 1, (6, 10, 3)), colour_cells=3)
+    parameters = np.concatenate([gradients, [0.05], random.uniform(0, 1, 6 * shader.nodes)])
+    assert shader.nodes == 4 * 3
+    direction = random.normal(size=len(parameters))
+    ahead, behind = (shader.value_and_gradient(parameters + s * h * direction)[0] for s in (1, -1))
+    assert shader.value_and_gradient(parameters)[1] @ direction == pytest.approx((ahead - behind) / (2 * h), rel=1e-6)
+    direction[len(gradients) + 1 :] = 0  # colours do not move
+    after, before = (shader.picture(parameters + s * h * direction, 2) for s in (1, -1))
+    slope = shader.slope_picture(parameters, direction, 2)
+    assert slope.shape == (12, 20, 3)
+    np.testing.assert_allclose(slope, (after - before) / (2 * h), atol=1e-6 * np.abs(slope).max())
+
+
 # -- the descent and the run -------------------------------------------------------------------------------------------
 
 
@@ -287,6 +313,9 @@ def test_the_command_line(photo: Path, tmp_path: Path, capsys: pytest.CaptureFix
     assert "exact gradient: loss" in out
     assert "plain automatic differentiation: loss" in out
     assert "perlin.png" in out
+    assert (tmp_path / "derivatives.png").stat().st_size > 5000
+    assert main(["demo", "perlin", str(photo), *small, "--node", "9999"]) == 2
+    assert "the number of the nodes" in capsys.readouterr().err
     assert main(["demo", "perlin", str(photo), *small, "--cells", "0"]) == 2
     assert "at least 1" in capsys.readouterr().err
 

@@ -19,7 +19,7 @@ from teg.examples.triangulation.colour_fit import TERMS, colours_at, products
 from teg.examples.triangulation.descent import OPTIMISERS, State, first_state, next_state
 from teg.examples.triangulation.image_loss import ImageLoss
 from teg.examples.triangulation.mesh import Mesh, make_mesh, signed_areas
-from teg.examples.triangulation.mesh_files import read_ply, write_ply, write_svg
+from teg.examples.triangulation.mesh_files import read_mesh, write_ply, write_svg
 from teg.examples.triangulation.pictures import render
 from teg.examples.triangulation.refinement import refine
 from teg.examples.triangulation.scene import compile_scene
@@ -147,7 +147,7 @@ def test_a_mesh_is_written_and_read(tmp_path: Path, scenes: list[Any]) -> None:
     mesh, path = make_mesh(20, WIDE), tmp_path / "mesh.ply"
     colours = np.random.default_rng(0).uniform(size=(len(mesh.triangles), 9))
     write_ply(path, mesh.vertices, mesh.triangles, colours, WIDE)
-    same, larger = read_ply(path, WIDE), read_ply(path, (48, 32))
+    same, larger = read_mesh(path, WIDE), read_mesh(path, (48, 32))
     np.testing.assert_allclose(same.vertices, mesh.vertices, atol=1e-12)
     np.testing.assert_array_equal(same.triangles, mesh.triangles)
     np.testing.assert_array_equal(same.movable, mesh.movable)
@@ -160,7 +160,7 @@ def test_a_mesh_is_written_and_read(tmp_path: Path, scenes: list[Any]) -> None:
     (tmp_path / "text.ply").write_text("ply")
     for name in ("folded.ply", "text.ply", "missing.ply"):
         with pytest.raises(InputError) as error:
-            read_ply(tmp_path / name, WIDE)
+            read_mesh(tmp_path / name, WIDE)
         assert name in error.value.what
 
 

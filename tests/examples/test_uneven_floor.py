@@ -48,6 +48,21 @@ def simulated(flight: Flight, search: Search) -> list[tuple[float, float]]:
     return contacts
 
 
+def test_a_floor_that_takes_energy() -> None:
+    flight = make_flight(FLOOR, 2, None, "numpy", 0.8)
+    search = find_path(flight, FLOOR, SETTINGS, "exact")
+    assert search.failure == ""
+    assert flight.rebound_error(search.moving) < 1e-9
+    assert flight.depth(search.moving) < 1e-9
+    level = make_flight("0", 3, None, "numpy", 0.7)
+    found = find_path(level, "0", SETTINGS, "exact")
+    assert found.failure == ""
+    energies = level.energies(found.moving)
+    times, places, _ = level.knots(found.moving)
+    across = (places[1] / times[1]) ** 2 / 2  # of the horizontal velocity nothing is lost
+    np.testing.assert_allclose(energies[1:] - across, 0.7**2 * (energies[:-1] - across), rtol=1e-8)
+
+
 def test_the_path_is_that_of_elastic_rebounds() -> None:
     flight = make_flight(FLOOR, 2, None, "numpy")
     search = find_path(flight, FLOOR, SETTINGS, "exact")
