@@ -19,6 +19,7 @@ from teg.analysis.breaks import BreakAnalysis
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
 from teg.analysis.sharp import LARGEST, Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
+from teg.analysis.surfaces import binders_inside
 from teg.ir.expr import ZERO, Compare, Const, Expr, Var, Where, const, positive, sub, where
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
@@ -178,9 +179,10 @@ class _OnPiece:
 
     def __init__(self, out: Emitter, expressions: Sequence[Expr], x: Var, level: Level) -> None:
         taken = frozenset[Var]().union(*(e.free for e in expressions))
+        inner = frozenset[Var]().union(*(binders_inside(e) for e in expressions))
         self.truths: dict[Compare, tuple[Var, tuple[Arg, Arg]]] = {}
         for node in postorder(expressions):
-            if isinstance(node, Compare) and x in node.free and level.is_constant(node):
+            if isinstance(node, Compare) and x in node.free and not node.free & inner and level.is_constant(node):
                 side = fresh(f"side{len(self.truths)}", taken)
                 self.truths[node] = side, out.truths(node, level)
         self._rewritten: dict[Node, Node] = {}
