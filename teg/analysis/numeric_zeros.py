@@ -28,6 +28,8 @@ FEWEST = 3
 """The fewest points that prove anything."""
 TOLERANCE = 2.0**-45
 """The largest value at a point, relative to the sum of the sizes of the terms: less than 3e-14 is what rounding leaves."""
+LEAST = 1e-200
+"""Smaller terms may have lost their digits, or underflown."""
 MOST_NODES = 300
 """Larger expressions are not looked at."""
 
@@ -70,16 +72,18 @@ def _symbols(e: Expr) -> list[Expr]:
 
 
 def _vanishes(e: Expr, at: Points) -> tuple[Any, Any]:
-    """Returns where e is 0 but for rounding, and where it is finite."""
+    """Returns where e is 0 but for rounding, and where it is finite. Terms cancel there; what underflows is not 0."""
     import numpy as np
 
     terms = e.children if isinstance(e, Add) else (e,)
     (value, *sizes) = values_of([e, *terms], at)
     shape = np.broadcast_shapes(*(np.shape(v) for v in at.values()))
-    scale = sum(np.abs(s) for s in sizes)
     if isinstance(e, Mul):
-        return np.any([_vanishes(f, at)[0] for f in e.children if isinstance(f, Add)] or [value == 0], axis=0), np.isfinite(value)
-    return np.broadcast_to(np.abs(value) <= TOLERANCE * scale, shape), np.broadcast_to(np.isfinite(value), shape)
+        small = np.any([np.zeros(shape, dtype=bool), *(_vanishes(f, at)[0] for f in e.children if isinstance(f, Add))], axis=0)
+    else:
+        scale = sum(np.abs(s) for s in sizes)
+        small = (np.abs(value) <= TOLERANCE * scale) & (scale > LEAST)
+    return np.broadcast_to(small, shape), np.broadcast_to(np.isfinite(value), shape)
 
 
 @lru_cache(maxsize=64)

@@ -47,6 +47,9 @@ def test_an_identity_is_seen(e: Expr, g: Expr) -> None:
         (teg.bracket(x**2.5 > t**2.5) * sin(x), x - t),
         (teg.integral(sin(y) * x, (y, 0, 1)) - t, x - t),
         (x - t, x * x - t * t),
+        (exp(-1e5 * x) * 1e5, x - t),
+        (exp(-1e5 * x) * x - exp(-1e6 * x), x - t),
+        (exp(-1e5 * x) * (x - t + s), x - t),
     ],
 )
 def test_what_only_nearly_or_partly_coincides_is_not(e: Expr, g: Expr) -> None:
