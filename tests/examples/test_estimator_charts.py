@@ -97,7 +97,7 @@ def test_plain_differentiation_is_silently_wrong_where_the_boundary_moves() -> N
 def test_one_case_again(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", "stability", "--case", "[x < t]³", "--backend", "numpy"]) == 0
     text = capsys.readouterr().out
-    assert all(method in text for method in COLUMNS)
+    assert all(method in text for method in COLUMNS if stability_report.can_be_asked(method, stability_report.cases()["[x < t]³"][1]))
     with pytest.raises(InputError) as raised:
         run_report.run_case("a disk that")
     assert "a disk that is born" in raised.value.hint
