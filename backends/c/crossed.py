@@ -3,9 +3,10 @@
     crossed(program)  ->  Crossed      the outputs, and `good`: whether they are right
     function          ->  a C function of eight points
 
-Polygons are weights of fixed nodes of their boxes (`crossing`), segments intervals that are cut by selects; everything else is
-arithmetic in the program already. A point with a tie, a thin triangle, a line along a side or a number that is not finite is not good, and
-is computed by the program as it is. So are estimates of errors, whose integrands are no polynomials.
+Polygons are weights of fixed nodes of their boxes (`crossing`), segments intervals that are cut by selects, or the chords of the polygon
+whose sides they are (`sides`); everything else is arithmetic in the program already. A point with a tie, a thin triangle, a line along a
+side or a number that is not finite is not good, and is computed by the program as it is. So are estimates of errors, whose integrands are
+no polynomials.
 
 Stages. A sum over nodes is a loop of its own, so the straight line is cut before and after the sums; each stage is a loop over the points,
 which the C compiler vectorises, and values that a later stage reads lie in arrays. Values that are the same for all points are
@@ -14,7 +15,7 @@ computed before.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Iterable, Iterator, Sequence
+from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from math import isnan
@@ -22,11 +23,13 @@ from math import isnan
 from teg.backends.c.crossing import MOST_DEGREE, MOST_LINES, STOUT, Crossing, Writer, crossing, nodes_of
 from teg.backends.c.frame import Frame, Step, assignments
 from teg.backends.c.polygon import SIDE_BY_SIDE
+from teg.backends.c.sides import Side, side_of
 from teg.backends.c.text import indent, literal
 from teg.backends.c.text import packed as in_few_lines
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import NEARLY, TIE_EPS, Arg, Assign, Polygon, Program, Segment, Stmt, When, assigned, statements
 from teg.program.fields import absent
+from teg.program.residues import Residues, random_residue
 
 SIDE = 8
 """Points side by side."""
@@ -36,6 +39,8 @@ LONGEST = 5000
 """Statements of a straight line with each loop over nodes counted once."""
 MOST = 1600
 """Statements of a program that is looked at."""
+POINTS = 2
+"""Random points at which equations must hold."""
 ARITHMETIC = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select", "min", "max", "lower", "upper"}
 OPPOSITES = {("gt0", "le0"), ("le0", "gt0"), ("ge0", "lt0"), ("lt0", "ge0")}
 SELECTIONS = {"select", "lower", "upper", "min", "max"}
@@ -71,11 +76,12 @@ class Crossed:
     good: Arg
 
 
-def crossed(program: Program) -> Crossed | None:
-    """Returns the straight line; None if there is none, or no surface."""
+def crossed(program: Program, inputs: Sequence[Mapping[str, int | None]] | None = None) -> Crossed | None:
+    """Returns the straight line; None if there is none, or no surface. `inputs` has the residues of the parameters at several random
+    points; by default, nothing connects them."""
     if len(program.body) > MOST or not any(isinstance(s, Polygon | Segment) for s in statements(program.body)):
         return None
-    line = _Line(program)
+    line = _Line(program, inputs or unconnected(program))
     if not line.through(program.body, True):
         return None
     w = line.writer
@@ -90,15 +96,22 @@ def crossed(program: Program) -> Crossed | None:
     return Crossed(tuple(items), outputs, good) if short and _is_arithmetic(items) else None
 
 
+def unconnected(program: Program) -> list[Mapping[str, int | None]]:
+    """Returns residues of the parameters of a program, at several points, which nothing connects."""
+    return [{f"p{i}": random_residue(point, i) for i in range(len(program.parameters))} for point in range(POINTS)]
+
+
 class _Line:
     """The items of the straight line, and the conditions under which it is the program."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: Program, inputs: Sequence[Mapping[str, int | None]]) -> None:
         used = (int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit())
         self._numbers = count(1 + max(used, default=0))
         self.writer = Writer(self._numbers)
         self.items: list[Item] = []
         self.conditions: list[Arg] = []
+        self._residues = [_residues(program, known) for known in inputs]
+        self._polygons: list[tuple[Polygon, Crossing]] = []
         self.defined: dict[Arg, None] = {}
         """Numbers that must not be NaN."""
         self._made: dict[Arg, Assign] = {}
@@ -169,7 +182,9 @@ class _Line:
         for s in block:
             assert isinstance(s, Assign)
             s = replace(s, args=tuple(map(self.value, s.args)))
-            if s.op == "select" and isinstance(other := self._made.get(s.args[2]), Assign) and _is_nan_else(other):
+            if s.op == "select" and (holds := self._known_truth(s.args[0])) is not None:
+                s = Assign(s.name, "const", (s.args[1 if holds else 2],))
+            elif s.op == "select" and isinstance(other := self._made.get(s.args[2]), Assign) and _is_nan_else(other):
                 undefined = self._apart(s.args[0], other.args[0])
                 if undefined is not None:
                     self.defined |= dict.fromkeys(undefined)
@@ -177,6 +192,11 @@ class _Line:
             self._made[s.name] = s
             lines += _products(s, self._numbers)
         return lines
+
+    def _known_truth(self, condition: Arg) -> bool | None:
+        """Returns whether a condition holds in every box of positive extent, if that is known."""
+        truths = {residues.truth(condition) for residues in self._residues}
+        return truths.pop() if len(truths) == 1 else None
 
     def _apart(self, first: Arg, second: Arg) -> set[Arg] | None:
         """Returns the numbers which are NaN wherever neither of two conditions holds; None if they are no opposites."""
@@ -208,6 +228,8 @@ class _Line:
         planes = [replace(g, a=self.value(g.a), b=self.value(g.b), c=self.value(g.c)) for g in stmt.half_planes]
         width, height = self.value(stmt.width), self.value(stmt.height)
         cut = crossing(w, planes, width, height, stmt.degree, 3 if stmt.corners else 0)
+        self._polygons.append((stmt, cut))
+        cut.conditions.extend(w.positive(extent) for extent in (width, height) if isinstance(extent, str))
         nodes = nodes_of(stmt.degree)
         x, y = (f"v{next(self._numbers)}" for _ in range(2))
         places = {x: tuple(p for p, _ in nodes), y: tuple(q for _, q in nodes)}
@@ -238,6 +260,19 @@ class _Line:
         """Appends a segment; returns the conditions under which it is right."""
         w = self.writer
         w.lines += self._block(stmt.setup)
+        start, length, conditions = self._of_a_side(stmt) or self._cut(stmt)
+        nodes, weights = gauss_legendre(stmt.nodes)
+        at = f"v{next(self._numbers)}"
+        places = {at: tuple(0.5 + 0.5 * float(u) for u in nodes)}
+        inside = Writer(self._numbers)
+        inside.lines.append(Assign(stmt.var, "add", (start, inside.mul(length, at))))
+        body = (*inside.lines, *self._block(stmt.body))
+        self._sums(stmt, Nodes(places, tuple(0.5 * float(v) for v in weights), body, (), ()), length)
+        return conditions
+
+    def _cut(self, stmt: Segment) -> tuple[Arg, Arg, list[Arg]]:
+        """Returns where the part of a segment begins that is in all half-lines, its length, and conditions."""
+        w = self.writer
         start: Arg = 0.0
         stop: Arg = 1.0
         changes: list[Arg] = []
@@ -254,15 +289,40 @@ class _Line:
             size = 0.0 if g.k is None else w.mul(NEARLY, self.value(g.size))
             conditions.append(w.positive(w.sub(larger, size)))
         conditions.append(w.finite(*changes))
-        length = w.upper(w.sub(stop, start), 0.0)
-        nodes, weights = gauss_legendre(stmt.nodes)
-        at = f"v{next(self._numbers)}"
-        places = {at: tuple(0.5 + 0.5 * float(u) for u in nodes)}
-        inside = Writer(self._numbers)
-        inside.lines.append(Assign(stmt.var, "add", (start, inside.mul(length, at))))
-        body = (*inside.lines, *self._block(stmt.body))
-        self._sums(stmt, Nodes(places, tuple(0.5 * float(v) for v in weights), body, (), ()), length)
-        return conditions
+        return start, w.upper(w.sub(stop, start), 0.0), conditions
+
+    def _of_a_side(self, stmt: Segment) -> tuple[Arg, Arg, list[Arg]] | None:
+        """Returns the same of a segment that is a side of a polygon: its chord there."""
+        w = self.writer
+        polygon, cut, side = next(((p, c, s) for p, c in self._polygons if (s := side_of(p, stmt, self._residues))), (None, None, None))
+        if polygon is None or cut is None or side is None:
+            return None
+        half_width, half_height = (w.mul(0.5, self.value(extent)) for extent in (polygon.width, polygon.height))
+        line, chord = cut.lines[side.line], cut.chords[side.line]
+        planes = [[self.value(g.a), self.value(g.b), self.value(g.c)] for g in polygon.half_planes]
+        ends = [[self.value(at[end]) for at in (side.u, side.v)] for end in (0, 1)]
+        across, up = self._along(side, *planes[side.line][:2])
+        per_square = w.div(1.0, w.add(w.mul(across, across), w.mul(up, up)))
+        x, y = cut.middle_of(w, side.line)
+        right = w.sub(w.add(half_width, w.mul(half_width, x)), ends[0][0])
+        above = w.sub(w.add(half_height, w.mul(half_height, y)), ends[0][1])
+        middle = w.mul(per_square, w.add(w.mul(right, across), w.mul(above, up)))
+        each = w.mul(per_square, w.sub(w.mul(half_width, line.b, across), w.mul(half_height, line.a, up)))
+        half = w.mul(w.abs(each), chord.half)
+        conditions = [w.positive(per_square), *cut.runs_along_no_side(w, side.line)]
+        for number, end in side.ahead:
+            a, b, c = planes[number]
+            at = polygon.across if polygon.corners and number < 3 else w.add(w.mul(a, ends[end][0]), w.mul(b, ends[end][1]), c)
+            conditions.append(w.positive(self.value(at)))
+        return w.sub(middle, half), w.mul(2.0, half), conditions
+
+    def _along(self, side: Side, a: Arg, b: Arg) -> tuple[Arg, Arg]:
+        """Returns the difference of the ends of a side in u and in v; of the half-plane's slopes where it can be, which may be steady."""
+        w = self.writer
+        if side.sign:
+            return w.mul(float(side.sign), b), w.mul(float(-side.sign), a)
+        first, second = ([self.value(end) for end in ends] for ends in (side.u, side.v))
+        return w.sub(first[1], first[0]), w.sub(second[1], second[0])
 
     def _sums(self, stmt: Polygon | Segment, nodes: Nodes, extent: Arg) -> None:
         """Appends the sums over nodes, and the results that they give."""
@@ -277,6 +337,18 @@ class _Line:
             if factor not in scaled:
                 scaled[factor] = w.mul(extent, factor)
             w.lines.append(Assign(result, "mul", (scaled[factor], sums[self.value(value)])))
+
+
+def _residues(program: Program, inputs: Mapping[str, int | None]) -> Residues:
+    """Returns the residues of a program, in which boxes are taken to have positive extents."""
+    residues = Residues(inputs)
+    block = list(statements(program.body))
+    residues.follow(block)
+    for extent in (e for s in block if isinstance(s, Polygon) for e in (s.width, s.height)):
+        if (residue := residues.of(extent)) and (isinstance(extent, str) or extent > 0.0):
+            residues.assume_positive(residue)
+    residues.follow(block)
+    return residues
 
 
 def _is_nan_else(stmt: Assign) -> bool:

@@ -131,13 +131,38 @@ class _Line(NamedTuple):
     per_b: Arg
 
 
+class _Chord(NamedTuple):
+    """What the box and the other half-planes leave of a line: s from middle - half to middle + half. `last` is s where X = 1."""
+
+    middle: Arg
+    half: Arg
+    last: Arg
+
+
 class Crossing(NamedTuple):
-    """The weights of `nodes_of(degree)` relative to the area width·height/4, the scaled slopes and constants of the half-planes, and the
-    conditions under which the weights are right."""
+    """The weights of `nodes_of(degree)` relative to the area width·height/4, the scaled slopes and constants of the half-planes, their
+    lines and chords, and the conditions under which the weights are right."""
 
     weights: list[Arg]
     scaled: list[tuple[Arg, Arg, Arg]]
+    lines: list[_Line]
+    chords: list[_Chord]
     conditions: list[Arg]
+
+    def middle_of(self, w: Writer, number: int) -> tuple[Arg, Arg]:
+        """Returns the middle (X, Y) of a chord."""
+        line, chord = self.lines[number], self.chords[number]
+        return w.add(line.px, w.mul(chord.middle, line.b)), w.sub(line.py, w.mul(chord.middle, line.a))
+
+    def runs_along_no_side(self, w: Writer, number: int) -> list[Arg]:
+        """Returns the conditions that a line runs along no side of the box."""
+        line = self.lines[number]
+        size_a, size_b = w.abs(line.a), w.abs(line.b)
+
+        def away(size: Arg, other: Arg, at: Arg) -> Arg:
+            return w.positive(w.upper(w.sub(size, w.mul(ALONG, other)), w.sub(w.abs(w.sub(w.abs(at), 1.0)), ALONG)))
+
+        return [away(size_b, size_a, line.px), away(size_a, size_b, line.py)]
 
 
 def crossing(w: Writer, planes: Sequence[HalfPlane], width: Arg, height: Arg, degree: int, apart: int) -> Crossing:
@@ -151,10 +176,11 @@ def crossing(w: Writer, planes: Sequence[HalfPlane], width: Arg, height: Arg, de
     conditions: list[Arg] = []
     lines = [_line(w, *g, conditions) for g in scaled]
     cuts = _cuts(w, lines, conditions, apart)
-    total = _moments(w, lines, cuts, degree)
+    chords = [_chord(w, *g) for g in zip(lines, cuts, strict=True)]
+    total = _moments(w, lines, chords, degree)
     area = total[0, 0]
     conditions.append(w.any(w.positive(w.sub(area, 4.0 * SPECK)), w.put("b", "le0", w.abs(area))))
-    return Crossing(_weights(w, total, degree), scaled, conditions)
+    return Crossing(_weights(w, total, degree), scaled, lines, chords, conditions)
 
 
 def _line(w: Writer, a: Arg, b: Arg, c: Arg, conditions: list[Arg]) -> _Line:
@@ -191,22 +217,25 @@ def _cuts(w: Writer, lines: Sequence[_Line], conditions: list[Arg], stout: int) 
     return cuts
 
 
-def _moments(w: Writer, lines: Sequence[_Line], cuts: Sequence[Sequence[tuple[Arg, Arg]]], degree: int) -> Moments:
+def _chord(w: Writer, line: _Line, crossings: Sequence[tuple[Arg, Arg]]) -> _Chord:
+    """Returns what the box and the crossings leave of a line."""
+    first, last = w.mul(w.sub(-1.0, line.px), line.per_b), w.mul(w.sub(1.0, line.px), line.per_b)
+    bottom, top = w.mul(w.sub(line.py, -1.0), line.per_a), w.mul(w.sub(line.py, 1.0), line.per_a)
+    start: Arg = w.upper(w.lower(first, last), w.lower(bottom, top))
+    stop: Arg = w.lower(w.upper(first, last), w.upper(bottom, top))
+    for at, beyond in crossings:
+        up = w.positive(beyond)
+        start, stop = w.select(up, w.upper(start, at), start), w.select(up, stop, w.lower(stop, at))
+    return _Chord(w.mul(0.5, w.add(start, stop)), w.mul(0.5, w.upper(w.sub(stop, start), 0.0)), last)
+
+
+def _moments(w: Writer, lines: Sequence[_Line], chords: Sequence[_Chord], degree: int) -> Moments:
     """Returns the moments to a degree of what all half-planes leave of [-1, 1]²."""
     terms: dict[tuple[int, int], list[Arg]] = {(p, q): [] for p in range(degree + 1) for q in range(degree + 1 - p)}
     nodes, node_weights = gauss_legendre((degree + 3) // 2)
     lowest: Arg = -1.0
     highest: Arg = 1.0
-    for line, crossings in zip(lines, cuts, strict=True):
-        first, last = w.mul(w.sub(-1.0, line.px), line.per_b), w.mul(w.sub(1.0, line.px), line.per_b)
-        bottom, top = w.mul(w.sub(line.py, -1.0), line.per_a), w.mul(w.sub(line.py, 1.0), line.per_a)
-        start: Arg = w.upper(w.lower(first, last), w.lower(bottom, top))
-        stop: Arg = w.lower(w.upper(first, last), w.upper(bottom, top))
-        for at, beyond in crossings:
-            up = w.positive(beyond)
-            start, stop = w.select(up, w.upper(start, at), start), w.select(up, stop, w.lower(stop, at))
-        half = w.mul(0.5, w.upper(w.sub(stop, start), 0.0))
-        middle = w.mul(0.5, w.add(start, stop))
+    for line, (middle, half, last) in zip(lines, chords, strict=True):
         rise = w.neg(w.mul(half, line.a))
         for u, weight in zip(nodes, node_weights, strict=True):
             s = w.add(middle, w.mul(half, float(u)))

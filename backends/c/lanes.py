@@ -78,8 +78,8 @@ class Straight:
     decided_by: list[int]
     line: str | None
     used: list[int]
-    crossed: str | None
-    crossed_by: list[int]
+    crossed: str | None = None
+    crossed_by: Sequence[int] = ()
     narrow: str | None = None
     narrowed_by: tuple[int, ...] = ()
     heights: int = 0

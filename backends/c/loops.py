@@ -21,7 +21,9 @@ import numpy.typing as npt
 from teg.backends.branches import with_branches_in_loops
 from teg.backends.c.batch import ABI, exported, unwatched
 from teg.backends.c.build import load_library
+from teg.backends.c.crossed import POINTS
 from teg.backends.c.frame import Routine
+from teg.backends.c.joined import input_residues
 from teg.backends.c.kernel import LONG, optimisation
 from teg.backends.c.lanes import SIDE, Straight, decisive_branch
 from teg.backends.c.printer import Printer
@@ -148,24 +150,32 @@ class _ArrayPrinter:
         self.copied: frozenset[int] = frozenset()  # the outputs of which the chunk that is printed has a copy, t{j}_
         self.straights: dict[int, Straight] = {}  # of the only flat program of an innermost loop
         self.queues: dict[int, Queue] = {}  # of such a flat program
+        self.telling: set[int] = set()  # the flat programs that return whether their branch is taken
+        candidates: list[tuple[Loop, Run, Queue | None]] = []
         for loop, around in with_enclosing(program.body):
             if only := _only_run(loop):
-                inside = {name for s in loop.body for name in result_names(s)}
-                varying = {i for i, arg in enumerate(only.inputs) if arg in inside}
-                queue = queue_of(loop, only, around)
-                numbers = {s.name for s in loop.body if isinstance(s, Number) and s.integer == loop.index}
-                counted = {i for i, arg in enumerate(only.inputs) if arg in numbers}
-                waiting = queue.varying if queue else None
-                if varying and (found := self.printer.packed(only.program, varying, SIDE, waiting, counted)):
-                    self.straights[id(only)] = found
-                    if queue and found.crossed:
-                        self.queues[id(only)] = queue
+                candidates.append((loop, only, queue_of(loop, only, around)))
+        connected = [input_residues(program.body, [q.run for _, _, q in candidates if q], point) for point in range(POINTS)]
+        for loop, only, queue in candidates:
+            inside = {name for s in loop.body for name in result_names(s)}
+            varying = {i for i, arg in enumerate(only.inputs) if arg in inside}
+            numbers = {s.name for s in loop.body if isinstance(s, Number) and s.integer == loop.index}
+            counted = {i for i, arg in enumerate(only.inputs) if arg in numbers}
+            if not varying or not (found := self.printer.packed(only.program, varying, SIDE, counted)):
+                continue
+            if queue:
+                found = self.printer.with_crossed(found, queue.run.program, queue.varying, [c[id(queue.run)] for c in connected])
+                if found.crossed:
+                    self.queues[id(only)] = queue
+            self.straights[id(only)] = found
         for step in steps(program.body):
             if isinstance(step, Run):
+                queue = self.queues.get(id(step))
                 branch = None if id(step) in self.straights else decisive_branch(step.program)
-                kind = "rest" if id(step) in self.queues else "run"
-                routine = self.printer.element(step.program, kind, BY_VALUE, branch.when if branch else None)
-                self.routines[id(step)] = routine
+                self.telling |= {id(step)} if branch else set()
+                run = queue.run if queue else step
+                routine = self.printer.element(run.program, "rest" if queue else "run", BY_VALUE, branch.when if branch else None)
+                self.routines[id(run)] = routine
                 again = len(step.results) if has_ties(step.program.body) else 0
                 self.space = max(self.space, routine.workspace + again + len(step.results))
         self.context = any(r.context for r in self.routines.values())
@@ -276,7 +286,7 @@ class _ArrayPrinter:
         inputs = [_spell(a) if isinstance(a, str) else literal(float(a)) for a in step.inputs]
 
         passed = [*([] if routine.indirect else inputs), array, *["w"] * (routine.workspace > 0), *["&ctx"] * routine.context]
-        told = id(step) not in self.straights and decisive_branch(step.program) is not None
+        told = id(step) in self.telling
         call = f"{f'{array}_taken = ' if told else ''}{routine.name}({', '.join(passed)});"
         gather = packed(f"w[{i}] = {value};" for i, value in enumerate(inputs)) if routine.indirect else []
         gather += ["ctx.work = 0;"] if any(isinstance(s, Integrate) for s in compound(step.program.body)) else []
@@ -388,7 +398,7 @@ class _ArrayPrinter:
     def _flushed(self, queue: Queue) -> list[str]:
         """Returns lines that compute the iterations in a queue; if it is not full, the last one is repeated."""
         run, name, array, count = queue.run, queue.name, _array(queue.run), len(queue.run.results)
-        straight = self.straights[id(run)]
+        straight = next(self.straights[only] for only, q in self.queues.items() if q is queue)
         given = [f"queue_{name}[{queue.varying.index(i)}]" if i in queue.varying else _spell(run.inputs[i]) for i in straight.crossed_by]
         declaration, *call = self._run(run)
         inputs = [f"const double {run.inputs[i]} = queue_{name}[{m}][k];" for m, i in enumerate(queue.varying)]
@@ -491,13 +501,14 @@ class _ArrayPrinter:
         """Returns lines that give one iteration its results: 0, those of the straight line, or those of the program, at once or from a
         queue."""
         array, count = _array(run), len(run.results)
-        declaration, *call = self._run(run)
+        declaration = f"double {array}[{count}];"
         copied = f"for (int j = 0; j < {count}; j++) {array}[j] = f[{SIDE} * j + k];"
         if queue := self.queues.get(id(run)):
             if not queue.after:
                 return self._pushed(queue)
             waits = ["if (!fast[k]) {", *indent(*self._pushed(queue), "continue;"), "}"]
             return [*waits, declaration, *([copied] if straight.line else [])]
+        declaration, *call = self._run(run)
         ways = [f"if (!live[k]) teg_fill({array}, {count}, 0.0);", "else {"] if adding else ["{"]
         if straight.line:
             ways[-1:] = [f"{ways[-1][:-1]}if (fast[k]) {copied}", "else {"]

@@ -16,7 +16,7 @@ captured values where there are more than BY_VALUE.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Container, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import cast
@@ -108,7 +108,8 @@ def print_kernel(
     printer = Printer(counted)
     element = printer.element(program)
     every = range(len(program.parameters))
-    packed = None if counted else printer.packed(program, every, together(program), every)
+    packed = None if counted else printer.packed(program, every, together(program))
+    packed = printer.with_crossed(packed, program, every) if packed else None
     texts = [*printer.texts, wrapped(batch_loop(program, name, element, real, packed))]
     tables = printer.tables()
     called = tuple(sorted(printer.called))
@@ -199,17 +200,9 @@ class Printer:
         storage = "TEG_INLINE" if kind == "run" and self.inlined and not frame.indirect else "static"
         return self._routine(kind, frame, f"{storage} {'void' if told is None else 'int'} {frame.signature('f')}", inside)
 
-    def packed(
-        self,
-        program: Program,
-        varying: Collection[int],
-        apart: int,
-        in_queue: Container[int] | None = None,
-        indices: Collection[int] = (),
-    ) -> Straight | None:
+    def packed(self, program: Program, varying: Collection[int], apart: int, indices: Collection[int] = ()) -> Straight | None:
         """Returns the functions that take eight points at once, if there are any; inputs not in `varying` are the same for all, those in
-        `indices` are the number of the point, the outputs of a point lie `apart`. There is one of points that surfaces cross if it is known
-        which inputs differ `in_queue`."""
+        `indices` are the number of the point, the outputs of a point lie `apart`."""
         found = c_packed.packed(program)
         if found is None:
             return None
@@ -224,14 +217,22 @@ class Printer:
                 line = self._once("straight", wrapped([f"TEG_APART void @({given})", "{", *indent(*inside), "}"])).name
             else:
                 line = self._side_by_side("straight", f"void @({given})", inside)
-        across = None if in_queue is None else c_crossed.crossed(program)
-        name = None
-        if across is not None and in_queue is not None:
-            given = c_packed.signature(c_crossed.inputs_of(across), in_queue, "double *restrict f", "double *restrict good")
-            inside = c_crossed.function(across, in_queue, SIDE)
-            name = self._once("crossed", wrapped([f"static void @({given})", "{", *indent(*inside), "}"])).name
-        made = Straight(decision, decided_by, line, used, name, c_crossed.inputs_of(across) if across else [])
+        made = Straight(decision, decided_by, line, used)
         return self._narrowed(made, found, varying, indices) if indices else made
+
+    def with_crossed(
+        self, made: Straight, program: Program, in_queue: Container[int], inputs: Sequence[Mapping[str, int | None]] | None = None
+    ) -> Straight:
+        """Returns the functions with that of points that surfaces cross, if there is one. `in_queue` are the inputs that differ between
+        such points, `inputs` residues of all of them (`crossed`)."""
+        across = c_crossed.crossed(program, inputs)
+        if across is None:
+            return made
+        used = c_crossed.inputs_of(across)
+        given = c_packed.signature(used, in_queue, "double *restrict f", "double *restrict good")
+        inside = c_crossed.function(across, in_queue, SIDE)
+        name = self._once("crossed", wrapped([f"static void @({given})", "{", *indent(*inside), "}"])).name
+        return replace(made, crossed=name, crossed_by=used)
 
     def _narrowed(self, made: Straight, found: Packed, varying: Collection[int], indices: Collection[int]) -> Straight:
         """Returns the same with the function by which a range of points is narrowed, if there is one."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+from teg.backends.c.joined import joined
 from teg.backends.c.lanes import SIDE
 from teg.program.arrays import Arg, Integers, Loop, Run, Scatter, Step, steps
 from teg.program.fields import operands, result_names
@@ -20,9 +21,9 @@ from teg.program.fields import operands, result_names
 
 @dataclass(frozen=True, slots=True)
 class Queue:
-    """The queue of an innermost loop. `chain` has the loops from the carrier to that one, `varying` the numbers of the inputs that change
-    inside the carrier, `sums` the results of the carrier with the results of the flat program that are added to them, `integers` what
-    the subscripts in `after` are computed from."""
+    """The queue of an innermost loop. `run` is computed of what waits, `chain` has the loops from the carrier to that one, `varying` the
+    numbers of the inputs that change inside the carrier, `sums` the results of the carrier with the results of the flat program that are
+    added to them, `integers` what the subscripts in `after` are computed from."""
 
     run: Run
     chain: tuple[Loop, ...]
@@ -100,6 +101,7 @@ def queue_of(loop: Loop, run: Run, around: Sequence[Loop]) -> Queue | None:
         sums = [(r, known[v]) for r, v in zip(outer.results, outer.values, strict=True) if isinstance(v, str) and v in known]
         chain.insert(0, outer)
     inside = {name for s in steps(chain[0].body) for name in result_names(s)} | {step.index for step in _loops(chain)}
+    run = joined(run, [s for s in steps(chain[0].body) if isinstance(s, Run) and s is not run])
     varying = tuple(i for i, arg in enumerate(run.inputs) if arg in inside)
     integers = _integers(chain, {a for s in scatters for a in s.subscripts})
     return None if integers is None else Queue(run, tuple(chain), varying, tuple(sums), scatters, integers)

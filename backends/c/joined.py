@@ -1,0 +1,94 @@
+"""A flat program together with those of the loops around it, where it is computed long after these.
+
+What waits in a queue is written once and read once; arithmetic on eight points at once costs less than that. So a point that waits keeps
+its indices and data, and what the loops around it had computed from them is computed again.
+
+    joined(run, makers)  ->  Run         the flat program of `run`, in which those of some `makers` are inlined
+    input_residues(...)  ->  residues    of what a flat program in an array program is given
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import count
+from typing import Any
+
+from teg.backends.c.polygon import SIDE_BY_SIDE
+from teg.program import Arg, Assign, Program, assigned, statements
+from teg.program.arrays import Integers, Load, Number, Run, Step, steps
+from teg.program.fields import renamed
+from teg.program.residues import P, Residues, random_residue, residue_of
+
+ARITHMETIC = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select", "min", "max"}
+LONGEST = 200
+"""Statements of a program that is computed again."""
+SAVED = 3
+"""So many numbers less must wait, at least."""
+
+
+def joined(run: Run, makers: Sequence[Run]) -> Run:
+    """Returns a flat program with the makers of its inputs inlined, in the order in which they are run; `run` itself if fewer inputs do not
+    come of it."""
+    wanted = set(run.inputs)
+    kept: list[Run] = []
+    for maker in reversed(makers):
+        if not wanted.isdisjoint(maker.results) and _is_short(maker.program):
+            kept.append(maker)
+            wanted = (wanted - set(maker.results)) | set(maker.inputs)
+    if len({a for a in wanted if isinstance(a, str)}) + SAVED > len({a for a in run.inputs if isinstance(a, str)}):
+        return run
+    used = (int(n[1:]) for s in statements(run.program.body) for n in assigned(s) if n[1:].isdigit())
+    numbers = count(1 + max(used, default=0))
+    inputs: dict[Arg, str] = {}
+    spelled: dict[Arg, Arg] = {}
+
+    def place(arg: Arg) -> Arg:
+        if not isinstance(arg, str):
+            return arg
+        return spelled[arg] if arg in spelled else inputs.setdefault(arg, f"p{len(inputs)}")
+
+    body: list[Assign] = []
+    for maker in reversed(kept):
+        names: dict[Any, Any] = {f"p{i}": place(a) for i, a in enumerate(maker.inputs)}
+        for s in maker.program.body:
+            assert isinstance(s, Assign)
+            names[s.name] = f"{s.name[0]}{next(numbers)}"
+            body.append(replace(s, name=names[s.name], args=tuple(names.get(a, a) for a in s.args)))
+        spelled |= {r: names.get(o, o) for r, o in zip(maker.results, maker.program.outputs, strict=True)}
+    own: dict[str, Any] = {f"p{i}": place(a) for i, a in enumerate(run.inputs)}
+    rest = tuple(renamed(s, own) for s in run.program.body)
+    outputs = tuple(own.get(o, o) if isinstance(o, str) else o for o in run.program.outputs)
+    program = replace(run.program, parameters=tuple(map(str, inputs)), body=(*body, *rest), outputs=outputs)
+    return Run(program, tuple(inputs), run.results)
+
+
+def _is_short(program: Program) -> bool:
+    return len(program.body) <= LONGEST and all(isinstance(s, Assign) and s.op in ARITHMETIC for s in program.body)
+
+
+def input_residues(body: tuple[Step, ...], runs: Sequence[Run], point: int) -> dict[int, dict[str, int | None]]:
+    """Returns residues of the parameters of flat programs, by the identity of each, at a random point of the data: what the array program
+    computes connects them."""
+    known: dict[Arg, int | None] = {}
+
+    def of(arg: Arg) -> int | None:
+        return residue_of(float(arg)) if not isinstance(arg, str) else known.setdefault(arg, random_residue(point, arg))
+
+    for step in steps(body):
+        match step:
+            case Number():
+                known[step.name] = of(step.integer)
+            case Load():
+                known[step.name] = random_residue(point, step.array, step.subscripts)
+            case Integers(op="add" | "sub" | "mul"):
+                a, b = map(of, step.args)
+                if a is not None and b is not None:
+                    known[step.name] = (a + b if step.op == "add" else a - b if step.op == "sub" else a * b) % P
+            case Run():
+                residues = Residues({f"p{i}": of(a) for i, a in enumerate(step.inputs)})
+                residues.follow(step.program.body)
+                known |= {r: residues.of(o) for r, o in zip(step.results, step.program.outputs, strict=True)}
+            case _:
+                pass
+    return {id(run): {f"p{i}": of(a) for i, a in enumerate(run.inputs)} for run in runs}
