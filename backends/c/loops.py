@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.branches import with_branches_in_loops
+from teg.backends.c.adjoints import with_adjoints
 from teg.backends.c.batch import ABI, exported, unwatched
 from teg.backends.c.build import load_library
 from teg.backends.c.crossed import POINTS
@@ -140,7 +141,7 @@ def _title(program: ArrayProgram) -> str:
 
 class _ArrayPrinter:
     def __init__(self, program: ArrayProgram, name: str, tabled: TabledProgram | None) -> None:
-        self.program, self.name, self.tabled = with_branches_in_loops(program), name, tabled
+        self.program, self.name, self.tabled = with_branches_in_loops(with_adjoints(program)), name, tabled
         program = self.program
         self.printer = Printer()
         self.routines: dict[int, Routine] = {}
