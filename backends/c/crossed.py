@@ -20,7 +20,8 @@ from dataclasses import dataclass, replace
 from itertools import count
 from math import isnan
 
-from teg.backends.c.crossing import MOST_DEGREE, MOST_LINES, STOUT, Crossing, Writer, crossing, nodes_of
+from teg.backends.c.crossing import MOST_DEGREE, MOST_LINES, STOUT, Crossing, Writer, crossing, nodes_of, weights
+from teg.backends.c.expanded import integrals
 from teg.backends.c.frame import Frame, Step, assignments
 from teg.backends.c.polygon import SIDE_BY_SIDE
 from teg.backends.c.sides import Side, side_of
@@ -230,31 +231,49 @@ class _Line:
         cut = crossing(w, planes, width, height, stmt.degree, 3 if stmt.corners else 0)
         self._polygons.append((stmt, cut))
         cut.conditions.extend(w.positive(extent) for extent in (width, height) if isinstance(extent, str))
+        half_width, half_height = w.mul(0.5, width), w.mul(0.5, height)
+        area = w.mul(half_width, half_height)
+        coordinates = self._barycentric(stmt, cut) if stmt.corners else []
+        known = {stmt.variables[0]: (half_width, half_width, 0.0), stmt.variables[1]: (half_height, 0.0, half_height)}
+        known |= dict(zip(stmt.variables[2:], coordinates, strict=True))
         nodes = nodes_of(stmt.degree)
         x, y = (f"v{next(self._numbers)}" for _ in range(2))
-        places = {x: tuple(p for p, _ in nodes), y: tuple(q for _, q in nodes)}
-        half_width, half_height = w.mul(0.5, width), w.mul(0.5, height)
         inside = Writer(self._numbers)
-        for variable, half, at in ((stmt.variables[0], half_width, x), (stmt.variables[1], half_height, y)):
-            inside.lines.append(Assign(variable, "add", (half, inside.mul(half, at))))
-        if stmt.corners:
-            cut.conditions.extend(self._barycentric(stmt, cut, (x, y), inside))
-        body = (*inside.lines, *self._block(stmt.body))
-        self._sums(stmt, Nodes(places, tuple(cut.weights), body, (), ()), w.mul(half_width, half_height))
+        for variable, (constant, by_x, by_y) in known.items():
+            inside.lines.append(Assign(variable, "add", (constant, inside.mul(by_x, x), inside.mul(by_y, y))))
+        body = self._block(stmt.body)
+        values = list(dict.fromkeys(map(self.value, stmt.values)))
+        short = (len(inside.lines) + len(body) + 2 * len(values)) * len(nodes)
+        if (found := self._expanded(body, values, known, cut, short)) is not None:
+            self._results(stmt, found, area)
+            return cut.conditions
+        places = {x: tuple(p for p, _ in nodes), y: tuple(q for _, q in nodes)}
+        at_nodes = tuple(weights(w, cut.moments, stmt.degree))
+        self._sums(stmt, Nodes(places, at_nodes, (*inside.lines, *body), (), ()), area)
         return cut.conditions
 
-    def _barycentric(self, stmt: Polygon, cut: Crossing, at: tuple[str, str], inside: Writer) -> list[Arg]:
-        """Computes the barycentric coordinates of nodes; returns whether the triangle is stout."""
+    def _expanded(
+        self, body: Sequence[Assign], values: Sequence[Arg], known: Mapping[str, tuple[Arg, Arg, Arg]], cut: Crossing, most: int
+    ) -> dict[Arg, Arg] | None:
+        """Returns the integrals of values from the moments, if that takes no more than `most` statements."""
+        variables = {name: {(0, 0): c, (1, 0): a, (0, 1): b} for name, (c, a, b) in known.items()}
+        w = Writer(self._numbers)
+        found = integrals(w, body, values, variables, cut.moments)
+        if found is None or len(w.lines) > most:
+            return None
+        self.writer.lines += w.lines
+        return found
+
+    def _barycentric(self, stmt: Polygon, cut: Crossing) -> list[tuple[Arg, Arg, Arg]]:
+        """Returns the barycentric coordinates of a box, which has a stout triangle: constants, and slopes in X and Y."""
         w, across = self.writer, self.value(stmt.across)
         inverse = w.div(1.0, across)
-        for (a, b, c), name in zip(cut.scaled[1:3], stmt.variables[2:], strict=True):
-            a, b, c = (w.mul(part, inverse) for part in (a, b, c))
-            inside.lines.append(Assign(name, "add", (c, inside.mul(a, at[0]), inside.mul(b, at[1]))))
         change: Arg = 0.0
         for a, b, _ in cut.scaled[:3]:
             both = w.add(w.abs(a), w.abs(b))
             change = both if change == 0.0 else w.upper(change, both)
-        return [w.positive(w.sub(across, w.mul(2.0 * STOUT[stmt.degree], change))), w.positive(across)]
+        cut.conditions.extend([w.positive(w.sub(across, w.mul(2.0 * STOUT[stmt.degree], change))), w.positive(across)])
+        return [(w.mul(c, inverse), w.mul(a, inverse), w.mul(b, inverse)) for a, b, c in cut.scaled[1:3]]
 
     def _segment(self, stmt: Segment) -> list[Arg]:
         """Appends a segment; returns the conditions under which it is right."""
@@ -326,11 +345,15 @@ class _Line:
 
     def _sums(self, stmt: Polygon | Segment, nodes: Nodes, extent: Arg) -> None:
         """Appends the sums over nodes, and the results that they give."""
-        w = self.writer
         distinct = list(dict.fromkeys(map(self.value, stmt.values)))
         sums = {value: f"v{next(self._numbers)}" for value in distinct}
         self.keep()
         self.items.append(replace(nodes, values=tuple(distinct), sums=tuple(sums.values())))
+        self._results(stmt, sums, extent)
+
+    def _results(self, stmt: Polygon | Segment, sums: Mapping[Arg, Arg], extent: Arg) -> None:
+        """Appends the results, from the integrals of values relative to `extent`."""
+        w = self.writer
         scaled: dict[Arg, Arg] = {}
         for result, value, factor in zip(stmt.results, stmt.values, stmt.factors, strict=True):
             factor = self.value(factor)

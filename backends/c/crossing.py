@@ -140,10 +140,10 @@ class _Chord(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """The weights of `nodes_of(degree)` relative to the area width·height/4, the scaled slopes and constants of the half-planes, their
-    lines and chords, and the conditions under which the weights are right."""
+    """The moments, relative to the area width·height/4, the scaled slopes and constants of the half-planes, their lines and chords, and the
+    conditions under which the moments are right."""
 
-    weights: list[Arg]
+    moments: Moments
     scaled: list[tuple[Arg, Arg, Arg]]
     lines: list[_Line]
     chords: list[_Chord]
@@ -166,7 +166,7 @@ class Crossing(NamedTuple):
 
 
 def crossing(w: Writer, planes: Sequence[HalfPlane], width: Arg, height: Arg, degree: int, apart: int) -> Crossing:
-    """Returns the weights for polynomials of a degree where all half-planes hold on the box. The first `apart` are sides of a stout
+    """Returns the moments for polynomials of a degree where all half-planes hold on the box. The first `apart` are sides of a stout
     triangle: no two of them are nearly parallel."""
     half_width, half_height = w.mul(0.5, width), w.mul(0.5, height)
     scaled: list[tuple[Arg, Arg, Arg]] = []
@@ -180,7 +180,7 @@ def crossing(w: Writer, planes: Sequence[HalfPlane], width: Arg, height: Arg, de
     total = _moments(w, lines, chords, degree)
     area = total[0, 0]
     conditions.append(w.any(w.positive(w.sub(area, 4.0 * SPECK)), w.put("b", "le0", w.abs(area))))
-    return Crossing(_weights(w, total, degree), scaled, lines, chords, conditions)
+    return Crossing(total, scaled, lines, chords, conditions)
 
 
 def _line(w: Writer, a: Arg, b: Arg, c: Arg, conditions: list[Arg]) -> _Line:
@@ -304,6 +304,7 @@ def weights_of(degree: int) -> tuple[tuple[tuple[tuple[int, int], float], ...], 
     return tuple(tuple((key, float(v)) for key, v in zip(powers, row, strict=True) if v != 0) for row in inverse)
 
 
-def _weights(w: Writer, moments: Moments, degree: int) -> list[Arg]:
+def weights(w: Writer, moments: Moments, degree: int) -> list[Arg]:
+    """Returns the weights of `nodes_of(degree)`."""
     scaled: Callable[[tuple[int, int], float], Arg] = lambda key, factor: w.mul(factor, moments[key])  # noqa: E731
     return [w.add(*(scaled(key, factor) for key, factor in row)) for row in weights_of(degree)]

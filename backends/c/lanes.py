@@ -18,6 +18,8 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any
 
+from teg.backends.c.crossing import Writer
+from teg.backends.c.expanded import Poly, box_moments, integrals
 from teg.backends.c.frame import Frame, Scope, Step, assignments, captured_by
 from teg.backends.c.polygon import SIDE_BY_SIDE
 from teg.backends.c.text import UNARY, indent, literal, operand
@@ -278,6 +280,8 @@ class _Line:
             sizes.append(stmt.across)
         excess = self.assign("v", "sub", self.assign("v", "add", *sizes), LARGEST)
         self.conditions.append(self.assign("b", "le0", excess))  # all are finite
+        if self._expanded(stmt):
+            return
         (x, y), coordinates, setup, body = stmt.variables[:2], stmt.variables[2:], list(stmt.setup), list(stmt.body)
         if coordinates:
             inverse = self.new(setup, "div", 1.0, stmt.across)
@@ -288,6 +292,30 @@ class _Line:
             body = [*lines, *body]
         whole = replace(stmt, variables=(x, y), half_planes=(), corners=(), across=0.0, met=True)
         self.steps.append(replace(whole, setup=tuple(setup), body=tuple(body)))
+
+    def _expanded(self, stmt: Polygon) -> bool:
+        """Appends the integrals over a whole box without nodes, if that is shorter; returns whether it is."""
+        w = Writer(self._numbers)
+        half_width, half_height = w.mul(0.5, stmt.width), w.mul(0.5, stmt.height)
+        variables: dict[str, Poly] = {
+            stmt.variables[0]: {(0, 0): half_width, (1, 0): half_width},
+            stmt.variables[1]: {(0, 0): half_height, (0, 1): half_height},
+        }
+        inverse = w.div(1.0, stmt.across) if stmt.corners else 1.0
+        for g, name in zip(stmt.half_planes[1:3], stmt.variables[2:], strict=False):
+            by_x, by_y = w.mul(g.a, half_width, inverse), w.mul(g.b, half_height, inverse)
+            variables[name] = {(0, 0): w.add(w.mul(g.c, inverse), by_x, by_y), (1, 0): by_x, (0, 1): by_y}
+        w.lines += [s for s in stmt.setup if isinstance(s, Assign)]
+        body = [s for s in stmt.body if isinstance(s, Assign)]
+        values = list(dict.fromkeys(stmt.values))
+        found = integrals(w, body, values, variables, box_moments(stmt.degree))
+        area = w.mul(half_width, half_height)
+        if found is None or len(w.lines) > _nodes(stmt) ** 2 * (len(body) + 2 * len(values)) / 2:
+            return False
+        for result, value, factor in zip(stmt.results, stmt.values, stmt.factors, strict=True):
+            w.lines.append(Assign(result, "mul", (area, factor, found[value])))
+        self.steps += w.lines
+        return True
 
     def new(self, block: list[Any], op: str, *args: Arg, letter: str = "v") -> str:
         """Returns the name of a value that is computed in a block."""

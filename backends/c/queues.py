@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 from teg.backends.c.joined import joined
 from teg.backends.c.lanes import SIDE
+from teg.backends.c.text import indent
 from teg.program.arrays import Arg, Integers, Loop, Run, Scatter, Step, steps
 from teg.program.fields import operands, result_names
 
@@ -55,14 +56,15 @@ class Queue:
         return [f"double queue_{name}[{max(1, len(self.varying))}][{SIDE}];", *places, f"int waiting_{name} = 0;", *lanes]
 
     def into_lanes(self, value: str) -> list[str]:
-        """Returns loops that add results of iterations side by side to the sums; `value` is one of them in C, {at} + k its place."""
+        """Returns a loop that adds results of iterations side by side to the sums; `value` is one of them in C, {at} + k its place."""
         places = [SIDE * self.run.results.index(str(v)) for _, v in self.sums]
-        return [f"for (int k = 0; k < {SIDE}; k++) lanes_{self.name}[{m}][k] += {value.format(at=at)};" for m, at in enumerate(places)]
+        each = [f"lanes_{self.name}[{m}][k] += {value.format(at=at)};" for m, at in enumerate(places)]
+        return [f"for (int k = 0; k < {SIDE}; k++) {{", *indent(*each), "}"] if each else []
 
     def covered(self, lanes: str) -> list[str]:
         """Returns lines that add the results of the straight line where they are right, in the first of some lanes."""
-        kept = f"for (int k = 0; k < {SIDE}; k++) kept[k] = fast[k] & (k < {lanes});"
-        return [f"int kept[{SIDE}];", kept, *self.into_lanes("kept[k] ? f[{at} + k] : 0.0")]
+        kept = f"for (int k = 0; k < {SIDE}; k++) kept[k] = fast[k] & (k < {lanes}) ? 1.0 : 0.0;"
+        return [f"double kept[{SIDE}];", kept, *self.into_lanes("kept[k] != 0.0 ? f[{at} + k] : 0.0")]
 
     def closed(self) -> list[str]:
         """Returns lines that add up the lanes."""
