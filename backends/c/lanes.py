@@ -309,11 +309,11 @@ class _Line:
         body = [s for s in stmt.body if isinstance(s, Assign)]
         values = list(dict.fromkeys(stmt.values))
         found = integrals(w, body, values, variables, box_moments(stmt.degree))
-        area = w.mul(half_width, half_height)
-        if found is None or len(w.lines) > _nodes(stmt) ** 2 * (len(body) + 2 * len(values)) / 2:
+        area = w.mul(stmt.width, stmt.height)
+        if found is None or len(w.lines) > _nodes(stmt) ** 2 * (len(body) + 2 * len(values)):
             return False
         for result, value, factor in zip(stmt.results, stmt.values, stmt.factors, strict=True):
-            w.lines.append(Assign(result, "mul", (area, factor, found[value])))
+            w.lines.append(Assign(result, "const", (w.mul(area, factor, found[value]),)))
         self.steps += w.lines
         return True
 
