@@ -310,7 +310,7 @@ class _Line:
         values = list(dict.fromkeys(stmt.values))
         found = integrals(w, body, values, variables, box_moments(stmt.degree))
         area = w.mul(stmt.width, stmt.height)
-        if found is None or len(w.lines) > _nodes(stmt) ** 2 * (len(body) + 2 * len(values)):
+        if found is None or len(w.lines) > min(LONGEST / 2, 0.7 * _nodes(stmt) ** 2 * (len(body) + 2 * len(values))):
             return False
         for result, value, factor in zip(stmt.results, stmt.values, stmt.factors, strict=True):
             w.lines.append(Assign(result, "const", (w.mul(area, factor, found[value]),)))

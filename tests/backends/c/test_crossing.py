@@ -7,6 +7,7 @@ from itertools import count, pairwise
 import numpy as np
 import pytest
 
+from teg.backends.c import crossing as c_crossing
 from teg.backends.c.crossing import MOST_DEGREE, MOST_LINES, Writer, crossing, nodes_of, weights_of
 from teg.program import Arg, HalfPlane
 from teg.program.operations import OPERATIONS
@@ -34,9 +35,10 @@ def weights(planes: PLANES, width: float, height: float, degree: int) -> tuple[n
     names = [HalfPlane(*(f"p{3 * i + k}" for k in range(3))) for i in range(len(planes))]
     w = Writer(count(1))
     found = crossing(w, names, width, height, degree, 0)
+    given = c_crossing.weights(w, found.moments, degree)
     values = computed(w, {f"p{3 * i + k}": planes[i][k] for i in range(len(planes)) for k in range(3)})
     right = all(bool(values[c]) for c in found.conditions)
-    return np.array([values.get(v, v) for v in found.weights], dtype=float), right
+    return np.array([values.get(v, v) for v in given], dtype=float), right
 
 
 def clipped(planes: PLANES, width: float, height: float) -> list[tuple[float, float]]:
