@@ -23,6 +23,7 @@ from math import isnan
 from teg.backends.c.crossing import MOST_DEGREE, MOST_LINES, STOUT, Crossing, Writer, crossing, nodes_of, weights
 from teg.backends.c.expanded import integrals
 from teg.backends.c.frame import Frame, Step, assignments
+from teg.backends.c.lanes import SELECTIONS
 from teg.backends.c.polygon import SIDE_BY_SIDE
 from teg.backends.c.sides import Side, side_of
 from teg.backends.c.text import indent, literal
@@ -44,7 +45,6 @@ POINTS = 2
 """Random points at which equations must hold."""
 ARITHMETIC = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select", "min", "max", "lower", "upper"}
 OPPOSITES = {("gt0", "le0"), ("le0", "gt0"), ("ge0", "lt0"), ("lt0", "ge0")}
-SELECTIONS = {"select", "lower", "upper", "min", "max"}
 BRANCHLESS = {"and": "all", "or": "any"}
 
 

@@ -43,13 +43,15 @@ from teg.program.fields import absent
 
 SIDE = 8
 """Points side by side."""
-LONGEST, MOST = 400, 1600
+LONGEST, WIDEST, MOST = 400, 1200, 1600
 """Statements of a straight line or of a decision, each one C function that is not cut; and of a program that is looked at."""
 DECIDING = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select"}
 STRAIGHT = SIDE_BY_SIDE | {"choose"}
 WIDE = DECIDING | {"min", "max", "exp", "expm1", "sqrt"}
 """Operations of straight lines with functions, which are loops over eight points."""
 FUNCTIONS = {"exp", "expm1"}
+SELECTIONS = {"select", "lower", "upper", "min", "max"}
+"""Operations whose operands have names in loops over eight points: gcc makes no selection of what is computed in a branch."""
 BRANCHLESS = {"and": "all", "or": "any", "exp": "teg_exp", "expm1": "teg_expm1"}
 """Operations that loops over eight points replace: without branches, and without calls."""
 LARGEST = 1.7976931348623157e308
@@ -112,7 +114,7 @@ def packed(program: Program) -> Packed | None:
     both: Arg = line.assign("b", "and", *line.conditions) if fast else False
     needed = _sliced(line.steps, (both,))
     deciding = [s for s in needed if isinstance(s, Assign)]
-    if len(deciding) < len(needed) or not _is_short_decision(deciding):
+    if len(deciding) < len(needed) or not _is_short_decision(deciding, WIDEST if wide else LONGEST):
         fast, both, deciding = False, False, []
     if live is True and not fast:
         return None
@@ -141,7 +143,7 @@ def _settled(program: Program, branch: When | None, line: _Line) -> tuple[Arg, l
     if branch is None:
         parts = [name if not holds else line.new(settling, "not", name, letter="b") for name, holds in vanishing]
         live = line.new(settling, "or", *parts, *near, letter="b")
-    return (live, settling) if _is_short_decision(settling) else (True, [])
+    return (live, settling) if _is_short_decision(settling, LONGEST) else (True, [])
 
 
 def _vanishing(program: Program) -> list[tuple[str, bool]]:
@@ -364,9 +366,9 @@ def _weight(steps: Iterable[Assign]) -> int:
     return sum(step.weight for stmt in steps for step in assignments(stmt))
 
 
-def _is_short_decision(steps: Sequence[Assign]) -> bool:
+def _is_short_decision(steps: Sequence[Assign], longest: int) -> bool:
     """Returns whether the statements are comparisons and arithmetic only, few enough for one C function."""
-    return all(s.op in DECIDING for s in steps) and _weight(steps) <= LONGEST
+    return all(s.op in DECIDING for s in steps) and _weight(steps) <= longest
 
 
 def _is_short_arithmetic(straight: Sequence[Stmt]) -> bool:
@@ -380,7 +382,7 @@ def _is_short_arithmetic(straight: Sequence[Stmt]) -> bool:
 def _is_wide(straight: Sequence[Stmt]) -> bool:
     """Returns whether the statements are short, and operations of scalars with a function among them that eight points share."""
     simple = [s for s in straight if isinstance(s, Assign) and s.op in WIDE]
-    return len(simple) == len(straight) and any(s.op in FUNCTIONS for s in simple) and _weight(simple) <= LONGEST
+    return len(simple) == len(straight) and any(s.op in FUNCTIONS for s in simple) and _weight(simple) <= WIDEST
 
 
 def _nodes(stmt: Polygon) -> int:
@@ -431,7 +433,11 @@ def _each_point(
     needed: Sequence[Stmt], wanted: Sequence[Arg], places: Sequence[str], varying: Container[int], further: str = ""
 ) -> list[str]:
     """Returns a loop over eight points, numbered k, that computes the wanted values and writes them, behind `further`, to their places."""
-    frame = _framed([_steps(replace(s, op=BRANCHLESS.get(s.op, s.op)) for s in needed if isinstance(s, Assign))], wanted)
+    steps = _steps(replace(s, op=BRANCHLESS.get(s.op, s.op)) for s in needed if isinstance(s, Assign))
+    for step in steps:
+        if step.assign is not None and step.assign.op in SELECTIONS:
+            step.longest = 0  # all operands are computed
+    frame = _framed([steps], wanted)
     there = [f"const double p{i} = q{i}[k];" for i in _inputs(needed, wanted) if i in varying]
     block, scope = frame.block(0), frame.scope()
     written = [f"{place} = {further}{scope(arg)};" for place, arg in zip(places, wanted, strict=True)]

@@ -90,7 +90,7 @@ def read_call(
     if any(leading):
         shape = batch_shape([*scalars, *(a.name for a in named)], leading)
         n = math.prod(shape)
-        columns = [c if c.ndim == 0 else np.broadcast_to(c, shape).reshape(n) for c in columns]  # copied only if necessary
+        columns = [c if c.ndim == 0 else (c if c.shape == shape else np.broadcast_to(c, shape)).reshape(n) for c in columns]
         arrays = [
             v if v.ndim == len(own) else np.ascontiguousarray(np.broadcast_to(v, (*shape, *own))).reshape(n, *own)
             for v, own in zip(arrays, shapes, strict=True)
@@ -206,6 +206,8 @@ def as_floats(name: str, value: Any, dtype: str = "float64") -> np.ndarray:
     """Returns a value as an array of floats. Raises ParameterError if it is not a real number or an array of them."""
     import numpy as np
 
+    if type(value) is np.ndarray and value.dtype == dtype:  # no subclass, such as a masked array
+        return value
     refuse_masked(name, value)
     try:
         if isinstance(value, Real | Decimal):

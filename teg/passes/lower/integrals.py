@@ -41,6 +41,7 @@ from teg.ir.expr import (
 )
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, postorder
+from teg.passes.lower.apart import with_terms_apart
 from teg.passes.lower.emit import Emitter, Level
 from teg.passes.lower.guarded import Guards, widest_gap
 from teg.passes.lower.intervals import Interval, integrals_over_interval, interval_of
@@ -96,6 +97,8 @@ class _Integrals:
     def run(self, outputs: Sequence[Expr]) -> Program:
         """Returns the program of the outputs."""
         top = Level(None, None, 0)
+        if self.has_intervals and self.how.closed_forms and self.how.rule == "auto":
+            outputs = with_terms_apart(outputs, self.rules.analysis)
         self.samples.deciding = deciding_integrals(outputs)
         self.plan(top, outputs)
         names = tuple(self.out.number(e, top) for e in outputs)
