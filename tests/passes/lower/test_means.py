@@ -109,6 +109,21 @@ def test_an_exponential_times_a_wave(degree: int, backend: str) -> None:
             assert abs(gradient[p] - number) <= 5e-14 * size * max(1.0, abs(turn)), (growth, turn, end, p)
 
 
+@pytest.mark.parametrize("degree", [0, 1, 2])
+def test_estimates_hold_where_the_ends_cancel(degree: int) -> None:
+    """The integral over some periods is much smaller than both values of the antiderivative, whose roundings remain."""
+    f = teg.compile(teg.integral(teg.bracket(x < t) * x**degree * teg.exp(a * x) * teg.sin(s * x + b), (x, -1, 2)))
+    g = teg.compile(teg.integral(teg.bracket(x < t) * x**degree * teg.sin(s * x + b), (x, -1, 2)))
+    for growth, turn, end in itertools.product((0.0, 1e-9, 0.5, 1.2, 2.0, -6.0), (0.9, 1.1, 2.0, -6.0, 13.0, 45.0), (0.3, 1.2, 1.9)):
+        with mpmath.workdps(90):
+            exact = (damped_wave(degree, mpmath.mpc(growth, turn), -1.0, end) * mpmath.expj(mpmath.mpf(0.7))).imag
+            size = float(damped_wave(0, mpmath.mpf(growth), -1.0, end))
+            for value, error in [f.value_and_error(t=end, a=growth, s=turn, b=0.7)] + [g.value_and_error(t=end, s=turn, b=0.7)] * (
+                not growth
+            ):
+                assert abs(exact - value) <= error < 1e-12 * size * max(1.0, abs(turn)), (growth, turn, end)
+
+
 def test_a_payoff_against_a_gaussian_on_the_line() -> None:
     density = teg.exp(-x * x / 2) / math.sqrt(2 * math.pi)
     f = teg.compile(teg.integral(teg.maximum(S * teg.exp(s * x) - K, 0) * density, (x, -math.inf, math.inf)), [S, K, s])
