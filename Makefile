@@ -3,7 +3,7 @@
 # make bench   measurements      make lint    format, ruff, mypy
 # make docs    the pages as a site with search, in out/docs; a warning is an error
 # make fuzz    random programs against references of their own (N=5000; goes on where it was interrupted)
-# make chart   the charts and the tables of docs/integration.md and docs/estimators.md, minutes; what is there already is kept (make chart FRESH=--fresh)
+# make chart   the charts and the tables of docs/lean.md, docs/integration.md and docs/estimators.md, minutes; what is there already is kept (make chart FRESH=--fresh)
 #
 # The first of them creates .venv with the project (editable) and all extras. Another Python: make test PYTHON=python3.12
 
@@ -38,6 +38,7 @@ bench: $(READY)
 	$(BIN)/python tests/bench/run.py --page docs/performance.md
 
 chart: $(READY)
+	$(BIN)/teg chart lean -o docs/lean --page docs/lean.md --backend c $(FRESH)
 	$(BIN)/teg chart stability -o docs/integration --page docs/integration.md $(FRESH)
 	$(BIN)/teg chart integration -o docs/integration --page docs/integration.md $(FRESH)
 	$(BIN)/teg chart estimators -o docs/estimators --page docs/estimators.md $(FRESH)

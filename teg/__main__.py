@@ -76,6 +76,13 @@ def chart_descents(options: argparse.Namespace) -> int:
     return _chart(options, run_descents)
 
 
+def chart_lean(options: argparse.Namespace) -> int:
+    """Evaluations, statements and nanoseconds of scenes of every kind beside the least known."""
+    from teg.examples.charts.run_lean import run_lean
+
+    return _chart(options, run_lean)
+
+
 def _chart(options: argparse.Namespace, run: Callable[..., dict[str, Any]]) -> int:
     from teg.examples.charts.run import summary
 
@@ -107,6 +114,7 @@ CHARTS = {
     "stability": (chart_stability, "difficult cases"),
     "estimators": (chart_estimators, "estimators of derivatives"),
     "descents": (chart_descents, "estimators in descents"),
+    "lean": (chart_lean, "cost beside the least known"),
 }
 
 

@@ -1,7 +1,7 @@
 """How many threads a call gets, and what they do while they have no work.
 
-Processors that this process may not use are not counted: the affinity mask, the quota of the control group, `OMP_NUM_THREADS`. Idle threads
-sleep: those of libgomp would otherwise spin after every call, which doubles the processor time of small batches and delays other
+Processors that this process may not use are not counted: the affinity mask, the quotas of its control groups, `OMP_NUM_THREADS`. Idle
+threads sleep: those of libgomp would otherwise spin after every call, which doubles the processor time of small batches and delays other
 programs. `OMP_WAIT_POLICY` and `GOMP_SPINCOUNT` of the user are respected.
 """
 
@@ -11,9 +11,10 @@ import ctypes
 import math
 import os
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
-CONTROL_GROUPS = Path("/sys/fs/cgroup")
+CONTROL_GROUPS, MEMBERSHIP = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 POLICY, PASSIVE = "OMP_WAIT_POLICY", "passive"
 CHOSEN = (POLICY, "GOMP_SPINCOUNT", "KMP_BLOCKTIME")
 """Variables by which users choose what idle threads do."""
@@ -35,12 +36,33 @@ def processors() -> int:
 
 
 def _quota() -> float:
-    """Returns the processors' time that the control group may use in a unit of time; infinity without a limit."""
+    """Returns the processors' time that the control groups may use in a unit of time; infinity without a limit."""
+    return min(map(_limit, _groups(CONTROL_GROUPS, MEMBERSHIP)), default=math.inf)
+
+
+@cache
+def _groups(root: Path, membership: Path) -> tuple[Path, ...]:
+    """Returns the folders of this process's control group and of those around it that may have a quota, of both versions.
+
+    In a container they are the root's, on the machine itself those that `membership` names.
+    """
+    folders = [root, root / "cpu"]
+    with suppress(OSError, ValueError):
+        for line in membership.read_text().splitlines():
+            _, controllers, place = line.split(":", 2)
+            if not controllers or "cpu" in controllers.split(","):
+                inner = Path(place.lstrip("/"))
+                folders += [root / ("cpu" if controllers else "") / folder for folder in (inner, *inner.parents)]
+    return tuple(f for f in dict.fromkeys(folders) if (f / "cpu.max").exists() or (f / "cpu.cfs_quota_us").exists())
+
+
+def _limit(group: Path) -> float:
+    """Returns the processors' time that one control group may use in a unit of time."""
     with suppress(OSError, ValueError, ZeroDivisionError):  # version 2
-        quota, period = (CONTROL_GROUPS / "cpu.max").read_text().split()
+        quota, period = (group / "cpu.max").read_text().split()
         return math.inf if quota == "max" else int(quota) / int(period)
     with suppress(OSError, ValueError, ZeroDivisionError):  # version 1
-        amount, span = (int((CONTROL_GROUPS / "cpu" / f"cpu.cfs_{name}_us").read_text()) for name in ("quota", "period"))
+        amount, span = (int((group / f"cpu.cfs_{name}_us").read_text()) for name in ("quota", "period"))
         return amount / span if amount > 0 else math.inf
     return math.inf
 

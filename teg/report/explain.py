@@ -239,6 +239,7 @@ def _add_program(data: dict[str, Any], name: str, program: ArrayProgram) -> int:
         "integrals": sum(c["integrals"] for c in every),
         "isolations": sum(c["isolations"] for c in every),
         "evaluations": sum(c["evaluations"] for c in every),
+        "least": sum(c["least"] for c in every),
         "adaptive": any(c["adaptive"] for c in every),
     }
     return array_size(program)
@@ -259,6 +260,7 @@ def _row(loop: Loop | None, block: Sequence[Step], depth: int, program: ArrayPro
         "statements": sum(1 for s in block if not isinstance(s, Run | Loop)) + sum(c["statements"] for c in costs),
         "integrals": sum(c["integrals"] for c in costs),
         "evaluations": sum(c["evaluations"] for c in costs),
+        "least": sum(c["least"] for c in costs),
         "adaptive": any(c["adaptive"] for c in costs),
         "chunks": CHUNKS if depth == 1 else 1,
         "iterations_a_chunk": least if depth == 1 else None,

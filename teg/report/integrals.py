@@ -109,7 +109,7 @@ def _nodes_a_piece(rule: Rule) -> int:
 
 def cost_of(program: Program) -> dict[str, Any]:
     """Returns the size of a program, and the number of evaluations of integrands in one run: pieces × nodes, times those of the outer
-    integral."""
+    integral; also the least that its rules can do with, where each integral has one piece, and each polygon one triangle."""
     every = list(statements(program.body))
     integrals = [s for s in every if isinstance(s, Integrate)]
     hints = {r for s in every if isinstance(s, Locate) for r in s.results}
@@ -118,6 +118,7 @@ def cost_of(program: Program) -> dict[str, Any]:
         "integrals": len(integrals) + sum(isinstance(s, Sample) or type(s) in STATEMENTS for s in every),
         "isolations": sum(isinstance(s, Isolate | Locate) for s in every),
         "evaluations": _evaluations(program.body, hints),
+        "least": _least(program.body),
         "adaptive": any(isinstance(s.rule, Adaptive) for s in integrals),
     }
 
@@ -142,6 +143,27 @@ def _evaluations(block: Iterable[Stmt], hints: Container[Arg]) -> int:
                 total += replicates * points * (_evaluations(stmt.body, hints) or 1)
             case _ if type(stmt) in STATEMENTS:
                 total += STATEMENTS[type(stmt)].evaluations(stmt)
+            case _:
+                continue
+    return total
+
+
+def _least(block: Iterable[Stmt]) -> int:
+    """Returns the least evaluations that the rules of a block can do with: no break inside the bounds, and first looks that are enough."""
+    total = 0
+    for stmt in block:
+        match stmt:
+            case Integrate():
+                total += _least(stmt.flags) + _nodes_a_piece(stmt.rule) * (_least(stmt.body) or 1)
+            case When():
+                total += _least(stmt.body)
+            case SumOver():
+                total += _least(stmt.body) if stmt.points else 0
+            case Sample():
+                replicates, points = replicated(stmt.kind, stmt.count)
+                total += replicates * points * (_least(stmt.body) or 1)
+            case _ if type(stmt) in STATEMENTS:
+                total += STATEMENTS[type(stmt)].least(stmt)
             case _:
                 continue
     return total

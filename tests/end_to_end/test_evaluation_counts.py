@@ -16,7 +16,7 @@ from teg.program import Gauss, Integrate, statements
 x, y, z = teg.vars("x y z")
 a, b, r, t = teg.params("a b r t")
 BACKENDS = ("numpy", "c")
-FIRST, OUTER_FIRST, ORDER = 8, 10, 16
+FIRST, INNER_FIRST, OUTER_FIRST, ORDER = 8, 10, 10, 16
 """Nodes of the adaptive rule at the default tolerance: of its first look at an innermost piece and at an outer one, and after that."""
 
 
@@ -51,7 +51,7 @@ def triangle() -> tuple[Expr, dict[str, float]]:
 
 TRIANGLE, CORNERS = triangle()
 EXP_COS = teg.exp(x) * teg.cos(y)
-NO_FORM = teg.exp(x) * teg.cos(x)
+NO_FORM = teg.exp(x / 2) * teg.cos(x / 2) * teg.cos(x / 3)
 """No antiderivative of it is known."""
 SCENES = (
     # the integrand is 1 on what is left of the square
@@ -60,16 +60,30 @@ SCENES = (
     Scene("triangle, linear colour", over_square(TRIANGLE * (1 + 2 * x - y)), CORNERS, 1),
     # the middles of its sides
     Scene("triangle, quadratic colour", over_square(TRIANGLE * (1 + x * x - y * y)), CORNERS, 3),
+    # covered: rows in 10 nodes, in closed form on each of them, though x stands in both factors
+    Scene(
+        "half-plane, exp(x)·cos(x)",
+        over_square(teg.bracket(x + a * y < t) * teg.exp(x) * teg.cos(x)),
+        {"a": 0.5, "t": 9.0},
+        OUTER_FIRST,
+    ),
+    # covered, without a closed form: one look at one piece in each variable
+    Scene(
+        "half-plane, exp(sin)",
+        over_square(teg.bracket(x + a * y < t) * teg.exp(teg.sin(x / 2 + y / 2))),
+        {"a": 0.5, "t": 9.0},
+        12 * INNER_FIRST,
+    ),
     # y = b + r·sin u makes the chord 2r·cos u, times r·cos u: not a polynomial, 10 nodes are too few for 1e-10, 16 are enough
     Scene("disk", over_square(teg.bracket(disk(a, b, r))), {"a": 0.47, "b": 0.53, "r": 0.3}, OUTER_FIRST + ORDER),
     # the same rows; on each of them exp is integrated in closed form
     Scene("disk, exp·cos", over_square(teg.bracket(disk(a, b, r)) * EXP_COS), {"a": 0.47, "b": 0.53, "r": 0.2}, OUTER_FIRST + ORDER),
-    # the same rows; on each of them 8 nodes
+    # rows of an adaptive integral: 12 nodes for the first look, on each of them 10
     Scene(
-        "disk, exp(x)·cos(x)",
+        "disk, an exponential and two waves",
         over_square(teg.bracket(disk(a, b, r)) * NO_FORM),
         {"a": 0.47, "b": 0.53, "r": 0.05},
-        (OUTER_FIRST + ORDER) * FIRST,
+        (12 + ORDER) * INNER_FIRST,
     ),
     # between the two corners, where the chord ends at one arc on either side: one piece, as for the disk
     Scene("lens", over_square(teg.bracket(disk(0.4, 0.5, r) & disk(a, 0.5, r))), {"a": 0.6, "r": 0.25}, OUTER_FIRST + ORDER),
@@ -159,15 +173,16 @@ def test_identical_breaks_merge(twice: Expr, once: Expr, backend: str) -> None:
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_different_breaks_of_equal_values_make_no_piece(backend: str) -> None:
     """At t = a the interval between the two breaks is empty, and costs nothing; nor do breaks outside of the bounds."""
+    falling, rising = teg.exp(-x / 2) * teg.cos(x / 2) ** 2, teg.exp(0.9 * x) * teg.sin(0.9 * x) ** 2
     f = teg.compile(
-        teg.integral(teg.where(x < t, NO_FORM, teg.where(x < a, teg.exp(-x) * teg.cos(x), teg.exp(x) * teg.sin(x))), (x, 0, 1)),
+        teg.integral(teg.where(x < t, NO_FORM, teg.where(x < a, falling, rising)), (x, 0, 1)),
         backend=backend,
     )
     assert f.evaluations(t=0.5, a=0.6) == 3 * FIRST
     assert f.evaluations(t=0.5, a=0.5) == 2 * FIRST
     assert f.evaluations(t=0.5, a=3.0) == 2 * FIRST
     assert f.evaluations(t=0.3, a=0.1) == 3 * FIRST  # though the break at a is none here
-    assert f.evaluations(t=-1.0, a=-2.0) == 3 * FIRST  # exp·sin over (0, 1) needs more nodes
+    assert f.evaluations(t=-1.0, a=-2.0) == 3 * FIRST  # exp·sin² over (0, 1) needs more nodes
 
 
 def test_counts_of_a_batch_add_up_in_both_backends() -> None:

@@ -323,7 +323,13 @@ def test_mistakes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_a_name_the_charts_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["chart"]) == 0
-    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["integration", "stability", "estimators", "descents"]
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [
+        "integration",
+        "stability",
+        "estimators",
+        "descents",
+        "lean",
+    ]
 
 
 def test_the_page_shows_what_was_measured() -> None:

@@ -347,7 +347,8 @@ def test_a_batch(backend: str) -> None:
 
 @pytest.mark.parametrize("backend", FAST)
 def test_evaluations(backend: str) -> None:
-    f = evaluator(CUT, backend)
+    body = teg.bracket(x < V[F[k, 0], 0]) * teg.exp(x * x * V[F[k, 1], 1]) * teg.sin(x * t)  # no closed form
+    f = evaluator(teg.sum(teg.integral(body, (x, 0, 1)), (k, 0, FACES)), backend)
     value, gradient, hessian = (f.evaluations(given(f), derivatives=d) for d in (0, 1, 2))
     assert 0 < value <= gradient < hessian
     assert f.evaluations(both(f)) > value

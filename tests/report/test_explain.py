@@ -196,15 +196,30 @@ def test_boundary_and_interior_integrals() -> None:
 
 def test_the_cost_counts_the_nodes_of_all_pieces() -> None:
     line = teg.explain(over(x**5 * teg.bracket(x < t), x)).data["cost"]["value"]
-    assert line == {"statements": line["statements"], "integrals": 1, "isolations": 0, "evaluations": 2 * 3, "adaptive": False}
+    assert line == {"statements": line["statements"], "integrals": 1, "isolations": 0, "evaluations": 2 * 3, "least": 3, "adaptive": False}
     clipped = teg.explain(over(x * teg.bracket(x + y < t), x, y)).data["cost"]["value"]
-    assert (clipped["integrals"], clipped["evaluations"]) == (1, 3)  # 3 triangles of 1 node
+    assert (clipped["integrals"], clipped["evaluations"], clipped["least"]) == (1, 3, 1)  # 3 triangles of 1 node
     nested = teg.explain(over(teg.bracket(x + y < t), x, y), rule="gauss").data["cost"]["value"]
-    assert nested["evaluations"] == 3 * 2  # 3 pieces of 1 node, in each 2 pieces of 1 node
+    assert (nested["evaluations"], nested["least"]) == (3 * 2, 1)  # 3 pieces of 1 node, in each 2 pieces of 1 node
     in_closed_form = teg.explain(over(teg.exp(x) * teg.bracket(x < t), x)).data["cost"]["value"]
     assert (in_closed_form["evaluations"], in_closed_form["adaptive"]) == (0, False)  # one interval has no nodes
     curved = teg.explain(over(teg.exp(x**3) * teg.bracket(x < t), x)).data["cost"]["value"]
-    assert (curved["evaluations"], curved["adaptive"]) == (2 * 8, True)
+    assert (curved["evaluations"], curved["least"], curved["adaptive"]) == (2 * 8, 8, True)
+
+
+@pytest.mark.parametrize(
+    ("e", "cheapest"),
+    [
+        (over(teg.bracket(x + a * y < t) * x**3, x, y), {"t": 0.5, "a": 1.0}),  # one triangle
+        (over(teg.bracket(x + a * y < t) * teg.exp(teg.sin(x / 2)), x, y), {"t": 9.0, "a": 0.01}),  # covered
+        (over(teg.bracket(x < t) * teg.bracket(x < a) * x**5, x), {"t": 0.5, "a": 2.0}),
+        (teg.integral(teg.bracket(x * x + y * y < t), (x, -1, 1), (y, -1, 1)), {"t": 5.0}),
+    ],
+    ids=["polygon", "adaptive", "Gauss", "disk"],
+)
+def test_the_least_is_what_a_call_can_do_with(e: Expr, cheapest: dict[str, float]) -> None:
+    f = teg.compile(e)
+    assert f.evaluations(cheapest) == f.explain().data["cost"]["value"]["least"]
 
 
 def test_the_statements_are_those_of_the_program() -> None:
@@ -283,9 +298,9 @@ def test_the_whole_text() -> None:
         "  s     0 .. 1      none         2  clipped interval              2\n"
         "\n"
         "cost of the expression of 20 nodes\n"
-        "                      statements  integrals  integrand evaluations a call\n"
-        f"  value               {value}          1                       about 4\n"
-        f"  value and gradient  {gradient}          2                       about 6"
+        "                      statements  integrals  integrand evaluations a call  least possible\n"
+        f"  value               {value}          1                       about 4               1\n"
+        f"  value and gradient  {gradient}          2                       about 6               3"
     )
 
 

@@ -133,11 +133,12 @@ class Description:
 
 @dataclass(frozen=True)
 class Statement:
-    """The data of an intrinsic's statement for passes and reports: its error rule, and the number of evaluations of
-    its integrand in a run."""
+    """The data of an intrinsic's statement for passes and reports: its error rule, the number of evaluations of its integrand in a run,
+    and the least number of them that its rule can do with."""
 
     errors: ErrorRule
     evaluations: Callable[[Any], int]
+    least: Callable[[Any], int]
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
     P·exp(a·x + b)     E·Σₖ P⁽ᵏ⁾(e)/k!·(±L)ᵏ·Sₖ,   S₀ = (1 - exp(-z))/z,  Sₖ = (k·Sₖ₋₁ - exp(-z))/z,  z = |a|·L
     P·exp(quadratic)   `teg.passes.lower.gaussian`
     P·sin(a·x + b)     [-P·cos + P′·sin/a + P″·cos/a²]/(a·L),  and the like for cos
+    P·exp(a·x)·cos(b·x)   the real part of [P - P′/λ + P″/λ²]·exp(λ·x)/(λ·L),  λ = a + i·b,  the imaginary one for sin
 
 E is the exponential at e, the end where it is larger, L = q - p. For small z the steps upwards would cancel: there the highest Sₖ is a
 series, and steps go downwards. Of a wave that changes little Gauss nodes give the mean to rounding. Conditions are constant on a piece,
@@ -55,6 +56,8 @@ WAVES = 3
 """Polynomials in front of a wave have a degree below."""
 WAVE_NODES = 7
 """Nodes that integrate polynomials times a wave to rounding where its argument changes by 1 at most."""
+DAMPED_NODES = 8
+"""Nodes that integrate polynomials times an exponential and a wave to rounding where both arguments change by 1 at most."""
 MOST_TERMS = 16
 MOST_NODES = 2000
 """The largest number of terms of a mean, and of nodes of an integrand."""
@@ -200,7 +203,7 @@ class _Means:
                 waves.append(base)
             else:
                 rest.append(f)
-        if len(waves) > 1 or (waves and exponent):
+        if len(waves) > 1:
             raise NoMeanError
         polynomial = mul(ONE, *rest)
         degree = self._degree(polynomial)
@@ -210,6 +213,8 @@ class _Means:
             self.polynomials += 1
             return self._at_nodes(polynomial, degree // 2 + 1)
         self.terms += 1
+        if waves and exponent:
+            return self._damped(waves[0], add(*exponent), polynomial, degree)
         if waves:
             return self._wave(waves[0], polynomial, degree)
         whole = add(*exponent)
@@ -268,6 +273,29 @@ class _Means:
         wide = div(sub(self._at(total, self.q), self._at(total, self.p)), z)
         narrow = self._at_nodes(mul(polynomial, wave), WAVE_NODES)
         return where(positive(sub(call("magnitude", z), ONE)), wide, narrow)
+
+    def _damped(self, wave: Call, exponent: Expr, polynomial: Expr, degree: int) -> Expr:
+        """Returns the mean of a polynomial times an exponential times a wave, by the antiderivative of exp(λ·x) with a complex rate λ."""
+        if degree >= WAVES:
+            raise NoMeanError
+        growth, turn = self._linear(exponent), self._linear(wave.children[0])
+        square = add(integer_power(growth, 2), integer_power(turn, 2))
+        inverse = div(growth, square), mul(MINUS_ONE, div(turn, square))
+        antiderivative = call("cos", wave.children[0]), call("sin", wave.children[0])  # in turn, without the exponential
+        total, derivative = cast(Expr, ZERO), polynomial
+        for k in range(degree + 1):
+            antiderivative = _complex_product(antiderivative, inverse)
+            total = add(total, mul(const((-1.0) ** k), derivative, antiderivative[wave.name == "sin"]))
+            derivative = slope(derivative, self.x)
+        total = mul(call("exp", exponent), total)
+        wide = div(sub(self._at(total, self.q), self._at(total, self.p)), self.length)
+        narrow = self._at_nodes(mul(polynomial, call("exp", exponent), wave), DAMPED_NODES)
+        change = mul(call("max", call("magnitude", growth), call("magnitude", turn)), call("magnitude", self.length))
+        return where(positive(sub(change, ONE)), wide, narrow)
+
+
+def _complex_product(a: tuple[Expr, Expr], b: tuple[Expr, Expr]) -> tuple[Expr, Expr]:
+    return sub(mul(a[0], b[0]), mul(a[1], b[1])), add(mul(a[0], b[1]), mul(a[1], b[0]))
 
 
 def _values(node: Node) -> Sequence[Node]:

@@ -25,8 +25,9 @@ from teg.program import Adaptive, Gauss, Rule
 
 MAX_GAUSS = 24
 TIGHTEST = 1e-14
-ORDERS = ((1e-6, 6, 12), (1e-13, 8, 16), (0.0, 10, 18))
-"""By tolerance: the nodes of the first look at a piece (OUTER more if it has an inner integral) and of the intervals after it."""
+ORDERS = ((1e-6, 6, 12), (0.5e-10, 8, 16), (1e-13, 10, 16), (0.0, 10, 18))
+"""By tolerance: the nodes of the first look at a piece (OUTER more for an inner integral, twice that for an adaptive one) and of the
+intervals after it. A first look that is not accepted is lost, with all evaluations of the integrals inside."""
 OUTER = 2
 MAX_NEST = 6
 """The largest depth of nested adaptive integrals; deeper nests are sampled."""
@@ -76,9 +77,15 @@ class Rules:
         if how.order is not None:
             return Adaptive(tol, how.order, how.order + 8, cubic), f"{how.order} nodes for the first look are asked for"
         _, first, order = next(row for row in ORDERS if tol >= row[0])
-        inside = postorder([node.body]) if node.body.has_integral else []
-        outer = any(isinstance(n, Integral) and masses_of(n.body, n.var) is None for n in inside)
-        return Adaptive(tol, first + OUTER * outer, order, cubic), "no exact rule is known" if how.rule == "auto" else "asked for"
+        first += OUTER * self._inside(node, depth)
+        return Adaptive(tol, first, order, cubic), "no exact rule is known" if how.rule == "auto" else "asked for"
+
+    def _inside(self, node: Integral, depth: int) -> int:
+        """Returns 0 for an integrand without integrals, 1 for one with integrals, 2 if one of them is adaptive."""
+        if not node.body.has_integral:
+            return 0
+        inside = [n for n in postorder([node.body]) if isinstance(n, Integral) and masses_of(n.body, n.var) is None]
+        return bool(inside) + any(isinstance(self.of(n, depth + 1), Adaptive) for n in inside)
 
     def _has_mean(self, node: Integral) -> bool:
         """Returns whether an integrand has a mean in closed form, its conditions being constant on each piece."""
@@ -117,7 +124,8 @@ class Rules:
         if type(first) in self._exact:
             return self._exact[type(first)].shared(rules)
         if isinstance(first, Adaptive):
-            return replace(first, cubic=any(cast(Adaptive, r).cubic for r in rules))
+            adaptive = cast(list[Adaptive], rules)
+            return replace(first, first=max(r.first for r in adaptive), cubic=any(r.cubic for r in adaptive))
         return max(rules, key=lambda r: cast(Gauss, r).nodes)
 
     def is_exact(self, node: Integral, depth: int) -> bool:

@@ -1,7 +1,8 @@
 """Error estimates carried through a flat program: for every output one more, an estimate of its error.
 
 Errors begin in the integrals: each has its rule's own estimate (`Integrate.estimates`), to which the integral of its integrand's error
-is added. Values computed from inexact numbers are inexact to first order,
+is added; where its integrand is a closed form, that is the rounding of the functions in it. Values computed from inexact numbers are
+inexact to first order,
 
     Δ(u + v) = Δu + Δv     Δ(u·v) = |v|·Δu + |u|·Δv + Δu·Δv     Δf(u) = |f′(u)|·Δu     (Higham 2002, chapter 3)
 
@@ -37,6 +38,8 @@ from teg.program.dce import without_dead_code
 
 STEEP = ("div", "powi", "pow", "log", "log1p", "sqrt", "asin", "acos", "tan", "atan2")
 """Operations whose slope can be infinite."""
+ROUNDED = ("sin", "cos", "exp", "expm1")
+"""Functions of which closed forms are differences."""
 Errors = dict[Arg, Arg]
 """By name: the error of a number (0.0 if it is not there), or whether a condition is doubtful (False if it is not there)."""
 
@@ -65,6 +68,7 @@ class _Estimator:
         self._functions = {(f.callee, f.derivative): k for k, f in enumerate(program.functions)}
         self._lost: dict[Arg, Locate] = {}
         self._count = 0
+        self._closed = False
         self._has_clusters = any(isinstance(stmt, Isolate) for stmt in statements(program.body))
         self._taken = {name for stmt in statements(program.body) for name in assigned(stmt)}
 
@@ -103,6 +107,8 @@ class _Estimator:
                 case Assign():
                     out.append(stmt)
                     self._assignment(stmt, out)
+                    if self._closed and stmt.op in ROUNDED:
+                        self._rounded(stmt, out)
                 case Integrate():
                     self._integral(stmt, out)
                 case SumOver():
@@ -130,8 +136,10 @@ class _Estimator:
 
         An inexact bound moves the result by the integrand's mean size, an inexact break by its mean size where it is not 0.
         """
+        around, self._closed = self._closed, bool(stmt.ends) and not stmt.body  # means over pieces
         flags = self.block(stmt.flags)
         body = self._body(stmt)
+        self._closed = around
         companions = [self.error(v) for v in stmt.values]
         inexact = [i for i, c in enumerate(companions) if c != 0.0]
         estimates = tuple(self.fresh("v") for _ in stmt.values)
@@ -292,6 +300,13 @@ class _Estimator:
                 error = self.op(out, "select", exact, 0.0, error)
             if error != 0.0:
                 self.errors[stmt.name] = error
+
+    def _rounded(self, stmt: Assign, out: list[Stmt]) -> None:
+        """Appends the rounding of a function, and of its argument, in a closed form: differences of these may be small."""
+        size: Arg = 1.0 if stmt.op in ("sin", "cos") else self.op(out, "abs", stmt.name)
+        if stmt.op != "expm1":  # of an argument below 0, whose rounding is less than that of the result
+            size = self.op(out, "mul", size, self.op(out, "max", 1.0, self.op(out, "abs", stmt.args[0])))
+        self.errors[stmt.name] = self.sum_of((self.error(stmt.name), self.op(out, "mul", EDGE, size)), out)
 
     def _of_number(self, stmt: Assign, out: list[Stmt]) -> Arg:
         op, args, result = stmt.op, stmt.args, stmt.name

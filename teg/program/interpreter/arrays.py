@@ -41,14 +41,14 @@ class InterpretedArrays(NamedTuple):
 
 def interpret_arrays(program: ArrayProgram, arguments: Sequence[float], arrays: Sequence[Any]) -> InterpretedArrays:
     """Returns the outputs of a program for scalar arguments and arrays, which have a `shape` and are indexed by tuples."""
-    machine = _Machine(arrays, {f"p{k}": float(x) for k, x in enumerate(arguments)})
+    machine = ArrayMachine(arrays, {f"p{k}": float(x) for k, x in enumerate(arguments)})
     machine.run(program.body)
     outputs = (machine.scattered.get(k, {}) if isinstance(o, Like) else float(machine.of(o)) for k, o in enumerate(program.outputs))
     return InterpretedArrays(tuple(outputs), machine.missed, machine.crowded)
 
 
 @dataclass
-class _Machine:
+class ArrayMachine:
     """The state of one run: the given arrays, the values of all names so far, and what was scattered into outputs, by the numbers
     of these."""
 

@@ -79,6 +79,51 @@ def test_gradients_and_backends(name: str, backend: str, request: pytest.Fixture
             assert gradient[p] == pytest.approx(slopes[p], rel=1e-10, abs=1e-11 * (1 + abs(same)))
 
 
+def damped_wave(degree: int, rate: Any, lo: float, hi: float) -> Any:
+    """Returns ∫ xⁿ·exp(λ·x) dx for a complex λ, to 25 digits or more."""
+
+    def antiderivative(v: Any) -> Any:
+        if rate == 0:
+            return v ** (degree + 1) / (degree + 1)
+        falling = (mpmath.ff(degree, k) * v ** (degree - k) / rate ** (k + 1) * (-1) ** k for k in range(degree + 1))
+        return mpmath.exp(rate * v) * mpmath.fsum(falling)
+
+    return antiderivative(mpmath.mpf(hi)) - antiderivative(mpmath.mpf(lo))
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize("degree", [0, 1])
+def test_an_exponential_times_a_wave(degree: int, backend: str) -> None:
+    body = x**degree * teg.exp(a * x) * teg.sin(s * x + b)
+    f = teg.compile(teg.integral(teg.bracket(x < t) * body, (x, -1, 2)), [t, a, s, b], backend=backend)
+    assert rules(f) == ["closed form"]
+    for growth, turn, end in itertools.product(RATES, RATES, (-0.999, 0.3, 1.9)):
+        value, gradient = f.value_and_grad(t=end, a=growth, s=turn, b=0.7)
+        with mpmath.workdps(90):
+            rate, phase = mpmath.mpc(growth, turn), mpmath.expj(mpmath.mpf(0.7))
+            integral, slope = (damped_wave(degree + k, rate, -1.0, end) * phase for k in (0, 1))
+            size = float(damped_wave(0, mpmath.mpf(growth), -1.0, end))
+            wanted = float(integral.imag), float(slope.imag), float(slope.real), float(integral.real)
+        assert abs(value - wanted[0]) <= 2e-14 * size * max(1.0, abs(turn)), (growth, turn, end)
+        for p, number in zip("asb", wanted[1:], strict=True):
+            assert abs(gradient[p] - number) <= 5e-14 * size * max(1.0, abs(turn)), (growth, turn, end, p)
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2])
+def test_estimates_hold_where_the_ends_cancel(degree: int) -> None:
+    """The integral over some periods is much smaller than both values of the antiderivative, whose roundings remain."""
+    f = teg.compile(teg.integral(teg.bracket(x < t) * x**degree * teg.exp(a * x) * teg.sin(s * x + b), (x, -1, 2)))
+    g = teg.compile(teg.integral(teg.bracket(x < t) * x**degree * teg.sin(s * x + b), (x, -1, 2)))
+    for growth, turn, end in itertools.product((0.0, 1e-9, 0.5, 1.2, 2.0, -6.0), (0.9, 1.1, 2.0, -6.0, 13.0, 45.0), (0.3, 1.2, 1.9)):
+        with mpmath.workdps(90):
+            exact = (damped_wave(degree, mpmath.mpc(growth, turn), -1.0, end) * mpmath.expj(mpmath.mpf(0.7))).imag
+            size = float(damped_wave(0, mpmath.mpf(growth), -1.0, end))
+            for value, error in [f.value_and_error(t=end, a=growth, s=turn, b=0.7)] + [g.value_and_error(t=end, s=turn, b=0.7)] * (
+                not growth
+            ):
+                assert abs(exact - value) <= error < 1e-12 * size * max(1.0, abs(turn)), (growth, turn, end)
+
+
 def test_a_payoff_against_a_gaussian_on_the_line() -> None:
     density = teg.exp(-x * x / 2) / math.sqrt(2 * math.pi)
     f = teg.compile(teg.integral(teg.maximum(S * teg.exp(s * x) - K, 0) * density, (x, -math.inf, math.inf)), [S, K, s])
@@ -151,7 +196,8 @@ def test_a_rule_that_is_asked_for_is_honoured(options: dict[str, Any]) -> None:
         teg.exp(x * x),  # no erf
         teg.exp(a * x * x),  # its sign is not known
         teg.exp(x**3),
-        teg.sin(x) * teg.exp(x),
+        teg.sin(x) * teg.cos(a * x),
+        teg.sin(x) * teg.exp(-x * x),
         x**4 * teg.exp(x),
         teg.exp(x) / (1 + x),
         x * x + 1,  # Gauss is exact
@@ -174,6 +220,18 @@ def test_a_condition_without_known_breaks_keeps_its_tolerance() -> None:
     e = teg.integral(teg.bracket(teg.sin(40 * x * x) + x < t) * teg.exp(x), (x, 0, 1))
     f, g = teg.compile(e, [t]), teg.compile(e, [t], intrinsics=False)
     assert f(t=0.3) == pytest.approx(g(t=0.3), rel=1e-10)
+
+
+def test_a_pixel_of_an_exponential_and_a_wave_takes_nodes_in_one_variable() -> None:
+    for body in (teg.exp(x) * teg.cos(x), teg.exp(x * y) * teg.cos(x + y)):
+        e = teg.integral(teg.bracket(x + a * y < t) * body, (x, 0, 1), (y, 0, 1))
+        f, g = teg.compile(e, [t, a]), teg.compile(e, [t, a], intrinsics=False, tol=1e-13)
+        assert [f.evaluations(t=p, a=0.3) for p in (9.0, -9.0)] == [10, 0]
+        for p in (9.0, 0.8, 0.4):
+            value, gradient = f.value_and_grad(t=p, a=0.3)
+            same, slopes = g.value_and_grad(t=p, a=0.3)
+            assert value == pytest.approx(same, rel=1e-12)
+            assert gradient == pytest.approx(slopes, rel=1e-11, abs=1e-13)
 
 
 @pytest.mark.parametrize("backend", ["numpy", "c"])

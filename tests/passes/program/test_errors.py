@@ -37,7 +37,7 @@ def test_estimates_hold_on_the_references(reference: Reference) -> None:
 
 
 DRAWN = (
-    ("1-D", "exp·cos"),
+    ("1-D", "log·cos"),
     ("1-D", "polynomial·sin, affine, quadratic"),
     ("1-D", "1/(x² + b²), quadratic"),
     ("1-D", "√x·exp, cubic"),

@@ -38,6 +38,11 @@ def of_polygon(stmt: Polygon) -> int:
     return nodes * triangles
 
 
+def of_triangle(stmt: Polygon) -> int:
+    """Returns the number of evaluations of the integrand where one triangle is left."""
+    return nodes_of(stmt.degree, len(stmt.half_planes))[0]
+
+
 def of_segment(stmt: Segment) -> int:
     """Returns the number of evaluations of the integrand."""
     return stmt.nodes
@@ -47,5 +52,5 @@ POLYGON = Intrinsic(
     "polygon",
     PolygonLowering,
     describe=describe,
-    statements={Polygon: Statement(with_errors, of_polygon), Segment: Statement(with_errors, of_segment)},
+    statements={Polygon: Statement(with_errors, of_polygon, of_triangle), Segment: Statement(with_errors, of_segment, of_segment)},
 )
