@@ -19,16 +19,14 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.branches import with_branches_in_loops
-from teg.backends.c.adjoints import with_adjoints
 from teg.backends.c.batch import ABI, exported, unwatched
 from teg.backends.c.build import load_library
 from teg.backends.c.crossed import POINTS
 from teg.backends.c.frame import Routine
-from teg.backends.c.joined import input_residues
 from teg.backends.c.kernel import LONG, optimisation
 from teg.backends.c.lanes import SIDE, Straight, decisive_branch
 from teg.backends.c.printer import Printer
-from teg.backends.c.queues import Queue, queue_of, with_enclosing
+from teg.backends.c.queues import Queue, queue_of
 from teg.backends.c.runtime import runtime
 from teg.backends.c.signals import Caller
 from teg.backends.c.tabled import tabled_entry
@@ -58,6 +56,8 @@ from teg.program.arrays import (
     work,
 )
 from teg.program.fields import operands, result_names
+from teg.program.joined import input_residues
+from teg.program.summed import summed, with_enclosing
 from teg.program.tabled import TabledProgram
 
 BY_VALUE = 120
@@ -141,7 +141,7 @@ def _title(program: ArrayProgram) -> str:
 
 class _ArrayPrinter:
     def __init__(self, program: ArrayProgram, name: str, tabled: TabledProgram | None) -> None:
-        self.program, self.name, self.tabled = with_branches_in_loops(with_adjoints(program)), name, tabled
+        self.program, self.name, self.tabled = with_branches_in_loops(program), name, tabled
         program = self.program
         self.printer = Printer()
         self.routines: dict[int, Routine] = {}
@@ -155,20 +155,21 @@ class _ArrayPrinter:
         candidates: list[tuple[Loop, Run, Queue | None]] = []
         for loop, around in with_enclosing(program.body):
             if only := _only_run(loop):
-                candidates.append((loop, only, queue_of(loop, only, around)))
+                found = summed(loop, only, around)
+                candidates.append((loop, only, queue_of(found) if found else None))
         connected = [input_residues(program.body, [q.run for _, _, q in candidates if q], point) for point in range(POINTS)]
         for loop, only, queue in candidates:
             inside = {name for s in loop.body for name in result_names(s)}
             varying = {i for i, arg in enumerate(only.inputs) if arg in inside}
             numbers = {s.name for s in loop.body if isinstance(s, Number) and s.integer == loop.index}
             counted = {i for i, arg in enumerate(only.inputs) if arg in numbers}
-            if not varying or not (found := self.printer.packed(only.program, varying, SIDE, counted)):
+            if not varying or not (made := self.printer.packed(only.program, varying, SIDE, counted)):
                 continue
             if queue:
-                found = self.printer.with_crossed(found, queue.run.program, queue.varying, [c[id(queue.run)] for c in connected])
-                if found.crossed:
+                made = self.printer.with_crossed(made, queue.run.program, queue.varying, [c[id(queue.run)] for c in connected])
+                if made.crossed:
                     self.queues[id(only)] = queue
-            self.straights[id(only)] = found
+            self.straights[id(only)] = made
         for step in steps(program.body):
             if isinstance(step, Run):
                 queue = self.queues.get(id(step))

@@ -10,14 +10,15 @@ side by side has sums of its own, *lanes*, which are added up at the end, with t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-from teg.backends.c.joined import joined
 from teg.backends.c.lanes import SIDE
 from teg.backends.c.text import indent
-from teg.program.arrays import Arg, Integers, Loop, Run, Scatter, Step, steps
+from teg.program.arrays import Arg, Integers, Loop, Run, Scatter
 from teg.program.fields import operands, result_names
+from teg.program.joined import joined
+from teg.program.summed import Summed
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,47 +72,12 @@ class Queue:
         return [f"for (int k = 0; k < {SIDE}; k++) {total} += lanes_{self.name}[{m}][k];" for m, (total, _) in enumerate(self.sums)]
 
 
-def with_enclosing(body: Sequence[Step]) -> Iterator[tuple[Loop, tuple[Loop, ...]]]:
-    """Yields every loop that adds up with the loops around it, outermost first, up to one that does something else."""
-    stack: list[tuple[Sequence[Step], tuple[Loop, ...]]] = [(body, ())]
-    while stack:
-        block, around = stack.pop()
-        for step in block:
-            if type(step) is Loop:
-                yield step, around
-                stack.append((step.body, (*around, step)))
-            elif isinstance(step, Loop):
-                stack.append((step.body, ()))
-
-
-def queue_of(loop: Loop, run: Run, around: Sequence[Loop]) -> Queue | None:
-    """Returns the queue of an innermost loop with one flat program; None if an iteration does more than add up its results."""
-    after = loop.body[loop.body.index(run) + 1 :]
-    sums: list[tuple[str, Arg]] = list(zip(loop.results, loop.values, strict=True))
-    given = set(run.results)
-    scatters = tuple(s for s in after if isinstance(s, Scatter))
-    if len(scatters) < len(after) or not given.issuperset([v for _, v in sums] + [s.value for s in scatters]):
-        return None
-    chain = [loop]
-    for outer in reversed(around):
-        results = set(chain[0].results)
-        others = list(steps(tuple(s for s in outer.body if s is not chain[0])))
-        read = {a for s in others for a in operands(s)} | {v for s in others if isinstance(s, Loop) for v in s.values}
-        if not results.isdisjoint(read):
-            break
-        known = dict(sums)
-        sums = [(r, known[v]) for r, v in zip(outer.results, outer.values, strict=True) if isinstance(v, str) and v in known]
-        chain.insert(0, outer)
-    inside = {name for s in steps(chain[0].body) for name in result_names(s)} | {step.index for step in _loops(chain)}
-    run = joined(run, [s for s in steps(chain[0].body) if isinstance(s, Run) and s is not run])
+def queue_of(found: Summed) -> Queue | None:
+    """Returns the queue of a flat program that is summed up; None if what is scattered needs more than integers."""
+    run, inside = joined(found.run, found.makers), found.names
     varying = tuple(i for i, arg in enumerate(run.inputs) if arg in inside)
-    integers = _integers(chain, {a for s in scatters for a in s.subscripts})
-    return None if integers is None else Queue(run, tuple(chain), varying, tuple(sums), scatters, integers)
-
-
-def _loops(chain: Sequence[Loop]) -> Iterator[Loop]:
-    for loop in chain:
-        yield from (s for s in steps((loop,)) if isinstance(s, Loop))
+    integers = _integers(found.chain, {a for s in found.after for a in s.subscripts})
+    return None if integers is None else Queue(run, found.chain, varying, found.sums, found.after, integers)
 
 
 def _integers(chain: Iterable[Loop], wanted: set[Arg]) -> tuple[Integers, ...] | None:

@@ -39,6 +39,7 @@ from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
 from teg.passes.normalise.integers import with_sums_of_integers
+from teg.passes.program.adjoints import with_adjoints
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
 from teg.pipeline import cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
@@ -227,7 +228,7 @@ class Derivation:
 
     def _looped(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> ArrayProgram:
         program = self.scheduled(self._looped_outputs(wanted, entry), wanted, how, unfinished=errors)
-        return with_array_error_estimates(program) if errors else program
+        return with_array_error_estimates(program) if errors else with_adjoints(program)
 
     def scheduled(self, outputs: Sequence[Output], wanted: Wanted, how: Integration, unfinished: bool = False) -> ArrayProgram:
         """Returns the program of some outputs, with the arguments of `wanted`; an unfinished one lacks the last passes

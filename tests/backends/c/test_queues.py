@@ -9,9 +9,10 @@ import pytest
 
 import teg
 from teg.backends.c.loops import print_arrays
-from teg.backends.c.queues import Queue, queue_of, with_enclosing
+from teg.backends.c.queues import Queue, queue_of
 from teg.ir.arrays import arrays_of
 from teg.program.arrays import ArrayProgram, Run
+from teg.program.summed import summed, with_enclosing
 from tests.backends.c_checks import in_c
 from tests.bench.scenes import picture
 
@@ -47,7 +48,8 @@ def queues(program: ArrayProgram) -> list[Queue]:
     for loop, around in with_enclosing(program.body):
         runs = [s for s in loop.body if isinstance(s, Run)]
         if len(runs) == 1 and loop.results and not any(s is not runs[0] and isinstance(s, Run) for s in loop.body):
-            queue = queue_of(loop, runs[0], around)
+            sums = summed(loop, runs[0], around)
+            queue = queue_of(sums) if sums else None
             found += [queue] if queue else []
     return found
 

@@ -1,7 +1,7 @@
 """A flat program together with those of the loops around it, where it is computed long after these.
 
-What waits in a queue is written once and read once; arithmetic on eight points at once costs less than that. So a point that waits keeps
-its indices and data, and what the loops around it had computed from them is computed again.
+What is kept for later is written once and read once; arithmetic costs less than that. So a point that waits keeps its indices and data, and
+what the loops around it had computed from them is computed again. What the numbers of a loop have to do with each other is seen, too.
 
     joined(run, makers)  ->  Run         the flat program of `run`, in which those of some `makers` are inlined
     input_residues(...)  ->  residues    of what a flat program in an array program is given
@@ -14,13 +14,14 @@ from dataclasses import replace
 from itertools import count
 from typing import Any
 
-from teg.backends.c.polygon import SIDE_BY_SIDE
-from teg.program import Arg, Assign, Program, assigned, statements
 from teg.program.arrays import Integers, Load, Number, Run, Step, steps
 from teg.program.fields import renamed
 from teg.program.residues import P, Residues, random_residue, residue_of
+from teg.program.statements import Arg, Assign, Program
+from teg.program.walk import assigned, statements
 
-ARITHMETIC = SIDE_BY_SIDE | {"abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select", "min", "max"}
+ARITHMETIC = {"const", "add", "sub", "mul", "div", "neg", "powi", "abs", "min", "max", "select"}
+ARITHMETIC |= {"gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok"}
 LONGEST = 200
 """Statements of a program that is computed again."""
 SAVED = 3

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from teg.backends.c.joined import input_residues, joined
 from teg.program import Assign, Program
 from teg.program.arrays import Load, Number, Run
 from teg.program.interpreter import interpret
+from teg.program.joined import input_residues, joined
 
 MAKER = Run(
     Program(

@@ -20,13 +20,13 @@ from dataclasses import replace
 from itertools import count
 from typing import NamedTuple
 
-from teg.backends.c.joined import input_residues
-from teg.backends.c.queues import Queue, queue_of, with_enclosing
 from teg.program import Arg, Assign, Polygon, Program, Segment, Stmt, assigned, statements
 from teg.program.arrays import ArrayProgram, Loop, Number, Run, Step, steps
 from teg.program.dce import without_dead_code
 from teg.program.fields import result_names
+from teg.program.joined import input_residues, joined
 from teg.program.residues import P, Residues, random_residue, residue_of
+from teg.program.summed import Summed, summed, with_enclosing
 from teg.program.walk import blocks, free_in
 
 POINTS = 2
@@ -504,9 +504,9 @@ def with_adjoints(program: ArrayProgram) -> ArrayProgram:
         runs = [s for s in loop.body if isinstance(s, Run)]
         if len(runs) != 1 or any(isinstance(s, Loop) for s in loop.body):
             continue
-        queue = queue_of(loop, runs[0], around)
-        if queue and len(queue.run.results) >= LEAST and not queue.after and (found := _split(program, queue, numbers)):
-            changes[id(queue.carrier)] = found
+        found = summed(loop, runs[0], around)
+        if found and len(found.run.results) >= LEAST and not found.after and (made := _split(program, found, numbers)):
+            changes[id(found.carrier)] = made
     return replace(program, body=_replaced(program.body, changes)) if changes else program
 
 
@@ -521,12 +521,12 @@ def _replaced(block: tuple[Step, ...], changes: dict[int, tuple[Step, ...]]) -> 
     return tuple(result)
 
 
-def _split(program: ArrayProgram, queue: Queue, numbers: count[int]) -> tuple[Step, ...] | None:
-    """Returns the carrier of a queue with forms in place of the outputs, and the flat program that combines them."""
-    run = queue.run
-    varying: set[Arg] = {f"p{i}" for i in queue.varying}
-    counted = {s.name for s in steps(queue.carrier.body) if isinstance(s, Number)}
-    indices: set[Arg] = {f"p{i}" for i in queue.varying if run.inputs[i] in counted}
+def _split(program: ArrayProgram, found: Summed, numbers: count[int]) -> tuple[Step, ...] | None:
+    """Returns a carrier with forms in place of the outputs, and the flat program that combines them."""
+    run, inside = joined(found.run, found.makers), found.names
+    varying: set[Arg] = {f"p{i}" for i, a in enumerate(run.inputs) if a in inside}
+    counted = {s.name for s in steps(found.carrier.body) if isinstance(s, Number)}
+    indices: set[Arg] = {f"p{i}" for i, a in enumerate(run.inputs) if a in counted}
     residues = [Residues(input_residues(program.body, [run], point)[id(run)]) for point in range(POINTS)]
     block = list(statements(run.program.body))
     for r in residues:
@@ -537,6 +537,8 @@ def _split(program: ArrayProgram, queue: Queue, numbers: count[int]) -> tuple[St
         return None
     wanted = [forms.of(v) or {} for v in run.program.outputs]
     distinct = list(dict.fromkeys(form for row in wanted for form in row))
+    if all(c.arg == 1.0 for row in wanted for c in row.values()):
+        return None
     outputs = dict(zip(run.results, wanted, strict=True))
     shorter = without_dead_code(replace(run.program, body=tuple(forms.body), outputs=tuple(distinct)))
     own = {f"p{i}" for i in range(len(run.inputs))}
@@ -546,12 +548,12 @@ def _split(program: ArrayProgram, queue: Queue, numbers: count[int]) -> tuple[St
         return None
     results = tuple(f"v{next(numbers)}" for _ in distinct)
     sums = tuple(f"v{next(numbers)}" for _ in distinct)
-    rows = [outputs[str(v)] for _, v in queue.sums]
+    rows = [outputs[str(v)] for _, v in found.sums]
     matrix = _matrix(forms, rows, distinct, len(run.inputs))
     if matrix is None:
         return None
-    carrier = _with_forms(queue, Run(shorter, run.inputs, results), sums, numbers)
-    behind = Run(matrix[0], tuple(run.inputs[i] for i in matrix[1]) + sums, tuple(r for r, _ in queue.sums))
+    carrier = _with_forms(found, Run(shorter, run.inputs, results), sums, numbers)
+    behind = Run(matrix[0], tuple(run.inputs[i] for i in matrix[1]) + sums, tuple(r for r, _ in found.sums))
     return carrier, behind
 
 
@@ -589,12 +591,12 @@ def _matrix(forms: _Forms, rows: Sequence[Forms], distinct: Sequence[Arg], input
     return Program(parameters, renamed, tuple(new.get(o, o) for o in program.outputs)), kept
 
 
-def _with_forms(queue: Queue, run: Run, sums: Sequence[str], numbers: count[int]) -> Loop:
+def _with_forms(found: Summed, run: Run, sums: Sequence[str], numbers: count[int]) -> Loop:
     """Returns the carrier with another flat program in the innermost loop, whose results are summed up to `sums`."""
-    only = next(s for s in queue.chain[-1].body if isinstance(s, Run))
+    only = found.run
     dropped, inner = set(only.results), run.results
     below: tuple[Step, Step] = (only, run)
-    for depth, loop in reversed(list(enumerate(queue.chain))):
+    for depth, loop in reversed(list(enumerate(found.chain))):
         pairs = list(zip(loop.results, loop.values, strict=True))
         kept = [(r, v) for r, v in pairs if v not in dropped]
         names = tuple(sums) if depth == 0 else tuple(f"v{next(numbers)}" for _ in inner)
