@@ -1,243 +1,84 @@
 """Derivatives by what a loop is given, and the chain rule once behind it.
 
-    Σ over boxes of  outputs of a flat program    →    Σ over boxes of *forms*;   outputs = matrix · sums of forms
+    Σ over boxes of  outputs of a flat program    →    Σ over boxes of *moments*;   outputs = matrix · sums of moments
 
 The integrand of every derivative of one integral over a polygon is a polynomial. In coordinates that all boxes of a loop share, its
-coefficients are the same for all of them, but for the data of a box. So every output is a combination of few forms with coefficients
-that the loop does not change: the forms are added up, and the coefficients are applied once, behind the loop.
+coefficients are the same for all of them, but for the data of a box. So every output is a combination of few moments with coefficients
+that the loop does not change: the moments are added up, and the coefficients are applied once, behind the loop.
 
     coordinates    the barycentric ones of a polygon with corners; else its offsets from one point of the plane
     residuals      sums with data of a box in them, not expanded: what is small stays small
-    forms          products of residuals and coordinates under the integral; results of segments; other numbers, as they are
+    moments          products of residuals and coordinates under the integral; results of segments; other numbers, as they are
 
 Whether a coefficient is 0 is decided in a finite field (`teg.program.residues`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import count
-from typing import NamedTuple
 
+from teg.passes.program.polynomials import ONE, POINTS, Coefficient, Monomial, Poly, Polynomials, Steady, derivative
 from teg.program import Arg, Assign, Polygon, Program, Segment, Stmt, assigned, statements
 from teg.program.arrays import ArrayProgram, Loop, Number, Run, Step, steps
 from teg.program.dce import without_dead_code
 from teg.program.fields import result_names
 from teg.program.joined import input_residues, joined
-from teg.program.residues import P, Residues, random_residue, residue_of
+from teg.program.residues import Residues
 from teg.program.summed import Summed, summed, with_enclosing
 from teg.program.walk import blocks, free_in
 
-POINTS = 2
-"""Random points at which a coefficient that is 0 must be 0."""
-MOST_TERMS, MOST_DEGREE = 120, 8
-"""Monomials of a polynomial, and their degree, beyond which it is a number like others."""
 LEAST = 4
-"""Outputs of a flat program for which forms are sought."""
+"""Outputs of a flat program for which moments are sought."""
 MORE = 8
-"""So many forms more than outputs may be added up."""
+"""So many moments more than outputs may be added up."""
 
-Monomial = tuple[tuple[str, int], ...]
-"""Exponents by variable, the variables in order."""
-ONE: Monomial = ()
-
-
-class Coefficient(NamedTuple):
-    """A number that the loop does not change, and its residues at the random points."""
-
-    arg: Arg
-    residues: tuple[int, ...]
-
-
-Poly = dict[Monomial, Coefficient]
-Forms = dict[Arg, Coefficient]
+Moments = dict[Arg, Coefficient]
 """A combination of values of the flat program."""
 
 
-class _Steady:
-    """Arithmetic with coefficients, as assignments; the same one is written once."""
+class _Body:
+    """The body of a polygon, to which values are added, each one once."""
 
-    def __init__(self, numbers: count[int]) -> None:
-        self.lines: list[Assign] = []
-        self._numbers = numbers
-        self._known: dict[tuple[str, tuple[Arg, ...]], str] = {}
+    def __init__(self, lines: list[Stmt], name: Callable[[], str]) -> None:
+        self.lines, self._name = lines, name
+        self._known = {(s.op, s.args): s.name for s in lines if isinstance(s, Assign)}
 
-    def number(self, value: float) -> Coefficient:
-        """Returns a literal, which is finite."""
-        residue = residue_of(value)
-        assert residue is not None
-        return Coefficient(value, (residue,) * POINTS)
-
-    def _put(self, op: str, *args: Arg) -> str:
+    def value(self, op: str, *args: Arg) -> str:
+        """Returns the name of a value."""
         if (op, args) not in self._known:
-            self._known[op, args] = f"v{next(self._numbers)}"
+            self._known[op, args] = self._name()
             self.lines.append(Assign(self._known[op, args], op, args))
         return self._known[op, args]
 
-    def add(self, a: Coefficient, b: Coefficient) -> Coefficient | None:
-        """Returns the sum; None if it is 0."""
-        residues = tuple((x + y) % P for x, y in zip(a.residues, b.residues, strict=True))
-        if not any(residues):
-            return None
-        if isinstance(a.arg, float) and isinstance(b.arg, float):
-            return Coefficient(a.arg + b.arg, residues)
-        return Coefficient(self._put("add", a.arg, b.arg), residues)
 
-    def mul(self, a: Coefficient, b: Coefficient) -> Coefficient:
-        """Returns the product."""
-        residues = tuple(x * y % P for x, y in zip(a.residues, b.residues, strict=True))
-        if isinstance(a.arg, float) and isinstance(b.arg, float):
-            return Coefficient(a.arg * b.arg, residues)
-        if 1.0 in (a.arg, b.arg):
-            return Coefficient(b.arg if a.arg == 1.0 else a.arg, residues)
-        if -1.0 in (a.arg, b.arg):
-            return Coefficient(self._put("neg", b.arg if a.arg == -1.0 else a.arg), residues)
-        return Coefficient(self._put("mul", a.arg, b.arg), residues)
-
-    def inverse(self, a: Coefficient) -> Coefficient | None:
-        """Returns the reciprocal."""
-        if not all(a.residues):
-            return None
-        return Coefficient(self._put("div", 1.0, a.arg), tuple(pow(r, -1, P) for r in a.residues))
-
-
-class _Polynomials:
-    """Values of a flat program as polynomials: in the inputs that the loop changes, and in the variables of a polygon."""
-
-    def __init__(self, steady: _Steady, residues: Sequence[Residues], varying: set[Arg], data: set[Arg]) -> None:
-        self.steady, self._residues, self.varying, self.data = steady, residues, varying, data
-        self.known: dict[Arg, Poly | None] = {}
-        self.residuals: dict[Arg, Poly] = {}
-
-    def of(self, arg: Arg) -> Poly | None:
-        """Returns the polynomial of a value, if it is one."""
-        if not isinstance(arg, str):
-            return None if residue_of(float(arg)) is None else {ONE: self.steady.number(float(arg))} if arg else {}
-        if arg not in self.known:
-            if arg in self.varying:
-                self.known[arg] = self.variable(arg)
-            else:
-                found = [r.of(arg) for r in self._residues]
-                random = [random_residue("steady", point, arg) for point in range(POINTS)]
-                given = tuple(r if r is not None else other for r, other in zip(found, random, strict=True))
-                self.known[arg] = {ONE: Coefficient(arg, given)} if any(given) else {}
-        return self.known[arg]
-
-    def variable(self, name: str) -> Poly:
-        """Returns a polynomial that is a variable."""
-        return {((name, 1),): self.steady.number(1.0)}
-
-    def total(self, terms: Iterable[Poly]) -> Poly:
-        """Returns the sum."""
-        result: Poly = {}
-        for term in terms:
-            for monomial, c in term.items():
-                both = self.steady.add(result[monomial], c) if monomial in result else c
-                if both is None:
-                    del result[monomial]
-                else:
-                    result[monomial] = both
-        return result
-
-    def product(self, p: Poly, q: Poly) -> Poly | None:
-        """Returns the product; None if it is too large."""
-        if len(p) * len(q) > MOST_TERMS:
-            return None
-        result: Poly = {}
-        for m, a in p.items():
-            for n, b in q.items():
-                exponents = dict(m)
-                for name, k in n:
-                    exponents[name] = exponents.get(name, 0) + k
-                monomial = tuple(sorted(exponents.items()))
-                if sum(exponents.values()) > MOST_DEGREE:
-                    return None
-                result = self.total([result, {monomial: self.steady.mul(a, b)}])
-        return result
-
-    def follow(self, block: Iterable[Stmt], in_polygon: bool = False) -> None:
-        """Notes the polynomials of assignments. In a polygon, a sum with data in it becomes a variable: a residual."""
-        for s in block:
-            if not isinstance(s, Assign) or s.name[0] != "v" or self.varying.isdisjoint(s.args):
-                continue
-            self.varying.add(s.name)
-            found = self._result(s)
-            if found is None:
-                found = self.variable(s.name)
-                self.data.add(s.name)
-            elif in_polygon and s.op in ("add", "sub") and self._is_residual(found):
-                self.residuals[s.name] = found
-                found = self.variable(s.name)
-            self.known[s.name] = found
-
-    def _is_residual(self, p: Poly) -> bool:
-        """Returns whether data of a box is among the terms of a sum."""
-        powers = [sum(k for name, k in m if name in self.data) for m in p]
-        return len(p) > 1 and max(powers) == 1
-
-    def difference(self, p: Poly, q: Poly) -> Poly:
-        """Returns p - q."""
-        minus = self.steady.number(-1.0)
-        return self.total([p, {m: self.steady.mul(minus, c) for m, c in q.items()}])
-
-    def _result(self, s: Assign) -> Poly | None:
-        args = [self.of(a) for a in s.args]
-        parts = [p for p in args if p is not None]
-        if len(parts) < len(args):
-            return None
-        match s.op:
-            case "const":
-                return parts[0]
-            case "add":
-                return self.total(parts)
-            case "neg":
-                return self.difference({}, parts[0])
-            case "sub":
-                return self.difference(parts[0], parts[1])
-            case "mul":
-                return self._power(parts)
-            case "powi" if 0 < int(s.args[1]) <= MOST_DEGREE:
-                return self._power([parts[0]] * int(s.args[1]))
-            case "div" if s.args[1] not in self.varying and set(parts[1]) == {ONE}:
-                inverse = self.steady.inverse(parts[1][ONE])
-                return None if inverse is None else self.product(parts[0], {ONE: inverse})
-            case _:
-                return None
-
-    def _power(self, factors: Sequence[Poly]) -> Poly | None:
-        result: Poly | None = factors[0]
-        for factor in factors[1:]:
-            result = None if result is None else self.product(result, factor)
-        return result
-
-
-class _Forms:
-    """The outputs of a flat program as combinations of forms, and the program that computes these."""
+class _Moments:
+    """The outputs of a flat program as combinations of moments, and the program that computes these."""
 
     def __init__(self, run: Run, varying: set[Arg], indices: set[Arg], residues: Sequence[Residues], numbers: count[int]) -> None:
         self.run, self.indices, self._numbers = run, indices, numbers
-        self.steady = _Steady(numbers)
+        self.steady = Steady(numbers)
         self._residues = residues
         self._inputs = varying
         self.polynomials = self._polynomials()
         self.body: list[Stmt] = []
-        self._of: dict[Arg, Forms] = {}
+        self._of: dict[Arg, Moments] = {}
         self._nothing: set[Arg] = {0.0}
         """Values that are 0 or NaN."""
         self._selected: dict[tuple[Arg, ...], str] = {}
         self.found = False
         self._inside = self.polynomials
 
-    def _polynomials(self) -> _Polynomials:
-        return _Polynomials(self.steady, self._residues, set(self._inputs), set(self._inputs) - self.indices)
+    def _polynomials(self) -> Polynomials:
+        return Polynomials(self.steady, self._residues, set(self._inputs), set(self._inputs) - self.indices)
 
     def name(self) -> str:
         """Returns a name that is not used yet."""
         return f"v{next(self._numbers)}"
 
     def through(self) -> bool:
-        """Goes through the program; returns whether every output is a combination, and forms of a polygon are among them."""
+        """Goes through the program; returns whether every output is a combination, and moments of a polygon are among them."""
         for s in self.run.program.body:
             match s:
                 case Polygon():
@@ -260,7 +101,7 @@ class _Forms:
             elif not varying.isdisjoint(s.args):
                 varying.add(s.name)
 
-    def of(self, arg: Arg) -> Forms | None:
+    def of(self, arg: Arg) -> Moments | None:
         """Returns the combination that a value is; None if there is none."""
         if arg in self._of:
             return self._of[arg]
@@ -278,21 +119,21 @@ class _Forms:
         found = self._select(s) if s.op == "select" else self._times(s) if s.op == "mul" else None
         if s.op in ("add", "sub", "neg", "const"):
             signs = [-1.0 if s.op == "neg" or (s.op == "sub" and k == 1) else 1.0 for k in range(len(s.args))]
-            parts = [(forms, self.steady.number(g)) for a, g in zip(s.args, signs, strict=True) if (forms := self.of(a)) is not None]
+            parts = [(moments, self.steady.number(g)) for a, g in zip(s.args, signs, strict=True) if (moments := self.of(a)) is not None]
             found = self._total(parts) if len(parts) == len(s.args) else None
         if found is not None:
             self._of[s.name] = found
 
-    def _total(self, parts: Iterable[tuple[Forms, Coefficient]]) -> Forms:
-        result: Forms = {}
-        for forms, factor in parts:
-            for form, c in forms.items():
+    def _total(self, parts: Iterable[tuple[Moments, Coefficient]]) -> Moments:
+        result: Moments = {}
+        for moments, factor in parts:
+            for moment, c in moments.items():
                 new = self.steady.mul(c, factor)
-                both = self.steady.add(result[form], new) if form in result else new
+                both = self.steady.add(result[moment], new) if moment in result else new
                 if both is None:
-                    del result[form]
+                    del result[moment]
                 else:
-                    result[form] = both
+                    result[moment] = both
         return result
 
     def _coefficient(self, arg: Arg) -> Coefficient | None:
@@ -302,7 +143,7 @@ class _Forms:
         found = self.polynomials.of(arg)
         return None if found is None else found.get(ONE, self.steady.number(0.0))
 
-    def _times(self, s: Assign) -> Forms | None:
+    def _times(self, s: Assign) -> Moments | None:
         """Returns a product of a combination and coefficients."""
         inside = [a for a in s.args if a in self.polynomials.varying]
         factors = [self._coefficient(a) for a in s.args if a not in inside]
@@ -314,20 +155,20 @@ class _Forms:
             result = None if result is None else self._total([(result, factor)])
         return result
 
-    def _select(self, s: Assign) -> Forms | None:
-        """Returns a selection between combinations, as one of selections between forms and nothing."""
+    def _select(self, s: Assign) -> Moments | None:
+        """Returns a selection between combinations, as one of selections between moments and nothing."""
         condition, *branches = s.args
-        result: Forms = {}
+        result: Moments = {}
         for k, branch in enumerate(branches):
             other = branches[1 - k]
             if branch in self._nothing:
                 continue
-            forms = self.of(branch)
-            if forms is None:
+            moments = self.of(branch)
+            if moments is None:
                 return None
             nothing = other if other in self._nothing else 0.0
-            for form, c in forms.items():
-                args = (condition, form, nothing) if k == 0 else (condition, nothing, form)
+            for moment, c in moments.items():
+                args = (condition, moment, nothing) if k == 0 else (condition, nothing, moment)
                 if args not in self._selected:
                     self._selected[args] = self.name()
                     self.body.append(Assign(self._selected[args], "select", args))
@@ -343,15 +184,15 @@ class _Forms:
         known: dict[tuple[Arg, Arg], str] = {}
         for result, value, factor in zip(s.results, s.values, s.factors, strict=True):
             c = self._coefficient(factor)
-            form = known.setdefault((value, factor if c is None else 1.0), self.name())
-            self._of[result] = {form: self.steady.number(1.0) if c is None else c}
+            moment = known.setdefault((value, factor if c is None else 1.0), self.name())
+            self._of[result] = {moment: self.steady.number(1.0) if c is None else c}
         self.polynomials.varying.update(
             known.values(), s.results, (s.var,), (name for t in statements((*s.scales, *s.body)) for name in assigned(t))
         )
         return replace(s, values=tuple(v for v, _ in known), factors=tuple(f for _, f in known), results=tuple(known.values()))
 
     def _polygon(self, s: Polygon) -> list[Stmt]:
-        """Returns a polygon whose values are forms, with what its coordinates are computed from."""
+        """Returns a polygon whose values are moments, with what its coordinates are computed from."""
         self._mark(s.setup)
         before: list[Stmt] = []
         found = self._expanded(s, before)
@@ -371,7 +212,7 @@ class _Forms:
         return [*before, new]
 
     def _expanded(self, s: Polygon, before: list[Stmt]) -> tuple[tuple[Stmt, ...], list[Arg], list[dict[int, Coefficient]]] | None:
-        """Returns the body of a polygon with its forms, and the coefficients of every value by the number of a form; None if the values
+        """Returns the body of a polygon with its moments, and the coefficients of every value by the number of a moment; None if the values
         are no polynomials, or their coefficients change. What the coordinates are computed from is appended to `before`."""
         if any(self._coefficient(f) is None for f in s.factors) or not all(isinstance(t, Assign) for t in (*s.setup, *s.body)):
             return None
@@ -392,28 +233,20 @@ class _Forms:
         degrees = {name: max(sum(k for _, k in m) for m in p) for name, p in residuals.items()}
         if any(sum(k * degrees.get(name, 1) for name, k in m) > s.degree for g in groups.values() for m in g):
             return None
-        body: list[Stmt] = list(s.body)
-        body += [Assign(x, "add", (u, at)) for x, (u, at) in names.items()]
-        columns = [self._form(group, body) for group in groups.values()]
+        body = _Body([*s.body, *(Assign(x, "add", (u, at)) for x, (u, at) in names.items())], self.name)
+        columns = [self._moment(group, body) for group in groups.values()]
         rows = [{k: p[g[0]] for k, g in enumerate(groups.values()) if g[0] in p} for p in values]
-        return tuple(body), columns, rows
+        return tuple(body.lines), columns, rows
 
-    def _form(self, group: Sequence[Monomial], body: list[Stmt]) -> Arg:
+    def _moment(self, group: Sequence[Monomial], body: _Body) -> Arg:
         """Returns a sum of monomials."""
         terms: list[Arg] = []
         for m in group:
             factors = [name for name, k in m for _ in range(k)]
             while len(factors) > 1:
-                factors[:2] = [self._once(body, "mul", factors[0], factors[1])]
+                factors[:2] = [body.value("mul", factors[0], factors[1])]
             terms.append(factors[0] if factors else 1.0)
-        return terms[0] if len(terms) == 1 else self._once(body, "add", *terms)
-
-    def _once(self, body: list[Stmt], op: str, *args: Arg) -> str:
-        known = next((t.name for t in body if isinstance(t, Assign) and (t.op, t.args) == (op, args)), None)
-        if known is None:
-            known = self.name()
-            body.append(Assign(known, op, args))
-        return known
+        return terms[0] if len(terms) == 1 else body.value("add", *terms)
 
     def _values(self, s: Polygon, names: dict[str, tuple[str, str]]) -> list[Poly] | None:
         """Returns the values of a polygon as polynomials of its coordinates and residuals."""
@@ -442,10 +275,10 @@ class _Forms:
         whole = [v for v in values if v is not None]
         return whole if len(whole) == len(values) else None
 
-    def _within(self, s: Polygon) -> _Polynomials:
+    def _within(self, s: Polygon) -> Polynomials:
         """Returns the polynomials that are known outside of a polygon."""
         outside = self.polynomials
-        inside = _Polynomials(self.steady, self._residues, outside.varying | set(s.variables), set(outside.data))
+        inside = Polynomials(self.steady, self._residues, outside.varying | set(s.variables), set(outside.data))
         inside.known = dict(outside.known)
         return inside
 
@@ -463,7 +296,7 @@ class _Forms:
         for u in s.variables:
             if not any(name == u for p in polys for m in p for name, _ in m):
                 continue
-            i = next((i for i in free if all(_derivative(p, u) == _derivative(p, i) for p in polys)), None)
+            i = next((i for i in free if all(derivative(p, u) == derivative(p, i) for p in polys)), None)
             if i is None:
                 return None
             free.remove(i)
@@ -481,23 +314,8 @@ class _Forms:
         return 0.0
 
 
-def _derivative(p: Poly, name: str) -> dict[Monomial, tuple[int, ...]]:
-    """Returns the derivative of a polynomial by a variable, as residues."""
-    result: dict[Monomial, tuple[int, ...]] = {}
-    for m, c in p.items():
-        exponents = dict(m)
-        k = exponents.get(name, 0)
-        if not k:
-            continue
-        exponents[name] -= 1
-        rest = tuple((n, e) for n, e in sorted(exponents.items()) if e)
-        given = result.get(rest, (0,) * POINTS)
-        result[rest] = tuple((a + k * b) % P for a, b in zip(given, c.residues, strict=True))
-    return {m: r for m, r in result.items() if any(r)}
-
-
 def with_adjoints(program: ArrayProgram) -> ArrayProgram:
-    """Returns the program in which loops over boxes add up forms, where these are cheaper than what is wanted."""
+    """Returns the program in which loops over boxes add up moments, where these are cheaper than what is wanted."""
     numbers = count(1 + max((int(n[1:]) for s in steps(program.body) for n in result_names(s) if n[1:].isdigit()), default=0))
     changes: dict[int, tuple[Step, ...]] = {}
     for loop, around in with_enclosing(program.body):
@@ -522,7 +340,7 @@ def _replaced(block: tuple[Step, ...], changes: dict[int, tuple[Step, ...]]) -> 
 
 
 def _split(program: ArrayProgram, found: Summed, numbers: count[int]) -> tuple[Step, ...] | None:
-    """Returns a carrier with forms in place of the outputs, and the flat program that combines them."""
+    """Returns a carrier with moments in place of the outputs, and the flat program that combines them."""
     run, inside = joined(found.run, found.makers), found.names
     varying: set[Arg] = {f"p{i}" for i, a in enumerate(run.inputs) if a in inside}
     counted = {s.name for s in steps(found.carrier.body) if isinstance(s, Number)}
@@ -532,15 +350,15 @@ def _split(program: ArrayProgram, found: Summed, numbers: count[int]) -> tuple[S
     for r in residues:
         r.follow(block)
     inner = count(1 + max((int(n[1:]) for s in block for n in assigned(s) if n[1:].isdigit()), default=0))
-    forms = _Forms(run, varying, indices, residues, inner)
-    if not forms.through():
+    moments = _Moments(run, varying, indices, residues, inner)
+    if not moments.through():
         return None
-    wanted = [forms.of(v) or {} for v in run.program.outputs]
-    distinct = list(dict.fromkeys(form for row in wanted for form in row))
+    wanted = [moments.of(v) or {} for v in run.program.outputs]
+    distinct = list(dict.fromkeys(moment for row in wanted for moment in row))
     if all(c.arg == 1.0 for row in wanted for c in row.values()):
         return None
     outputs = dict(zip(run.results, wanted, strict=True))
-    shorter = without_dead_code(replace(run.program, body=tuple(forms.body), outputs=tuple(distinct)))
+    shorter = without_dead_code(replace(run.program, body=tuple(moments.body), outputs=tuple(distinct)))
     own = {f"p{i}" for i in range(len(run.inputs))}
     if len(distinct) > len(run.results) + MORE or not own.union(*map(assigned, shorter.body)).issuperset(
         [*free_in(shorter.body), *distinct]
@@ -549,35 +367,35 @@ def _split(program: ArrayProgram, found: Summed, numbers: count[int]) -> tuple[S
     results = tuple(f"v{next(numbers)}" for _ in distinct)
     sums = tuple(f"v{next(numbers)}" for _ in distinct)
     rows = [outputs[str(v)] for _, v in found.sums]
-    matrix = _matrix(forms, rows, distinct, len(run.inputs))
+    matrix = _matrix(moments, rows, distinct, len(run.inputs))
     if matrix is None:
         return None
-    carrier = _with_forms(found, Run(shorter, run.inputs, results), sums, numbers)
+    carrier = _with_moments(found, Run(shorter, run.inputs, results), sums, numbers)
     behind = Run(matrix[0], tuple(run.inputs[i] for i in matrix[1]) + sums, tuple(r for r, _ in found.sums))
     return carrier, behind
 
 
-def _matrix(forms: _Forms, rows: Sequence[Forms], distinct: Sequence[Arg], inputs: int) -> tuple[Program, list[int]] | None:
-    """Returns the program of the combinations, and which inputs it has before the sums of the forms. A form that is 0 everywhere adds
+def _matrix(moments: _Moments, rows: Sequence[Moments], distinct: Sequence[Arg], inputs: int) -> tuple[Program, list[int]] | None:
+    """Returns the program of the combinations, and which inputs it has before the sums of the moments. A moment that is 0 everywhere adds
     nothing, whatever its coefficient is."""
-    body = [s for s in statements(forms.run.program.body) if isinstance(s, Assign) and s.name not in forms.polynomials.varying]
-    body += forms.steady.lines
-    sums = {form: f"p{inputs + k}" for k, form in enumerate(distinct)}
+    body = [s for s in statements(moments.run.program.body) if isinstance(s, Assign) and s.name not in moments.polynomials.varying]
+    body += moments.steady.lines
+    sums = {moment: f"p{inputs + k}" for k, moment in enumerate(distinct)}
     empty: dict[Arg, str] = {}
-    for form, total in sums.items():
-        size, empty[form] = forms.name(), "b" + forms.name()[1:]
-        body += [Assign(size, "abs", (total,)), Assign(empty[form], "le0", (size,))]
+    for moment, total in sums.items():
+        size, empty[moment] = moments.name(), "b" + moments.name()[1:]
+        body += [Assign(size, "abs", (total,)), Assign(empty[moment], "le0", (size,))]
     outputs: list[Arg] = []
     for row in rows:
         terms: list[Arg] = []
-        for form, (c, _) in row.items():
-            product, term = forms.name(), forms.name()
+        for moment, (c, _) in row.items():
+            product, term = moments.name(), moments.name()
             if c == 1.0:
-                terms.append(sums[form])
+                terms.append(sums[moment])
                 continue
-            body += [Assign(product, "mul", (c, sums[form])), Assign(term, "select", (empty[form], 0.0, product))]
+            body += [Assign(product, "mul", (c, sums[moment])), Assign(term, "select", (empty[moment], 0.0, product))]
             terms.append(term)
-        outputs.append(forms.name() if len(terms) > 1 else terms[0] if terms else 0.0)
+        outputs.append(moments.name() if len(terms) > 1 else terms[0] if terms else 0.0)
         body += [Assign(str(outputs[-1]), "add", tuple(terms))] if len(terms) > 1 else []
     names = tuple(f"p{i}" for i in range(inputs + len(distinct)))
     program = without_dead_code(Program(names, tuple(body), tuple(outputs)))
@@ -591,7 +409,7 @@ def _matrix(forms: _Forms, rows: Sequence[Forms], distinct: Sequence[Arg], input
     return Program(parameters, renamed, tuple(new.get(o, o) for o in program.outputs)), kept
 
 
-def _with_forms(found: Summed, run: Run, sums: Sequence[str], numbers: count[int]) -> Loop:
+def _with_moments(found: Summed, run: Run, sums: Sequence[str], numbers: count[int]) -> Loop:
     """Returns the carrier with another flat program in the innermost loop, whose results are summed up to `sums`."""
     only = found.run
     dropped, inner = set(only.results), run.results

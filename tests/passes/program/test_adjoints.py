@@ -1,4 +1,4 @@
-"""Forms that loops add up in place of derivatives: what is added up, and that results are the same."""
+"""Moments that loops add up in place of derivatives: what is added up, and that results are the same."""
 
 from __future__ import annotations
 
@@ -76,10 +76,10 @@ def scene(kind: str, place: str, n: int = 9) -> dict[str, Any]:
 
 
 def program_of(kind: str) -> ArrayProgram:
-    return without_forms(*picture(kind))
+    return without_moments(*picture(kind))
 
 
-def without_forms(e: teg.Expr, wrt: list[Any]) -> ArrayProgram:
+def without_moments(e: teg.Expr, wrt: list[Any]) -> ArrayProgram:
     """The program of value and gradient before the pass."""
     with mock.patch.object(plan, "with_adjoints", lambda program: program):
         program = teg.compile(e, wrt, backend="c").program(1)
@@ -95,7 +95,7 @@ def the_polygon(program: ArrayProgram) -> tuple[Run, Polygon]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_forms_are_few_and_short(kind: str) -> None:
+def test_moments_are_few_and_short(kind: str) -> None:
     """For linear colours: each residual with 1, λ₁ and λ₂, the loss, and two numbers for each side."""
     before = program_of(kind)
     after = with_adjoints(before)
@@ -106,11 +106,11 @@ def test_forms_are_few_and_short(kind: str) -> None:
     assert with_adjoints(after) is after
 
 
-def test_what_has_no_forms_stays_as_it_is() -> None:
+def test_what_has_no_moments_stays_as_it_is() -> None:
     k = teg.index("k")
     a = teg.array("a", 1)
     e = teg.sum(teg.integral(teg.bracket(x < a[k]) * teg.exp(x * a[k]), (x, 0, 1)), (k, 0, teg.length(a, 0)))
-    program = without_forms(e, [a])
+    program = without_moments(e, [a])
     assert with_adjoints(program) is program
 
 
@@ -129,7 +129,7 @@ def test_the_meaning_is_the_same(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_pictures_with_and_without_forms(kind: str) -> None:
+def test_pictures_with_and_without_moments(kind: str) -> None:
     e, wrt = picture(kind)
     ours = teg.compile(e, wrt, backend="c")
     for place in PLACES:
@@ -144,7 +144,7 @@ def test_pictures_with_and_without_forms(kind: str) -> None:
 
 
 @pytest.mark.parametrize("backend", ["numpy", "jax"])
-def test_every_backend_adds_up_forms(backend: str, request: pytest.FixtureRequest) -> None:
+def test_every_backend_adds_up_moments(backend: str, request: pytest.FixtureRequest) -> None:
     if backend == "jax":
         pytest.importorskip("jax")
         request.getfixturevalue("x64")
