@@ -103,12 +103,12 @@ def chosen_node(noise: Noise, node: int | None) -> int:
 
     Raises InputError if there is none of that number.
     """
-    nodes = noise.matrix.shape[1] // 2
     if node is None:
-        middle = noise.size[1] // 2 * (noise.size[0] + 1) + noise.size[0] // 2
-        return int(np.argmax(np.abs(noise.matrix[[middle]].toarray()[0].reshape(-1, 2)).sum(axis=1)))
-    if node >= nodes:
-        raise InputError(f"--node is {node}", None, f"less than {nodes}, the number of the nodes")
+        middle = np.zeros((noise.size[1] + 1, noise.size[0] + 1))
+        middle[noise.size[1] // 2, noise.size[0] // 2] = 1
+        return int(np.argmax(np.abs(noise.pull_back(middle)).reshape(-1, 2).sum(axis=1)))
+    if node >= noise.nodes:
+        raise InputError(f"--node is {node}", None, f"less than {noise.nodes}, the number of the nodes")
     return node
 
 
@@ -118,7 +118,7 @@ def _draw_slopes(path: Path, fit: Fit, node: int) -> None:
 
     shader, factor = fit.shader, pictures.enlargement(max(fit.shader.noise.size))
     by_threshold, by_node = np.zeros((2, len(fit.end)))
-    by_threshold[shader.noise.matrix.shape[1]] = 1
+    by_threshold[2 * shader.noise.nodes] = 1
     by_node[2 * node] = 1
     directions = {"dI / d(first threshold)": by_threshold, f"dI / d(gradient of node {node}, to the right)": by_node}
     slopes = {title: shader.slope_picture(fit.end, direction, factor) for title, direction in directions.items()}
