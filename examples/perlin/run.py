@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from teg.errors import InputError
+from teg.examples.animation import write_film
 from teg.examples.descent_record import RecordedDescent
 from teg.examples.harness import finish, ratio, require_packages, result_folder
 from teg.examples.options import resolved
@@ -92,8 +93,8 @@ def _draw(folder: Path, target: np.ndarray, fits: Sequence[Fit], marks: Mapping[
         pictures.draw(folder / file, picture)
     captions = ["the photo", "noise at the start", *(f"{f.label}, step {f.steps}" for f in fits)]
     shown = dict(zip(captions, drawn.values(), strict=True))
-    frames = [fit.shader.picture(state.parameters, factor) for state in fit.descent.animation()]
-    pictures.write_gif(folder / ANIMATION, frames)
+    frames = [pictures.to_bytes(fit.shader.picture(state.parameters, factor)) for state in fit.descent.animation()]
+    write_film(folder / ANIMATION, frames, pictures.FILM_MILLISECONDS, pictures.FILM_LAST)
     pictures.draw_sheet(folder / SHEET, shown, {f.label: f.descent.losses for f in fits}, marks)
     return list(drawn)
 
