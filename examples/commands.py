@@ -40,7 +40,7 @@ def _add(parser: argparse.ArgumentParser, name: str, value: Any, demo: Demo) -> 
         parser.add_argument(_flag(name), action="store_true", help=option.help)
         return
     choices = {"backend": demo.backends, "discontinuities": demo.treatments}.get(name, option.choices)
-    default = "" if value is None else f" ({value})"
+    default = f" ({demo.absent.get(name, '')})".replace(" ()", "") if value is None else f" ({value})"
     parser.add_argument(
         _flag(name),
         type=_choice if name == "discontinuities" else option.kind,

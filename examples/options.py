@@ -66,9 +66,9 @@ OPTIONS = {
     "epochs": Option(int, "of the training, in all", "K", 0, 10**7),
     "contacts": Option(int, "with floor and ceiling, by turns", "N", 1, 12),
     "speed": Option(float, "of the lift, upwards, in m/s", "V", -1e12, 1e12),
-    "duration": Option(float, "of the flight, in s (bouncing-ball: 0.7 of the longest; billiards: the scene's)", "T"),
+    "duration": Option(float, "of the flight, in s", "T"),
     "floor": Option(str, "a formula of x and t, in m and s, for an uneven floor instead of the lift: '0.1*sin(3*x) + 0.3*t'", "F"),
-    "restitution": Option(float, "of the uneven floor: speed away from it after a contact, as a part of that towards it", "E", 0.1, 1),
+    "restitution": Option(float, "speed away from floor or ceiling after a contact, as a part of that towards it", "E", 0.1, 1),
     "scene": Option(str, "which balls, and where", choices=("exchange", "collision", "cushions", "break", "stack")),
     "balls": Option(str, "a scene of your own instead, in JSON (examples/billiards/README.md)", "FILE.json"),
     "apex": Option(float, "way to the lowest point of the fall, in m", "H", 0.1, 1000),
@@ -92,7 +92,8 @@ OPTIONS = {
 class Demo:
     """A demonstration: its function, the photo it takes if none is named, the defaults of its options, and those of --fast.
 
-    `backends` and `treatments` (of discontinuities) are those that it has.
+    `backends` and `treatments` (of discontinuities) are those that it has; `absent` says what happens without an option that has no
+    default.
     """
 
     about: str
@@ -102,6 +103,7 @@ class Demo:
     photo: str | None = None
     backends: tuple[str, ...] = BACKENDS
     treatments: tuple[str, ...] = ("exact", "ignore")
+    absent: Mapping[str, str] = field(default_factory=dict)
 
     def run(self, settings: Mapping[str, Any], progress: bool) -> dict[str, Any]:
         """Returns the report of a run with these settings."""
@@ -163,12 +165,14 @@ DEMOS = {
         {"contacts": 5, "speed": 1.5, "duration": None, "floor": None, "restitution": 1.0, "steps": 300, **COMPARED, **DESCENT},
         {"contacts": 2},
         treatments=SMOOTHED,
+        absent={"duration": "in the lift 0.7 of the longest possible; over a floor that of a ball dropped on a level one"},
     ),
     "billiards": Demo(
         "balls that collide, by least action",
         "billiards.run:run_billiards",
         {"scene": "break", "balls": None, "duration": None, "steps": 20, **COMPARED, **DESCENT},
         {"scene": "exchange"},
+        absent={"duration": "that of the scene"},
     ),
     "springs": Demo(
         "two bungee cords with locking strings, designed for a quick jump with a gentle stop",
