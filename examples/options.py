@@ -74,6 +74,16 @@ OPTIONS = {
     "apex": Option(float, "way to the lowest point of the fall, in m", "H", 0.1, 1000),
     "mass": Option(float, "of the jumper, in kg", "M", 0.1, 1000),
     "weight": Option(float, "of the squared acceleration at the lowest point, beside that of the time", "W", 0, 1000),
+    "bidders": Option(int, "of the largest auction, beside those of one and two", "N", 1, 12),
+    "rise": Option(float, "A of the values' distribution 1 - (1 - vᴬ)ᴮ between 0 and 1: how many are low", "A", 1, 50),
+    "fall": Option(float, "B of it: how few are high", "B", 1, 50),
+    "values": Option(str, "numbers in a text file; A, B and the highest value are fitted to them", "FILE"),
+    "spot": Option(float, "price of the stock", "S", 1e-6, 1e9),
+    "strike": Option(float, "price above which an option pays", "K", 1e-6, 1e9),
+    "barrier": Option(float, "price at which the barrier option ends; below the stock's, at most the strike", "H", 1e-6, 1e9),
+    "volatility": Option(float, "of the stock, a year's; 0.25 are 25 %", "V", 0.01, 5),
+    "rate": Option(float, "of interest, a year's", "R", -1, 1),
+    "years": Option(float, "until the options end", "T", 1e-4, 100),
     "sites": Option(int, "points that mass is sent to", "N", 2, 100_000),
     "discontinuities": Option(
         str,
@@ -114,6 +124,7 @@ class Demo:
 
 DESCENT = {"seed": 0, "backend": None, "resume": False}
 COMPARED = {"discontinuities": "exact", "alone": False}
+MARKET = {"spot": 100.0, "strike": 105.0, "barrier": 90.0, "volatility": 0.25, "rate": 0.03, "years": 0.5}
 SMOOTHED = ("exact", "ignore", "smooth")
 
 DEMOS = {
@@ -190,8 +201,12 @@ DEMOS = {
         backends=("jax",),
     ),
     "voronoi": Demo("optimal transport to points", "voronoi:run_voronoi", {"sites": 200, **DESCENT}, {"sites": 40}),
-    "greeks": Demo("a digital and a barrier option with all Greeks", "greeks:run_greeks", {"seed": 0, "backend": "numpy"}),
-    "auction": Demo("the best reserve price of an auction", "auction:run_auction", {"seed": 0, "backend": "numpy"}),
+    "greeks": Demo("a digital and a barrier option with all Greeks", "greeks:run_greeks", {**MARKET, "seed": 0, "backend": "numpy"}),
+    "auction": Demo(
+        "the best reserve price of an auction",
+        "auction:run_auction",
+        {"bidders": 3, "rise": 2.0, "fall": 3.0, "values": None, "seed": 0, "backend": "numpy"},
+    ),
     "cut-cells": Demo(
         "finite elements on cells that a level set cuts",
         "cut_cells:run_cut_cells",
