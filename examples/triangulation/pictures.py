@@ -90,7 +90,8 @@ def draw_sheet(path: Path, target: np.ndarray, meshes: Mapping[str, np.ndarray],
             axes.imshow(picture, interpolation="antialiased")
         else:
             shades = axes.imshow(picture, cmap="magma", vmin=0, vmax=max(float(np.quantile(picture, 0.995)), 1e-3))
-            figure.colorbar(shades, ax=axes, fraction=0.046, pad=0.03).ax.tick_params(labelsize=8, colors=GREY)
+            bar = figure.colorbar(shades, cax=axes.inset_axes((1.03, 0, 0.05, 1)))  # as high as the picture, of any shape
+            bar.ax.tick_params(labelsize=8, colors=GREY)
         axes.set_title(title, fontsize=10)
         axes.set_axis_off()
     figure.savefig(path, bbox_inches="tight", pad_inches=0.05)
