@@ -36,7 +36,7 @@ class ShaderLoss:
         self.tints = make_tints(noise.size, colour_cells)
         self.nodes = self.tints.nodes
         bands = [slice(top, min(top + BAND, noise.size[1])) for top in range(0, noise.size[1], BAND)]
-        self.bands = [(rows, self.tints.down[rows]) for rows in bands]
+        self.bands = [(rows, down, down.T.tocsr()) for rows in bands for down in [self.tints.down[rows]]]
         self.target = dict(zip(TARGET, np.ascontiguousarray(np.moveaxis(target, -1, 0)), strict=True))
         self.pixels = 0
         self.seconds = 0.0
@@ -49,7 +49,7 @@ class ShaderLoss:
         loss, by_corner, by_threshold = 0.0, np.zeros_like(heights), np.zeros(len(self.thresholds))
         shades = self.tints.along(colours.reshape(-1, self.nodes))
         by_shade = np.zeros_like(shades)
-        for rows, down in self.bands:
+        for rows, down, up in self.bands:
             values = constant | self._shades(shades, down) | _corner_columns(heights[rows.start : rows.stop + 1])
             begun = time.perf_counter()
             losses, slopes = self.scene.loss.value_and_grad(values | {name: target[rows] for name, target in self.target.items()})
@@ -59,7 +59,7 @@ class ShaderLoss:
                 by_corner[rows.start + i : rows.stop + i, j : width + j] += slopes[name]
             by_threshold += [np.sum(slopes[name]) for name in self.thresholds]
             for total, name in zip(by_shade, self.channels, strict=True):
-                total += down.T @ slopes[name]
+                total += up @ slopes[name]
         self.pixels += width * height
         gradient = np.concatenate([self.noise.pull_back(by_corner), by_threshold, self.tints.gather(by_shade).ravel()])
         return loss / (width * height), gradient / (width * height)
