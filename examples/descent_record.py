@@ -31,14 +31,22 @@ class RecordedDescent(Generic[S]):
     """Start, present state, the losses from the start on, states on the way by their step, and the seconds of all parts of the run.
 
     `advance` makes one step. `identity` must be the same for `resume`, which continues from the checkpoint. Raises InputError if it
-    cannot. At most 2·FRAMES states on the way are kept, those at the multiples of a power of two.
+    cannot. At most 2·FRAMES states on the way are kept, those at the multiples of a power of two, and of each what `shown` returns.
     """
 
-    def __init__(self, start: S, advance: Callable[[S], S], checkpoint: Path, identity: Mapping[str, Any], resume: bool) -> None:
-        self.advance, self.checkpoint, self.identity = advance, checkpoint, identity
+    def __init__(
+        self,
+        start: S,
+        advance: Callable[[S], S],
+        checkpoint: Path,
+        identity: Mapping[str, Any],
+        resume: bool,
+        shown: Callable[[S], S] = lambda state: state,
+    ) -> None:
+        self.advance, self.shown, self.checkpoint, self.identity = advance, shown, checkpoint, identity
         self.start = self.state = start
         self.losses, self.seconds = [start.loss], 0.0
-        self.frames: dict[int, S] = {0: start}
+        self.frames: dict[int, S] = {0: shown(start)}
         if resume:
             self.state, self.losses, self.seconds, self.frames = load_checkpoint(checkpoint, identity, type(start))
 
@@ -76,7 +84,7 @@ class RecordedDescent(Generic[S]):
         stride = 1
         while self.steps // stride > 2 * FRAMES:
             stride *= 2
-        frames = self.frames if self.steps % stride else {**self.frames, self.steps: self.state}
+        frames = self.frames if self.steps % stride else {**self.frames, self.steps: self.shown(self.state)}
         self.frames = {step: state for step, state in frames.items() if step % stride == 0}
 
     def animation(self) -> list[S]:

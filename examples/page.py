@@ -29,7 +29,7 @@ td, th { padding: .1rem 1.5rem .1rem 0; vertical-align: top; overflow-wrap: anyw
 def write_page(path: Path, report: Mapping[str, Any]) -> None:
     """Writes the page of a report: summary, pictures, the command that repeats the run, options, versions."""
     title = f"teg demo {report['demo']}"
-    figures = [_figure(Path(picture)) for picture in report["pictures"]]
+    figures = [_figure(Path(picture)) for picture in report["pictures"] if not _is_heavy(Path(picture))]
     parts = [
         f"<!doctype html><html lang=en><meta charset=utf-8>{SCALE}<title>{escape(title)}</title><style>{STYLE}</style>",
         f"<h1>{escape(title)}</h1>",
@@ -50,6 +50,11 @@ def _figure(picture: Path) -> str:
     source = f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
     wide = " class=wide" if _is_wide(picture) else ""
     return f'<figure{wide}><img src="{source}" alt="{escape(picture.stem)}"><figcaption>{escape(picture.name)}</figcaption></figure>'
+
+
+def _is_heavy(picture: Path) -> bool:
+    """Returns whether a picture is left out: a drawing of so many triangles that a browser would be slow."""
+    return picture.suffix == ".svg" and picture.stat().st_size > 2 * LARGEST
 
 
 def _is_wide(picture: Path) -> bool:

@@ -6,7 +6,7 @@ interrupted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,12 @@ def first_state(shader: ShaderLoss, gradients: np.ndarray, target: np.ndarray) -
     loss, gradient = shader.value_and_gradient(parameters)
     still = np.zeros(len(parameters))
     return State(parameters, gradient, still, still, 0, loss, _is_zero(gradient))
+
+
+def shown_state(state: State) -> State:
+    """Returns what a picture of a state needs: its parameters, in single precision, without means and gradient."""
+    none = np.zeros(0)
+    return replace(state, parameters=state.parameters.astype(np.float32), gradient=none, mean=none, square=none)
 
 
 def next_state(shader: ShaderLoss, state: State) -> State:

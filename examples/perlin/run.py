@@ -19,7 +19,7 @@ from teg.examples.animation import write_film
 from teg.examples.descent_record import RecordedDescent
 from teg.examples.harness import finish, ratio, require_packages, result_folder
 from teg.examples.options import resolved
-from teg.examples.perlin.descent import first_state, next_state
+from teg.examples.perlin.descent import first_state, next_state, shown_state
 from teg.examples.perlin.scene import compile_scene
 from teg.examples.perlin.shader_loss import ShaderLoss
 from teg.examples.treatments import LABELS
@@ -140,7 +140,7 @@ class Fit:
         identity = {k: settings[k] for k in IDENTITY}
         identity["target"] = hashlib.sha256(target.tobytes()).hexdigest()
         start = first_state(self.shader, gradients, target)
-        self.descent = RecordedDescent(start, lambda s: next_state(self.shader, s), checkpoint, identity, resume)
+        self.descent = RecordedDescent(start, lambda s: next_state(self.shader, s), checkpoint, identity, resume, shown_state)
         self.setup = time.perf_counter() - begun
 
     @property

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from teg.examples.perlin.noise import Noise
 
-BAND = 128  # rows of pixels in one call of the kernel: what goes in and out of it stays in the processor's cache
+BAND = 2**15  # pixels of one call of the kernel, whole rows: what goes in and out of it stays in the processor's cache
 
 
 class ShaderLoss:
@@ -35,7 +35,8 @@ class ShaderLoss:
         self.thresholds, self.channels = threshold_names(scene.levels), colour_names(scene.levels)
         self.tints = make_tints(noise.size, colour_cells)
         self.nodes = self.tints.nodes
-        bands = [slice(top, min(top + BAND, noise.size[1])) for top in range(0, noise.size[1], BAND)]
+        width, height = noise.size
+        bands = [slice(top, min(top + high, height)) for high in [max(1, BAND // width)] for top in range(0, height, high)]
         self.bands = [(rows, down, down.T.tocsr()) for rows in bands for down in [self.tints.down[rows]]]
         self.target = dict(zip(TARGET, np.ascontiguousarray(np.moveaxis(target, -1, 0)), strict=True))
         self.pixels = 0

@@ -131,8 +131,8 @@ def test_a_picture_may_be_cut_into_bands_of_rows(scene: CompiledScene, monkeypat
     random = np.random.default_rng(6)
     noise, gradients = make_noise((8, 7), 2, 2)
     target, loss, slopes = random.uniform(0, 1, (7, 8, 3)), [], []
-    for rows in (100, 3):
-        monkeypatch.setattr(shader_loss, "BAND", rows)
+    for pixels in (1000, 3 * 8):
+        monkeypatch.setattr(shader_loss, "BAND", pixels)
         shader = ShaderLoss(scene, noise, target, colour_cells)
         value, gradient = shader.value_and_gradient(np.concatenate([gradients, [0.1], np.linspace(0, 1, 6 * shader.nodes)]))
         loss.append(value)
