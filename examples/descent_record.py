@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
+import numpy as np
+
 from teg.examples.checkpoint import load_checkpoint, save_checkpoint
 from teg.examples.harness import progress_bar, ratio
 
@@ -25,6 +27,15 @@ class State(Protocol):
 
 
 S = TypeVar("S", bound=State)
+
+
+def keep_freed_memory() -> None:
+    """Makes the C library keep the memory of freed arrays for the next ones, in Linux.
+
+    It would give it back, and get it page by page again in each step, which takes as long as the arithmetic. The limits from which on it
+    gives memory back follow the largest block that was freed, up to 32 MB.
+    """
+    np.empty(31 << 20, dtype=np.uint8)
 
 
 class RecordedDescent(Generic[S]):
@@ -57,6 +68,7 @@ class RecordedDescent(Generic[S]):
 
     def descend(self, steps: int, progress: bool, label: str = "") -> bool:
         """Steps until `steps` are done in all or no step lowers the loss. Returns True if Ctrl-C came before that."""
+        keep_freed_memory()
         saved = begun = time.perf_counter()
         before = self.seconds
         try:
