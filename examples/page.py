@@ -12,7 +12,7 @@ from typing import Any
 KINDS = {".png": "image/png", ".gif": "image/gif", ".svg": "image/svg+xml"}
 LARGEST, SIDE = 1_500_000, 1400
 WIDE = 1.5
-"""Pictures of at least this width over height have a row of their own."""
+"""Pictures of at least this width over height have a row of their own, and so has the first."""
 SCALE = '<meta name=viewport content="width=device-width">'  # letters as large on telephones
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #222; background: #fff; max-width: 72rem; margin: 1.5rem auto; padding: 0 1rem }
@@ -21,7 +21,7 @@ ul { padding-left: 1.1rem; margin: 0 0 1.2rem }
 main { display: grid; grid-auto-flow: dense; grid-template-columns: repeat(auto-fill, minmax(min(100%, 21rem), 1fr)); gap: 1.2rem }
 figure { margin: 0 } figure.wide { grid-column: 1 / -1 }
 figure img { display: block; max-width: 100%; max-height: 44rem; border: 1px solid #ddd; box-sizing: border-box }
-figcaption, th { color: #666; font-weight: normal; text-align: left } pre { background: #f4f5f7; padding: .7rem; overflow-x: auto }
+figcaption, th { color: #666; font-weight: normal; text-align: left } pre { background: #f4f5f7; padding: .7rem; white-space: pre-wrap }
 td, th { padding: .1rem 1.5rem .1rem 0; vertical-align: top; overflow-wrap: anywhere } th { white-space: nowrap }
 """
 
@@ -29,7 +29,8 @@ td, th { padding: .1rem 1.5rem .1rem 0; vertical-align: top; overflow-wrap: anyw
 def write_page(path: Path, report: Mapping[str, Any]) -> None:
     """Writes the page of a report: summary, pictures, the command that repeats the run, options, versions."""
     title = f"teg demo {report['demo']}"
-    figures = [_figure(Path(picture)) for picture in report["pictures"] if not _is_heavy(Path(picture))]
+    pictures = [Path(picture) for picture in report["pictures"] if not _is_heavy(Path(picture))]
+    figures = [_figure(picture, picture == pictures[0] or _is_wide(picture)) for picture in pictures]
     parts = [
         f"<!doctype html><html lang=en><meta charset=utf-8>{SCALE}<title>{escape(title)}</title><style>{STYLE}</style>",
         f"<h1>{escape(title)}</h1>",
@@ -45,10 +46,10 @@ def write_page(path: Path, report: Mapping[str, Any]) -> None:
     path.write_text("\n".join(parts) + "\n", encoding="utf-8")
 
 
-def _figure(picture: Path) -> str:
+def _figure(picture: Path, is_wide: bool) -> str:
     kind, data = _embedded(picture)
     source = f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
-    wide = " class=wide" if _is_wide(picture) else ""
+    wide = " class=wide" if is_wide else ""
     return f'<figure{wide}><img src="{source}" alt="{escape(picture.stem)}"><figcaption>{escape(picture.name)}</figcaption></figure>'
 
 

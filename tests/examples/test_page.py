@@ -21,14 +21,14 @@ def report_of(*pictures: Path) -> dict[str, Any]:
 
 
 def test_everything_is_inside_and_wide_pictures_have_a_row(tmp_path: Path) -> None:
-    for name, shape in (("wide.png", (20, 60, 3)), ("square.png", (20, 20, 3))):
+    for name, shape in (("first.png", (20, 20, 3)), ("wide.png", (20, 60, 3)), ("square.png", (20, 20, 3))):
         Image.fromarray(np.zeros(shape, dtype=np.uint8)).save(tmp_path / name)
     (tmp_path / "mesh.svg").write_text("<svg/>", encoding="ascii")
-    write_page(tmp_path / "index.html", report_of(*(tmp_path / name for name in ("wide.png", "square.png", "mesh.svg"))))
+    write_page(tmp_path / "index.html", report_of(*(tmp_path / name for name in ("first.png", "wide.png", "square.png", "mesh.svg"))))
     text = (tmp_path / "index.html").read_text(encoding="utf-8")
-    assert text.count("<figure class=wide>") == 1
+    assert text.count("<figure class=wide>") == 2
     assert text.count("<figure>") == 2
-    assert text.count('src="data:image/') == 3
+    assert text.count('src="data:image/') == 4
     assert "a &lt; b" in text
     assert "width=device-width" in text
     assert "http" not in text
