@@ -165,6 +165,15 @@ def test_a_sum_inside_of_the_integral_is_made_for_the_lengths_of_a_call() -> Non
         assert points.shape == (len(weights), 1)
 
 
+def test_a_choice_among_data_has_nodes_in_the_cells_of_all_candidates() -> None:
+    distance = (x - V[k, 0]) ** 2 + (y - V[k, 1]) ** 2
+    f = teg.compile(teg.integral(teg.minimum_of(distance, (k, 0, teg.length(V))), (x, 0, 1), (y, 0, 1)), backend="numpy")
+    sites = np.array([[0.2, 0.3], [0.7, 0.8]])
+    points, weights = f.nodes(V=sites)
+    assert weights.sum() == pytest.approx(f(V=sites), rel=1e-12)
+    assert set(np.argmin(((points[:, None] - sites) ** 2).sum(axis=-1), axis=1)) == {0, 1}
+
+
 def test_what_is_computed_outside_of_a_loop_keeps_its_origin_and_ties_have_both_orders() -> None:
     inner = teg.integral(teg.bracket(x < t) * teg.bracket(x < a), (x, 0, 1))
     f = teg.compile(teg.sum(W[k] * inner, (k, 0, teg.length(W, 0))), [t], backend="numpy")
