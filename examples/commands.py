@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from teg.errors import AccuracyError, InputError, TegError
+from teg.examples.animation import NO_VIDEO
 from teg.examples.options import DEMOS, OPTIONS, Demo, resolved
 
 BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
@@ -39,7 +40,7 @@ def _add(parser: argparse.ArgumentParser, name: str, value: Any, demo: Demo) -> 
         parser.add_argument(_flag(name), action="store_true", help=option.help)
         return
     choices = {"backend": demo.backends, "discontinuities": demo.treatments}.get(name, option.choices)
-    default = "" if value is None else f" ({value})"
+    default = f" ({demo.absent.get(name, '')})".replace(" ()", "") if value is None else f" ({value})"
     parser.add_argument(
         _flag(name),
         type=_choice if name == "discontinuities" else option.kind,
@@ -72,7 +73,9 @@ def run_demo(name: str, options: Mapping[str, Any]) -> int:
         return BAD_INPUT
     for line in report["summary"]:
         print(line)
-    print("pictures: " + " ".join(report["pictures"]))
+    print("pictures: " + " ".join([*report["pictures"], *report["films"]]))
+    if not report["films"] and any(picture.endswith(".gif") for picture in report["pictures"]):
+        print(NO_VIDEO)
     print(f"page: {Path(settings['out']) / 'index.html'}")
     if report["interrupted"]:
         print("interrupted" + (": the same command with --resume goes on from here" if "resume" in settings else ""))

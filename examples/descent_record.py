@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
+import numpy as np
+
 from teg.examples.checkpoint import load_checkpoint, save_checkpoint
 from teg.examples.harness import progress_bar, ratio
 
@@ -27,18 +29,35 @@ class State(Protocol):
 S = TypeVar("S", bound=State)
 
 
+def keep_freed_memory() -> None:
+    """Makes the C library keep the memory of freed arrays for the next ones, in Linux.
+
+    It would give it back, and get it page by page again in each step, which takes as long as the arithmetic. The limits from which on it
+    gives memory back follow the largest block that was freed, up to 32 MB.
+    """
+    np.empty(31 << 20, dtype=np.uint8)
+
+
 class RecordedDescent(Generic[S]):
     """Start, present state, the losses from the start on, states on the way by their step, and the seconds of all parts of the run.
 
     `advance` makes one step. `identity` must be the same for `resume`, which continues from the checkpoint. Raises InputError if it
-    cannot. At most 2·FRAMES states on the way are kept, those at the multiples of a power of two.
+    cannot. At most 2·FRAMES states on the way are kept, those at the multiples of a power of two, and of each what `shown` returns.
     """
 
-    def __init__(self, start: S, advance: Callable[[S], S], checkpoint: Path, identity: Mapping[str, Any], resume: bool) -> None:
-        self.advance, self.checkpoint, self.identity = advance, checkpoint, identity
+    def __init__(
+        self,
+        start: S,
+        advance: Callable[[S], S],
+        checkpoint: Path,
+        identity: Mapping[str, Any],
+        resume: bool,
+        shown: Callable[[S], S] = lambda state: state,
+    ) -> None:
+        self.advance, self.shown, self.checkpoint, self.identity = advance, shown, checkpoint, identity
         self.start = self.state = start
         self.losses, self.seconds = [start.loss], 0.0
-        self.frames: dict[int, S] = {0: start}
+        self.frames: dict[int, S] = {0: shown(start)}
         if resume:
             self.state, self.losses, self.seconds, self.frames = load_checkpoint(checkpoint, identity, type(start))
 
@@ -49,6 +68,7 @@ class RecordedDescent(Generic[S]):
 
     def descend(self, steps: int, progress: bool, label: str = "") -> bool:
         """Steps until `steps` are done in all or no step lowers the loss. Returns True if Ctrl-C came before that."""
+        keep_freed_memory()
         saved = begun = time.perf_counter()
         before = self.seconds
         try:
@@ -76,7 +96,7 @@ class RecordedDescent(Generic[S]):
         stride = 1
         while self.steps // stride > 2 * FRAMES:
             stride *= 2
-        frames = self.frames if self.steps % stride else {**self.frames, self.steps: self.state}
+        frames = self.frames if self.steps % stride else {**self.frames, self.steps: self.shown(self.state)}
         self.frames = {step: state for step, state in frames.items() if step % stride == 0}
 
     def animation(self) -> list[S]:

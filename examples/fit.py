@@ -15,6 +15,9 @@ from teg.examples.replay import Keep
 Numbers = Mapping[str, float]
 Picture = npt.NDArray[np.float64]
 
+BLUE, GREY = "#2b6cb0", "#666666"
+LEAST = 1e-18
+
 
 @dataclass
 class Fit:
@@ -68,14 +71,22 @@ def lines_of(found: Fit, true: Numbers) -> list[str]:
 
 
 def draw_losses(axes: Any, found: Fit) -> None:
-    """Draws the losses."""
-    axes.semilogy(np.maximum(found.losses, 1e-18))
-    axes.set_title("loss, by evaluation")
+    """Draws the losses; those below `LEAST` are drawn at it."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.semilogy(np.maximum(found.losses, LEAST), color=BLUE, linewidth=2)
+    axes.set_title("loss", loc="left", fontsize=11)
+    axes.set_xlabel("evaluation", color=GREY)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(which="both", colors=GREY)
 
 
 def draw_pictures(axes: Any, found: Fit) -> None:
-    """Draws one picture in each of the axes, the first row at the bottom."""
+    """Draws one picture in each of the axes, the first row at the bottom, all in the same shades."""
+    most = max(1.0, *(float(picture.max()) for picture in found.pictures.values()))
     for axis, (title, picture) in zip(axes, found.pictures.items(), strict=False):
-        axis.imshow(picture, origin="lower", cmap="gray", vmin=0, vmax=max(1.0, float(picture.max())), interpolation="nearest")
-        axis.set_title(title)
-        axis.axis("off")
+        axis.imshow(picture, origin="lower", cmap="gray", vmin=0, vmax=most, interpolation="nearest")
+        axis.set_title(title, fontsize=11)
+        axis.set(xticks=[], yticks=[])
+        axis.spines[:].set_color("#c8ccd2")

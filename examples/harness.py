@@ -7,7 +7,7 @@ import os
 import platform
 import shlex
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import metadata, util
 from pathlib import Path
@@ -15,6 +15,7 @@ from tempfile import TemporaryFile
 from typing import Any
 
 from teg.errors import InputError, MissingPackageError
+from teg.examples.animation import can_write_video
 from teg.examples.page import write_page
 from teg.examples.replay import Keep, OfVector
 
@@ -91,12 +92,17 @@ def finish(folder: Path, demo: str, settings: Mapping[str, Any], report: Mapping
     `report` has the lines of its "summary", the names of its "pictures" in the folder, the best first, whether it was "interrupted",
     and its "failure", empty for a success.
     """
-    pictures = [str(folder / name) for name in report["pictures"]]
-    whole = {"demo": demo, "interrupted": False, "failure": "", **report, "pictures": pictures}
+    pictures, films = ([str(folder / name) for name in names] for names in (report["pictures"], _films(report["pictures"])))
+    whole = {"demo": demo, "interrupted": False, "failure": "", **report, "pictures": pictures, "films": films}
     whole |= {"options": dict(settings), "command": demo_command(demo, settings), "versions": versions(), "machine": machine()}
     write_report(folder / "run.json", whole)
     write_page(folder / "index.html", whole)
     return whole
+
+
+def _films(pictures: Sequence[str]) -> list[str]:
+    """Returns the names of the MP4 files that stand beside animations."""
+    return [str(Path(name).with_suffix(".mp4")) for name in pictures if name.endswith(".gif")] if can_write_video() else []
 
 
 def demo_command(name: str, settings: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 COLOURS, GREY = ("#2b6cb0", "#c2412d"), "#666666"
 ROUNDING = 1e-12  # losses below this are drawn as this
-SPACING = 0.14  # of labels, as a fraction of the height
+SPACING = 0.17  # of labels, as a fraction of the height
 
 
 def draw_losses(axes: Any, losses: Mapping[str, Sequence[float]], marks: Mapping[str, float]) -> None:

@@ -66,14 +66,24 @@ OPTIONS = {
     "epochs": Option(int, "of the training, in all", "K", 0, 10**7),
     "contacts": Option(int, "with floor and ceiling, by turns", "N", 1, 12),
     "speed": Option(float, "of the lift, upwards, in m/s", "V", -1e12, 1e12),
-    "duration": Option(float, "of the flight, in s (bouncing-ball: 0.7 of the longest; billiards: the scene's)", "T"),
+    "duration": Option(float, "of the flight, in s", "T"),
     "floor": Option(str, "a formula of x and t, in m and s, for an uneven floor instead of the lift: '0.1*sin(3*x) + 0.3*t'", "F"),
-    "restitution": Option(float, "of the uneven floor: speed away from it after a contact, as a part of that towards it", "E", 0.1, 1),
+    "restitution": Option(float, "speed away from floor or ceiling after a contact, as a part of that towards it", "E", 0.1, 1),
     "scene": Option(str, "which balls, and where", choices=("exchange", "collision", "cushions", "break", "stack")),
     "balls": Option(str, "a scene of your own instead, in JSON (examples/billiards/README.md)", "FILE.json"),
     "apex": Option(float, "way to the lowest point of the fall, in m", "H", 0.1, 1000),
     "mass": Option(float, "of the jumper, in kg", "M", 0.1, 1000),
     "weight": Option(float, "of the squared acceleration at the lowest point, beside that of the time", "W", 0, 1000),
+    "bidders": Option(int, "of the largest auction, beside those of one and two", "N", 1, 12),
+    "rise": Option(float, "A of the values' distribution 1 - (1 - vᴬ)ᴮ between 0 and 1: how many are low", "A", 1, 50),
+    "fall": Option(float, "B of it: how few are high", "B", 1, 50),
+    "values": Option(str, "numbers in a text file; A, B and the highest value are fitted to them", "FILE"),
+    "spot": Option(float, "price of the stock", "S", 1e-6, 1e9),
+    "strike": Option(float, "price above which an option pays", "K", 1e-6, 1e9),
+    "barrier": Option(float, "price at which the barrier option ends; below the stock's, at most the strike", "H", 1e-6, 1e9),
+    "volatility": Option(float, "of the stock, a year's; 0.25 are 25 %", "V", 0.01, 5),
+    "rate": Option(float, "of interest, a year's", "R", -1, 1),
+    "years": Option(float, "until the options end", "T", 1e-4, 100),
     "sites": Option(int, "points that mass is sent to", "N", 2, 100_000),
     "discontinuities": Option(
         str,
@@ -92,7 +102,8 @@ OPTIONS = {
 class Demo:
     """A demonstration: its function, the photo it takes if none is named, the defaults of its options, and those of --fast.
 
-    `backends` and `treatments` (of discontinuities) are those that it has.
+    `backends` and `treatments` (of discontinuities) are those that it has; `absent` says what happens without an option that has no
+    default.
     """
 
     about: str
@@ -102,6 +113,7 @@ class Demo:
     photo: str | None = None
     backends: tuple[str, ...] = BACKENDS
     treatments: tuple[str, ...] = ("exact", "ignore")
+    absent: Mapping[str, str] = field(default_factory=dict)
 
     def run(self, settings: Mapping[str, Any], progress: bool) -> dict[str, Any]:
         """Returns the report of a run with these settings."""
@@ -112,6 +124,7 @@ class Demo:
 
 DESCENT = {"seed": 0, "backend": None, "resume": False}
 COMPARED = {"discontinuities": "exact", "alone": False}
+MARKET = {"spot": 100.0, "strike": 105.0, "barrier": 90.0, "volatility": 0.25, "rate": 0.03, "years": 0.5}
 SMOOTHED = ("exact", "ignore", "smooth")
 
 DEMOS = {
@@ -163,12 +176,14 @@ DEMOS = {
         {"contacts": 5, "speed": 1.5, "duration": None, "floor": None, "restitution": 1.0, "steps": 300, **COMPARED, **DESCENT},
         {"contacts": 2},
         treatments=SMOOTHED,
+        absent={"duration": "in the lift 0.7 of the longest possible; over a floor that of a ball dropped on a level one"},
     ),
     "billiards": Demo(
         "balls that collide, by least action",
         "billiards.run:run_billiards",
         {"scene": "break", "balls": None, "duration": None, "steps": 20, **COMPARED, **DESCENT},
         {"scene": "exchange"},
+        absent={"duration": "that of the scene"},
     ),
     "springs": Demo(
         "two bungee cords with locking strings, designed for a quick jump with a gentle stop",
@@ -186,8 +201,12 @@ DEMOS = {
         backends=("jax",),
     ),
     "voronoi": Demo("optimal transport to points", "voronoi:run_voronoi", {"sites": 200, **DESCENT}, {"sites": 40}),
-    "greeks": Demo("a digital and a barrier option with all Greeks", "greeks:run_greeks", {"seed": 0, "backend": "numpy"}),
-    "auction": Demo("the best reserve price of an auction", "auction:run_auction", {"seed": 0, "backend": "numpy"}),
+    "greeks": Demo("a digital and a barrier option with all Greeks", "greeks:run_greeks", {**MARKET, "seed": 0, "backend": "numpy"}),
+    "auction": Demo(
+        "the best reserve price of an auction",
+        "auction:run_auction",
+        {"bidders": 3, "rise": 2.0, "fall": 3.0, "values": None, "seed": 0, "backend": "numpy"},
+    ),
     "cut-cells": Demo(
         "finite elements on cells that a level set cuts",
         "cut_cells:run_cut_cells",

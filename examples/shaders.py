@@ -138,7 +138,7 @@ def draw(rows: list[Row], path: Path) -> None:
 
     figure = Figure(figsize=(12, 3), layout="constrained")
     places = figure.subplots(1, len(rows) + 1)
-    ticks = np.linspace(-1.2, 1.2, 240)
+    ticks = np.linspace(-0.95, 0.95, 320)
     p, q = np.meshgrid(ticks, ticks)
     turn = AT["angle"]
     across, along = p * math.cos(turn) + q * math.sin(turn), q * math.cos(turn) - p * math.sin(turn)
@@ -146,12 +146,14 @@ def draw(rows: list[Row], path: Path) -> None:
     for axes, (name, light) in zip(places, lights(np).items(), strict=False):
         axes.imshow(np.where(inside, light(p, q, AT["contrast"]) + 0 * p, np.nan), origin="lower", cmap="inferno")
         axes.set_title(name, fontsize=11)
-        axes.set_axis_off()
+        axes.set(xticks=[], yticks=[], facecolor="0.2")
+        axes.spines[:].set_visible(False)
     axes = places[-1]
     for shift, (label, times) in enumerate([("linked", [r.linked for r in rows]), ("inlined", [r.inlined for r in rows])]):
-        axes.barh(np.arange(len(rows)) + 0.4 * shift, times, 0.38, label=label)
+        axes.barh(np.arange(len(rows)) + 0.4 * shift, times, 0.38, label=label, color=("#2b6cb0", "#d69e2e")[shift])
     axes.set_yticks(np.arange(len(rows)) + 0.2, [row.name for row in rows])
     axes.invert_yaxis()
+    axes.spines[["top", "right"]].set_visible(False)
     axes.set_title("seconds to the kernel", fontsize=10)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower right", ncols=2, frameon=False, fontsize=9)
     figure.savefig(path, dpi=110)

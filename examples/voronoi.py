@@ -168,7 +168,7 @@ def draw(found: Transport, masses: Array, path: Path) -> None:
     border[:, 1:] |= owner[:, 1:] != owner[:, :-1]
     figure = Figure(figsize=(7, 6), layout="constrained")
     axes = figure.add_subplot()
-    shades = axes.imshow(np.where(border, np.nan, masses[owner]), origin="lower", extent=(0, 1, 0, 1), cmap="YlGnBu", vmin=0)
+    shades = axes.imshow(np.where(border, np.nan, masses[owner]), origin="lower", extent=(0, 1, 0, 1), cmap="YlGnBu")
     axes.plot(*found.sites.T, "o", color="black", markeredgecolor="white", markeredgewidth=0.6, markersize=4)
     axes.set(xlim=(0, 1), ylim=(0, 1), title=f"{len(masses)} sites, and the cells that send their mass to them")
     axes.axis("off")

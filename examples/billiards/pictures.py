@@ -96,9 +96,12 @@ def _draw_table(axes: Any, scene: Scene, found: list[Path]) -> None:
     for axis, (low, high) in enumerate(scene.walls):
         least, most = places[:, axis].min() - 1.6 * reach, places[:, axis].max() + 1.6 * reach
         limits.append((least if low is None else low - 0.4 * reach, most if high is None else high + 0.4 * reach))
-        for wall in (low, high):
+    for axis, walls in enumerate(scene.walls):
+        ends = [limit if wall is None else wall for wall, limit in zip(scene.walls[1 - axis], limits[1 - axis], strict=True)]
+        for wall in walls:
             if wall is not None:
-                (axes.axhline if axis else axes.axvline)(wall, color="black", linewidth=2.5)
+                line = ([wall, wall], ends) if axis == 0 else (ends, [wall, wall])
+                axes.plot(*line, color="black", linewidth=2.5, solid_capstyle="projecting")
     axes.set(aspect="equal", xlim=limits[0], ylim=limits[1], facecolor=FELT)
     axes.set_xlabel("x in m", color=GREY)
     axes.set_ylabel("y in m", color=GREY)

@@ -4,6 +4,9 @@ With the heights eliminated, the gradient by the times is the one at the best he
 Barzilai and Borwein (1988): it comes from the last two gradients and needs no value of the action. That matters for the comparison: the
 gradient of plain automatic differentiation is not that of the action, so a descent that used the action would only stop somewhere; this
 one shows where that gradient leads.
+
+The derivative by the time of a contact is the energy gained there, seen from the lift. With a restitution, it is to be minus the energy
+that the contact takes, and the sum of both goes to zero in its place.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ CONVERGED = 1e-12  # as a fraction of m·g·room
 
 @dataclass(frozen=True)
 class State:
-    """Times of the contacts (n,), heights of the arcs (n + 1,), the gradient by the times (n,), the action in J·s."""
+    """Times of the contacts (n,), heights of the arcs (n + 1,), the gradient by the times plus losses (n,), the action in J·s."""
 
     times: np.ndarray
     heights: np.ndarray
@@ -46,7 +49,8 @@ class ActionDescent:
     def converged(self) -> bool:
         """Returns whether the gradient is zero to rounding."""
         throw = self.throw
-        return bool(np.abs(self.states[-1].gradient).max() <= CONVERGED * throw.mass * throw.gravity * throw.room)
+        energy = throw.mass * throw.gravity * throw.room / throw.restitution ** (2 * throw.contacts)  # of about this size at the start
+        return bool(np.abs(self.states[-1].gradient).max() <= CONVERGED * energy)
 
     @property
     def finite(self) -> bool:
@@ -80,13 +84,19 @@ class ActionDescent:
         return np.array(curvature({name: values[name] for name in curvature.parameters}))
 
     def _change(self) -> np.ndarray:
-        """Returns a change down the gradient, with the length that the last change of the gradient suggests."""
+        """Returns a change down the gradient, with the length that the last change of the gradient suggests.
+
+        A restitution makes each arc slower and longer than the one before. S is about as curved as energy over duration², so each time
+        has a unit of its own.
+        """
         last, before = self.states[-1], self.states[-2]
-        moved, turned = last.times - before.times, last.gradient - before.gradient
+        unit = self.throw.restitution ** (-1.5 * np.arange(self.throw.contacts))
+        gradient, moved = unit * last.gradient, (last.times - before.times) / unit
+        turned = gradient - unit * before.gradient
         if not moved.any():
             arc = self.throw.duration / (self.throw.contacts + 1)
-            return np.asarray(-last.gradient * (FIRST * arc / np.abs(last.gradient).max()))
-        return np.asarray(-last.gradient * (abs(moved @ turned) / (turned @ turned)))
+            return np.asarray(-unit * gradient * (FIRST * arc / np.abs(unit * gradient).max()))
+        return np.asarray(-unit * gradient * (abs(moved @ turned) / (turned @ turned)))
 
     def _limited(self, times: np.ndarray, change: np.ndarray) -> np.ndarray:
         """Returns the largest part of the change that leaves every arc half of its time: the contacts keep their order."""
@@ -97,10 +107,10 @@ class ActionDescent:
         return change * most
 
     def _evaluate(self, times: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Returns the gradient by the heights and by the times, and the action."""
+        """Returns the gradient by the heights, that by the times plus the energies that contacts take, and the action."""
         numbers = self._slopes(np.concatenate([times, heights]))
         by_height, by_time, (action,) = np.split(numbers, [len(heights), len(heights) + len(times)])
-        return by_height, by_time, float(action)
+        return by_height, by_time + self.throw.losses(times, heights), float(action)
 
     def _slopes_at(self, moving: np.ndarray) -> np.ndarray:
         """Returns the derivatives by heights and times, then the action."""

@@ -81,7 +81,9 @@ def _draw_flight(axes: Any, search: Search, colour: str) -> None:
     flight = search.flight
     x = np.linspace(-0.1 * flight.reach, 1.1 * flight.reach, 400)
     rests = np.array_equal(flight.ground(x, 0 * x)[0], flight.ground(x, np.full_like(x, flight.duration))[0])
-    for t, style in ((0.0, "solid"), (flight.duration, (0, (4, 3))))[: 1 if rests else 2]:
+    ends = [float(flight.ground(x[-1:], np.array([t]))[0][0]) for t in (0.0, flight.duration)]
+    above = ("bottom", "top") if ends[0] >= ends[1] else ("top", "bottom")  # labels of nearly the same height do not overlap
+    for t, style, side in ((0.0, "solid", above[0]), (flight.duration, (0, (4, 3)), above[1]))[: 1 if rests else 2]:
         height = flight.ground(x, np.full_like(x, t))[0]
         axes.plot(x, height, color=BROWN, linewidth=1, linestyle=style, alpha=0.6)
         axes.annotate(
@@ -91,7 +93,7 @@ def _draw_flight(axes: Any, search: Search, colour: str) -> None:
             textcoords="offset points",
             color=BROWN,
             fontsize=8,
-            va="center",
+            va="center" if rests else side,
         )
     times, places, heights = flight.knots(search.moving)
     for t, place in zip(times[1:-1], places[1:-1], strict=True):

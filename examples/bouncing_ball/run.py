@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from teg.errors import InputError
 from teg.evaluator.options import Discontinuities
 from teg.examples.bouncing_ball.descent import ActionDescent, State
 from teg.examples.bouncing_ball.scene import compile_scene
@@ -39,7 +38,7 @@ def run_bouncing_ball(out: str | Path = "out/bouncing-ball", progress: bool = Tr
 
     The options are those of `teg demo bouncing-ball` (`examples/options.py`): contacts, speed, duration, floor, restitution, steps,
     discontinuities, alone, seed, backend, resume. The ball makes that many `contacts` with floor and ceiling, by turns, of a lift that
-    rises with `speed` in m/s; with `floor`, a formula of x and t such as "0.1*sin(3*x) + 0.3*t", with this floor alone, which it leaves at
+    rises with `speed` in m/s; with `floor`, a formula of x and t such as "0.1*sin(3*x) + 0.3*t", with this floor alone. It leaves at
     `restitution` times the speed of its approach. `duration` is in s. The descent ends after `steps` steps, or when the gradient is zero to
     rounding, and "failure" says if it is not. With `discontinuities="exact"` the same search is run beside it like plain automatic
     differentiation, unless `alone`. A checkpoint is written every two seconds. Ctrl-C ends it: the report says "interrupted".
@@ -48,8 +47,6 @@ def run_bouncing_ball(out: str | Path = "out/bouncing-ball", progress: bool = Tr
     """
     require_packages("bouncing ball", PACKAGES, progress)
     settings = resolved("bouncing-ball", {"out": out, **options})
-    if settings["floor"] is None and settings["restitution"] < 1:
-        raise InputError("a lift has no restitution", None, "--floor F with --restitution E")
     chosen: Discontinuities = settings["discontinuities"]
     kinds: list[Discontinuities] = [chosen] if chosen != "exact" or settings["alone"] else [chosen, "ignore"]
     report = (_in_a_lift if settings["floor"] is None else _over_a_floor)(settings, kinds, progress)
@@ -58,7 +55,7 @@ def run_bouncing_ball(out: str | Path = "out/bouncing-ball", progress: bool = Tr
 
 def _in_a_lift(settings: Mapping[str, Any], kinds: list[Discontinuities], progress: bool) -> dict[str, Any]:
     """Returns the report of throws in a lift, one for each treatment of discontinuities."""
-    throw = make_throw(settings["contacts"], settings["speed"], settings["duration"])
+    throw = make_throw(settings["contacts"], settings["speed"], settings["duration"], settings["restitution"])
     folder = result_folder(Path(settings["out"]))
     replay = _replay(folder, settings)
     times, heights, least = exact(throw)
@@ -190,16 +187,18 @@ def _report(descent: ActionDescent, kind: str, times: np.ndarray, least: float) 
         "action": end.action,
         "action_above_exact": end.action - least,
         "largest_time_error": _error(end, times),
-        "speed_of_lift_by_rebounds": ((before + after) / 2).tolist(),  # for a wall that moves at (v₋ + v₊)/2
+        # for a wall that moves so; (v₋ + v₊)/2 where nothing is lost
+        "speed_of_lift_by_rebounds": ((throw.restitution * before + after) / (1 + throw.restitution)).tolist(),
         "gradient": float(np.abs(end.gradient).max()),
         "errors": [_error(s, times) for s in states],
         "actions": [s.action for s in states],
         "note": "",
     }
     if kind == "ignore":
-        halved = np.allclose(report["speed_of_lift_by_rebounds"], throw.speed / 2, atol=1e-6)
-        report["note"] = LIFT_AT_REST if throw.speed == 0 else HALF_SPEED if halved else ELSEWHERE
-    elif kind == "exact":
+        elastic = throw.restitution == 1
+        halved = elastic and np.allclose(report["speed_of_lift_by_rebounds"], throw.speed / 2, atol=1e-6)
+        report["note"] = LIFT_AT_REST if elastic and throw.speed == 0 else HALF_SPEED if halved else ELSEWHERE
+    elif kind == "exact" and throw.restitution == 1:
         report["smallest_curvature"] = _smallest(descent.hessian())  # positive: the action is a minimum
     return report
 

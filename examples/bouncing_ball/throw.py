@@ -1,13 +1,13 @@
 """A throw: a ball between the floor and the ceiling of a lift that rises steadily, and its exact path.
 
-Seen from inside, the lift is at rest, and the ball bounces off floor and ceiling with its speed unchanged. With speed U at the floor it
-has √(U² - 2gz) at height z, so U determines all arcs, and the duration determines U.
+Seen from inside, the lift is at rest, and the ball bounces off floor and ceiling with its speed unchanged, or with `restitution` times
+this speed. With speed U at the floor it has √(U² - 2gz) at height z, so the first U determines all arcs, and the duration determines U.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,8 +21,9 @@ LEISURE = 0.7  # the default duration, as a fraction of the longest possible
 class Throw:
     """From height `start` at time 0 to height `end` at time `duration`, both above the floor as it is then.
 
-    Lengths in m, times in s, `speed` of the lift in m/s, `mass` in kg, `gravity` in m/s²; `room` is the height of the
-    lift. The ball first falls to the floor, then flies between floor and ceiling, `contacts` in all.
+    Lengths in m, times in s, `speed` of the lift in m/s, `mass` in kg, `gravity` in m/s²; `room` is the height of the lift. The ball first
+    falls to the floor, then flies between floor and ceiling, `contacts` in all. Seen from inside, a contact leaves `restitution` times the
+    speed.
     """
 
     contacts: int
@@ -33,6 +34,7 @@ class Throw:
     end: float = 0.9
     mass: float = 1.0
     gravity: float = 9.81
+    restitution: float = 1.0
 
     @property
     def arrival(self) -> float:
@@ -57,7 +59,7 @@ class Throw:
         return np.asarray(first * (1 - u) * (1 - 2 * u) + 4 * middle * u * (1 - u) + last * u * (2 * u - 1))
 
     def energy(self, times: np.ndarray, heights: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Returns the energy in J of the ball on such a path, seen from inside, where it is the same at all times of the true one."""
+        """Returns the energy in J of the ball on such a path, seen from inside, where on the true one it changes at contacts only."""
         knots, ends = self.knots(times)
         arc = np.searchsorted(times, t, side="right")
         length = knots[arc + 1] - knots[arc]
@@ -73,25 +75,32 @@ class Throw:
         into, out_of = (3 * last - 4 * heights + first) / length, (4 * heights - 3 * first - last) / length
         return into[:-1], out_of[1:]
 
+    def losses(self, times: np.ndarray, heights: np.ndarray) -> np.ndarray:
+        """Returns the energy in J that each contact takes, seen from inside."""
+        into, _ = self.contact_speeds(times, heights)
+        return np.asarray(self.mass / 2 * (1 - self.restitution**2) * (into - self.speed) ** 2)
 
-def make_throw(contacts: int, speed: float, duration: float | None = None) -> Throw:
+
+def make_throw(contacts: int, speed: float, duration: float | None = None, restitution: float = 1.0) -> Throw:
     """Returns a throw with that many contacts. Raises InputError if there is none, or none in that time."""
     if not CONTACTS[0] <= contacts <= CONTACTS[1]:
         raise InputError(f"{contacts} contacts are not possible", None, f"between {CONTACTS[0]} and {CONTACTS[1]}")
     if not math.isfinite(speed):
         raise InputError(f"a lift cannot have the speed {speed}", None, "a number of m/s")
-    longest = _duration(Throw(contacts, speed, math.inf), _slowest(Throw(contacts, speed, math.inf)))
+    endless = Throw(contacts, speed, math.inf, restitution=restitution)
+    longest = sum(_arcs(endless, _slowest(endless)))
     if duration is None:
-        return Throw(contacts, speed, LEISURE * longest)
+        return replace(endless, duration=LEISURE * longest)
     if not 0 < duration <= longest:
         count = f"{contacts} contact{'s' if contacts > 1 else ''}"
         raise InputError(f"no ball makes {count} in {duration:g} s", None, f"more than 0 s, at most {longest:.3f} s")
-    return Throw(contacts, speed, duration)
+    return replace(endless, duration=duration)
 
 
 def straight(throw: Throw) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the start of the descent: contacts at equal distances of time, straight lines between them."""
-    times = np.linspace(0, throw.duration, throw.contacts + 2)[1:-1]
+    """Returns the start of the descent: straight lines between contacts, each as steep as the one before times the restitution."""
+    lengths = throw.restitution ** -np.arange(throw.contacts + 1.0)
+    times = throw.duration / lengths.sum() * np.cumsum(lengths)[:-1]
     _, ends = throw.knots(times)
     return times, (ends[:-1] + ends[1:]) / 2
 
@@ -102,11 +111,10 @@ def exact(throw: Throw) -> tuple[np.ndarray, np.ndarray, float]:
 
     slowest = _slowest(throw)
     fastest = slowest + 1
-    while _duration(throw, fastest) > throw.duration:
+    while sum(_arcs(throw, fastest)) > throw.duration:
         fastest *= 2
-    at_floor = brentq(lambda u: _duration(throw, u) - throw.duration, slowest, fastest, xtol=1e-15)
-    down, across, _ = _arcs(throw, at_floor)
-    times = down + across * np.arange(throw.contacts)
+    at_floor = brentq(lambda u: sum(_arcs(throw, u)) - throw.duration, slowest, fastest, xtol=1e-15)
+    times = np.cumsum(_arcs(throw, at_floor))[:-1]
     knots, ends = throw.knots(times)
     length, first, last = np.diff(knots), ends[:-1], ends[1:]
     m, g = throw.mass, throw.gravity
@@ -115,19 +123,25 @@ def exact(throw: Throw) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def _slowest(throw: Throw) -> float:
-    """Returns the speed at the floor with which the ball just reaches all the required heights."""
-    highest = max(throw.start, throw.end, throw.room if throw.contacts > 1 else 0.0)
-    return math.sqrt(2 * throw.gravity * highest)
+    """Returns the speed at the first contact with which the ball just reaches all the required heights."""
+    square = 0.0  # of the speed needed before the next contact, or at the end
+    for k in reversed(range(throw.contacts)):
+        is_last, is_floor = k == throw.contacts - 1, k % 2 == 0
+        climb = (throw.end if is_last else throw.room) if is_floor else (throw.end - throw.room if is_last else -throw.room)
+        square = max(square + 2 * throw.gravity * climb, 0.0) / throw.restitution**2
+    return math.sqrt(max(square, 2 * throw.gravity * throw.start))
 
 
-def _arcs(throw: Throw, at_floor: float) -> tuple[float, float, float]:
-    """Returns the times from the start to the floor, between floor and ceiling, and from the last contact to the end."""
-    at = {z: math.sqrt(max(at_floor**2 - 2 * throw.gravity * z, 0.0)) for z in (throw.start, throw.room, throw.end)}
-    down, across = at_floor - at[throw.start], at_floor - at[throw.room]
-    last = at_floor - at[throw.end] if throw.contacts % 2 else at[throw.end] - at[throw.room]
-    return down / throw.gravity, across / throw.gravity, last / throw.gravity
+def _arcs(throw: Throw, at_floor: float) -> list[float]:
+    """Returns the durations of all arcs, for this speed at the first contact."""
 
+    def after(speed: float, climb: float) -> float:
+        return math.sqrt(max(speed**2 - 2 * throw.gravity * climb, 0.0))
 
-def _duration(throw: Throw, at_floor: float) -> float:
-    down, across, last = _arcs(throw, at_floor)
-    return down + (throw.contacts - 1) * across + last
+    arcs, speed = [(at_floor - after(at_floor, throw.start)) / throw.gravity], at_floor
+    for k in range(throw.contacts):
+        here, there = throw.room * (k % 2), throw.end if k == throw.contacts - 1 else throw.room * ((k + 1) % 2)
+        leaving = throw.restitution * speed
+        speed = after(leaving, there - here)
+        arcs.append(abs(leaving - speed) / throw.gravity)
+    return arcs

@@ -11,7 +11,7 @@ import numpy as np
 from teg.examples.harness import ratio
 
 BLUE, RED, GREY = "#2b6cb0", "#c2412d", "#666666"
-PART = (0.24, 0.0, 0.5)  # the enlarged part: left and upper end, and width, of a picture of width 1
+PART, PLACES = 0.5, 12  # width of the enlarged part, of a picture of width 1, and where it may begin
 
 Drawing = tuple[np.ndarray, np.ndarray]  # vertices (n, 2), colours of triangles (m, 3)
 
@@ -35,7 +35,9 @@ def draw_sheet(
     figure = Figure(figsize=(3.2 * columns, 9.4), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
     places = figure.add_gridspec(3, columns, height_ratios=(3.2, 3.2, 2))
-    left, top, width = (size * v for v in PART)
+    width = PART * size
+    (grid, _), (mesh, _) = drawings.values()
+    left, top = _liveliest(grid, mesh, width, size)
     for row in range(2):
         for column in range(columns):
             axes = figure.add_subplot(places[row, column])
@@ -43,7 +45,7 @@ def draw_sheet(
                 axes.imshow(np.clip(photo, 0, 1), extent=(0, size, size, 0), interpolation="nearest")
             else:
                 vertices, colours = list(drawings.values())[column - 1]
-                _draw_mesh(axes, vertices[triangles], colours, edges=row == 1)
+                _draw_mesh(axes, vertices, triangles, colours, edges=row == 1)
             axes.set_xlim(*((left, left + width) if row else (0, size)))
             axes.set_ylim(*((top + width, top) if row else (size, 0)))
             axes.set_aspect("equal")
@@ -54,12 +56,23 @@ def draw_sheet(
     figure.savefig(path)
 
 
-def _draw_mesh(axes: Any, corners: np.ndarray, colours: np.ndarray, edges: bool) -> None:
-    from matplotlib.collections import PolyCollection
+def _liveliest(grid: np.ndarray, mesh: np.ndarray, width: float, size: float) -> tuple[float, float]:
+    """Returns left and upper end of the square of this width in which the vertices of a mesh have moved most from those of the grid."""
+    moved = np.linalg.norm(mesh - grid, axis=1)
+    ends = np.linspace(0, size - width, PLACES)
+    inside = [[((mesh >= (left, top)) & (mesh <= (left + width, top + width))).all(axis=1) for left in ends] for top in ends]
+    row, column = np.unravel_index(int(np.argmax(inside @ moved)), (PLACES, PLACES))
+    return float(ends[column]), float(ends[row])
 
-    shown = np.clip(colours, 0, 1)
-    outline, width = ((1, 1, 1, 0.55), 0.6) if edges else (shown, 1.0)  # in its own colour: it closes the seams of antialiasing
-    axes.add_collection(PolyCollection(list(corners), facecolors=shown, edgecolors=outline, linewidths=width))
+
+def _draw_mesh(axes: Any, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, edges: bool) -> None:
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    shown = np.clip(colours, 0, 1)  # edges in the same colour close the seams of antialiasing
+    axes.add_collection(PolyCollection(list(vertices[triangles]), facecolors=shown, edgecolors=shown, linewidths=1.0))
+    if edges:
+        pairs = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)), axis=0)
+        axes.add_collection(LineCollection(list(vertices[pairs]), colors=(1, 1, 1, 0.6), linewidths=0.6))
 
 
 def _draw_losses(axes: Any, losses: Mapping[str, Sequence[float]], training: Sequence[float]) -> None:

@@ -6,7 +6,7 @@ interrupted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,20 +48,35 @@ def first_state(shader: ShaderLoss, gradients: np.ndarray, target: np.ndarray) -
     return State(parameters, gradient, still, still, 0, loss, _is_zero(gradient))
 
 
+def shown_state(state: State) -> State:
+    """Returns what a picture of a state needs: its parameters, in single precision, without means and gradient."""
+    none = np.zeros(0)
+    return replace(state, parameters=state.parameters.astype(np.float32), gradient=none, mean=none, square=none)
+
+
 def next_state(shader: ShaderLoss, state: State) -> State:
-    """Returns the state after one step down. `stuck` is set if the gradient is zero to rounding."""
+    """Returns the state after one step down. `stuck` is set if the gradient is zero to rounding.
+
+    There are as many gradients as pixels, so that arithmetic is done in place: a new array costs more than its contents.
+    """
     step = state.step + 1
-    mean = MEAN * state.mean + (1 - MEAN) * state.gradient
-    square = SQUARE * state.square + (1 - SQUARE) * state.gradient**2
-    sizes = [part.size for part in shader.split(mean)]
-    length = np.repeat([GRADIENTS, THRESHOLD, COLOUR], sizes) / np.sqrt(1 + state.step / HORIZON)
-    change = (mean / (1 - MEAN**step)) / (np.sqrt(square / (1 - SQUARE**step)) + TINY)
-    parameters = state.parameters - length * change
-    thresholds = slice(sizes[0], sizes[0] + sizes[1])
-    parameters[thresholds] = np.sort(parameters[thresholds])[::-1]
+    mean, square = MEAN * state.mean, SQUARE * state.square
+    mean += (1 - MEAN) * state.gradient
+    change = state.gradient**2
+    change *= 1 - SQUARE
+    square += change
+    np.sqrt(square, out=change)
+    change += TINY
+    np.divide(mean, change, out=change)
+    decay = np.sqrt((1 - SQUARE**step) / (1 + state.step / HORIZON)) / (1 - MEAN**step)
+    for part, length in zip(shader.split(change), (GRADIENTS, THRESHOLD, COLOUR), strict=True):
+        part *= -length * decay
+    parameters = np.add(state.parameters, change, out=change)
+    thresholds = shader.split(parameters)[1]
+    thresholds[:] = np.sort(thresholds)[::-1]
     loss, gradient = shader.value_and_gradient(parameters)
     return State(parameters, gradient, mean, square, step, loss, _is_zero(gradient))
 
 
 def _is_zero(gradient: np.ndarray) -> bool:
-    return bool(np.abs(gradient).max() <= ROUNDING)
+    return bool(max(gradient.max(), -gradient.min()) <= ROUNDING)

@@ -12,7 +12,7 @@ their sum can have either sign everywhere.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,23 +32,64 @@ PERSISTENCE = 0.5  # height of an octave relative to the previous one
 
 
 @dataclass(frozen=True)
+class Octave:
+    """Along x, what the columns of a lattice contribute to the corners of the pixels, (width + 1, columns) each; `rows` counts its rows.
+
+    `reach` is the weight of a column, `slope` the weight times the distance from it.
+    """
+
+    reach: sparse.csr_array
+    slope: sparse.csr_array
+    rows: int
+
+    @property
+    def nodes(self) -> int:
+        """Returns the number of the lattice's nodes."""
+        return int(self.rows * self.reach.shape[1])
+
+
+@dataclass(frozen=True)
 class Noise:
     """Noise over a picture; `size` is its width and height in pixels.
 
-    `matrix`, ((width + 1)·(height + 1), 2·nodes), maps the gradients of all nodes of all octaves, flat, to the values at
-    the pixels' corners, row by row. Its transpose maps derivatives by these values to derivatives by the gradients.
+    A weight s(|1 - i - u|)·s(|1 - j - v|) is a product, so that gradients are spread along x first, for each row of nodes, and then along
+    y: `down`, (height + 1, 2·rows), has for each octave the weights times distances of its rows, by which the gradients' x components
+    count, and so on. A matrix of all corners and nodes would have width times as many numbers.
     """
 
     size: tuple[int, int]
-    matrix: sparse.csr_array
+    octaves: tuple[Octave, ...]
+    down: sparse.csr_array
+
+    @property
+    def nodes(self) -> int:
+        """Returns the number of nodes of all octaves."""
+        return sum(octave.nodes for octave in self.octaves)
 
     def corners(self, gradients: np.ndarray) -> np.ndarray:
-        """Returns the values at the corners, (height + 1, width + 1)."""
-        return np.asarray(self.matrix @ gradients).reshape(self.size[1] + 1, self.size[0] + 1)
+        """Returns the values at the corners, (height + 1, width + 1), for the gradients of all nodes of all octaves, flat."""
+        along, first = np.empty((self.down.shape[1], self.size[0] + 1)), 0
+        for octave, (x, y) in self._by_octave(gradients):
+            for weights, component in ((octave.slope, x), (octave.reach, y)):
+                along[first : first + octave.rows] = (weights @ component.T).T
+                first += octave.rows
+        return np.asarray(self.down @ along)
 
     def pull_back(self, slopes: np.ndarray) -> np.ndarray:
-        """Returns the derivatives by the gradients, from those by the corners, (height + 1, width + 1)."""
-        return np.asarray(self.matrix.T @ slopes.ravel())
+        """Returns the derivatives by the gradients, flat, from those by the corners, (height + 1, width + 1)."""
+        along, first, gradients = self.down.T @ slopes, 0, np.empty(2 * self.nodes)
+        for octave, components in self._by_octave(gradients):
+            for weights, component in zip((octave.slope, octave.reach), components, strict=True):
+                component[...] = (weights.T @ along[first : first + octave.rows].T).T
+                first += octave.rows
+        return gradients
+
+    def _by_octave(self, gradients: np.ndarray) -> Iterator[tuple[Octave, np.ndarray]]:
+        """Yields each octave, and the components of its gradients, (2, rows, columns), a view."""
+        first = 0
+        for octave in self.octaves:
+            yield octave, np.moveaxis(gradients[2 * first : 2 * (first + octave.nodes)].reshape(octave.rows, -1, 2), -1, 0)
+            first += octave.nodes
 
 
 def make_noise(size: int | tuple[int, int], cells: int, octaves: int, seed: int = 0, blend: str = "smoothstep") -> tuple[Noise, np.ndarray]:
@@ -64,45 +105,71 @@ def make_noise(size: int | tuple[int, int], cells: int, octaves: int, seed: int 
         raise InputError(what, None, f"fewer than {max(shape)}, the pixels a side; take fewer octaves or cells")
     random = np.random.default_rng(seed)
     shifts = random.uniform(0, 1, (octaves, 2))
-    parts = [PERSISTENCE**k * _octave(shape, cells * 2**k, shifts[k], BLENDS[blend]) for k in range(octaves)]
-    matrix = sparse.hstack(parts, format="csr")
-    angle = random.uniform(0, 2 * np.pi, matrix.shape[1] // 2)
-    return Noise(shape, matrix), np.stack([np.cos(angle), np.sin(angle)], axis=-1).ravel()
+    lattices, downs = zip(*(_octave(shape, cells * 2**k, shifts[k], BLENDS[blend]) for k in range(octaves)), strict=True)
+    down = sparse.hstack([PERSISTENCE**k * part for k, part in enumerate(downs)], format="csr")
+    noise = Noise(shape, lattices, down)
+    angle = random.uniform(0, 2 * np.pi, noise.nodes)
+    return noise, np.stack([np.cos(angle), np.sin(angle)], axis=-1).ravel()
 
 
-def _octave(size: tuple[int, int], cells: int, shift: np.ndarray, blend: Callable[[np.ndarray], np.ndarray]) -> sparse.csr_array:
-    """Returns the matrix of one octave."""
-    scale = cells / max(size)
-    (column, u), (row, v) = (np.divmod(np.arange(n + 1) * scale + s, 1) for n, s in zip(size, shift, strict=True))
+def _octave(
+    size: tuple[int, int], cells: int, shift: np.ndarray, blend: Callable[[np.ndarray], np.ndarray]
+) -> tuple[Octave, sparse.csr_array]:
+    """Returns one octave, and its part of `down`."""
     across, down = (-(-n * cells // max(size)) + 2 for n in size)  # nodes of each side, including the shift
-    y, x = np.divmod(np.arange((size[0] + 1) * (size[1] + 1)), size[0] + 1)
-    rows, columns, values = [], [], []
-    for i, j in np.ndindex(2, 2):
-        weight = blend(np.abs(1 - i - u))[x] * blend(np.abs(1 - j - v))[y]
-        node = (row[y].astype(int) + j) * across + column[x].astype(int) + i
-        for component, distance in enumerate((u[x] - i, v[y] - j)):
-            rows.append(np.arange(len(x)))
-            columns.append(2 * node + component)
-            values.append(weight * distance)
-    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    return sparse.coo_array(entries, shape=(len(x), 2 * across * down)).tocsr()
+    reach, slope = _one_way(np.arange(size[0] + 1) * (cells / max(size)) + shift[0], across, blend)
+    height, tilt = _one_way(np.arange(size[1] + 1) * (cells / max(size)) + shift[1], down, blend)
+    return Octave(reach, slope, down), sparse.hstack([height, tilt], format="csr")
 
 
-def tints(size: tuple[int, int], cells: int) -> sparse.csr_array:
-    """Returns the matrix, (pixels, nodes), from colours at the nodes of a lattice to those at the pixels' centres, bilinear.
+def _one_way(places: np.ndarray, nodes: int, blend: Callable[[np.ndarray], np.ndarray]) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """Returns the weights of the nodes 0, 1, … at places between them, and these times the distances, (places, nodes) each."""
+    cell, u = np.divmod(places, 1)
+    where = np.tile(np.arange(len(places)), 2), np.concatenate([cell, cell + 1]).astype(int)
+    distance = np.concatenate([u, u - 1])
+    weight = np.concatenate([blend(1 - u), blend(u)])
+    shape = len(places), nodes
+    return sparse.csr_array((weight, where), shape=shape), sparse.csr_array((weight * distance, where), shape=shape)
+
+
+@dataclass(frozen=True)
+class Tints:
+    """Colours at the nodes of a lattice, interpolated to the centres of the pixels: bilinear, and so along x first, then along y.
+
+    `down`, (height, rows), and `across`, (width, columns), are the shares of the nodes in each direction.
+    """
+
+    down: sparse.csr_array
+    across: sparse.csr_array
+
+    @property
+    def nodes(self) -> int:
+        """Returns the number of nodes."""
+        return int(self.down.shape[1] * self.across.shape[1])
+
+    def along(self, channels: np.ndarray) -> np.ndarray:
+        """Returns the values at the columns of pixels, (channels, rows, width), for those at the nodes, (channels, nodes)."""
+        rows = self.down.shape[1]
+        return np.asarray(self.across @ channels.reshape(len(channels) * rows, -1).T).T.reshape(len(channels), rows, -1)
+
+    def gather(self, slopes: np.ndarray) -> np.ndarray:
+        """Returns the derivatives by the nodes, (channels, nodes), for those by what `along` returns."""
+        columns = self.across.T @ slopes.reshape(-1, slopes.shape[-1]).T
+        return np.asarray(columns).T.reshape(len(slopes), -1)
+
+
+def make_tints(size: tuple[int, int], cells: int) -> Tints:
+    """Returns a lattice of colours over a picture of `size`, its width and height in pixels.
 
     `cells` are those along the longer side; along the other one there are as many as are about as large. Without cells there is one colour.
     """
     if cells == 0:
-        return sparse.csr_array(np.ones((size[0] * size[1], 1)))
+        width, height = (sparse.csr_array(np.ones((n, 1))) for n in size)
+        return Tints(height, width)
     across, down = (_along(n, max(1, round(cells * n / max(size)))) for n in size)
-    return sparse.kron(down, across, format="csr")
+    return Tints(down, across)
 
 
-def _along(size: int, cells: int) -> sparse.coo_array:
-    """Returns the matrix of one direction, (size, cells + 1)."""
-    column, share = np.divmod((np.arange(size) + 0.5) * (cells / size), 1)
-    return sparse.coo_array(
-        (np.concatenate([1 - share, share]), (np.tile(np.arange(size), 2), np.concatenate([column, column + 1]).astype(int))),
-        shape=(size, cells + 1),
-    )
+def _along(size: int, cells: int) -> sparse.csr_array:
+    """Returns the shares of the nodes of one direction, (size, cells + 1)."""
+    return _one_way((np.arange(size) + 0.5) * (cells / size), cells + 1, BLENDS["linear"])[0]

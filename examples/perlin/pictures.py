@@ -12,7 +12,7 @@ from teg.examples.loss_chart import draw_losses
 
 SMALLEST = 512  # pixels per side of the pictures written
 COLOURED = 0.9  # of the pixels with a derivative are within the range of its colours
-GIF_MILLISECONDS, GIF_LAST = 120, 2000
+FILM_MILLISECONDS, FILM_LAST = 120, 2000
 
 
 def enlargement(size: int) -> int:
@@ -24,7 +24,7 @@ def draw(path: Path, picture: np.ndarray) -> None:
     """Draws a picture, (rows, columns, 3), one constant colour a pixel, at least SMALLEST pixels on its longer side."""
     longest = max(picture.shape[:2])
     height, width = (round(n * max(SMALLEST, longest) / longest) for n in picture.shape[:2])
-    Image.fromarray(_bytes(picture)).resize((width, height), Image.Resampling.NEAREST).save(path)
+    Image.fromarray(to_bytes(picture)).resize((width, height), Image.Resampling.NEAREST).save(path)
 
 
 def draw_slopes(path: Path, picture: np.ndarray, slopes: Mapping[str, np.ndarray]) -> None:
@@ -51,13 +51,6 @@ def draw_slopes(path: Path, picture: np.ndarray, slopes: Mapping[str, np.ndarray
     figure.savefig(path)
 
 
-def write_gif(path: Path, frames: Sequence[np.ndarray]) -> None:
-    """Writes pictures as an animation, which repeats and waits at its last picture."""
-    images = [Image.fromarray(_bytes(frame)).quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE) for frame in frames]
-    times = [GIF_MILLISECONDS] * (len(images) - 1) + [GIF_LAST]
-    images[0].save(path, save_all=True, append_images=images[1:], duration=times, loop=0)
-
-
 def draw_sheet(path: Path, shown: Mapping[str, np.ndarray], losses: Mapping[str, Sequence[float]], marks: Mapping[str, float]) -> None:
     """Draws titled pictures side by side, and below them the losses after each step; `marks` are losses to compare with."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -77,5 +70,6 @@ def draw_sheet(path: Path, shown: Mapping[str, np.ndarray], losses: Mapping[str,
     figure.savefig(path)
 
 
-def _bytes(colours: np.ndarray) -> np.ndarray:
+def to_bytes(colours: np.ndarray) -> np.ndarray:
+    """Returns colours as bytes."""
     return np.asarray(np.rint(np.clip(colours, 0, 1) * 255), dtype=np.uint8)

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from teg.errors import InputError
+from teg.examples.animation import write_film
 from teg.examples.descent_record import RecordedDescent
 from teg.examples.harness import finish, ratio, require_packages, result_folder
 from teg.examples.options import resolved
-from teg.examples.perlin.descent import first_state, next_state
+from teg.examples.perlin.descent import first_state, next_state, shown_state
 from teg.examples.perlin.scene import compile_scene
 from teg.examples.perlin.shader_loss import ShaderLoss
 from teg.examples.treatments import LABELS
@@ -92,8 +93,8 @@ def _draw(folder: Path, target: np.ndarray, fits: Sequence[Fit], marks: Mapping[
         pictures.draw(folder / file, picture)
     captions = ["the photo", "noise at the start", *(f"{f.label}, step {f.steps}" for f in fits)]
     shown = dict(zip(captions, drawn.values(), strict=True))
-    frames = [fit.shader.picture(state.parameters, factor) for state in fit.descent.animation()]
-    pictures.write_gif(folder / ANIMATION, frames)
+    frames = [pictures.to_bytes(fit.shader.picture(state.parameters, factor)) for state in fit.descent.animation()]
+    write_film(folder / ANIMATION, frames, pictures.FILM_MILLISECONDS, pictures.FILM_LAST)
     pictures.draw_sheet(folder / SHEET, shown, {f.label: f.descent.losses for f in fits}, marks)
     return list(drawn)
 
@@ -103,12 +104,12 @@ def chosen_node(noise: Noise, node: int | None) -> int:
 
     Raises InputError if there is none of that number.
     """
-    nodes = noise.matrix.shape[1] // 2
     if node is None:
-        middle = noise.size[1] // 2 * (noise.size[0] + 1) + noise.size[0] // 2
-        return int(np.argmax(np.abs(noise.matrix[[middle]].toarray()[0].reshape(-1, 2)).sum(axis=1)))
-    if node >= nodes:
-        raise InputError(f"--node is {node}", None, f"less than {nodes}, the number of the nodes")
+        middle = np.zeros((noise.size[1] + 1, noise.size[0] + 1))
+        middle[noise.size[1] // 2, noise.size[0] // 2] = 1
+        return int(np.argmax(np.abs(noise.pull_back(middle)).reshape(-1, 2).sum(axis=1)))
+    if node >= noise.nodes:
+        raise InputError(f"--node is {node}", None, f"less than {noise.nodes}, the number of the nodes")
     return node
 
 
@@ -118,7 +119,7 @@ def _draw_slopes(path: Path, fit: Fit, node: int) -> None:
 
     shader, factor = fit.shader, pictures.enlargement(max(fit.shader.noise.size))
     by_threshold, by_node = np.zeros((2, len(fit.end)))
-    by_threshold[shader.noise.matrix.shape[1]] = 1
+    by_threshold[2 * shader.noise.nodes] = 1
     by_node[2 * node] = 1
     directions = {"dI / d(first threshold)": by_threshold, f"dI / d(gradient of node {node}, to the right)": by_node}
     slopes = {title: shader.slope_picture(fit.end, direction, factor) for title, direction in directions.items()}
@@ -139,7 +140,7 @@ class Fit:
         identity = {k: settings[k] for k in IDENTITY}
         identity["target"] = hashlib.sha256(target.tobytes()).hexdigest()
         start = first_state(self.shader, gradients, target)
-        self.descent = RecordedDescent(start, lambda s: next_state(self.shader, s), checkpoint, identity, resume)
+        self.descent = RecordedDescent(start, lambda s: next_state(self.shader, s), checkpoint, identity, resume, shown_state)
         self.setup = time.perf_counter() - begun
 
     @property

@@ -9,15 +9,19 @@ colour is one number, or one for each node of a lattice of colours, between whic
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from teg.examples.perlin.noise import tints
+from teg.examples.perlin.noise import make_tints
 from teg.examples.perlin.scene import CORNERS, TARGET, CompiledScene, colour_names, threshold_names
 
 if TYPE_CHECKING:
+    from scipy import sparse
+
     from teg.examples.perlin.noise import Noise
+
+BAND = 2**15  # pixels of one call of the kernel, whole rows: what goes in and out of it stays in the processor's cache
 
 
 class ShaderLoss:
@@ -29,8 +33,11 @@ class ShaderLoss:
     def __init__(self, scene: CompiledScene, noise: Noise, target: np.ndarray, colour_cells: int = 0) -> None:
         self.scene, self.noise, self.colour_cells = scene, noise, colour_cells
         self.thresholds, self.channels = threshold_names(scene.levels), colour_names(scene.levels)
-        self.tints = tints(noise.size, colour_cells)
-        self.nodes = self.tints.shape[1]
+        self.tints = make_tints(noise.size, colour_cells)
+        self.nodes = self.tints.nodes
+        width, height = noise.size
+        bands = [slice(top, min(top + high, height)) for high in [max(1, BAND // width)] for top in range(0, height, high)]
+        self.bands = [(rows, down, down.T.tocsr()) for rows in bands for down in [self.tints.down[rows]]]
         self.target = dict(zip(TARGET, np.ascontiguousarray(np.moveaxis(target, -1, 0)), strict=True))
         self.pixels = 0
         self.seconds = 0.0
@@ -38,18 +45,25 @@ class ShaderLoss:
     def value_and_gradient(self, parameters: np.ndarray) -> tuple[float, np.ndarray]:
         """Returns the loss per pixel and its derivative by every parameter."""
         width, height = self.noise.size
-        values = self._values(parameters) | _corner_columns(self._heights(parameters)) | self.target
-        begun = time.perf_counter()
-        losses, slopes = self.scene.loss.value_and_grad(values)
-        self.seconds += time.perf_counter() - begun
+        heights, (_, thresholds, colours) = self._heights(parameters), self.split(parameters)
+        constant = dict(zip(self.thresholds, thresholds, strict=True))
+        loss, by_corner, by_threshold = 0.0, np.zeros_like(heights), np.zeros(len(self.thresholds))
+        shades = self.tints.along(colours.reshape(-1, self.nodes))
+        by_shade = np.zeros_like(shades)
+        for rows, down, up in self.bands:
+            values = constant | self._shades(shades, down) | _corner_columns(heights[rows.start : rows.stop + 1])
+            begun = time.perf_counter()
+            losses, slopes = self.scene.loss.value_and_grad(values | {name: target[rows] for name, target in self.target.items()})
+            self.seconds += time.perf_counter() - begun
+            loss += float(np.sum(losses))
+            for name, (i, j) in zip(CORNERS, np.ndindex(2, 2), strict=True):
+                by_corner[rows.start + i : rows.stop + i, j : width + j] += slopes[name]
+            by_threshold += [np.sum(slopes[name]) for name in self.thresholds]
+            for total, name in zip(by_shade, self.channels, strict=True):
+                total += up @ slopes[name]
         self.pixels += width * height
-        by_corner = np.zeros((height + 1, width + 1))
-        for name, (i, j) in zip(CORNERS, np.ndindex(2, 2), strict=True):
-            by_corner[i : height + i, j : width + j] += slopes[name]
-        by_threshold = [np.sum(slopes[name]) for name in self.thresholds]
-        by_colour = [self.tints.T @ slopes[name].ravel() for name in self.channels]
-        gradient = np.concatenate([self.noise.pull_back(by_corner), by_threshold, *by_colour])
-        return float(np.sum(losses)) / (width * height), gradient / (width * height)
+        gradient = np.concatenate([self.noise.pull_back(by_corner), by_threshold, self.tints.gather(by_shade).ravel()])
+        return loss / (width * height), gradient / (width * height)
 
     def picture(self, parameters: np.ndarray, factor: int = 1) -> np.ndarray:
         """Returns the shader's picture, every pixel's mean colour, (factor·height, factor·width, 3).
@@ -72,18 +86,22 @@ class ShaderLoss:
         return np.asarray(self.noise.corners(self.split(parameters)[0]))
 
     def split(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns gradients, flat, thresholds (levels - 1,), and colours (levels, 3, nodes)."""
+        """Returns views of the gradients, flat, thresholds (levels - 1,), and colours (levels, 3, nodes)."""
         colours = len(self.channels) * self.nodes
         gradients, thresholds, channels = np.split(parameters, [-colours - len(self.thresholds), -colours])
         return gradients, thresholds, channels.reshape(-1, 3, self.nodes)
 
-    def _values(self, parameters: np.ndarray, factor: int = 1) -> dict[str, np.ndarray]:
+    def _values(self, parameters: np.ndarray, factor: int) -> dict[str, Any]:
+        """Returns thresholds and colours, by name, for pixels `factor` times smaller."""
         _, thresholds, colours = self.split(parameters)
-        width, height = (factor * n for n in self.noise.size)
-        spread = self.tints if factor == 1 else tints((width, height), self.colour_cells)
-        channels = colours.reshape(-1, self.nodes)
-        shades = channels[:, 0] if self.nodes == 1 else [(spread @ channel).reshape(height, width) for channel in channels]
-        return dict(zip([*self.thresholds, *self.channels], [*thresholds, *shades], strict=True))
+        tints = make_tints((factor * self.noise.size[0], factor * self.noise.size[1]), self.colour_cells)
+        shades = self._shades(tints.along(colours.reshape(-1, self.nodes)), tints.down)
+        return dict(zip(self.thresholds, thresholds, strict=True)) | shades
+
+    def _shades(self, shades: np.ndarray, down: sparse.csr_array) -> dict[str, Any]:
+        """Returns the colours of rows of pixels, by name: one number if a colour is constant, else an array."""
+        spread = shades[:, 0, 0] if self.nodes == 1 else [down @ shade for shade in shades]
+        return dict(zip(self.channels, spread, strict=True))
 
 
 def _corner_columns(heights: np.ndarray) -> dict[str, np.ndarray]:

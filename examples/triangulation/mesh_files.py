@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -189,7 +190,8 @@ def write_svg(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: 
         faces.append(f'<path d="M{_point(a)}L{_point(b)}L{_point(c)}z" fill="{colour}" stroke="{colour}"/>')
     pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]))
     edges = "".join(f"M{_point(vertices[a])}L{_point(vertices[b])}" for a, b in np.unique(pairs, axis=0))
-    line, scale = max(width, height) / 1000, 1024 / max(width, height)
+    cell = math.sqrt(width * height / len(triangles))
+    line, scale = min(max(width, height) / 1000, cell / 30), 1024 / max(width, height)
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width * scale:g}" height="{height * scale:g}">',
         f'<g id="faces" stroke-width="{line:g}" stroke-linejoin="round">',

@@ -16,7 +16,8 @@ from teg.examples.triangulation.mesh import extent
 
 SMALLEST = 512  # pixels of the longer side of the pictures written
 FINE = 1024  # pixels of the longer side before averaging, if that is two to four times those after it
-GIF_SIDE, GIF_MILLISECONDS, GIF_LAST = 320, 120, 2000
+FILM_SIDE, FILM_MILLISECONDS, FILM_LAST = 320, 120, 2000
+SHEET_SIDE = 800  # pixels of the longer side of a picture on the sheet
 GREY = "#666666"
 STRIP = 64  # rows that are coloured at once
 
@@ -37,7 +38,7 @@ def render(vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, siz
         draw.polygon([(x, y) for x, y in corners], fill=number)
     faces = np.asarray(numbers)
     x = (np.arange(columns * factor) + 0.5) / stretch[0]
-    picture = np.empty((rows, columns, 3))
+    picture = np.empty((rows, columns, 3), dtype=np.float32)
     for top in range(0, rows, STRIP):
         strip = faces[top * factor : (top + STRIP) * factor]
         y = (top * factor + np.arange(len(strip)) + 0.5) / stretch[1]
@@ -54,7 +55,12 @@ def shown_side(size: tuple[int, int]) -> int:
 
 def draw_mesh(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int | tuple[int, int]) -> None:
     """Draws the coloured triangles as a PNG."""
-    Image.fromarray(to_bytes(render(vertices, triangles, colours, size, shown_side(extent(size))))).save(path)
+    draw_picture(path, render(vertices, triangles, colours, size, shown_side(extent(size))))
+
+
+def draw_picture(path: Path, picture: np.ndarray) -> None:
+    """Draws a picture as a PNG."""
+    Image.fromarray(to_bytes(picture)).save(path)
 
 
 def draw_target(path: Path, target: np.ndarray) -> None:
@@ -66,29 +72,26 @@ def draw_target(path: Path, target: np.ndarray) -> None:
 
 def draw_error(path: Path, picture: np.ndarray, target: np.ndarray) -> None:
     """Draws the colour difference of each pixel, grey, white at its 99.5 % quantile."""
-    error = np.sqrt(np.mean((picture - target) ** 2, axis=2))
+    error = np.sqrt(np.mean((picture - target) ** 2, axis=2, dtype=np.float32))
     draw_target(path, np.repeat((error / max(float(np.quantile(error, 0.995)), 1e-9))[..., None], 3, axis=2))
 
 
-def write_gif(path: Path, frames: Sequence[np.ndarray]) -> None:
-    """Writes pictures as an animation, which repeats and waits at its last picture."""
-    images = [Image.fromarray(to_bytes(frame)).quantize(256, method=Image.Quantize.FASTOCTREE) for frame in frames]
-    times = [GIF_MILLISECONDS] * (len(images) - 1) + [GIF_LAST]
-    images[0].save(path, save_all=True, append_images=images[1:], duration=times, loop=0)
-
-
 def draw_sheet(path: Path, target: np.ndarray, meshes: Mapping[str, np.ndarray], losses: Mapping[str, float]) -> None:
-    """Draws the target, pictures of meshes at its size, and the error of the last one, side by side; `losses` are those of the meshes."""
+    """Draws the target, pictures of meshes at its size, and the error of the last one, side by side; `losses` are those of the meshes.
+
+    Large pictures are made as small as they are shown: Matplotlib would need hundreds of bytes a pixel.
+    """
     figure = _figure((3.1 * (len(meshes) + 2), 3.1 * target.shape[0] / target.shape[1] + 0.7))
     places = figure.subplots(1, len(meshes) + 2)
-    error = np.sqrt(np.mean((list(meshes.values())[-1] - target) ** 2, axis=2))
+    error = _smaller(np.sqrt(np.mean((list(meshes.values())[-1] - target) ** 2, axis=2, dtype=np.float32)))
     titles = ["target", *(f"{label}\n{psnr(losses[label]):.2f} dB" for label in meshes), "error of the last one"]
-    for axes, title, picture in zip(places, titles, [target, *meshes.values(), error], strict=True):
+    for axes, title, picture in zip(places, titles, [*map(_smaller, [target, *meshes.values()]), error], strict=True):
         if picture.ndim == 3:
-            axes.imshow(np.clip(picture, 0, 1), interpolation="antialiased")
+            axes.imshow(picture, interpolation="antialiased")
         else:
             shades = axes.imshow(picture, cmap="magma", vmin=0, vmax=max(float(np.quantile(picture, 0.995)), 1e-3))
-            figure.colorbar(shades, ax=axes, fraction=0.046, pad=0.03).ax.tick_params(labelsize=8, colors=GREY)
+            bar = figure.colorbar(shades, cax=axes.inset_axes((1.03, 0, 0.05, 1)))  # as high as the picture, of any shape
+            bar.ax.tick_params(labelsize=8, colors=GREY)
         axes.set_title(title, fontsize=10)
         axes.set_axis_off()
     figure.savefig(path, bbox_inches="tight", pad_inches=0.05)
@@ -100,6 +103,14 @@ def draw_loss(path: Path, losses: Mapping[str, Sequence[float]], marks: Mapping[
     chart = figure.add_gridspec(1, 2, width_ratios=(2, 1))[0, 0]  # at the right is room for labels
     draw_losses(figure.add_subplot(chart), losses, marks)
     figure.savefig(path)
+
+
+def _smaller(picture: np.ndarray) -> np.ndarray:
+    """Returns a picture of at most `SHEET_SIDE` pixels on its longer side: colours as bytes, numbers as such."""
+    height, width = picture.shape[:2]
+    scale = min(1.0, SHEET_SIDE / max(height, width))
+    image = Image.fromarray(to_bytes(picture) if picture.ndim == 3 else picture)
+    return np.asarray(image.resize((max(1, round(width * scale)), max(1, round(height * scale))), Image.Resampling.BOX))
 
 
 def _figure(size: tuple[float, float]) -> Any:

@@ -204,6 +204,7 @@ def _comparisons(fit: Fit, mesh: Mesh, target: np.ndarray, settings: Mapping[str
 
 def _draw(folder: Path, fits: list[Fit], target: np.ndarray, marks: Mapping[str, float]) -> None:
     """Draws the mesh before and after, target, error, loss, the sheet and the animation; writes the mesh as PLY, OBJ and SVG."""
+    from teg.examples.animation import write_film
     from teg.examples.triangulation import pictures
     from teg.examples.triangulation.mesh_files import write_obj, write_ply, write_svg
 
@@ -212,16 +213,17 @@ def _draw(folder: Path, fits: list[Fit], target: np.ndarray, marks: Mapping[str,
     def render(state: State, side: int) -> np.ndarray:
         return pictures.render(state.vertices, state.triangles, state.colours, size, side)
 
-    for picture, shown in (("before.png", run.start), ("after.png", run.state)):
-        pictures.draw_mesh(folder / picture, shown.vertices, shown.triangles, shown.colours, size)
-    pictures.draw_target(folder / "target.png", target)
-    longest, end = max(size), run.state
-    losses = {"undeformed mesh": run.losses[0], **{fit.label: fit.descent.losses[-1] for fit in reversed(fits)}}
+    longest, side, end = max(size), pictures.shown_side(size), run.state
     small = {"undeformed mesh": render(run.start, longest), **{fit.label: render(fit.descent.state, longest) for fit in reversed(fits)}}
+    for picture, shown, drawn in (("before.png", run.start, "undeformed mesh"), ("after.png", end, fits[0].label)):
+        pictures.draw_picture(folder / picture, small[drawn] if side == longest else render(shown, side))
+    pictures.draw_target(folder / "target.png", target)
+    losses = {"undeformed mesh": run.losses[0], **{fit.label: fit.descent.losses[-1] for fit in reversed(fits)}}
     pictures.draw_error(folder / "error.png", small[fits[0].label], target)
     pictures.draw_sheet(folder / "sheet.png", target, small, losses)
     pictures.draw_loss(folder / "loss.png", {fit.label: fit.descent.losses for fit in fits}, marks)
-    pictures.write_gif(folder / "descent.gif", [render(state, pictures.GIF_SIDE) for state in run.animation()])
+    frames = [pictures.to_bytes(render(state, pictures.FILM_SIDE)) for state in run.animation()]
+    write_film(folder / "descent.gif", frames, pictures.FILM_MILLISECONDS, pictures.FILM_LAST)
     write_svg(folder / "mesh.svg", end.vertices, end.triangles, end.colours, size)
     write_ply(folder / "mesh.ply", end.vertices, end.triangles, end.colours, size, np.logical_not(end.movable.any(axis=1)))
     write_obj(folder / "mesh.obj", end.vertices, end.triangles, end.colours)

@@ -26,11 +26,10 @@ from teg.evaluator.kernels import Kernels, Key, dimensions_of
 from teg.evaluator.nodes import NodeFinder
 from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, directions_of
-from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters, integers_of
-from teg.ir.cells import check_indices, replace_integers
+from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters
+from teg.ir.cells import check_indices, with_lengths
 from teg.ir.expr import Expr, Param, Tuple
-from teg.ir.index import ArrayName, Index, Length, index_const, index_leaves
-from teg.ir.node import postorder
+from teg.ir.index import ArrayName
 from teg.ir.traverse import parameters
 from teg.passes.differentiate.through_sums import Parameter, on_cells, outlined
 from teg.passes.normalise.sums import NeedsLengths
@@ -236,7 +235,7 @@ class Evaluator:
         the arguments. Σ weights·g(points) is ∫ integrand·g, for g as smooth as the rule assumes; where the integrand is a bracket, that is
         the integral of g over the region. With `by`, the name of a parameter, it is the derivative by this parameter: nodes on the
         boundary, weighted by its velocity, and inside if the integrand depends on the parameter. Elements of a batch with fewer nodes
-        are filled up with the last point and the weight 0.
+        are filled up with the last point and the weight 0. A sum over data has the nodes of all its terms, one after the other.
 
         The nodes are those of the compiled program without intrinsics, with its `rule`, `order` and `tol`, as if the integrand were not a
         polynomial. The interpreter finds them, in a tenth of a millisecond each, and in a few where it searches for roots. Raises
@@ -244,7 +243,9 @@ class Evaluator:
         """
         moved = {p.name: p for p in self._leaves if isinstance(p, Param)}
         if by is not None and by not in moved:
-            raise ParameterError(f"there is no parameter {by!r} to differentiate by", None, "parameters: " + ", ".join(moved))
+            what = f"{by!r} is an array" if by in self.parameters else f"there is no parameter {by!r} to differentiate by"
+            hint = "parameters: " + ", ".join(moved) if moved else "V[k] + t, with a parameter t, has the derivative by an entry"
+            raise ParameterError(what, None, hint)
         finder = self._finders.get(by, lambda: NodeFinder(self.expression, moved.get(by or ""), self._options, self._leaves))
         return finder.nodes(read_call(self._leaves, self.by_name(args, named), self._integers, "float64"))
 
@@ -510,10 +511,8 @@ class Evaluator:
         """Returns the kernels for these lengths of arrays."""
 
         def made() -> Kernels:
-            lengths = {n for node in postorder([self._program]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)}
-            numbers: dict[Index, Index] = {n: index_const(shapes[n.array][n.axis]) for n in lengths}
             try:
-                return self._compiled(replace_integers(self._program, numbers))
+                return self._compiled(with_lengths(self._program, shapes))
             except NeedsLengths as request:  # pragma: no cover: the lengths are numbers now
                 raise ArrayIndexError(str(request), request.node) from None
 

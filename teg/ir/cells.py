@@ -15,7 +15,7 @@ from teg.errors import NameClashError, ScopeError
 from teg.ir import expr as ex
 from teg.ir.arrays import LEAVES, Gather, Ranged, Slope, Sum, Unit, arrays_of, integer_parameters, integers_of, open_indices
 from teg.ir.expr import Expr, Param, Tuple
-from teg.ir.index import Index, IndexConst, IndexValue, IndexVar, substitute_index
+from teg.ir.index import ArrayName, Index, IndexConst, IndexValue, IndexVar, Length, index_const, index_leaves, substitute_index
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
 from teg.ir.traverse import rebuild
@@ -148,6 +148,12 @@ def replace_integers(root: Expr, mapping: Mapping[Index, Index]) -> Expr:
     for node in postorder([root]):
         new[node] = with_integers(node, tuple(new[c] for c in node.children), change)
     return cast(Expr, new[root])
+
+
+def with_lengths(root: Expr, shapes: Mapping[ArrayName, tuple[int, ...]]) -> Expr:
+    """Returns the expression with numbers in the place of the lengths of arrays."""
+    lengths = {n for node in postorder([root]) for n in index_leaves(integers_of(node)) if isinstance(n, Length)}
+    return replace_integers(root, {n: index_const(shapes[n.array][n.axis]) for n in lengths})
 
 
 def rename_indices(root: Expr) -> Expr:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.errors import OperandError, ParameterError
+from teg.errors import ArrayIndexError, OperandError, ParameterError
 
 x, y, z = teg.vars("x y z")
 t, a = teg.params("t a")
@@ -115,6 +115,79 @@ def test_derivatives_that_move_the_nodes_and_unknown_names_are_refused() -> None
         teg.compile(teg.integral(1 / teg.sqrt(abs(x - t)), (x, 0, 1)), [t], backend="numpy").nodes(t=0.3, by="t")
     with pytest.raises(ParameterError, match="no parameter 'b'"):
         teg.compile(DISK, [t], backend="numpy").nodes(t=0.3, by="b")
-    V = teg.array("V", 1)
-    with pytest.raises(OperandError, match="arrays"):
-        teg.compile(teg.integral(V[0] * x, (x, 0, 1))).nodes(V=np.ones(1))
+
+
+# -- programs with arrays ----------------------------------------------------------------------------------------------
+
+V, W = teg.array("V", 2), teg.array("W")
+k = teg.index("k")
+ROWS = np.array([[2.0, 1.0], [1.0, 3.0], [0.5, -0.5]])  # slopes and factors
+HALF_PLANES = teg.sum(
+    V[k, 1] * teg.integral(teg.bracket(x + V[k, 0] * y < t) * teg.exp(a * x), (x, 0, 1), (y, 0, 1)), (k, 0, teg.length(V, 0))
+)
+
+
+def moment(nodes: tuple[np.ndarray, np.ndarray]) -> float:
+    """Returns the integral of cos(xy) over nodes."""
+    points, weights = nodes
+    return float(weights @ np.cos(points[:, 0] * points[:, 1]))
+
+
+@pytest.mark.parametrize("by", [None, "t", "a"])
+def test_a_sum_over_data_has_the_nodes_of_all_its_terms(by: str | None) -> None:
+    f = teg.compile(HALF_PLANES, [t, a], backend="numpy")
+    points, weights = f.nodes(t=0.5, a=0.3, V=ROWS, by=by)
+    expected = f(t=0.5, a=0.3, V=ROWS) if by is None else f.grad(t=0.5, a=0.3, V=ROWS)[by]
+    assert weights.sum() == pytest.approx(expected, rel=1e-11)
+    if by == "t":  # on one of the three lines
+        assert (np.abs(points[:, :1] + ROWS[:, 0] * points[:, 1:] - 0.5).min(axis=1) < 1e-14).all()
+    whole = 0.0
+    for slope, factor in ROWS.tolist():
+        term = factor * teg.integral(teg.bracket(x + slope * y < t) * teg.exp(a * x), (x, 0, 1), (y, 0, 1))
+        whole += moment(teg.compile(term, [t, a], backend="numpy").nodes(t=0.5, a=0.3, by=by))
+    assert moment((points, weights)) == pytest.approx(whole, rel=1e-11)
+
+
+def test_a_batch_of_arrays_has_a_row_of_nodes_for_each() -> None:
+    f = teg.compile(HALF_PLANES, [t], backend="numpy")
+    many = np.stack([ROWS, 2 * ROWS])
+    points, weights = f.nodes(t=0.5, a=0.3, V=many)
+    assert points.shape == (2, weights.shape[1], 2)
+    np.testing.assert_allclose(weights.sum(axis=1), f(t=0.5, a=0.3, V=many), rtol=1e-11)
+
+
+def test_a_sum_inside_of_the_integral_is_made_for_the_lengths_of_a_call() -> None:
+    steps = teg.sum(V[k, 1] * teg.bracket(x < V[k, 0]), (k, 0, teg.length(V, 0)))
+    f = teg.compile(teg.integral(steps * steps, (x, 0, 1)), backend="numpy")
+    for count in (3, 2):
+        points, weights = f.nodes(V=ROWS[:count] / 3)
+        assert weights.sum() == pytest.approx(f(V=ROWS[:count] / 3), rel=1e-13)
+        assert points.shape == (len(weights), 1)
+
+
+def test_a_choice_among_data_has_nodes_in_the_cells_of_all_candidates() -> None:
+    distance = (x - V[k, 0]) ** 2 + (y - V[k, 1]) ** 2
+    f = teg.compile(teg.integral(teg.minimum_of(distance, (k, 0, teg.length(V))), (x, 0, 1), (y, 0, 1)), backend="numpy")
+    sites = np.array([[0.2, 0.3], [0.7, 0.8]])
+    points, weights = f.nodes(V=sites)
+    assert weights.sum() == pytest.approx(f(V=sites), rel=1e-12)
+    assert set(np.argmin(((points[:, None] - sites) ** 2).sum(axis=-1), axis=1)) == {0, 1}
+
+
+def test_what_is_computed_outside_of_a_loop_keeps_its_origin_and_ties_have_both_orders() -> None:
+    inner = teg.integral(teg.bracket(x < t) * teg.bracket(x < a), (x, 0, 1))
+    f = teg.compile(teg.sum(W[k] * inner, (k, 0, teg.length(W, 0))), [t], backend="numpy")
+    assert f.nodes(t=0.5, a=0.5, W=[1.0, 2.0])[1].sum() == pytest.approx(1.5, rel=1e-13)
+    points, weights = f.nodes(t=0.5, a=0.5, W=[1.0, 2.0], by="t")
+    assert weights.sum() == pytest.approx(f.grad(t=0.5, a=0.5, W=[1.0, 2.0])["t"], rel=1e-13)
+    np.testing.assert_allclose(points, 0.5)
+
+
+def test_of_arrays_products_of_sums_of_integrals_entries_and_indices_out_of_range_are_refused() -> None:
+    f = teg.compile(HALF_PLANES**2, [t], backend="numpy")
+    with pytest.raises(OperandError, match="no sum of integrals"):
+        f.nodes(t=0.5, a=0.3, V=ROWS)
+    with pytest.raises(ParameterError, match="'V' is an array"):
+        teg.compile(HALF_PLANES, [t], backend="numpy").nodes(t=0.5, a=0.3, V=ROWS, by="V")
+    with pytest.raises(ArrayIndexError):
+        teg.compile(teg.sum(teg.integral(W[k] * x, (x, 0, 1)), (k, 0, 3)), backend="numpy").nodes(W=np.ones(2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from teg.errors import InputError, MissingPackageError
 pytest.importorskip("scipy")
 pytest.importorskip("matplotlib")
 pytest.importorskip("tqdm")
+
 
 from teg.examples.bouncing_ball import run
 from teg.examples.bouncing_ball.descent import SHORTEST, ActionDescent
@@ -97,13 +99,14 @@ def test_at_the_best_heights_the_gradient_is_the_law_of_rebounds(kind: str, law:
 # -- the exact path ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("restitution", [1.0, 0.7])
 @pytest.mark.parametrize("speed", [0.0, 1.5, -2.0])
 @pytest.mark.parametrize("contacts", [1, 2, 3, 6])
-def test_the_exact_path_falls_freely_and_rebounds_elastically(contacts: int, speed: float) -> None:
-    throw = make_throw(contacts, speed)
+def test_the_exact_path_falls_freely_and_rebounds(contacts: int, speed: float, restitution: float) -> None:
+    throw = make_throw(contacts, speed, restitution=restitution)
     times, heights, _ = exact(throw)
     before, after = throw.contact_speeds(times, heights)
-    np.testing.assert_allclose(after - speed, -(before - speed), rtol=1e-12)
+    np.testing.assert_allclose(after - speed, -restitution * (before - speed), rtol=1e-11)
     assert (np.diff(times) > 0).all()
     t, h = np.linspace(0, throw.duration, 2001)[1:-1], 1e-4
     smooth = t[np.abs(t[:, None] - times).min(axis=1) > 2 * h]
@@ -129,6 +132,30 @@ def test_least_action_is_the_exact_path(contacts: int, speed: float, share: floa
     assert report["smallest_curvature"] > 0  # a minimum
     np.testing.assert_allclose(report["heights"], report["exact"]["heights"], atol=1e-8)
     np.testing.assert_allclose(report["speed_of_lift_by_rebounds"], speed, atol=1e-7)
+
+
+@pytest.mark.parametrize(("contacts", "restitution"), [(1, 0.5), (3, 0.8), (5, 0.6)])
+def test_contacts_that_take_energy(contacts: int, restitution: float, tmp_path: Path) -> None:
+    report = run_bouncing_ball(contacts=contacts, restitution=restitution, out=tmp_path, alone=True, **QUICK)
+    assert report["converged"]
+    assert report["largest_time_error"] < 1e-10
+    np.testing.assert_allclose(report["speed_of_lift_by_rebounds"], 1.5, atol=1e-7)
+    throw = Throw(**report["throw"])
+    times, heights = np.array(report["times"]), np.array(report["heights"])
+    middles = (throw.knots(times)[0][:-1] + throw.knots(times)[0][1:]) / 2
+    np.testing.assert_allclose(np.diff(throw.energy(times, heights, middles)), -throw.losses(times, heights), rtol=1e-7)
+
+
+def test_the_longest_flight_just_reaches_everything() -> None:
+    for contacts in (1, 2, 3, 4):
+        with pytest.raises(InputError, match="no ball makes") as error:
+            make_throw(contacts, 0.0, 99.0, 0.7)
+        longest = float(str(error.value.hint).split("at most ")[1].split(" s")[0])
+        throw = make_throw(contacts, 0.0, longest - 1e-3, 0.7)
+        times, heights, _ = exact(throw)
+        assert (np.diff(throw.knots(times)[0]) > 0).all()
+        highest = [throw.path(times, heights, np.linspace(a, b, 200)[:-1]).max() for a, b in pairwise(times)]
+        assert all(h <= throw.room + 1e-9 for h in highest)
 
 
 @pytest.mark.parametrize("speed", [1.5, -1.0])

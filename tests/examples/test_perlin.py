@@ -17,7 +17,7 @@ pytest.importorskip("scipy")
 pytest.importorskip("matplotlib")
 pytest.importorskip("tqdm")
 
-from teg.examples.perlin import pictures, run  # noqa: E402
+from teg.examples.perlin import pictures, run, shader_loss  # noqa: E402
 from teg.examples.perlin.descent import State, first_state, next_state  # noqa: E402
 from teg.examples.perlin.noise import BLENDS, PERSISTENCE, make_noise  # noqa: E402
 from teg.examples.perlin.run import run_perlin, simple_approximations  # noqa: E402
@@ -111,8 +111,9 @@ def test_maps_of_colours_are_interpolated_and_their_gradient_agrees_with_differe
     random, h = np.random.default_rng(5), 1e-5
     noise, gradients = make_noise(8, 2, 2)
     shader = ShaderLoss(scene, noise, random.uniform(0, 1, (8, 8, 3)), colour_cells=2)
-    np.testing.assert_allclose(shader.tints.sum(axis=1), 1)
-    np.testing.assert_allclose(shader.tints @ np.tile([0.0, 1, 2], 3), np.tile((np.arange(8) + 0.5) / 4, 8))
+    even, ramp = (shader.tints.down @ shade for shade in shader.tints.along(np.array([np.ones(9), np.tile([0.0, 1, 2], 3)])))
+    np.testing.assert_allclose(even, np.ones((8, 8)))
+    np.testing.assert_allclose(ramp, np.tile((np.arange(8) + 0.5) / 4, (8, 1)))
     parameters = np.concatenate([gradients, [0.1], random.uniform(0, 1, 6 * 9)])
     _, gradient = shader.value_and_gradient(parameters)
     for k in random.choice(54, 8, replace=False) - 54:
@@ -123,6 +124,21 @@ def test_maps_of_colours_are_interpolated_and_their_gradient_agrees_with_differe
     even = np.concatenate([gradients, [0.1], np.repeat(np.arange(6) / 6, 9)])
     one = ShaderLoss(scene, noise, np.zeros((8, 8, 3)))
     np.testing.assert_allclose(shader.picture(even, 2), one.picture(np.concatenate([gradients, [0.1], np.arange(6) / 6]), 2), atol=1e-14)
+
+
+@pytest.mark.parametrize("colour_cells", [0, 2])
+def test_a_picture_may_be_cut_into_bands_of_rows(scene: CompiledScene, monkeypatch: pytest.MonkeyPatch, colour_cells: int) -> None:
+    random = np.random.default_rng(6)
+    noise, gradients = make_noise((8, 7), 2, 2)
+    target, loss, slopes = random.uniform(0, 1, (7, 8, 3)), [], []
+    for pixels in (1000, 3 * 8):
+        monkeypatch.setattr(shader_loss, "BAND", pixels)
+        shader = ShaderLoss(scene, noise, target, colour_cells)
+        value, gradient = shader.value_and_gradient(np.concatenate([gradients, [0.1], np.linspace(0, 1, 6 * shader.nodes)]))
+        loss.append(value)
+        slopes.append(gradient)
+    assert loss[0] == pytest.approx(loss[1], rel=1e-14)
+    np.testing.assert_allclose(slopes[1], slopes[0], rtol=1e-12, atol=1e-15)
 
 
 def test_automatic_differentiation_sees_the_colours_only(scene: CompiledScene) -> None:
@@ -183,7 +199,7 @@ def test_a_blend_goes_from_one_node_to_the_next(blend: str, quarter: float) -> N
     noise, gradients = make_noise((12, 6), 3, 2, 4, blend)
     assert noise.corners(gradients).shape == (7, 13)
     square, same = make_noise(12, 3, 1, 4, blend)
-    assert noise.matrix.shape[1] < 2 * (25 + 64)
+    assert noise.nodes < 25 + 64
     assert square.corners(same).shape == (13, 13)
 
 

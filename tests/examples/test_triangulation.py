@@ -27,7 +27,7 @@ SMALL: dict[str, Any] = {"triangles": 12, "size": 32, "backend": "numpy", "alone
 
 @pytest.fixture(autouse=True)
 def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("SMALLEST", "FINE", "GIF_SIDE"):
+    for name in ("SMALLEST", "FINE", "FILM_SIDE"):
         monkeypatch.setattr(pictures, name, 64)
     for name in ("draw_sheet", "draw_loss"):  # a second each
         monkeypatch.setattr(pictures, name, lambda path, *_: Image.new("RGB", (1, 1)).save(path))

@@ -63,6 +63,10 @@ class ArrayMachine:
         """Returns the number that a name or a literal stands for."""
         return self.values[arg] if isinstance(arg, str) else arg
 
+    def number(self, arg: Arg) -> float:
+        """Returns the float that a name or a literal stands for."""
+        return float(self.of(arg))
+
     def run(self, block: Sequence[Step]) -> None:
         """Run the steps of a block. Recursion is as deep as loops are."""
         for step in block:
@@ -89,7 +93,7 @@ class ArrayMachine:
                 case Scatter():
                     entries = self.scattered.setdefault(step.output, {})
                     place = self._places(step.subscripts)
-                    entries[place] = entries.get(place, 0.0) + float(self.of(step.value))
+                    entries[place] = entries.get(place, 0.0) + self.number(step.value)
                 case _:
                     assert_never(step)
 
@@ -109,7 +113,7 @@ class ArrayMachine:
                 return INTEGER_OPERATIONS[step.op](first, second)
 
     def _kernel(self, step: Run) -> None:
-        found = interpret(step.program, [float(self.of(a)) for a in step.inputs])
+        found = interpret(step.program, [self.number(a) for a in step.inputs])
         self.values.update(zip(step.results, found.outputs, strict=True))
         self.missed |= found.missed
         self.crowded |= found.crowded
@@ -125,7 +129,7 @@ class ArrayMachine:
         best = [(math.inf, -1.0)] * len(step.results)
         for i in self._iterations(step):
             for k, (value, eligible) in enumerate(zip(step.values, step.eligible, strict=True)):
-                key, present, (least, winner) = float(self.of(value)), float(self.of(eligible)), best[k]
+                key, present, (least, winner) = self.number(value), self.number(eligible), best[k]
                 if math.isnan(present) or math.isnan(winner) or (present and math.isnan(key)):
                     best[k] = (math.nan, math.nan)
                 elif present and (winner < 0 or key < least):
@@ -135,12 +139,12 @@ class ArrayMachine:
     def _factors(self, step: Factors) -> None:
         products = [1.0] * len(step.results)
         for _ in self._iterations(step):
-            products = [p * float(self.of(v)) for p, v in zip(products, step.values, strict=True)]
+            products = [p * self.number(v) for p, v in zip(products, step.values, strict=True)]
         self.values.update(zip(step.results, products, strict=True))
 
     def _cells(self, step: Cells) -> None:
-        rows = [[float(self.of(v)) for v in step.values] for _ in self._iterations(step)]
-        otherwise = [float(self.of(v)) for v in step.otherwise]
+        rows = [[self.number(v) for v in step.values] for _ in self._iterations(step)]
+        otherwise = [self.number(v) for v in step.otherwise]
         found = integrals(step.shape, rows, otherwise, bool(step.tables))
         self.values.update(zip(step.results, found.values, strict=True))
         self.values.update(zip(step.sizes, found.sizes, strict=False))
@@ -152,5 +156,5 @@ class ArrayMachine:
         for i in range(self.of(step.lo), self.of(step.hi)):
             self.values[step.index] = i
             self.run(step.body)
-            sums = [s + float(self.of(v)) for s, v in zip(sums, step.values, strict=True)]
+            sums = [s + self.number(v) for s, v in zip(sums, step.values, strict=True)]
         self.values.update(zip(step.results, sums, strict=True))

@@ -2,14 +2,17 @@
 
 A run in which the value of each call is 1 and remembers its origin. Sums, and products with numbers, of such values are noted on a tape.
 Run backwards, the tape gives the derivative of the output by each call: its weight. Decisions (adaptive intervals, branches) are those of
-the values.
+the values. Programs with arrays have one tape for all their flat programs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple, cast
 
+from teg.program.arrays import ArrayProgram, Run
+from teg.program.interpreter.arrays import ArrayMachine
 from teg.program.interpreter.machine import Machine, Value
 from teg.program.operations import OPERATIONS
 from teg.program.statements import Arg, Assign, Program
@@ -89,10 +92,10 @@ class NodeMachine(Machine):
     tape: Tape
 
     @staticmethod
-    def of(program: Program, arguments: Sequence[float], order: int) -> NodeMachine:
-        """Returns the state before the first statement."""
-        machine = NodeMachine(program, order, {f"p{i}": float(x) for i, x in enumerate(arguments)})
-        machine.tape = Tape()
+    def of(program: Program, arguments: Sequence[float], order: int, tape: Tape) -> NodeMachine:
+        """Returns the state before the first statement. Arguments that have an origin keep it."""
+        machine = NodeMachine(program, order, {f"p{i}": x for i, x in enumerate(arguments)})
+        machine.tape = tape
         return machine
 
     def number(self, arg: Arg) -> float:
@@ -124,17 +127,53 @@ class Nodes:
     crowded: bool
 
 
-def nodes_of(program: Program, arguments: Sequence[float]) -> Nodes:
+def nodes_of(program: Program | ArrayProgram, arguments: Sequence[float], arrays: Sequence[Any] = ()) -> Nodes:
     """Returns the nodes of a program of one output at one point; where a tie is met, those of both orders with half the weights."""
-    first = NodeMachine.of(program, arguments, +1)
-    runs = [(first, first.outputs()[0])]
-    if first.met:
-        second = NodeMachine.of(program, arguments, -1)
-        runs.append((second, second.outputs()[0]))
-    points, weights = [], []
-    for machine, output in runs:
-        for number, weight in machine.tape.weights(output).items():
-            points.append(machine.tape.points[number])
-            weights.append(weight / len(runs))
-    output = sum(float(value) for _, value in runs) / len(runs)
-    return Nodes(points, weights, output, any(m.missed for m, _ in runs), any(m.crowded for m, _ in runs))
+    tape = Tape()
+    run = _noted_arrays(program, arguments, arrays, tape) if isinstance(program, ArrayProgram) else _noted(program, arguments, tape)
+    (output,) = run.outputs
+    weights = tape.weights(output)
+    return Nodes([tape.points[number] for number in weights], list(weights.values()), float(output), run.missed, run.crowded)
+
+
+class _NotedRun(NamedTuple):
+    """The outputs of a run, with their origins, and whether it missed a tolerance or had no room for all roots."""
+
+    outputs: Sequence[float]
+    missed: bool
+    crowded: bool
+
+
+def _noted(program: Program, arguments: Sequence[float], tape: Tape) -> _NotedRun:
+    """Returns the run of a flat program; where a tie is met, the mean of both orders."""
+    first = NodeMachine.of(program, arguments, +1, tape)
+    outputs = first.outputs()
+    if not first.met:
+        return _NotedRun(outputs, first.missed, first.crowded)
+    second = NodeMachine.of(program, arguments, -1, tape)
+    mean = tuple(0.5 * a + 0.5 * b for a, b in zip(outputs, second.outputs(), strict=True))
+    return _NotedRun(mean, first.missed or second.missed, first.crowded or second.crowded)
+
+
+@dataclass
+class _NodeArrays(ArrayMachine):
+    """A run of a program with arrays that keeps the origin of values on `tape`. What chooses, or enters a table, is a plain number."""
+
+    tape: Tape = field(default_factory=Tape)
+
+    def number(self, arg: Arg) -> float:
+        value = self.of(arg)
+        return value if isinstance(value, Noted) else float(value)
+
+    def _kernel(self, step: Run) -> None:
+        run = _noted(step.program, [self.number(a) for a in step.inputs], self.tape)
+        self.values.update(zip(step.results, run.outputs, strict=True))
+        self.missed |= run.missed
+        self.crowded |= run.crowded
+
+
+def _noted_arrays(program: ArrayProgram, arguments: Sequence[float], arrays: Sequence[Any], tape: Tape) -> _NotedRun:
+    """Returns the run of a program with arrays whose outputs are numbers."""
+    machine = _NodeArrays(arrays, {f"p{k}": float(x) for k, x in enumerate(arguments)}, tape=tape)
+    machine.run(program.body)
+    return _NotedRun([machine.number(cast(Arg, output)) for output in program.outputs], machine.missed, machine.crowded)
