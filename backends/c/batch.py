@@ -207,9 +207,11 @@ class _Batch:
         straight = self.straight
         if not straight or not straight.crossed:
             return []
-        given = ", ".join([*(f"in[{i}]" for i in straight.crossed_by), "across", "good"])
+        given = ", ".join([*(f"in[{i}]" for i in straight.crossed_by), "steady", "across", "good"])
         to = f"for (int j = 0; j < {self.outputs}; j++) f[{self.apart} * j]"
         return [
+            f"double steady[{straight.kept}];",
+            f"if (waiting) {straight.steady}(steady);",
             f"for (int g = 0; g < waiting && !stopped; g += {SIDE}) {{",
             *indent(
                 f"const int few = waiting - g < {SIDE} ? waiting - g : {SIDE};",

@@ -1,33 +1,24 @@
 """Points that surfaces cross, side by side: a program of polygons and segments without branches.
 
-    crossed(program)  ->  Crossed      the outputs, and `good`: whether they are right
-    function          ->  a C function of eight points
+    crossed(program)  ->  Crossed      the outputs, and `good`: whether they are right (printed by `stages`)
 
 Polygons are weights of fixed nodes of their boxes (`crossing`), segments intervals that are cut by selects, or the chords of the polygon
 whose sides they are (`sides`); everything else is arithmetic in the program already. A point with a tie, a thin triangle, a line along a
 side or a number that is not finite is not good, and is computed by the program as it is. So are estimates of errors, whose integrands are
 no polynomials.
-
-Stages. A sum over nodes is a loop of its own, so the straight line is cut before and after the sums; each stage is a loop over the points,
-which the C compiler vectorises, and values that a later stage reads lie in arrays. Values that are the same for all points are
-computed before.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from math import isnan
 
 from teg.backends.c.crossing import MOST_DEGREE, MOST_LINES, STOUT, Crossing, Writer, crossing, nodes_of, weights
 from teg.backends.c.expanded import integrals
-from teg.backends.c.frame import Frame, Step, assignments
-from teg.backends.c.lanes import SELECTIONS
 from teg.backends.c.polygon import SIDE_BY_SIDE
 from teg.backends.c.sides import Side, side_of
-from teg.backends.c.text import indent, literal
-from teg.backends.c.text import packed as in_few_lines
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import NEARLY, TIE_EPS, Arg, Assign, Polygon, Program, Segment, Stmt, When, assigned, statements
 from teg.program.fields import absent
@@ -418,11 +409,13 @@ def _is_crossable(stmt: Polygon) -> bool:
     return True
 
 
-def _reads(item: Item) -> set[Arg]:
+def reads(item: Item) -> set[Arg]:
+    """Returns the names that an item reads."""
     return set(item.args) if isinstance(item, Assign) else item.reads
 
 
-def _defines(item: Item) -> tuple[str, ...]:
+def defines(item: Item) -> tuple[str, ...]:
+    """Returns the names that an item gives."""
     return (item.name,) if isinstance(item, Assign) else item.sums
 
 
@@ -442,7 +435,7 @@ def _needed(items: Sequence[Item], wanted: Iterable[Arg]) -> list[Item]:
             item = replace(item, places=places, body=tuple(body), values=values, sums=tuple(s for _, s in pairs))
         elif item.name not in live:
             continue
-        live |= _reads(item)
+        live |= reads(item)
         kept.append(item)
     return kept[::-1]
 
@@ -450,171 +443,3 @@ def _needed(items: Sequence[Item], wanted: Iterable[Arg]) -> list[Item]:
 def _is_arithmetic(items: Iterable[Item]) -> bool:
     flat = [s for item in items for s in (item.body if isinstance(item, Nodes) else (item,))]
     return all(s.op in ARITHMETIC or (s.op == "powi" and s.args[1] == 2) for s in flat)
-
-
-# -- C -------------------------------------------------------------------------------------------------------------------
-
-
-def inputs_of(found: Crossed) -> list[int]:
-    """Returns the numbers of the parameters that are read."""
-    used = {a for item in found.items for a in _reads(item)}.union(found.outputs, (found.good,))
-    return sorted(int(a[1:]) for a in used if isinstance(a, str) and a[0] == "p")
-
-
-def function(found: Crossed, varying: Container[int], apart: int) -> list[str]:
-    """Returns the inside of the C function of eight points: output j of point k goes to f[apart·j + k], and good[k] is 0 where they must
-    be computed otherwise. Inputs in `varying` are arrays q."""
-    inputs = inputs_of(found)
-    places: dict[str, str] = {f"p{i}": f"q{i}[k]" if i in varying else f"p{i}" for i in inputs}
-    lanes: set[Arg] = {f"p{i}" for i in inputs if i in varying}
-    return list(_Stages(found, places, lanes).lines(apart))
-
-
-class _Stages:
-    """The stages of a straight line in C: `places` says how a value is spelled that an earlier stage has."""
-
-    def __init__(self, found: Crossed, places: dict[str, str], lanes: set[Arg]) -> None:
-        self.found, self.places, self.lanes = found, places, lanes
-        self.stage: dict[Arg, int] = {}
-        self.last = 0
-        for item in found.items:
-            number = max((self.stage.get(a, 0) for a in _reads(item)), default=0) + isinstance(item, Nodes)
-            self.stage.update(dict.fromkeys(_defines(item), number))
-            self.last = max(self.last, number)
-            if isinstance(item, Nodes) or not lanes.isdisjoint(_reads(item)):
-                lanes.update(_defines(item))
-        self._arrays = count()
-        self._count = [0]
-
-    def lines(self, apart: int) -> Iterator[str]:
-        """Yields all lines."""
-        found = self.found
-        assigns = [i for i in found.items if isinstance(i, Assign)]
-        steady = [s for s in assigns if s.name not in self.lanes]
-        frame, given = self._frame(steady, self._read_by(self._without(steady)))
-        yield from frame.block(0)
-        scope = frame.scope()
-        self.places.update((name, scope(name)) for name in given)
-        for number in range(self.last + 1):
-            here = [s for s in assigns if s.name in self.lanes and self.stage[s.name] == number]
-            later = [i for i in self._without(here) if max(self.stage[d] for d in _defines(i)) >= number]
-            yield from self._loop(here, self._read_by(later), apart if number == self.last else None)
-            for item in found.items:
-                if isinstance(item, Nodes) and self.stage[item.sums[0]] == number + 1:
-                    yield from self._nodes(item)
-
-    def _without(self, some: Iterable[Item]) -> list[Item]:
-        left_out = set(map(id, some))
-        return [i for i in self.found.items if id(i) not in left_out]
-
-    def _read_by(self, items: Iterable[Item]) -> set[Arg]:
-        return {a for i in items for a in _reads(i)}.union(self.found.outputs, (self.found.good,))
-
-    def _frame(self, block: Sequence[Assign], wanted: Collection[Arg]) -> tuple[Frame, list[str]]:
-        """Returns a block in which names of earlier stages are spelled as arrays, and those of its values that are wanted."""
-        given = [s.name for s in block if s.name in wanted]
-        block = _late(block, given)
-        return self._framed(_steps(block), given, self.places), given
-
-    def _framed(self, steps: list[Step], own: Sequence[Arg], places: dict[str, str]) -> Frame:
-        frame = Frame([], [steps], own, False, dict(places), whole=(0,))
-        frame.count = self._count  # names differ in all stages
-        return frame
-
-    def _loop(self, block: Sequence[Assign], wanted: Collection[Arg], apart: int | None) -> Iterator[str]:
-        """Yields the loop of a stage; the last one, which has `apart`, writes the outputs."""
-        frame, given = self._frame(block, wanted)
-        if apart is not None:
-            outputs = [*self.found.outputs, self.found.good]
-            own = list(dict.fromkeys(o for o in outputs if isinstance(o, str) and (o in self.places or o in given)))
-            frame = self._framed(frame.blocks[0], own, self.places)
-        inside = frame.block(0)
-        scope = frame.scope()
-        if apart is not None:
-            inside += [f"f[{apart * j} + k] = {scope(o)};" for j, o in enumerate(self.found.outputs)]
-            inside.append(f"good[k] = {scope(self.found.good)} ? 1.0 : 0.0;")
-        else:
-            arrays = {name: f"a{next(self._arrays)}" for name in given}
-            yield from in_few_lines([f"{array}[{SIDE}]" for array in arrays.values()], "double ", ", ", ";")
-            inside += [f"{array}[k] = {scope(name)};" for name, array in arrays.items()]
-            self.places.update((name, f"{array}[k]" if name[0] == "v" else f"({array}[k] != 0.0)") for name, array in arrays.items())
-        yield from self._each(inside)
-
-    def _nodes(self, item: Nodes) -> Iterator[str]:
-        """Yields the loop over nodes, some of them in each iteration."""
-        number = next(self._arrays)
-        total = len(item.weights)
-        most = max(1, TOGETHER // max(1, len(item.body)))
-        together = max(n for n in range(1, total + 1) if total % n == 0 and n <= most)
-        in_array = any(isinstance(v, str) for v in item.weights)
-        if in_array:
-            yield f"double weight_{number}[{total}][{SIDE}];"
-            given = [f"weight_{number}[{n}][k] = {self._spelled(v)};" for n, v in enumerate(item.weights)]
-            yield from self._each(in_few_lines(given))
-        rows = [[xs[n] for xs in item.places.values()] + ([] if in_array else [float(item.weights[n])]) for n in range(total)]
-        if rows[0]:
-            yield f"static const double node_{number}[{total}][{len(rows[0])}] = {{"
-            yield from indent(*in_few_lines(f"{{{', '.join(map(literal, row))}}}," for row in rows))
-            yield "};"
-        yield f"double sum_{number}[{len(item.sums)}][{SIDE}] = {{{{0.0}}}};"
-        body: list[Assign] = []
-        sums: dict[Arg, list[Arg]] = {v: [] for v in item.values}
-        known = dict(self.places)
-        for n in range(together):
-            own = {s.name: f"{s.name}_{n}" for s in item.body} | {x: f"{x}_{n}" for x in item.places}
-            known |= {own[x]: f"node_{number}[i + {n}][{c}]" for c, x in enumerate(item.places)}
-            weight = f"v{number}w{n}"
-            known[weight] = f"weight_{number}[i + {n}][k]" if in_array else f"node_{number}[i + {n}][{len(item.places)}]"
-            for s in item.body:
-                body.append(Assign(own[s.name], s.op, tuple(own.get(a, a) if isinstance(a, str) else a for a in s.args)))
-            for j, v in enumerate(item.values):
-                at = own.get(v, v) if isinstance(v, str) else v
-                body.append(Assign(f"v{number}w{n}_{j}", "mul", (weight, at)))
-                sums[v].append(body[-1].name)
-        last: list[Arg] = []
-        for j, v in enumerate(item.values):
-            body.append(Assign(f"v{number}t{j}", "add", tuple(sums[v])))
-            last.append(body[-1].name)
-        frame = self._framed(_steps(body), last, known)
-        inside = frame.block(0)
-        scope = frame.scope()
-        inside += [f"sum_{number}[{j}][k] += {scope(name)};" for j, name in enumerate(last)]
-        yield f"for (int i = 0; i < {total}; i += {together}) {{"
-        yield from indent(*self._each(inside))
-        yield "}"
-        self.places.update((name, f"sum_{number}[{j}][k]") for j, name in enumerate(item.sums))
-
-    def _each(self, inside: Sequence[str]) -> Iterator[str]:
-        """Yields a loop over the points."""
-        yield f"for (int k = 0; k < {SIDE}; k++) {{"
-        yield from indent(*inside)
-        yield "}"
-
-    def _spelled(self, arg: Arg) -> str:
-        return self.places[arg] if isinstance(arg, str) else literal(float(arg))
-
-
-def _late(block: Sequence[Assign], wanted: Iterable[str]) -> list[Assign]:
-    """Returns the assignments of a block in an order in which each stands shortly before its first use: fewer values are alive at once."""
-    made = {s.name: s for s in block}
-    done: dict[str, Assign] = {}
-    stack: list[tuple[str, bool]] = [(name, False) for name in reversed(list(wanted))]
-    while stack:
-        name, ready = stack.pop()
-        if name in done:
-            continue
-        if ready:
-            done[name] = made[name]
-            continue
-        stack.append((name, True))
-        stack += [(a, False) for a in reversed(made[name].args) if isinstance(a, str) and a in made and a not in done]
-    return list(done.values())
-
-
-def _steps(block: Iterable[Assign]) -> list[Step]:
-    """Returns assignments with operations that compute all of their operands: those of a selection have names."""
-    steps = [step for s in block for step in assignments(replace(s, op=BRANCHLESS.get(s.op, s.op)))]
-    for step in steps:
-        if step.assign is not None and step.assign.op in SELECTIONS:
-            step.longest = 0
-    return steps

@@ -75,7 +75,8 @@ class Packed:
 @dataclass(frozen=True, slots=True)
 class Straight:
     """C functions of eight points. `decision` says where the outputs are 0 or have a simple value, `line` computes that value, and
-    `crossed` computes points whose boxes are crossed by surfaces. `decided_by`, `used` and `crossed_by` are the inputs of each. `narrow`
+    `crossed` computes points whose boxes are crossed by surfaces. `decided_by`, `used` and `crossed_by` are the inputs of each. `steady`
+    computes `kept` numbers that `crossed` takes, from inputs that all points share, `steady_by`. `narrow`
     computes, for one point, `heights` numbers of which none is negative where the outputs are not 0; `narrowed_by` are its inputs."""
 
     decision: str
@@ -84,6 +85,9 @@ class Straight:
     used: list[int]
     crossed: str | None = None
     crossed_by: Sequence[int] = ()
+    steady: str | None = None
+    steady_by: Sequence[int] = ()
+    kept: int = 0
     narrow: str | None = None
     narrowed_by: tuple[int, ...] = ()
     heights: int = 0

@@ -393,14 +393,24 @@ class _ArrayPrinter:
     def _iterations(self, step: Loop, lo: str, hi: str, depth: int) -> list[str]:
         """Returns the iterations of a loop that is `depth` deep, and what they add to its sums, with what waits in queues."""
         carried = [q for q in self.queues.values() if q.carrier is step]
-        opening = [line for q in carried for line in q.opened()]
+        opening = [line for q in carried for line in self._opened(q)]
         closing = [line for q in carried for line in (f"if (waiting_{q.name}) {{", *indent(*self._flushed(q)), "}", *q.closed())]
         return [*opening, *self._each(step, lo, hi, depth), *closing]
+
+    def _straight_of(self, queue: Queue) -> Straight:
+        """Returns the functions of what waits in a queue."""
+        return next(self.straights[only] for only, q in self.queues.items() if q is queue)
+
+    def _opened(self, queue: Queue) -> list[str]:
+        """Returns the declaration of a queue, with what is the same for all that waits in it."""
+        straight, name = self._straight_of(queue), f"steady_{queue.name}"
+        given = [_spell(queue.run.inputs[i]) for i in straight.steady_by]
+        return [*queue.opened(), f"double {name}[{straight.kept}];", f"{straight.steady}({', '.join([*given, name])});"]
 
     def _flushed(self, queue: Queue) -> list[str]:
         """Returns lines that compute the iterations in a queue; if it is not full, the last one is repeated."""
         run, name, array, count = queue.run, queue.name, _array(queue.run), len(queue.run.results)
-        straight = next(self.straights[only] for only, q in self.queues.items() if q is queue)
+        straight = self._straight_of(queue)
         given = [f"queue_{name}[{queue.varying.index(i)}]" if i in queue.varying else _spell(run.inputs[i]) for i in straight.crossed_by]
         declaration, *call = self._run(run)
         inputs = [f"const double {run.inputs[i]} = queue_{name}[{m}][k];" for m, i in enumerate(queue.varying)]
@@ -417,7 +427,7 @@ class _ArrayPrinter:
             f"for (int m = 0; m < {len(queue.varying)}; m++)",
             *indent(f"for (int k = waiting_{name}; k < {SIDE}; k++) queue_{name}[m][k] = queue_{name}[m][waiting_{name} - 1];"),
             f"double f[{SIDE * count}], good[{SIDE}];",
-            f"{straight.crossed}({', '.join([*given, 'f', 'good'])});",
+            f"{straight.crossed}({', '.join([*given, f'steady_{name}', 'f', 'good'])});",
             f"for (int k = 0; k < waiting_{name}; k++) {{",
             *indent(
                 "if (good[k] != 0.0) continue;",

@@ -26,6 +26,7 @@ from teg.backends.c import crossed as c_crossed
 from teg.backends.c import frame as c_frame
 from teg.backends.c import lanes as c_packed
 from teg.backends.c import ranges as c_ranges
+from teg.backends.c import stages as c_stages
 from teg.backends.c.batch import ABI, batch_loop, together
 from teg.backends.c.bodies import merged, used_inputs, with_inputs
 from teg.backends.c.frame import BY_VALUE, CONTEXT, RESULTS, WORKSPACE, Frame, Routine, Scope, Step, assignments, captured_by
@@ -228,11 +229,13 @@ class Printer:
         across = c_crossed.crossed(program, inputs)
         if across is None:
             return made
-        used = c_crossed.inputs_of(across)
-        given = c_packed.signature(used, in_queue, "double *restrict f", "double *restrict good")
-        inside = c_crossed.function(across, in_queue, SIDE)
-        name = self._once("crossed", wrapped([f"static void @({given})", "{", *indent(*inside), "}"])).name
-        return replace(made, crossed=name, crossed_by=used)
+        found = c_stages.functions(across, in_queue, SIDE)
+        given = c_packed.signature(found.line_by, in_queue, "const double *s", "double *restrict f", "double *restrict good")
+        line = self._once("crossed", wrapped([f"static void @({given})", "{", *indent("(void)s;", *found.line), "}"])).name
+        given = c_packed.signature(found.steady_by, (), "double *s")
+        steady = self._once("steady", wrapped([f"static void @({given})", "{", *indent("(void)s;", *found.steady), "}"])).name
+        made = replace(made, steady=steady, steady_by=found.steady_by, kept=max(1, found.kept))
+        return replace(made, crossed=line, crossed_by=found.line_by)
 
     def _narrowed(self, made: Straight, found: Packed, varying: Collection[int], indices: Collection[int]) -> Straight:
         """Returns the same with the function by which a range of points is narrowed, if there is one."""

@@ -1,0 +1,205 @@
+"""The straight line of points that surfaces cross as C: functions of eight points.
+
+Stages. A sum over nodes is a loop of its own, so the straight line is cut before and after the sums; each stage is a loop over the points,
+which the C compiler vectorises, and values that a later stage reads lie in arrays. Values that are the same for all points are computed
+by a function of their own, once for all that wait in one queue.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Container, Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import count
+from typing import NamedTuple
+
+from teg.backends.c.crossed import BRANCHLESS, SIDE, TOGETHER, Crossed, Item, Nodes, defines, reads
+from teg.backends.c.frame import Frame, Step, assignments
+from teg.backends.c.lanes import SELECTIONS
+from teg.backends.c.text import indent, literal
+from teg.backends.c.text import packed as in_few_lines
+from teg.program import Arg, Assign
+
+
+def inputs_of(found: Crossed) -> list[int]:
+    """Returns the numbers of the parameters that are read."""
+    used = {a for item in found.items for a in reads(item)}.union(found.outputs, (found.good,))
+    return sorted(int(a[1:]) for a in used if isinstance(a, str) and a[0] == "p")
+
+
+class Functions(NamedTuple):
+    """The insides of two C functions, with the numbers of the inputs that each reads. `steady` writes what is the same at all points to
+    an array s of `kept` numbers; `line` computes eight points with it: output j of point k goes to f[apart·j + k], and good[k] is 0 where
+    they must be computed otherwise. Inputs that vary are arrays q."""
+
+    steady: list[str]
+    steady_by: list[int]
+    kept: int
+    line: list[str]
+    line_by: list[int]
+
+
+def functions(found: Crossed, varying: Container[int], apart: int) -> Functions:
+    """Returns the functions of a straight line. Inputs in `varying` differ between points."""
+    inputs = inputs_of(found)
+    places: dict[str, str] = {f"p{i}": f"q{i}[k]" if i in varying else f"p{i}" for i in inputs}
+    lanes: set[Arg] = {f"p{i}" for i in inputs if i in varying}
+    stages = _Stages(found, places, lanes)
+    steady, kept = stages.steady()
+    read = {a for i in stages.without(stages.constant) for a in reads(i)}.union(found.outputs, (found.good,))
+    of_constant = {a for s in stages.constant for a in s.args}
+    used = [[i for i in inputs if f"p{i}" in some] for some in (of_constant, read)]
+    return Functions(steady, used[0], kept, list(stages.lines(apart)), used[1])
+
+
+class _Stages:
+    """The stages of a straight line in C: `places` says how a value is spelled that an earlier stage has."""
+
+    def __init__(self, found: Crossed, places: dict[str, str], lanes: set[Arg]) -> None:
+        self.found, self.places, self.lanes = found, places, lanes
+        self.stage: dict[Arg, int] = {}
+        self.last = 0
+        for item in found.items:
+            number = max((self.stage.get(a, 0) for a in reads(item)), default=0) + isinstance(item, Nodes)
+            self.stage.update(dict.fromkeys(defines(item), number))
+            self.last = max(self.last, number)
+            if isinstance(item, Nodes) or not lanes.isdisjoint(reads(item)):
+                lanes.update(defines(item))
+        self.constant = [i for i in found.items if isinstance(i, Assign) and i.name not in lanes]
+        self._arrays = count()
+        self._count = [0]
+
+    def steady(self) -> tuple[list[str], int]:
+        """Returns the lines that write what is the same at all points to an array, and how many numbers that is."""
+        frame, given = self._frame(self.constant, self._read_by(self.without(self.constant)))
+        lines, scope = frame.block(0), frame.scope()
+        lines += in_few_lines(f"s[{i}] = {scope(name)};" for i, name in enumerate(given))
+        self.places.update((name, f"s[{i}]" if name[0] == "v" else f"(s[{i}] != 0.0)") for i, name in enumerate(given))
+        return lines, len(given)
+
+    def lines(self, apart: int) -> Iterator[str]:
+        """Yields the lines of eight points, after `steady`."""
+        assigns = [i for i in self.found.items if isinstance(i, Assign)]
+        for number in range(self.last + 1):
+            here = [s for s in assigns if s.name in self.lanes and self.stage[s.name] == number]
+            later = [i for i in self.without(here) if max(self.stage[d] for d in defines(i)) >= number]
+            yield from self._loop(here, self._read_by(later), apart if number == self.last else None)
+            for item in self.found.items:
+                if isinstance(item, Nodes) and self.stage[item.sums[0]] == number + 1:
+                    yield from self._nodes(item)
+
+    def without(self, some: Iterable[Item]) -> list[Item]:
+        """Returns the other items."""
+        left_out = set(map(id, some))
+        return [i for i in self.found.items if id(i) not in left_out]
+
+    def _read_by(self, items: Iterable[Item]) -> set[Arg]:
+        return {a for i in items for a in reads(i)}.union(self.found.outputs, (self.found.good,))
+
+    def _frame(self, block: Sequence[Assign], wanted: Collection[Arg]) -> tuple[Frame, list[str]]:
+        """Returns a block in which names of earlier stages are spelled as arrays, and those of its values that are wanted."""
+        given = [s.name for s in block if s.name in wanted]
+        block = _late(block, given)
+        return self._framed(_steps(block), given, self.places), given
+
+    def _framed(self, steps: list[Step], own: Sequence[Arg], places: dict[str, str]) -> Frame:
+        frame = Frame([], [steps], own, False, dict(places), whole=(0,))
+        frame.count = self._count  # names differ in all stages
+        return frame
+
+    def _loop(self, block: Sequence[Assign], wanted: Collection[Arg], apart: int | None) -> Iterator[str]:
+        """Yields the loop of a stage; the last one, which has `apart`, writes the outputs."""
+        frame, given = self._frame(block, wanted)
+        if apart is not None:
+            outputs = [*self.found.outputs, self.found.good]
+            own = list(dict.fromkeys(o for o in outputs if isinstance(o, str) and (o in self.places or o in given)))
+            frame = self._framed(frame.blocks[0], own, self.places)
+        inside = frame.block(0)
+        scope = frame.scope()
+        if apart is not None:
+            inside += [f"f[{apart * j} + k] = {scope(o)};" for j, o in enumerate(self.found.outputs)]
+            inside.append(f"good[k] = {scope(self.found.good)} ? 1.0 : 0.0;")
+        else:
+            arrays = {name: f"a{next(self._arrays)}" for name in given}
+            yield from in_few_lines([f"{array}[{SIDE}]" for array in arrays.values()], "double ", ", ", ";")
+            inside += [f"{array}[k] = {scope(name)};" for name, array in arrays.items()]
+            self.places.update((name, f"{array}[k]" if name[0] == "v" else f"({array}[k] != 0.0)") for name, array in arrays.items())
+        yield from self._each(inside)
+
+    def _nodes(self, item: Nodes) -> Iterator[str]:
+        """Yields the loop over nodes, some of them in each iteration."""
+        number = next(self._arrays)
+        total = len(item.weights)
+        most = max(1, TOGETHER // max(1, len(item.body)))
+        together = max(n for n in range(1, total + 1) if total % n == 0 and n <= most)
+        in_array = any(isinstance(v, str) for v in item.weights)
+        if in_array:
+            yield f"double weight_{number}[{total}][{SIDE}];"
+            given = [f"weight_{number}[{n}][k] = {self._spelled(v)};" for n, v in enumerate(item.weights)]
+            yield from self._each(in_few_lines(given))
+        rows = [[xs[n] for xs in item.places.values()] + ([] if in_array else [float(item.weights[n])]) for n in range(total)]
+        if rows[0]:
+            yield f"static const double node_{number}[{total}][{len(rows[0])}] = {{"
+            yield from indent(*in_few_lines(f"{{{', '.join(map(literal, row))}}}," for row in rows))
+            yield "};"
+        yield f"double sum_{number}[{len(item.sums)}][{SIDE}] = {{{{0.0}}}};"
+        body: list[Assign] = []
+        sums: dict[Arg, list[Arg]] = {v: [] for v in item.values}
+        known = dict(self.places)
+        for n in range(together):
+            own = {s.name: f"{s.name}_{n}" for s in item.body} | {x: f"{x}_{n}" for x in item.places}
+            known |= {own[x]: f"node_{number}[i + {n}][{c}]" for c, x in enumerate(item.places)}
+            weight = f"v{number}w{n}"
+            known[weight] = f"weight_{number}[i + {n}][k]" if in_array else f"node_{number}[i + {n}][{len(item.places)}]"
+            for s in item.body:
+                body.append(Assign(own[s.name], s.op, tuple(own.get(a, a) if isinstance(a, str) else a for a in s.args)))
+            for j, v in enumerate(item.values):
+                at = own.get(v, v) if isinstance(v, str) else v
+                body.append(Assign(f"v{number}w{n}_{j}", "mul", (weight, at)))
+                sums[v].append(body[-1].name)
+        last: list[Arg] = []
+        for j, v in enumerate(item.values):
+            body.append(Assign(f"v{number}t{j}", "add", tuple(sums[v])))
+            last.append(body[-1].name)
+        frame = self._framed(_steps(body), last, known)
+        inside = frame.block(0)
+        scope = frame.scope()
+        inside += [f"sum_{number}[{j}][k] += {scope(name)};" for j, name in enumerate(last)]
+        yield f"for (int i = 0; i < {total}; i += {together}) {{"
+        yield from indent(*self._each(inside))
+        yield "}"
+        self.places.update((name, f"sum_{number}[{j}][k]") for j, name in enumerate(item.sums))
+
+    def _each(self, inside: Sequence[str]) -> Iterator[str]:
+        """Yields a loop over the points."""
+        yield f"for (int k = 0; k < {SIDE}; k++) {{"
+        yield from indent(*inside)
+        yield "}"
+
+    def _spelled(self, arg: Arg) -> str:
+        return self.places[arg] if isinstance(arg, str) else literal(float(arg))
+
+
+def _late(block: Sequence[Assign], wanted: Iterable[str]) -> list[Assign]:
+    """Returns the assignments of a block in an order in which each stands shortly before its first use: fewer values are alive at once."""
+    made = {s.name: s for s in block}
+    done: dict[str, Assign] = {}
+    stack: list[tuple[str, bool]] = [(name, False) for name in reversed(list(wanted))]
+    while stack:
+        name, ready = stack.pop()
+        if name in done:
+            continue
+        if ready:
+            done[name] = made[name]
+            continue
+        stack.append((name, True))
+        stack += [(a, False) for a in reversed(made[name].args) if isinstance(a, str) and a in made and a not in done]
+    return list(done.values())
+
+
+def _steps(block: Iterable[Assign]) -> list[Step]:
+    """Returns assignments with operations that compute all of their operands: those of a selection have names."""
+    steps = [step for s in block for step in assignments(replace(s, op=BRANCHLESS.get(s.op, s.op)))]
+    for step in steps:
+        if step.assign is not None and step.assign.op in SELECTIONS:
+            step.longest = 0
+    return steps

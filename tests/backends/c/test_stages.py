@@ -1,0 +1,42 @@
+"""The straight line of points that surfaces cross as C: what it reads, and what is computed once for all that wait."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+import teg
+from teg.backends.branches import with_branches
+from teg.backends.c.crossed import crossed
+from teg.backends.c.stages import functions
+from teg.program import Program
+from tests.backends.c_checks import in_c
+from tests.bench.scenes import picture, triangle_pixel
+
+pytestmark = [*in_c, pytest.mark.filterwarnings("error")]
+
+
+def test_what_is_the_same_at_all_points_is_computed_apart() -> None:
+    program = teg.compile(*triangle_pixel(1), backend="numpy").program(1)
+    assert isinstance(program, Program)
+    found = crossed(with_branches(program))
+    assert found is not None
+    names = program.parameters
+    boxes = {names.index(name) for name in ("left", "right", "bottom", "top", "t0", "t1", "t2")}
+    some, every = functions(found, boxes, 8), functions(found, range(len(names)), 8)
+    assert not boxes.intersection(some.steady_by)
+    assert boxes.issubset(some.line_by)
+    assert some.kept > 20
+    assert len(some.steady) > 60
+    assert len(some.line) < len(every.line) - 40
+    assert every.steady_by == []
+
+
+def test_in_a_picture_it_is_computed_once_for_each_face() -> None:
+    e, wrt = picture()
+    source = teg.compile(e, wrt, backend="c").source
+    ((steady, at),) = [(m.group(), m.start()) for m in re.finditer(r"(?<=\n)static void steady_\d+\(", source)]
+    calls = [m.start() for m in re.finditer(re.escape(steady.split()[-1]), source) if m.start() > at + len(steady)]
+    assert len(calls) == 1
+    assert len(re.findall(r"\bcrossed_\d+\(", source)) >= 2
