@@ -221,7 +221,7 @@ class _Line:
         width, height = self.value(stmt.width), self.value(stmt.height)
         cut = crossing(w, planes, width, height, stmt.degree, 3 if stmt.corners else 0)
         self._polygons.append((stmt, cut))
-        cut.conditions.extend(w.positive(extent) for extent in (width, height) if isinstance(extent, str))
+        self.conditions += [w.positive(extent) for extent in (width, height) if isinstance(extent, str)]  # whether it is run or not
         half_width, half_height = w.mul(0.5, width), w.mul(0.5, height)
         area = w.mul(half_width, half_height)
         coordinates = self._barycentric(stmt, cut) if stmt.corners else []
@@ -320,6 +320,7 @@ class _Line:
         each = w.mul(per_square, w.sub(w.mul(half_width, line.b, across), w.mul(half_height, line.a, up)))
         half = w.mul(w.abs(each), chord.half)
         conditions = [w.positive(per_square), *cut.runs_along_no_side(w, side.line)]
+        conditions += cut.conditions if polygon.when not in (None, stmt.when) else []
         for number, end in side.ahead:
             a, b, c = planes[number]
             at = polygon.across if polygon.corners and number < 3 else w.add(w.mul(a, ends[end][0]), w.mul(b, ends[end][1]), c)
