@@ -15,6 +15,8 @@ import numpy.typing as npt
 from teg.numerics.cells import BESIDE, BOX, EPSILON, NOBODY, ROUNDING, SIDES, Layout
 
 Array = npt.NDArray[Any]
+MANY_CELLS = 24
+"""The mean number of cells of a square from which on those beside a candidate are put aside first."""
 
 
 class Polygons(NamedTuple):
@@ -35,6 +37,10 @@ class Polygons(NamedTuple):
     def used(self) -> Array:
         """Returns which places have a corner, (n, places)."""
         return np.arange(self.labels.shape[1])[None, :] < self.sizes[:, None]
+
+    def around(self) -> Array:
+        """Returns the least and the largest coordinates, (n, 2, 2)."""
+        return np.stack([self.corners.min(axis=1), self.corners.max(axis=1)], axis=1)
 
 
 def joined(parts: Sequence[Polygons]) -> Polygons:
@@ -189,6 +195,7 @@ class Arrangements:
         self.polygons = Polygons(corners, np.broadcast_to(np.array([4, 2, 6, 0]), (lanes, 4)), np.full(lanes, 4))
         self.owner, self.lane = known.base.copy(), np.arange(lanes)
         self.touching = np.zeros(lanes, dtype=bool)
+        self._around: Array | None = None  # the rectangles around all cells, once they are many
         self._count = BOX + known.cutting.size
         self._keys: list[Lines] = []
         with np.errstate(all="ignore"):
@@ -205,6 +212,8 @@ class Arrangements:
         """Inserts a region into each square, NOBODY for none."""
         region = chosen[self.lane]
         at = np.flatnonzero((region != NOBODY) & (self._candidate(self.owner) != self._candidate(region)))
+        if len(self.lane) > MANY_CELLS * len(chosen):
+            at = at[self._are_near(at, region[at])]
         if not at.size:
             return
         owner, region, cells = self.owner[at], region[at], self.polygons.take(at)
@@ -218,6 +227,18 @@ class Arrangements:
         with np.errstate(all="ignore"):
             units = units / np.hypot(units[:, 1], units[:, 2])[:, None]
         self._clip(at, region, (lines, units))
+
+    def _are_near(self, at: Array, region: Array) -> Array:
+        """Returns which cells have no guard of a region below 0 on all of the rectangle around them."""
+        if self._around is None:
+            self._around = self.polygons.around()
+        low, high = self._around[at, 0], self._around[at, 1]
+        near = np.ones(len(at), dtype=bool)
+        for turn in range(self.shape.guards):
+            c, a, b = self._units[region, turn].T
+            most = c + np.maximum(a * low[:, 0], a * high[:, 0]) + np.maximum(b * low[:, 1], b * high[:, 1])
+            near &= ~(self.known.cutting[region, turn] & (most < -BESIDE))
+        return near
 
     def _candidate(self, region: Array) -> Array:
         """Returns the candidate of regions; the one of NOBODY is like no other."""
@@ -293,6 +314,9 @@ class Arrangements:
             lanes.append(self.lane[at[cut[left]]])
         first = _replaced(self.polygons, at[alive], inner.take(alive))
         self.polygons = joined([first, *whole[1:]])
+        if self._around is not None:
+            self._around[at[alive]] = inner.take(alive).around()
+            self._around = np.concatenate([self._around, *(p.around() for p in whole[1:])])
         self.owner, self.lane = np.concatenate(owners), np.concatenate(lanes)
         self.owner[at[alive]] = region[alive]
 
