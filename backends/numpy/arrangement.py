@@ -12,9 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teg.numerics.cells import BOX, EPSILON, NOBODY, ROUNDING, SIDES, Layout
+from teg.numerics.cells import BESIDE, BOX, EPSILON, NOBODY, ROUNDING, SIDES, Layout
 
 Array = npt.NDArray[Any]
+MANY_CELLS = 24
+"""The mean number of cells of a square from which on those beside a candidate are put aside first."""
 
 
 class Polygons(NamedTuple):
@@ -36,6 +38,10 @@ class Polygons(NamedTuple):
         """Returns which places have a corner, (n, places)."""
         return np.arange(self.labels.shape[1])[None, :] < self.sizes[:, None]
 
+    def around(self) -> Array:
+        """Returns the least and the largest coordinates, (n, 2, 2)."""
+        return np.stack([self.corners.min(axis=1), self.corners.max(axis=1)], axis=1)
+
 
 def joined(parts: Sequence[Polygons]) -> Polygons:
     """Returns all polygons one below the other."""
@@ -53,8 +59,8 @@ def _widened(p: Polygons, places: int) -> Polygons:
 
 
 class Halves(NamedTuple):
-    """Which polygons are on the positive side, which are cut, both parts of these, and which have an uncut side of the square on the
-    line."""
+    """Which polygons are on the positive side, which are cut, both parts of these, and which edges of the others are on the line and on a
+    side of the square, (n, places)."""
 
     inside: Array
     cut: Array
@@ -70,7 +76,7 @@ def split(p: Polygons, lines: Array, units: Array) -> Halves:
     most, least = d.max(axis=1), d.min(axis=1)
     whole = (most <= 0.0) | (least >= 0.0)
     behind = np.take_along_axis(d, p.following(), axis=1)
-    touching = whole & (p.used() & (p.labels < 2 * BOX) & (d == 0.0) & (behind == 0.0)).any(axis=1)
+    touching = whole[:, None] & p.used() & (p.labels < 2 * BOX) & (d == 0.0) & (behind == 0.0)
     cut = np.flatnonzero(~whole)
     q, d, behind = p.take(cut), d[cut], behind[cut]
     positive = _half(q, d, behind, 2 * lines[cut], 1.0)
@@ -189,6 +195,7 @@ class Arrangements:
         self.polygons = Polygons(corners, np.broadcast_to(np.array([4, 2, 6, 0]), (lanes, 4)), np.full(lanes, 4))
         self.owner, self.lane = known.base.copy(), np.arange(lanes)
         self.touching = np.zeros(lanes, dtype=bool)
+        self._around: Array | None = None  # the rectangles around all cells, once they are many
         self._count = BOX + known.cutting.size
         self._keys: list[Lines] = []
         with np.errstate(all="ignore"):
@@ -205,11 +212,13 @@ class Arrangements:
         """Inserts a region into each square, NOBODY for none."""
         region = chosen[self.lane]
         at = np.flatnonzero((region != NOBODY) & (self._candidate(self.owner) != self._candidate(region)))
+        if len(self.lane) > MANY_CELLS * len(chosen):
+            at = at[self._are_near(at, region[at])]
         if not at.size:
             return
         owner, region, cells = self.owner[at], region[at], self.polygons.take(at)
         difference, touching, kept, needed = self._compared(owner, region, cells)
-        self.touching[self.lane[at[touching]]] = True
+        self.touching[self.lane[at[self._are_at(cells, np.arange(len(at)), touching, region)]]] = True
         alive = np.flatnonzero(~kept)
         at, region, needed = at[alive], region[alive], needed[alive]
         lines = np.full(len(at), -1)
@@ -219,12 +228,24 @@ class Arrangements:
             units = units / np.hypot(units[:, 1], units[:, 2])[:, None]
         self._clip(at, region, (lines, units))
 
+    def _are_near(self, at: Array, region: Array) -> Array:
+        """Returns which cells have no guard of a region below 0 on all of the rectangle around them."""
+        if self._around is None:
+            self._around = self.polygons.around()
+        low, high = self._around[at, 0], self._around[at, 1]
+        near = np.ones(len(at), dtype=bool)
+        for turn in range(self.shape.guards):
+            c, a, b = self._units[region, turn].T
+            most = c + np.maximum(a * low[:, 0], a * high[:, 0]) + np.maximum(b * low[:, 1], b * high[:, 1])
+            near &= ~(self.known.cutting[region, turn] & (most < -BESIDE))
+        return near
+
     def _candidate(self, region: Array) -> Array:
         """Returns the candidate of regions; the one of NOBODY is like no other."""
         return np.where(region == NOBODY, NOBODY, region // self.shape.parts)
 
     def _compared(self, owner: Array, region: Array, cells: Polygons) -> tuple[Array, Array, Array, Array]:
-        """Returns the differences of the keys, which cells touch a side, which stay as they are, and which the line of equal keys cuts."""
+        """Returns the differences of the keys, edges on sides where they are 0, which cells stay as they are, and which the line cuts."""
         key, other = self.regions.key[owner], self.regions.key[region]
         difference = key - other
         tolerance = tolerances(difference, key, other)[:, None]
@@ -233,8 +254,24 @@ class Arrangements:
         owned = owner != NOBODY
         on = np.abs(d) <= tolerance
         on &= cells.used() & (cells.labels < 2 * BOX) & np.take_along_axis(on, cells.following(), axis=1)
-        touching = owned & (above != below) & on.any(axis=1)
+        touching = on & (owned & (above != below))[:, None]
         return difference, touching, owned & ~above & (below | (region > owner)), owned & above & below
+
+    def _are_at(self, cells: Polygons, which: Array, edges: Array, region: Array) -> Array:
+        """Returns those of some cells, given by their numbers, whose region is at one of these edges, (some, places)."""
+        some, place = np.nonzero(edges)
+        cell = which[some]
+        guards, cutting = self._units[region[cell]], self.known.cutting[region[cell]]
+        if not cell.size:
+            return np.arange(0)
+        ends = cells.corners[cell, place], cells.corners[cell, cells.following()[cell, place]]
+        d, e = (guards[..., 0] + BESIDE + guards[..., 1] * at[:, :1] + guards[..., 2] * at[:, 1:] for at in ends)
+        d, e = np.where(cutting, d, 1.0), np.where(cutting, e, 1.0)
+        t = d / np.where(d * e < 0.0, d - e, 1.0)
+        first = np.where((d < 0.0) & (e >= 0.0), t, 0.0).max(axis=1, initial=0.0)
+        last = np.where((d >= 0.0) & (e < 0.0), t, 1.0).min(axis=1, initial=1.0)
+        found: Array = cell[(first <= last) & ~((d < 0.0) & (e < 0.0)).any(axis=1)]
+        return found
 
     def _key_lines(self, owner: Array, region: Array, difference: Array) -> Array:
         """Returns the labels of new lines on which the keys of two regions are equal."""
@@ -259,7 +296,8 @@ class Arrangements:
             if not which.size:
                 continue
             halves = split(inner.take(which), lines[which], units[which])
-            self.touching[self.lane[at[which[halves.touching]]]] = True
+            touched = self._are_at(inner, which, halves.touching, region)
+            self.touching[self.lane[at[touched]]] = True
             alive[which[~halves.inside]] = False
             cut = which[halves.cut]
             pieces.append((cut, halves.negative))
@@ -276,6 +314,9 @@ class Arrangements:
             lanes.append(self.lane[at[cut[left]]])
         first = _replaced(self.polygons, at[alive], inner.take(alive))
         self.polygons = joined([first, *whole[1:]])
+        if self._around is not None:
+            self._around[at[alive]] = inner.take(alive).around()
+            self._around = np.concatenate([self._around, *(p.around() for p in whole[1:])])
         self.owner, self.lane = np.concatenate(owners), np.concatenate(lanes)
         self.owner[at[alive]] = region[alive]
 

@@ -16,9 +16,11 @@ the intersections of the lines of their edges do, and with them everything above
 
 A candidate is absent where one of its guards is below 0 on all of the square, whatever its other numbers are; a guard or a key of another
 one that is not finite makes everything NaN. Equal keys: the lower index. A corner nearer than EPSILON to a line lies on it: common edges of
-a mesh then cut nothing off. A line on a side of the square has one derivative for moving inwards and another one outwards: the mean counts.
-Cost: linear in the candidates, for those that are not hidden or outside the square of their number at worst. Method: cells with owners
-(a planar arrangement built by insertion); derivatives by Reynolds' transport theorem.
+a mesh then cut nothing off. A line on a side of the square has one derivative for moving inwards and another one outwards: the mean counts
+where the candidate is there, not farther than BESIDE from that side of a cell.
+Cost: linear in the candidates, for those that are not hidden or outside the square of their number at worst; C compares these with the few
+cells around them only. Method: cells with owners (a planar arrangement built by insertion; there a binary space partition finds them);
+derivatives by Reynolds' transport theorem.
 
 This file is the meaning, in plain Python numbers; the backends compute the same.
 """
@@ -33,6 +35,8 @@ from teg.numerics.quadrature import gauss_legendre, triangle_rule
 
 EPSILON = 1e-12
 """The distance within which a point lies on a line; the side of the square is 1."""
+BESIDE = 1e-9
+"""The distance from which on a cell is beside a candidate, whatever is rounded."""
 SHIFT = 1e-11
 """The distance by which the square is moved where a line lies on its side."""
 SKEW = 0.7
@@ -148,17 +152,16 @@ def _along(table: Sequence[Row], shape: Layout, body: int, candidates: Sequence[
     return total + sum(d * s for d, s in zip(moving, table[-1][shape.columns + shape.forms :], strict=True) if s)
 
 
-def split(cell: Cell, line: int, unit: Form) -> tuple[Cell | None, Cell | None, bool]:
-    """Returns the parts of a cell on the sides g >= 0 and g <= 0 of a line, the cell itself where all of it is on one; and whether an
-    uncut side of the square lies on the line."""
+def split(cell: Cell, line: int, unit: Form) -> tuple[Cell | None, Cell | None, list[bool]]:
+    """Returns the parts of a cell on the sides g >= 0 and g <= 0 of a line, the cell itself where all of it is on one; and, where it is not
+    cut, which corners are on the line."""
     c, a, b = unit
     d = [c + a * x + b * y for x, y in cell.corners]
     d = [0.0 if abs(v) < EPSILON else v for v in d]
-    n = len(d)
     if max(d) <= 0.0 or min(d) >= 0.0:
-        touching = any(cell.labels[i] < 2 * BOX and d[i] == 0.0 and d[(i + 1) % n] == 0.0 for i in range(n))
-        return (None, cell, touching) if max(d) <= 0.0 else (cell, None, touching)
-    return _half(cell, d, 1.0, 2 * line), _half(cell, d, -1.0, 2 * line + 1), False
+        on = [v == 0.0 for v in d]
+        return (None, cell, on) if max(d) <= 0.0 else (cell, None, on)
+    return _half(cell, d, 1.0, 2 * line), _half(cell, d, -1.0, 2 * line + 1), [False] * len(d)
 
 
 def _half(cell: Cell, d: Sequence[float], side: float, label: int) -> Cell:
@@ -261,14 +264,29 @@ class _Arrangement:
                 d = [g[0] + g[1] * x + g[2] * y for x, y in cell.corners]
                 most, least = max(d), min(d)
                 if not (most > tolerance and least < -tolerance) and (most > tolerance or least < -tolerance):
-                    n = len(d)
-                    on = [abs(v) <= tolerance for v in d]
-                    self.touching |= any(cell.labels[i] < 2 * BOX and on[i] and on[(i + 1) % n] for i in range(n))
+                    self.touching |= self._is_touching(cell, [abs(v) <= tolerance for v in d], cutting)
                 if most <= tolerance and (least < -tolerance or region > cell.owner):
                     continue
                 if most > tolerance and least < -tolerance:
                     needed = self._key_line(cell.owner, region, g)
-            self._clip(number, region, [*cutting, *([] if needed is None else [needed])])
+            self._clip(number, region, cutting, needed)
+
+    def _is_touching(self, cell: Cell, on: Sequence[bool], lines: Sequence[int]) -> bool:
+        """Returns whether a region is at an edge of a cell on a side of the square, both ends of which are `on` a line."""
+        n = len(on)
+        edges = [i for i in range(n) if cell.labels[i] < 2 * BOX and on[i] and on[(i + 1) % n]]
+        return any(self._is_at((cell.corners[i], cell.corners[(i + 1) % n]), lines) for i in edges)
+
+    def _is_at(self, ends: tuple[Point, Point], lines: Sequence[int]) -> bool:
+        first, last = 0.0, 1.0
+        for line in lines:
+            c, a, b = self.lines[line].unit
+            d, e = (c + BESIDE + a * x + b * y for x, y in ends)
+            if d < 0.0 and e < 0.0:
+                return False
+            first = max(first, d / (d - e)) if d < 0.0 else first
+            last = min(last, d / (d - e)) if e < 0.0 else last
+        return first <= last
 
     def _key_line(self, owner: int, region: int, g: Form) -> int:
         """Returns the line on which two keys are equal, of the form that is positive where `region` is nearer."""
@@ -281,12 +299,12 @@ class _Arrangement:
             self.lines.append(Line(unit, size, ((1, pair[0], column), (-1, pair[1], column))))
         return self.key_lines[pair]
 
-    def _clip(self, number: int, region: int, lines: Sequence[int]) -> None:
+    def _clip(self, number: int, region: int, cutting: Sequence[int], needed: int | None) -> None:
         """Gives a region its part of a cell; what is cut off stays with the owner."""
         cell, outside = self.cells[number], []
-        for line in lines:
-            inside, other, touching = split(cell, line, self.lines[line].unit)
-            self.touching |= touching
+        for line in [*cutting, *([] if needed is None else [needed])]:
+            inside, other, on = split(cell, line, self.lines[line].unit)
+            self.touching |= self._is_touching(cell, on, cutting)
             if inside is None:
                 return
             if other is not None:

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 from teg.backends.c.text import identifiers
-from teg.numerics.cells import EPSILON, MOST_DEGREE, SHIFT, SKEW, monomials
+from teg.numerics.cells import BESIDE, EPSILON, MOST_DEGREE, SHIFT, SKEW, monomials
 from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.program import (
     ABSOLUTE_FLOOR,
@@ -56,6 +56,8 @@ from teg.program.arrays import CHUNKS, COPIES, LEAST
 
 BLOCK = 64
 """Sobol' points in a block."""
+MANY_CELLS = 24
+"""The number of cells of one square from which on those beside a candidate are found by the cuts that made them."""
 LIMITS = {
     "TEG_BLOCK": BLOCK,
     "TEG_CHUNKS": CHUNKS,
@@ -105,13 +107,29 @@ LIMITS = {
     "TEG_LOCATE_LOST": LOCATE_LOST,
     "TEG_ON_LINE": EPSILON,
     "TEG_KEY_ROUNDING": KEY_ROUNDING,
+    "TEG_BESIDE": BESIDE,
+    "TEG_MANY_CELLS": MANY_CELLS,
     "TEG_SHIFT": SHIFT,
     "TEG_SKEW": SKEW,
     "TEG_MONOMIALS": len(monomials(MOST_DEGREE)),
 }
 
 
-TOPICS = ("core", "calls", "lanes", "exponential", "polygon", "quadrature", "bends", "hyperbola", "roots", "places", "samples", "cells")
+TOPICS = (
+    "core",
+    "calls",
+    "lanes",
+    "exponential",
+    "polygon",
+    "quadrature",
+    "bends",
+    "hyperbola",
+    "roots",
+    "places",
+    "samples",
+    "arrangement",
+    "cells",
+)
 """The headers, in the order in which they build on one another."""
 UNIT = "//: "
 """What begins the line before a unit, a type or a function that is printed if it is used; its name follows."""

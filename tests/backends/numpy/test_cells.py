@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from teg.backends.numpy import cells
+from teg.backends.numpy import arrangement, cells
 from teg.backends.numpy.cells import cells_of_lanes
 from teg.numerics.cells import Layout, integrals
 
@@ -45,6 +45,18 @@ def test_every_square_is_as_by_itself(shape: Layout, kind: str, monkeypatch: pyt
         for table, part in zip(found.tables, one.tables, strict=True):
             np.testing.assert_allclose(table[end + lane : end + count + lane + 1], part, rtol=1e-11, atol=1e-11)
         end += count
+
+
+@pytest.mark.parametrize("kind", ["any", "coarse"])
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+def test_cells_that_are_put_aside_do_not_matter(shape: Layout, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows, counts, otherwise = scenes(shape, kind)
+    monkeypatch.setattr(arrangement, "MANY_CELLS", 1)
+    found = cells_of_lanes(shape, rows, counts, otherwise, True)
+    monkeypatch.setattr(arrangement, "MANY_CELLS", np.inf)
+    expected = cells_of_lanes(shape, rows, counts, otherwise, True)
+    np.testing.assert_array_equal(found.values, expected.values)
+    np.testing.assert_array_equal(np.stack(found.tables), np.stack(expected.tables))
 
 
 def test_no_lanes_and_no_candidates() -> None:

@@ -1,0 +1,453 @@
+/* Convex cells of the unit square, each with the candidate that is nearest there, as teg.numerics.cells makes them. */
+
+//: teg_shape
+/* The numbers of one candidate, and the rules: `rule` has nodes r, s and weights on a triangle, `gauss` nodes and weights on (0, 1). */
+typedef struct {
+    int parts, guards, degree, order, bodies, nodes, points;
+    const double *rule, *gauss;
+} teg_shape;
+
+//: teg_cell
+/* A convex polygon: owner, number of corners, and where they begin in the pool, which has room for so many; and the cut that made it: its
+   line, and what became of the sides g >= 0 and g <= 0. These are cells (~k) or further cuts (k, the cut that made cell k). `up` is where
+   the cell itself is named: twice the cut, + 1 on the side g <= 0. Cell 0 was made by no cut: its first side is the whole square. */
+typedef struct {
+    int64_t owner;
+    size_t at;
+    int n, room, line, up, sides[2];
+} teg_cell;
+
+//: teg_line
+/* A line: its form divided by `size`; the candidates and the column of the numbers that it consists of (minus: -1 for none). */
+typedef struct {
+    double c, a, b, size;
+    int64_t plus, minus;
+    int column;
+} teg_line;
+
+//: teg_region
+/* A part of a candidate that is inserted: its key in the middle, and its cutting lines, the first and one behind the last. */
+typedef struct {
+    double middle;
+    int64_t region;
+    int first, end;
+} teg_region;
+
+//: teg_arrangement
+/* The cells of the square, moved by (su, sv), and all that they are made of. Arrays begin on the stack, and move to the heap as they grow. */
+typedef struct {
+    const teg_shape *shape;
+    const double *rows;
+    int64_t n;
+    double su, sv;
+    int forms, count, wide, row, touching, undefined, failed;
+    int64_t base;
+    teg_cell *cells;
+    size_t cell_count, cell_room;
+    teg_line *lines;
+    size_t line_count, line_room;
+    teg_region *regions;
+    size_t region_count, region_room;
+    double *x, *y, *d;
+    int *label;
+    size_t used, pool_room;
+    double *px, *py, *qx, *qy;
+    int *pl, *ql;
+    size_t scratch_room, bound_room, pending_room;
+    double *bound;
+    int *pending, bounds;
+    int own_cells, own_lines, own_regions, own_pool, own_scratch;
+} teg_arrangement;
+
+//: teg_grown
+/* An array with more room: from the stack (own is 0) or from the heap. Sets `failed` where there is no memory. */
+static void *teg_grown(void *array, int own, size_t used, size_t bytes, int *failed)
+{
+    void *more = own ? realloc(array, bytes) : malloc(bytes);
+    if (!more) {
+        *failed = 1;
+        return array;
+    }
+    if (!own) memcpy(more, array, used);
+    return more;
+}
+
+//: teg_room_in_pool
+/* Make room for more corners in the pool. */
+static int teg_room_in_pool(teg_arrangement *r, size_t more)
+{
+    if (r->used + more > r->pool_room) {
+        const size_t room = 2 * (r->used + more), used = r->used * sizeof(double);
+        r->x = teg_grown(r->x, r->own_pool, used, room * sizeof(double), &r->failed);
+        if (r->failed) return 0;
+        r->y = teg_grown(r->y, r->own_pool, used, room * sizeof(double), &r->failed);
+        if (!r->failed) r->label = teg_grown(r->label, r->own_pool, r->used * sizeof(int), room * sizeof(int), &r->failed);
+        if (r->failed) return 0;
+        r->own_pool = 1;
+        r->pool_room = room;
+    }
+    return 1;
+}
+
+//: teg_room_in_scratch
+/* Make room for so many corners of the polygon that is being cut. */
+static int teg_room_in_scratch(teg_arrangement *r, size_t most)
+{
+    if (most > r->scratch_room) {
+        const size_t room = 2 * most, used = r->scratch_room * sizeof(double);
+        double **const arrays[5] = {&r->px, &r->py, &r->qx, &r->qy, &r->d};
+        for (int k = 0; k < 5; k++) {
+            *arrays[k] = teg_grown(*arrays[k], r->own_scratch, used, room * sizeof(double), &r->failed);
+            if (r->failed) return 0;
+        }
+        r->pl = teg_grown(r->pl, r->own_scratch, r->scratch_room * sizeof(int), room * sizeof(int), &r->failed);
+        if (!r->failed) r->ql = teg_grown(r->ql, r->own_scratch, r->scratch_room * sizeof(int), room * sizeof(int), &r->failed);
+        if (r->failed) return 0;
+        r->own_scratch = 1;
+        r->scratch_room = room;
+    }
+    return 1;
+}
+
+//: teg_add_line
+/* One more line; returns its number. */
+static int teg_add_line(teg_arrangement *r, teg_line line)
+{
+    if (r->line_count == r->line_room) {
+        r->lines = teg_grown(r->lines, r->own_lines, r->line_count * sizeof line, 2 * r->line_room * sizeof line, &r->failed);
+        if (r->failed) return 0;
+        r->own_lines = 1;
+        r->line_room *= 2;
+    }
+    r->lines[r->line_count] = line;
+    return (int)r->line_count++;
+}
+
+//: teg_add_cell
+/* One more cell, the polygon in these arrays. */
+static void teg_add_cell(teg_arrangement *r, int64_t owner, int line, int n, const double *x, const double *y, const int *label)
+{
+    const int number = (int)r->cell_count;
+    const teg_cell cell = {owner, r->used, n, n, line, 2 * number + 1, {0, ~number}};
+    if (!teg_room_in_pool(r, (size_t)n)) return;
+    if (r->cell_count == r->cell_room) {
+        r->cells = teg_grown(r->cells, r->own_cells, r->cell_count * sizeof cell, 2 * r->cell_room * sizeof cell, &r->failed);
+        if (r->failed) return;
+        r->own_cells = 1;
+        r->cell_room *= 2;
+    }
+    memcpy(r->x + r->used, x, (size_t)n * sizeof *x);
+    memcpy(r->y + r->used, y, (size_t)n * sizeof *y);
+    memcpy(r->label + r->used, label, (size_t)n * sizeof *label);
+    r->used += (size_t)n;
+    r->cells[r->cell_count++] = cell;
+}
+
+//: teg_form
+/* A form of a candidate in the coordinates of the square. */
+static inline void teg_form(const teg_arrangement *r, int64_t candidate, int column, double *g)
+{
+    const double *const f = r->rows + candidate * r->row + column;
+    g[0] = f[0] + f[1] * r->su + f[2] * r->sv, g[1] = f[1], g[2] = f[2];
+}
+
+//: teg_half
+/* The part of a polygon on one side of a line, on which its corners have the values d; returns the number of its corners. */
+static int teg_half(int n, const double *x, const double *y, const int *label, const double *d, double side, int cut, double *u, double *v, int *l)
+{
+    int q = 0;
+    for (int i = 0; i < n; i++) {
+        const int j = i + 1 == n ? 0 : i + 1;
+        const double di = side * d[i], dj = side * d[j];
+        if (di >= 0.0) u[q] = x[i], v[q] = y[i], l[q++] = di == 0.0 && dj < 0.0 ? cut : label[i];
+        if (di * dj < 0.0) {
+            const double t = d[i] / (d[i] - d[j]);
+            u[q] = x[i] + t * (x[j] - x[i]), v[q] = y[i] + t * (y[j] - y[i]), l[q++] = di > 0.0 ? cut : label[i];
+        }
+    }
+    return q;
+}
+
+//: teg_is_at
+/* Whether a region is at a straight line from (x, y) to (u, v), or not farther than TEG_BESIDE from it. */
+static int teg_is_at(const teg_arrangement *r, const teg_region *region, double x, double y, double u, double v)
+{
+    double first = 0.0, last = 1.0;
+    for (int k = region->first; k < region->end; k++) {
+        const teg_line *const g = r->lines + k;
+        const double d = g->c + TEG_BESIDE + g->a * x + g->b * y, e = g->c + TEG_BESIDE + g->a * u + g->b * v;
+        if (d < 0.0 && e < 0.0) return 0;
+        if (d < 0.0) first = fmax(first, d / (d - e));
+        else if (e < 0.0) last = fmin(last, d / (d - e));
+    }
+    return first <= last;
+}
+
+//: teg_touch
+/* Note whether a region is at an edge of a polygon on a side of the square where d is 0 (to a tolerance) at both ends. */
+static void teg_touch(
+    teg_arrangement *r, const teg_region *region, int n, const double *x, const double *y, const int *label, double tolerance)
+{
+    for (int i = 0; i < n && !r->touching; i++) {
+        const int j = i + 1 == n ? 0 : i + 1;
+        if (label[i] < 8 && fabs(r->d[i]) <= tolerance && fabs(r->d[j]) <= tolerance)
+            r->touching = teg_is_at(r, region, x[i], y[i], x[j], y[j]);
+    }
+}
+
+//: teg_clip_cell
+/* Give a region its part of a cell; what is cut off stays with the owner. `extra`: one more line, or -1. */
+static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *region, int extra)
+{
+    const teg_cell cell = r->cells[number];
+    const size_t cells = r->cell_count, used = r->used;
+    int n = cell.n;
+    if (!teg_room_in_scratch(r, (size_t)n + 2)) return;
+    memcpy(r->px, r->x + cell.at, (size_t)n * sizeof(double));
+    memcpy(r->py, r->y + cell.at, (size_t)n * sizeof(double));
+    memcpy(r->pl, r->label + cell.at, (size_t)n * sizeof(int));
+    for (int line = region->first; line < region->end + (extra >= 0); line++) {
+        const int k = line < region->end ? line : extra;
+        const teg_line g = r->lines[k];
+        int above = 0, below = 0, m;
+        double *swap;
+        int *labels;
+        if (!teg_room_in_scratch(r, (size_t)n + 2)) return;
+        for (int i = 0; i < n; i++) {
+            const double d = g.c + g.a * r->px[i] + g.b * r->py[i];
+            r->d[i] = fabs(d) < TEG_ON_LINE ? 0.0 : d;
+            above += r->d[i] > 0.0, below += r->d[i] < 0.0;
+        }
+        if (!above || !below) {
+            teg_touch(r, region, n, r->px, r->py, r->pl, 0.0);
+            if (above) continue;
+            r->cell_count = cells, r->used = used;
+            return;
+        }
+        m = teg_half(n, r->px, r->py, r->pl, r->d, -1.0, 2 * k + 1, r->qx, r->qy, r->ql);
+        teg_add_cell(r, cell.owner, k, m, r->qx, r->qy, r->ql);
+        n = teg_half(n, r->px, r->py, r->pl, r->d, 1.0, 2 * k, r->qx, r->qy, r->ql);
+        if (r->failed) return;
+        swap = r->px, r->px = r->qx, r->qx = swap;
+        swap = r->py, r->py = r->qy, r->qy = swap;
+        labels = r->pl, r->pl = r->ql, r->ql = labels;
+    }
+    for (size_t k = cells; k < r->cell_count; k++) {
+        const int up = r->cells[number].up;
+        r->cells[up >> 1].sides[up & 1] = (int)k;
+        r->cells[k].sides[0] = ~(int)number;
+        r->cells[number].up = 2 * (int)k;
+    }
+    if (n > cell.room) {
+        if (!teg_room_in_pool(r, (size_t)n)) return;
+        r->cells[number].at = r->used, r->cells[number].room = n;
+        r->used += (size_t)n;
+    }
+    r->cells[number].owner = region->region, r->cells[number].n = n;
+    memcpy(r->x + r->cells[number].at, r->px, (size_t)n * sizeof(double));
+    memcpy(r->y + r->cells[number].at, r->py, (size_t)n * sizeof(double));
+    memcpy(r->label + r->cells[number].at, r->pl, (size_t)n * sizeof(int));
+}
+
+//: teg_key_line
+/* The line on which the keys of two candidates are equal, of the form g, which is positive where the second one is nearer. */
+static int teg_key_line(teg_arrangement *r, int64_t owner, int64_t candidate, const double *g)
+{
+    const double size = sqrt(g[1] * g[1] + g[2] * g[2]);
+    const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, owner, candidate, r->forms - 3};
+    for (size_t k = r->line_count; k-- > 4 && r->lines[k].minus == candidate;)
+        if (r->lines[k].plus == owner) return (int)k;
+    return teg_add_line(r, line);
+}
+
+//: teg_key_difference
+/* key - key; returns the value below which it counts as 0. */
+static double teg_key_difference(const teg_arrangement *r, int64_t behind, int64_t before, double *g)
+{
+    double f[3];
+    const int column = r->forms - 3;
+    teg_form(r, behind, column, g);
+    teg_form(r, before, column, f);
+    const double constant = fmax(fabs(g[0]), fabs(f[0]));
+    g[0] -= f[0], g[1] -= f[1], g[2] -= f[2];
+    return TEG_ON_LINE * sqrt(g[1] * g[1] + g[2] * g[2]) + TEG_KEY_ROUNDING * constant;
+}
+
+//: teg_insert_in_cell
+/* Give a region its part of a cell. */
+static void teg_insert_in_cell(teg_arrangement *r, const teg_region *region, size_t k)
+{
+    const teg_cell cell = r->cells[k];
+    const int parts = r->shape->parts;
+    int extra = -1;
+    if (cell.owner >= 0) {
+        double g[3], most = -INFINITY, least = INFINITY, tolerance;
+        if (cell.owner / parts == region->region / parts) return;
+        if (!teg_room_in_scratch(r, (size_t)cell.n + 2)) return;
+        tolerance = teg_key_difference(r, cell.owner / parts, region->region / parts, g);
+        for (int i = 0; i < cell.n; i++) {
+            const double d = r->d[i] = g[0] + g[1] * r->x[cell.at + i] + g[2] * r->y[cell.at + i];
+            most = fmax(most, d), least = fmin(least, d);
+        }
+        if ((most > tolerance) != (least < -tolerance))
+            teg_touch(r, region, cell.n, r->x + cell.at, r->y + cell.at, r->label + cell.at, tolerance);
+        if (most <= tolerance && (least < -tolerance || region->region > cell.owner)) return;
+        if (most > tolerance && least < -tolerance) extra = teg_key_line(r, cell.owner / parts, region->region / parts, g);
+    }
+    teg_clip_cell(r, k, region, extra);
+}
+
+//: teg_bound
+/* Find the corners of a polygon around a region, TEG_BESIDE from it or more: of the square and the guards, all moved outwards. */
+static void teg_bound(teg_arrangement *r, const teg_region *region)
+{
+    static const double x[4] = {-TEG_BESIDE, 1.0 + TEG_BESIDE, 1.0 + TEG_BESIDE, -TEG_BESIDE};
+    static const double y[4] = {-TEG_BESIDE, -TEG_BESIDE, 1.0 + TEG_BESIDE, 1.0 + TEG_BESIDE};
+    int n = 4;
+    if (!teg_room_in_scratch(r, 6)) return;
+    memcpy(r->px, x, sizeof x);
+    memcpy(r->py, y, sizeof y);
+    memset(r->pl, 0, 4 * sizeof(int));
+    for (int k = region->first; k < region->end && n; k++) {
+        const teg_line g = r->lines[k];
+        double *swap;
+        if (!teg_room_in_scratch(r, (size_t)n + 2)) return;
+        for (int i = 0; i < n; i++) r->d[i] = g.c + TEG_BESIDE + g.a * r->px[i] + g.b * r->py[i];
+        n = teg_half(n, r->px, r->py, r->pl, r->d, 1.0, 0, r->qx, r->qy, r->ql);
+        swap = r->px, r->px = r->qx, r->qx = swap;
+        swap = r->py, r->py = r->qy, r->qy = swap;
+        memset(r->pl, 0, (size_t)n * sizeof(int));
+    }
+    if ((size_t)n > r->bound_room) {
+        r->bound_room = 2 * (size_t)n;
+        r->bound = teg_grown(r->bound, 1, 0, 2 * r->bound_room * sizeof(double), &r->failed);
+        if (r->failed) return;
+    }
+    for (int i = 0; i < n; i++) r->bound[2 * i] = r->px[i], r->bound[2 * i + 1] = r->py[i];
+    r->bounds = n;
+}
+
+//: teg_insert_by_cuts
+/* One more region among many cells. A cut that the polygon around it does not meet has one side on which the region is; cells on the other
+   side, whose corners are at most TEG_ON_LINE beyond the line, are away from it. */
+static void teg_insert_by_cuts(teg_arrangement *r, const teg_region *region)
+{
+    size_t waiting = 1;
+    teg_bound(r, region);
+    if (r->cell_count > r->pending_room) {
+        r->pending_room = 2 * r->cell_count;
+        r->pending = teg_grown(r->pending, 1, 0, r->pending_room * sizeof(int), &r->failed);
+    }
+    if (r->failed || !r->bounds) return;
+    r->pending[0] = r->cells[0].sides[0];
+    while (waiting && !r->failed) {
+        const int cut = r->pending[--waiting];
+        int above = 0, below = 0;
+        if (cut < 0) {
+            teg_insert_in_cell(r, region, (size_t)~cut);
+            continue;
+        }
+        const teg_line g = r->lines[r->cells[cut].line];
+        for (int i = 0; i < r->bounds; i++) {
+            const double d = g.c + g.a * r->bound[2 * i] + g.b * r->bound[2 * i + 1];
+            above |= d >= 0.0, below |= d <= 0.0;
+        }
+        if (below) r->pending[waiting++] = r->cells[cut].sides[1];
+        if (above) r->pending[waiting++] = r->cells[cut].sides[0];
+    }
+}
+
+//: teg_insert
+/* One more region. */
+static void teg_insert(teg_arrangement *r, const teg_region *region)
+{
+    const size_t cells = r->cell_count;
+    if (cells >= TEG_MANY_CELLS) teg_insert_by_cuts(r, region);
+    else
+        for (size_t k = 0; k < cells && !r->failed; k++) teg_insert_in_cell(r, region, k);
+}
+
+//: teg_present
+/* Whether a region may be in the square; if so its cutting lines are added. */
+static int teg_present(teg_arrangement *r, teg_region *region)
+{
+    const teg_shape *const s = r->shape;
+    const int64_t candidate = region->region / s->parts;
+    const size_t before = r->line_count;
+    int finite = 1;
+    region->first = (int)before;
+    for (int q = 0; q < s->guards; q++) {
+        const int column = 3 * ((int)(region->region % s->parts) * s->guards + q);
+        double g[3], size;
+        teg_form(r, candidate, column, g);
+        size = sqrt(g[1] * g[1] + g[2] * g[2]);
+        if (g[0] + fmax(g[1], 0.0) + fmax(g[2], 0.0) < -TEG_ON_LINE * size || (size == 0.0 && g[0] < 0.0)) {
+            r->line_count = before;
+            return 0;
+        }
+        finite &= isfinite(g[0]) && isfinite(g[1]) && isfinite(g[2]);
+        if (finite && g[0] + fmin(g[1], 0.0) + fmin(g[2], 0.0) <= TEG_ON_LINE * size && size > 0.0) {
+            const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, candidate, -1, column};
+            teg_add_line(r, line);
+        }
+    }
+    region->end = (int)r->line_count;
+    r->undefined |= !finite;
+    return 1;
+}
+
+//: teg_by_middle
+static int teg_by_middle(const void *a, const void *b)
+{
+    const teg_region *const p = a, *const q = b;
+    return p->middle < q->middle ? -1 : p->middle > q->middle ? 1 : p->region < q->region ? -1 : p->region > q->region;
+}
+
+//: teg_arrange
+/* Cut the square into cells. */
+static void teg_arrange(teg_arrangement *r, double su, double sv)
+{
+    static const teg_line sides[4] = {{0, 1, 0, 1, -1, -1, 0}, {1, -1, 0, 1, -1, -1, 0}, {0, 0, 1, 1, -1, -1, 0}, {1, 0, -1, 1, -1, -1, 0}};
+    static const double x[4] = {0, 1, 1, 0}, y[4] = {0, 0, 1, 1};
+    static const int label[4] = {4, 2, 6, 0};
+    const int64_t regions = r->n * r->shape->parts;
+    int64_t base = -1;
+    double nearest = INFINITY;
+    size_t kept = 0;
+    r->su = su, r->sv = sv;
+    r->touching = r->undefined = 0;
+    r->cell_count = r->line_count = r->region_count = r->used = 0;
+    for (int k = 0; k < 4; k++) teg_add_line(r, sides[k]);
+    for (int64_t k = 0; k < regions && !r->undefined && !r->failed; k++) {
+        teg_region region = {0.0, k, 0, 0};
+        double g[3];
+        if (!teg_present(r, &region)) continue;
+        if (r->region_count == r->region_room) {
+            r->regions =
+                teg_grown(r->regions, r->own_regions, r->region_count * sizeof region, 2 * r->region_room * sizeof region, &r->failed);
+            if (r->failed) return;
+            r->own_regions = 1;
+            r->region_room *= 2;
+        }
+        teg_form(r, k / r->shape->parts, r->forms - 3, g);
+        r->undefined |= !isfinite(g[0]) || !isfinite(g[1]) || !isfinite(g[2]);
+        region.middle = g[0] + 0.5 * g[1] + 0.5 * g[2];
+        if (region.first == region.end && (base < 0 || g[0] + fmax(g[1], 0.0) + fmax(g[2], 0.0) < nearest))
+            base = k, nearest = g[0] + fmax(g[1], 0.0) + fmax(g[2], 0.0);
+        r->regions[r->region_count++] = region;
+    }
+    r->base = base;
+    if (r->undefined) return;
+    teg_add_cell(r, base, 0, 4, x, y, label);
+    r->cells[0].sides[0] = ~0, r->cells[0].up = 0;
+    for (size_t k = 0; k < r->region_count && base >= 0; k++) {
+        double g[3];
+        if (r->regions[k].region == base) continue;
+        const double tolerance = teg_key_difference(r, r->regions[k].region / r->shape->parts, base / r->shape->parts, g);
+        if (g[0] + fmin(g[1], 0.0) + fmin(g[2], 0.0) > tolerance) continue;
+        r->regions[kept++] = r->regions[k];
+    }
+    if (base >= 0) r->region_count = kept;
+    qsort(r->regions, r->region_count, sizeof *r->regions, teg_by_middle);
+    for (size_t k = 0; k < r->region_count && !r->failed; k++) teg_insert(r, r->regions + k);
+}
