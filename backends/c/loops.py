@@ -403,7 +403,7 @@ class _ArrayPrinter:
 
     def _opened(self, queue: Queue) -> list[str]:
         """Returns the declaration of a queue, with what is the same for all that waits in it."""
-        straight, name = self._straight_of(queue), f"steady_{queue.name}"
+        straight, name = self._straight_of(queue), f"same_{queue.name}"
         given = [_spell(queue.run.inputs[i]) for i in straight.steady_by]
         return [*queue.opened(), f"double {name}[{straight.kept}];", f"{straight.steady}({', '.join([*given, name])});"]
 
@@ -427,7 +427,7 @@ class _ArrayPrinter:
             f"for (int m = 0; m < {len(queue.varying)}; m++)",
             *indent(f"for (int k = waiting_{name}; k < {SIDE}; k++) queue_{name}[m][k] = queue_{name}[m][waiting_{name} - 1];"),
             f"double f[{SIDE * count}], good[{SIDE}];",
-            f"{straight.crossed}({', '.join([*given, f'steady_{name}', 'f', 'good'])});",
+            f"{straight.crossed}({', '.join([*given, f'same_{name}', 'f', 'good'])});",
             f"for (int k = 0; k < waiting_{name}; k++) {{",
             *indent(
                 "if (good[k] != 0.0) continue;",
