@@ -8,7 +8,7 @@ that the loop does not change: the moments are added up, and the coefficients ar
 
     coordinates    the barycentric ones of a polygon with corners; else its offsets from one point of the plane
     residuals      sums with data of a box in them, not expanded: what is small stays small
-    moments          products of residuals and coordinates under the integral; results of segments; other numbers, as they are
+    moments        products of residuals and coordinates under the integral; results of segments; other numbers, as they are
 
 Whether a coefficient is 0 is decided in a finite field (`teg.program.residues`).
 """
@@ -223,7 +223,7 @@ class _Moments:
         if values is None:
             return None
         residuals = self._inside.residuals
-        allowed = set(residuals) | set(names) if s.corners == () else set(residuals) | set(s.variables[2:])
+        allowed = {*residuals, *names, *(s.variables[2:] if s.corners else s.variables)}
         if any(name not in allowed for p in values for m in p for name, _ in m):
             return None
         groups: dict[tuple[tuple[int, ...], ...], list[Monomial]] = {}
@@ -283,8 +283,8 @@ class _Moments:
         return inside
 
     def _coordinates(self, s: Polygon, before: list[Stmt]) -> dict[str, tuple[str, str]] | None:
-        """Returns coordinates x = u + (i - origin), by the variable u and the offset, of a polygon without corners; None if there are none.
-        All values must depend on u and on an index i of the loops only by their sum."""
+        """Returns coordinates x = u + (i - origin), by the variable u and the offset, of a polygon without corners: its values depend on
+        u and on an index i of the loops by their sum alone. Other variables are coordinates themselves. None: a value is no polynomial."""
         if s.corners:
             return {}
         found = self._values(s, {})
@@ -298,32 +298,44 @@ class _Moments:
                 continue
             i = next((i for i in free if all(derivative(p, u) == derivative(p, i) for p in polys)), None)
             if i is None:
-                return None
+                continue
             free.remove(i)
             x, offset = self.name(), self.name()
-            before.append(Assign(offset, "sub", (i, self._origin(i))))
+            before.append(Assign(offset, "sub", (i, self._origin(s, i))))
             self.polynomials.follow(before[-1:])
             names[x] = (u, offset)
         return names
 
-    def _origin(self, index: str) -> Arg:
-        """Returns a point near the boxes, along an index."""
-        for s in self.run.program.body:
-            if isinstance(s, Assign) and s.op == "sub" and s.args[0] == index and s.args[1] not in self.polynomials.varying:
-                return s.args[1]
+    def _origin(self, polygon: Polygon, index: str) -> Arg:
+        """Returns a point near the boxes, along an index: one that the half-planes are written from, which pass through the boxes. Else any
+        other such point, or 0: the values are then written in these coordinates, too."""
+        lines = [s for s in self.run.program.body if isinstance(s, Assign)]
+        near = without_dead_code(Program((), tuple(lines), tuple(g.c for g in polygon.half_planes))).body
+        for s in (*near, *lines):
+            if isinstance(s, Assign) and s.op in ("add", "sub") and len(s.args) == 2 and index in s.args:
+                other = s.args[1 if s.args[0] == index else 0]
+                if s.op == "sub" and other not in self.polynomials.varying:
+                    return other
+                if s.op == "add" and isinstance(other, float):
+                    return -other
         return 0.0
 
 
 def with_adjoints(program: ArrayProgram) -> ArrayProgram:
-    """Returns the program in which loops over boxes add up moments, where these are cheaper than what is wanted."""
+    """Returns the program in which loops over boxes add up moments, where all that they give is combinations of not many more."""
     numbers = count(1 + max((int(n[1:]) for s in steps(program.body) for n in result_names(s) if n[1:].isdigit()), default=0))
-    changes: dict[int, tuple[Step, ...]] = {}
+    candidates: list[tuple[Summed, Run]] = []
     for loop, around in with_enclosing(program.body):
         runs = [s for s in loop.body if isinstance(s, Run)]
         if len(runs) != 1 or any(isinstance(s, Loop) for s in loop.body):
             continue
         found = summed(loop, runs[0], around)
-        if found and len(found.run.results) >= LEAST and not found.after and (made := _split(program, found, numbers)):
+        if found and len(found.run.results) >= LEAST and not found.after:
+            candidates.append((found, joined(found.run, found.makers)))
+    connected = [input_residues(program.body, [run for _, run in candidates], point) for point in range(POINTS)] if candidates else []
+    changes: dict[int, tuple[Step, ...]] = {}
+    for found, run in candidates:
+        if made := _split(found, run, [Residues(known[id(run)]) for known in connected], numbers):
             changes[id(found.carrier)] = made
     return replace(program, body=_replaced(program.body, changes)) if changes else program
 
@@ -339,13 +351,12 @@ def _replaced(block: tuple[Step, ...], changes: dict[int, tuple[Step, ...]]) -> 
     return tuple(result)
 
 
-def _split(program: ArrayProgram, found: Summed, numbers: count[int]) -> tuple[Step, ...] | None:
-    """Returns a carrier with moments in place of the outputs, and the flat program that combines them."""
-    run, inside = joined(found.run, found.makers), found.names
+def _split(found: Summed, run: Run, residues: Sequence[Residues], numbers: count[int]) -> tuple[Step, ...] | None:
+    """Returns a carrier with moments in place of the outputs of a flat program, and the flat program that combines them."""
+    inside = found.names
     varying: set[Arg] = {f"p{i}" for i, a in enumerate(run.inputs) if a in inside}
     counted = {s.name for s in steps(found.carrier.body) if isinstance(s, Number)}
     indices: set[Arg] = {f"p{i}" for i, a in enumerate(run.inputs) if a in counted}
-    residues = [Residues(input_residues(program.body, [run], point)[id(run)]) for point in range(POINTS)]
     block = list(statements(run.program.body))
     for r in residues:
         r.follow(block)

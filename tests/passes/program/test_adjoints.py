@@ -156,6 +156,25 @@ def test_every_backend_adds_up_moments(backend: str, request: pytest.FixtureRequ
         np.testing.assert_allclose(ours[1][leaf], theirs[1][leaf], rtol=0, atol=2e-13 * np.abs(ours[1][leaf]).max())
 
 
+def test_coordinates_begin_near_the_boxes() -> None:
+    """The half-planes are near, another point that the integrand is written from is not: 2³⁰ away, it would cost nine digits."""
+    k, i = teg.index("k"), teg.index("i")
+    places, colours, target, far = teg.array("P", 1), teg.array("C", 2), teg.array("T", 1), teg.param("far")
+    colour = colours[k, 0] + colours[k, 1] * (x - far) / far + colours[k, 2] * (x - places[k]) + colours[k, 3] * (x - places[k]) * y
+    pixel = teg.integral(teg.bracket((x - places[k]) + y > 0.3) * (colour - target[i]) ** 2, (x, i, i + 1), (y, 0, 1))
+    e = teg.sum(pixel, (i, 0, teg.length(target, 0)), (k, 0, teg.length(places, 0)))
+    rng = np.random.default_rng(3)
+    data = {"P": rng.uniform(2.0, 5.0, 3), "C": rng.random((3, 4)), "T": rng.random(8), "far": 2.0**30}
+    ours = teg.compile(e, [places, colours], backend="c")
+    before = without_moments(e, [places, colours])
+    assert with_adjoints(before) is not before
+    slopes = ours.value_and_grad(data)[1]
+    with mock.patch.object(plan, "with_adjoints", lambda program: program):
+        exact = teg.compile(e, [places, colours], backend="numpy").value_and_grad(data)[1]
+    for name in ("P", "C"):
+        np.testing.assert_allclose(slopes[name], exact[name], rtol=1e-12, atol=1e-13)
+
+
 @pytest.mark.parametrize("kind", ["constant", "linear"])
 def test_nothing_is_lost_far_from_the_origin(kind: str) -> None:
     e, wrt = picture(kind)
