@@ -23,6 +23,7 @@ from typing import cast
 
 from teg.backends.branches import with_branches
 from teg.backends.c import crossed as c_crossed
+from teg.backends.c import ellipse as c_ellipse
 from teg.backends.c import frame as c_frame
 from teg.backends.c import lanes as c_packed
 from teg.backends.c import ranges as c_ranges
@@ -68,6 +69,7 @@ from teg.program import (
     Arg,
     Assign,
     Called,
+    Ellipse,
     Gauss,
     Hyperbola,
     Integrate,
@@ -170,6 +172,7 @@ class Printer:
         self.triangles: set[int] = set()  # degrees of rules on triangles
         self.units: set[tuple[int, int]] = set()  # nodes of segments, and how many of them are taken side by side
         self.branches: set[tuple[tuple[int, int], ...]] = set()  # sets of moments of hyperbolas
+        self.ellipses: set[c_ellipse.Wanted] = set()  # sets of moments of ellipses
         self.dimensions = 0  # of Sobol' points
         self.called: set[Together] = set()
         self.functions: Sequence[Called] = ()
@@ -183,14 +186,15 @@ class Printer:
         found += [*map(triangle_table, sorted(self.triangles)), *(unit_table(*key) for key in sorted(self.units))]
         found += [*map(plain_table, sorted({n for n, _ in self.poles})), *(weights_function(*pole) for pole in sorted(self.poles))]
         found += map(along_function, sorted(self.branches))
+        found += map(c_ellipse.moments_function, sorted(self.ellipses))
         return found + ([sobol_table(self.dimensions)] if self.dimensions else [])
 
     def element(self, program: Program, kind: str = "element", by_value: int = BY_VALUE, told: str | None = None) -> Routine:
         """Returns the routine of the whole program at one point: from the parameters it writes the outputs to `f`. There is one "element",
         "run"s are numbered. It returns the boolean `told`, if there is one."""
-        if told is None and not any(isinstance(s, Polygon | Segment | Hyperbola | When) for s in compound(program.body)):
+        if told is None and not any(isinstance(s, Polygon | Segment | Hyperbola | Ellipse | When) for s in compound(program.body)):
             program = with_lazy_choices(program)
-        self.inlined = sum(isinstance(s, Polygon | Segment | Hyperbola) for s in compound(program.body)) <= INLINED
+        self.inlined = sum(isinstance(s, Polygon | Segment | Hyperbola | Ellipse) for s in compound(program.body)) <= INLINED
         self.functions = program.functions
         steps = [*self._steps(program.body), *_yields(program.outputs)]
         parameters, context = [f"p{i}" for i in range(len(program.parameters))], needs_context(program.body, self.counted)
@@ -287,7 +291,7 @@ class Printer:
 
         yield Step(tuple(stmt.name for stmt in calls), inputs, None, lines, 4 + len(inputs) // 8)
 
-    def _call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | Hyperbola | When) -> Step:
+    def _call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | Hyperbola | Ellipse | When) -> Step:
         """Returns the call of a statement's routine; many results or captured values go through the workspace."""
         absent = "0.0"
         match stmt:
@@ -307,6 +311,8 @@ class Printer:
                 routine, captured = self._clipped(stmt)
             case Hyperbola():
                 routine, captured = self._hyperbola(stmt)
+            case Ellipse():
+                routine, captured = self._ellipse(stmt)
             case When():
                 routine, captured = self._branch(stmt)
         names = assigned(stmt)
@@ -512,6 +518,16 @@ class Printer:
         inside = [*frame.opening(), *hyperbola(stmt, frame)]
         head = _head(frame, "sum", len(stmt.results))
         routine = self._routine("hyperbola", frame, head.replace("static", "TEG_INLINE", 1) if self.inlined else head, inside)
+        return routine, tuple(captured)
+
+    def _ellipse(self, stmt: Ellipse) -> tuple[Routine, tuple[Arg, ...]]:
+        """Returns the routine of the moments of an ellipse."""
+        self.ellipses.add(c_ellipse.wanted(stmt))
+        own = _spelled(stmt)
+        captured = captured_by(own, [], ())
+        frame = Frame(captured, [], own, False, by_value=WHOLE if self.inlined else BY_VALUE)
+        inside = [*frame.opening(), *c_ellipse.ellipse(stmt, frame)]
+        routine = self._routine("ellipse", frame, _head(frame, "sum", len(stmt.results)), inside)
         return routine, tuple(captured)
 
     def _branch(self, stmt: When) -> tuple[Routine, tuple[Arg, ...]]:

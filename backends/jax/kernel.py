@@ -36,6 +36,7 @@ from teg.program import (
     Adaptive,
     Arg,
     Assign,
+    Ellipse,
     Gauss,
     Hyperbola,
     Integrate,
@@ -75,6 +76,7 @@ class JaxKernel:
     def __init__(self, program: Program) -> None:
         jax = _import_jax()
         from teg.backends.jax import adaptive as jax_adaptive
+        from teg.backends.jax import ellipse as jax_ellipse
         from teg.backends.jax import guard as jax_guard
         from teg.backends.jax import hyperbola as jax_hyperbola
         from teg.backends.jax import poles as jax_poles
@@ -87,8 +89,8 @@ class JaxKernel:
         text, functions = _printed(program), [_printed(cast(Program, f.body)) for f in program.functions]
         self.source = "\n".join([text, *(f"\n# function_{k}: the kernel of\n{body}" for k, body in enumerate(functions))])
         scope: dict[str, Any] = {"jnp": jax.numpy, "rt": jax_runtime, "roots": jax_roots, "sampling": jax_sampling}
-        scope |= {"polygons": jax_polygon, "poles": jax_poles, "hyperbolas": jax_hyperbola, "guards": jax_guard}
-        scope["adaptive"] = jax_adaptive
+        scope |= {"polygons": jax_polygon, "poles": jax_poles, "hyperbolas": jax_hyperbola, "ellipses": jax_ellipse}
+        scope |= {"adaptive": jax_adaptive, "guards": jax_guard}
         for k, body in enumerate(functions):
             scope[f"function_{k}"] = _made(body, dict(scope))
         self._kernel = _made(text, scope)
@@ -226,7 +228,7 @@ def _nodes(block: tuple[Stmt, ...]) -> int:
                 most = max(most, stmt.nodes * _nodes(stmt.body))
             case When():
                 most = max(most, _nodes(stmt.body))
-            case Assign() | Hyperbola():
+            case Assign() | Hyperbola() | Ellipse():
                 pass
             case _:
                 assert_never(stmt)
@@ -270,6 +272,8 @@ def _block(block: tuple[Stmt, ...], results: str) -> list[str]:
                 lines += _clipped(stmt, note)
             case Hyperbola():
                 lines += _moments(stmt, note)
+            case Ellipse():
+                lines.append(_ellipse(stmt))
             case Assign(name, "tie", (g, scale, r, _)):
                 lines.append(f"{name}, {note} = rt.tie(order, {strict(g, 'jnp')}, {_text(scale)}, {_text(r)})")
             case Assign():
@@ -420,6 +424,15 @@ def _moments(stmt: Hyperbola, note: str) -> list[str]:
     ]
     arguments += [f"when={stmt.when}"] if stmt.when else []
     return [*lines, f"({inside(stmt.results)}), {note} = hyperbolas.moments({', '.join(arguments)})"]
+
+
+def _ellipse(stmt: Ellipse) -> str:
+    """The call of the moments of an ellipse."""
+    kinds = inside(repr((m.kind, tuple((j, k) for j, k, _ in m.terms))) for m in stmt.moments)
+    coefficients = inside(f"({inside(_text(c) for _, _, c in m.terms)})" for m in stmt.moments)
+    arguments = [repr(stmt.matrix), f"({inside(map(_text, stmt.place))})", f"({kinds})", f"({coefficients})"]
+    arguments += [f"when={stmt.when}"] if stmt.when else []
+    return f"({inside(stmt.results)}) = ellipses.moments({', '.join(arguments)})"
 
 
 def _rows(stmt: Rows, note: str) -> list[str]:

@@ -56,7 +56,7 @@ from teg.ir.expr import (
     sub,
     where,
 )
-from teg.ir.integral import Integral, masses_of
+from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, digest, postorder
 from teg.ir.traverse import replace_node, substitute
 
@@ -212,6 +212,12 @@ class BreakAnalysis:
             if (node, counts) in seen or x not in node.free:
                 continue
             seen.add((node, counts))
+            if isinstance(node, ClosedForm):
+                stack.extend((c, counts) for c in node.terms)
+                for f in (*node.kinks, *node.births) if counts and not node.free & inner else ():
+                    collected.functions[f] = TRUE
+                collected.turns.update((Turn("root", f), None) for f in node.births if counts and not node.free & inner)
+                continue
             if isinstance(node, Compare):  # only the roots of its own atoms matter, not where these atoms are smooth
                 stack.append((node.g, counts and bool(node.g.free & inner)))
             else:

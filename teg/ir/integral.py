@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from teg.ir.expr import ONE, ZERO, Add, And, Call, Cond, Const, Expr, Mul, Tuple, Var, Where, conjunction, mul, sub, tuple_of, where
@@ -38,9 +39,28 @@ class Integral(Expr):
 
 
 class ClosedForm(Call):
-    """A number that an intrinsic computes from its children. Data say which; it has no derivative."""
+    """A number that an intrinsic computes from its children. Data say which; it has no derivative.
+
+    As a function of an outer variable it is as smooth as its `terms`, but for the zeros of its `kinks` and of its `births`. There are as
+    many of these, in this order, as the data say; beside a birth it is like a square root.
+    """
 
     __slots__ = ()
+
+    @property
+    def terms(self) -> Sequence[Expr]:
+        """The children of which it is a sum."""
+        return ()
+
+    @property
+    def kinks(self) -> Sequence[Expr]:
+        """Functions at whose zeros it turns into another function."""
+        return ()
+
+    @property
+    def births(self) -> Sequence[Expr]:
+        """Functions at whose zeros a part of it begins or ends."""
+        return ()
 
 
 class Delta(Expr):

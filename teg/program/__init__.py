@@ -9,6 +9,7 @@
            | results = ∫∫ over a box cut by half-planes: setup; body       Polygon: the box is clipped, a rule on a fan of triangles
            | results = ∫ over (0, 1) cut by half-lines: setup; body        Segment: the interval is clipped, Gauss-Legendre on what is left
            | results = Σ c·moments of [g > 0], [g <= 0], δ(g): scales      Hyperbola: g bilinear on the unit square, in closed form
+           | results = Σ c·moments of [g > 0], [g <= 0], δ(g)              Ellipse: g of an ellipse on a box, by nodes along its arcs
            | when b: body with results                                     When: a branch; where it is not taken, results are 0
 
 A program may call functions whose bodies are programs of their own (`Called`), without integrals.
@@ -25,6 +26,7 @@ a dataclass whose fields have roles (`teg.program.fields`): walks, renaming, dea
 from teg.program.limits import (
     ABSOLUTE_FLOOR,
     BOX_COST,
+    CLOSE_ENDS,
     DEEP,
     DIVERGENT,
     EDGE,
@@ -61,6 +63,7 @@ from teg.program.limits import (
     SADDLE,
     SMALLEST,
     SPENT,
+    TANGENT,
     THIN,
     TIE_EPS,
     UNSEEN,
@@ -72,6 +75,7 @@ from teg.program.statements import (
     Assign,
     Bend,
     Called,
+    Ellipse,
     Gauss,
     Guard,
     HalfLine,
@@ -112,6 +116,7 @@ from teg.program.walk import (
 __all__ = [
     "ABSOLUTE_FLOOR",
     "BOX_COST",
+    "CLOSE_ENDS",
     "DEEP",
     "DIVERGENT",
     "EDGE",
@@ -148,6 +153,7 @@ __all__ = [
     "SADDLE",
     "SMALLEST",
     "SPENT",
+    "TANGENT",
     "THIN",
     "TIE_EPS",
     "UNSEEN",
@@ -157,6 +163,7 @@ __all__ = [
     "Assign",
     "Bend",
     "Called",
+    "Ellipse",
     "Gauss",
     "Guard",
     "HalfLine",

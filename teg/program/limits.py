@@ -82,7 +82,7 @@ LOCATE_SAME = 2.0**-40
 LOCATE_LOST = 2.0**-40
 """A smaller part of the rectangle may be given up."""
 
-# -- polygons, segments, hyperbolas ------------------------------------------------------------------------------------
+# -- polygons, segments, hyperbolas, ellipses --------------------------------------------------------------------------
 
 MAX_HALF_PLANES = 64
 """Of more a `Polygon` would be long: they share the pieces of two integrals instead."""
@@ -100,3 +100,7 @@ SADDLE = 8 * 2.0**-52
 """The value at a saddle that is 0 to rounding, relative to those on the sides of the box."""
 NO_FLUX = 1e-12
 """A boundary term's factor that is smaller than this at a saddle, in parts of its values on the box, is 0 there."""
+CLOSE_ENDS = 1e-6
+"""Ends of an arc that are so close, in parts of the radius: it is nothing, or the whole circle, as far as the directions of them tell."""
+TANGENT = 1e-10
+"""A side that is closer to the circle than this, in parts of the radius, may touch it."""

@@ -451,6 +451,26 @@ class Hyperbola:
 
 
 @dataclass(frozen=True, slots=True)
+class Ellipse:
+    """results = moments of g = r² - |A·((u, v) - c)|² on the box from (0, 0) to (width, height); 0 where `when` fails.
+
+    `matrix` is A by rows, det A > 0; `place` has both numbers of the centre c, the radius r, the width and the height, which may be
+    negative, and the least radius at which a border is taken. A box without area has no moments. If r is infinite the box is inside, if c
+    is the box is outside; if both are, or a number of `place` is NaN, every result is NaN.
+
+    A corner is in the ellipse or not, |w| < r, and a side of which no end is in it has a chord if both ends of this lie on it. An arc of
+    the circle from where it leaves the box to where it enters it again has almost no length, or almost that of the whole circle, if its
+    ends are closer than CLOSE_ENDS·r: the latter where all sides are further than (1 - TANGENT)·r from the centre, on its outer side.
+    """
+
+    matrix: tuple[float, ...]
+    place: Annotated[tuple[Arg, ...], NUMBER]
+    moments: Annotated[tuple[Moments, ...], Part(each=True)]
+    results: Annotated[tuple[str, ...], Result()]
+    when: Annotated[str | None, CONDITION] = None
+
+
+@dataclass(frozen=True, slots=True)
 class When:
     """Run `body`, which gives the results their values, if `when` holds; else they are 0.
 
@@ -463,7 +483,7 @@ class When:
     results: Annotated[tuple[str, ...], Result(made_in="body")]
 
 
-Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | Hyperbola | When
+Stmt = Assign | Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | Hyperbola | Ellipse | When
 
 
 class Outcome(NamedTuple):

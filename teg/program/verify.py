@@ -15,6 +15,7 @@ from teg.program.operations import INTEGER_OPERATIONS, OPERATIONS
 from teg.program.statements import (
     Adaptive,
     Assign,
+    Ellipse,
     Hyperbola,
     Integrate,
     Isolate,
@@ -215,6 +216,8 @@ class _Flat(_Verifier):
                     self._tie(k, stmt)
             case Hyperbola():
                 self._moments(stmt)
+            case Ellipse():
+                self._ellipse(stmt)
 
     def _assignment(self, stmt: Assign, known: Known) -> None:
         self.check(stmt.op in OPERATIONS, f"there is no operation {stmt.op!r}", stmt)
@@ -259,6 +262,13 @@ class _Flat(_Verifier):
         self.check(kinds <= {"above", "below", "border"}, f"moments of the kinds {kinds}", stmt)
         for k in stmt.ties:
             self._tie(k, stmt)
+
+    def _ellipse(self, stmt: Ellipse) -> None:
+        a, b, c, d = stmt.matrix
+        self.check(a * d - b * c > 0.0, f"the matrix of an ellipse has the determinant {a * d - b * c}", stmt)
+        self.check(len(stmt.place) == 6, f"{len(stmt.place)} numbers of the place of an ellipse", stmt)
+        kinds = {m.kind for m in stmt.moments}
+        self.check(kinds <= {"above", "below", "border"}, f"moments of the kinds {kinds}", stmt)
 
     def _branches(self, block: tuple[Stmt, ...], inside: bool) -> None:
         """Check that branches stand in the outermost block, or in each other."""

@@ -16,7 +16,8 @@ from teg.errors import OptionError
 from teg.ir.expr import Param
 from teg.ir.traverse import parameters
 from teg.passes.intrinsics import INTRINSICS
-from teg.program import Hyperbola, Integrate, Polygon, Rational, Segment, Stmt, statements
+from teg.program import Ellipse, Hyperbola, Integrate, Polygon, Rational, Segment, Stmt, statements
+from tests.backends import test_ellipse as ellipses
 from tests.backends import test_hyperbola as hyperbolas
 from tests.backends import test_polygon as polygons
 from tests.bench.scenes import bilinear_pixel, triangle_pixel
@@ -70,6 +71,12 @@ def image() -> Case:
     return Case("hyperbola", "a pixel", e, wrt[:5], {p.name: rng.random(8) for p in parameters(e)})
 
 
+def ellipse(name: str) -> Case:
+    """The programs of the test of ellipses."""
+    e = ellipses.integral(name)
+    return Case("ellipse", name, e, parameters(e), {p.name: ellipses.AT[p.name] for p in parameters(e)})
+
+
 def pole(name: str, integrand: Expr) -> Case:
     e = teg.integral(integrand, (x, 0, 1))
     at = {"a": np.array([0.01, 0.3, 2.0]), "b": np.array([0.7, 1.1, -0.4]), "t": 0.6}
@@ -84,17 +91,18 @@ CASES = [
          {"a": 0.8, "b": np.array([0.3, -0.5, 1.0]), "t": 0.4}),
     *map(hyperbola, hyperbolas.PROGRAMS),
     image(),
+    *map(ellipse, ellipses.PROGRAMS),
     pole("one over a line", 1 / (x + a)),
     pole("a quadratic over a line", (1 + x) ** 2 / (x + a)),
     pole("a cube below", x / (b * x + 1 + a) ** 3),
     pole("two integrands that share a loop", 1 / (x + a) + x / (x + a) ** 2),
     pole("a bracket beside it", teg.bracket(x < t) / teg.abs(x + a)),
 ]  # fmt: skip
-SOME = [CASES[5], CASES[6], CASES[-2]]
+SOME = [CASES[5], CASES[6], CASES[-7], CASES[-2]]
 """One case of each, for what is slow to compile."""
 SLOW = [CASES[0], CASES[2], CASES[4], CASES[8], CASES[10]]
 """For C, by pieces."""
-FAST = {"polygon": (Polygon, Segment), "hyperbola": (Hyperbola,), "pole": (Rational,)}
+FAST = {"polygon": (Polygon, Segment), "hyperbola": (Hyperbola,), "ellipse": (Ellipse,), "pole": (Rational,)}
 
 
 def kinds(f: teg.Evaluator) -> set[type[Any]]:

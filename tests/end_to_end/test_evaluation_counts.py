@@ -74,9 +74,10 @@ SCENES = (
         {"a": 0.5, "t": 9.0},
         12 * INNER_FIRST,
     ),
-    # y = b + r·sin u makes the chord 2r·cos u, times r·cos u: not a polynomial, 10 nodes are too few for 1e-10, 16 are enough
-    Scene("disk", over_square(teg.bracket(disk(a, b, r))), {"a": 0.47, "b": 0.53, "r": 0.3}, OUTER_FIRST + ORDER),
-    # the same rows; on each of them exp is integrated in closed form
+    # moments of its chords and arcs
+    Scene("disk", over_square(teg.bracket(disk(a, b, r))), {"a": 0.47, "b": 0.53, "r": 0.3}, 0),
+    # y = b + r·sin u makes the chord 2r·cos u, times r·cos u: not a polynomial, 10 nodes are too few for 1e-10, 16 are enough; on each row
+    # exp is integrated in closed form
     Scene("disk, exp·cos", over_square(teg.bracket(disk(a, b, r)) * EXP_COS), {"a": 0.47, "b": 0.53, "r": 0.2}, OUTER_FIRST + ORDER),
     # rows of an adaptive integral: 12 nodes for the first look, on each of them 10
     Scene(
@@ -92,7 +93,7 @@ SCENES = (
     # no row is needed at all
     Scene("empty", over_square(teg.bracket(disk(a, b, r)) * EXP_COS), {"a": 3.0, "b": 0.5, "r": 0.6}, 0),
     # what is no polynomial for other parameters: one look at the one piece
-    Scene("full cover", over_square(teg.bracket(disk(a, b, r))), {"a": 0.5, "b": 0.5, "r": 2.0}, OUTER_FIRST),
+    Scene("full cover", over_square(teg.bracket(disk(a, b, r)) * EXP_COS), {"a": 0.5, "b": 0.5, "r": 2.0}, OUTER_FIRST),
     # degrees 0, 1 and 2 from the inside out
     Scene(
         "half-space",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -12,6 +13,7 @@ from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.program import (
     ABSOLUTE_FLOOR,
     BOX_COST,
+    CLOSE_ENDS,
     DEEP,
     DIVERGENT,
     EDGE,
@@ -47,6 +49,7 @@ from teg.program import (
     SADDLE,
     SMALLEST,
     SPENT,
+    TANGENT,
     THIN,
     TIE_EPS,
     UNSEEN,
@@ -91,6 +94,9 @@ LIMITS = {
     "TEG_RESIDUE": RESIDUE,
     "TEG_INSIDE": INSIDE,
     "TEG_NEAR_SIDE": NEAR_SIDE,
+    "TEG_CLOSE_ENDS": CLOSE_ENDS,
+    "TEG_TANGENT": TANGENT,
+    "TEG_PI": math.pi,
     "TEG_LARGEST_RATIO": LARGEST_RATIO,
     "TEG_SADDLE": SADDLE,
     "TEG_SMALLEST": SMALLEST,
@@ -124,6 +130,7 @@ TOPICS = (
     "quadrature",
     "bends",
     "hyperbola",
+    "ellipse",
     "roots",
     "places",
     "samples",

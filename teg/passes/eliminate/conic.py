@@ -162,20 +162,38 @@ def rewrite_conic(g: Expr, coefficient: Expr, chain: Chain, data: Conic) -> Expr
         return None
     if not all(free_of(e, [b.var for b in others]) for b in mine for e in (b.lo, b.hi)):
         return None
-    boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip(mine, ranges, strict=True)]
+    place = place_of(g, [Binder(b.var, lo, hi) for b, (lo, hi) in zip(mine, ranges, strict=True)], data)
+    if place is None:
+        return rewrite_implicit(g, coefficient, chain, Implicit(data.variables))
+    radius = call("sqrt", call("max", place.square, place.least))
+    curve = _Ellipse(g, coefficient, (mine[0], mine[1]), data, place.centre, radius)
+    quarters = add(*(_quarter(curve, k) for k in range(4)))
+    return nest(where(place.exists, quarters, ZERO), others)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an ellipse is: its centre, κ, the least κ at which its curve is taken, and whether there is a curve, with a tie at κ = 0."""
+
+    centre: Mapping[Var, Expr]
+    square: Expr
+    least: Expr
+    exists: Cond
+
+
+def place_of(g: Expr, boxes: Sequence[Binder], data: Conic) -> Place | None:
+    """Returns where an ellipse is on a box; None if it has no centre."""
     critical = critical_point(g, boxes)
     if critical is None:
-        return rewrite_implicit(g, coefficient, chain, Implicit(data.variables))
+        return None
     if data.squares is not None:
         top = data.squares.top
         size = add(*(call("magnitude", term) for term in (top.children if isinstance(top, Add) else (top,))))
         critical = replace(critical, point=_centre(data, data.squares), value=mul(const(data.sign), top), size=size)
-    above, squared = is_above_birth(g, critical), mul(const(data.sign), tidy(critical.value))
-    radius = call("sqrt", call("max", squared, least_height(critical)))
+    above = is_above_birth(g, critical)
     centre = {v: tidy(e) for v, e in critical.point.items()}
-    curve = _Ellipse(g, coefficient, (mine[0], mine[1]), data, centre, radius)
-    quarters = add(*(_quarter(curve, k) for k in range(4)))
-    return nest(where(above if data.sign > 0.0 else negation(above), quarters, ZERO), others)
+    square = mul(const(data.sign), tidy(critical.value))
+    return Place(centre, square, least_height(critical), above if data.sign > 0.0 else negation(above))
 
 
 def _centre(data: Conic, squares: Squares) -> dict[Var, Expr]:

@@ -2,6 +2,7 @@
 
     polygon      polynomials on half-planes over a box, and on half-lines over an interval: the domain is clipped, exactly
     hyperbola    polynomials on either side of a bilinear surface over a box, and along it: moments in closed form
+    ellipse      polynomials on either side of an ellipse over a box, and along it: moments by its chords and arcs
     pole         polynomials over a power of a linear function: Gauss nodes with weights of their own
 
 They are used where no rule and no order is asked for, and can be turned off (`intrinsics=False`): the general path computes the same
@@ -14,12 +15,13 @@ from __future__ import annotations
 from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
 from teg.passes.eliminate.families import Closed, noted
+from teg.passes.intrinsics.ellipse import ELLIPSE
 from teg.passes.intrinsics.hyperbola import HYPERBOLA
 from teg.passes.intrinsics.pole import POLE
 from teg.passes.intrinsics.polygon import POLYGON
 from teg.passes.lower.intrinsic import Intrinsic, Statement
 
-INTRINSICS: tuple[Intrinsic, ...] = (HYPERBOLA, POLYGON, POLE)
+INTRINSICS: tuple[Intrinsic, ...] = (HYPERBOLA, ELLIPSE, POLYGON, POLE)
 """In the order in which they are tried."""
 STATEMENTS: dict[type, Statement] = {kind: known for intrinsic in INTRINSICS for kind, known in intrinsic.statements.items()}
 """The data of the statements of all intrinsics, whether the intrinsics are turned on or not."""

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from teg.program.arrays import ArrayProgram, Cells, Run
 from teg.program.interpreter.arrays import ArrayMachine
 from teg.program.interpreter.machine import Machine, Value
-from teg.program.statements import Arg, Assign, Hyperbola, Isolate, Locate, Polygon, Program, Segment, Stmt
+from teg.program.statements import Arg, Assign, Ellipse, Hyperbola, Isolate, Locate, Polygon, Program, Segment, Stmt
 
 SIGNS = frozenset(("gt0", "ge0", "lt0", "le0", "tie"))
 CORNERS = 4
@@ -54,7 +54,7 @@ class CountingMachine(Machine):
                 self.decisions += len(stmt.half_planes)
             case Segment():
                 self.decisions += len(stmt.half_lines)
-            case Hyperbola():
+            case Hyperbola() | Ellipse():
                 self.decisions += CORNERS
             case _:
                 pass

@@ -9,6 +9,7 @@ from typing import NamedTuple, assert_never
 
 from teg.numerics.sobol import random_coordinate, replicated, sobol_coordinate
 from teg.program.fields import absent
+from teg.program.interpreter.arcs import ellipse
 from teg.program.interpreter.clipped import polygon, segment
 from teg.program.interpreter.integrate import integrate, is_leaf
 from teg.program.interpreter.isolate import isolate
@@ -19,6 +20,7 @@ from teg.program.operations import OPERATIONS
 from teg.program.statements import (
     Arg,
     Assign,
+    Ellipse,
     Hyperbola,
     Integrate,
     Isolate,
@@ -132,6 +134,8 @@ class Machine:
                 return segment(self, stmt)
             case Hyperbola():
                 return hyperbola(self, stmt)
+            case Ellipse():
+                return ellipse(self, stmt)
             case Assign() | When():
                 raise AssertionError("has no numbers of its own")
             case _:

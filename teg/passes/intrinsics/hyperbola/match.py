@@ -14,25 +14,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import factorial
 from typing import cast
 
-from teg.analysis.calculus import slope
-from teg.analysis.nest import Binder, Chain
+from teg.analysis.boxes import Coefficients, coefficients, nest_of_two
+from teg.analysis.nest import Chain
 from teg.analysis.polynomial import Shadow, distance
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
-from teg.errors import NotDifferentiableError
-from teg.ir.expr import FALSE, TRUE, ZERO, Add, Const, Expr, Mul, Var, add, const, integer_power, mul
-from teg.ir.integral import ClosedForm, Integral, masses_of
+from teg.ir.expr import FALSE, TRUE, ZERO, Const, Expr, mul
+from teg.ir.integral import ClosedForm, Integral
 from teg.ir.show import show
 from teg.ir.traverse import replace_node, substitute
 
 MAX_BORDER, MAX_INSIDE = 3, 2
 Corners = tuple[Expr, Expr, Expr, Expr]
 """The values of g, counterclockwise from the corner of both lower bounds, x being the inner variable."""
-Coefficients = dict[tuple[int, int], Expr]
-"""The coefficients of xʲyᵏ, relative to that corner and to the extents of the box."""
 
 
 class Border(ClosedForm):
@@ -98,11 +94,13 @@ def match_hyperbola(node: Integral) -> Sides | None:
     """Returns a closed integral over a box of an integrand that is a polynomial on either side of a bilinear surface, or None."""
     if node.free or node.has_delta or is_unbounded(node):
         return None
-    inner, terms = _terms(node)
-    if inner is None or inner.free - {node.var} or any(e.free for e in (inner.lo, inner.hi, node.lo, node.hi)):
+    found = nest_of_two(node)
+    if found is None:
         return None
-    chain = (Binder(node.var, node.lo, node.hi), Binder(inner.var, inner.lo, inner.hi))
-    atoms = dict.fromkeys(a for v in (node.var, inner.var) for a in atoms_of(terms, v))
+    chain, terms = found
+    if any(e.free for b in chain for e in (b.lo, b.hi)):
+        return None
+    atoms = dict.fromkeys(a for b in chain for a in atoms_of(terms, b.var))
     if len(atoms) != 1:
         return None
     (atom,) = atoms
@@ -113,27 +111,6 @@ def match_hyperbola(node: Integral) -> Sides | None:
     if above is None or below is None or all(isinstance(e, Const) for e in corners):
         return None
     return Sides(corners, above, below, _area(chain))
-
-
-def _terms(node: Integral) -> tuple[Integral | None, Expr]:
-    """Returns the inner integral of a nest of two, and the integrand; also for a body that is a sum of products with integrals over one
-    interval."""
-    box: Integral | None = None
-    total: list[Expr] = []
-    for term in node.body.children if isinstance(node.body, Add) else (node.body,):
-        factors = cast("Sequence[Expr]", term.children) if isinstance(term, Mul) else (term,)
-        found = [f for f in factors if isinstance(f, Integral)]
-        if len(found) != 1 or found[0].body.has_integral or is_unbounded(found[0]) or masses_of(found[0].body, found[0].var) is not None:
-            return None, ZERO
-        (inner,) = found
-        box = inner if box is None else box
-        if (inner.var, inner.lo, inner.hi) != (box.var, box.lo, box.hi) or inner.var is node.var:
-            return None, ZERO
-        rest = mul(*(f for f in factors if f is not inner))
-        if inner.var in rest.free:
-            return None, ZERO
-        total.append(mul(rest, inner.body))
-    return box, add(*total)
 
 
 def _is_bilinear(g: Expr, chain: Chain) -> bool:
@@ -157,26 +134,5 @@ def _area(chain: Chain) -> Expr:
 
 def _coefficients(e: Expr, chain: Chain, most: int) -> Coefficients | None:
     """Returns the coefficients of a polynomial of low degree in each variable; None for others."""
-    outer, inner = chain
-    x, y = inner.var, outer.var
-    if e.has_integral or e.has_delta or not e.free <= {x, y} or any(atoms_of(e, v) for v in (x, y)):
-        return None
-    poly = Shadow((x, y)).polynomial(e)
-    if poly is None or any(max(m) > most for m in poly):
-        return None
-    found: Coefficients = {}
-    corner: dict[Var, Expr] = {x: inner.lo, y: outer.lo}
-    width, height = distance(inner.lo, inner.hi), distance(outer.lo, outer.hi)
-    try:
-        for j in range(max((m[0] for m in poly), default=-1) + 1):
-            along = e
-            for k in range(max(m[1] for m in poly) + 1):
-                scale = mul(const(1.0 / (factorial(j) * factorial(k))), integer_power(width, j), integer_power(height, k))
-                value = mul(scale, cast(Expr, substitute(along, corner)))
-                if value is not ZERO:
-                    found[j, k] = value
-                along = slope(along, y)
-            e = slope(e, x)
-    except NotDifferentiableError:
-        return None
-    return found
+    found = coefficients(e, chain, scaled=True) if e.free <= {b.var for b in chain} else None
+    return None if found is None or any(max(powers) > most for powers in found) else found

@@ -1,0 +1,203 @@
+"""Moments of ellipses in C: `Ellipse` of `teg.program`; what they have in common is in runtime/ellipse.h."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterable, Sequence
+from math import comb
+
+from teg.backends.c.frame import Frame, Scope
+from teg.backends.c.text import indent, literal, packed, wrapped
+from teg.numerics.arcs import FEW, MANY, longest_arc
+from teg.numerics.quadrature import gauss_legendre
+from teg.program import Ellipse, Moments
+
+Powers = tuple[int, int]
+LARGEST = sys.float_info.max
+Wanted = tuple[tuple[Powers, ...], tuple[Powers, ...]]
+"""The moments of the inside, and those along the arcs."""
+
+
+def wanted(stmt: Ellipse) -> Wanted:
+    """Returns the moments of which the results are made, and of the inside those of lower powers."""
+    inside = {(a, b) for m in stmt.moments if m.kind != "border" for j, k, _ in m.terms for a in range(j + 1) for b in range(k + 1)}
+    border = {(j, k) for m in stmt.moments if m.kind == "border" for j, k, _ in m.terms}
+    return tuple(sorted(inside)), tuple(sorted(border))
+
+
+def function_name(moments: Wanted) -> str:
+    """Returns the name of the C function of some moments."""
+    inside, border = (("".join(f"_{j}{k}" for j, k in part)) for part in moments)
+    return f"teg_in{inside}_on{border}"
+
+
+def ellipse(stmt: Ellipse, frame: Frame) -> list[str]:
+    """Returns the inside of an ellipse's routine."""
+    scope = frame.scope()
+    u, v, radius, width, height, least = map(scope, stmt.place)
+    inside, border = wanted(stmt)
+    count, single = len(stmt.results), len(stmt.results) == 1
+    a, b, c, d = stmt.matrix
+    whole = a * d - b * c
+    inverse = d / whole, -b / whole, -c / whole, a / whole
+    reach = math.hypot(d, b) / whole, math.hypot(a, c) / whole
+
+    def leave(values: Sequence[str]) -> list[str]:
+        if single:
+            return [f"return {values[0]};"]
+        return [*packed(f"sum[{i}] = {value};" for i, value in enumerate(values)), "return;"]
+
+    def results(places: dict[str, str]) -> list[str]:
+        return [_polynomial(m, scope, places.get(m.kind, ""), (width, height)) for m in stmt.moments]
+
+    place = f"{u}, {v}, {radius}, {width}, {height}"
+    finite, known = (" + ".join(f"({x} - {x})" for x in dict.fromkeys(some)) for some in ((u, v, width, height), (radius, least)))
+    lines = [
+        f"static const double matrix[4] = {{{_listed(stmt.matrix)}}}, inverse[4] = {{{_listed(inverse)}}};",
+        f"static const double reach[2] = {{{_listed(reach)}}};",
+        f"const double largest = {radius} > {least} ? {radius} : {least};",
+        f"if (teg_box_beside(reach, {u}, {v}, largest * (1.0 + TEG_TANGENT), {width}, {height})) {{",
+        *indent(*leave(results({"below": "whole"}))),
+        "}",
+        f"if (!({finite} + {known} == 0.0)) {{",
+        f"    const double size = {' + '.join(f'{x} * {x}' for x in (u, v, width, height))};",
+        f"    if (size <= {literal(LARGEST)} && {radius} > {literal(LARGEST)}) {{",
+        *indent(*indent(*leave(results({"above": "whole"})))),
+        *indent("}", *leave(["NAN"] * count)),
+        "}",
+        "teg_ellipse curve;",
+        f"teg_trace_ellipse(&curve, matrix, inverse, {place});",
+        f"double in[{max(len(inside), 1)}], on[{max(len(border), 1)}];",
+        f"{function_name((inside, border))}(&curve, inverse, in, on);",
+    ]
+    if border:
+        lines += [
+            f"if ({radius} < {least}) {{",
+            *indent(
+                f"teg_trace_ellipse(&curve, matrix, inverse, {u}, {v}, {least}, {width}, {height});",
+                f"double unused[{max(len(inside), 1)}];",
+                f"{function_name((inside, border))}(&curve, inverse, unused, on);",
+            ),
+            "}",
+        ]
+    asked = {(j, k) for m in stmt.moments if m.kind != "border" for j, k, _ in m.terms}
+    lines += packed(f"const double in_{j}{k} = in[{i}];" for i, (j, k) in enumerate(inside) if (j, k) in asked)
+    lines += packed(f"const double on_{j}{k} = {0.5 / whole!r} * on[{i}];" for i, (j, k) in enumerate(border))
+    return [*lines, *leave(results({"above": "in", "below": "rest", "border": "on"}))]
+
+
+def _listed(numbers: Iterable[float]) -> str:
+    return ", ".join(map(repr, numbers))
+
+
+def _polynomial(moments: Moments, scope: Scope, place: str, extents: tuple[str, str]) -> str:
+    """Returns Σ c·moment, as an operand; the moments are variables, those of the whole box, or what an ellipse leaves of that."""
+    terms = []
+    for j, k, c in moments.terms:
+        whole = " * ".join([*[extents[0]] * (j + 1), *[extents[1]] * (k + 1), repr(1.0 / ((j + 1) * (k + 1)))])
+        moment = {"": "0.0", "whole": whole, "rest": f"({whole} - in_{j}{k})"}.get(place, f"{place}_{j}{k}")
+        terms.append(moment if c == 1.0 else f"{scope(c)} * {moment}")
+    return f"({' + '.join(terms)})" if place else "0.0"
+
+
+def moments_function(moments: Wanted) -> str:
+    """Returns the C function of some moments of the part of an ellipse in a box: ∫∫ uʲvᵏ inside, ∮ uʲvᵏ dφ along the arcs."""
+    inside, border = moments
+    degree = max([2 + max(j + k for j, k in inside)] if inside else [0])
+    degree = max([degree, *(j + k for j, k in border)])
+    on = [p for p in border if p != (0, 0)]
+    lines = [
+        f"static void {function_name(moments)}(const teg_ellipse *e, const double *inverse, double *in, double *on)",
+        "{",
+        *indent(
+            *(_rule(n) for n in (FEW, MANY)),
+            *([] if inside else ["(void)in;"]),
+            *([] if border else ["(void)on;"]),
+            *packed(f"double in_{j}{k} = 0.0;" for j, k in inside),
+            *packed(f"double on_{j}{k} = 0.0;" for j, k in border),
+            "for (int i = 0; i < e->arcs; i++) {",
+            *indent(
+                "teg_arc arc = e->arc[i];",
+                *(["on_00 += arc.angle;"] if (0, 0) in border else []),
+                *(_along(inside, on, degree) if inside or on else []),
+            ),
+            "}",
+            *(_chords(inside) if inside else []),
+            *packed(f"on[{i}] = e->sign * on_{j}{k};" for i, (j, k) in enumerate(border)),
+        ),
+        "}",
+    ]
+    return wrapped(lines)
+
+
+def _rule(n: int) -> str:
+    nodes, weights = gauss_legendre(n)
+    return f"static const double rule_{n}[{2 * n}] = {{{_listed((*nodes, *weights))}}};"
+
+
+def _along(inside: Sequence[Powers], on: Sequence[Powers], degree: int) -> list[str]:
+    """Returns the lines that add what the nodes on an arc give."""
+    names = [f"in_{j}{k}" for j, k in inside] + [f"on_{j}{k}" for j, k in on]
+    values = [_monomial("turning", "x", "y", p) for p in inside] + [_monomial("weight", "u", "v", p) for p in on]
+    turning = "weight * (x * at[3 * n + k] - y * at[2 * n + k])"
+    per_node = [
+        "const double weight = at[4 * n + k];",
+        *(["const double u = e->from_u + at[k], v = e->from_v + at[n + k];"] if on else []),
+        *(["const double x = at[k] - e->u, y = at[n + k] - e->v;"] if inside else []),
+        *([f"const double turning = {turning};"] if inside else []),
+        *(f"term[{m}][k - first] = {value};" for m, value in enumerate(values)),
+    ]
+    return [
+        f"const int n = arc.angle <= {longest_arc(FEW, degree)!r} ? {FEW} : {MANY};",
+        f"const int parts = n == {FEW} ? 1 : 1 + (int)(arc.angle * {1.0 / longest_arc(MANY, degree)!r});",
+        "for (int part = 0; part < parts; part++) {",
+        *indent(
+            f"double at[{5 * MANY}], term[{len(names)}][8];",
+            f"if (n == {FEW}) {{",
+            f"    teg_nodes_on_arc({FEW}, rule_{FEW}, inverse, &arc, arc.angle, at);",
+            "} else {",
+            f"    teg_nodes_on_arc({MANY}, rule_{MANY}, inverse, &arc, arc.angle / parts, at);",
+            "}",
+            "for (int first = 0; first < n; first += 8) {",
+            *indent("for (int k = first; k < first + 8; k++) {", *indent(*per_node), "}"),
+            *indent(*(f"{name} += teg_total(term[{m}]);" for m, name in enumerate(names))),
+            "}",
+        ),
+        "}",
+    ]
+
+
+def _monomial(factor: str, x: str, y: str, powers: Powers) -> str:
+    return " * ".join([factor, *[x] * powers[0], *[y] * powers[1]])
+
+
+def _chords(inside: Sequence[Powers]) -> list[str]:
+    """Returns the lines that add what the chords give, and move the moments from the point inside to the corner of the box."""
+    nodes, weights = gauss_legendre(max(j + k for j, k in inside) // 2 + 1)
+    steps = []
+    for x, w in zip(nodes, weights, strict=True):
+        lines = [
+            f"const double u = {0.5 * (1.0 - x)!r} * p + {0.5 * (1.0 + x)!r} * s, v = {0.5 * (1.0 - x)!r} * q + {0.5 * (1.0 + x)!r} * t;",
+            *(f"in_{j}{k} += {_monomial(f'{0.5 * w!r} * across', 'u', 'v', (j, k))};" for j, k in inside),
+        ]
+        steps += ["{", *indent(*lines), "}"] if len(inside) > 1 else ["in_00 += across;"]
+    moved = []
+    for i, (j, k) in enumerate(inside):
+        terms = []
+        for a in range(j + 1):
+            for b in range(k + 1):
+                factor = comb(j, a) * comb(k, b) / (a + b + 2)
+                terms.append(" * ".join([repr(factor), *["u"] * (j - a), *["v"] * (k - b), f"in_{a}{b}"]))
+        moved.append(f"in[{i}] = e->sign * ({' + '.join(terms)});")
+    return [
+        "for (int i = 0; i < e->chords; i++) {",
+        *indent(
+            "const double *c = e->chord[i], p = c[0] - e->u, q = c[1] - e->v, s = c[2] - e->u, t = c[3] - e->v;",
+            "const double across = p * t - q * s;",
+            *steps,
+        ),
+        "}",
+        *(["const double u = e->from_u + e->u, v = e->from_v + e->v;"] if len(inside) > 1 else []),
+        *moved,
+    ]

@@ -1,0 +1,23 @@
+"""Moments of ellipses, which the printed JAX programs call as `ellipses`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+
+from teg.backends.jax.runtime import Scalar
+from teg.backends.shared.ellipses import Kind, totals
+
+
+def moments(
+    matrix: Sequence[float],
+    place: Sequence[Scalar],
+    kinds: Sequence[Kind],
+    coefficients: Sequence[Sequence[Scalar]],
+    *,
+    when: Scalar = True,
+) -> tuple[Scalar, ...]:
+    """Returns the results of an `Ellipse`."""
+    found = totals(jnp, matrix, [jnp.asarray(v, jnp.float64) for v in place], kinds, coefficients)
+    return tuple(jnp.where(when, v, 0.0) for v in found)

@@ -1,0 +1,98 @@
+"""Moments of ellipses as statements: values and boundary terms of all integrals that share an ellipse and a box."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import cast
+
+from teg.analysis.boxes import Coefficients
+from teg.ir.integral import ClosedForm, Integral
+from teg.ir.node import Node
+from teg.passes.intrinsics.ellipse.match import Arcs, Matrix, Place, Sides, match_ellipse
+from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.intrinsic import Lowering
+from teg.program import Arg, Ellipse, Moments
+
+Curve = tuple[Matrix, Place]
+
+
+@dataclass
+class _Together:
+    """The moments needed of one ellipse on one box."""
+
+    regions: list[tuple[Integral, Sides]] = field(default_factory=list)
+    arcs: list[Arcs] = field(default_factory=list)
+
+
+class EllipseLowering(Lowering):
+    """Moments of the ellipses of one program. Statements go to `out`."""
+
+    name = "ellipse"
+
+    def __init__(self, out: Emitter) -> None:
+        self.out = out
+        self._together: dict[tuple[int, Curve], _Together] = {}  # by the level
+        self._sides: dict[Integral, Sides] = {}
+
+    def claim(self, level: Level, order: Sequence[Node]) -> list[Integral]:
+        """Returns the integrals of a level that are moments of an ellipse; records these and the arcs."""
+        if level.coordinates is not None:
+            return []
+        inner = {node.var for node in order if isinstance(node, Integral)}
+        claimed: list[Integral] = []
+        for node in order:
+            if not isinstance(node, Arcs | Integral):
+                continue
+            if node.free if level.var is None else level.var not in node.free or node.free & inner:
+                continue
+            if isinstance(node, Arcs):
+                self._shared(level, (node.matrix, node.place)).arcs.append(node)
+            elif (sides := match_ellipse(node)) is not None:
+                self._sides[node] = sides
+                self._shared(level, (sides.matrix, sides.place)).regions.append((node, sides))
+                claimed.append(node)
+        return claimed
+
+    def _shared(self, level: Level, curve: Curve) -> _Together:
+        return self._together.setdefault((id(level), curve), _Together())
+
+    def emit_claimed(self, node: Integral, home: Level) -> None:
+        """Gives an integral a name, and all that share its ellipse and box."""
+        sides = self._sides[node]
+        curve = sides.matrix, sides.place
+        together = self._together.get((id(home), curve), _Together())
+        if node not in (known for known, _ in together.regions):
+            together = _Together([(node, sides)])
+        self._emit(curve, together, home)
+
+    def closed_form(self, e: ClosedForm, home: Level) -> Arg | None:
+        """Returns the name of a moment along arcs."""
+        if not isinstance(e, Arcs):
+            return None
+        if e not in home.names:
+            curve = e.matrix, e.place
+            together = self._together.get((id(home), curve), _Together())
+            self._emit(curve, together if e in together.arcs else _Together(arcs=[e]), home)
+        return cast(Arg, home.names[e])
+
+    def _emit(self, curve: Curve, together: _Together, home: Level) -> None:
+        matrix, place = curve
+        moments: list[Moments] = []
+        names: list[str] = []
+        parts: dict[Node, list[str]] = {}
+        wanted: list[tuple[Node, str, Coefficients]] = []
+        for node, sides in together.regions:
+            wanted += [(node, "above", sides.inside), (node, "below", sides.outside)]
+        wanted += [(arcs, "border", arcs.coefficients) for arcs in together.arcs]
+        for shared, kind, coefficients in wanted:
+            if coefficients:
+                moments.append(Moments(kind, tuple((j, k, self.out.number(c, home)) for (j, k), c in coefficients.items())))
+                names.append(self.out.fresh("v"))
+                parts.setdefault(shared, []).append(names[-1])
+        if names:
+            numbers = tuple(self.out.number(e, home) for e in place)
+            home.block.append(Ellipse(matrix, numbers, tuple(moments), tuple(names)))
+        for known in dict.fromkeys(node for node, _, _ in wanted):
+            mine = parts.get(known, [])
+            home.names[known] = 0.0 if not mine else mine[0] if len(mine) == 1 else self.out.assign(home, "v", "add", *mine)

@@ -1,0 +1,297 @@
+"""Moments of ellipses on boxes, and along their arcs there, in every backend: as statements, and as the programs that become them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+
+import teg
+from teg.backends.c.kernel import compile_c
+from teg.backends.jax.kernel import compile_jax
+from teg.backends.numpy.kernel import compile_numpy
+from teg.ir.traverse import parameters
+from teg.program import Ellipse, Moments, Program, size, statements
+from teg.program.interpreter import interpret
+from tests.backends.c_checks import any_number_of_threads_gives_the_same, behaviour_is_defined, in_c, text_compiles_without_warnings
+from tests.backends.programs import Case, Row, columns, expected, program
+
+needs_c = in_c[0]
+BACKENDS = ["numpy", pytest.param("c", marks=needs_c), pytest.param("jax", marks=pytest.mark.slow)]
+pytestmark = pytest.mark.usefixtures("x64")
+
+Matrix = tuple[float, float, float, float]
+Place = tuple[float, float, float, float, float]
+"""u and v of the centre, the radius, width and height."""
+ROUND, LEANS, LONG = (1.0, 0.0, 0.0, 1.0), (1.3, 0.4, -0.2, 0.7), (8.0, 0.0, 0.0, 0.125)
+
+
+@cache
+def exact(matrix: Matrix, place: Place, kind: str, j: int, k: int) -> float:
+    """∫∫ uʲvᵏ w over the box to 20 digits: between the ends of each row, or by the angle between the crossings with the sides."""
+    with mpmath.workdps(28):
+        if kind == "border":
+            return float(_along(matrix, place, j, k))
+        inside = _inside(matrix, place, j, k)
+        width, height = map(mpmath.mpf, place[3:])
+        return float(inside if kind == "above" else width ** (j + 1) * height ** (k + 1) / ((j + 1) * (k + 1)) - inside)
+
+
+def _along(matrix: Matrix, place: Sequence[float], j: int, k: int) -> Any:
+    """½/|det A|·∮ uʲvᵏ dφ over the part of the ellipse in the box."""
+    a, b, c, d = map(mpmath.mpf, matrix)
+    u0, v0, radius, width, height = map(mpmath.mpf, place)
+    whole = a * d - b * c
+    (left, right), (bottom, top) = sorted((mpmath.mpf(0), width)), sorted((mpmath.mpf(0), height))
+    rows = (d * radius / whole, -b * radius / whole, u0, left, right), (-c * radius / whole, a * radius / whole, v0, bottom, top)
+    cuts = {-mpmath.pi, mpmath.pi}
+    for p, q, at, low, high in rows:  # at + p cos φ + q sin φ on a side
+        for side in (low, high):
+            if abs(side - at) < mpmath.hypot(p, q):
+                middle, turn = mpmath.atan2(q, p), mpmath.acos((side - at) / mpmath.hypot(p, q))
+                cuts |= {mpmath.atan2(mpmath.sin(phi), mpmath.cos(phi)) for phi in (middle - turn, middle + turn)}
+
+    def at_angle(phi: Any) -> list[Any]:
+        return [at + p * mpmath.cos(phi) + q * mpmath.sin(phi) for p, q, at, _, _ in rows]
+
+    total = mpmath.mpf(0)
+    for first, last in pairwise(sorted(cuts)):
+        u, v = at_angle((first + last) / 2)
+        if left < u < right and bottom < v < top:
+            total += mpmath.quad(lambda phi: at_angle(phi)[0] ** j * at_angle(phi)[1] ** k, [first, (first + last) / 2, last])
+    return (1 if (width >= 0) == (height >= 0) else -1) * total / (2 * abs(whole))
+
+
+def _inside(matrix: Matrix, place: Sequence[Any], j: int, k: int) -> Any:
+    """∫∫ uʲvᵏ over the part of the ellipse in the box, row by row."""
+    a, b, c, d = map(mpmath.mpf, matrix)
+    u0, v0, radius, width, height = map(mpmath.mpf, place)
+    uu, uv, vv, whole = a * a + c * c, a * b + c * d, b * b + d * d, abs(a * d - b * c)
+    (left, right), (bottom, top) = sorted((mpmath.mpf(0), width)), sorted((mpmath.mpf(0), height))
+    sign = (1 if width >= 0 else -1) * (1 if height >= 0 else -1)
+    low, high = max(bottom, v0 - radius * mpmath.sqrt(uu) / whole), min(top, v0 + radius * mpmath.sqrt(uu) / whole)
+    if low >= high:
+        return mpmath.mpf(0)
+    cuts = {low, high}
+    for u in (left, right):
+        rest = (uv * (u - u0)) ** 2 - vv * (uu * (u - u0) ** 2 - radius**2)
+        if rest > 0:
+            cuts |= {v for s in (-1, 1) if low < (v := v0 + (-uv * (u - u0) + s * mpmath.sqrt(rest)) / vv) < high}
+
+    def row(v: Any) -> Any:
+        rest = (uv * (v - v0)) ** 2 - uu * (vv * (v - v0) ** 2 - radius**2)
+        ends = [u0 + (-uv * (v - v0) + s * mpmath.sqrt(max(rest, 0))) / uu for s in (-1, 1)]
+        start, stop = (min(max(u, left), right) for u in ends)
+        return (stop ** (j + 1) - start ** (j + 1)) / (j + 1) * v**k
+
+    total = mpmath.mpf(0)
+    for first, last in pairwise(sorted(cuts)):
+        middle, half = (first + last) / 2, (last - first) / 2
+        total += mpmath.quad(lambda s, m=middle, h=half: row(m + h * mpmath.sin(s)) * h * mpmath.cos(s), [-mpmath.pi / 2, 0, mpmath.pi / 2])
+    return sign * total
+
+
+ROWS: list[Place] = [
+    (0.5, 0.5, 0.55, 1.0, 1.0),
+    (0.5, 0.5, 0.3, 1.0, 1.0),
+    (0.5, 0.5, 3.0, 1.0, 1.0),
+    (3.0, 0.5, 1.0, 1.0, 1.0),
+    (0.1, 0.2, 0.4, 1.0, 0.7),
+    (0.0, 0.0, 0.5, 1.0, 1.0),
+    (0.0, 0.0, 1.0, 1.0, 1.0),
+    (-0.3, 0.4, 0.6, 1.0, 1.0),
+    (0.5, -0.9, 1.0, 1.0, 1.0),
+    (1.2, 1.3, 0.9, 1.0, 1.0),
+    (0.4, 0.6, 0.5, -1.0, 1.0),
+    (-0.4, -0.6, 0.5, -1.0, -1.0),
+    (0.3, 0.2, 0.25, 1e-3, 1.0),
+    (0.5, 1e-9, 1e-8, 1.0, 1.0),
+    (0.5, 0.5, 1e-8, 1.0, 1.0),
+    (-60.0, -80.0, 100.5, 1.0, 1.0),
+    (0.5, 0.5, 0.5 + 2.0**-40, 1.0, 1.0),
+    (0.6, 0.8, 1.0 - 1e-9, 1.0, 1.0),
+]
+LOOSE = {ROWS[-1], ROWS[-2], ROWS[-3]}
+"""Those in which the ends of an arc lose digits: along a side that the circle touches, and far from the centre."""
+
+
+def moments(kind: str, powers: Sequence[tuple[int, int]]) -> list[Moments]:
+    """Each power alone."""
+    return [Moments(kind, ((j, k, 1.0),)) for j, k in powers]
+
+
+ASKED = [*moments("above", [(0, 0), (1, 0), (2, 2)]), *moments("below", [(0, 0)]), *moments("border", [(0, 0), (1, 2)])]
+
+
+def of_place(matrix: Matrix, asked: Sequence[Moments], least: float = 0.0, when: str | None = None) -> Program:
+    """Moments of the ellipse with p0, …, p4 as its place."""
+    results = tuple(f"v{i}" for i in range(len(asked)))
+    return program(5, (Ellipse(matrix, ("p0", "p1", "p2", "p3", "p4", least), tuple(asked), results, when),), *results)
+
+
+def case_of(name: str, matrix: Matrix, rows: Sequence[Place], tolerance: float) -> Case:
+    """All of these ellipses in one batch."""
+    answers: list[Row] = [tuple(exact(matrix, row, m.kind, *m.terms[0][:2]) for row in rows) for m in ASKED]
+    given: list[Row] = [tuple(row[i] for row in rows) for i in range(5)]
+    return Case(name, of_place(matrix, ASKED), tuple(given), tuple(answers), len(rows), tolerance)
+
+
+NAN, INF = math.nan, math.inf
+AREA, REST, LENGTH = (Moments(kind, ((0, 0, 1.0),)) for kind in ("above", "below", "border"))
+SPECIAL = Case(
+    "infinite, unknown and empty",
+    of_place(ROUND, (AREA, REST, LENGTH)),
+    ((0.5, INF, INF, NAN, 0.5, 0.5, 0.5), (0.5,) * 7, (INF, 1.0, INF, 1.0, 0.0, 1.0, 1.0), (1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0),
+     (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0)),
+    ((1.0, 0.0, NAN, NAN, 0.0, 0.0, 0.0), (0.0, 1.0, NAN, NAN, 1.0, 0.0, 0.0), (0.0, 0.0, NAN, NAN, math.pi, 0.0, 0.0)),
+    7,
+)  # fmt: skip
+LEAST = Case(
+    "a least radius", of_place(ROUND, (AREA, LENGTH), least=0.25), ((0.5, 0.0), (0.5, 0.5), (0.0, 1e-3), (1.0, 1.0), (1.0, 1.0)),
+    ((0.0, 0.5e-6 * math.pi), (math.pi, 0.5 * math.pi)), 2,
+)  # fmt: skip
+PLAIN = [row for row in ROWS if row not in LOOSE]
+CASES = [
+    case_of("circles", ROUND, PLAIN, 4e-15),
+    case_of("circles that touch and large ones", ROUND, sorted(LOOSE), 1e-6),
+    case_of("leaning ellipses", LEANS, PLAIN[:2] + PLAIN[4:12:2], 4e-15),
+    case_of("long ellipses", LONG, PLAIN[:2] + PLAIN[4:10:2], 4e-15),
+    SPECIAL,
+    LEAST,
+]
+
+
+def kernels(name: str) -> Any:
+    return {"numpy": compile_numpy, "c": compile_c, "jax": compile_jax}[name]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_statements(case: Case, backend: str) -> None:
+    kernel = kernels(backend)(case.program)
+    np.testing.assert_allclose(kernel(columns(case), case.n), expected(case), rtol=case.tolerance, atol=case.tolerance)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_the_interpreter(case: Case) -> None:
+    for i in range(case.n):
+        found = interpret(case.program, [column[i] for column in case.columns]).outputs
+        np.testing.assert_allclose(found, [row[i] for row in case.expected], rtol=case.tolerance, atol=case.tolerance)
+
+
+def test_circles_that_touch_lose_digits_of_the_border_only() -> None:
+    """The area is right to rounding also where the length of an arc is not."""
+    kernel = compile_numpy(of_place(ROUND, (AREA,)))
+    rows = [*ROWS, (0.5, 0.5, 0.5 + 1e-13, 1.0, 1.0), (0.5, 0.5, 0.5 - 1e-16, 1.0, 1.0), (1.0, 1.0, 1.0 + 1e-15, 1.0, 1.0)]
+    found = kernel([np.array(column) for column in zip(*rows, strict=True)], len(rows))[0]
+    np.testing.assert_allclose(found, [exact(ROUND, row, "above", 0, 0) for row in rows], rtol=3e-14, atol=1e-16)
+
+
+@needs_c
+def test_the_text_is_c99_without_warnings_and_its_behaviour_defined(tmp_path: Path) -> None:
+    some = [CASES[0], CASES[-2], CASES[-1]]
+    text_compiles_without_warnings(tmp_path, some)
+    behaviour_is_defined(tmp_path, some)
+
+
+@needs_c
+def test_any_number_of_threads_gives_the_same() -> None:
+    any_number_of_threads_gives_the_same(CASES[2], 300)
+
+
+# -- programs --------------------------------------------------------------------------------------------------------------
+
+x, y, z = teg.vars("x y z")
+a, b, r, t, s = teg.params("a b r t s")
+DISK = (x - a) ** 2 + (y - b) ** 2 < r**2
+PROGRAMS = {
+    "a disk": teg.bracket(DISK),
+    "what a disk leaves": 1 - teg.bracket(DISK),
+    "a quadratic inside": teg.bracket(DISK) * (1 + x * y - s * x**2),
+    "two colours": teg.where(DISK, t + x, s * y),
+    "an ellipse written out": teg.bracket(2 * x**2 + x * y + 3 * y**2 - a * x - b * y < r),
+    "not inside": teg.bracket((2 * x - a) ** 2 + (y + x - b) ** 2 > r),
+    "by level": teg.bracket(x**2 + y**2 < t),
+}
+AT = {"a": np.array([0.5, 0.1, 2.0]), "b": np.array([0.45, -0.2, 0.3]), "r": np.array([0.55, 0.6, 0.4]), "t": 0.4, "s": 0.7}
+
+
+def integral(name: str) -> teg.Expr:
+    return teg.integral(PROGRAMS[name], (x, 0, 1), (y, -0.25, 1))
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_a_program_is_one_statement(name: str) -> None:
+    e = integral(name)
+    f = teg.compile(e, parameters(e))
+    for order in (0, 1):
+        kinds = [type(stmt).__name__ for stmt in statements(f.program(order).body) if type(stmt).__name__ != "Assign"]
+        assert kinds == ["Ellipse"], kinds
+        assert size(f.program(order)) < 200
+
+
+def test_second_derivatives_are_those_without_intrinsics() -> None:
+    e = integral("a quadratic inside")
+    on, off = (teg.compile(e, [a, r], intrinsics=flag) for flag in (True, False))
+    at = {"a": 0.5, "b": 0.4, "r": 0.57, "s": 0.7}
+    first, second = on.hessian(at), off.hessian(at)
+    for row in ("a", "r"):
+        assert [first[row][other] for other in ("a", "r")] == pytest.approx([second[row][other] for other in ("a", "r")], abs=1e-10)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_slices_of_a_ball(backend: str) -> None:
+    """The gradient breaks where a slice goes through an edge of the box, or touches a side."""
+    ball = teg.integral(teg.bracket((x - a) ** 2 + (y - b) ** 2 + (z - t) ** 2 < r**2) * (1 + s * z * x), (x, 0, 1), (y, 0, 1), (z, 0, 1))
+    f = teg.compile(ball, [a, b, t, r, s], backend=backend)
+    exact_one = teg.compile(ball, [a, b, t, r, s], intrinsics=False, tol=1e-12)
+    at = {"a": 0.1, "b": 0.3, "t": 0.5, "r": 0.4, "s": 0.7}
+    (value, slopes), (true, others) = f.value_and_grad(at), exact_one.value_and_grad(at)
+    assert value == pytest.approx(true, abs=1e-11)
+    for name, slope in slopes.items():
+        assert slope == pytest.approx(others[name], abs=1e-11), name
+
+
+def test_a_disk_is_born_with_the_mean_of_both_sides() -> None:
+    f = teg.compile(teg.integral(teg.bracket((x - a) ** 2 + y**2 < t), (x, -1, 1), (y, -1, 1)), [t])
+    assert [f.grad(a=0.3, t=level)["t"] for level in (-1e-3, 0.0, 1e-3)] == pytest.approx([0.0, 0.5 * math.pi, math.pi], rel=1e-12)
+
+
+def test_estimates_hold_where_a_circle_nearly_touches() -> None:
+    f = teg.compile(teg.integral(teg.bracket(DISK), (x, 0, 1), (y, 0, 1)), [a, b, r])
+    for excess in (1e-3, 1e-6, 1e-9, 1e-12):
+        at = {"a": 0.5, "b": 0.5, "r": 0.5 + excess}
+        slopes, errors = f.grad_and_error(at)
+        with mpmath.workdps(40):
+            radius = mpmath.mpf(at["r"])
+            true = float(2 * radius * (mpmath.pi - 4 * mpmath.acos(mpmath.mpf(0.5) / radius)))
+        assert abs(slopes["r"] - true) <= errors["r"] + 1e-15
+        assert errors["r"] <= 1e-8
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_picture_of_disks(backend: str) -> None:
+    """In loops over pixels and disks, value and gradient of the sum of what each disk covers, weighted."""
+    i, j, k = teg.index("i"), teg.index("j"), teg.index("k")
+    disks, picture = teg.array("D", 2), teg.array("T", 2)
+    covered = teg.integral(teg.bracket((x - disks[k, 0]) ** 2 + (y - disks[k, 1]) ** 2 < disks[k, 2] ** 2), (x, i, i + 1), (y, j, j + 1))
+    e = teg.sum(picture[i, j] * covered, (k, 0, teg.length(disks, 0)), (i, 0, 6), (j, 0, 5))
+    rng = np.random.default_rng(3)
+    at = {"D": np.array([[2.3, 2.1, 1.7], [3.0, 3.0, 1.0], [0.2, 4.9, 0.6], [9.0, 1.0, 1.5]]), "T": rng.uniform(-1.0, 1.0, (6, 5))}
+    value, slopes = teg.compile(e, [disks], backend=backend).value_and_grad(at)
+    area, gradient = 0.0, np.zeros((4, 3))
+    for (row, column), weight in np.ndenumerate(at["T"]):
+        for number, (u, v, radius) in enumerate(at["D"]):
+            place = (u - row, v - column, radius, 1.0, 1.0)
+            area += weight * exact(ROUND, place, "above", 0, 0)
+            length, first, second = (exact(ROUND, place, "border", *powers) for powers in ((0, 0), (1, 0), (0, 1)))
+            gradient[number] += 2.0 * weight * np.array([first - place[0] * length, second - place[1] * length, radius * length])
+    assert value == pytest.approx(area, abs=1e-13)
+    np.testing.assert_allclose(slopes["D"], gradient, atol=1e-12)
