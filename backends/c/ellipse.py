@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterable, Sequence
 from math import comb
@@ -38,10 +37,7 @@ def ellipse(stmt: Ellipse, frame: Frame) -> list[str]:
     u, v, radius, width, height, least = map(scope, stmt.place)
     inside, border = wanted(stmt)
     count, single = len(stmt.results), len(stmt.results) == 1
-    a, b, c, d = stmt.matrix
-    whole = a * d - b * c
-    inverse = d / whole, -b / whole, -c / whole, a / whole
-    reach = math.hypot(d, b) / whole, math.hypot(a, c) / whole
+    a, b, c, d = map(scope, stmt.matrix)
 
     def leave(values: Sequence[str]) -> list[str]:
         if single:
@@ -54,8 +50,13 @@ def ellipse(stmt: Ellipse, frame: Frame) -> list[str]:
     place = f"{u}, {v}, {radius}, {width}, {height}"
     finite, known = (" + ".join(f"({x} - {x})" for x in dict.fromkeys(some)) for some in ((u, v, width, height), (radius, least)))
     lines = [
-        f"static const double matrix[4] = {{{_listed(stmt.matrix)}}}, inverse[4] = {{{_listed(inverse)}}};",
-        f"static const double reach[2] = {{{_listed(reach)}}};",
+        f"const double det = {a} * {d} - {b} * {c}, turn = det < 0.0 ? -1.0 : 1.0, whole = turn * det;",
+        f"const double matrix[4] = {{{a}, {b}, turn * {c}, turn * {d}}};",
+        "if (!(whole > 0.0)) {",
+        *indent(*leave(["NAN"] * count)),
+        "}",
+        f"const double inverse[4] = {{{d} / det, -{b} / whole, -{c} / det, {a} / whole}};",
+        f"const double reach[2] = {{hypot({d}, {b}) / whole, hypot({a}, {c}) / whole}};",
         f"const double largest = {radius} > {least} ? {radius} : {least};",
         f"if (teg_box_beside(reach, {u}, {v}, largest * (1.0 + TEG_TANGENT), {width}, {height})) {{",
         *indent(*leave(results({"below": "whole"}))),
@@ -83,7 +84,7 @@ def ellipse(stmt: Ellipse, frame: Frame) -> list[str]:
         ]
     asked = {(j, k) for m in stmt.moments if m.kind != "border" for j, k, _ in m.terms}
     lines += packed(f"const double in_{j}{k} = in[{i}];" for i, (j, k) in enumerate(inside) if (j, k) in asked)
-    lines += packed(f"const double on_{j}{k} = {0.5 / whole!r} * on[{i}];" for i, (j, k) in enumerate(border))
+    lines += packed(f"const double on_{j}{k} = 0.5 / whole * on[{i}];" for i, (j, k) in enumerate(border))
     return [*lines, *leave(results({"above": "in", "below": "rest", "border": "on"}))]
 
 

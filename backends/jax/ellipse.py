@@ -11,7 +11,7 @@ from teg.backends.shared.ellipses import Kind, totals
 
 
 def moments(
-    matrix: Sequence[float],
+    matrix: Sequence[Scalar],
     place: Sequence[Scalar],
     kinds: Sequence[Kind],
     coefficients: Sequence[Sequence[Scalar]],
@@ -19,5 +19,6 @@ def moments(
     when: Scalar = True,
 ) -> tuple[Scalar, ...]:
     """Returns the results of an `Ellipse`."""
-    found = totals(jnp, matrix, [jnp.asarray(v, jnp.float64) for v in place], kinds, coefficients)
+    place = [jnp.asarray(v, jnp.float64) for v in place]
+    found = totals(jnp, matrix, place, kinds, coefficients)
     return tuple(jnp.where(when, v, 0.0) for v in found)

@@ -430,7 +430,8 @@ def _ellipse(stmt: Ellipse) -> str:
     """The call of the moments of an ellipse."""
     kinds = inside(repr((m.kind, tuple((j, k) for j, k, _ in m.terms))) for m in stmt.moments)
     coefficients = inside(f"({inside(_text(c) for _, _, c in m.terms)})" for m in stmt.moments)
-    arguments = [repr(stmt.matrix), f"({inside(map(_text, stmt.place))})", f"({kinds})", f"({coefficients})"]
+    numbers = (f"({inside(map(_text, part))})" for part in (stmt.matrix, stmt.place))
+    arguments = [*numbers, f"({kinds})", f"({coefficients})"]
     arguments += [f"when={stmt.when}"] if stmt.when else []
     return f"({inside(stmt.results)}) = ellipses.moments({', '.join(arguments)})"
 

@@ -224,7 +224,7 @@ class _Printer:
                 self.hyperbola(number, stmt)
             case Ellipse():
                 kinds = inside(repr((m.kind, tuple((j, k) for j, k, _ in m.terms))) for m in stmt.moments)
-                self.lines += ["", "", f"ellipse_{number} = ellipses.EllipseMoments({stmt.matrix!r}, ({kinds}))"]
+                self.lines += ["", "", f"ellipse_{number} = ellipses.EllipseMoments(({kinds}))"]
             case _:
                 assert_never(stmt)
 
@@ -402,7 +402,8 @@ class _Printer:
                 name, limits = "hyperbola", [*stmt.corners, stmt.turn]
                 groups = [[_text(c) for m in stmt.moments for _, _, c in m.terms], captured(stmt, "scales")[0]]
             case Ellipse():
-                name, limits, groups = "ellipse", [], [map(_text, stmt.place), [_text(c) for m in stmt.moments for _, _, c in m.terms]]
+                coefficients = [_text(c) for m in stmt.moments for _, _, c in m.terms]
+                name, limits, groups = "ellipse", [], [map(_text, stmt.matrix), map(_text, stmt.place), coefficients]
             case When():
                 raise AssertionError("branches are written out")
             case _:

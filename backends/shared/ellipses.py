@@ -36,7 +36,7 @@ class EllipseMoments:
     Corners, sides and arcs are counted along a first axis: side i begins at corner i, arc i at the end of side i.
     """
 
-    def __init__(self, xp: Any, matrix: Sequence[float], given: Sequence[Any], kinds: Sequence[Kind]) -> None:
+    def __init__(self, xp: Any, matrix: Sequence[Any], given: Sequence[Any], kinds: Sequence[Kind]) -> None:
         self.xp, self.matrix = xp, matrix
         u, v, self.radius, width, height = given
         low_u, high_u = xp.minimum(width, 0.0), xp.maximum(width, 0.0)
@@ -186,7 +186,14 @@ def _moments(factor: Any, u: Any, v: Any, wanted: Sequence[Powers]) -> dict[Powe
     return found
 
 
-def certain(xp: Any, matrix: Sequence[float], given: Sequence[Any]) -> tuple[Any, Any]:
+def oriented(xp: Any, matrix: Sequence[Any]) -> tuple[Any, ...]:
+    """Returns a matrix A with a determinant that is not negative, and the same |Aw|."""
+    a, b, c, d = matrix
+    turn = xp.where(a * d - b * c < 0.0, -1.0, 1.0)
+    return a, b, turn * c, turn * d
+
+
+def certain(xp: Any, matrix: Sequence[Any], given: Sequence[Any]) -> tuple[Any, Any]:
     """Returns whether the ellipse of a place has all of the box inside, and whether its disk is beside the box, beyond one side of it."""
     a, b, c, d = matrix
     u, v, radius, width, height, least = given
@@ -197,9 +204,9 @@ def certain(xp: Any, matrix: Sequence[float], given: Sequence[Any]) -> tuple[Any
         inside = inside & (p * p + q * q < radius * radius)
     whole = a * d - b * c
     largest = xp.maximum(radius, least) * (1.0 + TANGENT)
-    reach_u, reach_v = largest * (math.hypot(d, b) / whole), largest * (math.hypot(a, c) / whole)
+    reach_u, reach_v = largest * (xp.hypot(d, b) / whole), largest * (xp.hypot(a, c) / whole)
     beside = (u - reach_u > most_u) | (u + reach_u < least_u) | (v - reach_v > most_v) | (v + reach_v < least_v)
-    return inside, beside & xp.isfinite(abs(width) + abs(height) + largest)
+    return inside & (whole > 0.0), beside & xp.isfinite(abs(width) + abs(height) + largest) & (whole > 0.0)
 
 
 def whole_boxes(xp: Any, given: Sequence[Any], kinds: Sequence[Kind], coefficients: Sequence[Sequence[Any]], inside: bool) -> list[Any]:
@@ -215,10 +222,9 @@ def whole_boxes(xp: Any, given: Sequence[Any], kinds: Sequence[Kind], coefficien
     return results
 
 
-def totals(
-    xp: Any, matrix: Sequence[float], given: Sequence[Any], kinds: Sequence[Kind], coefficients: Sequence[Sequence[Any]]
-) -> list[Any]:
+def totals(xp: Any, matrix: Sequence[Any], given: Sequence[Any], kinds: Sequence[Kind], coefficients: Sequence[Sequence[Any]]) -> list[Any]:
     """Returns the results of an `Ellipse`; `coefficients` has those of each result."""
+    matrix = oriented(xp, matrix)
     u, v, radius, width, height, least = given
     inside, border = ([k for k in kinds if (k[0] == "border") == wanted] for wanted in (False, True))
     if xp is np and not np.any(radius < least):
@@ -226,7 +232,7 @@ def totals(
     else:
         moments = EllipseMoments(xp, matrix, given[:5], inside)
         borders = EllipseMoments(xp, matrix, (u, v, xp.maximum(radius, least), width, height), border)
-    known = xp.isfinite(sum(abs(v) for v in given))
+    known = xp.isfinite(sum(abs(v) for v in given)) & (matrix[0] * matrix[3] - matrix[1] * matrix[2] > 0.0)
     holds, beside = certain(xp, matrix, given)
     results = []
     for (kind, powers), factors in zip(kinds, coefficients, strict=True):

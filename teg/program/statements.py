@@ -454,16 +454,16 @@ class Hyperbola:
 class Ellipse:
     """results = moments of g = r² - |A·((u, v) - c)|² on the box from (0, 0) to (width, height); 0 where `when` fails.
 
-    `matrix` is A by rows, det A > 0; `place` has both numbers of the centre c, the radius r, the width and the height, which may be
+    `matrix` is A by rows, `place` has both numbers of the centre c, the radius r, the width and the height, which may be
     negative, and the least radius at which a border is taken. A box without area has no moments. If r is infinite the box is inside, if c
-    is the box is outside; if both are, or a number of `place` is NaN, every result is NaN.
+    is the box is outside; if both are, or a number of `place` is NaN, or det A is 0 or NaN, every result is NaN.
 
     A corner is in the ellipse or not, |w| < r, and a side of which no end is in it has a chord if both ends of this lie on it. An arc of
     the circle from where it leaves the box to where it enters it again has almost no length, or almost that of the whole circle, if its
     ends are closer than CLOSE_ENDS·r: the latter where all sides are further than (1 - TANGENT)·r from the centre, on its outer side.
     """
 
-    matrix: tuple[float, ...]
+    matrix: Annotated[tuple[Arg, ...], NUMBER]
     place: Annotated[tuple[Arg, ...], NUMBER]
     moments: Annotated[tuple[Moments, ...], Part(each=True)]
     results: Annotated[tuple[str, ...], Result()]

@@ -264,8 +264,7 @@ class _Flat(_Verifier):
             self._tie(k, stmt)
 
     def _ellipse(self, stmt: Ellipse) -> None:
-        a, b, c, d = stmt.matrix
-        self.check(a * d - b * c > 0.0, f"the matrix of an ellipse has the determinant {a * d - b * c}", stmt)
+        self.check(len(stmt.matrix) == 4, f"{len(stmt.matrix)} numbers of the matrix of an ellipse", stmt)
         self.check(len(stmt.place) == 6, f"{len(stmt.place)} numbers of the place of an ellipse", stmt)
         kinds = {m.kind for m in stmt.moments}
         self.check(kinds <= {"above", "below", "border"}, f"moments of the kinds {kinds}", stmt)

@@ -219,8 +219,13 @@ PROGRAMS = {
     "an ellipse written out": teg.bracket(2 * x**2 + x * y + 3 * y**2 - a * x - b * y < r),
     "not inside": teg.bracket((2 * x - a) ** 2 + (y + x - b) ** 2 > r),
     "by level": teg.bracket(x**2 + y**2 < t),
+    "axes": teg.bracket(((x - a) / r) ** 2 + ((y - b) / s) ** 2 < 1) * (1 + x),
+    "axes over squares": teg.bracket((x - a) ** 2 / r**2 + (y - b) ** 2 / s**2 > t),
+    "turned": teg.bracket(
+        (((x - a) * teg.cos(t) + (y - b) * teg.sin(t)) / r) ** 2 + teg.exp(t) * ((y - b) * teg.cos(t) - (x - a) * teg.sin(t)) ** 2 < 0.5
+    ),
 }
-AT = {"a": np.array([0.5, 0.1, 2.0]), "b": np.array([0.45, -0.2, 0.3]), "r": np.array([0.55, 0.6, 0.4]), "t": 0.4, "s": 0.7}
+AT = {"a": np.array([0.5, 0.1, 2.0]), "b": np.array([0.45, -0.2, 0.3]), "r": np.array([0.55, 0.6, 0.4]), "t": 0.4, "s": 0.73}
 
 
 def integral(name: str) -> teg.Expr:
@@ -242,8 +247,7 @@ def test_second_derivatives_are_those_without_intrinsics() -> None:
     on, off = (teg.compile(e, [a, r], intrinsics=flag) for flag in (True, False))
     at = {"a": 0.5, "b": 0.4, "r": 0.57, "s": 0.7}
     first, second = on.hessian(at), off.hessian(at)
-    for row in ("a", "r"):
-        assert [first[row][other] for other in ("a", "r")] == pytest.approx([second[row][other] for other in ("a", "r")], abs=1e-10)
+    assert first == pytest.approx(second, abs=1e-10)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -273,7 +277,7 @@ def test_estimates_hold_where_a_circle_nearly_touches() -> None:
             radius = mpmath.mpf(at["r"])
             true = float(2 * radius * (mpmath.pi - 4 * mpmath.acos(mpmath.mpf(0.5) / radius)))
         assert abs(slopes["r"] - true) <= errors["r"] + 1e-15
-        assert errors["r"] <= 1e-8
+        assert errors["r"] <= 1e-7
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -129,6 +129,7 @@ def test_the_forms_are_all_nodes_and_functions_of_the_language() -> None:
     unknown = {
         "PointMasses",
         "ClosedForm",
+        "Arcs",
         "Border",
         "UncountedFloor",
     }  # what the compiler leaves of a δ, after elimination and when it schedules

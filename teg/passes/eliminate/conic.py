@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.critical import critical_point, is_above_birth, least_height
+from teg.analysis.critical import Critical, critical_point, is_above_birth, least_height
 from teg.analysis.nest import Binder, Chain, nest, ranges_of
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import tidy
@@ -32,6 +32,7 @@ from teg.errors import NotDifferentiableError
 from teg.ir.expr import (
     MINUS_ONE,
     ONE,
+    TRUE,
     ZERO,
     Add,
     Call,
@@ -70,17 +71,24 @@ EIGHTH = math.pi / 4
 
 @dataclass(frozen=True)
 class Squares:
-    """sign·g is top - (Mx + offsets)²."""
+    """sign·g is top - p² - q²; `bases` are p and q, affine in the variables, `rows` their derivatives."""
 
     top: Expr
-    matrix: tuple[tuple[float, float], tuple[float, float]]
-    offsets: tuple[Expr, Expr]
+    bases: tuple[Expr, Expr]
+    rows: tuple[tuple[Expr, Expr], tuple[Expr, Expr]]
+    sign: float
 
     @property
-    def inverse(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        (a, b), (c, d) = self.matrix
-        whole = a * d - b * c
-        return (d / whole, -b / whole), (-c / whole, a / whole)
+    def numbers(self) -> tuple[tuple[float, float], tuple[float, float]] | None:
+        """The rows, if they consist of numbers and are neither nearly parallel nor of very different lengths; else None."""
+        entries = [float(e.data) for row in self.rows for e in row if isinstance(e, Const)]
+        if len(entries) != 4:
+            return None
+        a, b, c, d = entries
+        long, short = sorted((math.hypot(a, b), math.hypot(c, d)), reverse=True)
+        if not (abs(a * d - b * c) >= LEAST_SINE * long * short > 0.0 and long <= MAX_ASPECT * short):
+            return None
+        return (a, b), (c, d)
 
 
 @dataclass(frozen=True)
@@ -110,9 +118,11 @@ def match_conic(g: Expr, variables: Sequence[Var]) -> Conic | None:
     if len(numbers) != 3:
         return None
     sign = -1.0 if numbers[0] > 0.0 else 1.0
-    squares = _squares(g, (x, y), sign)
-    if squares is not None:
-        return Conic((x, y), sign, squares.inverse, squares)
+    squares = squares_of(g, (x, y))
+    if squares is not None and squares.numbers is not None:
+        (p, q), (r, s) = squares.numbers
+        whole = p * s - q * r
+        return Conic((x, y), sign, ((s / whole, -q / whole), (-r / whole, p / whole)), squares)
     a, b, c = (-0.5 * sign * n for n in numbers)
     middle, radius = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
     if not a > 0.0 or not middle + radius <= MAX_CONDITION * (middle - radius):
@@ -121,36 +131,63 @@ def match_conic(g: Expr, variables: Sequence[Var]) -> Conic | None:
     return Conic((x, y), sign, ((1.0 / scale, -b / (a * across)), (0.0, 1.0 / across)))
 
 
-def _squares(g: Expr, variables: tuple[Var, Var], sign: float) -> Squares | None:
-    """Returns the squares of which g consists in the variables, if they are two; their factors are numbers."""
-    top: list[Expr] = []
-    rows: list[tuple[float, float]] = []
-    offsets: list[Expr] = []
-    terms: list[tuple[float, Expr]] = [(1.0, g)]
+def squares_of(g: Expr, variables: tuple[Var, Var]) -> Squares | None:
+    """Returns the two squares of affine functions of which g consists in the variables; None if it does not."""
+    top: list[tuple[float, Expr]] = []
+    found: list[tuple[float, Expr]] = []
+    terms: list[tuple[float, Expr, Expr]] = [(1.0, ONE, g)]  # a number, a root of the other factors, what they are multiplied with
     while terms:
-        factor, term = terms.pop()
+        factor, root, term = terms.pop()
         if free_of(term, variables):
-            top.append(mul(const(sign * factor), term))
+            top.append((factor, mul(integer_power(root, 2), term)))
         elif isinstance(term, Add):
-            terms += [(factor, c) for c in reversed(term.children)]
-        elif isinstance(term, Mul) and isinstance(term.children[0], Const):
-            terms.append((factor * term.children[0].data, mul(*term.children[1:])))
-        elif len(rows) < 2 and isinstance(term, Pow) and term.exponent == 2 and -sign * factor > 0.0:
-            root = math.sqrt(-sign * factor)
-            row = [root * float(r.data) for r in (slope(term.base, v) for v in variables) if isinstance(r, Const)]
-            if len(row) != 2:
+            terms += [(factor, root, c) for c in reversed(cast("Sequence[Expr]", term.children))]
+        elif isinstance(term, Mul):
+            split = _with_a_root(term, variables)
+            if split is None:
                 return None
-            rows.append((row[0], row[1]))
-            offsets.append(mul(const(root), cast(Expr, substitute(term.base, dict.fromkeys(variables, ZERO)))))
+            number, more, rest = split
+            terms.append((factor * number, mul(root, more), rest))
+        elif isinstance(term, Pow) and term.exponent == 2 and len(found) < 2:
+            found.append((factor, mul(root, term.base)))
         else:
             return None
-    if len(rows) != 2:
+    if len(found) != 2 or not found[0][0] * found[1][0] > 0.0:
         return None
-    (a, b), (c, d) = rows
-    long, short = sorted((math.hypot(a, b), math.hypot(c, d)), reverse=True)
-    if not (abs(a * d - b * c) >= LEAST_SINE * long * short > 0.0 and long <= MAX_ASPECT * short):
+    sign = -1.0 if found[0][0] > 0.0 else 1.0
+    bases = [mul(const(math.sqrt(-sign * factor)), base) for factor, base in found]
+    if any(Shadow(variables).degree(base) != 1 for base in bases):
         return None
-    return Squares(add(*top), (rows[0], rows[1]), (offsets[0], offsets[1]))
+    rows = [[slope(base, v) for v in variables] for base in bases]
+    if not all(free_of(e, variables) for row in rows for e in row):
+        return None
+    whole = add(*(mul(const(sign * factor), e) for factor, e in top))
+    return Squares(whole, (bases[0], bases[1]), ((rows[0][0], rows[0][1]), (rows[1][0], rows[1][1])), sign)
+
+
+def _with_a_root(term: Mul, variables: tuple[Var, Var]) -> tuple[float, Expr, Expr] | None:
+    """Returns a number and a root of the factors without the variables, and the one factor with them; None if there are others."""
+    number, roots, rest = 1.0, [], []
+    for factor in cast("Sequence[Expr]", term.children):
+        if isinstance(factor, Const):
+            number *= float(factor.data)
+        elif not free_of(factor, variables):
+            rest.append(factor)
+        elif (root := _root(factor)) is not None:
+            roots.append(root)
+        else:
+            return None
+    return (number, mul(*roots), rest[0]) if len(rest) == 1 else None
+
+
+def _root(e: Expr) -> Expr | None:
+    """Returns a root of an expression that is written as a square; None for others."""
+    powers = 1
+    while isinstance(e, Pow) and e.exponent % 2:
+        powers, e = powers * e.exponent, e.base
+    if isinstance(e, Pow):
+        return integer_power(e.base, powers * e.exponent // 2)
+    return call("exp", mul(const(0.5 * powers), e.children[0])) if isinstance(e, Call) and e.name == "exp" else None
 
 
 def rewrite_conic(g: Expr, coefficient: Expr, chain: Chain, data: Conic) -> Expr | None:
@@ -183,23 +220,30 @@ class Place:
 
 def place_of(g: Expr, boxes: Sequence[Binder], data: Conic) -> Place | None:
     """Returns where an ellipse is on a box; None if it has no centre."""
+    if data.squares is not None:
+        return replace(born(g, data.squares.top, data.sign), centre=_centre(data, data.squares))
     critical = critical_point(g, boxes)
     if critical is None:
         return None
-    if data.squares is not None:
-        top = data.squares.top
-        size = add(*(call("magnitude", term) for term in (top.children if isinstance(top, Add) else (top,))))
-        critical = replace(critical, point=_centre(data, data.squares), value=mul(const(data.sign), top), size=size)
     above = is_above_birth(g, critical)
     centre = {v: tidy(e) for v, e in critical.point.items()}
     square = mul(const(data.sign), tidy(critical.value))
     return Place(centre, square, least_height(critical), above if data.sign > 0.0 else negation(above))
 
 
+def born(g: Expr, top: Expr, sign: float) -> Place:
+    """Returns the place of an ellipse sign·g = top - p² - q², without its centre."""
+    size = add(*(call("magnitude", term) for term in (top.children if isinstance(top, Add) else (top,))))
+    critical = Critical({}, mul(const(sign), top), ONE, TRUE, size)
+    above = is_above_birth(g, critical)
+    return Place({}, tidy(top), least_height(critical), above if sign > 0.0 else negation(above))
+
+
 def _centre(data: Conic, squares: Squares) -> dict[Var, Expr]:
     """Returns the point at which both squares are 0."""
+    offsets = [cast(Expr, substitute(base, dict.fromkeys(data.variables, ZERO))) for base in squares.bases]
     return {
-        v: add(*(mul(const(-entry), offset) for entry, offset in zip(row, squares.offsets, strict=True)))
+        v: tidy(add(*(mul(const(-entry), offset) for entry, offset in zip(row, offsets, strict=True))))
         for v, row in zip(data.variables, data.inverse, strict=True)
     }
 

@@ -22,21 +22,26 @@ def ellipse(machine: Machine, stmt: Ellipse) -> list[float]:
     """Returns the results."""
     place = machine.numbers(stmt.place)
     width, height, least = place[3:]
+    a, b, c, d = machine.numbers(stmt.matrix)
+    turn = math.copysign(1.0, a * d - b * c)  # |A(x - c)| is the same if a row is negated
+    matrix = a, b, turn * c, turn * d
+    if not abs(a * d - b * c) > 0.0:
+        return [math.nan] * len(stmt.results)
     finite = all(map(math.isfinite, (*place[:2], width, height)))
     if not finite or not all(map(math.isfinite, place)):
         holds = finite and place[2] == math.inf and all(math.isfinite(x * x) for x in (*place[:2], width, height))
         beside = any(map(math.isinf, place[:2])) and not any(map(math.isnan, place[:2])) and all(map(math.isfinite, place[2:]))
         return [_whole(machine, m, width, height, holds) if holds or beside else math.nan for m in stmt.moments]
-    curve = _Curve(stmt.matrix, place)
-    borders = curve if place[2] >= least else _Curve(stmt.matrix, [*place[:2], least, width, height])
+    curve = _Curve(matrix, place)
+    borders = curve if place[2] >= least else _Curve(matrix, [*place[:2], least, width, height])
     results = []
     for wanted in stmt.moments:
         total = 0.0
-        for j, k, c in wanted.terms:
+        for j, k, factor in wanted.terms:
             moment = borders.border(j, k) if wanted.kind == "border" else curve.inside(j, k)
             if wanted.kind == "below":
                 moment = width ** (j + 1) * height ** (k + 1) / ((j + 1) * (k + 1)) - moment
-            total += machine.number(c) * moment
+            total += machine.number(factor) * moment
         results.append(total)
     return results
 

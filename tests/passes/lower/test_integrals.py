@@ -9,20 +9,12 @@ from teg.analysis.settings import Integration
 from teg.pipeline import flat_program, flatten, normal_form
 from teg.program import (
     Assign,
-    Hyperbola,
     Integrate,
-    Isolate,
-    Locate,
-    Polygon,
     Program,
-    Sample,
-    Segment,
-    SumOver,
-    When,
-    clipped_by,
     size,
     statements,
 )
+from teg.program.verify import verify_program
 from tests.references import Reference, untagged
 
 x, y = teg.vars("x y")
@@ -79,115 +71,11 @@ def test_value_and_gradient_share_the_value_loop() -> None:
     assert len(loops) == 1
 
 
-def names_of(p: Program) -> None:
-    """Every name is assigned once, before it is used, and used inside of its block only."""
-    assigned: set[str] = set()
-    seen: list[str] = []
-
-    def check(arg: object, known: set[str]) -> None:
-        if isinstance(arg, str):
-            assert arg in known, arg
-
-    def walk(block: tuple[object, ...], known: set[str]) -> set[str]:
-        known = set(known)
-        for s in block:
-            if isinstance(s, Assign):
-                for arg in s.args:
-                    check(arg, known)
-                seen.append(s.name)
-                known.add(s.name)
-            elif isinstance(s, Integrate):
-                for arg in (s.lo, s.hi, s.when, *s.breaks):
-                    check(arg, known)
-                flags = walk(s.flags, known | {s.var, *s.ends})
-                check(s.need, flags)
-                flags -= {*s.ends}
-                inside = walk(s.body, flags)
-                for arg in s.values:
-                    check(arg, inside)
-                seen.extend(s.results)
-                seen.extend((s.var, *s.ends))
-                known |= set(s.results)
-            elif isinstance(s, When):
-                check(s.when, known)
-                inside = walk(s.body, known)
-                assert set(s.results) <= inside - known
-                known |= set(s.results)
-            elif isinstance(s, Isolate):
-                for arg in (s.lo, s.hi, s.when):
-                    check(arg, known)
-                enclosure = walk(s.enclosure, known | {s.left, s.right})
-                point = walk(s.point, known | {s.var})
-                for arg in s.bounds:
-                    check(arg, enclosure)
-                for arg in (s.value, s.slope):
-                    check(arg, point)
-                seen.extend((s.left, s.right, s.var, *s.results))
-                known |= set(s.results)
-            elif isinstance(s, Locate):
-                for arg in (s.lo, s.hi, s.low, s.high, s.when):
-                    check(arg, known)
-                enclosure = walk(s.enclosure, known | {s.left, s.right, s.bottom, s.top})
-                for arg in s.bounds:
-                    check(arg, enclosure)
-                given = (*s.results, *(() if s.lost is None else (s.lost,)))
-                seen.extend((s.left, s.right, s.bottom, s.top, *given))
-                known |= set(given)
-            elif isinstance(s, SumOver):
-                for arg in (*s.points, s.when):
-                    check(arg, known)
-                inside = walk(s.body, known | {s.var})
-                for arg in s.values:
-                    check(arg, inside)
-                seen.extend((s.var, *s.results))
-                known |= set(s.results)
-            elif isinstance(s, Polygon | Segment):
-                if isinstance(s, Polygon):
-                    for arg in clipped_by(s):
-                        check(arg, known)
-                check(s.when, known)
-                inside = walk(s.setup, known)
-                for arg in (*s.factors, *clipped_by(s)):
-                    check(arg, inside)
-                if isinstance(s, Segment):
-                    scaled = walk(s.scales, inside)
-                    for g in s.half_lines:
-                        check(g.scale, scaled)
-                variables = set(s.variables) if isinstance(s, Polygon) else {s.var}
-                body = walk(s.body, inside | variables)
-                for arg in s.values:
-                    check(arg, body)
-                seen.extend((*variables, *s.results))
-                known |= set(s.results)
-            elif isinstance(s, Hyperbola):
-                for arg in (s.when, *s.corners, *(c for m in s.moments for _, _, c in m.terms)):
-                    check(arg, known)
-                inside = walk(s.scales, known)
-                for arg in s.scale:
-                    check(arg, inside)
-                seen.extend(s.results)
-                known |= set(s.results)
-            elif isinstance(s, Sample):
-                check(s.when, known)
-                inside = walk(s.body, known | set(s.points))
-                for arg in s.values:
-                    check(arg, inside)
-                seen.extend((*s.points, *s.results, *s.estimates))
-                known |= {*s.results, *s.estimates}
-        return known
-
-    top = walk(p.body, {f"p{i}" for i in range(len(p.parameters))})
-    for output in p.outputs:
-        check(output, top)
-    assigned.update(seen)
-    assert len(assigned) == len(seen)
-
-
 @pytest.mark.parametrize("reference", untagged("slow"), ids=lambda r: r.id)
 def test_every_name_is_assigned_once_and_used_in_its_scope(reference: Reference) -> None:
     f = teg.compile(reference.build(), [teg.param(k) for k in reference.params])
     for orders in (0, 1):
-        names_of(f.program(orders))
+        verify_program(f.program(orders))
         assert size(f.program(orders)) == sum(1 for _ in statements(f.program(orders).body))
 
 

@@ -1,6 +1,6 @@
 """Moments of ellipses: `match` recognises integrals and boundary terms, `lowering` makes the statement, `errors` its estimates.
 
-operands    the centre and the radius of an ellipse with axes of numbers, the extents of a box; coefficients of polynomials
+operands    the axes, the centre and the radius of an ellipse, the extents of a box; coefficients of polynomials
 results     Σ c·∫∫ uʲvᵏ over g > 0, over g <= 0, or along g = 0
 off         two integrals by pieces, with square roots at their ends; boundary terms over four quarters by angle
 """
@@ -14,6 +14,7 @@ from teg.ir.expr import Expr
 from teg.ir.integral import Integral
 from teg.ir.node import postorder
 from teg.passes.eliminate.conic import Conic
+from teg.passes.eliminate.implicit import Implicit
 from teg.passes.intrinsics.ellipse.errors import with_errors
 from teg.passes.intrinsics.ellipse.lowering import EllipseLowering
 from teg.passes.intrinsics.ellipse.match import match_arcs, match_ellipse
@@ -23,7 +24,8 @@ from teg.program import Ellipse
 
 def boundary(g: Expr, coefficient: Expr, chain: Chain, data: Any) -> Expr | None:
     """Returns the boundary term of an ellipse, if the coefficient is a polynomial; else None."""
-    return match_arcs(g, coefficient, chain, data) if isinstance(data, Conic) else None
+    is_plane = isinstance(data, Conic | Implicit) and len(data.variables) == 2
+    return match_arcs(g, coefficient, chain, data.variables) if is_plane else None
 
 
 def describe(node: Integral) -> Description | None:

@@ -30,10 +30,7 @@ def with_errors(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> None:
     moved = tuple(errors.fresh("v") for _ in kinds)
     place = (errors.op(out, "add", u, step), errors.op(out, "sub", v, step), errors.op(out, "add", radius, step), width, height, least)
     out.append(replace(stmt, place=place, moments=single, results=moved))
-    relative: Arg = ROUNDINGS
-    off = errors.sum_of((errors.error(c) for c in stmt.place), out)
-    if off != 0.0:
-        relative = errors.op(out, "add", relative, errors.op(out, "div", off, size))
+    relative = _relative(errors, stmt, size, out)
     relative = errors.op(out, "mul", 1.0 / STEP, relative)
     spread: dict[tuple[str, int, int], Arg] = {}
     for (key, name), other in zip(kinds.items(), moved, strict=True):
@@ -47,3 +44,20 @@ def with_errors(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> None:
             if errors.error(c) != 0.0:
                 parts.append(errors.op(out, "mul", errors.error(c), errors.op(out, "abs", kinds[key])))
         errors.errors[result] = errors.sum_of(parts, out)
+
+
+def _relative(errors: Errors, stmt: Ellipse, size: Arg, out: list[Stmt]) -> Arg:
+    """Returns how far the curve may be off, relative to the size of its place: roundings by the condition of its matrix, and the errors of
+    its numbers."""
+    a, b, c, d = stmt.matrix
+    squares = [errors.op(out, "mul", e, e) for e in stmt.matrix]
+    sum_of_squares = errors.op(out, "max", errors.op(out, "add", *squares), LEAST)
+    whole = errors.op(out, "abs", errors.op(out, "sub", errors.op(out, "mul", a, d), errors.op(out, "mul", b, c)))
+    relative = errors.op(out, "mul", ROUNDINGS, errors.op(out, "div", sum_of_squares, errors.op(out, "max", whole, LEAST)))
+    off = errors.sum_of((errors.error(e) for e in stmt.place), out)
+    if off != 0.0:
+        relative = errors.op(out, "add", relative, errors.op(out, "div", off, size))
+    turned = errors.sum_of((errors.error(e) for e in stmt.matrix), out)
+    if turned != 0.0:
+        relative = errors.op(out, "add", relative, errors.op(out, "div", turned, errors.op(out, "sqrt", sum_of_squares)))
+    return relative

@@ -77,7 +77,6 @@ class EllipseLowering(Lowering):
         return cast(Arg, home.names[e])
 
     def _emit(self, curve: Curve, together: _Together, home: Level) -> None:
-        matrix, place = curve
         moments: list[Moments] = []
         names: list[str] = []
         parts: dict[Node, list[str]] = {}
@@ -91,8 +90,8 @@ class EllipseLowering(Lowering):
                 names.append(self.out.fresh("v"))
                 parts.setdefault(shared, []).append(names[-1])
         if names:
-            numbers = tuple(self.out.number(e, home) for e in place)
-            home.block.append(Ellipse(matrix, numbers, tuple(moments), tuple(names)))
+            axes, numbers = (tuple(self.out.number(e, home) for e in part) for part in curve)
+            home.block.append(Ellipse(axes, numbers, tuple(moments), tuple(names)))
         for known in dict.fromkeys(node for node, _, _ in wanted):
             mine = parts.get(known, [])
             home.names[known] = 0.0 if not mine else mine[0] if len(mine) == 1 else self.out.assign(home, "v", "add", *mine)

@@ -1,13 +1,14 @@
 """Polynomials on one side of an ellipse over a box, and on the ellipse itself: moments by its chords and arcs.
 
-    ∫∫ P(x, y)·[g(x, y) > 0] dx dy,   ∫∫ P(x, y)·δ(g(x, y)) dx dy        g = ±(κ - |A(x - c)|²),  A of numbers
+    ∫∫ P(x, y)·[g(x, y) > 0] dx dy,   ∫∫ P(x, y)·δ(g(x, y)) dx dy        g = ±(κ - |A(x - c)|²)
 
 Both are Σ c_jk·M_jk with the coefficients c_jk of P at a corner of the box and the moments M_jk of the region, or of the curve, which
-depend on the centre c, the radius √κ and the extents of the box: one statement, `Ellipse`, for all integrals that share them. Without it
-the outer integral has a break wherever the curve crosses a side, and square roots at the ends, and the curve is cut into four quarters.
+depend on A, the centre c, the radius √κ and the extents of the box: one statement, `Ellipse`, for all integrals that share them. Without
+it the outer integral has a break wherever the curve crosses a side, and square roots at the ends, and the curve is cut into quarters.
 
-A boundary term stands in an expression as an `Arcs`. It is made only where derivatives end, because it has no derivative. An outer
-integral of it has a break wherever the curve goes through a corner of the box, or touches a side.
+g is an ellipse whatever its parameters are if it is written with two squares of affine functions, or if its quadratic part is definite and
+consists of numbers. A boundary term stands in an expression as an `Arcs`. It is made only where derivatives end, because it has no
+derivative. An outer integral of it has a break wherever the curve goes through a corner of the box, or touches a side.
 """
 
 from __future__ import annotations
@@ -18,19 +19,34 @@ from typing import cast
 
 from teg.analysis.boxes import Coefficients, coefficients, nest_of_two
 from teg.analysis.nest import Binder, Chain, nest
-from teg.analysis.polynomial import distance
+from teg.analysis.polynomial import Shadow, distance
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
-from teg.ir.expr import FALSE, TRUE, ZERO, Call, Cond, Const, Expr, call, const, integer_power, mul, sub, where
+from teg.ir.expr import (
+    FALSE,
+    TRUE,
+    ZERO,
+    Cond,
+    Const,
+    Expr,
+    Var,
+    add,
+    call,
+    const,
+    div,
+    integer_power,
+    mul,
+    sub,
+    where,
+)
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.traverse import replace_node, substitute
-from teg.passes.eliminate.conic import Conic, match_conic, place_of
+from teg.passes.eliminate.conic import Conic, born, match_conic, place_of, squares_of
 
 MAX_DEGREE = 6
 """Of the polynomial along the curve; of the one inside it is two less, for the nodes along the arcs are the same."""
-MAX_CONDITION = 1e3
-"""The largest ratio of the axes: at the corners of a box that is seen by A no side may go straight on."""
-Matrix = tuple[float, float, float, float]
+Matrix = tuple[Expr, ...]
+"""A by rows: two numbers each, for the inner variable and the outer one."""
 Place = tuple[Expr, ...]
 """Both numbers of the centre about the corner of both lower bounds, the radius, the extents, and the least radius of a border."""
 
@@ -38,8 +54,8 @@ Place = tuple[Expr, ...]
 class Arcs(ClosedForm):
     """∫∫ over a box of Σ c·uʲvᵏ·δ(g), g = 0 an ellipse.
 
-    A function of its place, of g at the corners of the box, of the least g along each side, and of the coefficients. Data are the matrix
-    and the powers (j, k).
+    A function of the matrix and the place, of g at the corners of the box, of the least g along each side, and of the coefficients. Data
+    are the powers (j, k).
     """
 
     __slots__ = ()
@@ -50,28 +66,28 @@ class Arcs(ClosedForm):
 
     @property
     def matrix(self) -> Matrix:
-        return cast(Matrix, self.data[0])
+        return tuple(cast("Sequence[Expr]", self.children[:4]))
 
     @property
     def place(self) -> Place:
-        return tuple(cast("Sequence[Expr]", self.children[:6]))
+        return tuple(cast("Sequence[Expr]", self.children[4:10]))
 
     @property
     def coefficients(self) -> Coefficients:
-        powers = cast("tuple[tuple[int, int], ...]", self.data[1])
+        powers = cast("tuple[tuple[int, int], ...]", self.data)
         return dict(zip(powers, self.terms, strict=True))
 
     @property
     def kinks(self) -> Sequence[Expr]:
-        return cast("Sequence[Expr]", self.children[6:10])
-
-    @property
-    def births(self) -> Sequence[Expr]:
         return cast("Sequence[Expr]", self.children[10:14])
 
     @property
+    def births(self) -> Sequence[Expr]:
+        return cast("Sequence[Expr]", self.children[14:18])
+
+    @property
     def terms(self) -> Sequence[Expr]:
-        return cast("Sequence[Expr]", self.children[14:])
+        return cast("Sequence[Expr]", self.children[18:])
 
 
 @dataclass(frozen=True)
@@ -84,12 +100,12 @@ class Sides:
     outside: Coefficients
 
 
-def match_arcs(g: Expr, coefficient: Expr, chain: Chain, data: Conic) -> Expr | None:
-    """Returns ∫∫ coefficient·δ(g) over a chain of integrals as those of a function of the place of the ellipse; None for other
-    coefficients."""
-    box = tuple(b for b in chain if b.var in data.variables)
-    others = tuple(b for b in chain if b.var not in data.variables)
-    inside, outside = set(data.variables), {b.var for b in others}
+def match_arcs(g: Expr, coefficient: Expr, chain: Chain, variables: Sequence[Var]) -> Expr | None:
+    """Returns ∫∫ coefficient·δ(g) over a chain of integrals as those of a function of the place of an ellipse in two variables; None for
+    other surfaces and coefficients."""
+    box = tuple(b for b in chain if b.var in variables)
+    others = tuple(b for b in chain if b.var not in variables)
+    inside, outside = set(variables), {b.var for b in others}
     if any(e.free & inside for b in chain for e in (b.lo, b.hi)) or any(e.free & outside for b in box for e in (b.lo, b.hi)):
         return None
     if _is_endless(box):
@@ -97,12 +113,11 @@ def match_arcs(g: Expr, coefficient: Expr, chain: Chain, data: Conic) -> Expr | 
     found = coefficients(coefficient, box)
     if found is None or any(j + k > MAX_DEGREE for j, k in found):
         return None
-    known = _placed(g, box, data)
-    if known is None:
+    curve = _curve(g, box)
+    if curve is None:
         return None
-    matrix, place, exists = known
-    arcs = Arcs.make((matrix, tuple(found)), (*place, *_corners(g, box), *_touching(matrix, place), *found.values()))
-    return nest(where(exists, arcs, ZERO), others)
+    arcs = Arcs.make(tuple(found), (*curve.matrix, *curve.place, *_corners(g, box), *_touching(curve), *found.values()))
+    return nest(where(curve.exists, arcs, ZERO), others)
 
 
 def _corners(g: Expr, box: Chain) -> list[Expr]:
@@ -111,21 +126,15 @@ def _corners(g: Expr, box: Chain) -> list[Expr]:
     return [cast(Expr, substitute(g, {inner.var: u, outer.var: v})) for u in (inner.lo, inner.hi) for v in (outer.lo, outer.hi)]
 
 
-def _touching(matrix: Matrix, place: Place) -> list[Expr]:
+def _touching(curve: _Curve) -> list[Expr]:
     """Returns, for each side of the box, a function that is 0 where the ellipse touches its line."""
-    (a, b, c, d), (u, v, radius, width, height, _) = matrix, place
-    whole = a * d - b * c
+    (a, b, c, d), (u, v, _, width, height, _) = curve.matrix, curve.place
+    square = integer_power(sub(mul(a, d), mul(b, c)), 2)
     found = []
     for at, extent, (p, q) in ((u, width, (b, d)), (v, height, (a, c))):
-        reach = mul(const((p * p + q * q) / (whole * whole)), _squared(radius))
-        found += [sub(reach, integer_power(sub(side, at), 2)) for side in (ZERO, extent)]
+        reach = mul(add(integer_power(p, 2), integer_power(q, 2)), curve.square)
+        found += [sub(reach, mul(square, integer_power(sub(side, at), 2))) for side in (ZERO, extent)]
     return found
-
-
-def _squared(radius: Expr) -> Expr:
-    """Returns κ of √max(κ, 0)."""
-    inside = radius.children[0] if isinstance(radius, Call) and radius.name == "sqrt" else None
-    return inside.children[0] if isinstance(inside, Call) and inside.name == "max" else integer_power(radius, 2)
 
 
 def match_ellipse(node: Integral) -> Sides | None:
@@ -140,48 +149,67 @@ def match_ellipse(node: Integral) -> Sides | None:
     if len(atoms) != 1:
         return None
     (atom,) = atoms
-    data = match_conic(atom.g, (inner.var, outer.var)) if atom.resolution is None else None
-    if data is None or any(atoms_of(atom.g, b.var) for b in chain):
+    if atom.resolution is not None or any(atoms_of(atom.g, b.var) for b in chain):
         return None
     above, below = (coefficients(cast(Expr, replace_node(integrand, atom, c)), chain) for c in (TRUE, FALSE))
-    known = _placed(atom.g, chain, data)
-    if above is None or below is None or known is None or any(j + k > MAX_DEGREE - 2 for j, k in (*above, *below)):
+    if above is None or below is None or any(j + k > MAX_DEGREE - 2 for j, k in (*above, *below)):
         return None
-    matrix, place, _ = known
-    return Sides(matrix, place, above, below) if data.sign > 0.0 else Sides(matrix, place, below, above)
+    curve = _curve(atom.g, chain)
+    if curve is None:
+        return None
+    return Sides(curve.matrix, curve.place, *((above, below) if curve.sign > 0.0 else (below, above)))
 
 
 def _is_endless(chain: Chain) -> bool:
     return any(isinstance(e, Const) and abs(e.data) == float("inf") for b in chain for e in (b.lo, b.hi))
 
 
-def _placed(g: Expr, chain: Chain, data: Conic) -> tuple[Matrix, Place, Cond] | None:
-    """Returns the matrix and the place of an ellipse, and the condition under which there is a curve; None if it is too long."""
-    outer, inner = chain
-    matrix = _matrix(data, inner)
-    place = place_of(g, chain, data) if matrix is not None else None
-    if matrix is None or place is None:
+@dataclass(frozen=True)
+class _Curve:
+    """An ellipse on a box, the κ of its radius, the sign of g inside, and whether there is a curve, with a tie at κ = 0."""
+
+    matrix: Matrix
+    place: Place
+    square: Expr
+    sign: float
+    exists: Cond
+
+
+def _curve(g: Expr, box: Chain) -> _Curve | None:
+    """Returns the ellipse of a surface on a box; None for other surfaces."""
+    outer, inner = box
+    variables = inner.var, outer.var
+    if Shadow(variables).degree(g) != 2:
         return None
-    radius = call("sqrt", call("max", place.square, ZERO))
-    numbers = (
-        sub(place.centre[inner.var], inner.lo),
-        sub(place.centre[outer.var], outer.lo),
-        radius,
-        distance(inner.lo, inner.hi),
-        distance(outer.lo, outer.hi),
-        call("sqrt", call("max", place.least, ZERO)),
-    )
-    return matrix, numbers, place.exists
+    squares = squares_of(g, variables)
+    if squares is not None:
+        if squares.numbers is None and all(isinstance(e, Const) for row in squares.rows for e in row):
+            return None
+        (a, b), (c, d) = squares.rows
+        p, q = (cast(Expr, substitute(base, {inner.var: inner.lo, outer.var: outer.lo})) for base in squares.bases)
+        whole = sub(mul(a, d), mul(b, c))
+        centre = div(sub(mul(b, q), mul(d, p)), whole), div(sub(mul(c, p), mul(a, q)), whole)
+        sign, place = squares.sign, born(g, squares.top, squares.sign)
+    else:
+        data = match_conic(g, variables)
+        known = None if data is None else place_of(g, box, data)
+        if data is None or known is None:
+            return None
+        (a, b), (c, d) = _inverse(data, inner)
+        whole = sub(mul(a, d), mul(b, c))
+        centre = sub(known.centre[inner.var], inner.lo), sub(known.centre[outer.var], outer.lo)
+        sign, place = data.sign, known
+    if whole is ZERO:
+        return None
+    extents = distance(inner.lo, inner.hi), distance(outer.lo, outer.hi)
+    radius, least = (call("sqrt", call("max", square, ZERO)) for square in (place.square, place.least))
+    return _Curve((a, b, c, d), (*centre, radius, *extents, least), place.square, sign, place.exists)
 
 
-def _matrix(data: Conic, inner: Binder) -> Matrix | None:
-    """Returns A for points (u, v), u along the inner variable, with a positive determinant; None if one axis is much longer."""
+def _inverse(data: Conic, inner: Binder) -> tuple[tuple[Expr, Expr], tuple[Expr, Expr]]:
+    """Returns A of an ellipse of numbers, for points (u, v), u along the inner variable."""
     (a, b), (c, d) = data.inverse
     if data.variables[0] is not inner.var:
         (a, b), (c, d) = (c, d), (a, b)
     whole = a * d - b * c
-    sizes, product = a * a + b * b + c * c + d * d, abs(whole)
-    if not product > 0.0 or not sizes <= MAX_CONDITION * product:
-        return None
-    turn = 1.0 if whole > 0.0 else -1.0
-    return d / whole, -b / whole, -turn * c / whole, turn * a / whole
+    return (const(d / whole), const(-b / whole)), (const(-c / whole), const(a / whole))
