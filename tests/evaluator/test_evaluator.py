@@ -200,8 +200,8 @@ def test_products_with_vectors_over_a_batch(f: teg.Evaluator) -> None:
 
 
 def test_the_product_of_the_hessian_forms_no_matrix(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of forty parameters: exact, a program of a size like the gradient's, and second derivatives are never asked for."""
-    ts = [teg.param(f"t{i}") for i in range(40)]
+    """Of fourteen parameters: exact, a program of a size like the gradient's, and second derivatives are never asked for."""
+    ts = [teg.param(f"t{i}") for i in range(14)]
     e = teg.integral(teg.bracket(sum(p * x**i for i, p in enumerate(ts)) > 0.5) * teg.exp(x), (x, 0, 1))
     f = teg.compile(e, ts)
     at = {p.name: 0.1 + 0.01 * i for i, p in enumerate(ts)}
@@ -214,7 +214,7 @@ def test_the_product_of_the_hessian_forms_no_matrix(monkeypatch: pytest.MonkeyPa
         difference = (slopes[0][k] - 8 * slopes[1][k] + 8 * slopes[2][k] - slopes[3][k]) / (12 * h)
         assert found == pytest.approx(difference, rel=1e-6, abs=1e-7)
     some = f.hvp({**at, "t3": np.array([0.1, 0.2])}, {"t0": 1.0})
-    assert some["t39"].shape == (2,)
+    assert some["t13"].shape == (2,)
 
 
 def test_tuples() -> None:
