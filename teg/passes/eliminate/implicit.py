@@ -19,7 +19,7 @@ from teg.analysis.calculus import slope
 from teg.analysis.critical import critical_point, infinite_at_saddle, is_above_birth, least_height
 from teg.analysis.isolation import isolate, widened
 from teg.analysis.nest import Binder, Chain, nest, ranges_of
-from teg.analysis.surfaces import free_of, restrict, signed_inside
+from teg.analysis.surfaces import free_of, ordered, restrict, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Var, add, call, integer_power, mul, sub, where
 from teg.ir.integral import Integral, PointMasses, delta, integral_over, masses_of
@@ -84,7 +84,7 @@ def _chart_weights(slopes: Sequence[Expr], boxes: Sequence[Binder], power: int) 
     overflows."""
     if len(slopes) == 1:
         return [integer_power(call("magnitude", slopes[0]), -1)]
-    extents = [sub(b.hi, b.lo) for b in boxes]
+    extents = [sub(b.hi, b.lo) if ordered(b.lo, b.hi) > 0 else call("magnitude", sub(b.hi, b.lo)) for b in boxes]
     sizes = [call("magnitude", mul(s, extent)) for s, extent in zip(slopes, extents, strict=True)]
     largest = sizes[0]
     for size in sizes[1:]:

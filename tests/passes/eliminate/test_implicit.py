@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -336,3 +337,23 @@ def test_where_a_curve_and_a_circle_cross_is_a_break_in_both_variables() -> None
     g = a * x**2 * y - 0.548 * x * y + 0.304 * x * y**3 - 0.132 * x * y**2 - 0.75 * x**3 * y + 0.855 * x**2 * y**2 + 0.834 * y**2
     f = teg.compile(teg.integral(teg.bracket((g < t) & (x * x + y * y < b)) * (1 + x * y), (y, -1, 1), (x, -1, 1)))
     assert f.grad(at)["b"] == pytest.approx(2.359924269230896, rel=1e-11)
+
+
+@pytest.mark.parametrize("bounds", [(1.3, -0.4), teg.params("high low")], ids=["numbers", "parameters"])
+@pytest.mark.parametrize("surface", ["superellipse", "turned ellipse"])
+def test_reversed_bounds_turn_the_sign(surface: str, bounds: Any) -> None:
+    """Of each chart: a chart over x sums roots in y, and the other way round."""
+    x, y = teg.vars("x y")
+    a, t = teg.params("a t")
+    inside = {"superellipse": (x - a) ** 4 + y**4 < t, "turned ellipse": (x - a * y) ** 2 + (y + a * x) ** 2 < t}[surface]
+    body = teg.bracket(inside) * (1 + a * x * y)
+    forward, reverse = (teg.integral(body, (x, *ends), (y, -0.7, 0.9)) for ends in ((-0.4, 1.3), bounds))
+    at = {"a": 0.3, "t": 0.45}
+    f, g = (teg.compile(e, [a, t], intrinsics=False) for e in (forward, reverse))
+    ends = {"high": 1.3, "low": -0.4} if "high" in g.parameters else {}
+    value, slopes = f.value_and_grad(at)
+    turned, others = g.value_and_grad(at | ends)
+    assert turned == pytest.approx(-value, rel=1e-9)
+    for name, slope in slopes.items():
+        assert others[name] == pytest.approx(-slope, abs=1e-9)
+    assert g.hessian(at | ends)["t", "t"] == pytest.approx(-f.hessian(at)["t", "t"], abs=1e-7)
