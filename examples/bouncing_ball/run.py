@@ -115,8 +115,9 @@ def _over_a_floor(settings: Mapping[str, Any], kinds: list[Discontinuities], pro
         finally:
             replay.save()
     labelled = {LABELS[kind]: search for kind, search in searches.items()}
-    draw_flights(folder / SHEET, labelled)
-    draw_animation(folder / ANIMATION, labelled)
+    with np.errstate(all="ignore"):  # a floor may have poles beside the path
+        draw_flights(folder / SHEET, labelled)
+        draw_animation(folder / ANIMATION, labelled)
     reports = []
     for kind, search in searches.items():
         places = search.moving.reshape(2, -1).tolist()
