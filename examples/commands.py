@@ -22,7 +22,8 @@ def add_demos(demos: argparse._SubParsersAction[Any]) -> None:
     """Adds a parser for each demonstration. Values that are not given are absent, so that --fast and --repeat can fill them in."""
     for name, demo in DEMOS.items():
         fast = ", ".join(f"{_flag(k)} {v}" for k, v in demo.fast.items())
-        parser = demos.add_parser(name, help=demo.about, description=demo.about, argument_default=ABSENT)
+        about = f"{demo.about[0].upper()}{demo.about[1:]}. {demo.help.replace('%', '%%')}"
+        parser = demos.add_parser(name, help=demo.about, description=about, argument_default=ABSENT)
         if demo.photo:
             parser.add_argument("photo", nargs="?", metavar="PHOTO", help=f"any file that Pillow reads (scikit-image's {demo.photo})")
         for option, value in demo.defaults.items():

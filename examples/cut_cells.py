@@ -1,8 +1,9 @@
 """Finite elements on cells that a level set cuts, and the shape derivative of a Poisson problem.
 
     teg demo cut-cells                      (python -m teg.examples.cut_cells runs it without pictures)
+    teg demo cut-cells --level "0.5 - x**2 - 2*y**4"
 
-    -Δu = 1 in Ω,   u = 0 on ∂Ω,        Ω = {ω > 0},   ω = s² - x² - y² + k·(x³ - 3xy²) + c
+    -Δu = 1 in Ω,   u = 0 on ∂Ω,        Ω = {ω > 0},   ω = s² - x² - y² + k·(x³ - 3xy²), or any formula of x and y
 
 The square is cut into cells that do not follow Ω. The area of Ω in a cell is one integral of a bracket. Where it is less than the cell's,
 `f.nodes` gives the points and weights of its quadrature; other cells have Gauss's. With these any finite elements can be assembled; here
@@ -10,14 +11,15 @@ u = ω·v with biquadratic B-splines v, which is 0 on ∂Ω. The energy J = ∫u
 
     ∂J/∂p = ∫ |∇u|²·V ds over ∂Ω          V = ∂ω/∂p / |∇ω|: how fast the boundary moves with the parameter p (Hadamard)
 
-and `f.nodes(by="c")` gives points on ∂Ω with the weights ds/|∇ω|. For k = 0, Ω is a disk, with J = πs⁴/8.
+and `f.nodes(by="c")`, the nodes of the derivative by a number c added to ω, gives points on ∂Ω with the weights ds/|∇ω|. For k = 0, Ω is a
+disk, with J = πs⁴/8. For a formula of the user's, p is c.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,33 +27,77 @@ import numpy as np
 import numpy.typing as npt
 
 import teg
+from teg.errors import InputError
 from teg.evaluator.options import Backend
+from teg.examples.formula import read_formula
+from teg.ir.expr import Expr
 
 Array = npt.NDArray[np.float64]
 HALF = 1.2345
 """The square is (-HALF, HALF)². No side of a cell touches ∂Ω where it is parallel: nodes on ∂Ω crowd there, and miss the tolerance."""
+LEVEL, BENT = "s**2 - x**2 - y**2 + k*(x**3 - 3*x*y**2)", {"s": 0.75, "k": 0.35}
+FINE = 400  # points a side, at which a level set is looked at
 
 x, y = teg.vars("x y")
-left, bottom, width, s, k, c = teg.params("left bottom width s k c")
+left, bottom, width, c = teg.params("left bottom width c")
 
 
-def level(px: Any, py: Any, size: Any, bend: Any) -> Any:
-    """Returns ω, positive in Ω."""
-    return size**2 - px**2 - py**2 + bend * (px**3 - 3 * px * py**2)
+@dataclass(frozen=True)
+class Region:
+    """Where a formula of x and y, and of parameters with these `values`, is positive.
+
+    `area` is the area in a cell, `level` the formula with its slopes by x and y, and its derivatives by all parameters, c the last.
+    """
+
+    formula: str
+    values: Mapping[str, float]
+    area: teg.Evaluator
+    level: teg.Evaluator
+
+    @property
+    def moving(self) -> list[str]:
+        """Returns the names of the parameters by which the energy is differentiated: c, which is added to ω, if there is no other."""
+        return [name for name in self.values if name != "c"] or ["c"]
+
+    def at(self, points: Array) -> Array:
+        """Returns ω, its slopes by x and y, and its derivatives by the parameters in `values`, at points (n, 2): (3 + parameters, n)."""
+        px, py = points.T
+        return np.stack(np.broadcast_arrays(*self.level({**self.values, "x": px, "y": py}), px)[:-1])
+
+    def by(self, name: str, points: Array) -> Array:
+        """Returns the derivative of ω by a parameter, (n,)."""
+        return np.asarray(self.at(points)[3 + list(self.values).index(name)])
 
 
-@cache
-def area_of_cell(backend: Backend) -> teg.Evaluator:
-    """Returns the compiled area of Ω in a cell."""
-    inside = teg.bracket(level(x, y, s, k) + c > 0)
+def make_region(formula: str = LEVEL, values: Mapping[str, float] = BENT, backend: Backend = "numpy") -> Region:
+    """Returns the region of a formula. Raises InputError if there is none inside of the square."""
+    parameters = {name: teg.param(name) for name in values}
+
+    def level(px: Expr, py: Expr) -> Expr:
+        return read_formula(formula, {"x": px, "y": py, **parameters}, "the level set", "0.5 - x**2 - 2*y**4") + c
+
     cell = (x, left, left + width), (y, bottom, bottom + width)
-    return teg.compile(teg.integral(inside, *cell), [c], backend=backend, tol=1e-8, order=8)
+    area = teg.compile(teg.integral(teg.bracket(level(x, y) > 0), *cell), [c], backend=backend, tol=1e-8, order=8)
+    px, py = teg.params("x y")
+    omega = level(px, py)
+    slopes = [teg.diff(omega, p) for p in (px, py, *parameters.values(), c)]
+    region = Region(formula, {**values, "c": 0.0}, area, teg.compile(teg.tuple(omega, *slopes), [], backend=backend, inaccurate="ignore"))
+    ticks = np.linspace(-HALF, HALF, FINE)
+    heights = np.stack([region.at(np.stack(row, axis=1))[0] for row in zip(*np.meshgrid(ticks, ticks), strict=True)])
+    if not np.isfinite(heights).all():
+        raise InputError(f"the level set {formula!r} is not finite everywhere", None, f"a formula that is, for |x|, |y| <= {HALF}")
+    if not (heights > 0).any():
+        raise InputError(f"the level set {formula!r} is positive nowhere", None, f"positive in a region within |x|, |y| < {HALF}")
+    if max(heights[[0, -1]].max(), heights[:, [0, -1]].max()) >= 0:
+        raise InputError(f"the region of {formula!r} reaches the border", None, f"a formula that is negative for |x| or |y| = {HALF}")
+    return region
 
 
 @dataclass
 class Solution:
-    """Coefficients of the B-splines, the energy J and its derivatives by s and k, and the nodes: inside, and on the boundary."""
+    """Coefficients of the B-splines, the energy J and its derivatives, and the nodes: inside, and on the boundary."""
 
+    region: Region
     cells: int
     coefficients: Array
     energy: float
@@ -60,18 +106,18 @@ class Solution:
     weights: Array
     boundary: Array
 
-    def values(self, points: Array, size: float, bend: float) -> Array:
+    def values(self, points: Array) -> Array:
         """Returns u at points, (n,); 0 outside."""
         splines, _ = b_splines(points, self.cells)
-        return np.asarray(np.maximum(level(points[:, 0], points[:, 1], size, bend), 0) * (splines @ self.coefficients))
+        return np.asarray(np.maximum(self.region.at(points)[0], 0) * (splines @ self.coefficients))
 
 
-def solve(cells: int, size: float, bend: float, backend: Backend = "numpy", derivatives: bool = True) -> Solution:
+def solve(region: Region, cells: int, derivatives: bool = True) -> Solution:
     """Returns the solution on cells × cells cells."""
-    cut, points, weights = quadrature(cells, size, bend, backend)
-    omega, slope = level(points[:, 0], points[:, 1], size, bend), slopes_of_level(points, bend)
+    cut, points, weights = quadrature(region, cells)
+    omega, *slope = region.at(points)[:3]
     splines, gradients = b_splines(points, cells)
-    trial, by_place = omega[:, None] * splines, slope[:, :, None] * splines + omega[:, None] * gradients
+    trial, by_place = omega[:, None] * splines, np.stack(slope)[:, :, None] * splines + omega[:, None] * gradients
     stiffness = sum(part.T @ (weights[:, None] * part) for part in by_place)
     load = trial.T @ weights
     used = np.flatnonzero(np.diag(stiffness) > 1e-14 * np.diag(stiffness).max())  # the others see next to nothing of Ω
@@ -79,42 +125,37 @@ def solve(cells: int, size: float, bend: float, backend: Backend = "numpy", deri
     scaled = scale[:, None] * stiffness[np.ix_(used, used)] * scale
     coefficients = np.zeros(splines.shape[1])
     coefficients[used] = scale * np.linalg.lstsq(scaled, scale * load[used], rcond=1e-13)[0]
-    solution = Solution(cells, coefficients, float(load @ coefficients), {}, points, weights, np.zeros((0, 2)))
+    solution = Solution(region, cells, coefficients, float(load @ coefficients), {}, points, weights, np.zeros((0, 2)))
     if derivatives:
-        solution.boundary, rate = flat(*area_of_cell(backend).nodes(cut, by="c"))
+        solution.boundary, rate = flat(*region.area.nodes(cut, by="c"))
         v = b_splines(solution.boundary, cells)[0] @ coefficients
-        normal = v**2 * (slopes_of_level(solution.boundary, bend) ** 2).sum(axis=0)  # |∇u|²
-        px, py = solution.boundary.T
-        solution.slopes = {"s": 2 * size * float(rate @ normal), "k": float(rate @ (normal * (px**3 - 3 * px * py**2)))}
+        normal = v**2 * (region.at(solution.boundary)[1:3] ** 2).sum(axis=0)  # |∇u|²
+        solution.slopes = {p: float(rate @ (normal * region.by(p, solution.boundary))) for p in region.moving}
     return solution
 
 
-def quadrature(cells: int, size: float, bend: float, backend: Backend) -> tuple[dict[str, Any], Array, Array]:
+def quadrature(region: Region, cells: int) -> tuple[dict[str, Any], Array, Array]:
     """Returns the arguments of the cells that ∂Ω cuts, and the points, (n, 2), and weights of a quadrature over Ω."""
     h = 2 * HALF / cells
     ticks = -HALF + h * np.arange(cells)
     corners = np.stack([np.repeat(ticks, cells), np.tile(ticks, cells)])
-    f, given = area_of_cell(backend), {"width": h, "s": size, "k": bend, "c": 0.0}
-    covered = f(given | {"left": corners[0], "bottom": corners[1]}) / h**2
+    given = {**region.values, "width": h}
+    covered = region.area(given | {"left": corners[0], "bottom": corners[1]}) / h**2
     is_cut, is_inside = (covered > 0) & (covered < 1 - 1e-12), covered >= 1 - 1e-12
     cut = given | {"left": corners[0, is_cut], "bottom": corners[1, is_cut]}
     gauss, rule = (h / 2 * part for part in np.polynomial.legendre.leggauss(6))
     grid = np.stack(np.meshgrid(gauss, gauss), axis=-1).reshape(-1, 2) + h / 2
     inside = (corners.T[is_inside][:, None] + grid).reshape(-1, 2)
-    points, weights = flat(*f.nodes(cut))
+    points, weights = flat(*region.area.nodes(cut))
     return cut, np.concatenate([points, inside]), np.concatenate([weights, np.tile(np.outer(rule, rule).ravel(), is_inside.sum())])
 
 
 def flat(points: Array, weights: Array) -> tuple[Array, Array]:
-    """Returns the nodes of all cells as one list."""
+    """Returns the nodes of all cells as one list. Raises InputError if there are none."""
     counted = weights != 0
+    if not counted.any():
+        raise InputError("no cell has nodes in the region and on its border", None, "a region, or numbers, that are not as small")
     return points[counted], weights[counted]
-
-
-def slopes_of_level(points: Array, bend: float) -> Array:
-    """Returns ∇ω, (2, n)."""
-    px, py = points.T
-    return np.stack([-2 * px + 3 * bend * (px**2 - py**2), -2 * py - 6 * bend * px * py])
 
 
 def b_splines(points: Array, cells: int) -> tuple[Array, Array]:
@@ -137,30 +178,39 @@ def _quadratic(t: Array) -> tuple[Array, Array]:
     return np.select(where, inner, 0.0), np.select(where, slope, 0.0)
 
 
-def differences(cells: int, size: float, bend: float, backend: Backend, step: float = 1e-5) -> dict[str, float]:
+def differences(region: Region, cells: int, step: float = 1e-5) -> dict[str, float]:
     """Returns the derivatives of J by differences of whole solutions, to compare."""
-    ends = {"s": ((size + step, bend), (size - step, bend)), "k": ((size, bend + step), (size, bend - step))}
-    return {
-        name: (solve(cells, *a, backend, False).energy - solve(cells, *b, backend, False).energy) / (2 * step)
-        for name, (a, b) in ends.items()
-    }
+
+    def energy(name: str, shift: float) -> float:
+        moved = replace(region, values={**region.values, name: region.values[name] + shift})
+        return solve(moved, cells, derivatives=False).energy
+
+    return {name: (energy(name, step) - energy(name, -step)) / (2 * step) for name in region.moving}
 
 
-def main(cells: int = 6, size: float = 0.75, bend: float = 0.35, backend: Backend = "numpy") -> tuple[Solution, dict[str, Any]]:
-    """Prints the disk against its closed form, and a bent shape against differences; returns the second solution and the numbers."""
-    disk = solve(cells, size, 0.0, backend)
-    error = abs(disk.energy / (math.pi * size**4 / 8) - 1), abs(disk.slopes["s"] / (math.pi * size**3 / 2) - 1)
+def main(cells: int = 6, formula: str | None = None, backend: Backend = "numpy") -> tuple[Solution, dict[str, Any]]:
+    """Prints the disk against its closed form, and a bent shape, or that of a formula, against differences; returns its solution and the
+    numbers.
+    """
+    region = make_region(backend=backend) if formula is None else make_region(formula, {}, backend)
+    s = BENT["s"]
+    disk = solve(make_region(values={"s": s, "k": 0.0}, backend=backend), cells)
+    error = abs(disk.energy / (math.pi * s**4 / 8) - 1), abs(disk.slopes["s"] / (math.pi * s**3 / 2) - 1)
     print(f"disk: J = {disk.energy:.15f}, off by {error[0]:.1e}; ∂J/∂s = {disk.slopes['s']:.15f}, off by {error[1]:.1e}")
-    bent, numbers = solve(cells, size, bend, backend), differences(cells, size, bend, backend)
-    for name in ("s", "k"):
-        print(f"bent: ∂J/∂{name} = {bent.slopes[name]:.9f} by Hadamard's formula, {numbers[name]:.9f} by differences of whole solutions")
-    return bent, {
+    solution, numbers = solve(region, cells), differences(region, cells)
+    finer = solve(region, cells + 1, derivatives=False).energy
+    label = "bent" if formula is None else formula
+    print(f"{label}: J = {solution.energy:.9f} on {cells} × {cells} cells, {finer:.9f} on {cells + 1} × {cells + 1}")
+    for name in region.moving:
+        print(f"{label}: ∂J/∂{name} = {solution.slopes[name]:.9f} by Hadamard, {numbers[name]:.9f} by differences of whole solutions")
+    return solution, {
         "disk_errors": error,
-        "energy": bent.energy,
-        "slopes": bent.slopes,
+        "energy": solution.energy,
+        "energy_on_finer_cells": finer,
+        "slopes": solution.slopes,
         "differences": numbers,
-        "nodes": len(bent.weights),
-        "boundary_nodes": len(bent.boundary),
+        "nodes": len(solution.weights),
+        "boundary_nodes": len(solution.boundary),
     }
 
 
@@ -168,7 +218,7 @@ def run_cut_cells(out: str | Path = "out/cut-cells", progress: bool = True, **op
     """Solves, prints and draws; writes to `out`, returns the contents of run.json. It has no progress bar, and nothing is random.
 
     The options are those of `teg demo cut-cells` (`examples/options.py`). Raises InputError for those that cannot be used,
-    MissingPackageError.
+    AccuracyError where the nodes of a formula miss the tolerance, MissingPackageError.
     """
     from teg.examples.harness import finish, require_packages, result_folder
     from teg.examples.options import resolved
@@ -176,36 +226,38 @@ def run_cut_cells(out: str | Path = "out/cut-cells", progress: bool = True, **op
     require_packages("cut-cells demo", {"matplotlib": "matplotlib"}, progress=False)
     settings = resolved("cut-cells", {"out": out, **options})
     folder = result_folder(Path(out))
-    bent, numbers = main(settings["cells"], backend=settings["backend"])
-    draw(bent, folder / "cut_cells.png")
-    off = max(abs(bent.slopes[name] / numbers["differences"][name] - 1) for name in bent.slopes)
+    solution, numbers = main(settings["cells"], settings["level"], settings["backend"])
+    draw(solution, folder / "cut_cells.png")
+    off = max(abs(solution.slopes[name] / numbers["differences"][name] - 1) for name in solution.slopes)
     report = {"summary": [f"shape derivatives off by {off:.1e} of those by differences"], **numbers, "pictures": ["cut_cells.png"]}
     return finish(folder, "cut-cells", settings, report)
 
 
-def draw(solution: Solution, path: Path, size: float = 0.75, bend: float = 0.35) -> None:
+def draw(solution: Solution, path: Path) -> None:
     """Draws the nodes in the cells and on the boundary, and u."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12, 6), layout="constrained")
+    low, high = (np.clip(end, -HALF, HALF) for end in (solution.points.min(axis=0) - 0.2, solution.points.max(axis=0) + 0.2))
+    side = (high - low).max() / 2
+    figure = Figure(figsize=(12, 1 + 2.5 * (high - low)[1] / side), layout="constrained")
     nodes, field = figure.subplots(1, 2)
     ticks = np.linspace(-HALF, HALF, solution.cells + 1)
     for axes in (nodes, field):
         for tick in ticks:
             axes.plot([tick, tick], [-HALF, HALF], color="#c8ccd2", linewidth=0.7, zorder=0)
             axes.plot([-HALF, HALF], [tick, tick], color="#c8ccd2", linewidth=0.7, zorder=0)
-        axes.set(aspect="equal", xlim=(-1, HALF), ylim=(-1.1, 1.1))
+        axes.set(aspect="equal", xlim=((low + high)[0] / 2 - side, (low + high)[0] / 2 + side), ylim=(low[1], high[1]))
         axes.set_axis_off()
-    nodes.scatter(*solution.points.T, s=2500 * solution.weights, color="#2b6cb0", linewidth=0)
+    nodes.scatter(*solution.points.T, s=2500 * solution.weights / side**2, color="#2b6cb0", linewidth=0)
     nodes.scatter(*solution.boundary.T, s=5, color="#c2412d", linewidth=0)
     nodes.set_title(
         f"{len(solution.weights)} nodes inside, their area the weight, and {len(solution.boundary)} on the boundary", fontsize=11
     )
     px, py = np.meshgrid(np.linspace(-HALF, HALF, 500), np.linspace(-HALF, HALF, 500))
-    u = np.stack([solution.values(np.stack(row, axis=1), size, bend) for row in zip(px, py, strict=True)])  # all at once are a gigabyte
-    u[level(px, py, size, bend) <= 0] = np.nan
-    drawn = field.contourf(px, py, u, levels=16, cmap="viridis")
-    field.contour(px, py, level(px, py, size, bend), levels=[0], colors="#c2412d", linewidths=1.5)
+    rows = [np.stack(row, axis=1) for row in zip(px, py, strict=True)]  # all at once are a gigabyte
+    omega, u = (np.stack([of(row) for row in rows]) for of in (lambda row: solution.region.at(row)[0], solution.values))
+    drawn = field.contourf(px, py, np.where(omega > 0, u, np.nan), levels=16, cmap="viridis")
+    field.contour(px, py, omega, levels=[0], colors="#c2412d", linewidths=1.5)
     figure.colorbar(drawn, ax=field, shrink=0.7)
     field.set_title("u, with -Δu = 1 inside and u = 0 on the boundary", fontsize=11)
     figure.savefig(path, dpi=100)

@@ -50,7 +50,7 @@ OPTIONS = {
     "seed": Option(int, "of what is random at the start", "N", 0),
     "colours": Option(str, "of a triangle, as polynomials of the place", choices=("constant", "linear", "quadratic")),
     "optimiser": Option(str, "how the vertices descend", choices=("resilient", "adam", "gradient", "lbfgs", "newton")),
-    "refine": Option(int, "times that triangles are split, joined and flipped during the descent", "N", 0, 1000),
+    "refine": Option(int, "split, join and flip triangles after every so many steps, such as 15; 0: never", "N", 0, 1000),
     "smoothness": Option(float, "weight of a penalty on long edges, beside the loss; such as 0.001", "W", 0, 1e6),
     "keep_area": Option(float, "weight of a penalty on triangles of little area; such as 0.0001", "W", 0, 1e6),
     "mesh": Option(str, "start from this mesh, as in mesh.ply of an earlier run, or an OBJ file", "FILE.ply"),
@@ -84,6 +84,7 @@ OPTIONS = {
     "volatility": Option(float, "of the stock, a year's; 0.25 are 25 %", "V", 0.01, 5),
     "rate": Option(float, "of interest, a year's", "R", -1, 1),
     "years": Option(float, "until the options end", "T", 1e-4, 100),
+    "level": Option(str, "a formula of x and y, positive in the region and negative for |x| or |y| = 1.2345: '0.5 - x**2 - 2*y**4'", "F"),
     "sites": Option(int, "points that mass is sent to", "N", 2, 100_000),
     "discontinuities": Option(
         str,
@@ -100,13 +101,15 @@ OPTIONS = {
 
 @dataclass(frozen=True)
 class Demo:
-    """A demonstration: its function, the photo it takes if none is named, the defaults of its options, and those of --fast.
+    """A demonstration: a line and a paragraph about it, its function, the photo it takes if none is named, the defaults of its options,
+    and those of --fast.
 
     `backends` and `treatments` (of discontinuities) are those that it has; `absent` says what happens without an option that has no
     default.
     """
 
     about: str
+    help: str
     function: str
     defaults: Mapping[str, Any]
     fast: Mapping[str, Any] = field(default_factory=dict)
@@ -130,6 +133,9 @@ SMOOTHED = ("exact", "ignore", "smooth")
 DEMOS = {
     "triangulation": Demo(
         "a photo in triangles",
+        "Vertices follow the gradient of an exact integral, the squared difference to the photo; colours are always the best "
+        "ones. Draws the mesh before and after, its error, and the same descent with the gradient of plain automatic "
+        "differentiation, which is 0; writes the mesh as SVG, PLY and OBJ, to be edited and read again.",
         "triangulation.run:run_triangulation",
         {
             "triangles": 300,
@@ -153,6 +159,9 @@ DEMOS = {
     ),
     "perlin": Demo(
         "a photo as a thresholded noise in a few colours",
+        "Perlin noise of several octaves is cut at one or two thresholds, and each region has a colour, or a map of colours. "
+        "Gradients at the lattice's nodes, thresholds and colours are fitted to the photo, by derivatives that count how the "
+        "regions' borders move.",
         "perlin.run:run_perlin",
         {
             "cells": 8,
@@ -172,6 +181,9 @@ DEMOS = {
     ),
     "bouncing-ball": Demo(
         "the path of a ball by least action",
+        "A ball bounces between floor and ceiling of a rising lift, or over a floor of your own. The action is an integral "
+        "whose integrand jumps at each contact; the times of the contacts (and their places, over a floor) make it stationary. "
+        "Ends with code 3 if they were not found.",
         "bouncing_ball.run:run_bouncing_ball",
         {"contacts": 5, "speed": 1.5, "duration": None, "floor": None, "restitution": 1.0, "steps": 300, **COMPARED, **DESCENT},
         {"contacts": 2},
@@ -180,6 +192,8 @@ DEMOS = {
     ),
     "billiards": Demo(
         "balls that collide, by least action",
+        "Times and places of all contacts, with other balls and with cushions, make the action stationary: Newton's method with "
+        "exact second derivatives through all jumps. Ends with code 3 if it does not converge.",
         "billiards.run:run_billiards",
         {"scene": "break", "balls": None, "duration": None, "steps": 20, **COMPARED, **DESCENT},
         {"scene": "exchange"},
@@ -187,6 +201,9 @@ DEMOS = {
     ),
     "springs": Demo(
         "two bungee cords with locking strings, designed for a quick jump with a gentle stop",
+        "Stiffnesses and lengths of two cords, of which the first weakens and locks, minimise time and acceleration of a jump "
+        "that ends just above the ground: the springs of the Teg paper, by SciPy's SLSQP with exact derivatives, those of plain "
+        "automatic differentiation, and differences.",
         "springs.run:run_springs",
         {"apex": 5.0, "mass": 1.0, "weight": 1.0, "steps": 100, **COMPARED, **DESCENT},
         {"steps": 40},
@@ -194,50 +211,83 @@ DEMOS = {
     ),
     "mesh-network": Demo(
         "a network in JAX that turns photos into triangles",
+        "A small network sees a photo and moves the vertices of a mesh; it is trained on crops of photos through the exact "
+        "integral, and shown one that it has not seen.",
         "mesh_network.run:run_mesh_network",
         {"cells": 24, "epochs": 60, "discontinuities": "exact", **DESCENT},
         {"cells": 8, "epochs": 2},
         photo="astronaut",
         backends=("jax",),
     ),
-    "voronoi": Demo("optimal transport to points", "voronoi:run_voronoi", {"sites": 200, **DESCENT}, {"sites": 40}),
-    "greeks": Demo("a digital and a barrier option with all Greeks", "greeks:run_greeks", {**MARKET, "seed": 0, "backend": "numpy"}),
+    "voronoi": Demo(
+        "optimal transport to points",
+        "Cells around sites of the unit square receive given masses of a density, at the least total of squared distances: "
+        "Newton's method on the exact areas and sides of the cells.",
+        "voronoi:run_voronoi",
+        {"sites": 200, **DESCENT},
+        {"sites": 40},
+    ),
+    "greeks": Demo(
+        "a digital and a barrier option with all Greeks",
+        "Prices are integrals of payoffs that jump; their derivatives by every parameter, first and second, are compared with "
+        "closed forms and with plain automatic differentiation.",
+        "greeks:run_greeks",
+        {**MARKET, "seed": 0, "backend": "numpy"},
+    ),
     "auction": Demo(
         "the best reserve price of an auction",
+        "The expected revenue of a second-price auction is an integral that jumps where a bid reaches the reserve. Newton's "
+        "method finds the best reserve for one bidder, for two, and for up to twelve.",
         "auction:run_auction",
         {"bidders": 3, "rise": 2.0, "fall": 3.0, "values": None, "seed": 0, "backend": "numpy"},
     ),
     "cut-cells": Demo(
         "finite elements on cells that a level set cuts",
+        "A Poisson problem in a region that cells do not follow. Quadratures over the region in each cell, and over its "
+        "boundary, are the nodes of one compiled area; energy and shape derivative are compared with closed forms and "
+        "differences.",
         "cut_cells:run_cut_cells",
-        {"cells": 6, "seed": 0, "backend": "numpy"},
+        {"cells": 6, "level": None, "seed": 0, "backend": "numpy"},
         {"cells": 4},
+        absent={"level": "a disk and a bent one, of radius and bend that are differentiated by"},
     ),
     "occlusion": Demo(
         "the pose of a mesh from a picture",
+        "A torus of triangles with its parts in front of each other. Each pixel is the integral of the nearest triangle's "
+        "colour; turn and place are found from the picture alone.",
         "occlusion:run_occlusion",
         {"size": 48, "triangles": 480, "steps": 60, "discontinuities": "exact", **DESCENT},
         {"size": 16, "steps": 10},
     ),
     "soft-shadow": Demo(
         "the place of a mesh from its soft shadow",
+        "A knot of triangles under a pentagon of light: place and turn are found from its shadow on the ground, an integral "
+        "over the light that sees each point.",
         "soft_shadow.run:run_soft_shadow",
         {"size": 32, "triangles": 400, "steps": 60, "discontinuities": "exact", **DESCENT},
         {"size": 12, "triangles": 60, "steps": 10},
     ),
     "motion-blur": Demo(
         "the motion of a triangle from one blurred picture",
+        "A pixel is an integral over its area and the time of exposure. Place, velocity and spin of a triangle are found from one picture.",
         "blur.run:run_motion_blur",
         {"size": 32, "steps": 60, "discontinuities": "exact", **DESCENT},
         {"size": 12, "steps": 10},
     ),
     "depth-of-field": Demo(
         "the focus of a lens from one picture of a slanted triangle",
+        "A pixel is an integral over its area and the lens. Focus and radius of the lens are found from one picture.",
         "blur.run:run_depth_of_field",
         {"size": 24, "steps": 40, "discontinuities": "exact", **DESCENT},
         {"size": 8, "steps": 5},
     ),
-    "shaders": Demo("one window, several lights", "shaders:run_shaders", {"seed": 0, "backend": "numpy"}),
+    "shaders": Demo(
+        "one window, several lights",
+        "A light is a function that is differentiated and compiled apart from the window that it shines through: what a new one "
+        "costs when the geometry is known already.",
+        "shaders:run_shaders",
+        {"seed": 0, "backend": "numpy"},
+    ),
 }
 """The demonstrations by name."""
 

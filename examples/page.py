@@ -11,8 +11,8 @@ from typing import Any
 
 KINDS = {".png": "image/png", ".gif": "image/gif", ".svg": "image/svg+xml"}
 LARGEST, SIDE = 1_500_000, 1400
-WIDE = 1.5
-"""Pictures of at least this width over height have a row of their own, and so has the first."""
+WIDE, NARROW = 1.5, 700
+"""Pictures of at least this width over height have a row of their own, but for those of fewer pixels; and so has the first."""
 SCALE = '<meta name=viewport content="width=device-width">'  # letters as large on telephones
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #222; background: #fff; max-width: 72rem; margin: 1.5rem auto; padding: 0 1rem }
@@ -65,7 +65,7 @@ def _is_wide(picture: Path) -> bool:
     from PIL import Image
 
     with Image.open(picture) as image:
-        return bool(image.width >= WIDE * image.height)
+        return bool(image.width >= max(WIDE * image.height, NARROW))
 
 
 def _embedded(picture: Path) -> tuple[str, bytes]:

@@ -224,7 +224,7 @@ def _split_place(place: str) -> tuple[str, str]:
 
 
 class CommandParser(argparse.ArgumentParser):
-    """A parser whose errors are one line. Commands refuse unknown arguments themselves, with their own usage and the nearest flag."""
+    """A parser whose errors are one line. Commands refuse unknown arguments themselves, and name the nearest flag."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Returns the options, and no unknown arguments."""
@@ -232,7 +232,6 @@ class CommandParser(argparse.ArgumentParser):
         if unknown:
             flags = [flag for action in self._actions for flag in action.option_strings]
             near = [match for word in unknown for match in get_close_matches(word.partition("=")[0], flags, 1)]
-            self.print_usage(sys.stderr)
             self.error(f"unknown arguments: {' '.join(unknown)}" + (f"; is it {near[0]}?" if near else ""))
         return options, unknown
 

@@ -1,9 +1,11 @@
-"""Descent of the action by the times of the contacts; the heights of the arcs are always the best ones.
+"""Search for the times of the contacts at which the action is stationary; the heights of the arcs are always the best ones.
 
-With the heights eliminated, the gradient by the times is the one at the best heights (envelope theorem). The length of a step is that of
-Barzilai and Borwein (1988): it comes from the last two gradients and needs no value of the action. That matters for the comparison: the
-gradient of plain automatic differentiation is not that of the action, so a descent that used the action would only stop somewhere; this
-one shows where that gradient leads.
+With the heights eliminated, the gradient by the times is the one at the best heights (envelope theorem). With exact derivatives the steps
+are Newton's, from the exact second derivatives through all jumps, wherever these have a least action. Elsewhere, and with the derivatives
+of plain automatic differentiation and of smoothed brackets, whose second ones are not the derivative of the first, steps go down the
+gradient by the length of Barzilai and Borwein (1988): it comes from the last two gradients and needs no value of the action. That matters
+for the comparison: the gradient of plain automatic differentiation is not that of the action, so a descent that used the action would only
+stop somewhere; this one shows where that gradient leads.
 
 The derivative by the time of a contact is the energy gained there, seen from the lift. With a restitution, it is to be minus the energy
 that the contact takes, and the sum of both goes to zero in its place.
@@ -40,10 +42,13 @@ class ActionDescent:
     def __init__(self, throw: Throw, scene: CompiledScene, keep: Keep = not_kept) -> None:
         self.throw, self.scene = throw, scene
         self._slopes, self._bends = keep("slopes", self._slopes_at), keep("curvature", self._curvature_at)
+        self._second = keep("hessian", self._hessian_at)
         self.given = {name: getattr(throw, name) for name in GIVEN} | {"end": throw.arrival}
         times, heights = straight(throw)
         _, gradient, action = self._evaluate(times, heights)
         self.states = [State(times, heights, gradient, action)]
+        if scene.is_exact:
+            self.hessian()  # compiled now, as a part of the set-up
 
     @property
     def converged(self) -> bool:
@@ -70,8 +75,12 @@ class ActionDescent:
 
     def hessian(self) -> np.ndarray:
         """Returns all second derivatives at the last state, times first."""
+        last = self.states[-1]
+        return self._second(np.concatenate([last.times, last.heights]))
+
+    def _hessian_at(self, moving: np.ndarray) -> np.ndarray:
         names = self.scene.action.parameters[: 2 * self.throw.contacts + 1]
-        entries = self.scene.action.hessian(self._values(self.states[-1].times, self.states[-1].heights))
+        entries = self.scene.action.hessian(self._values(*np.split(moving, [self.throw.contacts])))
         return np.array([[entries[a, b] for b in names] for a in names])
 
     def _curvature(self, times: np.ndarray, heights: np.ndarray) -> np.ndarray:
@@ -84,13 +93,22 @@ class ActionDescent:
         return np.array(curvature({name: values[name] for name in curvature.parameters}))
 
     def _change(self) -> np.ndarray:
-        """Returns a change down the gradient, with the length that the last change of the gradient suggests.
+        """Returns the change of the times that makes the gradient zero to first order, or one down the gradient; the heights follow."""
+        if not self.scene.is_exact:
+            return self._down()
+        last, n = self.states[-1], self.throw.contacts
+        by_both = self.hessian()
+        residual = by_both[:n] + self.throw.slopes_of_losses(last.times, last.heights)
+        matrix = residual[:, :n] - residual[:, n:] @ (by_both[n:, :n] / np.diag(by_both)[n:, None])  # heights have no mixed terms
+        is_least = self.throw.restitution < 1 or (np.isfinite(matrix).all() and np.linalg.eigvalsh(matrix)[0] > 0)
+        if not (np.isfinite(matrix).all() and is_least):
+            return self._down()
+        change = np.asarray(-np.linalg.solve(matrix, last.gradient))
+        return change if self._limited(last.times, change) is change else self._down()
 
-        A restitution makes each arc slower and longer than the one before. S is about as curved as energy over duration², so each time
-        has a unit of its own.
-        """
-        last, before = self.states[-1], self.states[-2]
-        unit = self.throw.restitution ** (-1.5 * np.arange(self.throw.contacts))
+    def _down(self) -> np.ndarray:
+        """Returns a change down the gradient, with the length that the last change of the gradient suggests."""
+        last, before, unit = self.states[-1], self.states[-2], self._unit
         gradient, moved = unit * last.gradient, (last.times - before.times) / unit
         turned = gradient - unit * before.gradient
         if not moved.any():
@@ -98,13 +116,20 @@ class ActionDescent:
             return np.asarray(-unit * gradient * (FIRST * arc / np.abs(unit * gradient).max()))
         return np.asarray(-unit * gradient * (abs(moved @ turned) / (turned @ turned)))
 
+    @property
+    def _unit(self) -> np.ndarray:
+        """Returns the unit of each time. A restitution makes each arc slower and longer than the one before, and the action is about as
+        curved as energy over duration².
+        """
+        return np.asarray(self.throw.restitution ** (-1.5 * np.arange(self.throw.contacts)))
+
     def _limited(self, times: np.ndarray, change: np.ndarray) -> np.ndarray:
         """Returns the largest part of the change that leaves every arc half of its time: the contacts keep their order."""
         length = np.diff(self.throw.knots(times)[0])
         growth = np.diff(np.concatenate([[0.0], change, [0.0]]))
         shrinking = growth < 0
         most = np.min(SHORTEST * length[shrinking] / -growth[shrinking], initial=1.0)
-        return change * most
+        return change if most == 1 else change * most
 
     def _evaluate(self, times: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Returns the gradient by the heights, that by the times plus the energies that contacts take, and the action."""

@@ -22,14 +22,16 @@ import teg
 from teg.errors import InputError
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend, Discontinuities
-from teg.examples.bouncing_ball.formula import read_formula
+from teg.examples.formula import read_formula
 from teg.examples.replay import Keep, OfVector, not_kept
 from teg.ir.expr import Expr, as_number
 
 HEIGHT, STRIDE, MASS, GRAVITY = 1.2, 1.0, 1.0, 9.81  # start and end above the floor in m; m between contacts; kg; m/s²
+HIGHEST = 1e6  # m
 CONVERGED = 1e-9  # of the gradient, in J and N·s
 STARTS = 12
 JITTER = 0.15
+QUIET: dict[str, Any] = {"inaccurate": "ignore"}  # a search may come where the floor is not finite; its end is checked
 POINTS = 60  # of an arc, at which it must be above the floor
 
 
@@ -92,6 +94,11 @@ class Flight:
         return float(np.abs(after - before + (1 + self.restitution) * approach * normal).max())
 
 
+def read_floor(formula: str, x: Expr, t: Expr) -> Expr:
+    """Returns the height of the floor at a place and a time. Raises InputError for what is no formula of x and t."""
+    return read_formula(formula, {"x": x, "t": t}, "the floor", "0.2*sin(3*x) + 0.5*t")
+
+
 def level_arcs(contacts: int, restitution: float) -> np.ndarray:
     """Returns the durations of the arcs in s, on a level floor, of a ball that just comes back to its height after the last contact."""
     speed = np.sqrt(2 * GRAVITY * HEIGHT) / restitution**contacts  # at the first contact
@@ -104,17 +111,16 @@ def level_arcs(contacts: int, restitution: float) -> np.ndarray:
 def make_flight(formula: str, contacts: int, duration: float | None, backend: Backend, restitution: float = 1.0) -> Flight:
     """Returns the flight; without a duration, that of a ball dropped on a flat floor. Raises InputError for an impossible one."""
     x, t = teg.params("x t")
-    height = read_formula(formula, x, t)
-    floor = teg.compile(teg.tuple(height, teg.diff(height, x), teg.diff(height, t)), [], backend=backend)
+    height = read_floor(formula, x, t)
+    floor = teg.compile(teg.tuple(height, teg.diff(height, x), teg.diff(height, t)), [], backend=backend, **QUIET)
     time = float(level_arcs(contacts, restitution).sum()) if duration is None else duration
     if not 0 < time < 1e3:
         raise InputError(f"a flight cannot take {time:g} s", None, "more than 0 s, at most 1000 s")
     reach = STRIDE * contacts
     ends = [float(floor(x=x, t=t)[0]) for x, t in ((0.0, 0.0), (reach, time))]
-    if not np.isfinite(ends).all():
-        raise InputError(
-            f"the floor {formula!r} is not finite where the ball starts or ends", None, f"for 0 ≤ x ≤ {reach:g}, 0 ≤ t ≤ {time:g}"
-        )
+    if not np.abs(ends).max() <= HIGHEST:
+        hint = f"at most {HIGHEST:g} m for 0 ≤ x ≤ {reach:g}, 0 ≤ t ≤ {time:g}"
+        raise InputError(f"the floor {formula!r} is not finite, or very high, where the ball starts or ends", None, hint)
     return Flight(contacts, time, ends[0] + HEIGHT, ends[1] + HEIGHT, reach, floor, restitution)
 
 
@@ -130,7 +136,7 @@ def floor_action(contacts: int, formula: str) -> Expr:
     moving = [teg.param(name) for name in names(contacts)]
     inner_times, inner_places = moving[:contacts], moving[contacts:]
     times, places = [as_number(0), *inner_times, duration], [as_number(0), *inner_places, reach]
-    heights = [start, *(read_formula(formula, x, s) for s, x in zip(inner_times, inner_places, strict=True)), end]
+    heights = [start, *(read_floor(formula, x, s) for s, x in zip(inner_times, inner_places, strict=True)), end]
 
     def lagrangian(arc: int) -> Expr:
         length = times[arc + 1] - times[arc]
@@ -151,7 +157,7 @@ def lost_energies(contacts: int, formula: str, restitution: float) -> Expr:
     duration, start, end, reach = (teg.param(name) for name in ("duration", "start", "end", "reach"))
     moving = [teg.param(name) for name in names(contacts)]
     inner_times, inner_places = moving[:contacts], moving[contacts:]
-    floors = [read_formula(formula, x, s) for s, x in zip(inner_times, inner_places, strict=True)]
+    floors = [read_floor(formula, x, s) for s, x in zip(inner_times, inner_places, strict=True)]
     times, places, heights = [as_number(0), *inner_times, duration], [as_number(0), *inner_places, reach], [start, *floors, end]
     losses = []
     for k, (s, x, height) in enumerate(zip(inner_times, inner_places, floors, strict=True)):
@@ -176,13 +182,15 @@ class Search:
 def find_path(flight: Flight, formula: str, settings: dict[str, Any], discontinuities: Discontinuities, keep: Keep = not_kept) -> Search:
     """Returns the search from contacts at even distances, and if that fails from some near them.
 
-    `failure` says what is wrong with its result: the gradient is not zero, or the path goes through the floor.
+    `failure` says what is wrong with its result: the gradient is not zero, or the path goes through the floor. Raises InputError where
+    every start meets a floor that is not finite.
     """
     wanted = [teg.param(name) for name in names(flight.contacts)]
-    action = teg.compile(floor_action(flight.contacts, formula), wanted, backend=settings["backend"], discontinuities=discontinuities)
+    how: dict[str, Any] = {"backend": settings["backend"], **QUIET}
+    action = teg.compile(floor_action(flight.contacts, formula), wanted, discontinuities=discontinuities, **how)
     lost = None
     if flight.restitution < 1:
-        lost = teg.compile(lost_energies(flight.contacts, formula, flight.restitution), wanted, backend=settings["backend"])
+        lost = teg.compile(lost_energies(flight.contacts, formula, flight.restitution), wanted, **how)
     numbers, entries = keep("slopes", _slopes_of(flight, action, lost)), keep("bends", _bends_of(flight, action, lost))
     random = np.random.default_rng(settings["seed"])
     best: Search | None = None
@@ -194,6 +202,8 @@ def find_path(flight: Flight, formula: str, settings: dict[str, Any], discontinu
         if not search.failure:
             break
     assert best is not None
+    if not (np.isfinite(best.flight.path(best.moving)).all() and np.isfinite(flight.energies(best.moving)).all()):
+        raise InputError(f"the floor {formula!r} is not finite where contacts are looked for", None, "a formula without poles on the way")
     return best
 
 

@@ -57,7 +57,9 @@ def draw_animation(path: Path, searches: Mapping[str, Search]) -> None:
     x = np.linspace(-0.1 * flight.reach, 1.1 * flight.reach, 300)
     ways = [[np.asarray(part).ravel() for part in search.flight.path(search.moving)] for search in searches.values()]
     floors = np.concatenate([flight.ground(x, np.full_like(x, t))[0] for t in np.linspace(0, flight.duration, 24)])
-    low, high = min(floors.min(), *(w[2].min() for w in ways)), max(floors.max(), *(w[2].max() for w in ways))
+    low, high = min(w[2].min() for w in ways), max(w[2].max() for w in ways)
+    seen = floors[(floors >= 2 * low - high) & (floors <= 2 * high - low)]  # finite, and not far away
+    low, high = seen.min(initial=low), seen.max(initial=high)
     axes.set(xlim=x[[0, -1]], ylim=(low - 0.1 * (high - low), high + 0.1 * (high - low)))
     (floor,) = axes.plot(x, flight.ground(x, 0 * x)[0], color=BROWN, linewidth=2.5)
     trails = [axes.plot([], [], color=c, linewidth=1.5, alpha=0.5)[0] for c in (BLUE, RED)[: len(ways)]]

@@ -57,10 +57,11 @@ def action(contacts: int) -> Expr:
 
 @dataclass(frozen=True)
 class CompiledScene:
-    """The action, to be differentiated by times and heights, and its second derivative by each height."""
+    """The action, to be differentiated by times and heights, its second derivative by each height, and whether derivatives are exact."""
 
     action: Evaluator
     curvature: Evaluator
+    is_exact: bool
 
 
 def compile_scene(contacts: int, backend: Backend, discontinuities: Discontinuities = "exact", seconds: float = 1.0) -> CompiledScene:
@@ -75,4 +76,5 @@ def compile_scene(contacts: int, backend: Backend, discontinuities: Discontinuit
     return CompiledScene(
         compiled(path, moving, backend, discontinuities, Grid(SMOOTH_POINTS, seconds)),
         teg.compile(curvature, [], backend=backend),
+        discontinuities == "exact",
     )

@@ -58,6 +58,12 @@ class Throw:
         first, last, middle = ends[arc], ends[arc + 1], heights[arc]
         return np.asarray(first * (1 - u) * (1 - 2 * u) + 4 * middle * u * (1 - u) + last * u * (2 * u - 1))
 
+    def depth(self, times: np.ndarray, heights: np.ndarray) -> float:
+        """Returns how far a path is outside of the lift, at most, in m; 0 if nowhere."""
+        t = np.linspace(0, self.duration, 100 * (len(times) + 1))
+        inside = self.path(times, heights, t) - self.speed * t
+        return float(max(0.0, -inside.min(), inside.max() - self.room))
+
     def energy(self, times: np.ndarray, heights: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Returns the energy in J of the ball on such a path, seen from inside, where on the true one it changes at contacts only."""
         knots, ends = self.knots(times)
@@ -79,6 +85,13 @@ class Throw:
         """Returns the energy in J that each contact takes, seen from inside."""
         into, _ = self.contact_speeds(times, heights)
         return np.asarray(self.mass / 2 * (1 - self.restitution**2) * (into - self.speed) ** 2)
+
+    def slopes_of_losses(self, times: np.ndarray, heights: np.ndarray) -> np.ndarray:
+        """Returns the derivatives of `losses` by times and heights, (contacts, 2·contacts + 1)."""
+        into, _ = self.contact_speeds(times, heights)
+        factor = self.mass * (1 - self.restitution**2) * (into - self.speed) / np.diff(self.knots(times)[0])[:-1]
+        before = np.diag(factor[1:] * (into[1:] + self.speed), -1)  # by the time at which the arc begins
+        return np.concatenate([np.diag(factor * (3 * self.speed - into)) + before, np.diag(-4 * factor), 0 * factor[:, None]], axis=1)
 
 
 def make_throw(contacts: int, speed: float, duration: float | None = None, restitution: float = 1.0) -> Throw:

@@ -11,6 +11,7 @@ from PIL import Image
 from teg.examples.loss_chart import draw_losses
 
 SMALLEST = 512  # pixels per side of the pictures written
+ROUNDING = 1e-9  # of a derivative, beside colours between 0 and 1
 COLOURED = 0.9  # of the pixels with a derivative are within the range of its colours
 FILM_MILLISECONDS, FILM_LAST = 120, 2000
 
@@ -40,8 +41,9 @@ def draw_slopes(path: Path, picture: np.ndarray, slopes: Mapping[str, np.ndarray
     first.set_title("the picture I", fontsize=10)
     for axes, (title, slope) in zip(others, slopes.items(), strict=True):
         grey = slope.mean(axis=2)
-        seen = np.abs(grey[grey != 0])
+        seen = np.abs(grey[np.abs(grey) > ROUNDING])
         most = float(np.quantile(seen, COLOURED)) if seen.size else 1.0
+        title += "" if seen.size else "\n0 to rounding: one colour is on both sides of its borders"
         shown = axes.imshow(grey, cmap="RdBu_r", vmin=-most, vmax=most, interpolation="antialiased")
         axes.set_title(title, fontsize=10)
         figure.colorbar(shown, ax=axes, location="bottom", fraction=0.05, pad=0.03, extend="both")
@@ -55,9 +57,10 @@ def draw_sheet(path: Path, shown: Mapping[str, np.ndarray], losses: Mapping[str,
     """Draws titled pictures side by side, and below them the losses after each step; `marks` are losses to compare with."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     height, width = next(iter(shown.values())).shape[:2]
-    figure = Figure(figsize=(3 * len(shown), 2.9 * height / width + 2.3), dpi=100, layout="constrained")
+    figure = Figure(figsize=(3 * len(shown), 2.9 * height / width + 2.4), dpi=100, layout=ConstrainedLayoutEngine(h_pad=0.08))
     FigureCanvasAgg(figure)
     places = figure.add_gridspec(2, len(shown), height_ratios=(3 * height / width, 1.7))
     for k, (title, picture) in enumerate(shown.items()):

@@ -37,7 +37,7 @@ class ShaderLoss:
         self.nodes = self.tints.nodes
         width, height = noise.size
         bands = [slice(top, min(top + high, height)) for high in [max(1, BAND // width)] for top in range(0, height, high)]
-        self.bands = [(rows, down, down.T.tocsr()) for rows in bands for down in [self.tints.down[rows]]]
+        self.bands = [(rows, *_shares(self.tints.down[rows])) for rows in bands]
         self.target = dict(zip(TARGET, np.ascontiguousarray(np.moveaxis(target, -1, 0)), strict=True))
         self.pixels = 0
         self.seconds = 0.0
@@ -50,8 +50,9 @@ class ShaderLoss:
         loss, by_corner, by_threshold = 0.0, np.zeros_like(heights), np.zeros(len(self.thresholds))
         shades = self.tints.along(colours.reshape(-1, self.nodes))
         by_shade = np.zeros_like(shades)
-        for rows, down, up in self.bands:
-            values = constant | self._shades(shades, down) | _corner_columns(heights[rows.start : rows.stop + 1])
+        for rows, nodes, shares in self.bands:
+            spread = shades[:, 0, 0] if self.nodes == 1 else np.matmul(shares, shades[:, nodes])
+            values = constant | dict(zip(self.channels, spread, strict=True)) | _corner_columns(heights[rows.start : rows.stop + 1])
             begun = time.perf_counter()
             losses, slopes = self.scene.loss.value_and_grad(values | {name: target[rows] for name, target in self.target.items()})
             self.seconds += time.perf_counter() - begun
@@ -60,7 +61,7 @@ class ShaderLoss:
                 by_corner[rows.start + i : rows.stop + i, j : width + j] += slopes[name]
             by_threshold += [np.sum(slopes[name]) for name in self.thresholds]
             for total, name in zip(by_shade, self.channels, strict=True):
-                total += up @ slopes[name]
+                total[nodes] += shares.T @ slopes[name]
         self.pixels += width * height
         gradient = np.concatenate([self.noise.pull_back(by_corner), by_threshold, self.tints.gather(by_shade).ravel()])
         return loss / (width * height), gradient / (width * height)
@@ -95,13 +96,17 @@ class ShaderLoss:
         """Returns thresholds and colours, by name, for pixels `factor` times smaller."""
         _, thresholds, colours = self.split(parameters)
         tints = make_tints((factor * self.noise.size[0], factor * self.noise.size[1]), self.colour_cells)
-        shades = self._shades(tints.along(colours.reshape(-1, self.nodes)), tints.down)
-        return dict(zip(self.thresholds, thresholds, strict=True)) | shades
+        shades = tints.along(colours.reshape(-1, self.nodes))
+        spread = shades[:, 0, 0] if self.nodes == 1 else [tints.down @ shade for shade in shades]
+        return dict(zip(self.thresholds, thresholds, strict=True)) | dict(zip(self.channels, spread, strict=True))
 
-    def _shades(self, shades: np.ndarray, down: sparse.csr_array) -> dict[str, Any]:
-        """Returns the colours of rows of pixels, by name: one number if a colour is constant, else an array."""
-        spread = shades[:, 0, 0] if self.nodes == 1 else [down @ shade for shade in shades]
-        return dict(zip(self.channels, spread, strict=True))
+
+def _shares(down: sparse.csr_array) -> tuple[slice, np.ndarray]:
+    """Returns the rows of nodes around some rows of pixels, and their shares, (rows, nodes): dense, for there are few."""
+    shares = down.toarray()
+    first, *_, last = np.repeat(np.flatnonzero(shares.any(axis=0)), 2).tolist()
+    nodes = slice(first, last + 1)
+    return nodes, np.ascontiguousarray(shares[:, nodes])
 
 
 def _corner_columns(heights: np.ndarray) -> dict[str, np.ndarray]:

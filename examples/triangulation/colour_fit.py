@@ -18,9 +18,10 @@ def degree_of(colours: np.ndarray) -> int:
 
 def anchors(corners: np.ndarray) -> np.ndarray:
     """Returns the origin of each triangle's coordinates, its centroid, and the reciprocal of their unit, (m, 3); `corners` (m, 3, 2)."""
-    centre = corners.mean(axis=1)
-    spread = np.abs(corners - centre[:, None]).max(axis=(1, 2))
-    return np.column_stack([centre, 1 / np.where(spread > 0, spread, 1)])
+    x, y = np.ascontiguousarray(corners.transpose(2, 1, 0))  # corners and axes are few: loops over triangles are the quick ones
+    centre = [(z[0] + z[1] + z[2]) / 3 for z in (x, y)]
+    spread = np.maximum(*(np.abs(z - middle).max(axis=0) for z, middle in zip((x, y), centre, strict=True)))
+    return np.column_stack([*centre, 1 / np.where(spread > 0, spread, 1)])
 
 
 def products(corners: np.ndarray, degree: int) -> np.ndarray:
@@ -29,15 +30,14 @@ def products(corners: np.ndarray, degree: int) -> np.ndarray:
     Gauss's rule in the two coordinates of Duffy's map is exact for polynomials.
     """
     points, weights = np.polynomial.legendre.leggauss(degree + 1)
-    s, t = np.meshgrid((points + 1) / 2, (points + 1) / 2)
-    a, b, c = (corners[:, k, None, None] for k in range(3))
-    places = a + (s[..., None] * (b - a) + (s * t)[..., None] * (c - b)).reshape(len(corners), *s.shape, 2)
-    x, y, unit = (anchors(corners)[:, k, None, None] for k in range(3))
-    values = [term + 0 * places[..., 0] for term in monomials((places[..., 0] - x) * unit, (places[..., 1] - y) * unit, degree)]
-    (ux, uy), (vx, vy) = np.moveaxis(corners[:, 1] - corners[:, 0], -1, 0), np.moveaxis(corners[:, 2] - corners[:, 0], -1, 0)
-    share = np.outer(weights, weights) / 4 * s
-    basis = np.stack(values)
-    return np.asarray(np.einsum("jmpq,kmpq,pq,m->mjk", basis, basis, share, np.abs(ux * vy - uy * vx)))
+    s, t = (grid.reshape(-1, 1) for grid in np.meshgrid((points + 1) / 2, (points + 1) / 2))
+    x, y = np.ascontiguousarray(corners.transpose(2, 1, 0))
+    *centre, unit = anchors(corners).T
+    u, v = ((z[0] - o + s * (z[1] - z[0]) + s * t * (z[2] - z[1])) * unit for z, o in zip((x, y), centre, strict=True))
+    basis = np.stack([term + 0 * u for term in monomials(u, v, degree)])  # (terms, points, m)
+    areas = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0]))
+    share = np.outer(weights, weights).reshape(-1, 1) / 4 * s * areas
+    return np.asarray(np.einsum("jpm,kpm->mjk", basis * share, basis))
 
 
 def least_squares(slopes: np.ndarray, corners: np.ndarray, pixels: int) -> np.ndarray:

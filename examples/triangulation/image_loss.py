@@ -124,6 +124,7 @@ def bounding_boxes(corners: np.ndarray, size: int | tuple[int, int]) -> np.ndarr
     """Returns first and end column, first and end row of the pixels in each triangle's box, touched ones included;
     `corners` is (m, 3, 2)."""
     last = np.array(extent(size)) - 1
-    first = np.clip(np.ceil(corners.min(axis=1) - TOUCHING).astype(int) - 1, 0, last)
-    end = np.clip(np.floor(corners.max(axis=1) + TOUCHING).astype(int), 0, last) + 1
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    first = np.clip(np.ceil(np.minimum(np.minimum(a, b), c) - TOUCHING).astype(int) - 1, 0, last)
+    end = np.clip(np.floor(np.maximum(np.maximum(a, b), c) + TOUCHING).astype(int), 0, last) + 1
     return np.stack([first[:, 0], end[:, 0], first[:, 1], end[:, 1]], axis=1)

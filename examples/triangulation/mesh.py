@@ -90,9 +90,8 @@ def make_mesh(triangles: int, size: int | tuple[int, int], seed: int = 0) -> Mes
 
 def signed_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Returns the signed areas of the triangles, square pixels; positive in a mesh that has not folded."""
-    a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    u, v = b - a, c - a
-    return np.asarray((u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2)
+    x, y = (vertices[:, axis][triangles.T] for axis in range(2))
+    return np.asarray(((x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])) / 2)
 
 
 def limit_step(mesh: Mesh, vertices: np.ndarray, step: np.ndarray) -> np.ndarray:

@@ -15,7 +15,8 @@ from teg.examples.triangulation.mesh import Mesh, extent, inner, signed_areas
 
 CHANNELS = ("red", "green", "blue")
 TERMS_OF_COLOURS = range(max(TERMS))
-PIECES = 4  # per edge: a triangle whose colour is not constant is drawn in PIECES² flat ones
+PIECES = 8  # at most, per edge: a triangle whose colour is not constant is drawn in so many² flat ones …
+STEP = 0.08  # … with colours that differ by about so much
 BORDER = 1e-6  # relative: vertices so near to the border are put on it
 
 
@@ -180,24 +181,32 @@ def _materials(path: Path) -> dict[str, list[float]]:
 
 
 def write_svg(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray, size: int | tuple[int, int]) -> None:
-    """Writes the triangles with their colours, and their edges as thin lines, as an SVG."""
+    """Writes the triangles with their colours, and their edges as thin lines, as an SVG.
+
+    Where two neighbours each cover a part of a pixel, what is behind them shows through. A line of their own colour around them closes
+    these seams in a large picture, and in a small one that they are drawn twice, on their mean colour.
+    """
     width, height = extent(size)
-    faces = []
-    for corners, values in zip(*_flat_pieces(vertices, triangles, colours), strict=True):
-        a, b, c = corners
-        red, green, blue = np.rint(np.clip(values, 0, 1) * 255).astype(int)
-        colour = f"#{red:02x}{green:02x}{blue:02x}"  # the stroke closes the seams of antialiasing
-        faces.append(f'<path d="M{_point(a)}L{_point(b)}L{_point(c)}z" fill="{colour}" stroke="{colour}"/>')
+    corners, values = _flat_pieces(vertices, triangles, colours)
+    shades = [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in np.rint(np.clip(values, 0, 1) * 255).astype(int)]
+    faces = [
+        f'<path d="M{_point(a)}L{_point(b)}L{_point(c)}z" fill="{shade}" stroke="{shade}"/>'
+        for (a, b, c), shade in zip(corners, shades, strict=True)
+    ]
+    areas = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
+    red, green, blue = np.rint(np.average(np.clip(values, 0, 1), axis=0, weights=areas) * 255).astype(int)
     pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]))
     edges = "".join(f"M{_point(vertices[a])}L{_point(vertices[b])}" for a, b in np.unique(pairs, axis=0))
     cell = math.sqrt(width * height / len(triangles))
     line, scale = min(max(width, height) / 1000, cell / 30), 1024 / max(width, height)
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width * scale:g}" height="{height * scale:g}">',
+        f'<rect width="{width}" height="{height}" fill="#{red:02x}{green:02x}{blue:02x}"/>',
         f'<g id="faces" stroke-width="{line:g}" stroke-linejoin="round">',
         *faces,
         "</g>",
-        f'<path id="edges" d="{edges}" fill="none" stroke="#fff" stroke-opacity="0.25" stroke-width="{line:g}"/>',
+        '<use href="#faces"/>',
+        f'<path id="edges" d="{edges}" fill="none" stroke="#808080" stroke-opacity="0.3" stroke-width="{line:g}"/>',
         "</svg>",
     ]
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
@@ -206,15 +215,27 @@ def write_svg(path: Path, vertices: np.ndarray, triangles: np.ndarray, colours: 
 def _flat_pieces(vertices: np.ndarray, triangles: np.ndarray, colours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns the corners of flat triangles, (p, 3, 2), and their colours, (p, 3): those at their centroids."""
     corners = vertices[triangles]
-    pieces = PIECES if colours.shape[1] > 3 else 1
+    faces = np.arange(len(corners))
+    middles = (corners + np.roll(corners, 1, axis=1)) / 2
+    known = colours_at(np.concatenate([corners, middles], axis=1), np.repeat(faces[:, None], 6, axis=1), corners, colours)
+    pieces = np.clip(np.ceil(np.ptp(np.clip(known, 0, 1), axis=1).max(axis=1) / STEP), 1, PIECES).astype(int)
+    parts = []
+    for count in np.unique(pieces):
+        which = np.flatnonzero(pieces == count)
+        places = _divided(corners[which], int(count))
+        shades = colours_at(places.mean(axis=2), np.repeat(which[:, None], count**2, axis=1), corners, colours)
+        parts.append((places.reshape(-1, 3, 2), shades.reshape(-1, 3)))
+    places, shades = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return places, shades
+
+
+def _divided(corners: np.ndarray, pieces: int) -> np.ndarray:
+    """Returns the corners of pieces² triangles of equal area that make up each triangle, (m, pieces², 3, 2)."""
     grid = [(i, j) for i in range(pieces) for j in range(pieces - i)]
     upward = [[(i, j), (i + 1, j), (i, j + 1)] for i, j in grid]
     downward = [[(i + 1, j), (i + 1, j + 1), (i, j + 1)] for i, j in grid if i + j < pieces - 1]
     steps = np.array(upward + downward) / pieces
-    sides = corners[:, 1:] - corners[:, :1]
-    places = corners[:, None, :1] + np.einsum("ptk,mkd->mptd", steps, sides)
-    values = colours_at(places.mean(axis=2), np.repeat(np.arange(len(corners))[:, None], len(steps), axis=1), corners, colours)
-    return places.reshape(-1, 3, 2), values.reshape(-1, 3)
+    return np.asarray(corners[:, None, :1] + np.einsum("ptk,mkd->mptd", steps, corners[:, 1:] - corners[:, :1]))
 
 
 def _point(p: np.ndarray) -> str:

@@ -16,7 +16,7 @@ from teg.examples.triangulation.mesh import extent
 
 SMALLEST = 512  # pixels of the longer side of the pictures written
 FINE = 1024  # pixels of the longer side before averaging, if that is two to four times those after it
-FILM_SIDE, FILM_MILLISECONDS, FILM_LAST = 320, 120, 2000
+FILM_SIDE, FILM_MILLISECONDS, FILM_LAST = 480, 120, 2000
 SHEET_SIDE = 800  # pixels of the longer side of a picture on the sheet
 GREY = "#666666"
 STRIP = 64  # rows that are coloured at once
@@ -100,7 +100,7 @@ def draw_sheet(path: Path, target: np.ndarray, meshes: Mapping[str, np.ndarray],
 def draw_loss(path: Path, losses: Mapping[str, Sequence[float]], marks: Mapping[str, float]) -> None:
     """Draws the losses after each step, from the undeformed mesh in its best colours on; `marks` are losses to compare with."""
     figure = _figure((7.5, 4))
-    chart = figure.add_gridspec(1, 2, width_ratios=(2, 1))[0, 0]  # at the right is room for labels
+    chart = figure.add_gridspec(1, 2, width_ratios=(1.8, 1))[0, 0]  # at the right is room for labels
     draw_losses(figure.add_subplot(chart), losses, marks)
     figure.savefig(path)
 

@@ -32,6 +32,7 @@ from teg.examples.triangulation.scene import compile_scene
 PACKAGES = {"PIL": "pillow", "matplotlib": "matplotlib", "scipy": "scipy", "tqdm": "tqdm"}
 IDENTITY = ("triangles", "size", "seed", "colours", "optimiser", "refine", "smoothness", "keep_area", "keep_colours", "discontinuities")
 PICTURES = ("sheet.png", "descent.gif", "loss.png", "target.png", "before.png", "after.png", "error.png", "mesh.svg")
+PATIENCE, SLOW = 20, 1e-5  # it has converged when so many steps gain less than this part of the loss
 NOTHING_MOVES = (
     "the gradient by the vertices is exactly 0: automatic differentiation does not see that an edge moves, "
     "so no vertex did (with --discontinuities exact, the default, they do)"
@@ -98,15 +99,20 @@ class Fit:
 
     def advance(self, state: State) -> State:
         """Returns the state after one step, and every `refine` steps after a refinement. A loss of 0 to rounding is not descended."""
-        if state.loss <= ROUNDING:
+        every = self.settings["refine"]
+        if state.loss <= ROUNDING or self._has_converged(state.loss, max(PATIENCE, 2 * every)):
             return replace(state, stuck=True)
         state = next_state(self.image, state, self.size, self.settings["optimiser"])
-        every = self.settings["refine"]
         if every and isinstance(self.image, ImageLoss) and state.step and state.step % every == 0 and not state.stuck:
             from teg.examples.triangulation.refinement import refine
 
             return refine(self.image, state, self.size, self.settings["pin"] == "border")
         return state
+
+    def _has_converged(self, loss: float, steps: int) -> bool:
+        """Returns whether so many steps have gained next to nothing. With Adam's the loss need not fall."""
+        losses = self.descent.losses
+        return self.settings["optimiser"] != "adam" and len(losses) > steps and losses[-1 - steps] - loss <= SLOW * loss
 
     def penalty(self, state: State) -> float:
         """Returns the part of the loss that is a penalty on shapes."""
@@ -237,8 +243,8 @@ def _summary(fits: list[Fit], marks: Mapping[str, float]) -> list[str]:
         run = fit.descent
         change = f"loss {run.losses[0]:.5f} → {run.losses[-1]:.5f}, {ratio(run.losses[-1], run.losses[0]):.1%} of the undeformed mesh"
         which = "the colours of its file" if fit.settings["keep_colours"] else "its best colours"
-        penalty = fit.penalty(run.state)
+        penalty, end = fit.penalty(run.state), ", converged" if run.state.stuck and run.steps else ""
         change += f" in {which}" + (f" (penalties: {penalty:.5f} of it)" if penalty else "")
-        lines.append(f"{fit.label}: {change}, {psnr(run.losses[-1] - penalty):.2f} dB, after {run.steps} steps in {run.seconds:.1f} s")
+        lines.append(f"{fit.label}: {change}, {psnr(run.losses[-1] - penalty):.2f} dB, after {run.steps} steps in {run.seconds:.1f} s{end}")
     lines += [f"{label}: loss {loss:.5f}, {psnr(loss):.2f} dB" for label, loss in marks.items()]
     return lines + [note for note in (fit.report()["note"] for fit in fits) if note]

@@ -23,10 +23,10 @@ from teg.evaluator.arguments import (
 )
 from teg.evaluator.explain import checked_derivatives, explained
 from teg.evaluator.kernels import Kernels, Key, dimensions_of
-from teg.evaluator.nodes import NodeFinder
+from teg.evaluator.nodes import NodeFinder, moved_by
 from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, directions_of
-from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters
+from teg.ir.arrays import Array, Gather, arrays_of, has_arrays, integer_parameters
 from teg.ir.cells import check_indices, with_lengths
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
@@ -92,7 +92,7 @@ class Evaluator:
         self._program = write_all_out(e) if options.functions == "inlined" else self.expression
         self._quick = options.backend == "c" and not self._loops and not (options.maps and options.check_maps)
         self._watches: Kept[tuple[Wanted, Integration], NumberWatch] = Kept(2)  # programs compiled for diagnoses
-        self._finders: Kept[str | None, NodeFinder] = Kept(KEPT)
+        self._finders: Kept[Parameter | None, NodeFinder] = Kept(KEPT)
         self._made: Kept[tuple[int, ...], Kernels] = Kept(KEPT)
         self._kernels: Kernels | None = None  # kernels for any lengths of arrays
         try:
@@ -225,7 +225,7 @@ class Evaluator:
             wanted += [self._moved(given, {q.name: direction}) for q in self.wrt for direction in self._units(given, q)]
         return sum(self._counted(*each) for each in wanted)
 
-    def nodes(self, *args: Any, by: str | None = None, **named: Any) -> tuple[np.ndarray, np.ndarray]:
+    def nodes(self, *args: Any, by: str | Param | Gather | None = None, **named: Any) -> tuple[np.ndarray, np.ndarray]:
         """Returns the points and weights of the quadrature of this program, for functions that are not known when it is compiled.
 
             points, weights = f.nodes(t=0.5, a=2.0)
@@ -233,21 +233,18 @@ class Evaluator:
 
         `points` have the shape (batch, n, variables), the innermost variable first, and `weights` (batch, n), where `batch` is the shape of
         the arguments. Σ weights·g(points) is ∫ integrand·g, for g as smooth as the rule assumes; where the integrand is a bracket, that is
-        the integral of g over the region. With `by`, the name of a parameter, it is the derivative by this parameter: nodes on the
-        boundary, weighted by its velocity, and inside if the integrand depends on the parameter. Elements of a batch with fewer nodes
-        are filled up with the last point and the weight 0. A sum over data has the nodes of all its terms, one after the other.
+        the integral of g over the region. With `by`, a parameter or its name, or an entry `V[3, 0]` of an array, it is the derivative by
+        it: nodes on the boundary, weighted by its velocity, and inside if the integrand depends on it. Elements of a batch with fewer
+        nodes are filled up with the last point and the weight 0. A sum over data has the nodes of all its terms, one after the other;
+        those by an entry have the nodes of the terms in which it stands.
 
         The nodes are those of the compiled program without intrinsics, with its `rule`, `order` and `tol`, as if the integrand were not a
         polynomial. The interpreter finds them, in a tenth of a millisecond each, and in a few where it searches for roots. Raises
         OperandError for what is no sum of integrals over the same variables, AccuracyError where the tolerance is missed.
         """
-        moved = {p.name: p for p in self._leaves if isinstance(p, Param)}
-        if by is not None and by not in moved:
-            what = f"{by!r} is an array" if by in self.parameters else f"there is no parameter {by!r} to differentiate by"
-            hint = "parameters: " + ", ".join(moved) if moved else "V[k] + t, with a parameter t, has the derivative by an entry"
-            raise ParameterError(what, None, hint)
-        finder = self._finders.get(by, lambda: NodeFinder(self.expression, moved.get(by or ""), self._options, self._leaves))
-        return finder.nodes(read_call(self._leaves, self.by_name(args, named), self._integers, "float64"))
+        what = moved_by(by, self._leaves)
+        finder = self._finders.get(what, lambda: NodeFinder(self.expression, what, self._options, self._leaves))
+        return finder.nodes(self.by_name(args, named), self._integers, by)
 
     def kernel(self, orders: int) -> Any:
         """Returns the compiled program of the value (0), of value and gradient (1), or of value, gradient and Hessian (2), built when first

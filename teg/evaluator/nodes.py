@@ -2,29 +2,31 @@
 
 Each integrand is multiplied by an unknown smooth function g of the variables of integration, a `teg.function` whose body no pass looks
 into. The program of Σ ∫ integrand·g calls g at its nodes; the interpreter notes where, and with which weights (`interpreter/nodes.py`).
+
+An entry of an array V is moved by a parameter: V becomes V + τ·U, where U is 1 at the entry's place and 0 elsewhere, and τ is 0.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from teg.analysis.bodies import write_all_out
-from teg.errors import AccuracyError, OperandError
-from teg.evaluator.arguments import Call
+from teg.errors import AccuracyError, ArrayIndexError, OperandError, ParameterError
+from teg.evaluator.arguments import Call, read_call
 from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT_ALONE, VALUE, Kept, Plan
-from teg.ir.arrays import has_arrays
+from teg.ir.arrays import Array, Gather, has_arrays
 from teg.ir.cells import with_lengths
 from teg.ir.expr import Expr, Param, Tuple, Var, add, mul
 from teg.ir.expr import call as call_of
 from teg.ir.function import function
-from teg.ir.index import ArrayName
+from teg.ir.index import ArrayName, IndexConst
 from teg.ir.integral import Integral
 from teg.ir.node import Node
 from teg.ir.traverse import rewrite
-from teg.passes.differentiate.through_sums import outlined
+from teg.passes.differentiate.through_sums import Parameter, outlined
 from teg.passes.normalise.sums import NeedsLengths
 from teg.pipeline import diff
 from teg.program import Program
@@ -40,24 +42,58 @@ ROOM = 2**10
 """The largest number of places for roots that is tried."""
 
 
-class NodeFinder:
-    """The program of an expression, or of its derivative, times an unknown function. Raises OperandError if it has no nodes."""
+def moved_by(by: object, leaves: Sequence[Param | ArrayName]) -> Parameter | None:
+    """Returns the parameter of a name or of itself, the array of an entry, None for None. Raises ParameterError for anything else."""
+    moved = {p.name: p for p in leaves if isinstance(p, Param)}
+    if by is None:
+        return None
+    if isinstance(by, Gather) and by.array in leaves:
+        if all(isinstance(place, IndexConst) for place in by.subscripts):
+            return by.array
+        raise ParameterError(f"{by} has an index that is no number", None, "by=V[3, 0] names one entry")
+    name = by.name if isinstance(by, Param) else by
+    if isinstance(name, str) and name in moved:
+        return moved[name]
+    arrays = [p for p in leaves if isinstance(p, Array)]
+    if name in [p.name for p in arrays] or name in arrays:
+        what = f"{name.name if isinstance(name, Array) else name!r} is an array"
+        raise ParameterError(what, None, "by=V[3, 0] is the derivative by one entry")
+    hint = "parameters: " + ", ".join([*moved, *(f"entries of {p.name}" for p in arrays)])
+    raise ParameterError(f"there is no parameter {name!r} to differentiate by", None, hint if moved or arrays else "")
 
-    def __init__(self, e: Expr, by: Param | None, options: Options, leaves: Sequence[Param | ArrayName]) -> None:
+
+class NodeFinder:
+    """The program of an expression, or of its derivative, times an unknown function. Raises OperandError if it has no nodes.
+
+    `by` is a parameter, or an array for derivatives by its entries.
+    """
+
+    def __init__(self, e: Expr, by: Parameter | None, options: Options, leaves: Sequence[Param | ArrayName]) -> None:
         self.expression = e
+        self._array = by if isinstance(by, Array) else None
+        if isinstance(by, Array):
+            taken = {p.name for p in leaves}
+            mark = "∂" * (1 + max((len(name) - len(name.lstrip("∂")) for name in taken), default=0))
+            self._unit, self._shift = Array.make((mark + by.name, by.dimensions), ()), Param.make(mark, ())
+            e, leaves, by = shifted(e, by, self._shift, self._unit), [*leaves, self._shift, self._unit], self._shift
         self._probed, self.variables = with_unknown_factor(e)
         self._by, self._options, self._leaves, self._loops = by, options, leaves, has_arrays(e)
         self._how = replace(options.integration, intrinsics=False)
         self._plans: Kept[tuple[tuple[int, ...], ...] | None, Plan] = Kept()
 
-    def nodes(self, call: Call) -> tuple[np.ndarray, np.ndarray]:
-        """Returns the points, (batch, n, variables), and the weights, (batch, n)."""
+    def nodes(self, values: Mapping[str, Any], integers: Collection[str], by: object) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the points, (batch, n, variables), and the weights, (batch, n), `by` an entry if the finder is for an array."""
         import numpy as np
 
+        if isinstance(by, Gather):
+            values = {**values, self._shift.name: 0.0, self._unit.name: unit_at(by, values[by.array.name])}
+        call = read_call(self._leaves, values, integers, "float64")
         if self._loops:
             call.check(cast(ArrayProgram, self._program(call)))
         columns = [np.broadcast_to(column, call.n) for column in call.doubles]
         rows = [self._at(call, i, [float(column[i]) for column in columns]) for i in range(call.n)]
+        if self._array is not None:
+            rows = [without_zeros(row) for row in rows]  # of the terms in which the entry does not stand
         most = max((len(row.weights) for row in rows), default=0)
         points, weights = np.zeros((call.n, most, len(self.variables))), np.zeros((call.n, most))
         for i, row in enumerate(rows):
@@ -107,6 +143,35 @@ class NodeFinder:
             return Plan(outlined(e), options, () if by is None else (by,), self._leaves)
 
         return self._plans.get(None if call is None else tuple(call.shapes), made)
+
+
+def shifted(e: Expr, array: Array, shift: Param, unit: Array) -> Expr:
+    """Returns the expression with V[i] + shift·unit[i] for every entry V[i] of an array."""
+
+    def visit(old: Node, new: Node) -> Node:
+        if type(old) is not Gather or old.array is not array:
+            return new
+        return add(cast(Expr, new), mul(shift, Gather.make((unit, old.subscripts), ())))
+
+    return cast(Expr, rewrite([e], visit)[e])
+
+
+def without_zeros(row: Nodes) -> Nodes:
+    """Returns the nodes whose weights are not 0."""
+    kept = [k for k, weight in enumerate(row.weights) if weight]
+    return replace(row, points=[row.points[k] for k in kept], weights=[row.weights[k] for k in kept])
+
+
+def unit_at(entry: Gather, value: Any) -> np.ndarray:
+    """Returns the array that is 1 at an entry's place and 0 elsewhere, of the shape of a value (of the axes behind a batch)."""
+    import numpy as np
+
+    array, place = entry.array, tuple(cast(int, cast(IndexConst, index).data) for index in entry.subscripts)
+    unit = np.zeros(np.shape(value)[-array.dimensions :])
+    if unit.ndim != array.dimensions or any(k >= n for k, n in zip(place, unit.shape, strict=True)):
+        raise ArrayIndexError(f"there is no {entry} in an array of the shape {np.shape(value)}", entry)
+    unit[place] = 1
+    return unit
 
 
 HINT = "teg.integral(…), sums of such, and these times parameters have nodes"

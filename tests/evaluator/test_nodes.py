@@ -148,6 +148,32 @@ def test_a_sum_over_data_has_the_nodes_of_all_its_terms(by: str | None) -> None:
     assert moment((points, weights)) == pytest.approx(whole, rel=1e-11)
 
 
+def test_by_an_entry_of_an_array_they_are_those_of_its_term() -> None:
+    f = teg.compile(HALF_PLANES, [t, V], backend="numpy")
+    slopes = f.grad(t=0.5, a=0.3, V=ROWS)["V"]
+    for row, column in np.ndindex(ROWS.shape):
+        points, weights = f.nodes(t=0.5, a=0.3, V=ROWS, by=V[row, column])
+        assert weights.sum() == pytest.approx(slopes[row, column], rel=1e-11)
+        assert weights.all()
+        if column == 0:  # the line of this row
+            np.testing.assert_allclose(points[:, 0] + ROWS[row, 0] * points[:, 1], 0.5, rtol=1e-13)
+    many = f.nodes(t=0.5, a=0.3, V=np.stack([ROWS, 2 * ROWS]), by=V[1, 0])[1]
+    np.testing.assert_allclose(many.sum(axis=1), [slopes[1, 0], f.grad(t=0.5, a=0.3, V=2 * ROWS)["V"][1, 0]], rtol=1e-11)
+    np.testing.assert_array_equal(f.nodes(t=0.5, a=0.3, V=ROWS, by=t)[1], f.nodes(t=0.5, a=0.3, V=ROWS, by="t")[1])
+
+
+@pytest.mark.parametrize("by", [V, "V", V[k, 0], teg.array("U")[0], W, x])
+def test_by_an_array_or_what_is_no_parameter_is_refused(by: object) -> None:
+    with pytest.raises(ParameterError) as caught:
+        teg.compile(HALF_PLANES, [t], backend="numpy").nodes(t=0.5, a=0.3, V=ROWS, by=by)
+    assert "V[3, 0]" in caught.value.hint or "entries of V" in caught.value.hint
+
+
+def test_an_entry_beyond_the_end_is_refused() -> None:
+    with pytest.raises(ArrayIndexError, match="no V\\[3, 0\\]"):
+        teg.compile(HALF_PLANES, [t], backend="numpy").nodes(t=0.5, a=0.3, V=ROWS, by=V[3, 0])
+
+
 def test_a_batch_of_arrays_has_a_row_of_nodes_for_each() -> None:
     f = teg.compile(HALF_PLANES, [t], backend="numpy")
     many = np.stack([ROWS, 2 * ROWS])
@@ -183,11 +209,9 @@ def test_what_is_computed_outside_of_a_loop_keeps_its_origin_and_ties_have_both_
     np.testing.assert_allclose(points, 0.5)
 
 
-def test_of_arrays_products_of_sums_of_integrals_entries_and_indices_out_of_range_are_refused() -> None:
+def test_of_arrays_products_of_sums_of_integrals_and_indices_out_of_range_are_refused() -> None:
     f = teg.compile(HALF_PLANES**2, [t], backend="numpy")
     with pytest.raises(OperandError, match="no sum of integrals"):
         f.nodes(t=0.5, a=0.3, V=ROWS)
-    with pytest.raises(ParameterError, match="'V' is an array"):
-        teg.compile(HALF_PLANES, [t], backend="numpy").nodes(t=0.5, a=0.3, V=ROWS, by="V")
     with pytest.raises(ArrayIndexError):
         teg.compile(teg.sum(teg.integral(W[k] * x, (x, 0, 1)), (k, 0, 3)), backend="numpy").nodes(W=np.ones(2))

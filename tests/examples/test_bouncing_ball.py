@@ -146,6 +146,32 @@ def test_contacts_that_take_energy(contacts: int, restitution: float, tmp_path: 
     np.testing.assert_allclose(np.diff(throw.energy(times, heights, middles)), -throw.losses(times, heights), rtol=1e-7)
 
 
+@pytest.mark.parametrize(("contacts", "speed", "restitution"), [(1, 1.5, 1.0), (5, -4.0, 1.0), (9, 1.5, 0.8), (6, 0.0, 0.3)])
+def test_newtons_method_takes_few_steps(contacts: int, speed: float, restitution: float) -> None:
+    throw = make_throw(contacts, speed, restitution=restitution)
+    descent = descent_of(throw)
+    assert not run.descend(descent, 10, progress=False)
+    assert descent.converged
+    assert np.abs(descent.states[-1].times - exact(throw)[0]).max() < 1e-10
+
+
+def test_the_slopes_of_losses_are_those_by_differences() -> None:
+    throw = make_throw(3, 1.5, restitution=0.7)
+    times, heights = straight(throw)
+    at, slopes, h = np.concatenate([times, heights]), throw.slopes_of_losses(times, heights), 1e-6
+    for k, unit in enumerate(np.eye(len(at))):
+        ahead, behind = (throw.losses(*np.split(at + s * h * unit, [3])) for s in (1, -1))
+        np.testing.assert_allclose(slopes[:, k], (ahead - behind) / (2 * h), rtol=1e-6, atol=1e-6)
+
+
+def test_a_path_that_leaves_the_lift_is_no_success(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    words = ["--contacts", "5", "--duration", "2.95", "--backend", "numpy", "--alone", "-o", str(tmp_path)]
+    assert main(["demo", "bouncing-ball", *words]) == 3
+    error = capfd.readouterr().err
+    assert error.count("\n") == 1
+    assert "outside of the lift" in error
+
+
 def test_the_longest_flight_just_reaches_everything() -> None:
     for contacts in (1, 2, 3, 4):
         with pytest.raises(InputError, match="no ball makes") as error:

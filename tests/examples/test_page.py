@@ -21,10 +21,10 @@ def report_of(*pictures: Path) -> dict[str, Any]:
 
 
 def test_everything_is_inside_and_wide_pictures_have_a_row(tmp_path: Path) -> None:
-    for name, shape in (("first.png", (20, 20, 3)), ("wide.png", (20, 60, 3)), ("square.png", (20, 20, 3))):
+    for name, shape in (("first.png", (20, 20, 3)), ("wide.png", (20, 900, 3)), ("photo.png", (20, 60, 3))):
         Image.fromarray(np.zeros(shape, dtype=np.uint8)).save(tmp_path / name)
     (tmp_path / "mesh.svg").write_text("<svg/>", encoding="ascii")
-    write_page(tmp_path / "index.html", report_of(*(tmp_path / name for name in ("first.png", "wide.png", "square.png", "mesh.svg"))))
+    write_page(tmp_path / "index.html", report_of(*(tmp_path / name for name in ("first.png", "wide.png", "photo.png", "mesh.svg"))))
     text = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert text.count("<figure class=wide>") == 2
     assert text.count("<figure>") == 2

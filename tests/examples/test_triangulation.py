@@ -321,3 +321,13 @@ def test_a_picture_of_one_colour_is_not_descended(tmp_path: Path) -> None:
     assert report["converged"]
     assert "nothing to descend" in report["summary"][0]
     assert report["psnr"]["end"] == pytest.approx(124.77, abs=0.01)
+
+
+def test_a_descent_that_gains_nothing_any_more_has_converged(tmp_path: Path) -> None:
+    photo = tmp_path / "photo.png"
+    Image.fromarray(np.tril(np.full((12, 12), 255, dtype=np.uint8), 2)).save(photo)
+    report = run_triangulation(photo, tmp_path / "out", progress=False, size=12, triangles=6, steps=2000, alone=True, backend="numpy")
+    assert report["converged"]
+    assert 20 < report["steps"] < 2000
+    assert report["losses"][-21] - report["losses"][-1] <= 1e-5 * report["losses"][-1]
+    assert "converged" in report["summary"][0]

@@ -15,8 +15,7 @@ from teg.errors import InputError
 
 pytest.importorskip("scipy")
 
-from teg.examples.bouncing_ball.floor import GRAVITY, Flight, Search, find_path, make_flight
-from teg.examples.bouncing_ball.formula import read_formula
+from teg.examples.bouncing_ball.floor import GRAVITY, Flight, Search, find_path, make_flight, read_floor
 
 SETTINGS: dict[str, Any] = {"backend": "numpy", "seed": 0, "steps": 200}
 FLOOR = "0.15*sin(2*x) + 0.3*t"
@@ -82,11 +81,11 @@ def test_without_jumps_the_rebounds_are_wrong() -> None:
 
 def test_formulas() -> None:
     x, t = teg.params("x t")
-    read = teg.compile(read_formula("-0.1*sin(3*x)**2/(1 + t) + pi - minimum(x, 2)", x, t), [], backend="numpy")
+    read = teg.compile(read_floor("-0.1*sin(3*x)**2/(1 + t) + pi - minimum(x, 2)", x, t), [], backend="numpy")
     assert read(x=0.7, t=1.5) == pytest.approx(-0.1 * math.sin(2.1) ** 2 / 2.5 + math.pi - 0.7)
     for text in ("x +", "y", "__import__('os')", "x.real", "sin(x", "sin()", "1/0", "9**9**9", "'x'", "x if t else 1", "True"):
         with pytest.raises(InputError) as error:
-            read_formula(text, x, t)
+            read_floor(text, x, t)
         assert repr(text) in error.value.what
 
 
@@ -97,3 +96,12 @@ def test_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert main(["demo", "bouncing-ball", "--floor", "0.1*x", "--steps", "1", *quick]) == 3
     assert main(["demo", "bouncing-ball", "--speed", "1e9", *quick, "--contacts", "2"]) == 3
     assert "did not converge" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("floor", "code"), [("1/(x - 2.5)", 2), ("exp(50*x)", 2), ("log(x - 50)", 2), ("sqrt(5 - x)", 3)])
+def test_a_floor_that_is_not_finite_everywhere_is_one_line(
+    floor: str, code: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    assert main(["demo", "bouncing-ball", "--floor", floor, "--backend", "numpy", "--steps", "3", "-o", str(tmp_path)]) == code
+    assert capfd.readouterr().err.count("\n") == 1

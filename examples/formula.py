@@ -1,9 +1,10 @@
-"""A formula of the place x and the time t, as a user writes it, read as an expression."""
+"""A formula as a user writes it, read as an expression."""
 
 from __future__ import annotations
 
 import ast
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import teg
@@ -22,19 +23,19 @@ OPERATORS: dict[type, Any] = {
 }
 
 
-def read_formula(text: str, x: Expr, t: Expr) -> Expr:
-    """Returns a formula such as "0.2*sin(3*x) + 0.5*t" as an expression: numbers, pi, x, t, + - * / ** and FUNCTIONS.
+def read_formula(text: str, names: Mapping[str, Expr], what: str, example: str) -> Expr:
+    """Returns a formula such as "0.2*sin(3*x) + 0.5*t" as an expression: numbers, pi, the `names`, + - * / ** and FUNCTIONS.
 
-    Raises InputError for anything else.
+    Raises InputError for anything else, which says `what` the formula is, and gives an `example`.
     """
-    names = {"x": x, "t": t, "pi": math.pi}
+    known = {**names, "pi": math.pi}
 
     def read(node: ast.AST) -> Any:
         match node:
             case ast.Constant(value=int() | float()) if not isinstance(node.value, bool):
                 return node.value
-            case ast.Name(id=name) if name in names:
-                return names[name]
+            case ast.Name(id=name) if name in known:
+                return known[name]
             case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
                 return OPERATORS[type(op)](*_decimal(read(left), read(right)))
             case ast.UnaryOp(op=op, operand=operand) if type(op) in OPERATORS:
@@ -42,15 +43,15 @@ def read_formula(text: str, x: Expr, t: Expr) -> Expr:
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
                 return getattr(teg, name)(*map(read, arguments))
             case _:
-                hint = "numbers, pi, x, t, + - * / ** and " + ", ".join(FUNCTIONS)
-                raise InputError(f"the floor {text!r} has {ast.unparse(node)!r}, which is not understood", None, hint)
+                hint = f"numbers, {', '.join(known)}, + - * / ** and " + ", ".join(FUNCTIONS)
+                raise InputError(f"{what} {text!r} has {ast.unparse(node)!r}, which is not understood", None, hint)
 
     try:
-        formula: Expr = read(ast.parse(text, mode="eval").body) + 0 * x + 0 * t
+        formula: Expr = read(ast.parse(text, mode="eval").body) + sum(0 * name for name in names.values())
     except (SyntaxError, TypeError, ZeroDivisionError, OverflowError, RecursionError, ValueError) as problem:
         if isinstance(problem, InputError):
             raise
-        raise InputError(f"the floor {text!r} is not a formula of x and t", None, f"as in '0.2*sin(3*x) + 0.5*t' ({problem})") from None
+        raise InputError(f"{what} {text!r} is not a formula of {' and '.join(names)}", None, f"as in {example!r} ({problem})") from None
     return formula
 
 
