@@ -15,9 +15,11 @@ import numpy as np
 from jax import lax
 
 from teg.backends.numpy.cells import cells_of_lanes
-from teg.backends.shared.cells import integrals_of_lanes, line_count
+from teg.backends.shared.cells import CLOSED, Integrated, integrals_of_lanes, integrated, line_count
 from teg.numerics.cells import Layout
 
+STEADY = 1e-7
+"""The speed at which borders may fail to stay closed, relative to that of their lengths."""
 NUMBERS = 2**22
 """The numbers of one array that are computed at a time, about."""
 
@@ -71,14 +73,24 @@ def _block(shape: Layout, rows: Any, live: Any, otherwise: Any) -> tuple[Any, An
     numbers, directions = jnp.split(rows, 2, axis=2)
     own, moving = jnp.split(otherwise, 2, axis=1)
     forms = shape.forms
-    (_, tables), (_, along) = jax.jvp(lambda *v: integrals_of_lanes(jnp, shape, v[0], live, v[1]), (numbers, own), (directions, moving))
+
+    def compute(numbers: Any, own: Any) -> tuple[Any, Any]:
+        done = integrated(jnp, shape, numbers, live, own)
+        return done, done.lost
+
+    done: Integrated
+    done, moved, lost = jax.jvp(compute, (numbers, own), (directions, moving), has_aux=True)
+    # a corner of four cells may open as it moves: what is decided on intervals without length has no limit there
+    steady = jnp.abs(moved.gaps).max(axis=1) <= STEADY * (1.0 + jnp.abs(moved.lengths).max(axis=1))
+    unknown = lost | ~steady | ~(jnp.abs(done.gaps).max(axis=1) <= CLOSED)
+    tables, along = (jnp.where(unknown[:, None, None, None], jnp.nan, v) for v in (done.tables, moved.tables))
     lanes, bodies = tables.shape[:2]
     slopes = jnp.concatenate([directions[..., forms:], moving[:, None]], axis=1).reshape(lanes, len(live[0]) + 1, bodies, -1)
     slopes = jnp.moveaxis(slopes, 2, 1)
     by_form = jnp.pad(directions[..., :forms], ((0, 0), (0, 1), (0, 0)))[:, None]
     whole = jnp.concatenate([jnp.broadcast_to(by_form, (lanes, bodies, *by_form.shape[2:])), slopes], axis=3)
     values = jnp.where((tables != 0.0) & (whole != 0.0), whole * tables, 0.0).sum(axis=(2, 3))
-    return values, jnp.concatenate([along, tables], axis=3)
+    return jnp.where(unknown[:, None], jnp.nan, values), jnp.concatenate([along, tables], axis=3)
 
 
 def cells_on_host(shape: Layout, rows: Any, counts: Any, otherwise: Any, slopes: bool) -> tuple[Any, Any]:

@@ -51,12 +51,30 @@ class Intervals(NamedTuple):
     inside: Any
 
 
+class Integrated(NamedTuple):
+    """Values (n, bodies); tables (n, bodies, K + 1, columns); gaps (n, 3·(K + 1)), 0 where borders are closed; lengths of borders
+    (n, lines·(K + 1)); lost (n,): whether forms are not finite."""
+
+    values: Any
+    tables: Any
+    gaps: Any
+    lengths: Any
+    lost: Any
+
+
 def integrals_of_lanes(xp: Any, shape: Layout, rows: Any, live: Any, otherwise: Any) -> tuple[Any, Any]:
     """Returns the integrals (n, bodies), and their derivatives by all numbers of candidates, (n, bodies, K + 1, columns).
 
     `rows` (n, K, numbers) are the candidates, those that are not `live` (n, K) anything; `otherwise` (n, coefficients of all bodies) what
-    counts where there is none. Directions (`shape.order` 1) are no part of it: they are derivatives of this function.
+    counts where there is none. Directions (`shape.order` 1) are no part of it: they are derivatives of `integrated`.
     """
+    done = integrated(xp, shape, rows, live, otherwise)
+    unknown = (done.lost | ~(xp.abs(done.gaps).max(axis=1) <= CLOSED))[:, None]
+    return xp.where(unknown, np.nan, done.values), xp.where(unknown[..., None, None], np.nan, done.tables)
+
+
+def integrated(xp: Any, shape: Layout, rows: Any, live: Any, otherwise: Any) -> Integrated:
+    """Returns the integrals, whether their borders are closed or not."""
     s = Setting(xp, shape, rows.shape[1])
     scene = scene_of(s, rows[..., : shape.forms], live)
     lines = lines_of(s, scene)
@@ -66,14 +84,14 @@ def integrals_of_lanes(xp: Any, shape: Layout, rows: Any, live: Any, otherwise: 
     sides = intervals.positive, _inside_square(xp, intervals.negative)
     border = [xp.einsum("znt,zntk,zntp->znkp", counted, side, powers) for side in sides]
     border = xp.einsum("mznp,znkp->znkm", _on_lines(xp, lines.unit, shape.degree + 1), border[0] - border[1])
-    moments, gap = _moments(s, lines.unit, xp.where(lines.on_side, 0.0, 1.0)[..., None, None] * border)
+    moments, gaps = _moments(s, lines.unit, xp.where(lines.on_side, 0.0, 1.0)[..., None, None] * border)
     visible = xp.einsum("znt,zntk->zk", counted * (powers[..., 0] > 0.0), sides[0] + sides[1]) > 0.0
     own = xp.concatenate([rows[..., shape.forms :], otherwise[:, None]], axis=1)
     own = xp.where(visible[..., None], own, 0.0).reshape(*own.shape[:2], -1, shape.coefficients)
     values = xp.einsum("zkbm,zkm->zb", own, moments)
     tables = _tables(s, lines, border, (own, moments))
-    unknown = (scene.lost | ~(gap <= CLOSED))[:, None]
-    return xp.where(unknown, np.nan, values), xp.where(unknown[..., None, None], np.nan, tables)
+    lengths = border[..., 0].reshape(len(rows), -1)
+    return Integrated(values, tables, gaps, lengths, scene.lost)
 
 
 # -- owners ------------------------------------------------------------------------------------------------------------
@@ -109,8 +127,9 @@ def _presence(xp: Any, cut: list[Any], chord: tuple[Any, Any]) -> tuple[Any, Any
     """
     at, slope, start, same, turned = cut
     first, last = chord
-    begins = xp.where((slope > FLAT) & ~same, at, -4.0).max(axis=3, initial=-4.0)
-    ends = xp.where((slope < -FLAT) & ~same, at, 4.0).min(axis=3, initial=4.0)
+    far = xp.full((*at.shape[:3], 1), 4.0)  # JAX has no derivative of the maximum of nothing
+    begins = xp.concatenate([xp.where((slope > FLAT) & ~same, at, -4.0), -far], axis=3).max(axis=3)
+    ends = xp.concatenate([xp.where((slope < -FLAT) & ~same, at, 4.0), far], axis=3).min(axis=3)
     never = ((xp.abs(slope) <= FLAT) & (start < 0.0) & ~same).any(axis=3)
     begins = xp.clip(begins, first, last)
     ends = xp.where(never, begins, xp.clip(ends, begins, last))
@@ -199,14 +218,14 @@ def _inside_square(xp: Any, owners: Any) -> Any:
 
 
 def _moments(s: Setting, unit: Any, border: Any) -> tuple[Any, Any]:
-    """Returns the moments of owners (n, K + 1, coefficients), and by how much their borders fail to close, (n,)."""
+    """Returns the moments of owners (n, K + 1, coefficients), and by how much their borders fail to close, (n, 3·(K + 1))."""
     xp = s.xp
     exponents = monomials(s.shape.degree)
     factors = np.array([1.0 / (i + j + 2) for i, j in exponents])
     moments = xp.einsum("zn,znkm->zkm", unit[..., 0], border[..., : len(exponents)]) * factors
     gaps = [xp.einsum("zn,znk->zk", unit[..., i], border[..., 0]) for i in (1, 2)]
     gaps.append(xp.einsum("zn,znk->zk", unit[..., 1], border[..., 1]) - xp.einsum("zn,znk->zk", unit[..., 2], border[..., 2]))
-    return moments, xp.abs(xp.stack(gaps)).max(axis=(0, 2))
+    return moments, xp.concatenate(gaps, axis=1)
 
 
 def _tables(s: Setting, lines: Lines, border: Any, owned: tuple[Any, Any]) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import teg
+from teg.numerics.cells import Layout
 from tests.end_to_end.test_nearest_scenes import mesh_program, random_mesh
 
 jax = pytest.importorskip("jax")
@@ -67,9 +68,27 @@ def test_lists_of_candidates_and_power_cells() -> None:
         "F": np.array([0, 1, 2, 3, 1, 4]),
         "R": np.array([0, 4, 6, 6]),
     }
-    (value, slope), (expected, gradient) = (teg.compile(e, backend=b).value_and_grad(**given) for b in ("jax", "c"))
+    f = teg.jax_function(e, kernel="xla", indices={"F": given["F"], "R": given["R"]})
+    value, slope = jax.jit(jax.value_and_grad(lambda sites: f(S=sites)))(given["S"])
+    expected, gradient = teg.compile(e, backend="c").value_and_grad(**given)
     assert float(value) == pytest.approx(float(expected), abs=1e-13)
-    np.testing.assert_allclose(slope["S"], gradient["S"], atol=1e-13)
+    np.testing.assert_allclose(slope, gradient["S"], atol=1e-13)
+
+
+def test_no_second_derivative_where_four_cells_meet() -> None:
+    """Lines through one point that separate as they move: NaN, as nothing says which pieces they leave. Moved together, they stay."""
+    from teg.backends.jax.cells import cells_with_most
+
+    sites = np.array([[0.25, 0.2], [0.75, 0.2], [0.25, 0.6], [0.75, 0.6]])
+    shape = Layout(1, 0, 1, order=1)
+    keys = np.column_stack([(sites**2).sum(axis=1), -2 * sites])
+    together = np.column_stack([2 * sites[:, 0], np.full(4, -2.0), np.zeros(4)])  # all to the right
+    apart = together * [[1], [0], [0], [0]]
+    for rates, is_known in ((together, True), (apart, False)):
+        rows = np.hstack([keys, np.eye(4, 3), rates, np.zeros((4, 3))])
+        values, tables = jax.jit(lambda r: cells_with_most(shape, r, np.array([4]), np.zeros((1, 6)), 4))(rows)
+        assert np.isfinite(values).all() == is_known
+        assert np.isfinite(tables).all() == is_known
 
 
 def lowered(count: int, in_xla: Any) -> str:
