@@ -21,10 +21,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from teg.backends.jax.cells import cells_on_host, cells_with_most
 from teg.backends.jax.kernel import JaxKernel
 from teg.backends.jax.runtime import union
-from teg.backends.numpy.cells import cells_of_lanes
 from teg.backends.plan import exactly
+from teg.backends.shared.cells import most_candidates
 from teg.errors import ArrayIndexError
 from teg.program import Program
 from teg.program.arrays import (
@@ -74,8 +75,7 @@ class ArrayFunction:
         counted = {k: v for k, v in enumerate(scalars) if isinstance(v, int)}
         numbers = [k for k, a in enumerate(self.program.arrays) if a.integers]
         entries = {k: v for k, v in zip(numbers, indices, strict=False) if v is not None}
-        lengths = Extents(self.program, self._blocks, shapes, counted, entries).lengths
-        run = _Trace(self, arrays, lengths)
+        run = _Trace(self, arrays, Extents(self.program, self._blocks, shapes, counted, entries))
         lanes = _Lanes({f"p{k}": v for k, v in enumerate(scalars)}, 1, None)
         targets = {j: jnp.zeros(shapes[output.array]) for j, output in enumerate(self.program.outputs) if isinstance(output, Like)}
         targets, note = run.block(self.program.body, lanes, targets, jnp.int32(0))
@@ -99,10 +99,10 @@ def _of(arg: Arg, lanes: _Lanes) -> Any:
 
 
 class _Trace:
-    """One trace of a program, in which loops have `lengths`."""
+    """One trace of a program, in which loops have known extents."""
 
-    def __init__(self, function: ArrayFunction, arrays: Sequence[Any], lengths: Mapping[int, int]) -> None:
-        self.function, self.arrays, self.lengths = function, arrays, lengths
+    def __init__(self, function: ArrayFunction, arrays: Sequence[Any], extents: Extents) -> None:
+        self.function, self.arrays, self.lengths, self.widest = function, arrays, extents.lengths, extents.widest
         self.tables: dict[str, Any] = {}
 
     def block(self, block: Sequence[Step], lanes: _Lanes, targets: dict[int, Any], note: Any) -> tuple[dict[int, Any], Any]:
@@ -206,23 +206,17 @@ class _Trace:
         return note
 
     def _cells(self, step: Cells, lanes: _Lanes, rows: Any, counts: Any) -> list[Any]:
-        """The values of cells, computed on the host (`teg.backends.numpy.cells`)."""
-        others = [jnp.broadcast_to(jnp.asarray(_of(v, lanes), jnp.float64), (lanes.size,)) for v in step.otherwise]
-        shape, bodies, columns = step.shape, len(step.results), step.shape.columns * (1 + step.shape.order)
-        height = rows.shape[0] + lanes.size if step.tables else 0
-
-        def host(rows: Any, counts: Any, otherwise: Any) -> tuple[Any, Any]:
-            values, _, tables = cells_of_lanes(shape, np.asarray(rows), np.asarray(counts), np.asarray(otherwise), bool(step.tables))
-            whole = np.zeros((bodies, height, columns))
-            for table, part in zip(whole, tables, strict=False):
-                table[: len(part)] = part
-            return values, whole
-
-        kinds = (_doubles(bodies, lanes.size), _doubles(bodies, height, columns))
-        values, tables = jax.pure_callback(host, kinds, rows, counts, jnp.stack(others, axis=1), vmap_method="sequential")
+        others = jnp.stack([jnp.broadcast_to(jnp.asarray(_of(v, lanes), jnp.float64), (lanes.size,)) for v in step.otherwise], axis=1)
+        most = self.widest[id(step)]
+        if most <= most_candidates(step.shape):
+            values, tables = cells_with_most(step.shape, rows, counts, others, most)
+            first = jnp.arange(lanes.size) * (most + 1)
+        else:
+            values, tables = cells_on_host(step.shape, rows, counts, others, bool(step.tables))
+            first = jnp.cumsum(counts + 1) - (counts + 1)
         for name, table in zip(step.tables, tables, strict=False):
             self.tables[name] = table
-            lanes.values[name] = jnp.cumsum(counts + 1) - (counts + 1) - _of(step.lo, lanes)
+            lanes.values[name] = first - _of(step.lo, lanes)
         return list(values)
 
     def _loop(self, step: Loop, lanes: _Lanes, targets: dict[int, Any], note: Any) -> tuple[dict[int, Any], Any]:
@@ -286,12 +280,6 @@ class _Trace:
         return _Lanes(values, size, live), parent
 
 
-def _doubles(*shape: int) -> Any:
-    """What tells JAX the shape of an array that the host computes."""
-    kind: Any = jax.ShapeDtypeStruct
-    return kind(shape, np.float64)
-
-
 def least_of_segments(candidates: tuple[Any, Any, Any, Any], parent: Any, size: int) -> Any:
     """The index of the least key of each segment; candidates are (key, whether they are eligible, index, whether they are live)."""
     key, present, index, live = candidates
@@ -335,7 +323,8 @@ Whole = Any  # an int, or an array of them, one a lane
 
 
 class Extents:
-    """How many lanes the iterations of each loop take, at most, where it is met: `lengths`, by the id of the loop.
+    """How many lanes the iterations of each loop take, at most, where it is met: `lengths`, by the id of the loop; how many iterations it
+    has, at most, on one lane: `widest`.
 
     Where no bound of a loop depends on the index of another that is a product; else the iterations of outer loops are enumerated, in
     the blocks in which they will run.
@@ -355,6 +344,7 @@ class Extents:
         moving = _depending(program, {s.index for s in loops})
         self.varying = any(isinstance(a, str) and a in moving for s in loops for a in (s.lo, s.hi))
         self.lengths: dict[int, int] = {id(s): 0 for s in loops}
+        self.widest = dict(self.lengths)
         self._visit(program.body, {}, 1)
 
     def _visit(self, block: Sequence[Step], values: dict[Arg, Whole], size: int) -> None:
@@ -371,11 +361,13 @@ class Extents:
         inner = any(isinstance(s, Loop) for s in step.body)
         if not self.varying:
             total = size * max(int(hi - lo), 0)
-            self.lengths[id(step)] = total
+            self.lengths[id(step)], self.widest[id(step)] = total, max(int(hi - lo), 0)
             if total and inner:
                 self._visit(step.body, dict(values), min(total, block))
             return
-        ends = np.cumsum(np.broadcast_to(np.maximum(np.asarray(hi) - np.asarray(lo), 0), (size,)))
+        counts = np.broadcast_to(np.maximum(np.asarray(hi) - np.asarray(lo), 0), (size,))
+        self.widest[id(step)] = max(self.widest[id(step)], int(counts.max(initial=0)))
+        ends = np.cumsum(counts)
         total = int(ends[-1]) if size else 0
         self.lengths[id(step)] = max(self.lengths[id(step)], total)
         for start in range(0, total, block) if inner else ():

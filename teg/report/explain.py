@@ -11,6 +11,7 @@ from typing import Any, TypeVar, cast
 
 from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
+from teg.backends.shared.cells import most_candidates
 from teg.errors import TegError
 from teg.ir.arrays import Gather, Ranged, StillGather, arrays_of
 from teg.ir.cells import Symbols, cells_of
@@ -31,7 +32,7 @@ from teg.passes.normalise.inline import reasons, write_out
 from teg.passes.normalise.steps import enumerate_steps
 from teg.pipeline import Maps, compiled_outputs, flatten, normal_form, program_for
 from teg.program import size
-from teg.program.arrays import CHUNKS, LEAST, Arg, ArrayProgram, Integers, Load, Loop, Run, Scatter, Step, array_size, steps, work
+from teg.program.arrays import CHUNKS, LEAST, Arg, ArrayProgram, Cells, Integers, Load, Loop, Run, Scatter, Step, array_size, steps, work
 from teg.report.explanation import ArrayExplanation, Explanation
 from teg.report.integrals import Integrals, cost_of
 from teg.report.inventory import Inventory, text_of
@@ -186,8 +187,9 @@ def explain_loops(
     by cell.
 
     `plain` is the program with its sums outside of integrals. `data` has the keys of a scalar program's, in which each surface and
-    integral has its "cell", the number of an entry of data["cells"]; data["loops"] are the loops of both programs. A sum inside an
-    integral that has to be written out is written out for arrays of length 2.
+    integral has its "cell", the number of an entry of data["cells"]; data["loops"] are the loops of both programs, data["choices"] has
+    the most candidates of a box that XLA takes, by their index. A sum inside an integral that has to be written out is written out for
+    arrays of length 2.
     """
     data: dict[str, Any] = {
         "expression": text_of(e),
@@ -197,6 +199,7 @@ def explain_loops(
         "arrays": [{"name": a.name, "dimensions": a.dimensions, "integers": isinstance(a, IndexArray)} for a in arrays_of(e)],
         "cells": [],
         "loops": {},
+        "choices": {},
         "cost": {},
         "value_statements": None,
         "gradient_statements": None,
@@ -231,6 +234,8 @@ def _add_program(data: dict[str, Any], name: str, program: ArrayProgram) -> int:
         elif isinstance(step, Loop):
             texts[step.index] = step.title
             rows.append(_row(step, step.body, depth + 1, program, texts))
+            if isinstance(step, Cells):
+                data["choices"][step.title] = most_candidates(step.shape)
             waiting.extend((s, depth + 1) for s in reversed(step.body))
     data["loops"][name] = rows
     every = [cost_of(s.program) for s in steps(program.body) if isinstance(s, Run)]

@@ -109,6 +109,7 @@ class ArrayExplanation(Explanation):
 
     Surfaces and integrals have a "cell", the number of an entry of data["cells"], which names its sums. data["loops"] has the loops of
     the value, and those of value and gradient: the contents of an iteration, without inner loops; the first row is done once a call.
+    data["choices"] has, for the index of each integral of a choice, how many candidates of a box programs of XLA take.
     """
 
     def _tables(self) -> list[Table]:
@@ -146,6 +147,10 @@ class ArrayExplanation(Explanation):
             lines.append("There is no surface: no integrand jumps.")
         if any(row["depth"] == 1 for rows in data["loops"].values() for row in rows):
             lines.append("Iterations of outermost loops are cut into chunks, which threads share; results do not depend on how many do.")
+        for index, most in data["choices"].items():
+            lines.append(
+                f"Cells of {index}: operations of XLA where a box has at most {most} candidates; with more, XLA calls NumPy on the host."
+            )
         return lines
 
 
