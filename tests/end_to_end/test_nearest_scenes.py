@@ -381,3 +381,22 @@ def test_pixels_that_nothing_cuts() -> None:
         for name in "PDCB":
             np.testing.assert_allclose(first[name], second[name], atol=1e-12)
             np.testing.assert_allclose(products[0][name], products[1][name], atol=1e-9)
+
+
+TWO_ON_A_LINE = {
+    "P": np.array([[0.25, 0.25], [0.25, 0.0], [0.5, 0.25], [0.25, 0.25], [0.25, 0.75], [0.0, 0.25]]),
+    "D": np.array([0.3, 0.3, 0.3, 0.2, 0.2, 0.2]),
+    "C": np.array([[2.0, 2.0, 2.0], [5.0, 5.0, 5.0]]),
+    "B": np.array([0.0, 1.0, 0.0, 1.0, 0.3]),
+}
+"""Two triangles on both sides of u = 1/4 that share a corner only: an edge of each lies on that line."""
+
+
+@pytest.mark.xfail(strict=True, reason="a cut along the line of one triangle keeps its name where an edge of another one lies on it")
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_edges_of_different_triangles_on_one_line(backend: str) -> None:
+    """The derivative by the first triangle's edge does not depend on the corner that the second one begins with."""
+    f = teg.compile(mesh_program(), backend=backend)
+    for second in ([3, 4, 5], [5, 3, 4]):
+        gradient = f.grad(**TWO_ON_A_LINE, F=np.array([[0, 1, 2], second]))
+        assert gradient["P"][0:2, 0].sum() == pytest.approx(-0.2125, abs=1e-12)
