@@ -10,7 +10,8 @@ cells tile the square. Every edge knows the line it lies on.
     ∂V/∂(coefficient of f_k)  =  ∫∫ of its monomial over R_k                                         moments
     ∂V/∂(c, a, b) of a form   =  Σ over edges on its line of ±∫ f_owner·(1, u, v) ds/|(a, b)|         + on the side g >= 0, - on the other
 
-The jump across an edge is never looked up: the cells on both sides give their shares, and cuts that separate nothing cancel. The line of
+The jump across an edge is never looked up: the cells on both sides give their shares, and cuts that separate nothing cancel. Where an edge
+of another region lies on such a cut, as in a regular mesh, what is there is that region's (second derivatives there are NaN). The line of
 two keys belongs to the key of one with + and to that of the other with -. Along a direction (`order` 1) the corners of the cells move as
 the intersections of the lines of their edges do, and with them everything above, by the product rule.
 
@@ -29,7 +30,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 
@@ -43,6 +44,8 @@ SKEW = 0.7
 """The second coordinate of that step, in units of the first."""
 ROUNDING = 1e-13
 """The rounding of a key, relative to its constant."""
+SAME, PLACES = 1e-10, 8
+"""The distance within which lines of different regions are one, and the decimal places in which their angles are."""
 NOBODY = -1
 MOST_DEGREE = 8
 """The largest degree of a polynomial."""
@@ -188,6 +191,7 @@ class _Arrangement:
     def __init__(self, shape: Layout, candidates: Sequence[Row], shift: Point) -> None:
         self.shape, self.candidates, self.shift = shape, candidates, shift
         self.lines = [Line(side, 1.0, ()) for side in SIDES]
+        self.guards: dict[int, list[int]] = {}  # of a line that is one: all lines of its region
         self.touching = False
         self.undefined = False
         present: list[tuple[int, list[int]]] = []
@@ -227,7 +231,9 @@ class _Arrangement:
                 lines.append(Line((c / size, a / size, b / size), size, ((1, candidate, column),)))
         self.undefined |= not all(math.isfinite(v) for form in forms for v in form)
         self.lines += lines
-        return list(range(len(self.lines) - len(lines), len(self.lines)))
+        cutting = list(range(len(self.lines) - len(lines), len(self.lines)))
+        self.guards.update(dict.fromkeys(cutting, cutting))
+        return cutting
 
     def _key(self, region: int) -> Form:
         return self.form(region // self.shape.parts, self.shape.forms - 3)
@@ -314,6 +320,26 @@ class _Arrangement:
         self.cells += outside
 
 
+def twins(arrangement: _Arrangement) -> dict[int, list[tuple[int, float]]]:
+    """Returns, for each guard's line that is that of guards of other regions too, these and whether they have the same sides."""
+    known: list[tuple[float, float, int, float]] = []
+    for line in arrangement.guards:
+        c, a, b = arrangement.lines[line].unit
+        sign = math.copysign(1.0, a if abs(a) > SAME else b)
+        known.append((round(math.atan2(sign * b, sign * a), PLACES), sign * c, line, sign))
+    known.sort()
+    found: dict[int, list[tuple[int, float]]] = {}
+    first = 0
+    for k in range(1, len(known) + 1):
+        if k < len(known) and known[k][0] == known[k - 1][0] and known[k][1] - known[k - 1][1] < SAME:
+            continue
+        group = known[first:k]
+        for _, _, line, sign in group if len(group) > 1 else ():
+            found[line] = [(other, sign * turned) for _, _, other, turned in group if other not in arrangement.guards[line]]
+        first = k
+    return found
+
+
 class _Measured:
     """Integrals over the cells of an arrangement, and along their edges."""
 
@@ -330,6 +356,7 @@ class _Measured:
         self.wide = wide
         self.changes = [list(row[wide + shape.forms : 2 * wide]) for row in candidates] + [list(otherwise[half:])]
         self.moments = self._all_moments()
+        self.twins = twins(arrangement)
 
     def _owner(self, cell: Cell) -> int:
         """Returns the row of a cell's owner."""
@@ -411,18 +438,58 @@ class _Measured:
         for i, label in enumerate(cell.labels):
             if label < 2 * BOX:
                 continue
-            line = self.arrangement.lines[label >> 1]
             ends = (cell.corners[i], cell.corners[(i + 1) % n]), (speed[i], speed[(i + 1) % n])
-            turning = self._rate(label >> 1) if self.moving else (0.0, 0.0, 0.0)
-            plain, changed = self._along_edge(ends, (own, moving), line, turning)
-            side = -1.0 if label & 1 else 1.0
-            for sign, candidate, column in line.of:
-                for k in range(3):
-                    if self.moving:
-                        table[candidate][column + k] += sign * side * changed[k]
-                        table[candidate][columns + column + k] += sign * side * plain[k]
-                    else:
-                        table[candidate][column + k] += sign * side * plain[k]
+            shares = self._shares(label >> 1, *ends[0])
+            for first, last, number, turned in shares:
+                line = self.arrangement.lines[number]
+                turning = self._rate(number) if self.moving else (0.0, 0.0, 0.0)
+                plain, changed = self._along_edge(_between(ends, first, last), (own, moving), line, turning)
+                side = -turned if label & 1 else turned
+                changed = changed if len(shares) == 1 and number == label >> 1 else [math.nan] * 3
+                for sign, candidate, column in line.of:
+                    for k in range(3):
+                        if self.moving:
+                            table[candidate][column + k] += sign * side * changed[k]
+                            table[candidate][columns + column + k] += sign * side * plain[k]
+                        else:
+                            table[candidate][column + k] += sign * side * plain[k]
+
+    def _shares(self, line: int, start: Point, stop: Point) -> list[tuple[float, float, int, float]]:
+        """Returns the parts of an edge, the line that each belongs to, and whether it has the same sides.
+
+        A cut goes on beyond the region that made it. Where the edge of another region lies on it, what is there is that one's.
+        """
+        if line not in self.twins:
+            return [(0.0, 1.0, line, 1.0)]
+        found: list[tuple[float, float, int, float]] = []
+        left = [(0.0, 1.0)]
+        for number, sign in ((line, 1.0), *self.twins[line]):
+            first, last = self._edge_of(number, start, stop)
+            rest: list[tuple[float, float]] = []
+            for low, high in left:
+                begin, end = max(low, first), min(high, last)
+                if end - begin <= EPSILON:
+                    rest.append((low, high))
+                    continue
+                found.append((begin, end, number, sign))
+                rest += [part for part in ((low, begin), (end, high)) if part[1] - part[0] > EPSILON]
+            left = rest
+        if all(number == line for _, _, number, _ in found):
+            return [(0.0, 1.0, line, 1.0)]
+        return found + [(low, high, line, 1.0) for low, high in left]
+
+    def _edge_of(self, line: int, start: Point, stop: Point) -> tuple[float, float]:
+        """Returns the part of a straight line where the other guards of a line's region hold."""
+        first, last = 0.0, 1.0
+        for other in self.arrangement.guards[line]:
+            if other != line:
+                c, a, b = self.arrangement.lines[other].unit
+                d, e = c + a * start[0] + b * start[1], c + a * stop[0] + b * stop[1]
+                if d < 0.0 and e < 0.0:
+                    return 1.0, 0.0
+                first = max(first, d / (d - e)) if d < 0.0 else first
+                last = min(last, d / (d - e)) if e < 0.0 else last
+        return first, last
 
     def _along_edge(
         self,
@@ -453,6 +520,14 @@ class _Measured:
                 for k, (at, slope) in enumerate(((1.0, 0.0), (x, p), (y, q))):
                     changed[k] += h * (df * at + f * slope)
         return plain, changed
+
+
+def _between(ends: tuple[tuple[Point, Point], tuple[Point, Point]], first: float, last: float) -> Any:
+    """Returns the part of an edge, and of the velocities of its ends."""
+    if (first, last) == (0.0, 1.0):
+        return ends
+    at = [[tuple(p + t * (q - p) for p, q in zip(*pair, strict=True)) for t in (first, last)] for pair in ends]
+    return (at[0][0], at[0][1]), (at[1][0], at[1][1])
 
 
 def _nodes(corners: Sequence[Point], speed: Sequence[Point], degree: int) -> Iterator[tuple[Point, Point, float, float]]:

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from teg.backends.c.text import identifiers
-from teg.numerics.cells import BESIDE, EPSILON, MOST_DEGREE, SHIFT, SKEW, monomials
+from teg.numerics.cells import BESIDE, EPSILON, MOST_DEGREE, PLACES, SAME, SHIFT, SKEW, monomials
 from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.program import (
     ABSOLUTE_FLOOR,
@@ -115,6 +115,8 @@ LIMITS = {
     "TEG_KEY_ROUNDING": KEY_ROUNDING,
     "TEG_BESIDE": BESIDE,
     "TEG_MANY_CELLS": MANY_CELLS,
+    "TEG_SAME": SAME,
+    "TEG_ANGLES": 10.0**PLACES,
     "TEG_SHIFT": SHIFT,
     "TEG_SKEW": SKEW,
     "TEG_MONOMIALS": len(monomials(MOST_DEGREE)),

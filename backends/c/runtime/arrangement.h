@@ -18,12 +18,20 @@ typedef struct {
 } teg_cell;
 
 //: teg_line
-/* A line: its form divided by `size`; the candidates and the column of the numbers that it consists of (minus: -1 for none). */
+/* A line: its form divided by `size`; the candidates and the column of the numbers that it consists of (minus: -1 for none); for a guard
+   the lines of its region, the first and one behind the last; and where it is among the twins, or -1. */
 typedef struct {
     double c, a, b, size;
     int64_t plus, minus;
-    int column;
+    int column, first, end, twin;
 } teg_line;
+
+//: teg_twin
+/* A guard's line, turned so that those of different regions that are one line have the same angle and distance. */
+typedef struct {
+    double angle, c, sign;
+    int line;
+} teg_twin;
 
 //: teg_region
 /* A part of a candidate that is inserted: its key in the middle, and its cutting lines, the first and one behind the last. */
@@ -55,6 +63,8 @@ typedef struct {
     int *pl, *ql;
     size_t scratch_room, bound_room, pending_room;
     double *bound;
+    teg_twin *twins;
+    size_t twin_count, twin_room;
     int *pending, bounds;
     int own_cells, own_lines, own_regions, own_pool, own_scratch;
 } teg_arrangement;
@@ -254,7 +264,7 @@ static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *r
 static int teg_key_line(teg_arrangement *r, int64_t owner, int64_t candidate, const double *g)
 {
     const double size = sqrt(g[1] * g[1] + g[2] * g[2]);
-    const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, owner, candidate, r->forms - 3};
+    const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, owner, candidate, r->forms - 3, 0, 0, -1};
     for (size_t k = r->line_count; k-- > 4 && r->lines[k].minus == candidate;)
         if (r->lines[k].plus == owner) return (int)k;
     return teg_add_line(r, line);
@@ -387,11 +397,12 @@ static int teg_present(teg_arrangement *r, teg_region *region)
         }
         finite &= isfinite(g[0]) && isfinite(g[1]) && isfinite(g[2]);
         if (finite && g[0] + fmin(g[1], 0.0) + fmin(g[2], 0.0) <= TEG_ON_LINE * size && size > 0.0) {
-            const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, candidate, -1, column};
+            const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, candidate, -1, column, 0, 0, -1};
             teg_add_line(r, line);
         }
     }
     region->end = (int)r->line_count;
+    for (size_t k = before; k < r->line_count; k++) r->lines[k].first = region->first, r->lines[k].end = region->end;
     r->undefined |= !finite;
     return 1;
 }
@@ -407,7 +418,8 @@ static int teg_by_middle(const void *a, const void *b)
 /* Cut the square into cells. */
 static void teg_arrange(teg_arrangement *r, double su, double sv)
 {
-    static const teg_line sides[4] = {{0, 1, 0, 1, -1, -1, 0}, {1, -1, 0, 1, -1, -1, 0}, {0, 0, 1, 1, -1, -1, 0}, {1, 0, -1, 1, -1, -1, 0}};
+    static const teg_line sides[4] = {{0, 1, 0, 1, -1, -1, 0, 0, 0, -1}, {1, -1, 0, 1, -1, -1, 0, 0, 0, -1},
+        {0, 0, 1, 1, -1, -1, 0, 0, 0, -1}, {1, 0, -1, 1, -1, -1, 0, 0, 0, -1}};
     static const double x[4] = {0, 1, 1, 0}, y[4] = {0, 0, 1, 1};
     static const int label[4] = {4, 2, 6, 0};
     const int64_t regions = r->n * r->shape->parts;
@@ -450,4 +462,100 @@ static void teg_arrange(teg_arrangement *r, double su, double sv)
     if (base >= 0) r->region_count = kept;
     qsort(r->regions, r->region_count, sizeof *r->regions, teg_by_middle);
     for (size_t k = 0; k < r->region_count && !r->failed; k++) teg_insert(r, r->regions + k);
+}
+
+//: teg_by_angle
+static int teg_by_angle(const void *a, const void *b)
+{
+    const teg_twin *const p = a, *const q = b;
+    if (p->angle != q->angle) return p->angle < q->angle ? -1 : 1;
+    return p->c < q->c ? -1 : p->c > q->c ? 1 : p->line < q->line ? -1 : p->line > q->line;
+}
+
+//: teg_find_twins
+/* Find guards of different regions whose lines are one: a line's `twin` is where it is among them, or -1 if it is alone. */
+static void teg_find_twins(teg_arrangement *r)
+{
+    size_t count = 0;
+    if (r->line_count > r->twin_room) {
+        r->twins = teg_grown(r->twins, 1, 0, 2 * r->line_count * sizeof *r->twins, &r->failed);
+        if (r->failed) return;
+        r->twin_room = 2 * r->line_count;
+    }
+    for (size_t k = 4; k < r->line_count; k++) {
+        const teg_line g = r->lines[k];
+        const double sign = (fabs(g.a) > TEG_SAME ? g.a : g.b) < 0.0 ? -1.0 : 1.0;
+        const teg_twin twin = {floor(atan2(sign * g.b, sign * g.a) * TEG_ANGLES + 0.5), sign * g.c, sign, (int)k};
+        if (g.minus < 0) r->twins[count++] = twin;
+    }
+    r->twin_count = count;
+    qsort(r->twins, count, sizeof *r->twins, teg_by_angle);
+    for (size_t k = 1; k < count; k++) {
+        if (r->twins[k].angle != r->twins[k - 1].angle || r->twins[k].c - r->twins[k - 1].c >= TEG_SAME) continue;
+        r->lines[r->twins[k - 1].line].twin = (int)k - 1, r->lines[r->twins[k].line].twin = (int)k;
+    }
+}
+
+//: teg_edge_of
+/* The part of a straight line where the guards of a line's region hold, but for this one. */
+static void teg_edge_of(const teg_arrangement *r, int line, double x, double y, double dx, double dy, double *part)
+{
+    part[0] = 0.0, part[1] = 1.0;
+    for (int k = r->lines[line].first; k < r->lines[line].end; k++) {
+        const teg_line *const g = r->lines + k;
+        const double d = g->c + g->a * x + g->b * y, e = g->c + g->a * (x + dx) + g->b * (y + dy);
+        if (k == line) continue;
+        if (d < 0.0 && e < 0.0) part[0] = 1.0, part[1] = 0.0;
+        else if (d < 0.0) part[0] = fmax(part[0], d / (d - e));
+        else if (e < 0.0) part[1] = fmin(part[1], d / (d - e));
+    }
+}
+
+//: teg_is_shared
+/* Whether the edge of a twin lies on an edge that goes on beyond that of its own region. */
+static int teg_is_shared(const teg_arrangement *r, int line, const double *edge)
+{
+    const int at = r->lines[line].twin;
+    const teg_twin *const t = r->twins;
+    double own[2], range[2];
+    if (at < 0) return 0;
+    teg_edge_of(r, line, edge[0], edge[1], edge[2], edge[3], own);
+    for (int step = -1; step <= 1; step += 2)
+        for (int k = at + step; k >= 0 && k < (int)r->twin_count; k += step) {
+            if (t[k].angle != t[k - step].angle || fabs(t[k].c - t[k - step].c) >= TEG_SAME) break;
+            if (r->lines[t[k].line].first == r->lines[line].first) continue; /* of the same region, which is thin */
+            teg_edge_of(r, t[k].line, edge[0], edge[1], edge[2], edge[3], range);
+            if (range[1] - range[0] - fmax(0.0, fmin(own[1], range[1]) - fmax(own[0], range[0])) > TEG_ON_LINE) return 1;
+        }
+    return 0;
+}
+
+//: teg_next_share
+/* The next part of an edge and the line that it belongs to, and that line's sign; 0 where there is no more. A cut goes on beyond the region
+   that made it: where the edge of another region lies on it, what is there is that one's. `part` holds the part; -1, -1 at first. */
+static int teg_next_share(const teg_arrangement *r, int line, const double *edge, double *part, int *share, double *sign)
+{
+    const int at = part[1] > 0.0 || teg_is_shared(r, line, edge) ? r->lines[line].twin : -1;
+    int low = at, high = at;
+    double begin = part[1] < 0.0 ? 0.0 : part[1], end = 1.0;
+    if (begin >= 1.0 - TEG_ON_LINE) return 0;
+    *share = line, *sign = 1.0;
+    if (at >= 0) {
+        const teg_twin *const t = r->twins;
+        const double own = t[at].sign;
+        while (low > 0 && t[low - 1].angle == t[low].angle && t[low].c - t[low - 1].c < TEG_SAME) low--;
+        while (high + 1 < (int)r->twin_count && t[high + 1].angle == t[high].angle && t[high + 1].c - t[high].c < TEG_SAME) high++;
+        for (int k = low - 1, found = 0; k <= high && !found; k++) {
+            const int other = k < low ? line : t[k].line;
+            double range[2];
+            if (k >= low && r->lines[t[k].line].first == r->lines[line].first) continue;
+            teg_edge_of(r, other, edge[0], edge[1], edge[2], edge[3], range);
+            if (range[0] <= begin + TEG_ON_LINE && range[1] > begin + TEG_ON_LINE)
+                *share = other, *sign = k < low ? 1.0 : own * t[k].sign, end = fmin(end, range[1]), found = 1;
+            else if (range[0] > begin && range[1] - range[0] > TEG_ON_LINE)
+                end = fmin(end, range[0]); /* where one that comes before begins */
+        }
+    }
+    part[0] = begin, part[1] = end > 1.0 - TEG_ON_LINE ? 1.0 : end;
+    return 1;
 }

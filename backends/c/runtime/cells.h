@@ -84,43 +84,51 @@ static void teg_cell_edges(
     const teg_shape *const s = r->shape;
     const double *const own = polynomials[0], *const change = polynomials[1], *const base = polynomials[2], *const base_change = polynomials[3];
     const int columns = r->forms + r->count, width = columns * (1 + s->order), count = r->count;
-    double at[TEG_MONOMIALS], slope[TEG_MONOMIALS];
+    double at[TEG_MONOMIALS], slope[TEG_MONOMIALS], part[2];
     for (int i = 0; i < cell->n; i++) {
         const int label = r->label[cell->at + i], j = i + 1 == cell->n ? 0 : i + 1;
-        const teg_line *const line = r->lines + (label >> 1);
         const double x0 = r->x[cell->at + i], y0 = r->y[cell->at + i], dx = r->x[cell->at + j] - x0, dy = r->y[cell->at + j] - y0;
-        double length, scale, g[3], stretch = 0.0;
-        if (label < 8) continue;
-        length = sqrt(dx * dx + dy * dy), scale = (label & 1 ? -length : length) / line->size;
-        if (s->order) {
-            teg_rate(r, line, g);
-            if (length > 0.0) stretch = (dx * (p[j] - p[i]) + dy * (q[j] - q[i])) / (length * length);
-            stretch -= line->a * g[1] + line->b * g[2];
-        }
-        for (int point = 0; point < s->points; point++) {
-            const double t = s->gauss[2 * point], h = scale * s->gauss[2 * point + 1], x = x0 + t * dx, y = y0 + t * dy;
-            double vx = 0.0, vy = 0.0;
-            if (s->order) vx = p[i] + t * (p[j] - p[i]), vy = q[i] + t * (q[j] - q[i]);
-            teg_monomials(x, y, vx, vy, s->degree, at, s->order ? slope : NULL);
-            for (int body = 0; body < s->bodies; body++) {
-                double *const table = tables + body * (r->n + 1) * width;
-                const int first = body * count;
-                double value = 0.0, moved = 0.0;
-                for (int k = 0; k < count; k++) {
-                    const double f = base ? own[first + k] - base[first + k] : own[first + k];
-                    value += f * at[k];
-                    if (s->order) moved += f * slope[k] + (base ? change[first + k] - base_change[first + k] : change[first + k]) * at[k];
-                }
-                value *= h, moved = h * moved + value * stretch;
-                for (int k = 0; k < 2; k++) {
-                    const int64_t candidate = k ? line->minus : line->plus;
-                    if (candidate < 0) continue;
-                    double *const to = table + candidate * width + line->column, sign = k ? -1.0 : 1.0;
-                    if (s->order) {
-                        to[0] += sign * moved, to[1] += sign * (moved * x + value * vx), to[2] += sign * (moved * y + value * vy);
-                        to[columns] += sign * value, to[columns + 1] += sign * value * x, to[columns + 2] += sign * value * y;
-                    } else
-                        to[0] += sign * value, to[1] += sign * value * x, to[2] += sign * value * y;
+        const double edge[4] = {x0, y0, dx, dy};
+        double sign_of_line;
+        int share;
+        part[0] = part[1] = -1.0;
+        while (label >= 8 && teg_next_share(r, label >> 1, edge, part, &share, &sign_of_line)) {
+            double length, scale, g[3], stretch = 0.0;
+            const teg_line *const line = r->lines + share;
+            const int whole = part[0] == 0.0 && part[1] == 1.0, known = whole && share == label >> 1;
+            length = sqrt(dx * dx + dy * dy), scale = sign_of_line * (label & 1 ? -length : length) / line->size;
+            if (!whole) scale *= part[1] - part[0];
+            if (s->order) {
+                teg_rate(r, line, g);
+                if (length > 0.0) stretch = (dx * (p[j] - p[i]) + dy * (q[j] - q[i])) / (length * length);
+                stretch -= line->a * g[1] + line->b * g[2];
+            }
+            for (int point = 0; point < s->points; point++) {
+                const double from = s->gauss[2 * point], t = whole ? from : part[0] + from * (part[1] - part[0]);
+                const double h = scale * s->gauss[2 * point + 1], x = x0 + t * dx, y = y0 + t * dy;
+                double vx = 0.0, vy = 0.0;
+                if (s->order) vx = p[i] + t * (p[j] - p[i]), vy = q[i] + t * (q[j] - q[i]);
+                teg_monomials(x, y, vx, vy, s->degree, at, s->order ? slope : NULL);
+                for (int body = 0; body < s->bodies; body++) {
+                    double *const table = tables + body * (r->n + 1) * width;
+                    const int first = body * count;
+                    double value = 0.0, moved = 0.0;
+                    for (int k = 0; k < count; k++) {
+                        const double f = base ? own[first + k] - base[first + k] : own[first + k];
+                        value += f * at[k];
+                        if (s->order) moved += f * slope[k] + (base ? change[first + k] - base_change[first + k] : change[first + k]) * at[k];
+                    }
+                    value *= h, moved = known ? h * moved + value * stretch : NAN;
+                    for (int k = 0; k < 2; k++) {
+                        const int64_t candidate = k ? line->minus : line->plus;
+                        if (candidate < 0) continue;
+                        double *const to = table + candidate * width + line->column, sign = k ? -1.0 : 1.0;
+                        if (s->order) {
+                            to[0] += sign * moved, to[1] += sign * (moved * x + value * vx), to[2] += sign * (moved * y + value * vy);
+                            to[columns] += sign * value, to[columns + 1] += sign * value * x, to[columns + 2] += sign * value * y;
+                        } else
+                            to[0] += sign * value, to[1] += sign * value * x, to[2] += sign * value * y;
+                    }
                 }
             }
         }
@@ -164,6 +172,7 @@ static void teg_measure(teg_arrangement *r, const double *otherwise, double *val
     const int whole = r->cell_count == 1 && r->cells[0].owner == base;
     int known = 1;
     if (r->undefined) return;
+    if (tables && !whole) teg_find_twins(r);
     for (int j = 0; j < half; j++) known &= isfinite(f[j]) && (!s->order || isfinite(df[j]));
     for (int total = 0, at = 0; total <= s->degree; total++)
         for (int j = 0; j <= total; j++, at++) rest[at] = 1.0 / ((total - j + 1.0) * (j + 1.0)), change[at] = 0.0;
@@ -254,6 +263,7 @@ static int teg_cells(
     free(own);
     free(r.bound);
     free(r.pending);
+    free(r.twins);
     if (r.own_cells) free(r.cells);
     if (r.own_lines) free(r.lines);
     if (r.own_regions) free(r.regions);

@@ -127,7 +127,9 @@ def match_conic(g: Expr, variables: Sequence[Var]) -> Conic | None:
     middle, radius = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
     if not a > 0.0 or not middle + radius <= MAX_CONDITION * (middle - radius):
         return None
-    scale, across = math.sqrt(a), math.sqrt((a * c - b * b) / a)  # R⁻¹ with RᵀR = Q, R upper triangular
+    scale, across = math.sqrt(a), math.sqrt(max(a * c - b * b, 0.0) / a)  # R⁻¹ with RᵀR = Q, R upper triangular
+    if not a * across > 0.0:
+        return None  # products underflow
     return Conic((x, y), sign, ((1.0 / scale, -b / (a * across)), (0.0, 1.0 / across)))
 
 

@@ -185,7 +185,7 @@ def test_cells_that_are_not_looked_at_do_not_matter(by_cuts: Any, with_each: Any
             otherwise = np.concatenate([otherwise, random.normal(size=otherwise.shape)])
         found, expected = by_cuts(shape, rows, otherwise), with_each(shape, rows, otherwise)
         assert 0 < found.clips < expected.clips
-        tables = max(1.0, np.abs(expected.tables).max())
+        tables = max(1.0, np.nanmax(np.abs(expected.tables)))  # not numbers at second derivatives where edges lie on one line
         np.testing.assert_allclose(found.values, expected.values, rtol=0, atol=1e-15 * (tables if shape.order else 4.0))
         np.testing.assert_allclose(found.sizes, expected.sizes, rtol=0, atol=1e-14)
         np.testing.assert_allclose(found.tables, expected.tables, rtol=0, atol=1e-13 * tables)

@@ -17,7 +17,7 @@ from teg.passes.differentiate.estimators.exact import Exact
 from teg.passes.lower.samples import MIDPOINTS, SAMPLES, deciding_integrals, nest
 from teg.pipeline import compiled_outputs, flat_program, flatten
 from teg.program import Assign, Integrate, Midpoint, Program, Sample, Stmt, SumOver, assigned, statements
-from tests.passes.lower.test_integrals import names_of
+from teg.program.verify import verify_program
 from tests.references import Reference, untagged
 
 x, y, z, w = teg.vars("x y z w")
@@ -28,7 +28,7 @@ UNIT = (0, 1)
 def program(e: teg.Expr, *names: str, rule: str = "qmc", orders: int = 0, order: int | None = None, seed: int = 0) -> Program:
     outputs = compiled_outputs(e, [teg.param(n) for n in names], orders, Exact(), closed_forms=False)
     found = flat_program([o for entry in outputs for o in flatten(entry)], names, Integration(rule=rule, order=order, seed=seed))
-    names_of(found)
+    verify_program(found)
     return found
 
 
