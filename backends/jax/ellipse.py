@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 
 from teg.backends.jax.runtime import Scalar
-from teg.backends.shared.ellipses import Kind, totals
+from teg.backends.shared.ellipses import totals
+from teg.backends.shared.moments import Kind
 
 
 def moments(

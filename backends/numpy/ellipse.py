@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy.runtime import Run, Value, gather, on_lanes
-from teg.backends.shared.ellipses import Kind, certain, oriented, totals, whole_boxes
+from teg.backends.shared.ellipses import certain, on_crossed_boxes, oriented, whole_boxes
+from teg.backends.shared.moments import Kind
 
 Array = npt.NDArray[Any]
 WIDTH = 600
@@ -40,8 +41,8 @@ class EllipseMoments:
         return on_lanes(work, (*matrix, *place, *coefficients), when, len(self.kinds), 0.0, step)
 
     def _lanes(self, given: Sequence[Array]) -> Array:
-        matrix, place, coefficients = given[:4], given[4:10], given[10:]
-        inside, beside = certain(np, oriented(np, matrix), place)
+        matrix, place, coefficients = oriented(np, given[:4]), given[4:10], given[10:]
+        inside, beside = certain(np, matrix, place)
         found = np.zeros((len(self.kinds), inside.size))
         for region, holds in ((inside, True), (beside, False)):
             lanes = np.flatnonzero(region)
@@ -49,7 +50,7 @@ class EllipseMoments:
         lanes = np.flatnonzero(~inside & ~beside)
         if lanes.size:
             axes, numbers = ([gather(value, lanes) for value in part] for part in (matrix, place))
-            found[:, lanes] = totals(np, axes, numbers, self.kinds, self._by_result(coefficients, lanes))
+            found[:, lanes] = on_crossed_boxes(np, axes, numbers, self.kinds, self._by_result(coefficients, lanes))
         return found
 
     def _by_result(self, coefficients: Sequence[Array], lanes: Array) -> list[Sequence[Array]]:

@@ -19,14 +19,12 @@ from typing import Any
 
 import numpy as np
 
+from teg.backends.shared.moments import Kind, Powers
 from teg.numerics.arcs import MANY, parts_of_a_circle
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import CLOSE_ENDS, TANGENT
 
-Powers = tuple[int, int]
 Point = tuple[Any, Any]
-Kind = tuple[str, tuple[Powers, ...]]
-"""Of a result: "above", "below" or "border", and the powers in its polynomial."""
 CIRCLE = 2.0 * math.pi
 
 
@@ -222,9 +220,10 @@ def whole_boxes(xp: Any, given: Sequence[Any], kinds: Sequence[Kind], coefficien
     return results
 
 
-def totals(xp: Any, matrix: Sequence[Any], given: Sequence[Any], kinds: Sequence[Kind], coefficients: Sequence[Sequence[Any]]) -> list[Any]:
-    """Returns the results of an `Ellipse`; `coefficients` has those of each result."""
-    matrix = oriented(xp, matrix)
+def on_crossed_boxes(
+    xp: Any, matrix: Sequence[Any], given: Sequence[Any], kinds: Sequence[Kind], coefficients: Sequence[Sequence[Any]]
+) -> list[Any]:
+    """Returns the results on boxes that the ellipse may cross; `matrix` is `oriented`."""
     u, v, radius, width, height, least = given
     inside, border = ([k for k in kinds if (k[0] == "border") == wanted] for wanted in (False, True))
     if xp is np and not np.any(radius < least):
@@ -233,7 +232,6 @@ def totals(xp: Any, matrix: Sequence[Any], given: Sequence[Any], kinds: Sequence
         moments = EllipseMoments(xp, matrix, given[:5], inside)
         borders = EllipseMoments(xp, matrix, (u, v, xp.maximum(radius, least), width, height), border)
     known = xp.isfinite(sum(abs(v) for v in given)) & (matrix[0] * matrix[3] - matrix[1] * matrix[2] > 0.0)
-    holds, beside = certain(xp, matrix, given)
     results = []
     for (kind, powers), factors in zip(kinds, coefficients, strict=True):
         total: Any = 0.0
@@ -246,5 +244,13 @@ def totals(xp: Any, matrix: Sequence[Any], given: Sequence[Any], kinds: Sequence
                 moment = width ** (j + 1) * height ** (k + 1) / ((j + 1) * (k + 1)) - moments.inside[j, k]
             total = total + factor * moment
         results.append(xp.where(known, total, xp.nan))
-    apart = (whole_boxes(xp, given, kinds, coefficients, holds) for holds in (True, False))
-    return [xp.where(holds, h, xp.where(beside, b, total)) for h, b, total in zip(*apart, results, strict=True)]
+    return results
+
+
+def totals(xp: Any, matrix: Sequence[Any], given: Sequence[Any], kinds: Sequence[Kind], coefficients: Sequence[Sequence[Any]]) -> list[Any]:
+    """Returns the results of an `Ellipse` on any boxes; `coefficients` has those of each result."""
+    matrix = oriented(xp, matrix)
+    holds, beside = certain(xp, matrix, given)
+    apart = (whole_boxes(xp, given, kinds, coefficients, inside) for inside in (True, False))
+    crossed = on_crossed_boxes(xp, matrix, given, kinds, coefficients)
+    return [xp.where(holds, h, xp.where(beside, b, total)) for h, b, total in zip(*apart, crossed, strict=True)]

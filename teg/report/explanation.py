@@ -149,7 +149,8 @@ class ArrayExplanation(Explanation):
             lines.append("Iterations of outermost loops are cut into chunks, which threads share; results do not depend on how many do.")
         for index, most in data["choices"].items():
             lines.append(
-                f"Cells of {index}: operations of XLA where a box has at most {most} candidates; with more, XLA calls NumPy on the host."
+                f"Cells of {index}: teg.jax_function(…, kernel='xla') computes boxes of at most {most} candidates by operations of XLA, "
+                "others on the host."
             )
         return lines
 

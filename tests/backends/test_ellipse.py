@@ -263,6 +263,17 @@ def test_slices_of_a_ball(backend: str) -> None:
         assert slope == pytest.approx(others[name], abs=1e-11), name
 
 
+def test_integrals_of_one_slice_share_it() -> None:
+    """Each of eight integrals over z has its own disks, of which two integrands use the same."""
+    disk = teg.integral(teg.bracket((x - a) ** 2 + (y - b) ** 2 + z**2 < r**2) * (1 + x), (x, 0, 1), (y, 0, 1))
+    parts = [(k + 1) * teg.integral(disk * (1 + k * z) + teg.exp(k * z) * disk, (z, 0.05 * k, 0.05 * (k + 1))) for k in range(8)]
+    on, off = (teg.compile(sum(parts), [a, b, r], intrinsics=flag, tol=1e-12) for flag in (True, False))
+    at = {"a": 0.4, "b": 0.3, "r": 0.45}
+    (value, slopes), (true, others) = on.value_and_grad(at), off.value_and_grad(at)
+    assert value == pytest.approx(true, abs=1e-12)
+    assert slopes == pytest.approx(others, abs=1e-11)
+
+
 def test_a_disk_is_born_with_the_mean_of_both_sides() -> None:
     f = teg.compile(teg.integral(teg.bracket((x - a) ** 2 + y**2 < t), (x, -1, 1), (y, -1, 1)), [t])
     assert [f.grad(a=0.3, t=level)["t"] for level in (-1e-3, 0.0, 1e-3)] == pytest.approx([0.0, 0.5 * math.pi, math.pi], rel=1e-12)

@@ -19,10 +19,11 @@ Curve = tuple[Matrix, Place]
 
 @dataclass
 class _Together:
-    """The moments needed of one ellipse on one box."""
+    """The moments needed of one ellipse on one box at one level, which is held so that no other one has its identity."""
 
-    regions: list[tuple[Integral, Sides]] = field(default_factory=list)
-    arcs: list[Arcs] = field(default_factory=list)
+    level: Level
+    regions: dict[Integral, Sides] = field(default_factory=dict)
+    arcs: dict[Arcs, None] = field(default_factory=dict)
 
 
 class EllipseLowering(Lowering):
@@ -32,7 +33,7 @@ class EllipseLowering(Lowering):
 
     def __init__(self, out: Emitter) -> None:
         self.out = out
-        self._together: dict[tuple[int, Curve], _Together] = {}  # by the level
+        self._together: dict[tuple[int, Curve], _Together] = {}  # by the identity of the level
         self._sides: dict[Integral, Sides] = {}
 
     def claim(self, level: Level, order: Sequence[Node]) -> list[Integral]:
@@ -47,24 +48,22 @@ class EllipseLowering(Lowering):
             if node.free if level.var is None else level.var not in node.free or node.free & inner:
                 continue
             if isinstance(node, Arcs):
-                self._shared(level, (node.matrix, node.place)).arcs.append(node)
+                self._shared(level, (node.matrix, node.place)).arcs[node] = None
             elif (sides := match_ellipse(node)) is not None:
                 self._sides[node] = sides
-                self._shared(level, (sides.matrix, sides.place)).regions.append((node, sides))
+                self._shared(level, (sides.matrix, sides.place)).regions[node] = sides
                 claimed.append(node)
         return claimed
 
     def _shared(self, level: Level, curve: Curve) -> _Together:
-        return self._together.setdefault((id(level), curve), _Together())
+        return self._together.setdefault((id(level), curve), _Together(level))
 
     def emit_claimed(self, node: Integral, home: Level) -> None:
         """Gives an integral a name, and all that share its ellipse and box."""
         sides = self._sides[node]
         curve = sides.matrix, sides.place
-        together = self._together.get((id(home), curve), _Together())
-        if node not in (known for known, _ in together.regions):
-            together = _Together([(node, sides)])
-        self._emit(curve, together, home)
+        self._shared(home, curve).regions[node] = sides
+        self._emit(curve, home)
 
     def closed_form(self, e: ClosedForm, home: Level) -> Arg | None:
         """Returns the name of a moment along arcs."""
@@ -72,18 +71,20 @@ class EllipseLowering(Lowering):
             return None
         if e not in home.names:
             curve = e.matrix, e.place
-            together = self._together.get((id(home), curve), _Together())
-            self._emit(curve, together if e in together.arcs else _Together(arcs=[e]), home)
+            self._shared(home, curve).arcs[e] = None
+            self._emit(curve, home)
         return cast(Arg, home.names[e])
 
-    def _emit(self, curve: Curve, together: _Together, home: Level) -> None:
+    def _emit(self, curve: Curve, home: Level) -> None:
+        together = self._shared(home, curve)
         moments: list[Moments] = []
         names: list[str] = []
         parts: dict[Node, list[str]] = {}
         wanted: list[tuple[Node, str, Coefficients]] = []
-        for node, sides in together.regions:
+        for node, sides in together.regions.items():
             wanted += [(node, "above", sides.inside), (node, "below", sides.outside)]
         wanted += [(arcs, "border", arcs.coefficients) for arcs in together.arcs]
+        wanted = [each for each in wanted if each[0] not in home.names]
         for shared, kind, coefficients in wanted:
             if coefficients:
                 moments.append(Moments(kind, tuple((j, k, self.out.number(c, home)) for (j, k), c in coefficients.items())))
