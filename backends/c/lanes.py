@@ -456,7 +456,7 @@ def _is_shared_choice(stmt: Assign, moving: Container[Arg]) -> bool:
 def straight(found: Packed, varying: Container[int], apart: int) -> list[str]:
     """Returns the inside of the C function of the outputs at eight points: output j of point k goes to f[apart * j + k]."""
     if found.wide:
-        moving = _values_in_lanes(found.straight, {f"p{i}" for i in _inputs(found.straight, found.outputs) if i in varying})
+        moving = values_in_lanes(found.straight, {f"p{i}" for i in _inputs(found.straight, found.outputs) if i in varying})
         simple = [s for s in found.straight if isinstance(s, Assign)]
         steps = [replace(s, op="teg_pick") if _is_shared_choice(s, moving) else s for s in simple]
         return _each_point(steps, found.outputs, [f"f[{apart * j} + k]" for j in range(len(found.outputs))], varying)
@@ -473,7 +473,7 @@ def straight(found: Packed, varying: Container[int], apart: int) -> list[str]:
         boxes.append(stmt)
         own += [stmt.width, stmt.height, *stmt.values]
     inputs = _inputs(found.straight, found.outputs)
-    lanes = _values_in_lanes(found.straight, {f"p{i}" for i in inputs if i in varying})
+    lanes = values_in_lanes(found.straight, {f"p{i}" for i in inputs if i in varying})
     frame = _framed(blocks, own, [v for box in boxes for v in box.variables], lanes)
     lines = [f"const teg_lanes_8 p{i} = *(const teg_lanes_8 *)(q{i} + k);" for i in inputs if i in varying]
     lines += frame.block(0)
@@ -494,7 +494,7 @@ def _steps(block: Iterable[Stmt]) -> list[Step]:
     return [step for s in block if isinstance(s, Assign) for step in assignments(s)]
 
 
-def _values_in_lanes(straight: Sequence[Stmt], inputs: set[str]) -> set[Arg]:
+def values_in_lanes(straight: Sequence[Stmt], inputs: set[str]) -> set[Arg]:
     """Returns the values that differ between points side by side, if these inputs do. What `choose` gives counts as one."""
     lanes: set[Arg] = set(inputs)
 

@@ -28,6 +28,7 @@ from teg.backends.c import frame as c_frame
 from teg.backends.c import lanes as c_packed
 from teg.backends.c import ranges as c_ranges
 from teg.backends.c import stages as c_stages
+from teg.backends.c.abreast import Abreast, Nodes, eight_at_once, is_abreast
 from teg.backends.c.batch import ABI, batch_loop, together
 from teg.backends.c.bodies import merged, used_inputs, with_inputs
 from teg.backends.c.frame import BY_VALUE, CONTEXT, RESULTS, WORKSPACE, Frame, Routine, Scope, Step, assignments, captured_by
@@ -90,7 +91,7 @@ from teg.program import (
 )
 from teg.program.fields import Operand, leaves
 
-BREAKS_ON_STACK = 256
+BREAKS_ON_STACK, ABREAST_ON_STACK = 256, 128
 SHORT = 40  # statements of an integral that is compared with others
 INLINED, WHOLE = 6, 120
 """Of so few polygons and segments each is compiled where it stands, with up to so many values passed to it."""
@@ -377,30 +378,24 @@ class Printer:
         """Returns the routine of an integral, and what this occurrence passes to it."""
         at_nodes = stmt.at_nodes
         flags, body = list(self._steps(stmt.flags)), [*self._steps(stmt.body), *_yields(at_nodes)]
-        blocks, variables = [flags, body], {stmt.var: "x"}
+        abreast = eight_at_once(stmt) if is_abreast(stmt) else None
+        blocks, variables = [flags, body if abreast is None or abreast.has_exceptions else abreast.steps], {stmt.var: "x"}
         bounds: tuple[Arg, ...] = ()
         if stmt.guard is not None:
             bounds = (*stmt.guard.sizes, *stmt.guard.upper, *stmt.guard.lower)
             blocks.append([*self._steps(stmt.guard.block), *_yields(bounds)])
             variables |= {stmt.guard.left: "left", stmt.guard.right: "right"}
+        if abreast is not None:
+            variables |= abreast.variables
+            if abreast.has_exceptions:
+                blocks.append(abreast.steps)
         own = _spelled(stmt, "flags")
         variables |= dict(zip(stmt.ends, "pq", strict=False))
         captured = captured_by(own, [step for block in blocks for step in block], variables)
         values, count, pieces = len(stmt.values), len(assigned(stmt)), len(stmt.breaks) + 1
-        frame = Frame(captured, blocks, own, needs_context((stmt,), self.counted), variables)
-        arrays = frame.array("f", max(len(at_nodes), len(bounds)))
-        if isinstance(stmt.rule, Midpoint) and stmt.estimates:
-            arrays += frame.array("last", stmt.tested)
-        if isinstance(stmt.rule, Rational):
-            arrays += frame.array("sizes", 3 * values)
-        if isinstance(stmt.rule, Adaptive):
-            arrays += frame.array("measured", 8 * stmt.tested)
-            arrays += frame.array("plain", values - stmt.tested) if values > stmt.tested else []
-            arrays += frame.array("whole", stmt.tested)
-            arrays += frame.array("spent", stmt.tested)
-        if stmt.guard is not None and isinstance(stmt.rule, Adaptive):
-            arrays += frame.array("above", (MAX_DEPTH + 1) * stmt.tested)
-            arrays += frame.array("seen_at", len(stmt.guard.seen) * max(stmt.rule.first, stmt.rule.order))
+        whole = () if abreast is None else (1, len(blocks) - 1)
+        frame = Frame(captured, blocks, own, needs_context((stmt,), self.counted), variables, whole=whole)
+        arrays = _arrays_of(stmt, frame, abreast, max(len(at_nodes), len(bounds)))
         arrays += frame.array("ends", pieces + 1, BREAKS_ON_STACK)
         spell = frame.scope()
         ends = [f"ends[{i}] = teg_clamp({spell(arg)}, a, b);" for i, arg in enumerate(stmt.breaks, 1)]
@@ -423,25 +418,25 @@ class Printer:
                 *([] if any(stmt.var in (*step.uses, *step.stored) for step in (*flags, *body)) else ["(void)x;"]),
                 *frame.block(0),
                 *([] if stmt.need is None else [f"if (!{spell(stmt.need)}) continue;"]),
-                *self._piece(stmt, frame, spell),
+                *self._piece(stmt, frame, spell, abreast),
             ),
             "}",
             "return sign * sum[0];" if count == 1 else each(values, "sum[j] *= sign;"),
         ]
         return self._routine("integral", frame, _head(frame, "sum", count), inside), tuple(captured)
 
-    def _piece(self, stmt: Integrate, frame: Frame, spell: Scope) -> list[str]:
+    def _piece(self, stmt: Integrate, frame: Frame, spell: Scope, abreast: Abreast | None) -> list[str]:
         """Add the integrals over the piece (p, q) to `sum`."""
-        block, count, tested, estimated = frame.block(1), len(stmt.values), stmt.tested, bool(stmt.estimates)
-        if _is_long(stmt):
-            block = [_stop("sum", len(assigned(stmt))), *block]
+        count, tested, estimated = len(stmt.values), stmt.tested, bool(stmt.estimates)
+        block = [*([_stop("sum", len(assigned(stmt)))] if _is_long(stmt) else []), *frame.block(1)]
+        nodes = None if abreast is None else Nodes(abreast, block, frame.block(len(frame.blocks) - 1) if abreast.has_exceptions else block)
         counted = self._is_counted(stmt)
         match stmt.rule:
             case Midpoint(points):
                 return midpoint_piece(block, points, count, tested if estimated else 0, counted)
-            case Gauss(nodes):
-                self.orders.add(nodes)
-                return gauss_piece(block, nodes, count, len(stmt.estimates), counted)
+            case Gauss(n):
+                self.orders.add(n)
+                return gauss_piece(nodes or block, n, count, len(stmt.estimates), counted)
             case Rational() as rule:
                 self.poles.add((rule.nodes, rule.power))
                 (bend,) = stmt.bends
@@ -460,7 +455,7 @@ class Printer:
                 return [
                     *way,
                     *adaptive_piece(
-                        block,
+                        nodes or block,
                         rule,
                         count,
                         tested,
@@ -692,6 +687,26 @@ def _not_a_number(results: str, count: int) -> str:
 def _head(frame: Frame, results: str, count: int) -> str:
     """Returns the head of a routine: one result is returned, more are written to an array."""
     return f"static double {frame.signature()}" if count == 1 else f"static void {frame.signature(results)}"
+
+
+def _arrays_of(stmt: Integrate, frame: Frame, abreast: Abreast | None, most: int) -> list[str]:
+    """Returns the declarations of what the nodes of an integral need; a block has so many values at most."""
+    arrays = frame.array("f", most)
+    if abreast is not None:
+        arrays += [*frame.array("values", abreast.capacity * abreast.count, ABREAST_ON_STACK), *abreast.arrays()]
+    if isinstance(stmt.rule, Midpoint) and stmt.estimates:
+        arrays += frame.array("last", stmt.tested)
+    if isinstance(stmt.rule, Rational):
+        arrays += frame.array("sizes", 3 * len(stmt.values))
+    if isinstance(stmt.rule, Adaptive):
+        arrays += frame.array("measured", 8 * stmt.tested)
+        arrays += frame.array("plain", len(stmt.values) - stmt.tested) if len(stmt.values) > stmt.tested else []
+        arrays += frame.array("whole", stmt.tested)
+        arrays += frame.array("spent", stmt.tested)
+    if stmt.guard is not None and isinstance(stmt.rule, Adaptive):
+        arrays += frame.array("above", (MAX_DEPTH + 1) * stmt.tested)
+        arrays += frame.array("seen_at", len(stmt.guard.seen) * max(stmt.rule.first, stmt.rule.order))
+    return arrays
 
 
 def _yields(values: Sequence[Arg], place: int = 0) -> Iterator[Step]:

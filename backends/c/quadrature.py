@@ -5,28 +5,37 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from teg.backends.c.abreast import Nodes
 from teg.backends.c.text import each, identifiers, indent, literal
 from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import INSIDE, Adaptive, Bend, Isolate, assigned
 
 
-def gauss_piece(block: Sequence[str], nodes: int, count: int, estimated: int, counted: bool) -> list[str]:
+def gauss_piece(block: Sequence[str] | Nodes, nodes: int, count: int, estimated: int, counted: bool) -> list[str]:
     """Add a Gauss-Legendre rule over (p, q) to `sum`, and behind it the estimates of the first values; `block` writes the values at x to
     `f`."""
+    place = [f"const double weight = half * teg_gauss_{nodes}[k].weight;", f"x = middle + half * teg_gauss_{nodes}[k].node;"]
+    before, inside = nodes_of(block, str(nodes), place, "weight")
     return [
         "const double middle = 0.5 * (p + q), half = 0.5 * (q - p);",
         *(["const double rounding = teg_rounding(p, q);"] if estimated else []),
         *([f"ctx->evaluations += {nodes};"] if counted else []),
+        *before,
         f"for (int k = 0; k < {nodes}; k++) {{",
         *indent(
-            f"const double weight = half * teg_gauss_{nodes}[k].weight;",
-            f"x = middle + half * teg_gauss_{nodes}[k].node;",
-            *block,
+            *inside,
             each(count, "sum[j] += weight * f[j];") if not estimated else _each(count, "sum[j] += weight * f[j];"),
             *([_each(estimated, f"sum[{count} + j] += rounding * weight * fabs(f[j]);")] if estimated else []),
         ),
         "}",
     ]
+
+
+def nodes_of(block: Sequence[str] | Nodes, nodes: str, place: Sequence[str], factor: str) -> tuple[list[str], list[str]]:
+    """Returns lines before the loop over nodes, and those in it that write the values at node k to `f`; `place` sets x and the factor."""
+    if isinstance(block, Nodes):
+        return block.before(nodes, place, factor), block.at_node(factor)
+    return [], [*place, *block]
 
 
 def midpoint_piece(block: Sequence[str], points: int, count: int, tested: int, counted: bool) -> list[str]:
@@ -65,9 +74,8 @@ def _added(count: int, tested: int) -> list[str]:
     return [
         f"for (int j = 0; j < {tested}; j++) {{",
         *indent(
-            "const double y = slope * f[j];",
-            "for (int r = 0; r < 7; r++) measured[8 * j + r] += rule[r] * y;",
-            "measured[8 * j + 7] += rule[0] * fabs(y);",
+            "const double y = slope * f[j], factor[8] = {y, y, y, y, y, y, y, fabs(y)};",
+            "for (int r = 0; r < 8; r++) measured[8 * j + r] += rule[r] * factor[r];",
         ),
         "}",
         *([plain] if count > tested else []),
@@ -102,7 +110,7 @@ def bent_piece(bends: Sequence[tuple[Bend, str, Sequence[str]]], base: str, cubi
 
 
 def adaptive_piece(
-    block: Sequence[str],
+    block: Sequence[str] | Nodes,
     rule: Adaptive,
     count: int,
     tested: int,
@@ -126,6 +134,8 @@ def adaptive_piece(
     table, good = _assessed(rule, tested, watched, whole, ends)
     before, after = _watched_signs(count, watched, noted)
     node = "(k < 0 ? 2 * k + 3 : table[k].node)" if watched else "table[k].node"
+    unknown = ["const int tied = ctx->tied, missed = ctx->missed;"] if watched and noted else []
+    first, inside = nodes_of(block, "nodes", [f"const double u = middle + half * {node};", *place, *unknown], "slope")
     return [
         *(["const double rounding = teg_rounding(p, q);"] if estimated else []),
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
@@ -142,12 +152,10 @@ def adaptive_piece(
             *([f"ctx->evaluations += nodes + {2 * (watched > 0)};"] if counted else []),
             *_cleared(count, tested),
             *before,
+            *first,
             f"for (int k = {-2 if watched else 0}; k < nodes; k++) {{",
             *indent(
-                f"const double u = middle + half * {node};",
-                *place,
-                *(["const int tied = ctx->tied, missed = ctx->missed;"] if watched and noted else []),
-                *block,
+                *inside,
                 *after,
                 *([] if guard is None else [_each(guard.sharp, f"seen_at[{guard.sharp} * k + j] = f[{count + watched} + j];")]),
                 "const double *const rule = table[k].rule;",
@@ -370,6 +378,6 @@ def node_table(nodes: int) -> str:
     at, weights = gauss_legendre(nodes)
     rows = []
     for x, *rule in zip(at, weights, *null_rules(nodes), strict=True):
-        first, second = (", ".join(map(repr, part)) for part in (rule[:4], rule[4:]))
+        first, second = (", ".join(map(repr, part)) for part in (rule[:4], (*rule[4:], rule[0])))
         rows += [f"    {{{x!r},", f"     {{{first},", f"      {second}}}}},"]
     return "\n".join([f"static const teg_node teg_nodes_{nodes}[{nodes}] = {{", *rows, "};"])

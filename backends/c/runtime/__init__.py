@@ -128,6 +128,7 @@ TOPICS = (
     "calls",
     "lanes",
     "exponential",
+    "trigonometric",
     "polygon",
     "quadrature",
     "bends",

@@ -8,9 +8,9 @@ typedef struct {
 } teg_interval;
 
 //: teg_node
-/* A node of Gauss-Legendre on (-1, 1): its weight and its weights in the six null rules. */
+/* A node of Gauss-Legendre on (-1, 1): its weight, its weights in the six null rules, and its weight in the sum of sizes. */
 typedef struct {
-    double node, rule[7];
+    double node, rule[8];
 } teg_node;
 
 //: teg_assess
@@ -88,7 +88,7 @@ static inline int teg_unseen(int n, const double *bounds, const double *seen, in
     for (int i = 0; i < n; i++) {
         const double upper = bounds[i], lower = bounds[n + i];
         double s = NAN;
-        if (gap < 0) for (int k = 0; k < nodes; k++) s = fmin(s, seen[n * k + i]);
+        if (gap < 0) for (int k = 0; k < nodes; k++) s = seen[n * k + i] < s || isnan(s) ? seen[n * k + i] : s;
         else s = fmax(gap > 0 ? seen[n * (gap - 1) + i] : NAN, gap < nodes ? seen[n * gap + i] : NAN);
         if (gap >= 0 && !inside && isinf(upper)) continue;
         if (upper > TEG_UNSEEN * fmax(s, TEG_FAINT) || upper > TEG_HIDDEN * fmax(lower, TEG_FAINT)) return 1;

@@ -30,6 +30,8 @@ from teg.program import TIE_EPS, Arg, Assign, Stmt
 Truths = tuple[Arg, Arg]  # holds, fails
 NAN = float("nan")
 SHORT = 4
+QUARTERS = {k / 4 for k in (-7, -6, -5, -3, -2, -1, 1, 2, 3, 5, 6, 7)}
+"""Exponents of powers that are computed by square roots."""
 CLEAR = 2.0**10 * TIE_EPS
 """A function larger than this, relative to its scale, is certainly not 0."""
 _EPSILON = 2.0**-52
@@ -222,6 +224,8 @@ class Emitter:
                     args[0] = self._of_sign_in_the_middle(e.children[0], args[0], home)
                 if e.name == "root":
                     return self.assign(home, "v", "sqrt", self.assign(home, "v", "abs", *args))
+                if e.name == "pow" and args[1] in QUARTERS:
+                    return self._power_by_roots(args[0], cast(float, args[1]), home)
                 if e.name == "log" and isinstance(e.children[0], Add) and ONE in e.children[0].children:
                     others = add(*(term for term in e.children[0].children if term is not ONE))
                     return self.assign(home, "v", "log1p", self.number(others, home))
@@ -234,6 +238,16 @@ class Emitter:
                 return self.assign(home, "v", "select", holds, self._number_of(e.then, home), otherwise)
             case Tuple() | Delta() | _:
                 raise AssertionError(f"{type(e).__name__} cannot be scheduled")
+
+    def _power_by_roots(self, base: Arg, exponent: float, home: Level) -> Arg:
+        """Returns a power by a whole number of quarters."""
+        quarters = int(abs(exponent) * 4.0)
+        half = self.assign(home, "v", "sqrt", base)
+        factors = [base] * (quarters // 4) + [half] * (quarters // 2 % 2)
+        if quarters % 2:
+            factors.append(self.assign(home, "v", "sqrt", half))
+        power = factors[0] if len(factors) == 1 else self.assign(home, "v", "mul", *factors)
+        return power if exponent > 0.0 else self.assign(home, "v", "div", 1.0, power)
 
     def _keeps_its_sign(self, u: Expr, home: Level) -> bool:
         """Returns whether the roots of u are breaks of the integral around it, so that u has one sign on each piece."""

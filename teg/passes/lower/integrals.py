@@ -56,6 +56,8 @@ from teg.passes.lower.weights import largest, weights
 from teg.program import Adaptive, Arg, Assign, Bend, Called, Gauss, Guard, Integrate, Program, Rule, Tie
 from teg.program.dce import without_dead_code
 
+FEW_NODES = 2
+"""Nodes of polynomials inside of other integrals that have no pieces if they live on one interval."""
 SHAPE, DEEP = "the shape of an intrinsic", "too many adaptive integrals inside each other"
 PLACES = (2.0**-12, 0.2361, 0.7639, 1 - 2.0**-12)
 """The places on a piece, as fractions of its length, where a tie of its middle is evaluated again.
@@ -193,12 +195,16 @@ class _Integrals:
         home.names.update(zip(group, results, strict=True))
 
     def _interval(self, group: Sequence[Integral], home: Level) -> Interval | None:
-        """Returns the interval of integrals of closed form that live on one interval."""
+        """Returns the interval of integrals of closed form, or inside of others of short polynomials, that live on one interval."""
         if not self.has_intervals or masses_of(group[0].body, group[0].var) is not None or self.samples.is_unbroken(group[0], home):
             return None
-        if not isinstance(self.rules.shared(group, home.depth), Mean):
-            return None
-        return interval_of(group, self.rules.analysis.of(group[0]))
+        breaks = self.rules.analysis.of(group[0])
+        match self.rules.shared(group, home.depth):
+            case Mean():
+                return interval_of(group, breaks)
+            case Gauss(nodes) if self.how.closed_forms and nodes <= FEW_NODES and home.var is not None and not is_unbounded(group[0]):
+                return interval_of(group, breaks, nodes)
+        return None
 
     def _note(self, group: Sequence[Integral], choice: str, reason: str) -> None:
         """Records the choice for a group of integrals."""
