@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from teg.backends.c.frame import Scope, Step, assignments
-from teg.backends.c.lanes import BRANCHLESS, SELECTIONS, values_in_lanes
+from teg.backends.c.lanes import BRANCHLESS as BRANCHLESS_IN_LANES
+from teg.backends.c.lanes import SELECTIONS, values_in_lanes
 from teg.backends.c.text import indent, packed
 from teg.program import Adaptive, Arg, Assign, Gauss, Integrate
 
@@ -27,7 +28,8 @@ FEWEST = 5
 LONGEST = 120
 """Statements of an integrand that is computed so."""
 PLAIN = {"add", "sub", "mul", "neg", "const", "abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select", "min", "max"}
-COSTLY = {"div", "sqrt", "exp", "expm1", "sin", "cos", "powi"}
+COSTLY = {"div", "sqrt", "exp", "expm1", "log", "erf", "erfc", "sin", "cos", "powi"}
+BRANCHLESS = BRANCHLESS_IN_LANES | {"log": "teg_log", "erf": "teg_erf", "erfc": "teg_erfc"}
 EXCEPTIONAL = {"sin": "teg_sine", "cos": "teg_cosine", "tie": "gt0"}
 """What these are computed by where nothing is exceptional."""
 MARK = "'"

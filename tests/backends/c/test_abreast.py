@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -27,6 +28,8 @@ BODIES = {
     "waves": teg.sin(a * x * x) * teg.cos(b + x**3) * teg.bracket(x < t),
     "a choice by the place": teg.exp(a * teg.minimum(x * x, b)) / (2 + teg.maximum(x, t)),
     "a choice by a parameter": teg.where(a < b, teg.exp(x * x), teg.sin(x * x)) * teg.bracket(x < t),
+    "logarithm": teg.log(1 + a * x * x) * teg.bracket(x < t),
+    "error functions": teg.erf(a * x * x) * teg.erfc(b + x) / (1 + x),
     "powers": (1 + a * x**2) ** -3 + (b + x) ** 2.5,
     "several values": teg.tuple(teg.exp(a * x * x), teg.sin(b * x * x), x / (1 + x)),
 }
@@ -80,32 +83,50 @@ def test_ties_are_noted() -> None:
         assert str(f.diagnose(t=place)) == str(g.diagnose(t=place))
 
 
-def test_the_sine_and_cosine_of_the_runtime() -> None:
-    loop = """
-    TEG_EXPORT void waves(long n, const double *x, double *sine, double *cosine)
-    {
-        for (long k = 0; k < n; k++) sine[k] = teg_sine(x[k]), cosine[k] = teg_cosine(x[k]);
-    }
-    """
-    first, *needed = runtime([loop])
-    waves = load_library("\n".join([first, *needed, loop])).waves
+def random_places() -> dict[str, np.ndarray]:
+    """Where each function is compared: usual places, and those where formulas meet or numbers are extreme."""
     rng = np.random.default_rng(0)
     quarters = np.arange(-700, 700) * (math.pi / 2)
-    places = np.concatenate(
-        [
-            rng.uniform(-10, 10, 2000),
-            rng.uniform(-1e6, 1e6, 2000),
-            quarters,
-            np.nextafter(quarters, 9e9),
-            10.0 ** rng.uniform(-300, 0, 99),
-            [0.0],
-        ]
-    )
-    found = np.empty((2, places.size))
+    small = 10.0 ** rng.uniform(-300, 0, 99)
+    turns = np.concatenate([rng.uniform(-10, 10, 999), rng.uniform(-1e6, 1e6, 999), quarters, np.nextafter(quarters, 9e9), small])
+    sizes = np.concatenate([rng.uniform(-3, 3, 999), rng.uniform(-7, 26, 999), -small, small, [1.0, -1.0, 0.5, np.nextafter(1.0, 0)]])
+    numbers = np.concatenate([10.0 ** rng.uniform(-308, 308, 999), rng.uniform(0.5, 2, 999), 1 + small, [5e-324, 1e-310, 1.7e308]])
+    return {"sine": turns, "cosine": turns, "erf": sizes, "erfc": sizes, "log": numbers}
+
+
+@pytest.fixture(scope="module")
+def library() -> ctypes.CDLL:
+    loops = [
+        f"TEG_EXPORT void many_{name}(long n, const double *x, double *y) {{ for (long k = 0; k < n; k++) y[k] = teg_{name}(x[k]); }}"
+        for name in random_places()
+    ]
+    first, *needed = runtime(loops)
+    return load_library("\n".join([first, *needed, *loops]))
+
+
+def at_all(library: ctypes.CDLL, name: str, places: np.ndarray) -> np.ndarray:
+    found = np.empty_like(places)
     doubles = ctypes.POINTER(ctypes.c_double)
-    waves(ctypes.c_long(places.size), *(v.ctypes.data_as(doubles) for v in (places, found[0], found[1])))
+    getattr(library, f"many_{name}")(ctypes.c_long(places.size), *(v.ctypes.data_as(doubles) for v in (places, found)))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "exact", "ulps"),
+    [("sine", mpmath.sin, 1.5), ("cosine", mpmath.cos, 1.5), ("log", mpmath.log, 1.5), ("erf", mpmath.erf, 2), ("erfc", mpmath.erfc, 4)],
+)
+def test_the_functions_of_the_runtime(library: ctypes.CDLL, name: str, exact: Any, ulps: float) -> None:
+    places = random_places()[name]
+    found = at_all(library, name, places)
     with mpmath.workdps(40):
-        for wave, values in zip((mpmath.sin, mpmath.cos), found, strict=True):
-            exact = [wave(mpmath.mpf(float(v))) for v in places]
-            errors = [abs(float((mpmath.mpf(float(v)) - w) / w)) for v, w in zip(values, exact, strict=True) if w]
-            assert max(errors) < 3e-16
+        true = [exact(mpmath.mpf(float(v))) for v in places]
+        errors = [abs(float((mpmath.mpf(float(v)) - w) / w)) for v, w in zip(found, true, strict=True) if abs(w) > 1e-300]
+    assert max(errors) < ulps * 2.0**-52
+
+
+def test_the_functions_of_the_runtime_where_numbers_end(library: ctypes.CDLL) -> None:
+    places = np.array([0.0, -0.0, math.inf, -math.inf, math.nan, -1.0])
+    np.testing.assert_array_equal(at_all(library, "log", places), [-math.inf, -math.inf, math.inf, math.nan, math.nan, math.nan])
+    np.testing.assert_array_equal(at_all(library, "erf", places[:5]), [0.0, 0.0, 1.0, -1.0, math.nan])
+    np.testing.assert_array_equal(at_all(library, "erfc", places[:5]), [1.0, 1.0, 0.0, 2.0, math.nan])
+    np.testing.assert_array_equal(at_all(library, "sine", places[:2]), [0.0, 0.0])
