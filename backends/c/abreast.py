@@ -28,8 +28,8 @@ FEWEST = 5
 LONGEST = 120
 """Statements of an integrand that is computed so."""
 PLAIN = {"add", "sub", "mul", "neg", "const", "abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select", "min", "max"}
-COSTLY = {"div", "sqrt", "exp", "expm1", "log", "erf", "erfc", "sin", "cos", "powi"}
-BRANCHLESS = BRANCHLESS_IN_LANES | {"log": "teg_log", "erf": "teg_erf", "erfc": "teg_erfc"}
+COSTLY = {"div", "sqrt", "exp", "expm1", "log", "sin", "cos", "powi"}
+BRANCHLESS = BRANCHLESS_IN_LANES | {"log": "teg_log"}
 EXCEPTIONAL = {"sin": "teg_sine", "cos": "teg_cosine", "tie": "gt0"}
 """What these are computed by where nothing is exceptional."""
 MARK = "'"

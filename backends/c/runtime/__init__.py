@@ -8,7 +8,6 @@ from functools import cache
 from pathlib import Path
 
 from teg.backends.c.text import identifiers
-from teg.numerics import error_function
 from teg.numerics.cells import BESIDE, EPSILON, MOST_DEGREE, PLACES, SAME, SHIFT, SKEW, monomials
 from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.program import (
@@ -62,7 +61,7 @@ BLOCK = 64
 """Sobol' points in a block."""
 MANY_CELLS = 24
 """The number of cells of one square from which on those beside a candidate are found by the cuts that made them."""
-LIMITS: dict[str, float | tuple[float, ...]] = {
+LIMITS = {
     "TEG_BLOCK": BLOCK,
     "TEG_CHUNKS": CHUNKS,
     "TEG_COPIES": COPIES,
@@ -117,12 +116,6 @@ LIMITS: dict[str, float | tuple[float, ...]] = {
     "TEG_BESIDE": BESIDE,
     "TEG_MANY_CELLS": MANY_CELLS,
     "TEG_SAME": SAME,
-    "TEG_ERF_NEAR": error_function.NEAR,
-    "TEG_ERFC_FAR": error_function.FAR,
-    "TEG_ERFC_TURN": error_function.TURN,
-    "TEG_ERFC_CENTRE": error_function.CENTRE,
-    "TEG_ERFC_REACH": error_function.REACH,
-    "TEG_ERFC_FAREST": error_function.FAREST,
     "TEG_ANGLES": 10.0**PLACES,
     "TEG_SHIFT": SHIFT,
     "TEG_SKEW": SKEW,
@@ -136,7 +129,6 @@ TOPICS = (
     "lanes",
     "exponential",
     "trigonometric",
-    "error_function",
     "polygon",
     "quadrature",
     "bends",
@@ -162,16 +154,8 @@ def runtime(texts: Sequence[str]) -> list[str]:
         if name in needed:
             parts.insert(0, unit)
             needed.update(identifiers(unit))
-    defines = [f"#define {name} {_spelled(value)}" for name, value in LIMITS.items() if name in needed]
+    defines = [f"#define {name} {value!r}" for name, value in LIMITS.items() if name in needed]
     return [always, *(["\n".join(defines)] if defines else []), *parts]
-
-
-def _spelled(value: float | tuple[float, ...]) -> str:
-    """Returns a number in C, or numbers with commas between them, a few a line."""
-    if not isinstance(value, tuple):
-        return repr(value)
-    numbers = [repr(v) for v in value]
-    return ", \\\n    ".join(", ".join(numbers[first : first + 4]) for first in range(0, len(numbers), 4))
 
 
 @cache
