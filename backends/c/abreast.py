@@ -15,10 +15,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import count
 
 from teg.backends.c.frame import Scope, Step, assignments
 from teg.backends.c.lanes import BRANCHLESS as BRANCHLESS_IN_LANES
-from teg.backends.c.lanes import SELECTIONS, values_in_lanes
+from teg.backends.c.lanes import SELECTIONS, as_products, values_in_lanes
 from teg.backends.c.text import indent, packed
 from teg.program import Adaptive, Arg, Assign, Gauss, Integrate
 
@@ -118,11 +119,14 @@ def eight_at_once(stmt: Integrate) -> Abreast:
         return arg + MARK if isinstance(arg, str) and arg in own else arg
 
     steps: list[Step] = []
+    names = (f"v{n}{MARK}{MARK}" for n in count())
     for s in body:
         shared = s.op == "select" and s.args[0] not in moving
         op = "teg_pick" if shared else EXCEPTIONAL.get(s.op, BRANCHLESS.get(s.op, s.op))
         args = s.args[:1] if s.op == "tie" else s.args
-        steps += assignments(replace(s, name=s.name + MARK, op=op, args=tuple(map(renamed, args))))
+        made = replace(s, name=s.name + MARK, op=op, args=tuple(map(renamed, args)))
+        lines = as_products(made, names) if s.op == "powi" else (made,)
+        steps += [step for line in lines for step in assignments(line)]
     for step in steps:
         if step.assign is not None and step.assign.op in SELECTIONS:
             step.longest = 0  # all operands are computed

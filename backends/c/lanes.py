@@ -231,17 +231,7 @@ class _Line:
     def plain(self, stmt: Assign) -> list[Assign]:
         """Returns an assignment without results that are not run, and with an integral power written out as products."""
         stmt = Assign(stmt.name, stmt.op, tuple(map(self.value, stmt.args)))
-        if stmt.op != "powi":
-            return [stmt]
-        square, left = stmt.args[0], abs(int(stmt.args[1]))
-        lines: list[Assign] = []
-        power: Arg = 1.0
-        while left:
-            if left % 2:
-                power = square if power == 1.0 else self.new(lines, "mul", power, square)
-            left //= 2
-            square = self.new(lines, "mul", square, square) if left else square
-        return [*lines, Assign(stmt.name, "div", (1.0, power)) if int(stmt.args[1]) < 0 else Assign(stmt.name, "const", (power,))]
+        return list(as_products(stmt, (f"v{n}" for n in self._numbers))) if stmt.op == "powi" else [stmt]
 
     def _tie(self, stmt: Assign) -> None:
         g, scale = map(self.value, stmt.args[:2])
@@ -349,6 +339,23 @@ class _Line:
             whole = self.assign("v", "add", *terms)
             parts = (whole, 0.0) if moments.kind == "above" else (0.0, whole)
             self.steps.append(Assign(result, "choose", (corners[0], *parts)))
+
+
+def as_products(stmt: Assign, names: Iterator[str]) -> Iterator[Assign]:
+    """Yields an integral power as products, by squaring, which have new names."""
+    square, left = stmt.args[0], abs(int(stmt.args[1]))
+    power: Arg = 1.0
+    while left:
+        if left % 2 and power == 1.0:
+            power = square
+        elif left % 2:
+            yield (made := Assign(next(names), "mul", (power, square)))
+            power = made.name
+        left //= 2
+        if left:
+            yield (made := Assign(next(names), "mul", (square, square)))
+            square = made.name
+    yield Assign(stmt.name, "div", (1.0, power)) if int(stmt.args[1]) < 0 else Assign(stmt.name, "const", (power,))
 
 
 def _given(stmt: Stmt) -> set[Arg]:

@@ -224,8 +224,8 @@ class Emitter:
                     args[0] = self._of_sign_in_the_middle(e.children[0], args[0], home)
                 if e.name == "root":
                     return self.assign(home, "v", "sqrt", self.assign(home, "v", "abs", *args))
-                if e.name == "pow" and args[1] in QUARTERS:
-                    return self._power_by_roots(args[0], cast(float, args[1]), home)
+                if e.name == "pow":
+                    return self._power(args[0], args[1], home)
                 if e.name == "log" and isinstance(e.children[0], Add) and ONE in e.children[0].children:
                     others = add(*(term for term in e.children[0].children if term is not ONE))
                     return self.assign(home, "v", "log1p", self.number(others, home))
@@ -239,15 +239,17 @@ class Emitter:
             case Tuple() | Delta() | _:
                 raise AssertionError(f"{type(e).__name__} cannot be scheduled")
 
-    def _power_by_roots(self, base: Arg, exponent: float, home: Level) -> Arg:
-        """Returns a power by a whole number of quarters."""
-        quarters = int(abs(exponent) * 4.0)
+    def _power(self, base: Arg, exponent: Arg, home: Level) -> Arg:
+        """Returns a power, that of a whole number of quarters by square roots."""
+        if exponent not in QUARTERS:
+            return self.assign(home, "v", "pow", base, exponent)
+        quarters = int(abs(cast(float, exponent)) * 4.0)
         half = self.assign(home, "v", "sqrt", base)
         factors = [base] * (quarters // 4) + [half] * (quarters // 2 % 2)
         if quarters % 2:
             factors.append(self.assign(home, "v", "sqrt", half))
         power = factors[0] if len(factors) == 1 else self.assign(home, "v", "mul", *factors)
-        return power if exponent > 0.0 else self.assign(home, "v", "div", 1.0, power)
+        return power if cast(float, exponent) > 0.0 else self.assign(home, "v", "div", 1.0, power)
 
     def _keeps_its_sign(self, u: Expr, home: Level) -> bool:
         """Returns whether the roots of u are breaks of the integral around it, so that u has one sign on each piece."""
@@ -560,8 +562,8 @@ class Emitter:
         parts: list[Arg] = []
         if errors[0] != 0.0:
             away = put("add", base, put("mul", _EPSILON, errors[0]))
-            steep = put("max", 1.0, put("abs", exponent))
-            parts.append(put("mul", errors[0], put("div", put("mul", steep, put("pow", away, exponent)), away)))
+            steep = put("max", 1.0, put("abs", exponent)) if isinstance(exponent, str) else max(1.0, abs(exponent))
+            parts.append(put("mul", errors[0], put("div", put("mul", steep, self._power(away, exponent, home)), away)))
         if errors[1] != 0.0:
             parts.append(put("mul", errors[1], self.size(e, home), put("abs", put("log", base))))
         return parts

@@ -31,6 +31,7 @@ from teg.ir.expr import (
     Call,
     Cond,
     Expr,
+    Mul,
     Or,
     Var,
     conjunction,
@@ -44,7 +45,7 @@ from teg.ir.node import Node, postorder
 from teg.passes.lower.apart import with_terms_apart
 from teg.passes.lower.emit import Emitter, Level
 from teg.passes.lower.guarded import Guards, widest_gap
-from teg.passes.lower.intervals import Interval, integrals_over_interval, interval_of
+from teg.passes.lower.intervals import Between, Interval, integrals_over_interval, interval_of
 from teg.passes.lower.intrinsic import Intrinsic, Lowering
 from teg.passes.lower.means import Mean, Means, P, Q, mean_of, without_tails
 from teg.passes.lower.pieces import Pieces
@@ -327,11 +328,18 @@ class _Integrals:
         occupied = self.out.assign(home, "b", "not", nothing)
         return occupied if needed is True else self.out.assign(home, "b", "and", needed, occupied)
 
+    def _roots_inside(self, body: Expr, level: Level) -> list[Cond]:
+        """Returns what says that there are the roots between which integrals inside of an integrand live, if these are factors of it."""
+        factors = body.children if isinstance(body, Mul) else (body,)
+        intervals = [self._interval([f], level) for f in factors if isinstance(f, Integral)]
+        sides = [side for interval in intervals if interval is not None for side in interval.sides if isinstance(side, Between)]
+        return [root.exists for side in sides for root in side.roots]
+
     def _need(self, bodies: Sequence[Expr], level: Level) -> str | None:
         """Returns a condition, constant on a piece, without which all integrands are 0 there."""
         conditions: list[Cond] = []
         for body in bodies:
-            c = support(body)
+            c = conjunction(support(body), *self._roots_inside(body, level))
             parts = c.children if isinstance(c, And) else (c,)
             kept = [p for p in parts if level.is_constant(p)]
             if c is TRUE or not kept:
