@@ -20,13 +20,13 @@ from itertools import count
 from teg.backends.c.frame import Scope, Step, assignments
 from teg.backends.c.lanes import BRANCHLESS as BRANCHLESS_IN_LANES
 from teg.backends.c.lanes import SELECTIONS, as_products, values_in_lanes
-from teg.backends.c.text import indent, packed
+from teg.backends.c.text import identifiers, indent, packed
 from teg.program import Adaptive, Arg, Assign, Gauss, Integrate
 
 SIDE = 8
 FEWEST = 5
 """Nodes of a rule for which it pays."""
-LONGEST = 120
+LONGEST = 160
 """Statements of an integrand that is computed so."""
 PLAIN = {"add", "sub", "mul", "neg", "const", "abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select", "min", "max"}
 COSTLY = {"div", "sqrt", "exp", "expm1", "log", "sin", "cos", "powi"}
@@ -53,7 +53,7 @@ def is_abreast(stmt: Integrate) -> bool:
 @dataclass(frozen=True, slots=True)
 class Abreast:
     """An integrand at eight nodes: `steps` write `count` values at `place`. `capacity` is how many nodes an interval may have, rounded up
-    to a multiple of eight; `has_exceptions` if it may be exceptional."""
+    to a multiple of eight. If it `has_exceptions`, the steps also write to `far` at which nodes there is one."""
 
     steps: list[Step]
     variables: dict[str, str]
@@ -93,7 +93,7 @@ class Nodes:
             *indent(
                 *([f"int far[{SIDE}];"] if self.abreast.has_exceptions else []),
                 f"for (int k = 0; k < {SIDE}; k++) {{",
-                *indent("const double place = at[from + k];", *self.eight),
+                *indent(*(["const double place = at[from + k];"] if "place" in identifiers("\n".join(self.eight)) else []), *self.eight),
                 "}",
                 *(again if self.abreast.has_exceptions else []),
             ),

@@ -86,8 +86,8 @@ SCENES = (
         {"a": 0.47, "b": 0.53, "r": 0.05},
         (12 + ORDER) * INNER_FIRST,
     ),
-    # between the two corners, where the chord ends at one arc on either side: one piece, as for the disk; beside it two pieces on which both
-    # chords are there, but apart, are looked at once
+    # between the two corners, where the chord ends at one arc on either side: one piece, as for the disk; beside it two pieces on which
+    # both chords are there, but apart, are looked at once
     Scene("lens", over_square(teg.bracket(disk(0.4, 0.5, r) & disk(a, 0.5, r))), {"a": 0.6, "r": 0.25}, 3 * OUTER_FIRST + ORDER),
     # in closed form: no integrand is evaluated
     Scene("hyperbola", over_square(teg.bracket(x * y > t)), {"t": 0.25}, 0),

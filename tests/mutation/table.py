@@ -182,6 +182,31 @@ MUTANTS: tuple[Mutant, ...] = (
             "changed[part] |= (both > 0.0).any(axis=0)",
         ),
     ),
+    *_of(
+        "teg/passes/lower/intervals.py",
+        ("tests/passes/lower/test_intervals.py",),
+        (
+            "roots asked for in the middle only",
+            'there += [holds, self.put("ge0", self.out.number(exists.g, self.home))]',
+            "there.append(holds)",
+        ),
+        ("a condition outside of two roots", "Between(atom, roots.found, dead[0] is FALSE)", "Between(atom, roots.found, True)"),
+    ),
+    *_of(
+        "backends/c/abreast.py",
+        ("tests/backends/c/test_abreast.py",),
+        ("ties at eight nodes", "<= TEG_TIE_EPS * (", "< 0.0 * ("),
+        ("nodes of an interval", "values[{apart * j} + from + k]", "values[{apart * j} + k]"),
+        ("large angles", 'f"!teg_near_turns({scope(a)})"', 'f"isnan({scope(a)})"'),
+    ),
+    Mutant(
+        "a leading coefficient that may vanish",
+        "teg/passes/lower/intervals.py",
+        "isinstance(lead, Const) and isinstance(most",
+        "isinstance(most",
+        ("tests/passes/lower/test_intervals.py",),
+        "roots of such polynomials exist under conditions that are not simple, or are infinite where the coefficient is 0",
+    ),
     Mutant(
         "block of lanes",
         "backends/numpy/runtime.py",

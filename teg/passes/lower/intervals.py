@@ -132,7 +132,7 @@ def _is_positive_between(g: Expr, x: Var) -> bool:
     for _ in range(degree - 2):
         lead = slope(lead, x)
     most = enclose(curvature, {x: (const(-math.inf), const(math.inf))})[1]
-    return isinstance(lead, Const) and lead.data < 0.0 and isinstance(most, Const) and most.data <= 0.0
+    return isinstance(lead, Const) and isinstance(most, Const) and most.data <= 0.0
 
 
 def integrals_over_interval(out: Emitter, group: Sequence[Integral], interval: Interval, home: Level, when: str | None) -> Sequence[Arg]:

@@ -15,7 +15,7 @@ from teg.backends.c import printer
 from teg.backends.c.abreast import is_abreast
 from teg.backends.c.build import load_library
 from teg.backends.c.runtime import runtime
-from teg.program import Integrate, statements
+from teg.program import Assign, Integrate, statements
 from tests.backends.c_checks import in_c
 
 pytestmark = in_c
@@ -74,12 +74,15 @@ def test_large_angles_are_those_of_the_library(rate: float) -> None:
 
 
 def test_ties_are_noted() -> None:
-    """[y·(t - ½) > 0] is a tie at every node where t = ½."""
-    e = teg.integral(teg.bracket(y * (t - 0.5) > 0) / (1 + y * y), (y, 0, 1))
-    f, g = (teg.compile(e, [t], backend=name, inaccurate="ignore") for name in ("c", "numpy"))
-    for place in (0.4, 0.5, 0.6):
-        assert f(t=place) == pytest.approx(g(t=place), abs=1e-15)
-        assert str(f.diagnose(t=place)) == str(g.diagnose(t=place))
+    """The border of y⁴ < t runs along sides of the square where t = 1: its boundary integral counts half, at every node."""
+    e = teg.integral(teg.bracket(a * x**4 + y**4 < t) * (1 + x * x), (x, -1, 1), (y, -1, 1))
+    f, g = (teg.compile(e, [a, t], backend=name, inaccurate="ignore") for name in ("c", "numpy"))
+    loops = [s for s in statements(f.program(1).body) if isinstance(s, Integrate)]
+    assert any(is_abreast(s) and any(isinstance(line, Assign) and line.op == "tie" for line in s.body) for s in loops)
+    for place, slope in ((0.999, 8 / 3 / 4 * 2 * 0.999**-0.75), (1.0, 2 / 3), (1.001, 0.0)):
+        assert f.grad(a=0.0, t=place) == pytest.approx(g.grad(a=0.0, t=place), abs=1e-12)
+        assert f.grad(a=0.0, t=place)["t"] == pytest.approx(slope, abs=1e-12)
+    assert str(f.diagnose(a=0.0, t=1.0)) == str(g.diagnose(a=0.0, t=1.0))
 
 
 def random_places() -> dict[str, np.ndarray]:
