@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teg.numerics.cells import BESIDE, BOX, EPSILON, NOBODY, PLACES, ROUNDING, SAME, SIDES, Layout
+from teg.numerics.cells import BESIDE, BOX, EPSILON, NOBODY, ROUNDING, SIDES, Layout
 
 Array = npt.NDArray[Any]
 MANY_CELLS = 24
@@ -168,44 +168,6 @@ def classified(r: Regions, lanes: int) -> Inserted:
     seen = np.flatnonzero(~absent & ~hidden & ~lost & (region != base[r.lane]))
     middle = r.key[seen] @ np.array([1.0, 0.5, 0.5])
     return Inserted(lost, base, cutting, seen[np.lexsort((seen, middle, r.lane[seen]))])
-
-
-def have_edges_in_one_line(r: Regions, known: Inserted, lanes: int) -> Array:
-    """Returns the squares in which edges of different regions lie on one line, but not on each other."""
-    region, guard = np.nonzero(known.cutting)
-    g = r.guards[region, guard] / np.hypot(r.guards[region, guard, 1], r.guards[region, guard, 2])[:, None]
-    g = g * np.where(np.where(abs(g[:, 1]) > SAME, g[:, 1], g[:, 2]) < 0.0, -1.0, 1.0)[:, None]
-    angle = np.round(np.arctan2(g[:, 2], g[:, 1]), PLACES)
-    order = np.lexsort((g[:, 0], angle, r.lane[region]))
-    one, other = order[:-1], order[1:]
-    same = (
-        (region[one] != region[other])
-        & (r.lane[region[one]] == r.lane[region[other]])
-        & (angle[one] == angle[other])
-        & (g[other, 0] - g[one, 0] < SAME)
-    )
-    one, other = one[same], other[same]
-    (low, high), (first, last) = (_edges(r, region[k], guard[k], g[k]) for k in (one, other))
-    apart = (np.minimum(high, last) - np.maximum(low, first) < np.maximum(high - low, last - first) - BESIDE) & (
-        np.maximum(high - low, last - first) > BESIDE
-    )
-    found = np.zeros(lanes, dtype=bool)
-    found[r.lane[region[one[apart]]]] = True
-    return found
-
-
-def _edges(r: Regions, region: Array, guard: Array, line: Array) -> tuple[Array, Array]:
-    """Returns where the edges of regions on lines begin and end in the square, from the point of each line that is nearest to 0."""
-    others = np.concatenate([r.guards[region], np.broadcast_to(np.array(SIDES), (len(region), BOX, 3))], axis=1)
-    c, a, b = line.T[..., None]
-    at, along = others[..., 0] - c * (a * others[..., 1] + b * others[..., 2]), a * others[..., 2] - b * others[..., 1]
-    own = np.arange(others.shape[1]) == guard[:, None]
-    with np.errstate(all="ignore"):
-        crossing = -at / along
-    low = np.where(~own & (along > 0.0), crossing, -np.inf).max(axis=1, initial=-np.inf)
-    high = np.where(~own & (along < 0.0), crossing, np.inf).min(axis=1, initial=np.inf)
-    none = (~own & (along == 0.0) & (at < 0.0)).any(axis=1)
-    return low, np.where(none, low, np.maximum(low, high))
 
 
 def ranges(forms: Array) -> tuple[Array, Array]:

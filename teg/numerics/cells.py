@@ -462,17 +462,18 @@ class _Measured:
         if line not in self.twins:
             return [(0.0, 1.0, line, 1.0)]
         found: list[tuple[float, float, int, float]] = []
+        length = math.hypot(stop[0] - start[0], stop[1] - start[1])
         left = [(0.0, 1.0)]
         for number, sign in ((line, 1.0), *self.twins[line]):
             first, last = self._edge_of(number, start, stop)
             rest: list[tuple[float, float]] = []
             for low, high in left:
                 begin, end = max(low, first), min(high, last)
-                if end - begin <= EPSILON:
+                if (end - begin) * length <= EPSILON:
                     rest.append((low, high))
                     continue
                 found.append((begin, end, number, sign))
-                rest += [part for part in ((low, begin), (end, high)) if part[1] - part[0] > EPSILON]
+                rest += [part for part in ((low, begin), (end, high)) if (part[1] - part[0]) * length > EPSILON]
             left = rest
         if all(number == line for _, _, number, _ in found):
             return [(0.0, 1.0, line, 1.0)]

@@ -517,6 +517,7 @@ static int teg_is_shared(const teg_arrangement *r, int line, const double *edge)
 {
     const int at = r->lines[line].twin;
     const teg_twin *const t = r->twins;
+    const double length = sqrt(edge[2] * edge[2] + edge[3] * edge[3]);
     double own[2], range[2];
     if (at < 0) return 0;
     teg_edge_of(r, line, edge[0], edge[1], edge[2], edge[3], own);
@@ -525,7 +526,7 @@ static int teg_is_shared(const teg_arrangement *r, int line, const double *edge)
             if (t[k].angle != t[k - step].angle || fabs(t[k].c - t[k - step].c) >= TEG_SAME) break;
             if (r->lines[t[k].line].first == r->lines[line].first) continue; /* of the same region, which is thin */
             teg_edge_of(r, t[k].line, edge[0], edge[1], edge[2], edge[3], range);
-            if (range[1] - range[0] - fmax(0.0, fmin(own[1], range[1]) - fmax(own[0], range[0])) > TEG_ON_LINE) return 1;
+            if ((range[1] - range[0] - fmax(0.0, fmin(own[1], range[1]) - fmax(own[0], range[0]))) * length > TEG_ON_LINE) return 1;
         }
     return 0;
 }

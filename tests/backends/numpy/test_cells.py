@@ -66,3 +66,40 @@ def test_no_lanes_and_no_candidates() -> None:
     empty = cells_of_lanes(shape, np.zeros((0, 7)), np.zeros(2, dtype=int), np.array([[3.0], [4.0]]), True)
     assert empty.values.tolist() == [[3.0, 4.0]]
     assert empty.tables[0][:, -1].tolist() == [1.0, 1.0]
+
+
+def triangles_on_a_grid(lanes: int, order: int) -> tuple[np.ndarray[Any, Any], ...]:
+    """Returns triangles whose corners are nodes of a coarse grid, so that edges lie on few lines: some with corners on the edges of others,
+    in either turn. In half of the squares each has a depth, in the others they cross each other."""
+    random = np.random.default_rng(order)
+    counts = random.integers(2, 9, lanes)
+    rows = np.zeros((int(counts.sum()), 12 + 6))
+    for k, lane in enumerate(np.repeat(np.arange(lanes), counts)):
+        corners = np.zeros((3, 2))
+        while abs(np.linalg.det(np.column_stack([np.ones(3), corners]))) < 0.05:
+            corners = random.integers(-1, 4, (3, 2)) / 2 + (lane % 3) * 0.1
+        matrix = np.linalg.inv(np.vstack([np.ones(3), corners.T]))  # barycentric coordinates = matrix · (1, u, v)
+        depths = random.uniform(size=3) if lane % 2 else np.full(3, random.uniform())
+        rows[k] = np.concatenate([matrix.ravel(), depths @ matrix, *(random.uniform(size=(2, 3)) @ matrix)])
+    if order:
+        rows = np.concatenate([rows, random.normal(size=rows.shape)], axis=1)
+    return rows, counts, random.normal(size=(lanes, 6 * (1 + order)))
+
+
+@pytest.mark.parametrize("order", [0, 1])
+def test_edges_of_different_triangles_on_one_line(order: int) -> None:
+    """Parts of lines belong to the regions whose edges lie there; second derivatives by their lines are not numbers, in the same places."""
+    shape = Layout(1, 3, 1, order)
+    rows, counts, otherwise = triangles_on_a_grid(60, order)
+    found = cells_of_lanes(shape, rows, counts, otherwise, True)
+    shared, end = 0, 0
+    for lane, count in enumerate(counts):
+        one = integrals(shape, rows[end : end + count].tolist(), otherwise[lane].tolist(), True)
+        np.testing.assert_allclose(found.values[:, lane], one.values, rtol=1e-12, atol=1e-13)
+        for table, part in zip(found.tables, one.tables, strict=True):
+            size = np.abs(np.nan_to_num(part)).max()
+            off = (1e-9 if order else 1e-13) * max(1.0, size)  # second derivatives have slivers in them, where a line is on a side
+            np.testing.assert_allclose(table[end + lane : end + count + lane + 1], part, rtol=1e-12, atol=off)
+            shared += bool(order and np.isnan(part).any())
+        end += count
+    assert not order or shared > 10
