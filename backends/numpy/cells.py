@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from teg.backends.numpy.arrangement import Arrangements, classified, regions_of
 from teg.backends.numpy.measured import Measured, Numbers
+from teg.backends.numpy.tiles import tiled
 from teg.numerics.cells import NOBODY, SHIFT, SKEW, Layout, integrals, monomials
 
 Array = npt.NDArray[Any]
@@ -110,8 +111,10 @@ def _cut(shape: Layout, given: Lanes, slopes: bool) -> Results:
 
 def _measured(shape: Layout, given: Lanes, numbers: Numbers, shift: tuple[float, float]) -> tuple[Measured, Array]:
     regions = regions_of(shape, given.rows, given.counts, shift)
-    cells = Arrangements(shape, regions, classified(regions, len(given.counts)))
-    return Measured(shape, cells, numbers, shift), cells.touching
+    tiles = tiled(regions, classified(regions, len(given.counts)))
+    cells = Arrangements(shape, tiles.regions, tiles.known, tiles.boxes)
+    touching = np.bincount(tiles.square, cells.touching, len(given.counts)) > 0
+    return Measured(shape, cells, numbers, shift, tiles.square[cells.lane]), touching
 
 
 def _numbers(shape: Layout, given: Lanes) -> Numbers:

@@ -52,10 +52,10 @@ class Edges(NamedTuple):
 
 
 class Measured:
-    """Integrals over arrangements. `bodies` is the number of polynomials of each candidate."""
+    """Integrals over arrangements. `bodies` is the number of polynomials of each candidate, `square` has the square of each cell."""
 
-    def __init__(self, shape: Layout, cells: Arrangements, numbers: Numbers, shift: tuple[float, float]) -> None:
-        self.shape, self.cells, self.numbers, self.shift = shape, cells, numbers, shift
+    def __init__(self, shape: Layout, cells: Arrangements, numbers: Numbers, shift: tuple[float, float], square: Array) -> None:
+        self.shape, self.cells, self.numbers, self.shift, self.square = shape, cells, numbers, shift, square
         self.exponents = monomials(shape.degree)
         self.width = len(self.exponents)
         self.bodies = numbers.polynomials.shape[1] // self.width
@@ -63,7 +63,7 @@ class Measured:
         self.moving = bool(shape.order)
         rows = cells.regions.row
         owned = cells.owner != NOBODY
-        self.owner = numbers.beyond[cells.lane]
+        self.owner = numbers.beyond[square]
         self.owner[owned] = numbers.place[rows[cells.owner[owned]]]
         if self.moving:
             self._rates = self._all_rates()
@@ -75,8 +75,8 @@ class Measured:
         values, sizes = np.zeros((self.bodies, lanes)), np.zeros((self.bodies, lanes))
         for body in range(self.bodies):
             own = self.numbers.polynomials[self.owner, body * self.width : (body + 1) * self.width]
-            values[body] = np.bincount(self.cells.lane, (own * self.moments).sum(axis=1), lanes)
-            sizes[body] = np.bincount(self.cells.lane, self.moments[:, 0] * np.abs(own).sum(axis=1), lanes)
+            values[body] = np.bincount(self.square, (own * self.moments).sum(axis=1), lanes)
+            sizes[body] = np.bincount(self.square, self.moments[:, 0] * np.abs(own).sum(axis=1), lanes)
         return values, sizes
 
     def tables(self) -> list[Array]:
