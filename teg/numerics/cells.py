@@ -20,8 +20,8 @@ one that is not finite makes everything NaN. Equal keys: the lower index. A corn
 a mesh then cut nothing off. A line on a side of the square has one derivative for moving inwards and another one outwards: the mean counts
 where the candidate is there, not farther than BESIDE from that side of a cell.
 Cost: linear in the candidates, for those that are not hidden or outside the square of their number at worst; C compares these with the few
-cells around them only, NumPy cuts the square into tiles first. Method: cells with owners (a planar arrangement built by insertion; there a binary space partition finds them);
-derivatives by Reynolds' transport theorem.
+cells around them only, NumPy cuts the square into tiles first. Method: cells with owners (a planar arrangement built by insertion; there a
+binary space partition finds them); derivatives by Reynolds' transport theorem.
 
 This file is the meaning, in plain Python numbers; the backends compute the same.
 """
