@@ -41,11 +41,13 @@ class Twins:
         self.units = cells.lines.units[BOX : BOX + self.cutting.size].reshape(*self.cutting.shape, 3)
         self.group, self.signs = np.full(self.cutting.size, -1), np.ones(self.cutting.size)
         self.members, self.starts = np.arange(0), np.zeros(1, dtype=np.int64)
-        region, guard = np.nonzero(self.cutting)
-        if len(region):
-            self._find(cells.regions.lane, region, guard)
+        order = cells.known.order
+        place, guard = np.nonzero(self.cutting[order])
+        if len(place):
+            self._find(cells.regions.lane, order[place], guard)
 
     def _find(self, lanes: Array, region: Array, guard: Array) -> None:
+        """Finds the groups among guards of regions that are given nearest first, and so are the members of a group."""
         g = self.units[region, guard]
         sign = np.where(np.where(abs(g[:, 1]) > SAME, g[:, 1], g[:, 2]) < 0.0, -1.0, 1.0)
         c, angle = sign * g[:, 0], np.round(np.arctan2(sign * g[:, 2], sign * g[:, 1]), PLACES)
@@ -60,6 +62,7 @@ class Twins:
         one, other = number[beside], number[beside + 1]
         apart[group[beside[self._are_apart(one, other)]]] = True
         (kept,) = np.nonzero(apart[group])
+        kept = kept[np.lexsort((order[kept], group[kept]))]
         self.members = number[kept]
         sizes = np.bincount(group[kept], minlength=len(apart))[apart]
         self.starts = np.concatenate([[0], np.cumsum(sizes)])

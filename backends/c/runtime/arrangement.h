@@ -27,10 +27,11 @@ typedef struct {
 } teg_line;
 
 //: teg_twin
-/* A guard's line, turned so that those of different regions that are one line have the same angle and distance. */
+/* A guard's line, turned so that those of different regions that are one line have the same angle and distance; `rank` is the place of its
+   region, the nearest one first. */
 typedef struct {
     double angle, c, sign;
-    int line;
+    int rank, line;
 } teg_twin;
 
 //: teg_region
@@ -469,7 +470,7 @@ static int teg_by_angle(const void *a, const void *b)
 {
     const teg_twin *const p = a, *const q = b;
     if (p->angle != q->angle) return p->angle < q->angle ? -1 : 1;
-    return p->c < q->c ? -1 : p->c > q->c ? 1 : p->line < q->line ? -1 : p->line > q->line;
+    return p->c < q->c ? -1 : p->c > q->c ? 1 : p->rank < q->rank ? -1 : p->rank > q->rank;
 }
 
 //: teg_find_twins
@@ -477,21 +478,31 @@ static int teg_by_angle(const void *a, const void *b)
 static void teg_find_twins(teg_arrangement *r)
 {
     size_t count = 0;
+    double last;
     if (r->line_count > r->twin_room) {
         r->twins = teg_grown(r->twins, 1, 0, 2 * r->line_count * sizeof *r->twins, &r->failed);
         if (r->failed) return;
         r->twin_room = 2 * r->line_count;
     }
-    for (size_t k = 4; k < r->line_count; k++) {
-        const teg_line g = r->lines[k];
-        const double sign = (fabs(g.a) > TEG_SAME ? g.a : g.b) < 0.0 ? -1.0 : 1.0;
-        const teg_twin twin = {floor(atan2(sign * g.b, sign * g.a) * TEG_ANGLES + 0.5), sign * g.c, sign, (int)k};
-        if (g.minus < 0) r->twins[count++] = twin;
-    }
+    for (size_t k = 0; k < r->region_count; k++)
+        for (int line = r->regions[k].first; line < r->regions[k].end; line++) {
+            const teg_line g = r->lines[line];
+            const double sign = (fabs(g.a) > TEG_SAME ? g.a : g.b) < 0.0 ? -1.0 : 1.0;
+            const teg_twin twin = {floor(atan2(sign * g.b, sign * g.a) * TEG_ANGLES + 0.5), sign * g.c, sign, (int)k, line};
+            r->twins[count++] = twin;
+        }
     r->twin_count = count;
     qsort(r->twins, count, sizeof *r->twins, teg_by_angle);
+    last = count ? r->twins[0].c : 0.0;
+    for (size_t k = 1, first = 0; k < count; k++) { /* one distance for all of a line */
+        const int same = r->twins[k].angle == r->twins[k - 1].angle && r->twins[k].c - last < TEG_SAME;
+        last = r->twins[k].c;
+        if (same) r->twins[k].c = r->twins[first].c;
+        else first = k;
+    }
+    qsort(r->twins, count, sizeof *r->twins, teg_by_angle);
     for (size_t k = 1; k < count; k++) {
-        if (r->twins[k].angle != r->twins[k - 1].angle || r->twins[k].c - r->twins[k - 1].c >= TEG_SAME) continue;
+        if (r->twins[k].angle != r->twins[k - 1].angle || r->twins[k].c != r->twins[k - 1].c) continue;
         r->lines[r->twins[k - 1].line].twin = (int)k - 1, r->lines[r->twins[k].line].twin = (int)k;
     }
 }
