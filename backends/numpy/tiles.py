@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy.arrangement import UNIT, Inserted, Regions, classified
+from teg.numerics.cells import TILE_AT
 
 Array = npt.NDArray[Any]
 MOST = 16
@@ -20,8 +21,6 @@ EACH = 1
 """The number of candidates of a square for each of its tiles, at least."""
 LEVELS = 8
 """How often a tile is cut into four, at most."""
-AT = (0.4871, 0.5119)
-"""Where a tile is cut, in units of its sides: lines of a regular mesh lie on none of these."""
 
 
 class Tiles(NamedTuple):
@@ -64,7 +63,7 @@ def _some(tiles: Tiles, which: Array) -> Tiles:
 def _quarters(tiles: Tiles) -> Tiles:
     """Returns the quarters of all tiles."""
     low, high = tiles.boxes[..., 0], tiles.boxes[..., 1]
-    middle = low + np.array(AT) * (high - low)
+    middle = low + np.array(TILE_AT) * (high - low)
     ends = np.stack([low, middle, high], axis=1)  # (tiles, 3, coordinates)
     boxes = np.concatenate([np.stack([ends[:, [i, j], [0, 1]], ends[:, [i + 1, j + 1], [0, 1]]], axis=2) for i in (0, 1) for j in (0, 1)])
     count = len(tiles.square)

@@ -9,7 +9,7 @@ import pytest
 
 from teg.backends.numpy import arrangement, cells, tiles
 from teg.backends.numpy.cells import cells_of_lanes
-from teg.numerics.cells import Layout, integrals
+from teg.numerics.cells import TILE_AT, Layout, integrals
 
 SHAPES = [Layout(1, 3, 0), Layout(1, 3, 1), Layout(2, 2, 2), Layout(1, 0, 1), Layout(3, 1, 1), Layout(1, 3, 1, 1), Layout(2, 2, 2, 1)]
 
@@ -72,7 +72,7 @@ def test_a_line_on_the_side_of_a_tile() -> None:
     """Two half-planes meet on a line behind forty discs' tangents: on a side of tiles, or beside it, it has its derivatives."""
     shape, angle = Layout(1, 1, 0), 0.1 * np.arange(40)
     across = np.column_stack([np.cos(angle), np.sin(angle)])
-    for at in (tiles.AT[0], tiles.AT[0] + 1e-7):
+    for at in (TILE_AT[0], TILE_AT[0] + 1e-7):
         rows = np.zeros((42, shape.forms + 1))
         rows[:2, :3], rows[:2, -1] = [[-at, 1, 0], [at, -1, 0]], [2, 5]
         rows[2:, 1:3], rows[2:, 0], rows[2:, 3] = across, -0.6 - 0.5 * across.sum(axis=1), -1.0 - angle
