@@ -12,11 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teg.numerics.cells import BESIDE, BOX, EPSILON, NOBODY, PLACES, ROUNDING, SAME, SIDES, Layout
+from teg.numerics.cells import BESIDE, BOX, EPSILON, NOBODY, ROUNDING, SIDES, Layout
 
 Array = npt.NDArray[Any]
-MANY_CELLS = 24
-"""The mean number of cells of a square from which on those beside a candidate are put aside first."""
+UNIT = np.array([[0.0, 1.0], [0.0, 1.0]])
 
 
 class Polygons(NamedTuple):
@@ -37,10 +36,6 @@ class Polygons(NamedTuple):
     def used(self) -> Array:
         """Returns which places have a corner, (n, places)."""
         return np.arange(self.labels.shape[1])[None, :] < self.sizes[:, None]
-
-    def around(self) -> Array:
-        """Returns the least and the largest coordinates, (n, 2, 2)."""
-        return np.stack([self.corners.min(axis=1), self.corners.max(axis=1)], axis=1)
 
 
 def joined(parts: Sequence[Polygons]) -> Polygons:
@@ -115,24 +110,29 @@ class Lines(NamedTuple):
 
 
 class Regions(NamedTuple):
-    """The parts of the candidates of all squares: square, row, forms of guards (n, guards, 3) and key (n, 3)."""
+    """The parts of the candidates of all squares: square, row, number among its parts, forms of guards (n, guards, 3) and key (n, 3)."""
 
     lane: Array
     row: Array
+    part: Array
     guards: Array
     key: Array
+
+    def take(self, which: Array) -> Regions:
+        return Regions(*(field[which] for field in self))
 
 
 def regions_of(shape: Layout, rows: Array, counts: Array, shift: tuple[float, float] = (0.0, 0.0)) -> Regions:
     """Returns the regions of squares that are moved by `shift`; `rows` are the candidates of all squares, `counts` of each."""
     lane = np.repeat(np.repeat(np.arange(len(counts)), counts), shape.parts)
     row = np.repeat(np.arange(len(rows)), shape.parts)
+    part = np.arange(len(row)) % shape.parts
     forms = rows[:, : shape.forms].reshape(len(rows), shape.forms // 3, 3)
     if shift != (0.0, 0.0):
         forms = forms.copy()
         forms[..., 0] += forms[..., 1] * shift[0] + forms[..., 2] * shift[1]
     guards = forms[:, :-1].reshape(len(row), shape.guards, 3)
-    return Regions(lane, row, guards, forms[row, -1])
+    return Regions(lane, row, part, guards, forms[row, -1])
 
 
 class Inserted(NamedTuple):
@@ -148,70 +148,33 @@ class Inserted(NamedTuple):
     order: Array
 
 
-def classified(r: Regions, lanes: int) -> Inserted:
-    """Returns which regions are seen, by their least and largest values on the square."""
+def classified(r: Regions, lanes: int, boxes: Array = UNIT) -> Inserted:
+    """Returns which regions are seen, by their least and largest values on the square, or on a tile of it: `boxes` (lanes, 2, 2)."""
     region = np.arange(len(r.lane))
+    box = np.broadcast_to(boxes, (lanes, 2, 2))[r.lane]
     with np.errstate(all="ignore"):
         size = np.hypot(r.guards[..., 1], r.guards[..., 2])
-        most, least = ranges(r.guards)
+        most, least = ranges(r.guards, box[:, None])
         absent = ((most < -EPSILON * size) | ((size == 0.0) & (r.guards[..., 0] < 0.0))).any(axis=1)
         lost = ~absent & ~(np.isfinite(r.guards).all(axis=(1, 2)) & np.isfinite(r.key).all(axis=1))
         cutting = (least <= EPSILON * size) & (size > 0.0) & (size < np.inf)
         covering = np.flatnonzero(~absent & ~cutting.any(axis=1) & ~lost)
-        covering = covering[np.lexsort((covering, ranges(r.key[covering])[0], r.lane[covering]))]
+        covering = covering[np.lexsort((covering, ranges(r.key[covering], box[covering])[0], r.lane[covering]))]
         covered, first = np.unique(r.lane[covering], return_index=True)
         base = np.full(lanes, NOBODY)
         base[covered] = covering[first]
         behind = r.key[base[r.lane]] if len(r.key) else r.key
         difference = r.key - behind
-        hidden = (base[r.lane] >= 0) & (ranges(difference)[1] > tolerances(difference, r.key, behind))
+        hidden = (base[r.lane] >= 0) & (ranges(difference, box)[1] > tolerances(difference, r.key, behind))
     seen = np.flatnonzero(~absent & ~hidden & ~lost & (region != base[r.lane]))
-    middle = r.key[seen] @ np.array([1.0, 0.5, 0.5])
+    middle = r.key[seen, 0] + (r.key[seen, 1:] * box[seen].mean(axis=2)).sum(axis=1)
     return Inserted(lost, base, cutting, seen[np.lexsort((seen, middle, r.lane[seen]))])
 
 
-def have_edges_in_one_line(r: Regions, known: Inserted, lanes: int) -> Array:
-    """Returns the squares in which edges of different regions lie on one line, but not on each other."""
-    region, guard = np.nonzero(known.cutting)
-    g = r.guards[region, guard] / np.hypot(r.guards[region, guard, 1], r.guards[region, guard, 2])[:, None]
-    g = g * np.where(np.where(abs(g[:, 1]) > SAME, g[:, 1], g[:, 2]) < 0.0, -1.0, 1.0)[:, None]
-    angle = np.round(np.arctan2(g[:, 2], g[:, 1]), PLACES)
-    order = np.lexsort((g[:, 0], angle, r.lane[region]))
-    one, other = order[:-1], order[1:]
-    same = (
-        (region[one] != region[other])
-        & (r.lane[region[one]] == r.lane[region[other]])
-        & (angle[one] == angle[other])
-        & (g[other, 0] - g[one, 0] < SAME)
-    )
-    one, other = one[same], other[same]
-    (low, high), (first, last) = (_edges(r, region[k], guard[k], g[k]) for k in (one, other))
-    apart = (np.minimum(high, last) - np.maximum(low, first) < np.maximum(high - low, last - first) - BESIDE) & (
-        np.maximum(high - low, last - first) > BESIDE
-    )
-    found = np.zeros(lanes, dtype=bool)
-    found[r.lane[region[one[apart]]]] = True
-    return found
-
-
-def _edges(r: Regions, region: Array, guard: Array, line: Array) -> tuple[Array, Array]:
-    """Returns where the edges of regions on lines begin and end in the square, from the point of each line that is nearest to 0."""
-    others = np.concatenate([r.guards[region], np.broadcast_to(np.array(SIDES), (len(region), BOX, 3))], axis=1)
-    c, a, b = line.T[..., None]
-    at, along = others[..., 0] - c * (a * others[..., 1] + b * others[..., 2]), a * others[..., 2] - b * others[..., 1]
-    own = np.arange(others.shape[1]) == guard[:, None]
-    with np.errstate(all="ignore"):
-        crossing = -at / along
-    low = np.where(~own & (along > 0.0), crossing, -np.inf).max(axis=1, initial=-np.inf)
-    high = np.where(~own & (along < 0.0), crossing, np.inf).min(axis=1, initial=np.inf)
-    none = (~own & (along == 0.0) & (at < 0.0)).any(axis=1)
-    return low, np.where(none, low, np.maximum(low, high))
-
-
-def ranges(forms: Array) -> tuple[Array, Array]:
-    """Returns the largest and the least value of forms on the square."""
-    c, a, b = forms[..., 0], forms[..., 1], forms[..., 2]
-    return c + np.maximum(a, 0.0) + np.maximum(b, 0.0), c + np.minimum(a, 0.0) + np.minimum(b, 0.0)
+def ranges(forms: Array, box: Array) -> tuple[Array, Array]:
+    """Returns the largest and the least value of forms on boxes, (…, 2, 2)."""
+    ends = forms[..., 1:, None] * box
+    return forms[..., 0] + ends.max(axis=-1).sum(axis=-1), forms[..., 0] + ends.min(axis=-1).sum(axis=-1)
 
 
 def tolerances(difference: Array, key: Array, other: Array) -> Array:
@@ -223,17 +186,17 @@ def tolerances(difference: Array, key: Array, other: Array) -> Array:
 class Arrangements:
     """The cells of squares: `polygons`, the `owner` region of each (NOBODY for none) and its square `lane`; `lines` of all their edges.
 
-    `touching` are the squares with a line on a side.
+    `touching` are the squares with a line on a side. `boxes` are tiles of squares in their place.
     """
 
-    def __init__(self, shape: Layout, regions: Regions, known: Inserted) -> None:
+    def __init__(self, shape: Layout, regions: Regions, known: Inserted, boxes: Array = UNIT) -> None:
         self.shape, self.regions, self.known = shape, regions, known
         lanes = len(known.base)
-        corners = np.broadcast_to(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]), (lanes, 4, 2))
+        sides = np.broadcast_to(boxes, (lanes, 2, 2))
+        corners = np.stack([sides[:, 0, [0, 1, 1, 0]], sides[:, 1, [0, 0, 1, 1]]], axis=2)
         self.polygons = Polygons(corners, np.broadcast_to(np.array([4, 2, 6, 0]), (lanes, 4)), np.full(lanes, 4))
         self.owner, self.lane = known.base.copy(), np.arange(lanes)
         self.touching = np.zeros(lanes, dtype=bool)
-        self._around: Array | None = None  # the rectangles around all cells, once they are many
         self._count = BOX + known.cutting.size
         self._keys: list[Lines] = []
         with np.errstate(all="ignore"):
@@ -250,8 +213,6 @@ class Arrangements:
         """Inserts a region into each square, NOBODY for none."""
         region = chosen[self.lane]
         at = np.flatnonzero((region != NOBODY) & (self._candidate(self.owner) != self._candidate(region)))
-        if len(self.lane) > MANY_CELLS * len(chosen):
-            at = at[self._are_near(at, region[at])]
         if not at.size:
             return
         owner, region, cells = self.owner[at], region[at], self.polygons.take(at)
@@ -266,21 +227,9 @@ class Arrangements:
             units = units / np.hypot(units[:, 1], units[:, 2])[:, None]
         self._clip(at, region, (lines, units))
 
-    def _are_near(self, at: Array, region: Array) -> Array:
-        """Returns which cells have no guard of a region below 0 on all of the rectangle around them."""
-        if self._around is None:
-            self._around = self.polygons.around()
-        low, high = self._around[at, 0], self._around[at, 1]
-        near = np.ones(len(at), dtype=bool)
-        for turn in range(self.shape.guards):
-            c, a, b = self._units[region, turn].T
-            most = c + np.maximum(a * low[:, 0], a * high[:, 0]) + np.maximum(b * low[:, 1], b * high[:, 1])
-            near &= ~(self.known.cutting[region, turn] & (most < -BESIDE))
-        return near
-
     def _candidate(self, region: Array) -> Array:
         """Returns the candidate of regions; the one of NOBODY is like no other."""
-        return np.where(region == NOBODY, NOBODY, region // self.shape.parts)
+        return np.where(region == NOBODY, NOBODY, self.regions.row[region])
 
     def _compared(self, owner: Array, region: Array, cells: Polygons) -> tuple[Array, Array, Array, Array]:
         """Returns the differences of the keys, edges on sides where they are 0, which cells stay as they are, and which the line cuts."""
@@ -352,17 +301,13 @@ class Arrangements:
             lanes.append(self.lane[at[cut[left]]])
         first = _replaced(self.polygons, at[alive], inner.take(alive))
         self.polygons = joined([first, *whole[1:]])
-        if self._around is not None:
-            self._around[at[alive]] = inner.take(alive).around()
-            self._around = np.concatenate([self._around, *(p.around() for p in whole[1:])])
         self.owner, self.lane = np.concatenate(owners), np.concatenate(lanes)
         self.owner[at[alive]] = region[alive]
 
     def _all_lines(self) -> Lines:
         guards, r = self.shape.guards, self.regions
         n = len(r.row) * guards
-        part = np.arange(len(r.row)) % self.shape.parts
-        columns = (3 * (part[:, None] * guards + np.arange(guards)[None, :])).reshape(n)
+        columns = (3 * (r.part[:, None] * guards + np.arange(guards)[None, :])).reshape(n)
         none, sides = np.full(n, -1), np.full((BOX, 2), -1)
         sizes = np.where(self.known.cutting, np.hypot(r.guards[..., 1], r.guards[..., 2]), 1.0).reshape(n)
         known = [

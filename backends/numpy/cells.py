@@ -1,8 +1,7 @@
 """Integrals of the polynomial of the nearest candidate (`teg.numerics.cells`) on lanes.
 
 Lanes in which nothing cuts the square (one candidate covers it and hides the others, or there is none) need no cells; the cells of all
-other lanes are made together, `CHUNK` lanes at a time. Lanes with numbers that are not finite, and those in which edges of different
-regions lie on one line, are left to `teg.numerics.cells`.
+other lanes are made together, `CHUNK` lanes at a time. Lanes with numbers that are not finite are left to `teg.numerics.cells`.
 """
 
 from __future__ import annotations
@@ -12,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy.arrangement import Arrangements, classified, have_edges_in_one_line, regions_of
+from teg.backends.numpy.arrangement import Arrangements, classified, regions_of
 from teg.backends.numpy.measured import Measured, Numbers
+from teg.backends.numpy.tiles import tiled
 from teg.numerics.cells import NOBODY, SHIFT, SKEW, Layout, integrals, monomials
 
 Array = npt.NDArray[Any]
@@ -106,20 +106,15 @@ def _cut(shape: Layout, given: Lanes, slopes: bool) -> Results:
             table[places] = 0.5 * (one + other)
     if shape.order:
         values = np.stack([_along(shape, table, k, (given, numbers)) for k, table in enumerate(tables)])
-    results = Results(values, sizes, tables if slopes else [])
-    regions = regions_of(shape, given.rows, given.counts)
-    for lane in np.flatnonzero(have_edges_in_one_line(regions, classified(regions, lanes), lanes)):
-        value = results.values[:, lane].copy()
-        _single(shape, given, int(lane), results)
-        if not shape.order:
-            results.values[:, lane] = value  # the same bits with and without derivatives
-    return results
+    return Results(values, sizes, tables if slopes else [])
 
 
 def _measured(shape: Layout, given: Lanes, numbers: Numbers, shift: tuple[float, float]) -> tuple[Measured, Array]:
     regions = regions_of(shape, given.rows, given.counts, shift)
-    cells = Arrangements(shape, regions, classified(regions, len(given.counts)))
-    return Measured(shape, cells, numbers, shift), cells.touching
+    tiles = tiled(regions, classified(regions, len(given.counts)))
+    cells = Arrangements(shape, tiles.regions, tiles.known, tiles.boxes)
+    touching = np.bincount(tiles.square, cells.touching, len(given.counts)) > 0
+    return Measured(shape, cells, numbers, shift, tiles.square[cells.lane]), touching
 
 
 def _numbers(shape: Layout, given: Lanes) -> Numbers:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy.arrangement import Arrangements
+from teg.backends.numpy.twins import Twins
 from teg.numerics.cells import BOX, NOBODY, Layout, monomials
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 
@@ -31,11 +32,30 @@ class Numbers(NamedTuple):
     beyond: Array
 
 
-class Measured:
-    """Integrals over arrangements. `bodies` is the number of polynomials of each candidate."""
+class Line(NamedTuple):
+    """The lines of edges: number, on which side the cells are (1 or -1), and whether the edge lies on the line that made it."""
 
-    def __init__(self, shape: Layout, cells: Arrangements, numbers: Numbers, shift: tuple[float, float]) -> None:
-        self.shape, self.cells, self.numbers, self.shift = shape, cells, numbers, shift
+    number: Array
+    side: Array
+    whole: Array
+
+
+class Edges(NamedTuple):
+    """Edges of cells: the cell, where the edge starts and the way to its end, and how both move along the direction, (edges, 2)."""
+
+    cell: Array
+    start: Array
+    way: Array
+    speed: Array
+    faster: Array
+    line: Line
+
+
+class Measured:
+    """Integrals over arrangements. `bodies` is the number of polynomials of each candidate, `square` has the square of each cell."""
+
+    def __init__(self, shape: Layout, cells: Arrangements, numbers: Numbers, shift: tuple[float, float], square: Array) -> None:
+        self.shape, self.cells, self.numbers, self.shift, self.square = shape, cells, numbers, shift, square
         self.exponents = monomials(shape.degree)
         self.width = len(self.exponents)
         self.bodies = numbers.polynomials.shape[1] // self.width
@@ -43,7 +63,7 @@ class Measured:
         self.moving = bool(shape.order)
         rows = cells.regions.row
         owned = cells.owner != NOBODY
-        self.owner = numbers.beyond[cells.lane]
+        self.owner = numbers.beyond[square]
         self.owner[owned] = numbers.place[rows[cells.owner[owned]]]
         if self.moving:
             self._rates = self._all_rates()
@@ -55,20 +75,21 @@ class Measured:
         values, sizes = np.zeros((self.bodies, lanes)), np.zeros((self.bodies, lanes))
         for body in range(self.bodies):
             own = self.numbers.polynomials[self.owner, body * self.width : (body + 1) * self.width]
-            values[body] = np.bincount(self.cells.lane, (own * self.moments).sum(axis=1), lanes)
-            sizes[body] = np.bincount(self.cells.lane, self.moments[:, 0] * np.abs(own).sum(axis=1), lanes)
+            values[body] = np.bincount(self.square, (own * self.moments).sum(axis=1), lanes)
+            sizes[body] = np.bincount(self.square, self.moments[:, 0] * np.abs(own).sum(axis=1), lanes)
         return values, sizes
 
     def tables(self) -> list[Array]:
         """Returns the derivatives by every number of every owner; at order 1 those of the derivative along the direction first."""
         columns, forms = self.shape.columns, self.shape.forms
         tables = []
+        edges = self._all_edges()
         for body in range(self.bodies):
             table = np.zeros((len(self.numbers.polynomials), columns * (1 + self.shape.order)))
             _add(table, self.owner, forms, self.growths if self.moving else self.moments)
             if self.moving:
                 _add(table, self.owner, columns + forms, self.moments)
-            self._edges(slice(body * self.width, (body + 1) * self.width), table)
+            self._edges(edges, slice(body * self.width, (body + 1) * self.width), table)
             tables.append(table)
         return tables
 
@@ -125,18 +146,39 @@ class Measured:
                 speed = from_[0] + r * e + s * g, from_[1] + r * f + s * h
                 yield which, at, speed, w * area, w * growth
 
-    def _edges(self, own: slice, table: Array) -> None:
-        """Adds what the edges of all cells give to the derivatives by the forms of their lines."""
-        polygons, lines, columns = self.cells.polygons, self.cells.lines, self.shape.columns
+    def _all_edges(self) -> Edges:
+        """Returns the edges of all cells that lie on no side of the square, in parts that belong to one line each."""
+        polygons = self.cells.polygons
         cell, place = np.nonzero(polygons.used() & (polygons.labels >= 2 * BOX))
-        label = polygons.labels[cell, place]
-        ends = cell, place, polygons.following()[cell, place]
-        plain, changed = self._along_edges(ends, label >> 1, own)
-        side = np.where(label & 1, -1.0, 1.0)[:, None]
+        label, following = polygons.labels[cell, place], polygons.following()[cell, place]
+        start, end = polygons.corners[cell, place], polygons.corners[cell, following]
+        shares = Twins(self.cells).shares(label >> 1, start, end)
+        edge, first, part = shares.edge, shares.first[:, None], (shares.last - shares.first)[:, None]
+        way = (end - start)[edge]
+        side = np.where(label[edge] & 1, -shares.sign, shares.sign)
+        speed = faster = np.zeros_like(way)
+        if self.moving:
+            speed = self._speed[cell, place][edge]
+            faster = self._speed[cell, following][edge] - speed
+        return Edges(
+            cell[edge],
+            start[edge] + first * way,
+            part * way,
+            speed + first * faster,
+            part * faster,
+            Line(shares.line, side, shares.whole),
+        )
+
+    def _edges(self, edges: Edges, own: slice, table: Array) -> None:
+        """Adds what edges give to the derivatives by the forms of their lines."""
+        lines, columns = self.cells.lines, self.shape.columns
+        plain, changed = self._along_edges(edges, own)
+        number, side = edges.line.number, edges.line.side[:, None]
+        changed[~edges.line.whole] = np.nan
         for part, sign in enumerate((1.0, -1.0)):
-            rows = lines.rows[label >> 1, part]
+            rows = lines.rows[number, part]
             which = np.flatnonzero(rows >= 0)
-            owners, first = self.numbers.place[rows[which]], lines.columns[label[which] >> 1, part]
+            owners, first = self.numbers.place[rows[which]], lines.columns[number[which], part]
             share = sign * side[which]
             if self.moving:
                 _add(table, owners, first, share * changed[which])
@@ -144,26 +186,21 @@ class Measured:
             else:
                 _add(table, owners, first, share * plain[which])
 
-    def _along_edges(self, ends: tuple[Array, Array, Array], line: Array, own: slice) -> tuple[Array, Array]:
+    def _along_edges(self, edges: Edges, own: slice) -> tuple[Array, Array]:
         """Returns ∫ f·(1, u, v) ds/|(a, b)| along edges, and its derivatives along the direction: (edges, 3)."""
-        cell, first, second = ends
-        lines, corners = self.cells.lines, self.cells.polygons.corners
-        start, end = corners[cell, first], corners[cell, second]
-        across = end - start
-        length = np.hypot(across[:, 0], across[:, 1])
-        body, moving = (n[self.owner[cell], own] for n in (self.numbers.polynomials, self.numbers.changes))
-        plain, changed = np.zeros((len(cell), 3)), np.zeros((len(cell), 3))
-        speeds = (self._speed[cell, first], self._speed[cell, second]) if self.moving else (0.0 * start, 0.0 * start)
-        faster = speeds[1] - speeds[0]
-        stretch = np.zeros(len(cell))
+        lines, number, way, faster = self.cells.lines, edges.line.number, edges.way, edges.faster
+        length = np.hypot(way[:, 0], way[:, 1])
+        body, moving = (n[self.owner[edges.cell], own] for n in (self.numbers.polynomials, self.numbers.changes))
+        plain, changed = np.zeros((len(length), 3)), np.zeros((len(length), 3))
+        stretch = np.zeros(len(length))
         if self.moving:
             safe = np.where(length > 0.0, length, 1.0)
-            stretch = (across * faster).sum(axis=1) / (safe * safe) * (length > 0.0)
-            stretch -= (lines.units[line, 1:] * self._rates[line, 1:]).sum(axis=1)
+            stretch = (way * faster).sum(axis=1) / (safe * safe) * (length > 0.0)
+            stretch -= (lines.units[number, 1:] * self._rates[number, 1:]).sum(axis=1)
         for node, weight in zip(*gauss_legendre((self.shape.degree + 1) // 2 + 1), strict=True):
             t = 0.5 + 0.5 * node
-            (x, y), (p, q) = (start + t * across).T, (speeds[0] + t * faster).T
-            h = 0.5 * weight * length / lines.sizes[line]
+            (x, y), (p, q) = (edges.start + t * way).T, (edges.speed + t * faster).T
+            h = 0.5 * weight * length / lines.sizes[number]
             f = self._polynomial(body, x, y)
             for k, at in enumerate((1.0, x, y)):
                 plain[:, k] += h * f * at

@@ -11,7 +11,8 @@ cells tile the square. Every edge knows the line it lies on.
     ∂V/∂(c, a, b) of a form   =  Σ over edges on its line of ±∫ f_owner·(1, u, v) ds/|(a, b)|         + on the side g >= 0, - on the other
 
 The jump across an edge is never looked up: the cells on both sides give their shares, and cuts that separate nothing cancel. Where an edge
-of another region lies on such a cut, as in a regular mesh, what is there is that region's (second derivatives there are NaN). The line of
+of another region lies on such a cut, as in a regular mesh, what is there is that region's, the nearest one's of several (second derivatives
+there are NaN). Edges of several candidates that lie on each other have the derivative of moving together. The line of
 two keys belongs to the key of one with + and to that of the other with -. Along a direction (`order` 1) the corners of the cells move as
 the intersections of the lines of their edges do, and with them everything above, by the product rule.
 
@@ -20,8 +21,8 @@ one that is not finite makes everything NaN. Equal keys: the lower index. A corn
 a mesh then cut nothing off. A line on a side of the square has one derivative for moving inwards and another one outwards: the mean counts
 where the candidate is there, not farther than BESIDE from that side of a cell.
 Cost: linear in the candidates, for those that are not hidden or outside the square of their number at worst; C compares these with the few
-cells around them only. Method: cells with owners (a planar arrangement built by insertion; there a binary space partition finds them);
-derivatives by Reynolds' transport theorem.
+cells around them only, NumPy cuts the square into tiles first. Method: cells with owners (a planar arrangement built by insertion; there a
+binary space partition finds them); derivatives by Reynolds' transport theorem.
 
 This file is the meaning, in plain Python numbers; the backends compute the same.
 """
@@ -46,6 +47,8 @@ ROUNDING = 1e-13
 """The rounding of a key, relative to its constant."""
 SAME, PLACES = 1e-10, 8
 """The distance within which lines of different regions are one, and the decimal places in which their angles are."""
+TILE_AT = (0.4871, 0.5119)
+"""Where backends cut a square with many candidates into tiles, and these again: lines of a regular mesh lie on none of these."""
 NOBODY = -1
 MOST_DEGREE = 8
 """The largest degree of a polynomial."""
@@ -207,7 +210,9 @@ class _Arrangement:
         self.cells = [box]
         self.key_lines: dict[tuple[int, int], int] = {}
         rest = [(self._middle(r), r, cutting) for r, cutting in present if r != base and not self._is_hidden(r, base)]
+        self.inserted: list[int] = []  # the lines of guards, nearest region first
         for _, region, cutting in sorted(rest, key=lambda entry: entry[:2]):
+            self.inserted += cutting
             self._insert(region, cutting)
 
     def form(self, candidate: int, column: int) -> Form:
@@ -321,21 +326,24 @@ class _Arrangement:
 
 
 def twins(arrangement: _Arrangement) -> dict[int, list[tuple[int, float]]]:
-    """Returns, for each guard's line that is that of guards of other regions too, these and whether they have the same sides."""
+    """Returns, for each guard's line that is that of guards of other regions too, these, and whether they have the same sides.
+
+    The nearest region comes first.
+    """
     known: list[tuple[float, float, int, float]] = []
-    for line in arrangement.guards:
+    for rank, line in enumerate(arrangement.inserted):
         c, a, b = arrangement.lines[line].unit
         sign = math.copysign(1.0, a if abs(a) > SAME else b)
-        known.append((round(math.atan2(sign * b, sign * a), PLACES), sign * c, line, sign))
+        known.append((round(math.atan2(sign * b, sign * a), PLACES), sign * c, rank, sign))
     known.sort()
     found: dict[int, list[tuple[int, float]]] = {}
     first = 0
     for k in range(1, len(known) + 1):
         if k < len(known) and known[k][0] == known[k - 1][0] and known[k][1] - known[k - 1][1] < SAME:
             continue
-        group = known[first:k]
-        for _, _, line, sign in group if len(group) > 1 else ():
-            found[line] = [(other, sign * turned) for _, _, other, turned in group if other not in arrangement.guards[line]]
+        group = [(arrangement.inserted[rank], sign) for _, _, rank, sign in sorted(known[first:k], key=lambda entry: entry[2])]
+        for line, sign in group if len(group) > 1 else ():
+            found[line] = [(other, sign * turned) for other, turned in group if other not in arrangement.guards[line]]
         first = k
     return found
 
@@ -462,17 +470,18 @@ class _Measured:
         if line not in self.twins:
             return [(0.0, 1.0, line, 1.0)]
         found: list[tuple[float, float, int, float]] = []
+        length = math.hypot(stop[0] - start[0], stop[1] - start[1])
         left = [(0.0, 1.0)]
         for number, sign in ((line, 1.0), *self.twins[line]):
             first, last = self._edge_of(number, start, stop)
             rest: list[tuple[float, float]] = []
             for low, high in left:
                 begin, end = max(low, first), min(high, last)
-                if end - begin <= EPSILON:
+                if (end - begin) * length <= EPSILON:
                     rest.append((low, high))
                     continue
                 found.append((begin, end, number, sign))
-                rest += [part for part in ((low, begin), (end, high)) if part[1] - part[0] > EPSILON]
+                rest += [part for part in ((low, begin), (end, high)) if (part[1] - part[0]) * length > EPSILON]
             left = rest
         if all(number == line for _, _, number, _ in found):
             return [(0.0, 1.0, line, 1.0)]

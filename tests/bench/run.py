@@ -1,7 +1,8 @@
 """Measure: `make bench`. Medians of several runs; compare ratios of one run only, machines are noisy.
 
-python tests/bench/run.py [--json FILE] [--page FILE]: tables as Markdown, and all of it in out/bench.json. About four minutes.
-With `--page` the tables are written into a page, as in docs/performance.md.
+python tests/bench/run.py [--json FILE] [--page FILE] [--only NAME …]: tables as Markdown, and all of it in out/bench.json. About four
+minutes. With `--page` the tables are written into a page, as in docs/performance.md; with `--only` those of these names, and the page keeps
+its others.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import argparse
 import json
 import os
 import platform
+import re
 import sys
 import time
 from collections.abc import Callable
@@ -27,6 +29,7 @@ from tests.bench.backends import backend_rows
 from tests.bench.closed import closed_rows
 from tests.bench.functions import call_time_rows, swap_rows
 from tests.bench.many import many_rows
+from tests.bench.rasteriser import rasteriser_rows
 from tests.bench.rows import (
     Row,
     compile_row,
@@ -66,6 +69,8 @@ def shown(number: Any) -> str:
 
 def table(rows: list[Row]) -> str:
     """Rows as Markdown."""
+    if not rows:
+        return ABSENT
     heads = list(rows[0])
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
     for row in rows:
@@ -74,6 +79,7 @@ def table(rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
+ABSENT = "Not measured: a package that it is about is not installed (`pip install 'teg-compiler[peers]'` brings them)."
 OUT = Path(__file__).resolve().parents[2] / "out" / "bench.json"
 
 
@@ -173,6 +179,15 @@ TABLES: dict[str, tuple[Measurement, str]] = {
         "sample of pixels. The references share nothing with the compiler: a clipper of convex polygons, the sum of the masses of power "
         "cells, and the midpoint rule over time or lens, whose own error the last two rows show.",
     ),
+    "beside a rasteriser": (
+        rasteriser_rows,
+        "Loss and gradient by all places and colours of 512² pixels of three channels, beside "
+        "[DEODR](https://github.com/martinResearch/DEODR), an approximate differentiable rasteriser in C: one thread, runs in turn. "
+        "It takes the colour at the middle of a pixel, mixes occluding edges with what is behind them, and differentiates that "
+        "picture; here a pixel is the integral. `off` is relative to the size of the exact answer; a motion of all places is compared "
+        "with differences of the exact loss. `lists` are the candidates of pixels, found by NumPy, which it does not need. Mitsuba, "
+        "which samples paths of light at random, is not measured.",
+    ),
     "backends": (
         backend_rows,
         "From the expression to the first value and gradient with nothing in the cache, and the time of each element of a batch of 4096. "
@@ -192,20 +207,38 @@ TABLES: dict[str, tuple[Measurement, str]] = {
 """What is measured, and what its table shows."""
 
 
+def heading(name: str) -> str:
+    """Returns the heading of a table."""
+    return f"### {name[0].upper()}{name[1:]}"
+
+
+def kept(page: str, name: str) -> list[str]:
+    """Returns the section of a page that has a table, if there is one."""
+    _, _, after = page.partition(f"{heading(name)}\n")
+    section = re.split(r"^(?:###|<!-- end bench)", after, maxsplit=1, flags=re.MULTILINE)[0]
+    return [f"{heading(name)}\n{section}".rstrip() + "\n"] if after else []
+
+
 def main() -> None:
     """Print the tables; write them as JSON too."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--json", type=Path, default=OUT, help="where to (default: %(default)s)")
     arguments.add_argument("--page", type=Path, help="a page between whose lines for `make bench` the tables are written")
+    arguments.add_argument(
+        "--only", nargs="+", choices=TABLES, default=list(TABLES), help="the tables to measure (default: all)", metavar="NAME"
+    )
     chosen = arguments.parse_args()
     start = time.perf_counter()
     page = read_page(chosen.page)
     found: dict[str, Any] = {}
     sections = []
     for name, (measure, shown) in TABLES.items():
+        if name not in chosen.only:
+            sections += kept(page, name)
+            continue
         with empty_cache():
             found[name] = measure()
-        sections.append(f"### {name[0].upper()}{name[1:]}\n\n{shown}\n\n{table(found[name])}\n")
+        sections.append(f"{heading(name)}\n\n{shown}\n\n{table(found[name])}\n")
         sys.stdout.write(sections[-1] + "\n")
         sys.stdout.flush()
     machine = {"python": platform.python_version(), "machine": platform.machine(), "cores": os.cpu_count()}

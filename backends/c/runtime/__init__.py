@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from teg.backends.c.text import identifiers
-from teg.numerics.cells import BESIDE, EPSILON, MOST_DEGREE, PLACES, SAME, SHIFT, SKEW, monomials
+from teg.numerics.cells import BESIDE, EPSILON, MOST_DEGREE, PLACES, SAME, SHIFT, SKEW, TILE_AT, monomials
 from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.program import (
     ABSOLUTE_FLOOR,
@@ -59,6 +59,8 @@ from teg.program.arrays import CHUNKS, COPIES, LEAST
 
 BLOCK = 64
 """Sobol' points in a block."""
+MANY_IN_TILE = 24
+"""The number of candidates seen in a tile, most of them without guards there, up to which it is not cut into four."""
 MANY_CELLS = 24
 """The number of cells of one square from which on those beside a candidate are found by the cuts that made them."""
 LIMITS = {
@@ -115,6 +117,9 @@ LIMITS = {
     "TEG_KEY_ROUNDING": KEY_ROUNDING,
     "TEG_BESIDE": BESIDE,
     "TEG_MANY_CELLS": MANY_CELLS,
+    "TEG_MANY_IN_TILE": MANY_IN_TILE,
+    "TEG_TILE_U": TILE_AT[0],
+    "TEG_TILE_V": TILE_AT[1],
     "TEG_SAME": SAME,
     "TEG_ANGLES": 10.0**PLACES,
     "TEG_SHIFT": SHIFT,

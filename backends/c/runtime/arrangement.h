@@ -27,10 +27,11 @@ typedef struct {
 } teg_line;
 
 //: teg_twin
-/* A guard's line, turned so that those of different regions that are one line have the same angle and distance. */
+/* A guard's line, turned so that those of different regions that are one line have the same angle and distance; `rank` is the place of its
+   region, the nearest one first. */
 typedef struct {
     double angle, c, sign;
-    int line;
+    int rank, line;
 } teg_twin;
 
 //: teg_region
@@ -42,12 +43,13 @@ typedef struct {
 } teg_region;
 
 //: teg_arrangement
-/* The cells of the square, moved by (su, sv), and all that they are made of. Arrays begin on the stack, and move to the heap as they grow. */
+/* The cells of a tile of the square, from (u[0], v[0]) to (u[1], v[1]), moved by (su, sv), and all that they are made of. Arrays begin on the
+   stack, and move to the heap as they grow. */
 typedef struct {
     const teg_shape *shape;
     const double *rows;
     int64_t n;
-    double su, sv;
+    double su, sv, u[2], v[2];
     int forms, count, wide, row, touching, undefined, failed;
     int64_t base;
     teg_cell *cells;
@@ -159,6 +161,20 @@ static inline void teg_form(const teg_arrangement *r, int64_t candidate, int col
 {
     const double *const f = r->rows + candidate * r->row + column;
     g[0] = f[0] + f[1] * r->su + f[2] * r->sv, g[1] = f[1], g[2] = f[2];
+}
+
+//: teg_highest
+/* The largest value of a form on the tile. */
+static inline double teg_highest(const teg_arrangement *r, const double *g)
+{
+    return g[0] + fmax(g[1] * r->u[0], g[1] * r->u[1]) + fmax(g[2] * r->v[0], g[2] * r->v[1]);
+}
+
+//: teg_lowest
+/* The least value of a form on the tile. */
+static inline double teg_lowest(const teg_arrangement *r, const double *g)
+{
+    return g[0] + fmin(g[1] * r->u[0], g[1] * r->u[1]) + fmin(g[2] * r->v[0], g[2] * r->v[1]);
 }
 
 //: teg_half
@@ -308,11 +324,11 @@ static void teg_insert_in_cell(teg_arrangement *r, const teg_region *region, siz
 }
 
 //: teg_bound
-/* Find the corners of a polygon around a region, TEG_BESIDE from it or more: of the square and the guards, all moved outwards. */
+/* Find the corners of a polygon around a region, TEG_BESIDE from it or more: of the tile and the guards, all moved outwards. */
 static void teg_bound(teg_arrangement *r, const teg_region *region)
 {
-    static const double x[4] = {-TEG_BESIDE, 1.0 + TEG_BESIDE, 1.0 + TEG_BESIDE, -TEG_BESIDE};
-    static const double y[4] = {-TEG_BESIDE, -TEG_BESIDE, 1.0 + TEG_BESIDE, 1.0 + TEG_BESIDE};
+    const double u0 = r->u[0] - TEG_BESIDE, u1 = r->u[1] + TEG_BESIDE, v0 = r->v[0] - TEG_BESIDE, v1 = r->v[1] + TEG_BESIDE;
+    const double x[4] = {u0, u1, u1, u0}, y[4] = {v0, v0, v1, v1};
     int n = 4;
     if (!teg_room_in_scratch(r, 6)) return;
     memcpy(r->px, x, sizeof x);
@@ -378,7 +394,7 @@ static void teg_insert(teg_arrangement *r, const teg_region *region)
 }
 
 //: teg_present
-/* Whether a region may be in the square; if so its cutting lines are added. */
+/* Whether a region may be in the tile; if so its cutting lines are added. */
 static int teg_present(teg_arrangement *r, teg_region *region)
 {
     const teg_shape *const s = r->shape;
@@ -391,12 +407,12 @@ static int teg_present(teg_arrangement *r, teg_region *region)
         double g[3], size;
         teg_form(r, candidate, column, g);
         size = sqrt(g[1] * g[1] + g[2] * g[2]);
-        if (g[0] + fmax(g[1], 0.0) + fmax(g[2], 0.0) < -TEG_ON_LINE * size || (size == 0.0 && g[0] < 0.0)) {
+        if (teg_highest(r, g) < -TEG_ON_LINE * size || (size == 0.0 && g[0] < 0.0)) {
             r->line_count = before;
             return 0;
         }
         finite &= isfinite(g[0]) && isfinite(g[1]) && isfinite(g[2]);
-        if (finite && g[0] + fmin(g[1], 0.0) + fmin(g[2], 0.0) <= TEG_ON_LINE * size && size > 0.0) {
+        if (finite && teg_lowest(r, g) <= TEG_ON_LINE * size && size > 0.0) {
             const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, candidate, -1, column, 0, 0, -1};
             teg_add_line(r, line);
         }
@@ -414,24 +430,20 @@ static int teg_by_middle(const void *a, const void *b)
     return p->middle < q->middle ? -1 : p->middle > q->middle ? 1 : p->region < q->region ? -1 : p->region > q->region;
 }
 
-//: teg_arrange
-/* Cut the square into cells. */
-static void teg_arrange(teg_arrangement *r, double su, double sv)
+//: teg_select
+/* Find the regions that may be seen in the tile, in their order, among those of a list (NULL: all); and the base, which covers it. */
+static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
 {
     static const teg_line sides[4] = {{0, 1, 0, 1, -1, -1, 0, 0, 0, -1}, {1, -1, 0, 1, -1, -1, 0, 0, 0, -1},
         {0, 0, 1, 1, -1, -1, 0, 0, 0, -1}, {1, 0, -1, 1, -1, -1, 0, 0, 0, -1}};
-    static const double x[4] = {0, 1, 1, 0}, y[4] = {0, 0, 1, 1};
-    static const int label[4] = {4, 2, 6, 0};
-    const int64_t regions = r->n * r->shape->parts;
     int64_t base = -1;
     double nearest = INFINITY;
     size_t kept = 0;
-    r->su = su, r->sv = sv;
-    r->touching = r->undefined = 0;
+    r->undefined = 0;
     r->cell_count = r->line_count = r->region_count = r->used = 0;
     for (int k = 0; k < 4; k++) teg_add_line(r, sides[k]);
     for (int64_t k = 0; k < regions && !r->undefined && !r->failed; k++) {
-        teg_region region = {0.0, k, 0, 0};
+        teg_region region = {0.0, list ? list[k] : k, 0, 0};
         double g[3];
         if (!teg_present(r, &region)) continue;
         if (r->region_count == r->region_room) {
@@ -441,25 +453,31 @@ static void teg_arrange(teg_arrangement *r, double su, double sv)
             r->own_regions = 1;
             r->region_room *= 2;
         }
-        teg_form(r, k / r->shape->parts, r->forms - 3, g);
+        teg_form(r, region.region / r->shape->parts, r->forms - 3, g);
         r->undefined |= !isfinite(g[0]) || !isfinite(g[1]) || !isfinite(g[2]);
-        region.middle = g[0] + 0.5 * g[1] + 0.5 * g[2];
-        if (region.first == region.end && (base < 0 || g[0] + fmax(g[1], 0.0) + fmax(g[2], 0.0) < nearest))
-            base = k, nearest = g[0] + fmax(g[1], 0.0) + fmax(g[2], 0.0);
+        region.middle = g[0] + 0.5 * (r->u[0] + r->u[1]) * g[1] + 0.5 * (r->v[0] + r->v[1]) * g[2];
+        if (region.first == region.end && (base < 0 || teg_highest(r, g) < nearest)) base = region.region, nearest = teg_highest(r, g);
         r->regions[r->region_count++] = region;
     }
     r->base = base;
-    if (r->undefined) return;
-    teg_add_cell(r, base, 0, 4, x, y, label);
-    r->cells[0].sides[0] = ~0, r->cells[0].up = 0;
-    for (size_t k = 0; k < r->region_count && base >= 0; k++) {
+    for (size_t k = 0; k < r->region_count && base >= 0 && !r->undefined; k++) {
         double g[3];
         if (r->regions[k].region == base) continue;
         const double tolerance = teg_key_difference(r, r->regions[k].region / r->shape->parts, base / r->shape->parts, g);
-        if (g[0] + fmin(g[1], 0.0) + fmin(g[2], 0.0) > tolerance) continue;
+        if (teg_lowest(r, g) > tolerance) continue;
         r->regions[kept++] = r->regions[k];
     }
     if (base >= 0) r->region_count = kept;
+}
+
+//: teg_arrange
+/* Cut the tile into cells. */
+static void teg_arrange(teg_arrangement *r)
+{
+    const double x[4] = {r->u[0], r->u[1], r->u[1], r->u[0]}, y[4] = {r->v[0], r->v[0], r->v[1], r->v[1]};
+    static const int label[4] = {4, 2, 6, 0};
+    teg_add_cell(r, r->base, 0, 4, x, y, label);
+    r->cells[0].sides[0] = ~0, r->cells[0].up = 0;
     qsort(r->regions, r->region_count, sizeof *r->regions, teg_by_middle);
     for (size_t k = 0; k < r->region_count && !r->failed; k++) teg_insert(r, r->regions + k);
 }
@@ -469,7 +487,7 @@ static int teg_by_angle(const void *a, const void *b)
 {
     const teg_twin *const p = a, *const q = b;
     if (p->angle != q->angle) return p->angle < q->angle ? -1 : 1;
-    return p->c < q->c ? -1 : p->c > q->c ? 1 : p->line < q->line ? -1 : p->line > q->line;
+    return p->c < q->c ? -1 : p->c > q->c ? 1 : p->rank < q->rank ? -1 : p->rank > q->rank;
 }
 
 //: teg_find_twins
@@ -477,21 +495,31 @@ static int teg_by_angle(const void *a, const void *b)
 static void teg_find_twins(teg_arrangement *r)
 {
     size_t count = 0;
+    double last;
     if (r->line_count > r->twin_room) {
         r->twins = teg_grown(r->twins, 1, 0, 2 * r->line_count * sizeof *r->twins, &r->failed);
         if (r->failed) return;
         r->twin_room = 2 * r->line_count;
     }
-    for (size_t k = 4; k < r->line_count; k++) {
-        const teg_line g = r->lines[k];
-        const double sign = (fabs(g.a) > TEG_SAME ? g.a : g.b) < 0.0 ? -1.0 : 1.0;
-        const teg_twin twin = {floor(atan2(sign * g.b, sign * g.a) * TEG_ANGLES + 0.5), sign * g.c, sign, (int)k};
-        if (g.minus < 0) r->twins[count++] = twin;
-    }
+    for (size_t k = 0; k < r->region_count; k++)
+        for (int line = r->regions[k].first; line < r->regions[k].end; line++) {
+            const teg_line g = r->lines[line];
+            const double sign = (fabs(g.a) > TEG_SAME ? g.a : g.b) < 0.0 ? -1.0 : 1.0;
+            const teg_twin twin = {floor(atan2(sign * g.b, sign * g.a) * TEG_ANGLES + 0.5), sign * g.c, sign, (int)k, line};
+            r->twins[count++] = twin;
+        }
     r->twin_count = count;
     qsort(r->twins, count, sizeof *r->twins, teg_by_angle);
+    last = count ? r->twins[0].c : 0.0;
+    for (size_t k = 1, first = 0; k < count; k++) { /* one distance for all of a line */
+        const int same = r->twins[k].angle == r->twins[k - 1].angle && r->twins[k].c - last < TEG_SAME;
+        last = r->twins[k].c;
+        if (same) r->twins[k].c = r->twins[first].c;
+        else first = k;
+    }
+    qsort(r->twins, count, sizeof *r->twins, teg_by_angle);
     for (size_t k = 1; k < count; k++) {
-        if (r->twins[k].angle != r->twins[k - 1].angle || r->twins[k].c - r->twins[k - 1].c >= TEG_SAME) continue;
+        if (r->twins[k].angle != r->twins[k - 1].angle || r->twins[k].c != r->twins[k - 1].c) continue;
         r->lines[r->twins[k - 1].line].twin = (int)k - 1, r->lines[r->twins[k].line].twin = (int)k;
     }
 }
@@ -517,6 +545,7 @@ static int teg_is_shared(const teg_arrangement *r, int line, const double *edge)
 {
     const int at = r->lines[line].twin;
     const teg_twin *const t = r->twins;
+    const double length = sqrt(edge[2] * edge[2] + edge[3] * edge[3]);
     double own[2], range[2];
     if (at < 0) return 0;
     teg_edge_of(r, line, edge[0], edge[1], edge[2], edge[3], own);
@@ -525,7 +554,7 @@ static int teg_is_shared(const teg_arrangement *r, int line, const double *edge)
             if (t[k].angle != t[k - step].angle || fabs(t[k].c - t[k - step].c) >= TEG_SAME) break;
             if (r->lines[t[k].line].first == r->lines[line].first) continue; /* of the same region, which is thin */
             teg_edge_of(r, t[k].line, edge[0], edge[1], edge[2], edge[3], range);
-            if (range[1] - range[0] - fmax(0.0, fmin(own[1], range[1]) - fmax(own[0], range[0])) > TEG_ON_LINE) return 1;
+            if ((range[1] - range[0] - fmax(0.0, fmin(own[1], range[1]) - fmax(own[0], range[0]))) * length > TEG_ON_LINE) return 1;
         }
     return 0;
 }

@@ -158,9 +158,19 @@ static void teg_from_moments(
     }
 }
 
+//: teg_power
+/* The integral of the power k - 1 of a coordinate along a side of a tile. */
+static inline double teg_power(const double *ends, int k)
+{
+    double last = 1.0, first = 1.0;
+    if (ends[0] == 0.0 && ends[1] == 1.0) return 1.0 / k;
+    for (int i = 0; i < k; i++) last *= ends[1], first *= ends[0];
+    return (last - first) / k;
+}
+
 //: teg_measure
 /* Add values, sizes and tables of an arrangement, each NULL if it is not wanted. The cells of the owner of the first one are left out: its
-   moments are those of the square without the others', and its polynomial is subtracted from theirs. */
+   moments are those of the tile without the others', and its polynomial is subtracted from theirs. */
 static void teg_measure(teg_arrangement *r, const double *otherwise, double *values, double *sizes, double *tables)
 {
     const teg_shape *const s = r->shape;
@@ -175,7 +185,7 @@ static void teg_measure(teg_arrangement *r, const double *otherwise, double *val
     if (tables && !whole) teg_find_twins(r);
     for (int j = 0; j < half; j++) known &= isfinite(f[j]) && (!s->order || isfinite(df[j]));
     for (int total = 0, at = 0; total <= s->degree; total++)
-        for (int j = 0; j <= total; j++, at++) rest[at] = 1.0 / ((total - j + 1.0) * (j + 1.0)), change[at] = 0.0;
+        for (int j = 0; j <= total; j++, at++) rest[at] = teg_power(r->u, total - j + 1) * teg_power(r->v, j + 1), change[at] = 0.0;
     for (size_t k = 0; k < r->cell_count && !whole; k++) {
         const teg_cell *const cell = r->cells + k;
         const int64_t row = cell->owner < 0 ? r->n : cell->owner / s->parts;
@@ -214,6 +224,41 @@ static double teg_along_direction(const teg_arrangement *r, int body, const doub
     return total;
 }
 
+//: teg_tile
+/* Add values, sizes and tables (`wanted`, each NULL if it is not) of a tile with the regions of a list; one with many regions is cut into four
+   if most have no border of their own, but one with each other, and as long as there are fewer tiles than regions in the square. Where something touches a side tables are left to the moved squares. */
+static void teg_tile(teg_arrangement *r, const int64_t *list, int64_t regions, int level, size_t all, const double *otherwise,
+    double *const *wanted)
+{
+    const double u[3] = {r->u[0], r->u[0] + TEG_TILE_U * (r->u[1] - r->u[0]), r->u[1]};
+    const double v[3] = {r->v[0], r->v[0] + TEG_TILE_V * (r->v[1] - r->v[0]), r->v[1]};
+    int64_t *seen, count = 0;
+    teg_select(r, list, regions);
+    if (r->undefined || r->failed) return;
+    if (level == 0) all = r->region_count;
+    if (r->region_count <= TEG_MANY_IN_TILE || r->line_count >= r->region_count || (size_t)4 << (2 * level) > all) {
+        teg_arrange(r);
+        if (!r->failed) teg_measure(r, otherwise, wanted[0], wanted[1], r->touching && r->su == 0.0 ? NULL : wanted[2]);
+        return;
+    }
+    seen = malloc((r->region_count + 1) * sizeof *seen);
+    if (!seen) {
+        r->failed = 1;
+        return;
+    }
+    for (size_t k = 0, before = r->base >= 0; k < r->region_count || before;) {
+        const int64_t region = k < r->region_count ? r->regions[k].region : INT64_MAX;
+        if (before && r->base < region) seen[count++] = r->base, before = 0;
+        else seen[count++] = region, k++;
+    }
+    for (int k = 0; k < 4 && !r->failed; k++) {
+        r->u[0] = u[k & 1], r->u[1] = u[(k & 1) + 1], r->v[0] = v[k >> 1], r->v[1] = v[(k >> 1) + 1];
+        teg_tile(r, seen, count, level + 1, all, otherwise, wanted);
+    }
+    r->u[0] = u[0], r->u[1] = u[2], r->v[0] = v[0], r->v[1] = v[2];
+    free(seen);
+}
+
 //: teg_cells
 /* Values, sizes (or NULL) and tables (or NULL) of n candidates. Returns 1 without memory, else 0. */
 static int teg_cells(
@@ -233,7 +278,7 @@ static int teg_cells(
     r.cells = cells, r.cell_room = 16, r.lines = lines, r.line_room = 48, r.regions = regions, r.region_room = 32;
     r.x = x, r.y = y, r.label = label, r.pool_room = 128;
     r.px = px, r.py = py, r.qx = qx, r.qy = qy, r.d = d, r.pl = pl, r.ql = ql, r.scratch_room = 16;
-    teg_arrange(&r, 0.0, 0.0);
+    r.u[1] = r.v[1] = 1.0;
     for (int body = 0; body < s->bodies; body++) {
         values[body] = 0.0;
         if (sizes) sizes[body] = 0.0;
@@ -243,18 +288,17 @@ static int teg_cells(
         if (!own) r.failed = 1;
     }
     if (!r.failed) {
-        const int touching = r.touching;
-        if (tables)
-            for (size_t k = 0; k < size; k++) tables[k] = r.undefined ? NAN : 0.0;
-        teg_measure(&r, otherwise, values, sizes, tables && !touching ? tables : NULL);
-        if (tables && touching) {
+        for (size_t k = 0; tables && k < size; k++) tables[k] = 0.0;
+        teg_tile(&r, NULL, n * s->parts, 0, 0, otherwise, (double *const[]){values, sizes, tables});
+        if (tables && r.touching) {
+            for (size_t k = 0; k < size; k++) tables[k] = 0.0;
             for (int k = 0; k < 2 && !r.failed; k++) {
-                const double shift = k ? -TEG_SHIFT : TEG_SHIFT;
-                teg_arrange(&r, shift, TEG_SKEW * shift);
-                if (!r.failed) teg_measure(&r, otherwise, NULL, NULL, tables);
+                r.su = k ? -TEG_SHIFT : TEG_SHIFT, r.sv = TEG_SKEW * r.su;
+                teg_tile(&r, NULL, n * s->parts, 0, 0, otherwise, (double *const[]){NULL, NULL, tables});
             }
             for (size_t k = 0; k < size; k++) tables[k] *= 0.5;
         }
+        for (size_t k = 0; tables && r.undefined && k < size; k++) tables[k] = NAN;
         for (int body = 0; body < s->bodies; body++) {
             if (r.undefined) values[body] = NAN;
             else if (s->order) values[body] = teg_along_direction(&r, body, otherwise, tables + (size_t)body * size / (size_t)s->bodies);

@@ -135,9 +135,10 @@ class _Gradient:
             for number, slope, repeated in numbers_of(partition, self.boundaries):
                 if number in self.active:
                     (candidate if repeated else otherwise).setdefault(number, []).append(mul(weight, slope))
+        adjoints = [add(*terms) for terms in candidate.values()]
         around: dict[Node, list[Expr]] = {}
         for leaf, slope in self._swept(candidate, node.index).items():
-            seen = where(_is_seen(node), slope, ZERO)
+            seen = where(_is_seen(node, adjoints), slope, ZERO)
             around.setdefault(leaf, []).append(sum_over(seen, node.index, node.lo, node.hi))
         for leaf, slope in self._swept(otherwise, bound).items():
             around.setdefault(leaf, []).append(slope)
@@ -238,7 +239,8 @@ def _moved_partition(node: Partition, moves: Callable[[Expr], Expr], boundaries:
     if node.layout.order:
         along = [(moves(number), slope, repeated) for number, slope, repeated in numbers_of(node, boundaries)]
         changes, once = (add(*(mul(slope, change) for change, slope, at in along if at is repeated)) for repeated in (True, False))
-        return add(sum_over(where(_is_seen(node), changes, ZERO), node.index, node.lo, node.hi), once)
+        seen = _is_seen(node, (slope for _, slope, repeated in along if repeated))
+        return add(sum_over(where(seen, changes, ZERO), node.index, node.lo, node.hi), once)
     forms = node.layout.forms
     candidate = tuple(moves(c) if boundaries or k >= forms else ZERO for k, c in enumerate(node.candidate))
     otherwise = tuple(map(moves, node.otherwise))
@@ -257,10 +259,14 @@ def _moved_slope(node: Slope, along: Expr) -> Expr:
     return Slope.make(node.data, (along,))
 
 
-def _is_seen(node: Partition) -> ex.Cond:
-    """Returns whether a candidate is seen: of one that is not nothing matters, even if it is infinite."""
+def _is_seen(node: Partition, adjoints: Iterable[Expr]) -> ex.Cond:
+    """Returns whether a candidate has an area, or an edge, by the adjoints of its numbers: else nothing of it matters, even if infinite.
+
+    One without area has edges where another one in front of it ends on the same lines.
+    """
     layout = node.layout
-    return positive(Slope.make((node.index, layout.order * layout.columns + layout.forms), (node,)))
+    area = Slope.make((node.index, layout.order * layout.columns + layout.forms), (node,))
+    return ex.disjunction(positive(area), positive(add(*(mul(a, a) for a in adjoints))))
 
 
 def not_again(node: Slope) -> NotDifferentiableError:

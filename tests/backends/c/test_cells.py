@@ -193,3 +193,20 @@ def test_cells_that_are_not_looked_at_do_not_matter(by_cuts: Any, with_each: Any
             plain = integrals(shape, rows.tolist(), otherwise.tolist(), True)
             np.testing.assert_allclose(found.values, plain.values, rtol=0, atol=1e-14)
             np.testing.assert_allclose(found.tables, plain.tables, rtol=0, atol=1e-12 * tables)
+
+
+def test_power_cells_are_cut_in_tiles(by_cuts: Callable[..., Found]) -> None:
+    """Candidates without guards meet each other: tiles see few of them. Beside the plain routine, and by counting."""
+    shape, clips = Layout(1, 0, 1), []
+    for count in (60, 960):
+        random = np.random.default_rng(count)
+        sites, weights = random.uniform(size=(count, 2)), random.uniform(size=count) / count
+        rows = np.column_stack([(sites**2).sum(axis=1) - weights, -2 * sites, random.normal(size=(count, 3))])
+        found = by_cuts(shape, rows, np.zeros(3))
+        clips.append(found.clips)
+        if count == 60:
+            one = integrals(shape, rows.tolist(), [0.0] * 3, True)
+            np.testing.assert_allclose(found.values, one.values, atol=1e-13)
+            np.testing.assert_allclose(found.sizes, one.sizes, atol=1e-13)
+            np.testing.assert_allclose(np.ravel(found.tables), np.ravel(one.tables), atol=1e-11)
+    assert clips[1] < 1.8 * 16 * clips[0]

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from teg.backends.numpy import arrangement, cells
+from teg.backends.numpy import arrangement, cells, tiles
 from teg.backends.numpy.cells import cells_of_lanes
-from teg.numerics.cells import Layout, integrals
+from teg.numerics.cells import TILE_AT, Layout, integrals
 
 SHAPES = [Layout(1, 3, 0), Layout(1, 3, 1), Layout(2, 2, 2), Layout(1, 0, 1), Layout(3, 1, 1), Layout(1, 3, 1, 1), Layout(2, 2, 2, 1)]
 
@@ -49,14 +49,64 @@ def test_every_square_is_as_by_itself(shape: Layout, kind: str, monkeypatch: pyt
 
 @pytest.mark.parametrize("kind", ["any", "coarse"])
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
-def test_cells_that_are_put_aside_do_not_matter(shape: Layout, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tiles_do_not_matter(shape: Layout, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where edges of several candidates lie on each other, the derivative is that of all of them together."""
     rows, counts, otherwise = scenes(shape, kind)
-    monkeypatch.setattr(arrangement, "MANY_CELLS", 1)
-    found = cells_of_lanes(shape, rows, counts, otherwise, True)
-    monkeypatch.setattr(arrangement, "MANY_CELLS", np.inf)
     expected = cells_of_lanes(shape, rows, counts, otherwise, True)
-    np.testing.assert_array_equal(found.values, expected.values)
-    np.testing.assert_array_equal(np.stack(found.tables), np.stack(expected.tables))
+    monkeypatch.setattr(tiles, "MOST", 0)
+    monkeypatch.setattr(tiles, "LEVELS", 2)
+    monkeypatch.setattr(tiles, "EACH", 0)
+    found = cells_of_lanes(shape, rows, counts, otherwise, True)
+    np.testing.assert_allclose(found.values, expected.values, rtol=1e-12, atol=1e-11)
+    for one, two in zip(found.tables, expected.tables, strict=True):
+        if kind == "any":
+            np.testing.assert_allclose(one, two, rtol=1e-11, atol=1e-10)
+        elif not shape.order:
+            lane = np.repeat(np.arange(len(counts)), counts)
+            forms = rows[:, : shape.forms].reshape(len(rows), -1, 3) @ np.array([0.0, 1.0, 0.7])  # how they change as all move
+            moves = [np.bincount(lane, (t[np.arange(len(lane)) + lane, : shape.forms : 3] * forms).sum(axis=1)) for t in (one, two)]
+            np.testing.assert_allclose(*moves, rtol=1e-9, atol=1e-9)
+
+
+def test_a_line_on_the_side_of_a_tile() -> None:
+    """Two half-planes meet on a line behind forty discs' tangents: on a side of tiles, or beside it, it has its derivatives."""
+    shape, angle = Layout(1, 1, 0), 0.1 * np.arange(40)
+    across = np.column_stack([np.cos(angle), np.sin(angle)])
+    for at in (TILE_AT[0], TILE_AT[0] + 1e-7):
+        rows = np.zeros((42, shape.forms + 1))
+        rows[:2, :3], rows[:2, -1] = [[-at, 1, 0], [at, -1, 0]], [2, 5]
+        rows[2:, 1:3], rows[2:, 0], rows[2:, 3] = across, -0.6 - 0.5 * across.sum(axis=1), -1.0 - angle
+        assert len(tiles.tiled(*known_of(shape, rows)).square) == 4
+        found = cells_of_lanes(shape, rows, np.array([42]), np.zeros((1, 1)), True)
+        one = integrals(shape, rows.tolist(), [0.0], True)
+        np.testing.assert_allclose(found.values[:, 0], one.values, atol=1e-13)
+        np.testing.assert_allclose(found.tables[0], one.tables[0], atol=1e-9)
+
+
+def known_of(shape: Layout, rows: np.ndarray[Any, Any]) -> tuple[arrangement.Regions, arrangement.Inserted]:
+    regions = arrangement.regions_of(shape, rows, np.array([len(rows)]))
+    return regions, arrangement.classified(regions, 1)
+
+
+def test_many_candidates_of_one_square_are_compared_with_few_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The cells that are looked at, as the candidates grow: not their square."""
+    seen: list[int] = []
+    split = arrangement.split
+
+    def counted(p: Any, lines: Any, units: Any) -> Any:
+        seen.append(len(lines))
+        return split(p, lines, units)
+
+    monkeypatch.setattr(arrangement, "split", counted)
+    shape, work = Layout(1, 0, 0), []
+    for count in (60, 960):
+        random = np.random.default_rng(count)
+        sites, weights = random.uniform(size=(count, 2)), random.uniform(size=count) / count
+        rows = np.column_stack([(sites**2).sum(axis=1) - weights, -2 * sites, np.ones(count)])
+        seen.clear()
+        cells_of_lanes(shape, rows, np.array([count]), np.zeros((1, 1)), True)
+        work.append(sum(seen))
+    assert work[1] < 1.6 * 16 * work[0]
 
 
 def test_no_lanes_and_no_candidates() -> None:
@@ -66,3 +116,40 @@ def test_no_lanes_and_no_candidates() -> None:
     empty = cells_of_lanes(shape, np.zeros((0, 7)), np.zeros(2, dtype=int), np.array([[3.0], [4.0]]), True)
     assert empty.values.tolist() == [[3.0, 4.0]]
     assert empty.tables[0][:, -1].tolist() == [1.0, 1.0]
+
+
+def triangles_on_a_grid(lanes: int, order: int) -> tuple[np.ndarray[Any, Any], ...]:
+    """Returns triangles whose corners are nodes of a coarse grid, so that edges lie on few lines: some with corners on the edges of others,
+    in either turn. In half of the squares each has a depth, in the others they cross each other."""
+    random = np.random.default_rng(order)
+    counts = random.integers(2, 9, lanes)
+    rows = np.zeros((int(counts.sum()), 12 + 6))
+    for k, lane in enumerate(np.repeat(np.arange(lanes), counts)):
+        corners = np.zeros((3, 2))
+        while abs(np.linalg.det(np.column_stack([np.ones(3), corners]))) < 0.05:
+            corners = random.integers(-1, 4, (3, 2)) / 2 + (lane % 3) * 0.1
+        matrix = np.linalg.inv(np.vstack([np.ones(3), corners.T]))  # barycentric coordinates = matrix · (1, u, v)
+        depths = random.uniform(size=3) if lane % 2 else np.full(3, random.uniform())
+        rows[k] = np.concatenate([matrix.ravel(), depths @ matrix, *(random.uniform(size=(2, 3)) @ matrix)])
+    if order:
+        rows = np.concatenate([rows, random.normal(size=rows.shape)], axis=1)
+    return rows, counts, random.normal(size=(lanes, 6 * (1 + order)))
+
+
+@pytest.mark.parametrize("order", [0, 1])
+def test_edges_of_different_triangles_on_one_line(order: int) -> None:
+    """Parts of lines belong to the regions whose edges lie there; second derivatives by their lines are not numbers, in the same places."""
+    shape = Layout(1, 3, 1, order)
+    rows, counts, otherwise = triangles_on_a_grid(60, order)
+    found = cells_of_lanes(shape, rows, counts, otherwise, True)
+    shared, end = 0, 0
+    for lane, count in enumerate(counts):
+        one = integrals(shape, rows[end : end + count].tolist(), otherwise[lane].tolist(), True)
+        np.testing.assert_allclose(found.values[:, lane], one.values, rtol=1e-12, atol=1e-13)
+        for table, part in zip(found.tables, one.tables, strict=True):
+            size = np.abs(np.nan_to_num(part)).max()
+            off = (1e-9 if order else 1e-13) * max(1.0, size)  # second derivatives have slivers in them, where a line is on a side
+            np.testing.assert_allclose(table[end + lane : end + count + lane + 1], part, rtol=1e-12, atol=off)
+            shared += bool(order and np.isnan(part).any())
+        end += count
+    assert not order or shared > 10
