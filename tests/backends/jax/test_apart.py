@@ -83,3 +83,12 @@ def test_the_values_of_a_search_are_computed_once(monkeypatch: pytest.MonkeyPatc
     kept = products()
     monkeypatch.setattr(derivative, "once", lambda function: function)
     assert 2 * kept < products()
+
+
+def test_the_cost_of_a_triangle_and_a_pixel() -> None:
+    """Value and gradient by six corners, in the graph that XLA made of a batch: 5500 operations, 15 kB; 7400 and 17 kB with copies."""
+    from tests.bench.jax_kernels import AT, batched, graph, triangle
+
+    operations, moved = graph(triangle(), batched(AT, 256), 256)
+    assert operations < 6000
+    assert moved < 17000
