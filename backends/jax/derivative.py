@@ -36,6 +36,7 @@ from jax import lax
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
+from teg.backends.jax.apart import once
 from teg.backends.jax.kernel import JaxKernel, compile_jax
 from teg.backends.jax.loops import ArrayFunction
 from teg.backends.jax.precision import in_double_precision
@@ -121,7 +122,7 @@ class Family:
         mapped = one
         for axes in reversed(batch):
             mapped = jax.vmap(mapped, in_axes=axes, out_axes=0)
-        return cast("Callable[..., tuple[Any, ...]]", jax.jit(mapped))
+        return cast("Callable[..., tuple[Any, ...]]", jax.jit(once(mapped)))
 
     # -- compiled kernels ----------------------------------------------------------------------------------------------
 

@@ -155,6 +155,7 @@ class JaxKernel:
     def _batch(self, mapped: tuple[bool, ...]) -> Callable[..., Any]:
         """The jitted function of columns, those `mapped` with a batch axis: (outputs, n), or (outputs,); and the note of all."""
         jax = _import_jax()
+        from teg.backends.jax.apart import once
         from teg.backends.jax.runtime import union
 
         axes = tuple(0 if m else None for m in mapped)
@@ -165,7 +166,7 @@ class JaxKernel:
             out, notes = jax.vmap(self.run, in_axes=axes, out_axes=(1, 0))(*arguments)
             return out, union(notes)
 
-        jitted: Callable[..., Any] = jax.jit(batched)
+        jitted: Callable[..., Any] = jax.jit(once(batched))
         return jitted
 
     def _once(self, order: Any, arguments: Sequence[Any]) -> tuple[Any, Any]:

@@ -30,6 +30,8 @@ Flags = Callable[
 Rule = Callable[[Substitution, Sequence[Any], Scalar, "OnPiece"], tuple[Any, Note]]
 TIED, MISSED, CROWDED = 1, 2, 4
 
+MANY = 24
+"""Breaks of an integral whose pieces are visited one after the other; those of fewer are computed all at once."""
 MIDPOINTS = 1024
 """Points of the midpoint rule at a time."""
 
@@ -85,6 +87,10 @@ class Pieces(NamedTuple):
     def ways(self) -> tuple[int, ...]:
         return possible_kinds(self.kinds, self.cubic, self.infinite)
 
+    @property
+    def results(self) -> int:
+        return self.values + (self.tested if self.estimated else 0)
+
 
 def gauss(pieces: Pieces, nodes: int, *integral: Any, when: Scalar = True) -> tuple[tuple[Scalar, ...], Note]:
     """Gauss-Legendre on each piece; the arguments are those of `integrate`."""
@@ -112,7 +118,8 @@ def integrate(
     lo, hi = jnp.asarray(lo, jnp.float64), jnp.asarray(hi, jnp.float64)
     ends = jnp.stack([lo, hi])
     broken = jnp.any(jnp.isnan(ends) if pieces.infinite else ~jnp.isfinite(ends))
-    points = jnp.stack(rules.ends_of_pieces(jnp, lo, hi, breaks))
+    inner = rules.ends_of_pieces(jnp, lo, hi, [jnp.stack([jnp.asarray(b, jnp.float64) for b in breaks])] if breaks else [])
+    points = jnp.concatenate([jnp.atleast_1d(v) for v in inner])
     if len(breaks) > 1:
         points = jnp.sort(points)
     base, scale, *coefficients = bends or (0.0, 1.0)
@@ -127,13 +134,31 @@ def integrate(
         sums, note_body = rule(places, (base, bent), active & need, OnPiece(body, flagged))
         return sums, where(active, note) | note_body
 
-    sums, notes = jax.vmap(piece)(points[:-1], points[1:])
-    total = jnp.sum(sums, axis=0)
+    if len(breaks) < MANY:
+        sums, notes = jax.vmap(piece)(points[:-1], points[1:])
+        total, note = jnp.sum(sums, axis=0), union(notes)
+    else:
+        total, note = _one_by_one(piece, points, when & ~broken, pieces)
     sign = jnp.where(lo <= hi, 1.0, -1.0)
     total = jnp.concatenate([sign * total[: pieces.values], total[pieces.values :]])
     total = jnp.where(broken, jnp.nan, total)
     total = jnp.where(when, total, 0.0)
-    return tuple(total[i] for i in range(pieces.values + (pieces.tested if pieces.estimated else 0))), union(notes)
+    return tuple(total[i] for i in range(pieces.results)), note
+
+
+def _one_by_one(piece: Callable[..., tuple[Any, Note]], points: Any, active: Scalar, pieces: Pieces) -> tuple[Any, Note]:
+    """The sums over pieces, and the note; those that have no length, which are nearly all of many, are left out."""
+    is_wide = active & rules.is_wide(jnp, points[:-1], points[1:])
+    _, p, q = lax.sort((~is_wide, points[:-1], points[1:]), num_keys=1, is_stable=True)
+    count = jnp.sum(is_wide)
+
+    def step(at: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+        k, sums, note = at
+        more, noted = piece(p[k], q[k])
+        return k + 1, sums + more, note | noted
+
+    _, sums, note = lax.while_loop(lambda at: at[0] < count, step, (jnp.int64(0), jnp.zeros(pieces.results), jnp.int32(0)))
+    return sums, note
 
 
 class OnPiece(NamedTuple):

@@ -163,7 +163,8 @@ class JaxFunction(FrameworkFunction):
                 leaf = _as_array(p, value)
             except (TypeError, ValueError, OverflowError):
                 raise ParameterError(f"the value of {p.name!r} is not a real number or an array of them: {value!r:.80}") from None
-            kind = {"i": "i", "u": "i", "b": "b"}.get(leaf.dtype.kind, "f" if jnp.issubdtype(leaf.dtype, jnp.floating) else "")
+            kinds = {"i": jnp.integer, "b": jnp.bool_, "f": jnp.floating}  # keys of random numbers have types of their own
+            kind = next((k for k, numbers in kinds.items() if jnp.issubdtype(leaf.dtype, numbers)), "")
             check_entries(p, kind, leaf.dtype, leaf.shape, "use .astype(int)")
             leaves.append(leaf)
         real = [i for i, p in enumerate(self._leaves) if not isinstance(p, IndexArray)]

@@ -355,6 +355,11 @@ def test_what_is_given_wrongly(given: Any) -> None:
         teg.jax_function(STEP)(given)
 
 
+def test_a_key_of_random_numbers_is_no_number() -> None:
+    with pytest.raises(ParameterError):
+        teg.jax_function(STEP)(t=jax.random.key(0), a=1.0)
+
+
 def test_given_twice_and_unknown_indices() -> None:
     with pytest.raises(ParameterError):
         teg.jax_function(STEP)({"t": 0.5, "a": 1.0}, a=1.0)

@@ -116,3 +116,18 @@ def test_a_body_stands_once_in_the_graph() -> None:
         text = jax.jit(lambda p, kernel=kernel: kernel.function([p])).lower(0.5).as_text()
         assert text.count("stablehlo.exponential") == kernel.source.count("jnp.exp(") + twice
         assert text.count("stablehlo.sine") == kernel.source.count("jnp.sin(")
+
+
+@pytest.mark.usefixtures("x64")
+def test_many_pieces_are_visited_one_after_the_other() -> None:
+    import teg
+    from teg.backends.jax.runtime import MANY
+    from teg.program import Integrate
+
+    x, t = teg.var("x"), teg.param("t")
+    steps = sum((teg.bracket(x < k * t) for k in range(2, MANY + 2)), start=teg.bracket(x < t))
+    program = teg.compile(teg.integral(teg.exp(teg.sin(x * steps)), (x, 0, 1)), [t], backend="numpy").program(0)
+    assert any(isinstance(s, Integrate) and len(s.breaks) >= MANY for s in program.body)
+    at = [np.array([0.02, 0.1, 3.0, np.nan])]
+    kernel = compile_jax(program)
+    np.testing.assert_allclose(kernel(at, 4), compile_numpy(program)(at, 4), rtol=1e-13)
