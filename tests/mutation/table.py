@@ -69,7 +69,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/passes/differentiate/forward.py",
-        PASSES,
+        ("tests/passes/differentiate/test_forward.py", *PASSES),
         ("divergence at kinks", "return add(slope(u, v), *jumps)", "return slope(u, v)"),
         (
             "divergence of a surface's velocity",
@@ -85,7 +85,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/passes/differentiate/reverse.py",
-        PASSES,
+        ("tests/passes/differentiate/test_reverse.py", *PASSES),
         (
             "other branch backwards",
             "(node.otherwise, where(node.condition, ZERO, w)),",
@@ -106,7 +106,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/analysis/calculus.py",
-        PASSES,
+        ("tests/test_derivatives.py", *PASSES),
         (
             "tangent of a branch",
             "return where(node.condition, tangent[node.then], tangent[node.otherwise])",
@@ -125,7 +125,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/analysis/surfaces.py",
-        PASSES,
+        ("tests/analysis/test_surfaces.py", *PASSES),
         ("order of tied surfaces", "truth = negation(rising) if comes_first(surface, old.g) else rising", "truth = rising"),
         ("a bound that ties", "truth = TRUE if comes_first(surface, other) else FALSE", "truth = TRUE"),
         ("below an infinite bound", "return TRUE if bound.data > 0 else FALSE", "return FALSE if bound.data > 0 else TRUE"),
@@ -143,7 +143,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/passes/eliminate/affine.py",
-        PASSES,
+        ("tests/passes/eliminate", *PASSES),
         (
             "weight of a line",
             "value = mul(weight, restrict(coefficient, at, g, directions))",
@@ -158,7 +158,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/passes/normalise/canonicalise.py",
-        PASSES,
+        ("tests/passes/normalise/test_canonicalise.py", *PASSES),
         (
             "sign of a surface's factor",
             "disjunction(conjunction(plus, below), conjunction(minus, above)),",

@@ -56,7 +56,8 @@ TEG_INLINE double teg_expm1(double x)
 }
 
 //: teg_log
-/* log(x) to an ulp: x = 2^n * (1 + g) with |g| < 0.42 and log(1 + g) = g - f * (g - tail), f = g/(2 + g), tail = 2 * (f^2/3 + f^4/5 + ...). */
+/* log(x) to an ulp: x = 2^n * (1 + g), |g| < 0.42, and log(1 + g) = g - f * (g - tail) with f = g/(2 + g) and
+   tail = 2 * (f^2/3 + f^4/5 + ...). */
 TEG_INLINE double teg_log(double x)
 {
     const double scaled = x < 2.2250738585072014e-308 ? x * 18014398509481984.0 : x;
