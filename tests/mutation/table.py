@@ -143,7 +143,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/passes/eliminate/affine.py",
-        ("tests/passes/eliminate", *PASSES),
+        ("tests/passes/eliminate/test_vertices.py", "tests/passes/eliminate/test_families.py", *PASSES),
         (
             "weight of a line",
             "value = mul(weight, restrict(coefficient, at, g, directions))",
