@@ -21,13 +21,16 @@ from teg.backends.c.frame import Scope, Step, assignments
 from teg.backends.c.lanes import BRANCHLESS as BRANCHLESS_IN_LANES
 from teg.backends.c.lanes import SELECTIONS, as_products, values_in_lanes
 from teg.backends.c.text import identifiers, indent, packed
-from teg.program import Adaptive, Arg, Assign, Gauss, Integrate
+from teg.backends.lazily import COSTS, with_lazy_choices
+from teg.program import Adaptive, Arg, Assign, Gauss, Integrate, Program
 
 SIDE = 8
 FEWEST = 5
 """Nodes of a rule for which it pays."""
 LONGEST = 160
 """Statements of an integrand that is computed so."""
+MODERATE = 280
+"""The cost of an integrand, in additions, beyond which it is not computed so if a choice would spare much of it."""
 PLAIN = {"add", "sub", "mul", "neg", "const", "abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select", "min", "max"}
 COSTLY = {"div", "sqrt", "exp", "expm1", "log", "sin", "cos", "powi"}
 BRANCHLESS = BRANCHLESS_IN_LANES | {"log": "teg_log"}
@@ -47,7 +50,12 @@ def is_abreast(stmt: Integrate) -> bool:
         case _:
             many = False
     ops = [s.op if isinstance(s, Assign) else "" for s in stmt.body]
-    return many and len(ops) <= LONGEST and PLAIN.union(COSTLY, EXCEPTIONAL).issuperset(ops) and not COSTLY.isdisjoint(ops)
+    if not many or len(ops) > LONGEST or COSTLY.isdisjoint(ops) or not PLAIN.union(COSTLY, EXCEPTIONAL).issuperset(ops):
+        return False
+    if sum(COSTS.get(op, 1) for op in ops) <= MODERATE:
+        return True
+    lazy = with_lazy_choices(Program((), stmt.body, stmt.at_nodes))
+    return all(isinstance(s, Assign) for s in lazy.body)
 
 
 @dataclass(frozen=True, slots=True)
