@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -38,6 +39,19 @@ def test_the_derivative_by_a_variable() -> None:
     assert teg.grad(teg.tuple(x, x * y), [x, y]) is teg.tuple((1, 0), (y, x))
     assert teg.jvp(x * y, {x: 2, y: t}) is 2 * y + t * x
     assert teg.diff(x, y) is teg.diff(x, t) is teg.substitute(x, {x: 0})
+
+
+FUNCTIONS = "sin cos tan asin acos atan sinh cosh tanh exp expm1 log log1p sqrt erf erfc".split()
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_the_derivative_of_each_function(name: str) -> None:
+    f = teg.compile(getattr(teg, name)(t) + a * getattr(teg, name)(t * a), [t, a])
+    place, rate = mpmath.mpf(0.3), mpmath.mpf(1.7)
+    true = getattr(mpmath, name)
+    _, slopes = f.value_and_grad(t=0.3, a=1.7)
+    assert slopes["t"] == pytest.approx(float(mpmath.diff(lambda v: true(v) + rate * true(v * rate), place)), rel=1e-12)
+    assert slopes["a"] == pytest.approx(float(mpmath.diff(lambda v: v * true(place * v), rate)), rel=1e-12)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
