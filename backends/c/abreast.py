@@ -30,7 +30,7 @@ FEWEST = 5
 LONGEST = 160
 """Statements of an integrand that is computed so."""
 MODERATE = 280
-"""The cost of an integrand, in additions, beyond which it is not computed so if a choice would spare much of it."""
+"""The cost of an integrand, in additions, beyond which it is computed node by node if a choice then spares much of it."""
 PLAIN = {"add", "sub", "mul", "neg", "const", "abs", "gt0", "ge0", "lt0", "le0", "and", "or", "not", "ok", "select", "min", "max"}
 COSTLY = {"div", "sqrt", "exp", "expm1", "log", "sin", "cos", "powi"}
 BRANCHLESS = BRANCHLESS_IN_LANES | {"log": "teg_log"}

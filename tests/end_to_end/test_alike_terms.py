@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import teg
+from teg.numerics.cells import SHIFT
 from teg.program import size
 from teg.program.arrays import array_size
 from teg.program.tabled import TabledProgram
@@ -186,7 +187,7 @@ def test_lines_of_different_forms_are_rows_of_one_table() -> None:
         value, gradient = f.value_and_grad(values_at)
         expected, slopes = plain.value_and_grad(values_at)
         assert abs(value - expected) < 1e-12
-        assert all(abs(gradient[name] - slopes[name]) < 2e-11 for name in slopes)  # three lines in one point are moved by so much
+        assert all(abs(gradient[name] - slopes[name]) < SHIFT * 1.000001 for name in slopes)  # as three lines in one point move
 
 
 def test_a_thousand_lines_compile_as_quickly_as_forty() -> None:
