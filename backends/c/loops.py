@@ -186,8 +186,9 @@ class _ArrayPrinter:
         printer = self.printer
         loops = wrapped(list(self._element()))
         entry = wrapped(list(self._entry() if self.tabled is None else tabled_entry(self.tabled, self.name, NO_MEMORY)))
-        texts = [*printer.tables(), *printer.texts, *self.shapes.values(), loops, entry]
-        first, *needed = runtime([*texts, "teg_context"])
+        texts = [*printer.tables(), *printer.texts, loops, entry]
+        only = [f"#define TEG_SHAPE(shape) (&{name})" for name in self.shapes if len(self.shapes) == 1]
+        first, *needed = runtime([*texts, "teg_context"], {"teg_shape": "\n".join([*self.shapes.values(), *only])})
         return "\n\n".join([_title(self.program), first, ABI, *needed, *texts]) + "\n"
 
     # -- one element ---------------------------------------------------------------------------------------------------

@@ -50,7 +50,7 @@ class Twins:
         """Finds the groups among guards of regions that are given nearest first, and so are the members of a group."""
         g = self.units[region, guard]
         sign = np.where(np.where(abs(g[:, 1]) > SAME, g[:, 1], g[:, 2]) < 0.0, -1.0, 1.0)
-        c, angle = sign * g[:, 0], np.round(np.arctan2(sign * g[:, 2], sign * g[:, 1]), PLACES)
+        c, angle = sign * g[:, 0], np.round(sign * g[:, 2] / (1.0 + sign * g[:, 1]), PLACES)
         order = np.lexsort((c, angle, lanes[region]))
         region, guard, c, angle = region[order], guard[order], c[order], angle[order]
         number = region * self.guards + guard

@@ -334,7 +334,7 @@ def twins(arrangement: _Arrangement) -> dict[int, list[tuple[int, float]]]:
     for rank, line in enumerate(arrangement.inserted):
         c, a, b = arrangement.lines[line].unit
         sign = math.copysign(1.0, a if abs(a) > SAME else b)
-        known.append((round(math.atan2(sign * b, sign * a), PLACES), sign * c, rank, sign))
+        known.append((round(sign * b / (1.0 + sign * a), PLACES), sign * c, rank, sign))
     known.sort()
     found: dict[int, list[tuple[int, float]]] = {}
     first = 0

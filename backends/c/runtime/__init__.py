@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -63,6 +63,8 @@ MANY_IN_TILE = 24
 """The number of candidates seen in a tile, most of them without guards there, up to which it is not cut into four."""
 MANY_CELLS = 24
 """The number of cells of one square from which on those beside a candidate are found by the cuts that made them."""
+FEW = 16
+"""The number of regions, or of lines, up to which they are sorted by insertion."""
 LIMITS = {
     "TEG_BLOCK": BLOCK,
     "TEG_CHUNKS": CHUNKS,
@@ -116,6 +118,7 @@ LIMITS = {
     "TEG_ON_LINE": EPSILON,
     "TEG_KEY_ROUNDING": KEY_ROUNDING,
     "TEG_BESIDE": BESIDE,
+    "TEG_FEW": FEW,
     "TEG_MANY_CELLS": MANY_CELLS,
     "TEG_MANY_IN_TILE": MANY_IN_TILE,
     "TEG_TILE_U": TILE_AT[0],
@@ -150,14 +153,15 @@ UNIT = "//: "
 """What begins the line before a unit, a type or a function that is printed if it is used; its name follows."""
 
 
-def runtime(texts: Sequence[str]) -> list[str]:
-    """Returns the part of the runtime that these texts need, directly or through other parts, and its constants."""
+def runtime(texts: Sequence[str], behind: Mapping[str, str] | None = None) -> list[str]:
+    """Returns the part of the runtime that these texts need, directly or through other parts, and its constants; `behind` are texts that
+    follow a unit at once, by its name."""
     needed = {name for text in texts for name in identifiers(text)}
     always, units = read_headers()
     parts: list[str] = []
     for name, unit in reversed(units):
         if name in needed:
-            parts.insert(0, unit)
+            parts[:0] = [unit, *([behind[name]] if behind and name in behind else [])]
             needed.update(identifiers(unit))
     defines = [f"#define {name} {value!r}" for name, value in LIMITS.items() if name in needed]
     return [always, *(["\n".join(defines)] if defines else []), *parts]

@@ -7,6 +7,40 @@ typedef struct {
     const double *rule, *gauss;
 } teg_shape;
 
+//: TEG_SHAPE
+/* The shape itself; in programs with one shape its name is given here, so that its numbers are constants for the C compiler. */
+#ifndef TEG_SHAPE
+#define TEG_SHAPE(shape) (shape)
+#endif
+
+//: teg_coefficients
+/* The number of coefficients of a polynomial. */
+static inline int teg_coefficients(const teg_shape *s)
+{
+    return (s->degree + 1) * (s->degree + 2) / 2;
+}
+
+//: teg_forms
+/* The numbers of the guards and the key of a candidate. */
+static inline int teg_forms(const teg_shape *s)
+{
+    return 3 * s->parts * s->guards + 3;
+}
+
+//: teg_wide
+/* All numbers of a candidate, without their direction. */
+static inline int teg_wide(const teg_shape *s)
+{
+    return teg_forms(s) + s->bodies * teg_coefficients(s);
+}
+
+//: teg_row
+/* All numbers of a candidate. */
+static inline int64_t teg_row(const teg_shape *s)
+{
+    return teg_wide(s) * (1 + s->order);
+}
+
 //: teg_cell
 /* A convex polygon: owner, number of corners, and where they begin in the pool, which has room for so many; and the cut that made it: its
    line, and what became of the sides g >= 0 and g <= 0. These are cells (~k) or further cuts (k, the cut that made cell k). `up` is where
@@ -27,8 +61,8 @@ typedef struct {
 } teg_line;
 
 //: teg_twin
-/* A guard's line, turned so that those of different regions that are one line have the same angle and distance; `rank` is the place of its
-   region, the nearest one first. */
+/* A guard's line, turned so that those of different regions that are one line have the same angle (the tangent of half of it) and distance;
+   `rank` is the place of its region, the nearest one first. */
 typedef struct {
     double angle, c, sign;
     int rank, line;
@@ -50,7 +84,7 @@ typedef struct {
     const double *rows;
     int64_t n;
     double su, sv, u[2], v[2];
-    int forms, count, wide, row, touching, undefined, failed;
+    int touching, undefined, failed;
     int64_t base;
     teg_cell *cells;
     size_t cell_count, cell_room;
@@ -159,7 +193,7 @@ static void teg_add_cell(teg_arrangement *r, int64_t owner, int line, int n, con
 /* A form of a candidate in the coordinates of the square. */
 static inline void teg_form(const teg_arrangement *r, int64_t candidate, int column, double *g)
 {
-    const double *const f = r->rows + candidate * r->row + column;
+    const double *const f = r->rows + candidate * teg_row(TEG_SHAPE(r->shape)) + column;
     g[0] = f[0] + f[1] * r->su + f[2] * r->sv, g[1] = f[1], g[2] = f[2];
 }
 
@@ -280,7 +314,7 @@ static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *r
 static int teg_key_line(teg_arrangement *r, int64_t owner, int64_t candidate, const double *g)
 {
     const double size = sqrt(g[1] * g[1] + g[2] * g[2]);
-    const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, owner, candidate, r->forms - 3, 0, 0, -1};
+    const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, owner, candidate, teg_forms(TEG_SHAPE(r->shape)) - 3, 0, 0, -1};
     for (size_t k = r->line_count; k-- > 4 && r->lines[k].minus == candidate;)
         if (r->lines[k].plus == owner) return (int)k;
     return teg_add_line(r, line);
@@ -291,7 +325,7 @@ static int teg_key_line(teg_arrangement *r, int64_t owner, int64_t candidate, co
 static double teg_key_difference(const teg_arrangement *r, int64_t behind, int64_t before, double *g)
 {
     double f[3];
-    const int column = r->forms - 3;
+    const int column = teg_forms(TEG_SHAPE(r->shape)) - 3;
     teg_form(r, behind, column, g);
     teg_form(r, before, column, f);
     const double constant = fmax(fabs(g[0]), fabs(f[0]));
@@ -304,7 +338,7 @@ static double teg_key_difference(const teg_arrangement *r, int64_t behind, int64
 static void teg_insert_in_cell(teg_arrangement *r, const teg_region *region, size_t k)
 {
     const teg_cell cell = r->cells[k];
-    const int parts = r->shape->parts;
+    const int parts = TEG_SHAPE(r->shape)->parts;
     int extra = -1;
     if (cell.owner >= 0) {
         double g[3], most = -INFINITY, least = INFINITY, tolerance;
@@ -397,7 +431,7 @@ static void teg_insert(teg_arrangement *r, const teg_region *region)
 /* Whether a region may be in the tile; if so its cutting lines are added. */
 static int teg_present(teg_arrangement *r, teg_region *region)
 {
-    const teg_shape *const s = r->shape;
+    const teg_shape *const s = TEG_SHAPE(r->shape);
     const int64_t candidate = region->region / s->parts;
     const size_t before = r->line_count;
     int finite = 1;
@@ -430,12 +464,27 @@ static int teg_by_middle(const void *a, const void *b)
     return p->middle < q->middle ? -1 : p->middle > q->middle ? 1 : p->region < q->region ? -1 : p->region > q->region;
 }
 
+//: teg_sort_regions
+/* Put regions in their order: few of them by insertion. */
+static void teg_sort_regions(teg_region *regions, size_t count)
+{
+    if (count > TEG_FEW) qsort(regions, count, sizeof *regions, teg_by_middle);
+    else
+        for (size_t k = 1; k < count; k++) {
+            const teg_region region = regions[k];
+            size_t at = k;
+            for (; at && teg_by_middle(regions + at - 1, &region) > 0; at--) regions[at] = regions[at - 1];
+            regions[at] = region;
+        }
+}
+
 //: teg_select
 /* Find the regions that may be seen in the tile, in their order, among those of a list (NULL: all); and the base, which covers it. */
 static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
 {
     static const teg_line sides[4] = {{0, 1, 0, 1, -1, -1, 0, 0, 0, -1}, {1, -1, 0, 1, -1, -1, 0, 0, 0, -1},
         {0, 0, 1, 1, -1, -1, 0, 0, 0, -1}, {1, 0, -1, 1, -1, -1, 0, 0, 0, -1}};
+    const teg_shape *const s = TEG_SHAPE(r->shape);
     int64_t base = -1;
     double nearest = INFINITY;
     size_t kept = 0;
@@ -453,7 +502,7 @@ static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
             r->own_regions = 1;
             r->region_room *= 2;
         }
-        teg_form(r, region.region / r->shape->parts, r->forms - 3, g);
+        teg_form(r, region.region / s->parts, teg_forms(s) - 3, g);
         r->undefined |= !isfinite(g[0]) || !isfinite(g[1]) || !isfinite(g[2]);
         region.middle = g[0] + 0.5 * (r->u[0] + r->u[1]) * g[1] + 0.5 * (r->v[0] + r->v[1]) * g[2];
         if (region.first == region.end && (base < 0 || teg_highest(r, g) < nearest)) base = region.region, nearest = teg_highest(r, g);
@@ -463,7 +512,7 @@ static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
     for (size_t k = 0; k < r->region_count && base >= 0 && !r->undefined; k++) {
         double g[3];
         if (r->regions[k].region == base) continue;
-        const double tolerance = teg_key_difference(r, r->regions[k].region / r->shape->parts, base / r->shape->parts, g);
+        const double tolerance = teg_key_difference(r, r->regions[k].region / s->parts, base / s->parts, g);
         if (teg_lowest(r, g) > tolerance) continue;
         r->regions[kept++] = r->regions[k];
     }
@@ -478,7 +527,7 @@ static void teg_arrange(teg_arrangement *r)
     static const int label[4] = {4, 2, 6, 0};
     teg_add_cell(r, r->base, 0, 4, x, y, label);
     r->cells[0].sides[0] = ~0, r->cells[0].up = 0;
-    qsort(r->regions, r->region_count, sizeof *r->regions, teg_by_middle);
+    teg_sort_regions(r->regions, r->region_count);
     for (size_t k = 0; k < r->region_count && !r->failed; k++) teg_insert(r, r->regions + k);
 }
 
@@ -490,12 +539,29 @@ static int teg_by_angle(const void *a, const void *b)
     return p->c < q->c ? -1 : p->c > q->c ? 1 : p->rank < q->rank ? -1 : p->rank > q->rank;
 }
 
+//: teg_sort_twins
+/* Put lines in their order: few of them by insertion. */
+static void teg_sort_twins(teg_twin *twins, size_t count)
+{
+    if (count > TEG_FEW) qsort(twins, count, sizeof *twins, teg_by_angle);
+    else
+        for (size_t k = 1; k < count; k++) {
+            const teg_twin twin = twins[k];
+            size_t at = k;
+            for (; at && teg_by_angle(twins + at - 1, &twin) > 0; at--) twins[at] = twins[at - 1];
+            twins[at] = twin;
+        }
+}
+
 //: teg_find_twins
 /* Find guards of different regions whose lines are one: a line's `twin` is where it is among them, or -1 if it is alone. */
 static void teg_find_twins(teg_arrangement *r)
 {
     size_t count = 0;
+    int alike = 0;
     double last;
+    r->twin_count = 0;
+    if (r->region_count < 2) return;
     if (r->line_count > r->twin_room) {
         r->twins = teg_grown(r->twins, 1, 0, 2 * r->line_count * sizeof *r->twins, &r->failed);
         if (r->failed) return;
@@ -505,20 +571,20 @@ static void teg_find_twins(teg_arrangement *r)
         for (int line = r->regions[k].first; line < r->regions[k].end; line++) {
             const teg_line g = r->lines[line];
             const double sign = (fabs(g.a) > TEG_SAME ? g.a : g.b) < 0.0 ? -1.0 : 1.0;
-            const teg_twin twin = {floor(atan2(sign * g.b, sign * g.a) * TEG_ANGLES + 0.5), sign * g.c, sign, (int)k, line};
+            const teg_twin twin = {floor(sign * g.b / (1.0 + sign * g.a) * TEG_ANGLES + 0.5), sign * g.c, sign, (int)k, line};
             r->twins[count++] = twin;
         }
     r->twin_count = count;
-    qsort(r->twins, count, sizeof *r->twins, teg_by_angle);
+    teg_sort_twins(r->twins, count);
     last = count ? r->twins[0].c : 0.0;
     for (size_t k = 1, first = 0; k < count; k++) { /* one distance for all of a line */
         const int same = r->twins[k].angle == r->twins[k - 1].angle && r->twins[k].c - last < TEG_SAME;
         last = r->twins[k].c;
-        if (same) r->twins[k].c = r->twins[first].c;
+        if (same) r->twins[k].c = r->twins[first].c, alike = 1;
         else first = k;
     }
-    qsort(r->twins, count, sizeof *r->twins, teg_by_angle);
-    for (size_t k = 1; k < count; k++) {
+    if (alike) teg_sort_twins(r->twins, count);
+    for (size_t k = 1; alike && k < count; k++) {
         if (r->twins[k].angle != r->twins[k - 1].angle || r->twins[k].c != r->twins[k - 1].c) continue;
         r->lines[r->twins[k - 1].line].twin = (int)k - 1, r->lines[r->twins[k].line].twin = (int)k;
     }

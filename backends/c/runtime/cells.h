@@ -20,11 +20,12 @@ static inline void teg_monomials(double x, double y, double p, double q, int deg
 /* The derivative of a line's form along the direction, divided by the size of the form. */
 static void teg_rate(const teg_arrangement *r, const teg_line *line, double *g)
 {
+    const teg_shape *const s = TEG_SHAPE(r->shape);
     g[0] = g[1] = g[2] = 0.0;
     for (int k = 0; k < 2; k++) {
         const int64_t candidate = k ? line->minus : line->plus;
         if (candidate >= 0) {
-            const double *const f = r->rows + candidate * r->row + r->wide + line->column;
+            const double *const f = r->rows + candidate * teg_row(s) + teg_wide(s) + line->column;
             const double sign = (k ? -1.0 : 1.0) / line->size;
             g[0] += sign * (f[0] + f[1] * r->su + f[2] * r->sv), g[1] += sign * f[1], g[2] += sign * f[2];
         }
@@ -55,8 +56,9 @@ static void teg_velocities(const teg_arrangement *r, const teg_cell *cell, doubl
 /* Add the moments of a cell, and their derivatives along the direction (`dm` may be NULL). */
 static void teg_cell_moments(const teg_arrangement *r, const teg_cell *cell, const double *p, const double *q, double *m, double *dm)
 {
-    const teg_shape *const s = r->shape;
+    const teg_shape *const s = TEG_SHAPE(r->shape);
     const double *const x = r->x + cell->at, *const y = r->y + cell->at;
+    const int count = teg_coefficients(s);
     double at[TEG_MONOMIALS], slope[TEG_MONOMIALS];
     for (int k = 1; k + 1 < cell->n; k++) {
         const double a = x[k] - x[0], b = y[k] - y[0], c = x[k + 1] - x[0], d = y[k + 1] - y[0], area = 0.5 * (a * d - c * b);
@@ -67,10 +69,10 @@ static void teg_cell_moments(const teg_arrangement *r, const teg_cell *cell, con
                 const double e = p[k] - p[0], f = q[k] - q[0], g = p[k + 1] - p[0], h = q[k + 1] - q[0];
                 const double growth = 0.5 * (e * d + a * h - g * b - c * f) * s->rule[3 * node + 2];
                 teg_monomials(px, py, p[0] + t * e + u * g, q[0] + t * f + u * h, s->degree, at, slope);
-                for (int j = 0; j < r->count; j++) dm[j] += growth * at[j] + w * slope[j];
+                for (int j = 0; j < count; j++) dm[j] += growth * at[j] + w * slope[j];
             } else
                 teg_monomials(px, py, 0.0, 0.0, s->degree, at, NULL);
-            for (int j = 0; j < r->count; j++) m[j] += w * at[j];
+            for (int j = 0; j < count; j++) m[j] += w * at[j];
         }
     }
 }
@@ -81,9 +83,9 @@ static void teg_cell_moments(const teg_arrangement *r, const teg_cell *cell, con
 static void teg_cell_edges(
     const teg_arrangement *r, const teg_cell *cell, const double *p, const double *q, const double *const *polynomials, double *tables)
 {
-    const teg_shape *const s = r->shape;
+    const teg_shape *const s = TEG_SHAPE(r->shape);
     const double *const own = polynomials[0], *const change = polynomials[1], *const base = polynomials[2], *const base_change = polynomials[3];
-    const int columns = r->forms + r->count, width = columns * (1 + s->order), count = r->count;
+    const int count = teg_coefficients(s), columns = teg_forms(s) + count, width = columns * (1 + s->order);
     double at[TEG_MONOMIALS], slope[TEG_MONOMIALS], part[2];
     for (int i = 0; i < cell->n; i++) {
         const int label = r->label[cell->at + i], j = i + 1 == cell->n ? 0 : i + 1;
@@ -140,17 +142,17 @@ static void teg_cell_edges(
 static void teg_from_moments(
     const teg_arrangement *r, int64_t row, const double *f, const double *m, const double *dm, double *const *wanted)
 {
-    const teg_shape *const s = r->shape;
-    const int columns = r->forms + r->count, width = columns * (1 + s->order);
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const int count = teg_coefficients(s), forms = teg_forms(s), columns = forms + count, width = columns * (1 + s->order);
     for (int body = 0; body < s->bodies; body++) {
-        const double *const own = f + body * r->count;
+        const double *const own = f + body * count;
         double value = 0.0, size = 0.0;
-        for (int j = 0; j < r->count; j++) value += own[j] * m[j], size += fabs(own[j]);
+        for (int j = 0; j < count; j++) value += own[j] * m[j], size += fabs(own[j]);
         if (wanted[0]) wanted[0][body] += value;
         if (wanted[1]) wanted[1][body] += m[0] * size;
         if (wanted[2]) {
-            double *const at = wanted[2] + body * (r->n + 1) * width + row * width + r->forms;
-            for (int j = 0; j < r->count; j++) {
+            double *const at = wanted[2] + body * (r->n + 1) * width + row * width + forms;
+            for (int j = 0; j < count; j++) {
                 at[j] += s->order ? dm[j] : m[j];
                 if (s->order) at[columns + j] += m[j];
             }
@@ -173,13 +175,14 @@ static inline double teg_power(const double *ends, int k)
    moments are those of the tile without the others', and its polynomial is subtracted from theirs. */
 static void teg_measure(teg_arrangement *r, const double *otherwise, double *values, double *sizes, double *tables)
 {
-    const teg_shape *const s = r->shape;
-    const int half = s->bodies * r->count;
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const int count = teg_coefficients(s), forms = teg_forms(s), half = s->bodies * count, wide = teg_wide(s);
+    const int64_t numbers = teg_row(s);
     const int64_t base = r->base, base_row = base < 0 ? r->n : base / s->parts;
-    const double *const f = base < 0 ? otherwise : r->rows + base_row * r->row + r->forms;
-    const double *const df = base < 0 ? otherwise + half : r->rows + base_row * r->row + r->wide + r->forms;
+    const double *const f = base < 0 ? otherwise : r->rows + base_row * numbers + forms;
+    const double *const df = base < 0 ? otherwise + half : r->rows + base_row * numbers + wide + forms;
     double m[TEG_MONOMIALS], dm[TEG_MONOMIALS], rest[TEG_MONOMIALS], change[TEG_MONOMIALS], *const wanted[3] = {values, sizes, tables};
-    const int whole = r->cell_count == 1 && r->cells[0].owner == base;
+    const int whole = !r->region_count || (r->cell_count == 1 && r->cells[0].owner == base);
     int known = 1;
     if (r->undefined) return;
     if (tables && !whole) teg_find_twins(r);
@@ -189,17 +192,17 @@ static void teg_measure(teg_arrangement *r, const double *otherwise, double *val
     for (size_t k = 0; k < r->cell_count && !whole; k++) {
         const teg_cell *const cell = r->cells + k;
         const int64_t row = cell->owner < 0 ? r->n : cell->owner / s->parts;
-        const double *const own = cell->owner < 0 ? otherwise : r->rows + row * r->row + r->forms;
-        const double *const moving = cell->owner < 0 ? otherwise + half : r->rows + row * r->row + r->wide + r->forms;
+        const double *const own = cell->owner < 0 ? otherwise : r->rows + row * numbers + forms;
+        const double *const moving = cell->owner < 0 ? otherwise + half : r->rows + row * numbers + wide + forms;
         const double *const polynomials[4] = {own, moving, known ? f : NULL, known ? df : NULL};
         if (known && cell->owner == base) continue;
-        for (int j = 0; j < r->count; j++) m[j] = dm[j] = 0.0;
+        for (int j = 0; j < count; j++) m[j] = dm[j] = 0.0;
         if (s->order) {
             if (!teg_room_in_scratch(r, (size_t)cell->n + 2)) return;
             teg_velocities(r, cell, r->px, r->py);
         }
         teg_cell_moments(r, cell, r->px, r->py, m, s->order ? dm : NULL);
-        for (int j = 0; j < r->count; j++) rest[j] -= m[j], change[j] -= dm[j];
+        for (int j = 0; j < count; j++) rest[j] -= m[j], change[j] -= dm[j];
         teg_from_moments(r, row, own, m, dm, wanted);
         if (tables) teg_cell_edges(r, cell, r->px, r->py, polynomials, tables);
     }
@@ -210,16 +213,17 @@ static void teg_measure(teg_arrangement *r, const double *otherwise, double *val
 /* The derivative of one value along the direction, from its table. */
 static double teg_along_direction(const teg_arrangement *r, int body, const double *otherwise, const double *table)
 {
-    const int columns = r->forms + r->count, first = r->forms + body * r->count;
-    const double *const last = table + r->n * 2 * columns + columns + r->forms, *const d = otherwise + (r->shape->bodies + body) * r->count;
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const int count = teg_coefficients(s), forms = teg_forms(s), columns = forms + count, first = forms + body * count;
+    const double *const last = table + r->n * 2 * columns + columns + forms, *const d = otherwise + (s->bodies + body) * count;
     double total = 0.0;
     for (int64_t k = 0; k < r->n; k++) {
-        const double *const own = table + k * 2 * columns + columns, *const moving = r->rows + k * r->row + r->wide;
+        const double *const own = table + k * 2 * columns + columns, *const moving = r->rows + k * teg_row(s) + teg_wide(s);
         for (int j = 0; j < columns; j++) {
-            if (own[j] != 0.0) total += moving[j < r->forms ? j : first + j - r->forms] * own[j];
+            if (own[j] != 0.0) total += moving[j < forms ? j : first + j - forms] * own[j];
         }
     }
-    for (int j = 0; j < r->count; j++)
+    for (int j = 0; j < count; j++)
         if (last[j] != 0.0) total += d[j] * last[j];
     return total;
 }
@@ -237,7 +241,7 @@ static void teg_tile(teg_arrangement *r, const int64_t *list, int64_t regions, i
     if (r->undefined || r->failed) return;
     if (level == 0) all = r->region_count;
     if (r->region_count <= TEG_MANY_IN_TILE || r->line_count >= r->region_count || (size_t)4 << (2 * level) > all) {
-        teg_arrange(r);
+        if (r->region_count) teg_arrange(r);
         if (!r->failed) teg_measure(r, otherwise, wanted[0], wanted[1], r->touching && r->su == 0.0 ? NULL : wanted[2]);
         return;
     }
@@ -262,19 +266,19 @@ static void teg_tile(teg_arrangement *r, const int64_t *list, int64_t regions, i
 //: teg_cells
 /* Values, sizes (or NULL) and tables (or NULL) of n candidates. Returns 1 without memory, else 0. */
 static int teg_cells(
-    const teg_shape *s, int64_t n, const double *rows, const double *otherwise, double *values, double *sizes, double *tables)
+    const teg_shape *shape, int64_t n, const double *rows, const double *otherwise, double *values, double *sizes, double *tables)
 {
+    const teg_shape *const s = TEG_SHAPE(shape);
     teg_cell cells[16];
     teg_line lines[48];
     teg_region regions[32];
     double x[128], y[128], px[16], py[16], qx[16], qy[16], d[16];
     int label[128], pl[16], ql[16];
     teg_arrangement r;
-    const int count = (s->degree + 1) * (s->degree + 2) / 2, forms = 3 * s->parts * s->guards + 3, wide = forms + s->bodies * count;
-    const size_t size = (size_t)s->bodies * (size_t)(n + 1) * (size_t)(forms + count) * (size_t)(1 + s->order);
+    const size_t size = (size_t)s->bodies * (size_t)(n + 1) * (size_t)(teg_forms(s) + teg_coefficients(s)) * (size_t)(1 + s->order);
     double *own = NULL;
     memset(&r, 0, sizeof r);
-    r.shape = s, r.rows = rows, r.n = n, r.count = count, r.forms = forms, r.wide = wide, r.row = wide * (1 + s->order);
+    r.shape = s, r.rows = rows, r.n = n;
     r.cells = cells, r.cell_room = 16, r.lines = lines, r.line_room = 48, r.regions = regions, r.region_room = 32;
     r.x = x, r.y = y, r.label = label, r.pool_room = 128;
     r.px = px, r.py = py, r.qx = qx, r.qy = qy, r.d = d, r.pl = pl, r.ql = ql, r.scratch_room = 16;
