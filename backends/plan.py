@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.errors import ArrayIndexError
-from teg.program.arrays import Arg, ArrayProgram, Integers, Load, Loop, Scatter, Step, steps
+from teg.program.arrays import AddTo, Arg, ArrayProgram, Blank, Integers, Load, Loop, Rows, Scatter, Step, Take, steps
 
 Interval = tuple[int, int]
 Whole = npt.NDArray[np.int64]
@@ -60,6 +60,7 @@ def _settled(
 
     spans: dict[tuple[int, Arg], Interval] = {}
     entries_of: dict[Arg, Integers] = {}
+    tables = _tables(program)
     for step in steps(program.body):
         match step:
             case Loop():
@@ -91,9 +92,25 @@ def _settled(
             case Load() | Scatter():
                 if not _inside(list(map(of, step.subscripts)), shapes[step.array]):
                     return False
+            case Take() | AddTo():
+                if not all(_inside([of(step.row)], shapes[k][:1]) for k in tables.get(step.table, ())):
+                    return False
             case _:
                 pass
     return True
+
+
+def _tables(program: ArrayProgram) -> dict[str, tuple[int, ...]]:
+    """Returns the arrays whose first axes the rows of each table belong to."""
+    return {s.table: s.arrays for s in steps(program.body) if isinstance(s, Rows | Blank)}
+
+
+def listed_rows(entries: npt.NDArray[np.generic], rows: int) -> Whole:
+    """Returns the rows of a table that are entries of an index array, ascending."""
+    listed = np.zeros(rows, dtype=bool)
+    flat = np.asarray(entries, dtype=np.int64).ravel()
+    listed[flat[(flat >= 0) & (flat < rows)]] = True
+    return np.flatnonzero(listed)
 
 
 def _are_ranges(lo: Integers | None, hi: Integers | None, arrays: Sequence[npt.NDArray[np.generic]]) -> bool:
@@ -141,6 +158,7 @@ class _Exact:
 
     def __init__(self, program: ArrayProgram, integers: Mapping[int, int], arrays: Sequence[npt.NDArray[np.generic]]) -> None:
         self.program, self.integers, self.arrays = program, integers, arrays
+        self.tables = _tables(program)
 
     def block(self, block: Sequence[Step], values: dict[Arg, Whole], lanes: int) -> None:
         """Run the integers of a block on lanes, one an iteration of the loops around it. Recursion is as deep as loops are."""
@@ -150,6 +168,13 @@ class _Exact:
                     values[step.name] = np.broadcast_to(self._integers(step, values), (lanes,))
                 case Load() | Scatter():
                     self._check(step.array, step.subscripts, values, lanes)
+                case Take() | AddTo():
+                    for k in self.tables.get(step.table, ()):
+                        self._check(k, (step.row,), values, lanes)
+                case Loop() if step.listed >= 0:
+                    rows = listed_rows(self.arrays[step.listed], int(self._of(step.hi, values).flat[0]))
+                    inner = {name: np.broadcast_to(v, (1,)).repeat(rows.size) for name, v in values.items()}
+                    self.block(step.body, {**inner, step.index: rows}, rows.size)
                 case Loop():
                     self._loop(step, values, lanes)
                 case _:

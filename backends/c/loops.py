@@ -21,6 +21,7 @@ import numpy.typing as npt
 from teg.backends.branches import with_branches_in_loops
 from teg.backends.c.batch import ABI, exported, unwatched
 from teg.backends.c.build import load_library
+from teg.backends.c.chunks import Chunked, Target
 from teg.backends.c.crossed import POINTS
 from teg.backends.c.frame import Routine
 from teg.backends.c.kernel import LONG, optimisation
@@ -37,8 +38,10 @@ from teg.errors import BackendError
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import Integrate, compound, has_ties
 from teg.program.arrays import (
+    AddTo,
     Arg,
     ArrayProgram,
+    Blank,
     Cells,
     Factors,
     Integers,
@@ -47,6 +50,7 @@ from teg.program.arrays import (
     Load,
     Loop,
     Number,
+    Rows,
     Run,
     Scatter,
     Step,
@@ -146,9 +150,10 @@ class _ArrayPrinter:
         self.printer = Printer()
         self.routines: dict[int, Routine] = {}
         self.tables: dict[str, Cells] = {}
+        self.widths: dict[str, int] = {}  # the columns of tables of rows
         self.shapes: dict[str, str] = {}  # the rules of the shapes of cells, by name
         self.space = 0
-        self.copied: frozenset[int] = frozenset()  # the outputs of which the chunk that is printed has a copy, t{j}_
+        self.copied: frozenset[int | str] = frozenset()  # the outputs and tables of which the chunk that is printed has a copy
         self.straights: dict[int, Straight] = {}  # of the only flat program of an innermost loop
         self.queues: dict[int, Queue] = {}  # of such a flat program
         self.telling: set[int] = set()  # the flat programs that return whether their branch is taken
@@ -218,6 +223,7 @@ class _ArrayPrinter:
         for j, o in enumerate(program.outputs):
             if not isinstance(o, Like):
                 lines.append(f"out[{j}][e] = {_spell(o)};")
+        lines += [f"free({name});" for name in self.widths]
         lines += ["free(w);"] if self.space > ON_STACK else []
         used = " ".join(f"(void)p{i};" for i in range(len(program.parameters)))
         used += " ".join(f" (void)a{i}, (void)s{i};" for i in range(len(program.arrays)))
@@ -242,8 +248,15 @@ class _ArrayPrinter:
                 case Load():
                     lines.append(f"const double {step.name} = a{step.array}[{_flat(step.array, step.subscripts)}];")
                 case Scatter():
-                    own = "_" if step.output in self.copied else ""
-                    lines.append(f"t{step.output}{own}[{_flat(step.array, step.subscripts)}] += {_spell(step.value)};")
+                    place, value = _flat(step.array, step.subscripts), _spell(step.value)
+                    target, copied = _target(step.output), step.output in self.copied
+                    lines += [target.added(place, value, copied), *(target.marked(place) if copied else [])]
+                case AddTo():
+                    lines += self._added_to_table(step, block)
+                case Blank():
+                    lines += self._new_table(step.table, _spell(step.rows), step.columns)
+                case Rows():
+                    lines += self._rows(step, depth)
                 case Run():
                     lines += [*self._run(step), *_named(step)]
                     if step is decisive:
@@ -253,10 +266,7 @@ class _ArrayPrinter:
                 case Cells():
                     lines += self._cells(step, depth)
                 case Take():
-                    cells = self.tables[step.table]
-                    width = cells.shape.columns * (1 + cells.shape.order)
-                    row = f"({_spell(step.row)} - {_spell(cells.lo)})"
-                    lines.append(f"const double {step.name} = {step.table} ? {step.table}[{row} * {width} + {step.column}] : NAN;")
+                    lines.append(f"const double {step.name} = {self._taken(step)};")
                 case Loop() if depth:
                     lines += self._loop(step, depth)
                 case Loop():
@@ -366,6 +376,56 @@ class _ArrayPrinter:
             lines.append(f"const double *const {name} = {at}_rows ? {at}_tables + {j} * ({at}_n + 1) * {columns} : NULL;")
         return lines
 
+    def _taken(self, step: Take) -> str:
+        """Returns a number of a table."""
+        if step.table in self.widths:
+            return f"{step.table}[{_spell(step.row)} * {self.widths[step.table]} + {step.column}]"
+        cells = self.tables[step.table]
+        width = cells.shape.columns * (1 + cells.shape.order)
+        return f"{step.table} ? {step.table}[({_spell(step.row)} - {_spell(cells.lo)}) * {width} + {step.column}] : NAN"
+
+    def _new_table(self, name: str, rows: str, columns: int) -> list[str]:
+        """Returns the declaration of a table of zeros, which is freed at the end of the function."""
+        self.widths[name] = columns
+        freed = [f"free({other});" for other in self.widths]
+        return [
+            f"const int64_t {name}_size = {rows} * {columns};",
+            f"double *const {name} = calloc((size_t){name}_size + 1, sizeof *{name});",
+            f"if (!{name}) {{",
+            *indent(*freed, "return -1;"),
+            "}",
+        ]
+
+    def _rows(self, step: Rows, depth: int) -> list[str]:
+        """Returns the rows of a table."""
+        name, width = step.table, len(step.values)
+        stored = packed(f"{name}[{step.index} * {width} + {j}] = {_spell(v)};" for j, v in enumerate(step.values))
+        inside = [*_skipped(step), "if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *stored]
+        head = f"for (int64_t {step.index} = 0; {step.index} < {_spell(step.hi)}; {step.index}++) {{"
+        return self._with_list(step, [*self._new_table(name, _spell(step.hi), width), head, *indent(*inside), "}"])
+
+    def _with_list(self, step: Loop, lines: list[str]) -> list[str]:
+        """Returns lines around which it is known which rows are listed, if only these are iterations."""
+        if step.listed < 0:
+            return lines
+        name = f"{step.index}_listed"
+        count = " * ".join(f"s{step.listed}[{axis}]" for axis in range(self.program.arrays[step.listed].dimensions))
+        return [
+            f"unsigned char *const {name} = teg_listed(a{step.listed}, {count}, {_spell(step.hi)});",
+            f"if (!{name}) note |= {NO_MEMORY};",
+            *lines,
+            f"free({name});",
+        ]
+
+    def _added_to_table(self, step: AddTo, block: Sequence[Step]) -> list[str]:
+        """Returns lines that add to a table; the first ones of a block mark the row."""
+        width = self.widths[step.table]
+        row = f"{_spell(step.row)} * {width}"
+        first = next(s for s in block if isinstance(s, AddTo) and (s.table, s.row) == (step.table, step.row)) is step
+        target, copied = _target(step.table), step.table in self.copied
+        marks = target.marked(row, width) if first and copied else []
+        return [*marks, target.added(f"{row} + {step.column}", _spell(step.value), copied)]
+
     def _shape(self, step: Cells) -> str:
         """Returns the name of a shape, of which a table is printed."""
         shape = step.shape
@@ -449,7 +509,8 @@ class _ArrayPrinter:
         only = _only_run(step)
         if only and id(only) in self.straights:
             return self._side_by_side(step, only, lo, hi, depth)
-        inside = ["if (teg_stopped(pace)) break;", *self._block(step.body, depth, _decisive(step)), *self._added(step)]
+        inside = [*_skipped(step), "if (teg_stopped(pace)) break;"]
+        inside += [*self._block(step.body, depth, _decisive(step)), *self._added(step)]
         return [f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
 
     def _side_by_side(self, step: Loop, run: Run, lo: str, hi: str, depth: int) -> list[str]:
@@ -546,92 +607,15 @@ class _ArrayPrinter:
     def _chunks(self, step: Loop) -> list[str]:
         """Returns an outermost loop, which threads share."""
         targets = _shared(step)
-        results, total = len(step.results), " + ".join([f"n{j}" for j in targets] or ["0"])
-        number = step.index[1:]
-        sums = packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if step.results else []
-        places: list[str] = []
-        offset = "0"
-        for j in targets:
-            places.append(f"double *const t{j}_ = c ? copies + (c - 1) * size + {offset} : t{j};")
-            offset += f" + n{j}"
         own = [f"double w[{self.space}];", "(void)w;"] if 0 < self.space <= ON_STACK else []
         heap = self.space > ON_STACK
         own += [f"double *const w = malloc({self.space} * sizeof *w);"] if heap else []
-        again = [f"for (long c = 1; c < chunks; c++) for (int64_t k = 0; k < n{j}; k++)" for j in targets]
-        offset = "0"
-        merged: list[str] = []
-        for j, head in zip(targets, again, strict=True):
-            merged += [head, *indent(f"t{j}[k] += copies[(c - 1) * size + {offset} + k];")]
-            offset += f" + n{j}"
-        return [
-            *sums,
-            "{",
-            *indent(
-                f"const int64_t lo = {_spell(step.lo)}, hi = {_spell(step.hi)}, size = {total};",
-                f"const long chunks = teg_chunks(hi - lo, {work(step.body)}, size);",
-                f"double only[{results + 1}];",
-                f"double *const partial = chunks > 1 ? calloc((size_t)chunks * {results + 1}, sizeof *partial) : only;",
-                "double *const copies = chunks > 1 ? calloc((size_t)((chunks - 1) * size) + 1, sizeof *copies) : NULL;",
-                "int failed = !partial || (!copies && chunks > 1), working = 0;",
-                "(void)size, (void)working;",
-                "if (!failed) {",
-                "#ifdef _OPENMP",
-                "#pragma omp parallel num_threads(team) if (team > 1)",
-                "#endif",
-                *indent(
-                    "{",
-                    *indent(
-                        "teg_pace own = {pace->watch, 0, 16}, *const outer = pace, *pace = &own;",
-                        "(void)outer;",
-                        "#ifdef _OPENMP",
-                        "#pragma omp atomic",
-                        "working++;",
-                        "#pragma omp barrier",
-                        "#pragma omp master",
-                        "#endif",
-                        "own.caller = outer->caller;",
-                        "#ifdef _OPENMP",
-                        "#pragma omp for schedule(dynamic, 1) nowait",
-                        "#endif",
-                        "for (long c = 0; c < chunks; c++) {",
-                        *indent(
-                            "const int64_t first = lo + (hi - lo) / chunks * c + (c < (hi - lo) % chunks ? c : (hi - lo) % chunks);",
-                            "const int64_t last = first + (hi - lo) / chunks + (c < (hi - lo) % chunks);",
-                            *own,
-                            *(["if (!w) {", *indent("failed = 1;", "continue;"), "}"] if heap else []),
-                            *places,
-                            "teg_context ctx = {+1, 0, 0, 0, 0, 0, pace};",
-                            "long note = 0;",
-                            *(packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if results else []),
-                            *self._in_chunk(step, targets),
-                            *[f"partial[c * {results + 1} + {k}] = {r};" for k, r in enumerate(step.results)],
-                            f"partial[c * {results + 1} + {results}] = (double)(note | 2 * (ctx.missed != 0) | 4 * ctx.crowded);",
-                            *(["free(w);"] if heap else []),
-                        ),
-                        "}",
-                        "#ifdef _OPENMP",
-                        "teg_wait(pace, &working);",
-                        "#endif",
-                    ),
-                    "}",
-                    "for (long c = 0; c < chunks; c++) {",
-                    *indent(
-                        *[f"{r} += partial[c * {results + 1} + {k}];" for k, r in enumerate(step.results)],
-                        f"note |= (long)partial[c * {results + 1} + {results}];",
-                    ),
-                    "}",
-                    *merged,
-                ),
-                "}",
-                "if (partial != only) free(partial);",
-                "free(copies);",
-                "if (failed) return -1;",
-            ),
-            "}",
-            f"/* {number} */",
-        ]
+        inside = self._in_chunk(step, targets)
+        bounds = _spell(step.lo), _spell(step.hi)
+        chunked = Chunked(*bounds, work(step.body), step.results, [_target(to) for to in targets], own, inside, heap)
+        return self._with_list(step, chunked.lines())
 
-    def _in_chunk(self, step: Loop, targets: Sequence[int]) -> list[str]:
+    def _in_chunk(self, step: Loop, targets: Sequence[int | str]) -> list[str]:
         """Returns the iterations of a chunk, which scatter into its own copies."""
         self.copied = frozenset(targets)
         lines = self._iterations(step, "first", "last", 1)
@@ -716,14 +700,20 @@ def _narrowed(step: Loop, run: Run, straight: Straight, lo: str, hi: str) -> tup
     return lines, start, stop
 
 
-def _shared(loop: Loop) -> list[int]:
-    """Returns the outputs that iterations of a loop add to in the same places: not those with the index of the loop in a subscript."""
-    axes: dict[int, set[int]] = {}
+def _shared(loop: Loop) -> list[int | str]:
+    """Returns the outputs and tables that iterations of a loop add to in the same places: not those with its index in a subscript."""
+    axes: dict[int | str, set[int]] = {}
     for s in steps(loop.body):
-        if isinstance(s, Scatter):
-            own = {axis for axis, i in enumerate(s.subscripts) if i == loop.index}
-            axes[s.output] = axes.get(s.output, own) & own
-    return [j for j in scattered(loop.body) if not axes[j]]
+        if isinstance(s, Scatter | AddTo):
+            to, places = (s.output, s.subscripts) if isinstance(s, Scatter) else (s.table, (s.row,))
+            own = {axis for axis, i in enumerate(places) if i == loop.index}
+            axes[to] = axes.get(to, own) & own
+    return [to for to in sorted(axes, key=str) if not axes[to]]
+
+
+def _target(to: int | str) -> Target:
+    """Returns an output, or a table."""
+    return Target(to, f"{to}_size") if isinstance(to, str) else Target(f"t{to}", f"n{to}")
 
 
 def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
@@ -734,6 +724,11 @@ def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:
             live.update(operands(step))
             kept.append(step)
     return kept[::-1]
+
+
+def _skipped(loop: Loop) -> list[str]:
+    """Returns lines that leave out what is not listed."""
+    return [f"if (!{loop.index}_listed || !{loop.index}_listed[{loop.index}]) continue;"] if loop.listed >= 0 else []
 
 
 def _decisive(loop: Loop) -> Run | None:

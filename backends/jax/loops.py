@@ -29,8 +29,10 @@ from teg.backends.shared.cells import most_candidates
 from teg.errors import ArrayIndexError
 from teg.program import Program
 from teg.program.arrays import (
+    AddTo,
     Arg,
     ArrayProgram,
+    Blank,
     Cells,
     Factors,
     Integers,
@@ -39,6 +41,7 @@ from teg.program.arrays import (
     Load,
     Loop,
     Number,
+    Rows,
     Run,
     Scatter,
     Step,
@@ -55,6 +58,10 @@ _JAX: dict[str, Callable[[Any, Any], Any]] = {
 }  # fmt: skip
 BLOCK = 2**17
 """Iterations that run at a time, at most."""
+
+
+Targets = dict[int | str, Any]
+"""What is added to: outputs by their numbers, tables by their names."""
 
 
 class ArrayFunction:
@@ -77,7 +84,7 @@ class ArrayFunction:
         entries = {k: v for k, v in zip(numbers, indices, strict=False) if v is not None}
         run = _Trace(self, arrays, Extents(self.program, self._blocks, shapes, counted, entries))
         lanes = _Lanes({f"p{k}": v for k, v in enumerate(scalars)}, 1, None)
-        targets = {j: jnp.zeros(shapes[output.array]) for j, output in enumerate(self.program.outputs) if isinstance(output, Like)}
+        targets: Targets = {j: jnp.zeros(shapes[output.array]) for j, output in enumerate(self.program.outputs) if isinstance(output, Like)}
         targets, note = run.block(self.program.body, lanes, targets, jnp.int32(0))
         found = []
         for j, output in enumerate(self.program.outputs):
@@ -105,7 +112,7 @@ class _Trace:
         self.function, self.arrays, self.lengths, self.widest = function, arrays, extents.lengths, extents.widest
         self.tables: dict[str, Any] = {}
 
-    def block(self, block: Sequence[Step], lanes: _Lanes, targets: dict[int, Any], note: Any) -> tuple[dict[int, Any], Any]:
+    def block(self, block: Sequence[Step], lanes: _Lanes, targets: Targets, note: Any) -> tuple[Targets, Any]:
         """The steps of a block on lanes, which get their values; targets of scatters, and the note. Recursion is as deep as loops are."""
         targets = dict(targets)
         for step in block:
@@ -121,13 +128,23 @@ class _Trace:
                     lanes.values[step.name] = self._entry(step.array, step.subscripts, lanes)
                 case Run():
                     note = note | self._run(step, lanes)
-                case Least() | Factors() | Cells():
+                case Least() | Factors() | Cells() | Rows():
                     note = self._fold(step, lanes, note)
                 case Loop():
                     targets, note = self._loop(step, lanes, targets, note)
+                case Blank():
+                    targets[step.table] = jnp.zeros((_of(step.rows, lanes), step.columns))
+                    lanes.values[step.table] = 0
+                case AddTo():
+                    row = jnp.broadcast_to(_of(step.row, lanes), (lanes.size,))
+                    terms = _live(jnp.broadcast_to(_of(step.value, lanes), (lanes.size,)), lanes)
+                    place = targets[step.table].at[row, step.column]
+                    targets[step.table] = place.add(terms, mode="drop", wrap_negative_indices=False)
                 case Take():
                     rows = _of(step.table, lanes) + _of(step.row, lanes)
-                    lanes.values[step.name] = self.tables[step.table][rows, step.column]
+                    table = targets[step.table] if step.table in targets else self.tables[step.table]
+                    known = not self.function._traced.intersection([step.row])
+                    lanes.values[step.name] = table[rows, step.column] if known else _row_of(table, rows, step.column)
                 case Scatter():
                     places = tuple(jnp.broadcast_to(_of(p, lanes), (lanes.size,)) for p in step.subscripts)
                     terms = _live(jnp.broadcast_to(_of(step.value, lanes), (lanes.size,)), lanes)
@@ -173,7 +190,7 @@ class _Trace:
         lanes.values.update(zip(step.results, found, strict=True))
         return union(notes)
 
-    def _fold(self, step: Least | Factors | Cells, lanes: _Lanes, note: Any) -> Any:
+    def _fold(self, step: Least | Factors | Cells | Rows, lanes: _Lanes, note: Any) -> Any:
         """A loop whose iterations are not added up: all of them at once."""
         total, size = self.lengths[id(step)], lanes.size
         counts = jnp.maximum(jnp.broadcast_to(jnp.asarray(_of(step.hi, lanes) - _of(step.lo, lanes), jnp.int64), (size,)), 0)
@@ -187,10 +204,12 @@ class _Trace:
             return jnp.broadcast_to(jnp.asarray(_of(arg, inner), jnp.float64), (total,))
 
         match step:
-            case Cells():
+            case Cells() | Rows():
                 wide = len(step.values)
                 rows = jnp.stack([number(v) for v in step.values], axis=1) if total else jnp.zeros((0, wide))
-                found = self._cells(step, lanes, rows, counts)
+                found = self._cells(step, lanes, rows, counts) if isinstance(step, Cells) else []
+                if isinstance(step, Rows):
+                    self.tables[step.table], lanes.values[step.table] = rows, 0
             case Least():
                 found = [
                     least_of_segments((number(v), number(p), inner.values[step.index], inner.live), parent, size)
@@ -219,7 +238,7 @@ class _Trace:
             lanes.values[name] = first - _of(step.lo, lanes)
         return list(values)
 
-    def _loop(self, step: Loop, lanes: _Lanes, targets: dict[int, Any], note: Any) -> tuple[dict[int, Any], Any]:
+    def _loop(self, step: Loop, lanes: _Lanes, targets: Targets, note: Any) -> tuple[Targets, Any]:
         total = self.lengths[id(step)]
         sums = jnp.zeros((len(step.results), lanes.size))
         if total:
@@ -234,7 +253,7 @@ class _Trace:
                 length = jnp.maximum(length, 0)
                 ends = jnp.cumsum(length if lanes.live is None else jnp.where(lanes.live, length, 0))
 
-            def part(start: Any, size: int, known: int | None, targets: dict[int, Any], note: Any) -> tuple[Any, dict[int, Any], Any]:
+            def part(start: Any, size: int, known: int | None, targets: Targets, note: Any) -> tuple[Any, Targets, Any]:
                 inner, parent = self._inside(step, lanes, start, size, total, ends, known)
                 targets, note = self.block(step.body, inner, targets, note)
                 terms = [_live(jnp.broadcast_to(jnp.asarray(_of(v, inner), jnp.float64), (size,)), inner) for v in step.values]
@@ -308,6 +327,12 @@ def _nowhere_or(op: str, a: Any, b: Any) -> Any:
     elif op == "mul":
         lost = lost | (jnp.abs(jnp.asarray(a, jnp.float64) * jnp.asarray(b, jnp.float64)) >= 2.0**63)
     return jnp.where(lost, NOWHERE, found)
+
+
+def _row_of(table: Any, rows: Any, column: int) -> Any:
+    """The numbers in a column of rows, which may be out of their range: then NaN."""
+    inside = (rows >= 0) & (rows < table.shape[0])
+    return jnp.where(inside, table.at[jnp.where(inside, rows, 0), column].get(mode="fill"), jnp.nan)
 
 
 def _live(terms: Any, lanes: _Lanes) -> Any:

@@ -139,7 +139,8 @@ def _along(shape: Layout, table: Array, body: int, given: tuple[Lanes, Numbers])
     moving = np.zeros((len(table), shape.columns))
     moving[numbers.place, : shape.forms] = lanes.rows[:, half : half + shape.forms]
     moving[:, shape.forms :] = numbers.changes[:, body * width : (body + 1) * width]
-    shares = np.where(moving != 0.0, moving * table[:, shape.columns :], 0.0).sum(axis=1)
+    slopes = table[:, shape.columns :]  # 0 for a candidate that is not there, whose numbers may be infinite
+    shares = np.where((moving != 0.0) & (slopes != 0.0), moving * slopes, 0.0).sum(axis=1)
     return np.bincount(np.repeat(np.arange(len(lanes.counts)), lanes.counts + 1), shares, len(lanes.counts))
 
 

@@ -15,11 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.numpy.cells import cells_of_lanes
-from teg.backends.plan import apply
+from teg.backends.plan import apply, listed_rows
 from teg.program import Outcome, Program
 from teg.program.arrays import (
+    AddTo,
     Arg,
     ArrayProgram,
+    Blank,
     Cells,
     Factors,
     Integers,
@@ -28,6 +30,7 @@ from teg.program.arrays import (
     Load,
     Loop,
     Number,
+    Rows,
     Run,
     Scatter,
     Step,
@@ -131,8 +134,14 @@ class Running:
                     self._factors(step, lanes)
                 case Cells():
                     self._cells(step, lanes)
+                case Rows():
+                    self._rows(step, lanes)
                 case Loop():
                     self._loop(step, lanes)
+                case Blank():
+                    self._keep(step.table, np.zeros((lanes.size * int(lane_values(step.rows, lanes)), step.columns)), lanes)
+                case AddTo():
+                    self._add(step, lanes)
                 case Take():
                     rows = lane_values(step.table, lanes) + lane_values(step.row, lanes)
                     lanes.values[step.name] = self.tables[step.table][rows, step.column]
@@ -169,13 +178,14 @@ class Running:
         lo, hi = (np.broadcast_to(lane_values(a, lanes), (lanes.size,)) for a in (step.lo, step.hi))
         ends = np.cumsum(hi - lo)
         first = ends - (hi - lo)
-        total = int(ends[-1]) if lanes.size else 0
+        outer, listed = self._listed(step, lanes) if step.listed >= 0 else (None, None)
+        total = (int(ends[-1]) if lanes.size else 0) if listed is None else listed.size
         used = self.kernel._used[id(step)]
         for start in range(0, total, BLOCK):
             flat = np.arange(start, min(start + BLOCK, total))
-            parent = np.searchsorted(ends, flat, side="right")
+            parent = np.searchsorted(ends, flat, side="right") if outer is None else outer[flat]
             inner = {name: v[parent] if v.ndim else v for name in used if (v := lanes.values.get(name)) is not None}
-            inner[step.index] = flat - first[parent] + lo[parent]
+            inner[step.index] = flat - first[parent] + lo[parent] if listed is None else listed[flat]
             inside = Lanes(inner, flat.size, lanes.element[parent])
             self.block(step.body, inside)
             yield inside, parent
@@ -221,6 +231,30 @@ class Running:
         for name, table in zip(step.tables, tables, strict=False):
             self.tables[name] = table
             lanes.values[name] = np.cumsum(hi - lo + 1) - (hi - lo + 1) - lo  # the row of index 0
+
+    def _rows(self, step: Rows, lanes: Lanes) -> None:
+        rows = int(lane_values(step.hi, lanes))
+        table = np.full((lanes.size * rows, len(step.values)), np.nan)
+        for inside, parent in self._iterations(step, lanes):
+            table[parent * rows + inside.values[step.index]] = np.stack([_numbers(v, inside) for v in step.values], axis=1)
+        self._keep(step.table, table, lanes)
+
+    def _listed(self, step: Loop, lanes: Lanes) -> tuple[Array, Array]:
+        """Returns the outer lanes and the indices of all iterations of a loop over rows that are listed."""
+        rows, entries = int(lane_values(step.hi, lanes)), self.arrays[step.listed]
+        several = [listed_rows(e, rows) for e in (entries if self.batched[step.listed] else entries[None])]
+        found = [several[element if len(several) > 1 else 0] for element in range(lanes.size)]
+        return np.repeat(np.arange(lanes.size), [r.size for r in found]), np.concatenate([np.zeros(0, np.int64), *found])
+
+    def _keep(self, name: str, table: Array, lanes: Lanes) -> None:
+        """Keeps a table of all lanes, and in which row those of each lane begin."""
+        self.tables[name] = table
+        lanes.values[name] = np.arange(lanes.size) * (len(table) // max(lanes.size, 1))
+
+    def _add(self, step: AddTo, lanes: Lanes) -> None:
+        table = self.tables[step.table]
+        rows = np.broadcast_to(lane_values(step.table, lanes) + lane_values(step.row, lanes), (lanes.size,))
+        table[:, step.column] += np.bincount(rows, weights=_numbers(step.value, lanes), minlength=len(table))
 
     def _scatter(self, step: Scatter, lanes: Lanes) -> None:
         k = step.array

@@ -39,6 +39,7 @@ from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
 from teg.passes.normalise.integers import with_sums_of_integers
+from teg.passes.normalise.tables import with_tables
 from teg.passes.program.adjoints import with_adjoints
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
@@ -227,7 +228,7 @@ class Derivation:
     # -- with loops ----------------------------------------------------------------------------------------------------
 
     def _looped(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> ArrayProgram:
-        program = self.scheduled(self._looped_outputs(wanted, entry), wanted, how, unfinished=errors)
+        program = self.scheduled(self._looped_outputs(wanted, entry, not errors), wanted, how, unfinished=errors)
         return with_array_error_estimates(program) if errors else with_adjoints(program)
 
     def scheduled(self, outputs: Sequence[Output], wanted: Wanted, how: Integration, unfinished: bool = False) -> ArrayProgram:
@@ -243,10 +244,12 @@ class Derivation:
         scalars = [p.name for p in arguments if isinstance(p, Param)]
         return schedule_arrays(outputs, scalars, [p for p in arguments if isinstance(p, ArrayName)], flat)
 
-    def _looped_outputs(self, wanted: Wanted, entry: int | None) -> list[Output]:
-        """Returns the computed numbers and arrays, without δ."""
+    def _looped_outputs(self, wanted: Wanted, entry: int | None, tables: bool) -> list[Output]:
+        """Returns the computed numbers and arrays, without δ. With `tables`, numbers of candidates are read from these."""
         task, entries = self.task, self.entries if entry is None else [self.entries[entry]]
         moved = entries if task.source is None else [e for i, e in enumerate(flatten(task.source)) if entry in (None, i)]
+        if tables:
+            entries, moved = ([with_tables(e) for e in several] for several in (entries, moved))
         normal = partial(normal_form, maps=task.maps)
 
         def derive(cell: Expr, wrt: Sequence[Param]) -> list[Expr]:

@@ -117,12 +117,8 @@ class Sum(Ranged, Expr):
         return cast(Expr, self.children[0])
 
 
-class Slope(Expr):
-    """The derivative of a `Partition` (the child) by a number of one candidate, or by a number of what stands where there is none.
-
-    Data are (row, column): the index of the candidate, or the end of the range; and the place of the number among the numbers of a
-    candidate.
-    """
+class Placed(Expr):
+    """A number that belongs to a place in a table (the child); data are (row, column)."""
 
     __slots__ = ()
 
@@ -135,11 +131,20 @@ class Slope(Expr):
         return cast(int, self.data[1])
 
     @property
-    def partition(self) -> Expr:
+    def table(self) -> Expr:
         return cast(Expr, self.children[0])
 
 
-LEAVES = (Gather, Unit, IndexValue, Slope)
+class Slope(Placed):
+    """The derivative of a `Partition` (the child) by a number of one candidate, or by a number of what stands where there is none.
+
+    The row is the index of the candidate, or the end of the range; the column is the place of the number among the numbers of a candidate.
+    """
+
+    __slots__ = ()
+
+
+LEAVES = (Gather, Unit, IndexValue, Placed)
 
 # -- what users call ---------------------------------------------------------------------------------------------------
 
@@ -283,7 +288,7 @@ def integers_of(node: Node) -> tuple[Index, ...]:
             return (node.index,)
         case Ranged():
             return (node.lo, node.hi)
-        case Slope():
+        case Placed():
             return (node.row,)
         case _:
             return ()
@@ -327,8 +332,8 @@ def open_indices(root: Node) -> dict[Node, frozenset[IndexVar]]:
 
 def show_leaf(node: Expr) -> str:
     """Returns an entry of an array, a unit, or an integer, as text."""
-    if isinstance(node, Slope):
-        return f"slope[{show_index(node.row)}, {node.column}]"
+    if isinstance(node, Placed):
+        return f"{type(node).__name__.lower()}[{show_index(node.row)}, {node.column}]"
     if isinstance(node, Gather | Unit):
         places = ", ".join(map(show_index, node.subscripts))
         if isinstance(node, StillGather):

@@ -13,7 +13,7 @@ from typing import cast
 
 from teg.errors import NameClashError, ScopeError
 from teg.ir import expr as ex
-from teg.ir.arrays import LEAVES, Gather, Ranged, Slope, Sum, Unit, arrays_of, integer_parameters, integers_of, open_indices
+from teg.ir.arrays import LEAVES, Gather, Placed, Ranged, Sum, Unit, arrays_of, integer_parameters, integers_of, open_indices
 from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName, Index, IndexConst, IndexValue, IndexVar, Length, index_const, index_leaves, substitute_index
 from teg.ir.node import Node, postorder
@@ -129,8 +129,8 @@ def with_integers(node: Node, children: tuple[Node, ...], change: Callable[[Inde
             return ex.const(float(i.data)) if isinstance(i, IndexConst) else IndexValue.make(i, ())
         case Ranged():
             return node.over(children, node.index, change(node.lo), change(node.hi))
-        case Slope():
-            return Slope.make((change(node.row), node.column), cast("tuple[Expr, ...]", children))
+        case Placed():
+            return type(node).make((change(node.row), node.column), cast("tuple[Expr, ...]", children))
         case _:
             return rebuild(node, children)
 

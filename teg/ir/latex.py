@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from teg.ir.arrays import Gather, Ranged, Slope, StillGather, Sum, Unit
+from teg.ir.arrays import Gather, Placed, Ranged, Slope, StillGather, Sum, Unit
 from teg.ir.choices import Nearest, Product
 from teg.ir.expr import (
     Add,
@@ -150,8 +150,9 @@ def _line(node: Node, parts: list[Text]) -> Text:
         case Ranged():
             title = type(node).__name__.lower().removesuffix("of")
             return rf"\operatorname{{{title}}}_{{{_range(node)}}}" + _in_brackets(", ".join(p[0] for p in parts)), _ATOM
-        case Slope():
-            return rf"\partial_{{{index(node.row)[0]}, {node.column}}} " + _wrapped(parts[0], _PRODUCT), _PRODUCT
+        case Placed():
+            title = r"\partial" if isinstance(node, Slope) else rf"\operatorname{{{type(node).__name__.lower()}}}"
+            return title + rf"_{{{index(node.row)[0]}, {node.column}}} " + _wrapped(parts[0], _PRODUCT), _PRODUCT
         case Gather():
             entry = _subscripted(name(node.array.name), [index(i)[0] for i in node.subscripts])
             return rf"\overline{{{entry}}}" if isinstance(node, StillGather) else entry, _ATOM

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, cast
 
 from teg.ir import expr as ex
-from teg.ir.arrays import LEAVES, Ranged, Slope
+from teg.ir.arrays import LEAVES, Placed, Ranged
 from teg.ir.expr import (
     Add,
     And,
@@ -92,8 +92,8 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
             return ex.disjunction(*c)
         case Ranged():
             return node.over(children, node.index, node.lo, node.hi)
-        case Slope():
-            return Slope.make(node.data, c)
+        case Placed():
+            return type(node).make(node.data, c)
         case _ if isinstance(node, LEAVES):
             return node
         case Const() | Param() | Var() | Truth():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from teg.ir.arrays import LEAVES, Ranged, Slope
+from teg.ir.arrays import LEAVES, Placed, Ranged
 from teg.ir.expr import (
     Add,
     And,
@@ -58,7 +58,7 @@ def verify(root: Node, stage: str = "") -> None:
                 kinds = (Cond,)
             case Ranged():
                 kinds = tuple(Cond if isinstance(c, Cond) else Expr for c in node.children)
-            case Slope():
+            case Placed():
                 kinds = (Expr,)
             case _ if isinstance(node, LEAVES):
                 kinds = ()

@@ -8,7 +8,10 @@
            | names = winner i in [lo, hi): steps    Least: each result is the index of the least value
            | names = Π i in [lo, hi): steps         Factors: each result is the product of its values
            | names = ∫∫ nearest i in [lo, hi): steps    Cells: each result is the integral of the polynomial of the nearest candidate
-           | name = table[i, column]                Take: a derivative that a Cells has left in a table
+           | table = rows i in [lo, hi): steps      Rows: a table with the values of each iteration
+           | table = zeros                          Blank: a table that is added to
+           | table[i, column] += name               AddTo
+           | name = table[i, column]                Take: from a table of Rows or Blank, or a derivative that a Cells has left
            | output[i, …] += name                   Scatter: into an output that is an array
 
 Names are given once in the whole program; a step uses those of its own block before it, of the enclosing blocks, and the parameters.
@@ -86,7 +89,10 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """results = Σ values over `index` from lo up to hi - 1; `title` is what the index is called in the expression."""
+    """results = Σ values over `index` from lo up to hi - 1; `title` is what the index is called in the expression.
+
+    With `listed`, which stands outside of loops only, iterations whose index is no entry of that index array are left out.
+    """
 
     index: Annotated[str, Variable(("body",), "integer")]
     lo: Annotated[Arg, INTEGER]
@@ -95,6 +101,7 @@ class Loop:
     values: Annotated[tuple[Arg, ...], Operand(at="body", each=True)]
     results: Annotated[tuple[str, ...], Result()]
     title: str = ""
+    listed: int = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,9 +137,38 @@ class Cells(Loop):
 
 
 @dataclass(frozen=True, slots=True)
+class Rows(Loop):
+    """table = the values of each iteration, from lo = 0 on, in a row of their own; rows belong to the first axes of `arrays`."""
+
+    values: Annotated[tuple[Arg, ...], Operand(at="body")]
+    table: Annotated[str, Result("integer")] = ""
+    arrays: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Blank:
+    """table = `rows` times `columns` zeros, to be added to. Stands outside of loops; `arrays` as those of `Rows`."""
+
+    table: Annotated[str, Result("integer")]
+    rows: Annotated[Arg, INTEGER]
+    columns: int
+    arrays: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class AddTo:
+    """table[row, column] += value, into a table of `Blank`, in a loop that takes nothing from it."""
+
+    table: Annotated[str, INTEGER]
+    row: Annotated[Arg, INTEGER]
+    column: int
+    value: Annotated[Arg, NUMBER]
+
+
+@dataclass(frozen=True, slots=True)
 class Take:
-    """name = the derivative in a column of a table of `Cells`, in the row of a candidate, or of the end of the range, which is for
-    `otherwise`."""
+    """name = the number in a column of a row of a table. That of `Cells` has a row for each candidate, and one of the end of the range,
+    which is for `otherwise`."""
 
     name: Annotated[str, Result()]
     table: Annotated[str, INTEGER]
@@ -157,7 +193,7 @@ class Like:
     array: int
 
 
-Step = Integers | Load | Number | Run | Loop | Take | Scatter
+Step = Integers | Load | Number | Run | Loop | Blank | AddTo | Take | Scatter
 
 
 @dataclass(frozen=True, slots=True)

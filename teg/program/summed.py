@@ -46,7 +46,7 @@ def with_enclosing(body: Sequence[Step]) -> Iterator[tuple[Loop, tuple[Loop, ...
     while stack:
         block, around = stack.pop()
         for step in block:
-            if type(step) is Loop:
+            if type(step) is Loop and step.listed < 0:
                 yield step, around
                 stack.append((step.body, (*around, step)))
             elif isinstance(step, Loop):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 
-from teg.program.arrays import ArrayProgram, Integers, Like, Load, Run, Scatter, Step
+from teg.program.arrays import ArrayProgram, Integers, Like, Load, Loop, Run, Scatter, Step
 from teg.program.fields import Kind, Operand, Part, Result, Variable, declared, flat, inner_blocks, leaves
 from teg.program.operations import INTEGER_OPERATIONS, OPERATIONS
 from teg.program.statements import (
@@ -306,6 +306,9 @@ class _Arrays(_Verifier):
                 self._array(stmt.array, False, stmt, len(stmt.subscripts))
             case Run():
                 self._run(stmt)
+            case Loop() if stmt.listed >= 0:
+                self.check(stmt.listed < len(self.program.arrays), f"there is no array {stmt.listed}", stmt)
+                self.check(self.program.arrays[stmt.listed].integers, "rows are listed in an array of indices", stmt)
             case Scatter():
                 self._array(stmt.array, False, stmt, len(stmt.subscripts))
                 outputs = self.program.outputs

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 import teg
-from teg.ir.arrays import Ranged
+import teg.ir.tables
+from teg.ir.arrays import Placed, Ranged
 from teg.ir.expr import FUNCTIONS, call
 from teg.ir.function import Apply
 from teg.ir.latex import latex
@@ -86,12 +87,13 @@ def test_every_node_has_a_form() -> None:
     v, k = teg.array("v", 2), teg.index("k")
     place = (v, (teg.indices("f")[k], k // 2))
     data |= {"Gather": place, "StillGather": place, "Still": "t", "Unit": place, "IndexValue": k % 3, "Sum": (k, k * 0, teg.length(v))}
-    data["Slope"] = (k % 3, 1)
-    few |= {"Gather": 0, "StillGather": 0, "Still": 0, "Unit": 0, "IndexValue": 0, "Sum": 1, "Slope": 1}
+    few |= {"Gather": 0, "StillGather": 0, "Still": 0, "Unit": 0, "IndexValue": 0, "Sum": 1}
     children["Nearest"] = (x, t, x < t, t)
     for kind in leaves - {Apply}:  # which needs a function's body
         name = kind.__name__
-        parts = children.get(name, (x, t)[: few.get(name, 1 if issubclass(kind, Ranged) else 2)])
+        parts = children.get(name, (x, t)[: few.get(name, 1 if issubclass(kind, Ranged | Placed) else 2)])
+        if issubclass(kind, Placed):
+            data[name] = (k % 3, 1)
         if issubclass(kind, Ranged):
             data[name] = (k, k * 0, teg.length(v), None)
         assert is_balanced(latex(kind.make(data.get(name), parts)))  # type: ignore[type-var]

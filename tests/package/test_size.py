@@ -28,7 +28,6 @@ PUBLIC = {
 """Functions with more parameters that users call by name."""
 
 TOO_LONG = {
-    "backends/c/loops.py _ArrayPrinter._chunks",
     "backends/c/printer.py Printer._call",
     "teg/evaluator/compile.py compile",
 }

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
+from teg.backends.c.chunks import MARKED
 from teg.backends.c.text import identifiers
 from teg.numerics.cells import BESIDE, EPSILON, MOST_DEGREE, PLACES, SAME, SHIFT, SKEW, TILE_AT, monomials
 from teg.numerics.cells import ROUNDING as KEY_ROUNDING
@@ -119,6 +120,7 @@ LIMITS = {
     "TEG_KEY_ROUNDING": KEY_ROUNDING,
     "TEG_BESIDE": BESIDE,
     "TEG_FEW": FEW,
+    "TEG_MARKED": MARKED,
     "TEG_MANY_CELLS": MANY_CELLS,
     "TEG_MANY_IN_TILE": MANY_IN_TILE,
     "TEG_TILE_U": TILE_AT[0],

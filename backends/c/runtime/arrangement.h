@@ -197,18 +197,30 @@ static inline void teg_form(const teg_arrangement *r, int64_t candidate, int col
     g[0] = f[0] + f[1] * r->su + f[2] * r->sv, g[1] = f[1], g[2] = f[2];
 }
 
+//: teg_least_of
+static inline double teg_least_of(double x, double y)
+{
+    return x < y ? x : y;
+}
+
+//: teg_most_of
+static inline double teg_most_of(double x, double y)
+{
+    return x > y ? x : y;
+}
+
 //: teg_highest
 /* The largest value of a form on the tile. */
 static inline double teg_highest(const teg_arrangement *r, const double *g)
 {
-    return g[0] + fmax(g[1] * r->u[0], g[1] * r->u[1]) + fmax(g[2] * r->v[0], g[2] * r->v[1]);
+    return g[0] + teg_most_of(g[1] * r->u[0], g[1] * r->u[1]) + teg_most_of(g[2] * r->v[0], g[2] * r->v[1]);
 }
 
 //: teg_lowest
 /* The least value of a form on the tile. */
 static inline double teg_lowest(const teg_arrangement *r, const double *g)
 {
-    return g[0] + fmin(g[1] * r->u[0], g[1] * r->u[1]) + fmin(g[2] * r->v[0], g[2] * r->v[1]);
+    return g[0] + teg_least_of(g[1] * r->u[0], g[1] * r->u[1]) + teg_least_of(g[2] * r->v[0], g[2] * r->v[1]);
 }
 
 //: teg_half
@@ -321,16 +333,23 @@ static int teg_key_line(teg_arrangement *r, int64_t owner, int64_t candidate, co
 }
 
 //: teg_key_difference
-/* key - key; returns the value below which it counts as 0. */
-static double teg_key_difference(const teg_arrangement *r, int64_t behind, int64_t before, double *g)
+/* key - key; returns the larger of their sizes. */
+static inline double teg_key_difference(const teg_arrangement *r, int64_t behind, int64_t before, double *g)
 {
-    double f[3];
+    double f[3], size;
     const int column = teg_forms(TEG_SHAPE(r->shape)) - 3;
     teg_form(r, behind, column, g);
     teg_form(r, before, column, f);
-    const double constant = fmax(fabs(g[0]), fabs(f[0]));
+    size = teg_most_of(fabs(g[0]), fabs(f[0]));
     g[0] -= f[0], g[1] -= f[1], g[2] -= f[2];
-    return TEG_ON_LINE * sqrt(g[1] * g[1] + g[2] * g[2]) + TEG_KEY_ROUNDING * constant;
+    return size;
+}
+
+//: teg_key_tolerance
+/* The value below which a difference of keys of this size counts as 0. */
+static inline double teg_key_tolerance(const double *g, double size)
+{
+    return TEG_ON_LINE * sqrt(g[1] * g[1] + g[2] * g[2]) + TEG_KEY_ROUNDING * size;
 }
 
 //: teg_insert_in_cell
@@ -345,9 +364,10 @@ static void teg_insert_in_cell(teg_arrangement *r, const teg_region *region, siz
         if (cell.owner / parts == region->region / parts) return;
         if (!teg_room_in_scratch(r, (size_t)cell.n + 2)) return;
         tolerance = teg_key_difference(r, cell.owner / parts, region->region / parts, g);
+        tolerance = teg_key_tolerance(g, tolerance);
         for (int i = 0; i < cell.n; i++) {
             const double d = r->d[i] = g[0] + g[1] * r->x[cell.at + i] + g[2] * r->y[cell.at + i];
-            most = fmax(most, d), least = fmin(least, d);
+            most = teg_most_of(d, most), least = teg_least_of(d, least);
         }
         if ((most > tolerance) != (least < -tolerance))
             teg_touch(r, region, cell.n, r->x + cell.at, r->y + cell.at, r->label + cell.at, tolerance);
@@ -438,15 +458,16 @@ static int teg_present(teg_arrangement *r, teg_region *region)
     region->first = (int)before;
     for (int q = 0; q < s->guards; q++) {
         const int column = 3 * ((int)(region->region % s->parts) * s->guards + q);
-        double g[3], size;
+        double g[3], square, highest, lowest;
         teg_form(r, candidate, column, g);
-        size = sqrt(g[1] * g[1] + g[2] * g[2]);
-        if (teg_highest(r, g) < -TEG_ON_LINE * size || (size == 0.0 && g[0] < 0.0)) {
+        square = g[1] * g[1] + g[2] * g[2], highest = teg_highest(r, g), lowest = teg_lowest(r, g);
+        if (highest < 0.0 && highest * highest > TEG_ON_LINE * TEG_ON_LINE * square) {
             r->line_count = before;
             return 0;
         }
-        finite &= isfinite(g[0]) && isfinite(g[1]) && isfinite(g[2]);
-        if (finite && teg_lowest(r, g) <= TEG_ON_LINE * size && size > 0.0) {
+        finite &= isfinite(g[0]) && isfinite(square);
+        if (finite && square > 0.0 && (lowest <= 0.0 || lowest * lowest <= TEG_ON_LINE * TEG_ON_LINE * square)) {
+            const double size = sqrt(square);
             const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, candidate, -1, column, 0, 0, -1};
             teg_add_line(r, line);
         }
@@ -512,8 +533,8 @@ static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
     for (size_t k = 0; k < r->region_count && base >= 0 && !r->undefined; k++) {
         double g[3];
         if (r->regions[k].region == base) continue;
-        const double tolerance = teg_key_difference(r, r->regions[k].region / s->parts, base / s->parts, g);
-        if (teg_lowest(r, g) > tolerance) continue;
+        const double size = teg_key_difference(r, r->regions[k].region / s->parts, base / s->parts, g), lowest = teg_lowest(r, g);
+        if (lowest > 0.0 && lowest > teg_key_tolerance(g, size)) continue;
         r->regions[kept++] = r->regions[k];
     }
     if (base >= 0) r->region_count = kept;

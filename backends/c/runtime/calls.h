@@ -10,6 +10,89 @@ static inline long teg_chunks(int64_t iterations, int64_t cost, int64_t size)
     return chunks < 1 || iterations < 1 ? 1 : chunks < iterations ? (long)chunks : (long)iterations;
 }
 
+//: teg_listed
+/* Which of so many rows are among these entries; NULL without memory. */
+static unsigned char *teg_listed(const int64_t *entries, int64_t count, int64_t rows)
+{
+    unsigned char *const listed = calloc((size_t)rows + 1, 1);
+    for (int64_t k = 0; listed && k < count; k++)
+        if (entries[k] >= 0 && entries[k] < rows) listed[entries[k]] = 1;
+    return listed;
+}
+
+//: teg_copies
+/* Copies of what chunks add to, `targets` arrays of these sizes. A copy has so many `numbers` and as many `bytes` of marks behind them; with
+   one chunk it has marks only. Copies of chunks that are done wait in `finished` until all before are; `next` is the first that is not
+   merged. Those that are not in use are `unused`. */
+typedef struct {
+    int targets;
+    long chunks;
+    double *const *originals;
+    const int64_t *sizes;
+    size_t numbers, bytes;
+    long next, count;
+    double **finished, **unused, **spare;
+} teg_copies;
+
+//: teg_open
+/* Returns 1 without memory. */
+static int teg_open(teg_copies *copies)
+{
+    for (int k = 0; k < copies->targets; k++) {
+        if (copies->chunks > 1) copies->numbers += (size_t)copies->sizes[k];
+        copies->bytes += ((size_t)copies->sizes[k] >> TEG_MARKED) + 1;
+    }
+    copies->spare = calloc(2 * (size_t)copies->chunks, sizeof *copies->spare);
+    copies->finished = copies->spare, copies->unused = copies->spare + copies->chunks;
+    return !copies->spare;
+}
+
+//: teg_take
+/* A copy that is 0, or NULL without memory. */
+static double *teg_take(teg_copies *copies)
+{
+    return copies->count ? copies->unused[--copies->count] : calloc(1, copies->numbers * sizeof(double) + copies->bytes);
+}
+
+//: teg_merge
+/* Add a copy to the originals where it is marked, and clear it. */
+static void teg_merge(const teg_copies *copies, double *copy)
+{
+    unsigned char *marks = (unsigned char *)(copy + copies->numbers);
+    for (int k = 0; k < copies->targets; k++) {
+        const int64_t size = copies->sizes[k], blocks = (size >> TEG_MARKED) + 1;
+        double *const into = copies->originals[k];
+        for (int64_t block = 0; block < blocks; block++) {
+            const int64_t first = block << TEG_MARKED, end = first + (1 << TEG_MARKED) < size ? first + (1 << TEG_MARKED) : size;
+            if (!marks[block]) continue;
+            marks[block] = 0;
+            for (int64_t i = first; i < end; i++) into[i] += copy[i], copy[i] = 0.0;
+        }
+        copy += size, marks += blocks;
+    }
+}
+
+//: teg_finish
+/* Note that a chunk is done; merge copies as long as the next one is done. */
+static void teg_finish(teg_copies *copies, long chunk, double *copy)
+{
+    copies->finished[chunk] = copy;
+    for (; copies->next < copies->chunks && copies->finished[copies->next]; copies->next++) {
+        double *const done = copies->finished[copies->next];
+        if (copies->chunks > 1) teg_merge(copies, done);
+        copies->finished[copies->next] = NULL, copies->unused[copies->count++] = done;
+    }
+}
+
+//: teg_close
+/* Free all copies. */
+static void teg_close(teg_copies *copies)
+{
+    for (long k = 0; copies->spare && k < copies->chunks; k++) free(copies->finished[k]);
+    for (long k = 0; k < copies->count; k++) free(copies->unused[k]);
+    free(copies->spare);
+}
+
 //: teg_watch
 /* What can stop a call: the thread that called asks `poll`, which tells after how much more work to ask again, or 0 to stop. */
 typedef struct {

@@ -17,7 +17,7 @@ from typing import Any, cast
 
 from teg.errors import NotDifferentiableError, ParameterError
 from teg.ir import expr as ex
-from teg.ir.arrays import Array, Gather, Ranged, Slope, StillGather, Sum, Unit, has_arrays, integers_of, open_indices, sum_over
+from teg.ir.arrays import Array, Gather, Placed, Ranged, Slope, StillGather, Sum, Unit, has_arrays, integers_of, open_indices, sum_over
 from teg.ir.cells import APART, Symbols, cellwise, rename_indices, replace_integers, replaced
 from teg.ir.choices import Product, Winner
 from teg.ir.expr import ONE, ZERO, Expr, Param, Var, add, mul, positive, sub, where
@@ -25,6 +25,7 @@ from teg.ir.index import ArrayName, IndexVar, index_leaves
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition
 from teg.ir.show import show
+from teg.ir.tables import Collected, RowSum, Table, TableEntry, TableUnit
 from teg.passes.normalise.choices import without_choices
 from teg.passes.normalise.self_comparison import without_self_comparisons
 from teg.passes.normalise.sums import sums_outside
@@ -68,8 +69,9 @@ class _Gradient:
         self.active: set[Node] = set()
         for node in self.order:
             mine = node in wrt or (isinstance(node, Gather) and not isinstance(node, StillGather) and node.array in wrt)
-            if mine or (not isinstance(node, Winner) and any(c in self.active for c in node.children)):
-                if isinstance(node, Slope):
+            below = (node.table.children[node.column],) if isinstance(node, TableEntry) else node.children
+            if mine or (not isinstance(node, Winner) and any(c in self.active for c in below)):
+                if isinstance(node, Slope | Collected):
                     raise not_again(node)
                 self.active.add(node)
         self.done: dict[tuple[Expr, IndexVar | None], dict[Node, Expr]] = {}
@@ -98,6 +100,8 @@ class _Gradient:
                     other = cast(Partition, heappop(waiting)[1])
                     weights[other] = add(*parts.pop(other))
                 found = self._inside_partitions(weights, bound)
+            elif isinstance(node, Table):
+                found = self._inside_table(node, weight)
             else:
                 found = {leaf: mul(weight, slope) for leaf, slope in self._inside(node).items()}
             for leaf, term in found.items():
@@ -108,6 +112,8 @@ class _Gradient:
         for leaf, terms in parts.items():
             if isinstance(leaf, Gather) and (bound is None or bound in self.open[leaf]):
                 at_arrays.setdefault(leaf.array, []).append(mul(add(*terms), Unit.make((leaf.array, leaf.subscripts), ())))
+            elif isinstance(leaf, TableEntry) and (bound is None or bound in self.open[leaf]):
+                at_arrays.setdefault(leaf.table, []).append(mul(add(*terms), TableUnit.make(leaf.data, leaf.children)))
             else:
                 at_arrays.setdefault(leaf, []).extend(terms)
         result.update((leaf, add(*terms)) for leaf, terms in at_arrays.items())
@@ -143,6 +149,20 @@ class _Gradient:
         for leaf, slope in self._swept(otherwise, bound).items():
             around.setdefault(leaf, []).append(slope)
         return {leaf: add(*terms) for leaf, terms in around.items()}
+
+    def _inside_table(self, table: Table, derivative: Expr) -> dict[Node, Expr]:
+        """Returns the derivatives by what is in a table, given the derivative by the table, which is a table itself."""
+        adjoints = {
+            number: [cast(Expr, Collected.make((table.index, column), (derivative,)))]
+            for column, number in enumerate(table.numbers)
+            if number in self.active
+        }
+        once = [terms[0] for terms in adjoints.values()]
+        seen = positive(add(*(mul(a, a) for a in once)))
+        return {
+            leaf: cast(Expr, RowSum.make((table.index, table.lo, table.hi, table.listed), (where(seen, slope, ZERO),)))
+            for leaf, slope in self._swept(adjoints, table.index).items()
+        }
 
     def _swept(self, adjoints: Mapping[Expr, Sequence[Expr]], bound: IndexVar | None) -> dict[Node, Expr]:
         """Returns Σ adjoint·(derivative of the number) by the leaves of numbers, as the derivatives of Σ seed·number."""
@@ -186,7 +206,14 @@ def tangent(e: Expr, direction: Mapping[Any, object], along: Along, boundaries: 
             case Partition():
                 new[node] = _moved_partition(node, moves, boundaries)
             case Slope():
-                new[node] = _moved_slope(node, new[node.partition])
+                new[node] = _moved_slope(node, new[node.table])
+            case Table():
+                new[node] = Table.make(node.data, tuple(map(moves, node.numbers)))
+            case TableEntry():
+                moved_table = cast(Table, new[node.table])
+                new[node] = TableEntry.make(node.data, (moved_table,)) if moved_table.numbers[node.column] is not ZERO else ZERO
+            case Collected():
+                raise not_again(node)
             case _:
                 pass
     return moves(e)
@@ -269,10 +296,10 @@ def _is_seen(node: Partition, adjoints: Iterable[Expr]) -> ex.Cond:
     return ex.disjunction(positive(area), positive(add(*(mul(a, a) for a in adjoints))))
 
 
-def not_again(node: Slope) -> NotDifferentiableError:
+def not_again(node: Placed) -> NotDifferentiableError:
     """Returns the error for a derivative of a choice that there is not: the third one, or the gradient of a gradient."""
-    partition = cast(Partition, node.partition)
-    if partition.layout.order:
+    partition = node.table
+    if isinstance(partition, Partition) and partition.layout.order:
         hint = (
             "a difference of f.hvp or f.hessian at two points, which are exact; jumps written out (teg.where) have derivatives of any order"
         )
@@ -292,7 +319,7 @@ def _tangent_of_cell(
         change: Expr = ZERO
         if isinstance(leaf, Gather) and not isinstance(leaf, StillGather) and leaf.array in moved:
             change = Gather.make((moved[leaf.array], leaf.subscripts), ())
-        elif isinstance(leaf, Ranged | Slope):
+        elif isinstance(leaf, Ranged | Placed):
             change = sums.get(leaf, ZERO)
         if change is not ZERO:
             along[symbol] = Param.make(f"∂{symbol.name}", ())

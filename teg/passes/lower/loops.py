@@ -5,7 +5,7 @@ lowered to one flat program whose parameters are entries, integers, and the sums
 statements stop depending on an index: values that are the same for all iterations of a loop are computed before it (`_split`).
 
 A derivative by an array, Σ_k w_k·1[V; F[k]], is taken apart into its places and the numbers added there; a weight in front of a sum goes
-inside.
+inside. So is a derivative by a table, which is complete before what is collected from it is used: such outputs are a stage of their own.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from typing import cast
 
 from teg.errors import DeltaError
 from teg.ir import expr as ex
-from teg.ir.arrays import Array, Gather, Ranged, Slope, Sum, Unit, open_indices
-from teg.ir.cells import cell_leaves, replaced
+from teg.ir.arrays import Array, Gather, Placed, Ranged, Slope, Sum, Unit, open_indices
+from teg.ir.cells import APART, cell_leaves, replaced
 from teg.ir.choices import Product, Winner
-from teg.ir.expr import ONE, ZERO, Add, Const, Expr, Mul, Param, Where, add, mul, where
+from teg.ir.expr import ONE, ZERO, Const, Expr, Param
 from teg.ir.index import (
     ArrayName,
     Index,
@@ -35,12 +35,16 @@ from teg.ir.index import (
 )
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition
+from teg.ir.tables import RowSum, Table, TableUnit
 from teg.numerics.cells import Layout
+from teg.passes.lower.linear import has_units, outside_of, stages, taken_apart
 from teg.program import Assign, Program, Stmt, assigned, free_names, has_ties
 from teg.program.arrays import (
+    AddTo,
     Arg,
     ArrayProgram,
     ArraySpec,
+    Blank,
     Cells,
     Factors,
     Integers,
@@ -49,6 +53,7 @@ from teg.program.arrays import (
     Load,
     Loop,
     Number,
+    Rows,
     Run,
     Scatter,
     Step,
@@ -62,6 +67,8 @@ Schedule = Callable[[Sequence[Expr], Sequence[str]], Program]
 """Returns a flat program of scalar outputs, given these and the names of the parameters."""
 Output = Expr | tuple[Array, Expr]
 """A number, or an array and the derivative by it."""
+_Place = tuple[int | str, Expr, Expr]
+"""An output, or the name of a table; an expression with units that is added to it; a weight."""
 
 
 def schedule_arrays(outputs: Sequence[Output], parameters: Sequence[str], arrays: Sequence[ArrayName], flat: Schedule) -> ArrayProgram:
@@ -102,19 +109,34 @@ class _ArrayScheduler:
         self._open: dict[Node, frozenset[IndexVar]] = {}
         self._sloped: set[Expr] = set()  # partitions of which derivatives are used
         self._tables: dict[Expr, tuple[str, Layout]] = {}
+        self._rows: dict[Node, str] = {}  # by a table, or by a derivative by one
 
     def run(self, outputs: Sequence[Output]) -> ArrayProgram:
         top = _Level(0, None, None)
         for k, name in enumerate(self.parameters):
             top.names[Param.make(name, ())] = f"p{k}"
         scalars = [e for e in outputs if isinstance(e, Expr)]
-        places = [(k, e[1], ONE) for k, e in enumerate(outputs) if not isinstance(e, Expr)]
-        whole = ex.tuple_of(*scalars, *(e for _, e, _ in places))
+        derivatives = [(k, e[1], ONE) for k, e in enumerate(outputs) if not isinstance(e, Expr)]
+        whole = ex.tuple_of(*scalars, *(e for _, e, _ in derivatives))
         self._open = open_indices(whole)
-        self._sloped = {n.partition for n in postorder([whole]) if isinstance(n, Slope)}
-        names = iter(self._level(top, scalars, places))
-        results = tuple(next(names) if isinstance(e, Expr) else Like(self._number[e[0]]) for e in outputs)
+        self._sloped = {n.table for n in postorder([whole]) if isinstance(n, Slope)}
+        names: dict[Expr, Arg] = {}
+        for numbers, added in stages(scalars, derivatives):
+            places: list[_Place] = []
+            for to, leaf, weight in added:
+                if not isinstance(to, int) and to not in self._rows:
+                    self._rows[to] = self._blank(top, leaf)
+                places.append((to if isinstance(to, int) else self._rows[to], leaf, weight))
+            names.update(zip(numbers, self._level(top, numbers, places), strict=True))
+        results = tuple(names[e] if isinstance(e, Expr) else Like(self._number[e[0]]) for e in outputs)
         return ArrayProgram(self.parameters, array_specs(self.arrays), tuple(top.steps), results)
+
+    def _blank(self, top: _Level, leaf: Expr) -> str:
+        """Emits an empty table for a derivative by a table."""
+        table = next(cast(Table, n.table) for n in postorder([leaf]) if isinstance(n, TableUnit))
+        rows, name = self._integer(table.hi, top), self._fresh("i", top)
+        top.steps.append(Blank(name, rows, len(table.numbers), tuple(self._number[a] for a in table.arrays)))
+        return name
 
     def _fresh(self, kind: str, level: _Level) -> str:
         self._count += 1
@@ -124,15 +146,15 @@ class _ArrayScheduler:
 
     # -- levels --------------------------------------------------------------------------------------------------------
 
-    def _level(self, level: _Level, roots: Sequence[Expr], linear: Sequence[tuple[int, Expr, Expr]]) -> list[Arg]:
-        """Emits steps for numbers, whose names are returned, and for arrays: (output, expression with units, weight).
+    def _level(self, level: _Level, roots: Sequence[Expr], linear: Sequence[_Place]) -> list[Arg]:
+        """Emits steps for numbers, whose names are returned, and for arrays and tables: (output or table, expression with units, weight).
 
         The recursion is as deep as sums are nested.
         """
-        units: list[tuple[int, Unit, Expr]] = []
-        sums: list[tuple[int, Sum, Expr]] = []
+        units: list[tuple[int | str, Unit | TableUnit, Expr]] = []
+        sums: list[tuple[int | str, Sum, Expr]] = []
         for output, e, weight in linear:
-            for leaf, w in _taken_apart(e, weight):
+            for leaf, w in taken_apart(e, weight):
                 if isinstance(leaf, Sum):
                     sums.append((output, leaf, w))
                 else:
@@ -142,10 +164,14 @@ class _ArrayScheduler:
         values = [*roots, *(w for _, _, w in units)]
         names = self._cell(level, values)
         for (output, unit, _), name in zip(units, names[len(roots) :], strict=True):
-            level.steps.append(Scatter(output, self._number[unit.array], tuple(self._integer(i, level) for i in unit.subscripts), name))
+            if isinstance(unit, TableUnit):
+                level.steps.append(AddTo(str(output), self._integer(unit.row, level), unit.column, name))
+            else:
+                places = tuple(self._integer(i, level) for i in unit.subscripts)
+                level.steps.append(Scatter(int(output), self._number[unit.array], places, name))
         return names[: len(roots)]
 
-    def _loops(self, level: _Level, roots: Sequence[Expr], linear: Sequence[tuple[int, Sum, Expr]]) -> None:
+    def _loops(self, level: _Level, roots: Sequence[Expr], linear: Sequence[tuple[int | str, Sum, Expr]]) -> None:
         """Emits a loop for every sum of this level, in the order of their dependence."""
         bodies = [*roots, *(s for _, s, _ in linear)]
         outside = self._indices(level)
@@ -153,23 +179,23 @@ class _ArrayScheduler:
         mine: list[Ranged] = []
         height: dict[Node, int] = {}
         known = {s for at in outside for s in at.names if isinstance(s, Ranged)}
-        for node in _outside_of(known, bodies):
+        for node in outside_of(known, bodies):
             height[node] = max((height.get(c, 0) for c in node.children), default=0)
-            if isinstance(node, Ranged) and self._open[node] <= within and not _has_units(node):
+            if isinstance(node, Ranged) and self._open[node] <= within and not has_units(node):
                 height[node] += 1
                 mine.append(node)
-        groups: dict[tuple[int, IndexVar, Index, Index], tuple[list[Node], list[tuple[int, Expr, Expr]]]] = {}
+        groups: dict[tuple[int, IndexVar, Index, Index, int], tuple[list[Node], list[_Place]]] = {}
         for node in mine:
-            groups.setdefault((height[node], node.index, node.lo, node.hi), ([], []))[0].append(node)
+            groups.setdefault((height[node], node.index, node.lo, node.hi, self._listed(node)), ([], []))[0].append(node)
         for output, node, weight in linear:
             after = 1 + max(height.get(weight, 0), height.get(node.body, 0))
-            groups.setdefault((after, node.index, node.lo, node.hi), ([], []))[1].append((output, node.body, weight))
-        for (_, k, lo, hi), (nodes, places) in sorted(groups.items(), key=lambda item: item[0][0]):
+            groups.setdefault((after, node.index, node.lo, node.hi, self._listed(node)), ([], []))[1].append((output, node.body, weight))
+        for (_, k, lo, hi, listed), (nodes, places) in sorted(groups.items(), key=lambda item: item[0][0]):
             sums = [n for n in nodes if isinstance(n, Sum)]
             if sums or places:
                 loop, values = self._around(k, lo, hi, level, [s.body for s in sums], places)
                 results = tuple(self._fresh("v", level) for _ in sums)
-                level.steps.append(Loop(*loop, values, results, k.name))
+                level.steps.append(Loop(*loop, values, results, k.name.split(APART)[0], listed))
                 level.names.update(zip(sums, results, strict=True))
             products = [n for n in nodes if isinstance(n, Product)]
             if products:
@@ -182,9 +208,12 @@ class _ArrayScheduler:
                 numbers = [cast(Expr, n.children[i]) for i in (0, 1) for n in winners]
                 loop, values = self._around(k, lo, hi, level, numbers)
                 results = tuple(self._fresh("v", level) for _ in winners)
-                level.steps.append(Least(*loop, values[: len(winners)], results, k.name, values[len(winners) :]))
+                level.steps.append(Least(*loop, values[: len(winners)], results, k.name, eligible=values[len(winners) :]))
                 level.names.update(zip(winners, results, strict=True))
             self._partitions([n for n in nodes if isinstance(n, Partition)], level)
+            for node in nodes:
+                if isinstance(node, Table):
+                    self._rows[node] = self._table(node, level)
 
     def _around(
         self,
@@ -193,7 +222,7 @@ class _ArrayScheduler:
         hi: Index,
         level: _Level,
         numbers: Sequence[Expr],
-        places: Sequence[tuple[int, Expr, Expr]] = (),
+        places: Sequence[_Place] = (),
     ) -> tuple[tuple[str, Arg, Arg, tuple[Step, ...]], tuple[Arg, ...]]:
         """Returns the first fields of a loop, and the names of the numbers that an iteration computes."""
         inner = _Level(level.depth + 1, k, level)
@@ -202,6 +231,19 @@ class _ArrayScheduler:
         bounds = self._integer(lo, level), self._integer(hi, level)
         values = self._level(inner, numbers, places)
         return (index, *bounds, tuple(inner.steps)), tuple(values)
+
+    def _listed(self, node: Ranged) -> int:
+        """Returns the array of indices whose entries are the only iterations, or -1."""
+        return self._number[node.listed] if isinstance(node, Table | RowSum) else -1
+
+    def _table(self, node: Table, level: _Level) -> str:
+        """Emits the rows of a table; returns its name."""
+        loop, values = self._around(node.index, node.lo, node.hi, level, node.numbers)
+        name = self._fresh("i", level)
+        arrays = tuple(self._number[a] for a in node.arrays)
+        level.steps.append(Rows(*loop, values, (), node.index.name.split(APART)[0], self._listed(node), name, arrays))
+        level.names[node] = name
+        return name
 
     def _partitions(self, nodes: Sequence[Partition], level: _Level) -> None:
         """Emits the cells of partitions over one range; those with the same guards and keys share their cells."""
@@ -225,7 +267,7 @@ class _ArrayScheduler:
             otherwise = tuple(self._cell(level, others))
             results = tuple(self._fresh("v", level) for _ in group)
             tables = tuple(self._fresh("i", level) for _ in group) if any(n in self._sloped for n in group) else ()
-            level.steps.append(Cells(*loop, values, results, k.name, shape, otherwise, tables))
+            level.steps.append(Cells(*loop, values, results, k.name, -1, shape, otherwise, tables))
             level.names.update(zip(group, results, strict=True))
             self._tables.update((n, (table, shape)) for n, table in zip(group, tables, strict=False))
 
@@ -296,8 +338,10 @@ class _ArrayScheduler:
             case IndexValue():
                 places = (self._integer(leaf.index, level),)
             case Slope():
-                table, shape = self._tables[leaf.partition]
+                table, shape = self._tables[leaf.table]
                 places = (self._integer(leaf.row, level), table)
+            case Placed():
+                places = (self._integer(leaf.row, level), self._rows[leaf.table])
             case _:
                 raise AssertionError(f"{type(leaf).__name__} has no name")
         depth = max((self._depth.get(i, 0) for i in places), default=0)
@@ -307,9 +351,11 @@ class _ArrayScheduler:
             case Gather():
                 home.steps.append(Load(name, self._number[leaf.array], places))
             case Slope():
-                columns = cast(Partition, leaf.partition).layout.columns
+                columns = cast(Partition, leaf.table).layout.columns
                 column = leaf.column % columns + shape.columns * (leaf.column // columns)
                 home.steps.append(Take(name, table, places[0], column))
+            case Placed():
+                home.steps.append(Take(name, str(places[1]), places[0], leaf.column))
             case _:
                 home.steps.append(Number(name, places[0]))
         home.names[leaf] = name
@@ -387,53 +433,3 @@ def _padded(node: Partition, order: int, shape: Layout, numbers: Sequence[Expr],
     `length` is the distance between both."""
     own = node.layout.coefficients
     return [*numbers[order * length : order * length + own], *[ZERO] * (shape.coefficients - own)]
-
-
-def _outside_of(known: set[Ranged], roots: Sequence[Node]) -> list[Node]:
-    """Returns every node, children first, without computed nodes and their insides, where an index may be that of another loop."""
-    order: list[Node] = []
-    done: set[Node] = set(known)
-    stack: list[tuple[Node, bool]] = [(r, False) for r in reversed(roots)]
-    while stack:
-        node, finished = stack.pop()
-        if finished:
-            order.append(node)
-        elif node not in done:
-            done.add(node)
-            stack.append((node, True))
-            stack.extend((c, False) for c in reversed(node.children))
-    return order
-
-
-def _taken_apart(e: Expr, weight: Expr) -> list[tuple[Unit | Sum, Expr]]:
-    """Returns weight·e as weights of units and sums; e is linear in units and in sums that contain units."""
-    parts: dict[Node, list[Expr]] = {e: [weight]}
-    found: list[tuple[Unit | Sum, Expr]] = []
-    order = postorder([e])
-    holds: set[Node] = set()
-    for node in order:
-        if isinstance(node, Unit) or any(c in holds for c in node.children):
-            holds.add(node)
-    for node in reversed(order):
-        if node not in parts:
-            continue
-        w = add(*parts.pop(node))
-        if isinstance(node, Unit | Sum):
-            found.append((node, w))
-        elif isinstance(node, Add):
-            for c in node.children:
-                parts.setdefault(c, []).append(w)
-        elif isinstance(node, Mul):
-            holding = [c for c in node.children if c in holds]
-            others = mul(*(c for c in node.children if c is not holding[0]))
-            parts.setdefault(holding[0], []).append(mul(w, others))
-        elif isinstance(node, Where):
-            parts.setdefault(node.then, []).append(where(node.condition, w, ZERO))
-            parts.setdefault(node.otherwise, []).append(where(node.condition, ZERO, w))
-        elif node is not ZERO:
-            raise DeltaError("a derivative by an array stands in no linear position", node, "it may be added, and multiplied by numbers")
-    return found
-
-
-def _has_units(root: Node) -> bool:
-    return any(isinstance(n, Unit) for n in postorder([root]))

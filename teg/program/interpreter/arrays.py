@@ -7,10 +7,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, assert_never
 
+import numpy as np
+
 from teg.numerics.cells import integrals
 from teg.program.arrays import (
+    AddTo,
     Arg,
     ArrayProgram,
+    Blank,
     Cells,
     Factors,
     Integers,
@@ -19,6 +23,7 @@ from teg.program.arrays import (
     Load,
     Loop,
     Number,
+    Rows,
     Run,
     Scatter,
     Step,
@@ -85,8 +90,15 @@ class ArrayMachine:
                     self._factors(step)
                 case Cells():
                     self._cells(step)
+                case Rows():
+                    self._rows(step)
                 case Loop():
                     self._loop(step)
+                case Blank():
+                    rows = [[0.0] * step.columns for _ in range(self.of(step.rows))]
+                    self.tables[step.table] = rows, 0
+                case AddTo():
+                    self.tables[step.table][0][self.of(step.row)][step.column] += self.number(step.value)
                 case Take():
                     table, first = self.tables[step.table]
                     self.values[step.name] = table[self.of(step.row) - first][step.column]
@@ -120,7 +132,9 @@ class ArrayMachine:
 
     def _iterations(self, step: Loop) -> Iterator[int]:
         """Runs the body of a loop for each index, and yields it."""
-        for i in range(self.of(step.lo), self.of(step.hi)):
+        wanted = range(self.of(step.lo), self.of(step.hi))
+        listed = None if step.listed < 0 else {int(i) for i in np.ravel(self.arrays[step.listed])}
+        for i in wanted if listed is None else sorted(listed.intersection(wanted)):
             self.values[step.index] = i
             self.run(step.body)
             yield i
@@ -151,10 +165,14 @@ class ArrayMachine:
         first = self.of(step.lo)
         self.tables.update((name, (table, first)) for name, table in zip(step.tables, found.tables, strict=False))
 
+    def _rows(self, step: Rows) -> None:
+        table = [[math.nan] * len(step.values) for _ in range(self.of(step.hi))]
+        for i in self._iterations(step):
+            table[i] = [self.number(v) for v in step.values]
+        self.tables[step.table] = table, 0
+
     def _loop(self, step: Loop) -> None:
         sums = [0.0] * len(step.results)
-        for i in range(self.of(step.lo), self.of(step.hi)):
-            self.values[step.index] = i
-            self.run(step.body)
+        for _ in self._iterations(step):
             sums = [s + self.number(v) for s, v in zip(sums, step.values, strict=True)]
         self.values.update(zip(step.results, sums, strict=True))
