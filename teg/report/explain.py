@@ -32,7 +32,23 @@ from teg.passes.normalise.inline import reasons, write_out
 from teg.passes.normalise.steps import enumerate_steps
 from teg.pipeline import Maps, compiled_outputs, flatten, normal_form, program_for
 from teg.program import size
-from teg.program.arrays import CHUNKS, LEAST, Arg, ArrayProgram, Cells, Integers, Load, Loop, Run, Scatter, Step, array_size, steps, work
+from teg.program.arrays import (
+    CHUNKS,
+    LEAST,
+    Arg,
+    ArrayProgram,
+    Cells,
+    Integers,
+    Load,
+    Loop,
+    Rows,
+    Run,
+    Scatter,
+    Step,
+    array_size,
+    steps,
+    work,
+)
 from teg.report.explanation import ArrayExplanation, Explanation
 from teg.report.integrals import Integrals, cost_of
 from teg.report.inventory import Inventory, text_of
@@ -262,6 +278,8 @@ def _row(loop: Loop | None, block: Sequence[Step], depth: int, program: ArrayPro
         "loads": sum(isinstance(s, Load) for s in block),
         "scatters": [program.arrays[s.array].name for s in block if isinstance(s, Scatter)],
         "results": 0 if loop is None else len(loop.results),
+        "kept": len(loop.values) if isinstance(loop, Rows) else 0,
+        "listed": "" if loop is None or loop.listed < 0 else program.arrays[loop.listed].name,
         "statements": sum(1 for s in block if not isinstance(s, Run | Loop)) + sum(c["statements"] for c in costs),
         "integrals": sum(c["integrals"] for c in costs),
         "evaluations": sum(c["evaluations"] for c in costs),

@@ -166,10 +166,13 @@ def _loops(title: str, found: Sequence[dict[str, Any]]) -> Table:
         parts = [f"reads {_counted(r['loads'], 'entry', 'entries')}"] if r["loads"] else []
         parts += [_counted(r["integrals"], "integral", "integrals")] if r["integrals"] else []
         parts += [_counted(r["results"], "sum", "sums")] if r["results"] else []
+        parts += [f"keeps {_counted(r['kept'], 'number', 'numbers')} in a table"] if r["kept"] else []
         parts += [f"{n} added into the gradient by {name}" for name, n in into.items()]
-        loop = "· " * (r["depth"] - 1) + f"Σ {r['index']}" if r["index"] else "once a call"
-        domain = f"{r['lower']} .. {r['upper']}" if r["index"] else "-"
-        chunks = f"≤ {r['chunks']}, ≥ {_grouped(r['iterations_a_chunk'])} iterations each" if r["iterations_a_chunk"] else "-"
+        sign = "each" if r["kept"] else "Σ"
+        loop = "· " * (r["depth"] - 1) + f"{sign} {r['index']}" if r["index"] else "once a call"
+        domain = f"{r['lower']} .. {r['upper']}" + (f", if in {r['listed']}" if r["listed"] else "") if r["index"] else "-"
+        chunked = r["iterations_a_chunk"] and not r["kept"]
+        chunks = f"≤ {r['chunks']}, ≥ {_grouped(r['iterations_a_chunk'])} iterations each" if chunked else "-"
         evaluations = f"{_evaluations(r)}; least {_grouped(r['least'])}" if r["evaluations"] else "-"
         rows.append((loop, domain, ", ".join(parts) or "-", _grouped(r["statements"]), evaluations, chunks))
     left = len(found) - MAX_ROWS

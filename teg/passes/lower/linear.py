@@ -8,7 +8,8 @@ their own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import cast
 
 from teg.errors import DeltaError
 from teg.ir import expr as ex
@@ -30,14 +31,31 @@ def stages(numbers: Sequence[Expr], places: Sequence[tuple[int, Expr, Expr]]) ->
     stage: dict[Node, int] = {}
     for node in postorder([ex.tuple_of(whole, *(e for part in parts for e in part[1:]))]):
         stage[node] = max((stage[c] for c in node.children), default=0) + isinstance(node, Collected)
-    last = stage[whole]
+    early = [n for e in (*numbers, *(w for _, _, w in parts)) for n in _sums_before(e, stage)]
     return [
         (
-            list(dict.fromkeys(e for e in numbers if stage[e] == k)),
+            list(dict.fromkeys(e for e in (*numbers, *early) if stage[e] == k)),
             [part for part in parts if max(stage[part[1]], stage[part[2]]) == k],
         )
-        for k in range(last + 1)
+        for k in range(stage[whole] + 1)
     ]
+
+
+def _sums_before(e: Expr, stage: Mapping[Node, int]) -> list[Expr]:
+    """Returns the sums in an expression that are known before it, so that they share the loops of their stage."""
+    found: list[Expr] = []
+    seen: set[Node] = set()
+    stack: list[Node] = [e] if stage[e] else []
+    while stack:
+        node = stack.pop()
+        if node in seen:
+            continue
+        seen.add(node)
+        if isinstance(node, Ranged):
+            found += [cast(Expr, node)] if stage[node] < stage[e] else []
+        elif not isinstance(node, Collected):
+            stack.extend(node.children)
+    return found
 
 
 def taken_apart(e: Expr, weight: Expr) -> list[tuple[Unit | TableUnit | Sum, Expr]]:

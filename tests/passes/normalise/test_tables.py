@@ -15,7 +15,7 @@ from teg.ir.tables import Table, TableEntry
 from teg.passes.differentiate.through_sums import outlined
 from teg.passes.normalise.integers import with_sums_of_integers
 from teg.passes.normalise.tables import with_tables
-from teg.program.arrays import AddTo, Blank, Rows, Run, steps
+from teg.program.arrays import AddTo, Blank, Cells, Rows, Run, steps
 from teg.program.interpreter import interpret_arrays
 
 Array = Any
@@ -177,3 +177,14 @@ def test_what_costs_little_is_computed_where_it_is_used() -> None:
     seen = teg.nearest(C[L[k]], x - C[L[k]], (k, 0, teg.length(L)))
     program = teg.sum(teg.integral(seen, (x, i, i + 1)), (i, 0, 4))
     assert not any(isinstance(n, Table) for n in postorder([with_tables(with_sums_of_integers(outlined(program)))]))
+
+
+def test_sums_of_one_loop_stay_in_it() -> None:
+    """The value, and what the derivative by a parameter has beside the tables, are added up where the derivative by the table is."""
+    program = teg.compile(scene(), [P, s], backend="numpy").program(1)
+    assert sum(isinstance(step, Cells) for step in steps(program.body)) == 1
+
+
+def test_explain_names_the_table() -> None:
+    told = str(teg.compile(scene(), [P], backend="numpy").explain())
+    assert "each row" in told
