@@ -106,7 +106,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/analysis/calculus.py",
-        ("tests/test_derivatives.py", *PASSES),
+        ("tests/passes/differentiate/test_forward.py", "tests/test_derivatives.py", *PASSES),
         (
             "tangent of a branch",
             "return where(node.condition, tangent[node.then], tangent[node.otherwise])",
@@ -133,7 +133,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/passes/eliminate/univariate.py",
-        PASSES,
+        ("tests/passes/eliminate/test_families.py", "tests/passes/eliminate/test_univariate.py", *PASSES),
         (
             "weight of a root",
             "value = mul(weight, restrict(coefficient, at, g, directions))",
@@ -174,8 +174,8 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/numpy/runtime.py",
-        (SMALL, NUMPY, "tests/backends/numpy/test_kernel.py"),
-        ("bisection", "left[1::2] += width", "left[0::2] += width"),
+        ("tests/backends/numpy/test_kernel.py", SMALL, NUMPY),
+        ("bisection", "left[1::2] += width", "left[1::2] += 0.5 * width"),
         (
             "watched signs",
             "changed[part] |= (both > 0.0).any(axis=0) & (both < 0.0).any(axis=0)",
@@ -217,7 +217,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/shared/rules.py",
-        (SMALL, NUMPY, "tests/backends/numpy/test_kernel.py"),
+        ("tests/numerics/test_quadrature.py", "tests/backends/numpy/test_kernel.py", SMALL, NUMPY),
         ("ties of the second order", "xp.where(order > 0, resolution, xp.logical_not(resolution))", "resolution"),
         ("infinite values tie", "(xp.abs(g) <= TIE_EPS * scale) & xp.isfinite(g)", "(xp.abs(g) <= TIE_EPS * scale)"),
         ("error of Gauss's rule", "0.0, 4.0 * tail * decay)", "0.0, 0.0 * tail * decay)"),
