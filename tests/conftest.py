@@ -17,7 +17,13 @@ import pytest
 from teg.backends.c import build, kernel
 
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")  # read when JAX is imported
-QUICK_IN_JAX = ("backends/jax/test_kernel.py", "interop/test_jax.py", "test_references.py::test_jax[", "test_floors.py")
+QUICK_IN_JAX = (
+    "backends/jax/test_kernel.py",
+    "backends/jax/test_isolate.py::test_where_roots_are_not_asked_for_there_are_none",
+    "interop/test_jax.py",
+    "test_references.py::test_jax[",
+    "test_floors.py",
+)
 """Where JAX is tested in the quick run too: XLA takes half a second to some seconds for each program."""
 
 THOROUGH = tuple(line for line in (Path(__file__).parent / "thorough.txt").read_text().splitlines() if not line.startswith("#"))

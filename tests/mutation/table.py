@@ -225,7 +225,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/shared/polygons.py",
-        (SMALL, NUMPY, "tests/backends/test_polygon.py"),
+        ("tests/passes/eliminate/test_vertices.py", "tests/backends/test_polygon.py", SMALL, NUMPY),
         ("start of a segment", "xp.where(begins, xp.maximum(start, root), start)", "start"),
         ("end of a segment", "xp.where(ends, xp.minimum(stop, root), stop)", "stop"),
     ),
@@ -268,7 +268,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/jax/roots.py",
-        ("tests/backends/jax/test_kernel.py", JAX),
+        ("tests/backends/jax/test_isolate.py", "tests/backends/jax/test_kernel.py", JAX),
         (
             "points of a sum in JAX",
             "found = [jnp.where(when, jnp.where(refused, jnp.nan, v), jnp.inf)",
@@ -277,7 +277,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/numpy/polygon.py",
-        (SMALL, NUMPY, "tests/backends/test_polygon.py"),
+        ("tests/passes/eliminate/test_vertices.py", "tests/backends/test_polygon.py", SMALL, NUMPY),
         (
             "ties of a segment",
             "found[i] = ties, resolution if run.order > 0 else np.logical_not(resolution)",
