@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from teg.backends.c import build, kernel
+from teg.evaluator import plan
 
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")  # read when JAX is imported
 QUICK_IN_JAX = (
@@ -78,6 +79,14 @@ def as_users_compile(quickly_compiled: None) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernel, "OPTIMISATION", AS_RELEASED[0])
         patch.setattr(build, "OPTIMISE", AS_RELEASED[1])
+        yield
+
+
+@pytest.fixture(scope="module")
+def derived_once() -> Iterator[None]:
+    """Equal programs of a module's tests are derived once: no backend has a part in that. Not for tests that change a pass."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan, "_derivations", {})
         yield
 
 
