@@ -84,6 +84,29 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
     ),
     *_of(
+        "teg/passes/differentiate/forward.py",
+        ("tests/analysis/test_singularities.py",),
+        (
+            "rate of a bound beside a singularity",
+            "rate = ZERO if (b.var, bound) in field.kept else tangent_of(bound, along)",
+            "rate = tangent_of(bound, along)",
+        ),
+        ("divergence beside a singularity", "*steps, mul(weight, expansion)), chain)]", "*steps), chain)]"),
+        ("steps beside a singularity", "add(tangent[weight], *steps, mul(weight", "add(tangent[weight], mul(weight"),
+        ("other branch of a singular nest", "where(e.condition, ZERO, ex.ONE))))", "where(e.condition, ex.ONE, ZERO))))"),
+        ("condition of a singular branch", "(conjunction(condition, negation(e.condition)), e.otherwise)", "(condition, e.otherwise)"),
+    ),
+    *_of(
+        "teg/analysis/kinks.py",
+        ("tests/analysis/test_kinks.py",),
+        ("sign of an absolute value", "size if sign > 0 else mul(MINUS_ONE, size)", "size"),
+    ),
+    *_of(
+        "teg/passes/eliminate/implicit.py",
+        ("tests/passes/eliminate/test_implicit.py",),
+        ("weight of a chart", "integer_power(r, power - 1) if power > 2", "integer_power(r, power) if power > 2"),
+    ),
+    *_of(
         "teg/passes/differentiate/reverse.py",
         ("tests/passes/differentiate/test_reverse.py", *PASSES),
         (
