@@ -85,7 +85,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/passes/differentiate/forward.py",
-        ("tests/analysis/test_singularities.py",),
+        ("tests/analysis/test_singularities.py", "tests/analysis/test_coincidence.py"),
         (
             "rate of a bound beside a singularity",
             "rate = ZERO if (b.var, bound) in field.kept else tangent_of(bound, along)",
@@ -94,6 +94,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("divergence beside a singularity", "*steps, mul(weight, expansion)), chain)]", "*steps), chain)]"),
         ("steps beside a singularity", "add(tangent[weight], *steps, mul(weight", "add(tangent[weight], mul(weight"),
         ("other branch of a singular nest", "where(e.condition, ZERO, ex.ONE))))", "where(e.condition, ex.ONE, ZERO))))"),
+        ("surface in another form", "without(change, apart | together)", "without(change, apart)"),
         ("condition of a singular branch", "(conjunction(condition, negation(e.condition)), e.otherwise)", "(condition, e.otherwise)"),
     ),
     *_of(
