@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 import teg
-from teg.evaluator.options import Backend
+from teg.evaluator.options import Backend, Functions
 from teg.ir.expr import Expr
 from teg.ir.function import Function
 
@@ -36,6 +36,7 @@ STEP = 1e-100
 """The complex step. Nothing is subtracted, so it may be arbitrarily small."""
 
 Light = Callable[[Any, Any, Any], Any]
+Numbers = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Row:
     """Brightness and its derivatives by angle, width and contrast; their largest error; seconds until the kernel was ready."""
 
     name: str
-    numbers: tuple[float, float, float, float]
+    numbers: Numbers
     error: float
     linked: float
     inlined: float
@@ -88,17 +89,20 @@ def compare(at: dict[str, float], backend: Backend = "numpy") -> list[Row]:
     written, plain = lights(teg), lights(np)
     for name, light in written.items():
         e = brightness(teg.function(name, [u, v], light(u, v, contrast)))
-        times = []
-        for kind in ("inlined", "linked"):
-            start = time.perf_counter()
-            f = teg.compile(e, [angle, width, contrast], backend=backend, functions=kind)
-            value, gradient = f.value_and_grad(at)
-            times.append(time.perf_counter() - start)
+        inlined = ready(e, at, backend, "inlined")[0]  # its evaluator is gone before the other one is made, and with it what they share
+        linked, f, numbers = ready(e, at, backend, "linked")
         kept.append(f)  # the compiled geometry is kept as long as one of these evaluators
-        numbers = (float(value), *(float(gradient[p]) for p in ("angle", "width", "contrast")))
         error = max(abs(a - b) for a, b in zip(numbers, reference(plain[name], at), strict=True))
-        rows.append(Row(name, numbers, error, linked=times[1], inlined=times[0]))  # type: ignore[arg-type]
+        rows.append(Row(name, numbers, error, linked, inlined))
     return rows
+
+
+def ready(e: Expr, at: dict[str, float], backend: Backend, functions: Functions) -> tuple[float, teg.Evaluator, Numbers]:
+    """Returns the seconds until value and gradient are there, the evaluator, and these numbers."""
+    start = time.perf_counter()
+    f = teg.compile(e, [angle, width, contrast], backend=backend, functions=functions)
+    value, gradient = f.value_and_grad(at)
+    return time.perf_counter() - start, f, (float(value), float(gradient["angle"]), float(gradient["width"]), float(gradient["contrast"]))
 
 
 def main(backend: Backend = "numpy") -> list[Row]:

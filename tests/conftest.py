@@ -15,9 +15,16 @@ from pathlib import Path
 import pytest
 
 from teg.backends.c import build, kernel
+from teg.evaluator import plan
 
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")  # read when JAX is imported
-QUICK_IN_JAX = ("backends/jax/test_kernel.py", "interop/test_jax.py", "test_references.py::test_jax[", "test_floors.py")
+QUICK_IN_JAX = (
+    "backends/jax/test_kernel.py",
+    "backends/jax/test_isolate.py::test_where_roots_are_not_asked_for_there_are_none",
+    "interop/test_jax.py",
+    "test_references.py::test_jax[",
+    "test_floors.py",
+)
 """Where JAX is tested in the quick run too: XLA takes half a second to some seconds for each program."""
 
 THOROUGH = tuple(line for line in (Path(__file__).parent / "thorough.txt").read_text().splitlines() if not line.startswith("#"))
@@ -72,6 +79,14 @@ def as_users_compile(quickly_compiled: None) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernel, "OPTIMISATION", AS_RELEASED[0])
         patch.setattr(build, "OPTIMISE", AS_RELEASED[1])
+        yield
+
+
+@pytest.fixture(scope="module")
+def derived_once() -> Iterator[None]:
+    """Equal programs of a module's tests are derived once: no backend has a part in that. Not for tests that change a pass."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan, "_derivations", {})
         yield
 
 

@@ -100,7 +100,7 @@ def compile(
     at most 64 elements), which `check_maps=False` leaves out, and raises DiffeomorphismError.
 
     `functions` says how those of `teg.function` are compiled: "linked" each by itself, so that a program with other bodies shares what was
-    done for the rest; "inlined" as if they were written out by hand: faster code, and nothing is shared.
+    done for the rest; "inlined" as if they were written out by hand: faster code, and programs with other bodies share nothing.
 
     `intrinsics=False` turns off the fast paths of single shapes of programs (`teg.passes.intrinsics`): clipped polygons, moments of
     hyperbolas, weights for poles. The results are the same to the tolerance, by slower and more general means. A `rule` or an `order`

@@ -8,9 +8,9 @@ Each is the symbolic derivative: e is differentiated forward along each directio
 in reverse. A program without loops is one cell, and its plan one flat program. Otherwise every cell goes through the same passes, the
 chain rule goes through sums, and the plan is a program of loops around flat programs.
 
-A program with functions is derived with slots in their places (`teg.function`), so programs that differ only in the bodies of their
-functions share a derivation, and with it the work of all passes. It lives as long as a plan that uses it: the table of derivations holds
-weak references only.
+Plans with the same task share a derivation, and with it the work of all passes: those of one program for two backends, for instance.
+A program with functions is derived with slots in their places (`teg.function`), so that programs share one that differ only in the bodies
+of their functions. It lives as long as a plan that uses it: the table of derivations holds weak references only.
 """
 
 from __future__ import annotations
@@ -302,7 +302,7 @@ class Plan:
         abstract, self.functions = with_slots(write_out(e)) if not has_arrays(e) else (with_sums_of_integers(e), ())
         how = options.integration, options.estimator, tuple(options.maps)
         source = None if source is None else with_sums_of_integers(source)
-        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source), shared=bool(self.functions))
+        self.derivation = _derivation(Task(abstract, self.wrt, self.leaves, self.integers, *how, source))
         self.entries, self.has_loops = flatten(e), self.derivation.has_loops
         self._linked: Kept[tuple[Wanted, int | None, bool, Integration | None], Program] = Kept()
 
@@ -324,16 +324,14 @@ class Plan:
         return self._linked.get((wanted, entry, errors, how), linked)
 
 
-def _derivation(task: Task, shared: bool) -> Derivation:
-    """Returns the derivation of a task. A shared one serves all programs that differ only in the bodies of functions."""
-    if not shared:
-        return Derivation(task)
+def _derivation(task: Task) -> Derivation:
+    """Returns the derivation of a task: that of another plan with the same task, if there is one."""
     with _lock:
         found = _derivations.get(task)
         if found is None:
             found = _derivations[task] = Derivation(task)
         else:
-            log.debug("a derivation is shared with another program of the same functions' signatures")
+            log.debug("a derivation is shared with another program")
     return found
 
 

@@ -97,6 +97,7 @@ class Declared(NamedTuple):
 
 
 _DECLARED: dict[type, tuple[Declared, ...]] = {}
+_NESTING: dict[type, tuple[Declared, ...]] = {}
 
 
 def declared(cls: type) -> tuple[Declared, ...]:
@@ -106,6 +107,13 @@ def declared(cls: type) -> tuple[Declared, ...]:
         roles = ((f.name, role) for f in fields(cls) for role in get_args(hints[f.name])[1:] if isinstance(role, Role))
         _DECLARED[cls] = tuple(Declared(*pair) for pair in roles)
     return _DECLARED[cls]
+
+
+def _nesting(cls: type) -> tuple[Declared, ...]:
+    """Returns the fields of a dataclass that may hold blocks."""
+    if cls not in _NESTING:
+        _NESTING[cls] = tuple(field for field in declared(cls) if isinstance(field.role, Block | Part))
+    return _NESTING[cls]
 
 
 def flat(value: object) -> Iterator[Any]:
@@ -152,10 +160,10 @@ def absent(node: object) -> dict[str, float]:
 
 def inner_blocks(node: object) -> Iterator[tuple[str, Block, tuple[Any, ...]]]:
     """Yields the blocks of a statement with their names and roles, in the order in which they are run."""
-    for field in declared(type(node)):
+    for field in _nesting(type(node)):
         if isinstance(field.role, Block):
             yield field.name, field.role, getattr(node, field.name)
-        elif isinstance(field.role, Part):
+        else:
             for part in flat(getattr(node, field.name)):
                 yield from inner_blocks(part)
 

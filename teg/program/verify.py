@@ -8,6 +8,7 @@ declarations of the statements (`teg.program.fields`).
 from __future__ import annotations
 
 import os
+from typing import get_args
 
 from teg.program.arrays import ArrayProgram, Integers, Like, Load, Loop, Run, Scatter, Step
 from teg.program.fields import Kind, Operand, Part, Result, Variable, declared, flat, inner_blocks, leaves
@@ -33,6 +34,8 @@ Known = dict[str, Kind]
 """The names that are known at a place, and what each stands for."""
 
 
+ASSIGNED = Result("any")
+OPERANDS: dict[Kind, Operand] = {kind: Operand(kind) for kind in get_args(Kind)}
 _KINDS: dict[Kind, str] = {"number": "a number", "condition": "a condition", "integer": "an integer"}
 
 
@@ -189,14 +192,19 @@ class _Flat(_Verifier):
                 verify_program(f.body, stage)
                 self.check(len(f.body.outputs) == 1, f"function {k} has {len(f.body.outputs)} outputs")
 
+    def statement(self, stmt: object, known: Known) -> Known:
+        """Check one statement. An assignment, which most statements are, is read without its declaration."""
+        if not isinstance(stmt, Assign):
+            return super().statement(stmt, known)
+        self._assignment(stmt, known)
+        return {stmt.name: self.result(stmt.name, ASSIGNED, known, {}, stmt)}
+
     def kind_of(self, stmt: object) -> Kind:
         assert isinstance(stmt, Assign)
         return OPERATIONS[stmt.op].result
 
     def own(self, stmt: object, known: Known) -> None:
         match stmt:
-            case Assign():
-                self._assignment(stmt, known)
             case Integrate():
                 self._integral(stmt)
             case Isolate():
@@ -228,7 +236,7 @@ class _Flat(_Verifier):
         least = 1 if operation.repeated else len(kinds)  # a function may have no inputs
         self.check(least <= count <= len(kinds), f"{stmt.op} of {count} operands", stmt)
         for arg, kind in zip(stmt.args, kinds, strict=False):
-            self.operand(arg, Operand(kind), known, stmt)
+            self.operand(arg, OPERANDS[kind], known, stmt)
         if stmt.op == "call":
             k = stmt.args[0]
             self.check(isinstance(k, int) and 0 <= k < len(self.program.functions), f"there is no function {k}", stmt)

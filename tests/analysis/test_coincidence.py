@@ -8,6 +8,7 @@ import random
 import warnings
 from collections.abc import Callable
 
+import mpmath
 import pytest
 
 import teg
@@ -237,3 +238,24 @@ def test_circles_of_any_names_are_found_on_other_surfaces(names: str) -> None:
     u, v = teg.var(first) ** 2 + teg.var(second) ** 2, teg.param(parameter) ** 2
     assert ZeroSet(v - u).annuls(u**3 + u - v**3 - v)
     assert not ZeroSet(v - u).annuls(u**3 + u - v**3 - 2 * v)
+
+
+def test_a_second_derivative_where_one_curve_stands_in_two_forms() -> None:
+    """w < t and w + sin(w)/2 < t + sin(t)/2 are one curve, and move as one; with w = x + x³ + y + y³ the second derivative is an integral
+    over u = y + y³, by the inverse s(u) of x + x³."""
+    u, v = teg.vars("u v")
+    level = teg.param("level")
+    w = u**3 + u + v**3 + v
+    inside = w + teg.sin(w) / 2 < level + teg.sin(level) / 2
+    f = teg.compile(teg.integral(teg.bracket(inside) * teg.where(w < level, 1 + u, 2 * u * u), (u, 0, 2), (v, 0, 2)), tol=1e-8)
+
+    def inverse(c: mpmath.mpf) -> tuple[mpmath.mpf, mpmath.mpf]:
+        root = mpmath.findroot(lambda q: q + q**3 - c, 0.5)
+        return root, 1 / (1 + 3 * root**2)
+
+    def integrand(c: mpmath.mpf) -> mpmath.mpf:
+        (p, slope), (_, other) = inverse(1.1 - c), inverse(c)
+        return (slope**2 - 6 * (1 + p) * p * slope**3) * other
+
+    exact = inverse(1.1)[1] + mpmath.quad(integrand, [0, 1.1])
+    assert f.hessian(level=1.1)["level", "level"] == pytest.approx(float(exact), rel=1e-7)

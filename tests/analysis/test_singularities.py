@@ -55,6 +55,15 @@ CASES: dict[str, tuple[teg.Expr, dict[str, float], dict[str, float]]] = {
         {"a": 1.2, "b": 0.7},
         {"a": 2 * math.pi / 3 * 0.7, "b": 2 * math.pi / 3 * 1.2},
     ),
+    **{
+        name: (e, {"p": 0.3, "q": 0.7}, {"p": 0.4 * (0.3**-0.5 - 0.7**-0.5), "q": 0.6 * (0.7**-0.5 - 0.3**-0.5)})
+        for name, e in {
+            "branches": teg.integral(teg.where(y < 0.4, abs(x - p) ** -0.5, abs(x - q) ** -0.5), (x, 0, 1), (y, 0, 1)),
+            "branches around integrals": teg.integral(
+                teg.where(y < 0.4, *(teg.integral(abs(x - c) ** -0.5, (x, 0, 1)) for c in (p, q))), (y, 0, 1)
+            ),
+        }.items()
+    },
     "another bracket": (
         teg.integral(abs(x - p) ** -0.5 * teg.bracket(x < q), (x, 0, 1)),
         {"p": 0.3, "q": 0.7},

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from itertools import permutations
+
+import pytest
+
 import teg
 from teg.analysis.surfaces import atoms_of, binders_inside, comes_first, open_surfaces, owned_surfaces
 from teg.ir.integral import Integral
@@ -50,3 +55,24 @@ def test_the_order_of_ties_is_total() -> None:
         for h in surfaces:
             if h is not g:
                 assert comes_first(g, h) != comes_first(h, g)
+
+
+@pytest.mark.parametrize("names", [*permutations("abt")], ids="".join)
+def test_where_three_surfaces_tie_the_derivatives_are_those_of_one_arrangement(names: tuple[str, str, str]) -> None:
+    """The least of three numbers grows like all of them together; also where one of them is a bound."""
+    p, q, r = teg.params(" ".join(names))
+    for e in (
+        teg.integral(teg.bracket((x < p) & (x < q) & (x < r)), (x, 0, 1)),
+        teg.integral(teg.bracket((x < p) & (x < q)), (x, 0, r)),
+        teg.integral(teg.bracket((x > -p) & (x > -q)), (x, -r, 0)),
+    ):
+        gradient = teg.compile(e, [p, q, r], backend="numpy").grad(a=0.5, b=0.5, t=0.5)
+        assert sorted(gradient.values()) == [0.0, 0.5, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("lo", "hi", "sign"), [(-math.inf, math.inf, 1), (math.inf, -math.inf, -1), (0, math.inf, 1), (math.inf, 0, -1), (-math.inf, 1, 1)]
+)
+def test_every_point_is_below_an_infinite_bound(lo: float, hi: float, sign: int) -> None:
+    e = teg.integral(teg.bracket(x < t) * teg.exp(-(x**2)), (x, lo, hi))
+    assert teg.evaluate(teg.diff(e, t), {t: 0.3}) == pytest.approx(sign * math.exp(-0.09), rel=1e-14)

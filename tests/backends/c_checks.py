@@ -24,7 +24,7 @@ in_c = [pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), r
 """The marks of a module of tests that compile C."""
 
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wshadow", "-Werror", "-pedantic"]
-SANITIZERS = ["-std=c99", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+SANITIZERS = ["-std=c99", "-O0", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 LIMITS = ({"PART": 2}, {"BY_VALUE": 0}, {"ON_STACK": 1}, {})
 """Limits of the text that are made small, one at a time; {}: all of them."""
 LONGEST_LINE = 130

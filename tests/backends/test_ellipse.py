@@ -25,7 +25,7 @@ from tests.backends.programs import Case, Row, columns, expected, program
 
 needs_c = in_c[0]
 BACKENDS = ["numpy", pytest.param("c", marks=needs_c), pytest.param("jax", marks=pytest.mark.slow)]
-pytestmark = pytest.mark.usefixtures("x64")
+pytestmark = pytest.mark.usefixtures("x64", "derived_once")
 
 Matrix = tuple[float, float, float, float]
 Place = tuple[float, float, float, float, float]

@@ -11,6 +11,7 @@ import teg
 from teg.backends.c import kernel
 from tests.references import REFERENCES, Reference
 
+pytestmark = pytest.mark.usefixtures("derived_once")
 KNOWN = REFERENCES
 JAX_FAST = (
     "step",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import shutil
 import threading
 import time
 
@@ -25,6 +26,19 @@ def test_derivations_and_compilations_are_logged(caplog: pytest.LogCaptureFixtur
     assert said == ["derived value", "compiled value for numpy", "derived gradient", "compiled gradient for numpy"]
     assert {record.levelno for record in caplog.records} == {logging.INFO}
     assert {record.name for record in caplog.records} == {"teg"}
+
+
+@pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="needs a C compiler")
+def test_a_program_is_derived_once_for_all_evaluators_that_are_there(caplog: pytest.LogCaptureFixture) -> None:
+    e = teg.integral(teg.bracket(x < t) * x**5, (x, 0, 1))
+    kept = []
+    for options, is_new in (({}, True), ({"backend": "c"}, False), ({"backend": "c", "threads": 2}, False), ({"tol": 1e-9}, True)):
+        caplog.clear()
+        with caplog.at_level(logging.INFO, "teg"):
+            kept.append(teg.compile(e, [t], **options))  # type: ignore[arg-type]
+            assert kept[-1].grad(t=0.5)["t"] == pytest.approx(0.5**5, rel=1e-13)
+        said = {record.getMessage().split()[0] for record in caplog.records}
+        assert said == ({"derived", "compiled"} if is_new else {"compiled"}), options
 
 
 def test_nothing_is_printed_unless_asked_for(capfd: pytest.CaptureFixture[str]) -> None:

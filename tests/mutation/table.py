@@ -84,6 +84,30 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
     ),
     *_of(
+        "teg/passes/differentiate/forward.py",
+        ("tests/analysis/test_singularities.py", "tests/analysis/test_coincidence.py"),
+        (
+            "rate of a bound beside a singularity",
+            "rate = ZERO if (b.var, bound) in field.kept else tangent_of(bound, along)",
+            "rate = tangent_of(bound, along)",
+        ),
+        ("divergence beside a singularity", "*steps, mul(weight, expansion)), chain)]", "*steps), chain)]"),
+        ("steps beside a singularity", "add(tangent[weight], *steps, mul(weight", "add(tangent[weight], mul(weight"),
+        ("other branch of a singular nest", "where(e.condition, ZERO, ex.ONE))))", "where(e.condition, ex.ONE, ZERO))))"),
+        ("surface in another form", "without(change, apart | together)", "without(change, apart)"),
+        ("condition of a singular branch", "(conjunction(condition, negation(e.condition)), e.otherwise)", "(condition, e.otherwise)"),
+    ),
+    *_of(
+        "teg/analysis/kinks.py",
+        ("tests/analysis/test_kinks.py",),
+        ("sign of an absolute value", "size if sign > 0 else mul(MINUS_ONE, size)", "size"),
+    ),
+    *_of(
+        "teg/passes/eliminate/implicit.py",
+        ("tests/passes/eliminate/test_implicit.py",),
+        ("weight of a chart", "integer_power(r, power - 1) if power > 2", "integer_power(r, power) if power > 2"),
+    ),
+    *_of(
         "teg/passes/differentiate/reverse.py",
         ("tests/passes/differentiate/test_reverse.py", *PASSES),
         (
@@ -106,7 +130,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/analysis/calculus.py",
-        ("tests/test_derivatives.py", *PASSES),
+        ("tests/passes/differentiate/test_forward.py", "tests/test_derivatives.py", *PASSES),
         (
             "tangent of a branch",
             "return where(node.condition, tangent[node.then], tangent[node.otherwise])",
@@ -133,7 +157,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "teg/passes/eliminate/univariate.py",
-        PASSES,
+        ("tests/passes/eliminate/test_families.py", "tests/passes/eliminate/test_univariate.py", *PASSES),
         (
             "weight of a root",
             "value = mul(weight, restrict(coefficient, at, g, directions))",
@@ -174,8 +198,8 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/numpy/runtime.py",
-        (SMALL, NUMPY, "tests/backends/numpy/test_kernel.py"),
-        ("bisection", "left[1::2] += width", "left[0::2] += width"),
+        ("tests/backends/numpy/test_kernel.py", SMALL, NUMPY),
+        ("bisection", "left[1::2] += width", "left[1::2] += 0.5 * width"),
         (
             "watched signs",
             "changed[part] |= (both > 0.0).any(axis=0) & (both < 0.0).any(axis=0)",
@@ -217,7 +241,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/shared/rules.py",
-        (SMALL, NUMPY, "tests/backends/numpy/test_kernel.py"),
+        ("tests/numerics/test_quadrature.py", "tests/backends/numpy/test_kernel.py", SMALL, NUMPY),
         ("ties of the second order", "xp.where(order > 0, resolution, xp.logical_not(resolution))", "resolution"),
         ("infinite values tie", "(xp.abs(g) <= TIE_EPS * scale) & xp.isfinite(g)", "(xp.abs(g) <= TIE_EPS * scale)"),
         ("error of Gauss's rule", "0.0, 4.0 * tail * decay)", "0.0, 0.0 * tail * decay)"),
@@ -225,7 +249,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/shared/polygons.py",
-        (SMALL, NUMPY, "tests/backends/test_polygon.py"),
+        ("tests/passes/eliminate/test_vertices.py", "tests/backends/test_polygon.py", SMALL, NUMPY),
         ("start of a segment", "xp.where(begins, xp.maximum(start, root), start)", "start"),
         ("end of a segment", "xp.where(ends, xp.minimum(stop, root), stop)", "stop"),
     ),
@@ -268,7 +292,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/jax/roots.py",
-        ("tests/backends/jax/test_kernel.py", JAX),
+        ("tests/backends/jax/test_isolate.py", "tests/backends/jax/test_kernel.py", JAX),
         (
             "points of a sum in JAX",
             "found = [jnp.where(when, jnp.where(refused, jnp.nan, v), jnp.inf)",
@@ -277,7 +301,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *_of(
         "backends/numpy/polygon.py",
-        (SMALL, NUMPY, "tests/backends/test_polygon.py"),
+        ("tests/passes/eliminate/test_vertices.py", "tests/backends/test_polygon.py", SMALL, NUMPY),
         (
             "ties of a segment",
             "found[i] = ties, resolution if run.order > 0 else np.logical_not(resolution)",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from math import inf
 from pathlib import Path
 
@@ -106,6 +107,7 @@ SCENES = (
 SCENE = {scene.name: scene for scene in SCENES}
 
 
+@cache
 def program_of(scene: Scene, errors: bool = False) -> Program:
     f = teg.compile(scene.build(), backend="numpy", rule=scene.rule, order=scene.order)
     program = f.program(scene.orders, errors)

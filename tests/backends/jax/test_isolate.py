@@ -7,11 +7,9 @@ import pytest
 
 from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
-from tests.backends.isolate_programs import EXTREMES, ROOTS, SUMS, cubic, kink, root, sum_over, wave
+from tests.backends.isolate_programs import EXTREMES, ROOTS, SUMS, cubic, isolate, kink, line, root, sum_over, wave
 from tests.backends.numpy.test_isolate import polynomial, polynomials_at_random, roots
 from tests.backends.programs import INF, Case, columns, expected, let, program
-
-pytestmark = pytest.mark.slow  # XLA compiles every program
 
 QUICK = (*EXTREMES, *ROOTS[::3], *SUMS)
 CASES = (*QUICK, *(pytest.param(case, marks=pytest.mark.slow) for case in ROOTS[1::3]))
@@ -25,6 +23,13 @@ def test_value_and_agreement_with_numpy(case: Case) -> None:
     reference = compile_numpy(case.program)(columns(case), case.n)
     np.testing.assert_allclose(found, reference, rtol=1e-14, atol=1e-15)
     np.testing.assert_allclose(found, expected(case), rtol=case.tolerance, atol=case.tolerance)
+
+
+@pytest.mark.usefixtures("x64")
+def test_where_roots_are_not_asked_for_there_are_none() -> None:
+    asked = let("b0", "gt0", "p0")
+    found = compile_jax(program(1, (asked, isolate("vr0 vr1", line(1.0, 0.5), 0.0, 1.0, when="b0")), "vr0", "vr1"))
+    np.testing.assert_array_equal(found([np.array([1.0, -1.0])], 2), [[0.5, INF], [INF, INF]])
 
 
 @pytest.mark.usefixtures("x64")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import mpmath
 import pytest
 
 import teg
@@ -82,6 +83,23 @@ def test_deltas_that_are_carried_move_through_brackets_and_bounds() -> None:
         values = [f({**at, name: at[name] + s * h}) for s in (-2, -1, 1, 2)]
         quotient = (8 * (values[2] - values[1]) - (values[3] - values[0])) / (12 * h)
         assert g[k] == pytest.approx(quotient, rel=2e-6)
+
+
+def test_a_surface_with_kinks_is_carried_along() -> None:
+    """x + x³ < t - k(y) is ∫X(t - k) dy with x = X(u) the root of x + x³ = u: dX/du = 1/(1 + 3x²), d²X/du² = -6x/(1 + 3x²)³.
+
+    With more than two kinks the surface stays one, its velocity jumps at the kinks, and so does a term of the divergence.
+    """
+    kinks = {0.3: 0.5, 0.6: 0.3, 0.8: 0.2}
+    fold = sum(a * teg.abs(y - p) for p, a in kinks.items())
+    f = teg.compile(teg.integral(teg.bracket(x + x**3 + fold < t), (x, 0, 2), (y, 0, 1)), backend="numpy")
+
+    def second(v: mpmath.mpf) -> mpmath.mpf:
+        u = 1.1 - sum(a * abs(v - p) for p, a in kinks.items())
+        root = mpmath.findroot(lambda s: s + s**3 - u, 0.5)
+        return -6 * root / (1 + 3 * root**2) ** 3
+
+    assert f.hessian(t=1.1)["t", "t"] == pytest.approx(float(mpmath.quad(second, [0, *kinks, 1])), rel=1e-9)
 
 
 def test_derivatives_nest() -> None:

@@ -14,6 +14,8 @@ from teg.passes.differentiate.reverse import gradient_of
 from teg.pipeline import normal_form
 from tests.references import Reference, untagged
 
+pytestmark = pytest.mark.usefixtures("derived_once")
+
 x, y, z = teg.vars("x y z")
 t, a, b = teg.params("t a b")
 
@@ -27,6 +29,7 @@ t, a, b = teg.params("t a b")
         (teg.integral(x, (x, a, t)), (t, -a)),
         (teg.integral(teg.bracket(x < t), (x, 0, 1)), (teg.integral(teg.delta(t - x), (x, 0, 1)), ZERO)),
         (teg.where(t < a, t, a), (teg.bracket(t < a), teg.where(t < a, 0, 1))),
+        (t * a * teg.bracket(z < t), (a * teg.bracket(z < t) + t * a * teg.delta(t - z), t * teg.bracket(z < t))),
     ],
     ids=lambda e: str(e),
 )

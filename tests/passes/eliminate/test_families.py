@@ -48,6 +48,12 @@ def test_a_coefficient_that_may_vanish_is_left_to_other_families() -> None:
     assert match_affine(a * x + y**2 - t, [x, y]) is None
 
 
+@pytest.mark.parametrize("offset", [0.0, 1.0, -1.0])
+def test_a_line_without_a_direction_is_nowhere(offset: float) -> None:
+    f = teg.compile(teg.integral(teg.bracket(a * x + b * y < t) * teg.exp(x * y), (x, 0, 1), (y, 0, 1)), [t, a, b], backend="numpy")
+    assert set(f.grad(a=0.0, b=0.0, t=offset).values()) == {0.0}
+
+
 @pytest.mark.parametrize(
     ("e", "at", "expected"),
     [

@@ -14,6 +14,8 @@ from teg.passes.eliminate.vertices import match_side, match_triangle
 from teg.program import Polygon, Segment, statements
 from tests.bench.scenes import half_planes, triangle_pixel
 
+pytestmark = pytest.mark.usefixtures("derived_once")
+
 x, y = teg.vars("x y")
 PX, PY = teg.params("x0 x1 x2 x3"), teg.params("y0 y1 y2 y3")
 K, M = teg.params("k m")
@@ -49,6 +51,19 @@ def test_a_side_that_is_scaled_has_a_weight() -> None:
     assert side is not None
     assert isinstance(side.weight, Const)
     assert side.weight.data == 0.25
+
+
+def test_boundary_terms_along_sides_that_are_scaled() -> None:
+    """Sides y < y₀ + (y₁ - y₀)/(x₁ - x₀)·(x - x₀); by a vertex the area has half of the opposite side, turned, as its derivative."""
+
+    def above(i: int, j: int) -> Expr:
+        return y - PY[i] - (PY[j] - PY[i]) / (PX[j] - PX[i]) * (x - PX[i])
+
+    inside = (above(0, 1) > 0) & (above(1, 2) < 0) & (above(2, 0) < 0)
+    f = teg.compile(teg.integral(teg.bracket(inside), (x, 0, 1), (y, 0, 1)), [PX[2], PY[2]], backend="numpy", intrinsics=False)
+    gradient = f.grad(x0=0.1, y0=0.2, x1=0.9, y1=0.3, x2=0.4, y2=0.8)
+    assert gradient["x2"] == pytest.approx((0.2 - 0.3) / 2, rel=1e-12)
+    assert gradient["y2"] == pytest.approx((0.9 - 0.1) / 2, rel=1e-12)
 
 
 def test_of_more_sides_the_reach_is_decided_at_run_time() -> None:

@@ -104,3 +104,12 @@ def test_a_factor_of_either_sign(s: float, at: float) -> None:
         condition = a * x < a * t if strict else a * x <= a * t
         expected = at if s > 0 else 1 - at if s < 0 else 0.0 if strict else 1.0
         assert teg.evaluate(over(teg.bracket(condition)), {a: s, t: at}) == pytest.approx(expected, abs=1e-15)
+
+
+def test_the_sign_of_a_product_of_three_factors() -> None:
+    """Positive between the first two places and beyond the third."""
+    p, q = teg.params("p q")
+    f = teg.compile(over(teg.bracket((x - p) * (x - q) * (x - t) > 0)), backend="numpy")
+    value, gradient = f.value_and_grad(p=0.2, q=0.5, t=0.7)
+    assert value == pytest.approx(0.3 + 0.3, rel=1e-14)
+    assert gradient == {"p": -1.0, "q": 1.0, "t": -1.0}

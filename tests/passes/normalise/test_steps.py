@@ -23,6 +23,8 @@ from teg.passes.differentiate.estimators.exact import Exact
 from teg.passes.normalise.steps import enumerate_steps
 from teg.pipeline import compiled_outputs, normal_form
 
+pytestmark = pytest.mark.usefixtures("derived_once")
+
 B, INT = teg.bracket, teg.integral
 x, y, z = teg.vars("x y z")
 t, a, b, c, m, s = teg.params("t a b c m s")

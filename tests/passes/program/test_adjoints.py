@@ -16,7 +16,7 @@ from teg.program.arrays import ArrayProgram, Run, steps
 from teg.program.interpreter import interpret_arrays
 from tests.backends.c_checks import in_c
 
-pytestmark = [*in_c, pytest.mark.filterwarnings("error")]
+pytestmark = [*in_c, pytest.mark.usefixtures("derived_once"), pytest.mark.filterwarnings("error")]
 
 x, y = teg.vars("x y")
 SIZE = 24
