@@ -308,4 +308,32 @@ MUTANTS: tuple[Mutant, ...] = (
             "found[i] = ties, resolution",
         ),
     ),
+    *_of(
+        "teg/passes/normalise/tables.py",
+        ("tests/passes/normalise/test_tables.py",),
+        ("origin of a table", "mul(entry(rate), sub(leaf, entry(origin)))", "mul(entry(rate), leaf)"),
+        ("columns of a table", "if key not in self._columns:", "if not self._columns:"),
+    ),
+    *_of(
+        "teg/passes/differentiate/through_sums.py",
+        ("tests/passes/normalise/test_tables.py",),
+        ("what is collected", "Collected.make((table.index, column), (derivative,))", "Collected.make((table.index, 1), (derivative,))"),
+    ),
+    *_of(
+        "teg/passes/lower/linear.py",
+        ("tests/passes/normalise/test_tables.py",),
+        ("sums of an earlier stage", "if stage[node] < stage[e] else []", "if False else []"),
+    ),
+    *_of(
+        "backends/c/runtime/calls.h",
+        ("tests/passes/normalise/test_tables.py", "tests/backends/c/test_queues.py"),
+        ("rows that are listed", "if (entries[k] >= 0 && entries[k] < rows) listed[entries[k]] = 1;", "listed[0] = 1;"),
+        ("copies are cleared", "into[i] += copy[i], copy[i] = 0.0;", "into[i] += copy[i];"),
+        ("marks of the second copy", "copy += size, marks += blocks;", "copy += size;"),
+    ),
+    *_of(
+        "backends/numpy/cells.py",
+        ("tests/passes/normalise/test_tables.py",),
+        ("a candidate that is not there", "np.where((moving != 0.0) & (slopes != 0.0), moving", "np.where(moving != 0.0, moving"),
+    ),
 )
