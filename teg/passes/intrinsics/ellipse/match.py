@@ -1,10 +1,11 @@
 """Polynomials on one side of an ellipse over a box, and on the ellipse itself: moments by its chords and arcs.
 
-    ∫∫ P(x, y)·[g(x, y) > 0] dx dy,   ∫∫ P(x, y)·δ(g(x, y)) dx dy        g = ±(κ - |A(x - c)|²)
+    ∫∫ P(x, y)·[g(x, y) > 0]·Π[hᵢ(x, y) > 0] dx dy,   ∫∫ P(x, y)·δ(g(x, y))·Π[hᵢ(x, y) > 0] dx dy        g = ±(κ - |A(x - c)|²), hᵢ affine
 
 Both are Σ c_jk·M_jk with the coefficients c_jk of P at a corner of the box and the moments M_jk of the region, or of the curve, which
-depend on A, the centre c, the radius √κ and the extents of the box: one statement, `Ellipse`, for all integrals that share them. Without
-it the outer integral has a break wherever the curve crosses a side, and square roots at the ends, and the curve is cut into quarters.
+depend on A, the centre c, the radius √κ, the extents of the box and the half-planes: one statement, `Ellipse`, for all integrals that
+share them. Without it the outer integral has a break wherever the curve crosses a side or a line, and square roots at the ends, and the
+curve is cut into quarters.
 
 g is an ellipse whatever its parameters are if it is written with two squares of affine functions, or if its quadratic part is definite and
 consists of numbers. A boundary term stands in an expression as an `Arcs`. It is made only where derivatives end, because it has no
@@ -18,14 +19,18 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.boxes import Coefficients, coefficients, nest_of_two
+from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.polynomial import Shadow, distance
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
+from teg.errors import NotDifferentiableError
 from teg.ir.expr import (
     FALSE,
+    MINUS_ONE,
     TRUE,
     ZERO,
+    Compare,
     Cond,
     Const,
     Expr,
@@ -40,8 +45,10 @@ from teg.ir.expr import (
     where,
 )
 from teg.ir.integral import ClosedForm, Integral
+from teg.ir.node import digest
 from teg.ir.traverse import replace_node, substitute
 from teg.passes.eliminate.conic import Conic, born, match_conic, place_of, squares_of
+from teg.program import MAX_CUTS
 
 MAX_DEGREE = 6
 """Of the polynomial along the curve; of the one inside it is two less, for the nodes along the arcs are the same."""
@@ -51,11 +58,30 @@ Place = tuple[Expr, ...]
 """Both numbers of the centre about the corner of both lower bounds, the radius, the extents, and the least radius of a border."""
 
 
-class Arcs(ClosedForm):
-    """∫∫ over a box of Σ c·uʲvᵏ·δ(g), g = 0 an ellipse.
+@dataclass(frozen=True)
+class Cut:
+    """c + a·u + b·v > 0, or >= 0 if it is closed: a half-plane about the corner of both lower bounds."""
 
-    A function of the matrix and the place, of g at the corners of the box, of the least g along each side, and of the coefficients. Data
-    are the powers (j, k).
+    a: Expr
+    b: Expr
+    c: Expr
+    closed: bool
+
+
+@dataclass(frozen=True)
+class Curve:
+    """An ellipse on a box that half-planes clip."""
+
+    matrix: Matrix
+    place: Place
+    cuts: tuple[Cut, ...]
+
+
+class Arcs(ClosedForm):
+    """∫∫ over a clipped box of Σ c·uʲvᵏ·δ(g), g = 0 an ellipse.
+
+    A function of the matrix and the place, of g at the corners of the box, of the least g along each side, of the half-planes, and of the
+    coefficients. Data are whether each half-plane is closed, and the powers (j, k).
     """
 
     __slots__ = ()
@@ -65,16 +91,17 @@ class Arcs(ClosedForm):
         return "arcs"
 
     @property
-    def matrix(self) -> Matrix:
-        return tuple(cast("Sequence[Expr]", self.children[:4]))
-
-    @property
-    def place(self) -> Place:
-        return tuple(cast("Sequence[Expr]", self.children[4:10]))
+    def curve(self) -> Curve:
+        """The ellipse and its domain."""
+        numbers = cast("Sequence[Expr]", self.children)
+        closed = cast("tuple[bool, ...]", self.data[0])
+        lines = zip(numbers[18::3], numbers[19::3], numbers[20::3], closed, strict=False)
+        cuts = (Cut(a, b, c, is_closed) for a, b, c, is_closed in lines)
+        return Curve(tuple(numbers[:4]), tuple(numbers[4:10]), tuple(cuts))
 
     @property
     def coefficients(self) -> Coefficients:
-        powers = cast("tuple[tuple[int, int], ...]", self.data)
+        powers = cast("tuple[tuple[int, int], ...]", self.data[1])
         return dict(zip(powers, self.terms, strict=True))
 
     @property
@@ -87,15 +114,14 @@ class Arcs(ClosedForm):
 
     @property
     def terms(self) -> Sequence[Expr]:
-        return cast("Sequence[Expr]", self.children[18:])
+        return cast("Sequence[Expr]", self.children[18 + 3 * len(cast("tuple[bool, ...]", self.data[0])) :])
 
 
 @dataclass(frozen=True)
 class Sides:
-    """∫∫ over a box, of one polynomial in an ellipse and another one outside."""
+    """∫∫ over a clipped box, of one polynomial in an ellipse and another one outside."""
 
-    matrix: Matrix
-    place: Place
+    curve: Curve
     inside: Coefficients
     outside: Coefficients
 
@@ -110,14 +136,46 @@ def match_arcs(g: Expr, coefficient: Expr, chain: Chain, variables: Sequence[Var
         return None
     if _is_endless(box):
         return None
+    split = _cuts(coefficient, [a for b in box for a in atoms_of(coefficient, b.var)], box)
+    if split is None:
+        return None
+    cuts, coefficient = split
     found = coefficients(coefficient, box)
     if found is None or any(j + k > MAX_DEGREE for j, k in found):
         return None
-    curve = _curve(g, box)
+    curve = _surface(g, box)
     if curve is None:
         return None
-    arcs = Arcs.make(tuple(found), (*curve.matrix, *curve.place, *_corners(g, box), *_touching(curve), *found.values()))
+    lines = [e for cut in cuts for e in (cut.a, cut.b, cut.c)]
+    numbers = (*curve.matrix, *curve.place, *_corners(g, box), *_touching(curve), *lines, *found.values())
+    if cuts and any(e.free for e in numbers):
+        return None  # it would have kinks where the curve goes through an intersection of two lines
+    arcs = Arcs.make((tuple(cut.closed for cut in cuts), tuple(found)), numbers)
     return nest(where(curve.exists, arcs, ZERO), others)
+
+
+def _cuts(integrand: Expr, atoms: Sequence[Compare], box: Chain) -> tuple[tuple[Cut, ...], Expr] | None:
+    """Returns the half-planes of these conditions, outside of which an integrand is 0, in an order of their own, and the integrand in all
+    of them; None if it is not 0 outside, or a condition is no half-plane."""
+    outer, inner = box
+    corner: dict[Var, Expr] = {inner.var: inner.lo, outer.var: outer.lo}
+    cuts: dict[Cut, int] = {}
+    for atom in dict.fromkeys(atoms):
+        g, closed = atom.g, not atom.strict
+        if atom.resolution is not None or any(atoms_of(g, v) for v in corner) or Shadow((inner.var, outer.var)).degree(g) not in (0, 1):
+            return None
+        inside, outside = (cast(Expr, replace_node(integrand, atom, truth)) for truth in (TRUE, FALSE))
+        if inside is ZERO:
+            inside, outside, g, closed = outside, inside, mul(MINUS_ONE, g), atom.strict
+        if outside is not ZERO:
+            return None
+        try:
+            a, b, c = (cast(Expr, substitute(e, corner)) for e in (slope(g, inner.var), slope(g, outer.var), g))
+        except NotDifferentiableError:
+            return None
+        integrand = inside
+        cuts[Cut(a, b, c, closed)] = digest(atom)
+    return (tuple(sorted(cuts, key=lambda cut: cuts[cut])), integrand) if len(cuts) <= MAX_CUTS else None
 
 
 def _corners(g: Expr, box: Chain) -> list[Expr]:
@@ -126,7 +184,7 @@ def _corners(g: Expr, box: Chain) -> list[Expr]:
     return [cast(Expr, substitute(g, {inner.var: u, outer.var: v})) for u in (inner.lo, inner.hi) for v in (outer.lo, outer.hi)]
 
 
-def _touching(curve: _Curve) -> list[Expr]:
+def _touching(curve: _Surface) -> list[Expr]:
     """Returns, for each side of the box, a function that is 0 where the ellipse touches its line."""
     (a, b, c, d), (u, v, _, width, height, _) = curve.matrix, curve.place
     square = integer_power(sub(mul(a, d), mul(b, c)), 2)
@@ -139,25 +197,30 @@ def _touching(curve: _Curve) -> list[Expr]:
 
 def match_ellipse(node: Integral) -> Sides | None:
     """Returns an integral over a box of an integrand that is a polynomial on either side of an ellipse, or None."""
-    if node.has_delta or is_unbounded(node) or (found := nest_of_two(node)) is None:
+    if node.has_delta or is_unbounded(node) or (found := nest_of_two(node, guarded=True)) is None:
         return None
     chain, integrand = found
     outer, inner = chain
     if outer.var in inner.lo.free | inner.hi.free or _is_endless(chain):
         return None
-    atoms = dict.fromkeys(a for b in chain for a in atoms_of(integrand, b.var))
-    if len(atoms) != 1:
+    atoms = list(dict.fromkeys(a for b in chain for a in atoms_of(integrand, b.var)))
+    curved = [a for a in atoms if Shadow((inner.var, outer.var)).degree(a.g) == 2]
+    if len(curved) != 1:
         return None
-    (atom,) = atoms
+    (atom,) = curved
     if atom.resolution is not None or any(atoms_of(atom.g, b.var) for b in chain):
         return None
+    split = _cuts(integrand, [a for a in atoms if a is not atom], chain)
+    if split is None:
+        return None
+    cuts, integrand = split
     above, below = (coefficients(cast(Expr, replace_node(integrand, atom, c)), chain) for c in (TRUE, FALSE))
     if above is None or below is None or any(j + k > MAX_DEGREE - 2 for j, k in (*above, *below)):
         return None
-    curve = _curve(atom.g, chain)
+    curve = _surface(atom.g, chain)
     if curve is None:
         return None
-    return Sides(curve.matrix, curve.place, *((above, below) if curve.sign > 0.0 else (below, above)))
+    return Sides(Curve(curve.matrix, curve.place, cuts), *((above, below) if curve.sign > 0.0 else (below, above)))
 
 
 def _is_endless(chain: Chain) -> bool:
@@ -165,7 +228,7 @@ def _is_endless(chain: Chain) -> bool:
 
 
 @dataclass(frozen=True)
-class _Curve:
+class _Surface:
     """An ellipse on a box, the κ of its radius, the sign of g inside, and whether there is a curve, with a tie at κ = 0."""
 
     matrix: Matrix
@@ -175,7 +238,7 @@ class _Curve:
     exists: Cond
 
 
-def _curve(g: Expr, box: Chain) -> _Curve | None:
+def _surface(g: Expr, box: Chain) -> _Surface | None:
     """Returns the ellipse of a surface on a box; None for other surfaces."""
     outer, inner = box
     variables = inner.var, outer.var
@@ -203,7 +266,7 @@ def _curve(g: Expr, box: Chain) -> _Curve | None:
         return None
     extents = distance(inner.lo, inner.hi), distance(outer.lo, outer.hi)
     radius, least = (call("sqrt", call("max", square, ZERO)) for square in (place.square, place.least))
-    return _Curve((a, b, c, d), (*centre, radius, *extents, least), place.square, sign, place.exists)
+    return _Surface((a, b, c, d), (*centre, radius, *extents, least), place.square, sign, place.exists)
 
 
 def _inverse(data: Conic, inner: Binder) -> tuple[tuple[Expr, Expr], tuple[Expr, Expr]]:
