@@ -95,5 +95,5 @@ class EllipseLowering(Lowering):
             home.names[known] = 0.0 if not mine else mine[0] if len(mine) == 1 else self.out.assign(home, "v", "add", *mine)
 
     def _half_plane(self, cut: Cut, home: Level) -> HalfPlane:
-        a, b, c = (self.out.number(e, home) for e in (cut.a, cut.b, cut.c))
+        a, b, c = (self.out.number(e, home) for e in cut.line)
         return HalfPlane(a, b, c, cut.closed)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, product
 from typing import cast
 
 from teg.analysis.boxes import Coefficients, coefficients, nest_of_two
@@ -28,6 +29,7 @@ from teg.errors import NotDifferentiableError
 from teg.ir.expr import (
     FALSE,
     MINUS_ONE,
+    ONE,
     TRUE,
     ZERO,
     Compare,
@@ -52,6 +54,8 @@ from teg.program import MAX_CUTS
 
 MAX_DEGREE = 6
 """Of the polynomial along the curve; of the one inside it is two less, for the nodes along the arcs are the same."""
+Line = tuple[Expr, Expr, Expr]
+"""a, b and c of c + a·u + b·v = 0, about the corner of both lower bounds."""
 Matrix = tuple[Expr, ...]
 """A by rows: two numbers each, for the inner variable and the outer one."""
 Place = tuple[Expr, ...]
@@ -60,11 +64,9 @@ Place = tuple[Expr, ...]
 
 @dataclass(frozen=True)
 class Cut:
-    """c + a·u + b·v > 0, or >= 0 if it is closed: a half-plane about the corner of both lower bounds."""
+    """c + a·u + b·v > 0, or >= 0 if it is closed."""
 
-    a: Expr
-    b: Expr
-    c: Expr
+    line: Line
     closed: bool
 
 
@@ -80,8 +82,9 @@ class Curve:
 class Arcs(ClosedForm):
     """∫∫ over a clipped box of Σ c·uʲvᵏ·δ(g), g = 0 an ellipse.
 
-    A function of the matrix and the place, of g at the corners of the box, of the least g along each side, of the half-planes, and of the
-    coefficients. Data are whether each half-plane is closed, and the powers (j, k).
+    A function of the matrix, the place and the half-planes, of g at the corners of the box and where lines meet, of how far each line is
+    from touching the ellipse, and of the coefficients. Data are whether each half-plane is closed, the powers (j, k), the number of
+    intersections and that of lines, 0 for both if nothing but the coefficients depends on an outer variable.
     """
 
     __slots__ = ()
@@ -93,11 +96,9 @@ class Arcs(ClosedForm):
     @property
     def curve(self) -> Curve:
         """The ellipse and its domain."""
-        numbers = cast("Sequence[Expr]", self.children)
-        closed = cast("tuple[bool, ...]", self.data[0])
-        lines = zip(numbers[18::3], numbers[19::3], numbers[20::3], closed, strict=False)
-        cuts = (Cut(a, b, c, is_closed) for a, b, c, is_closed in lines)
-        return Curve(tuple(numbers[:4]), tuple(numbers[4:10]), tuple(cuts))
+        (matrix, place, lines, *_), closed = self._parts, cast("tuple[bool, ...]", self.data[0])
+        cuts = map(Cut, zip(lines[::3], lines[1::3], lines[2::3], strict=True), closed)
+        return Curve(tuple(matrix), tuple(place), tuple(cuts))
 
     @property
     def coefficients(self) -> Coefficients:
@@ -106,15 +107,23 @@ class Arcs(ClosedForm):
 
     @property
     def kinks(self) -> Sequence[Expr]:
-        return cast("Sequence[Expr]", self.children[10:14])
+        return self._parts[3]
 
     @property
     def births(self) -> Sequence[Expr]:
-        return cast("Sequence[Expr]", self.children[14:18])
+        return self._parts[4]
 
     @property
     def terms(self) -> Sequence[Expr]:
-        return cast("Sequence[Expr]", self.children[18 + 3 * len(cast("tuple[bool, ...]", self.data[0])) :])
+        return self._parts[5]
+
+    @property
+    def _parts(self) -> list[Sequence[Expr]]:
+        children, parts = cast("Sequence[Expr]", self.children), []
+        for count in (4, 6, 3 * len(cast("tuple[bool, ...]", self.data[0])), self.data[2], self.data[3], len(children)):
+            part, children = children[: cast(int, count)], children[cast(int, count) :]
+            parts.append(part)
+        return parts
 
 
 @dataclass(frozen=True)
@@ -146,11 +155,13 @@ def match_arcs(g: Expr, coefficient: Expr, chain: Chain, variables: Sequence[Var
     curve = _surface(g, box)
     if curve is None:
         return None
-    lines = [e for cut in cuts for e in (cut.a, cut.b, cut.c)]
-    numbers = (*curve.matrix, *curve.place, *_corners(g, box), *_touching(curve), *lines, *found.values())
-    if cuts and any(e.free for e in numbers):
-        return None  # it would have kinks where the curve goes through an intersection of two lines
-    arcs = Arcs.make((tuple(cut.closed for cut in cuts), tuple(found)), numbers)
+    numbers = (*curve.matrix, *curve.place, *(e for cut in cuts for e in cut.line))
+    kinks: list[Expr] = []
+    births: list[Expr] = []
+    if any(e.free for e in (*numbers, curve.square)):
+        kinks, births = [*_corners(g, box), *_intersections(curve, cuts)], _touching(curve, cuts)
+    data = tuple(cut.closed for cut in cuts), tuple(found), len(kinks), len(births)
+    arcs = Arcs.make(data, (*numbers, *kinks, *births, *found.values()))
     return nest(where(curve.exists, arcs, ZERO), others)
 
 
@@ -174,7 +185,7 @@ def _cuts(integrand: Expr, atoms: Sequence[Compare], box: Chain) -> tuple[tuple[
         except NotDifferentiableError:
             return None
         integrand = inside
-        cuts[Cut(a, b, c, closed)] = digest(atom)
+        cuts[Cut((a, b, c), closed)] = digest(atom)
     return (tuple(sorted(cuts, key=lambda cut: cuts[cut])), integrand) if len(cuts) <= MAX_CUTS else None
 
 
@@ -184,14 +195,34 @@ def _corners(g: Expr, box: Chain) -> list[Expr]:
     return [cast(Expr, substitute(g, {inner.var: u, outer.var: v})) for u in (inner.lo, inner.hi) for v in (outer.lo, outer.hi)]
 
 
-def _touching(curve: _Surface) -> list[Expr]:
-    """Returns, for each side of the box, a function that is 0 where the ellipse touches its line."""
-    (a, b, c, d), (u, v, _, width, height, _) = curve.matrix, curve.place
-    square = integer_power(sub(mul(a, d), mul(b, c)), 2)
+def _sides(curve: _Surface) -> list[Line]:
+    """Returns the lines of the sides of the box."""
+    _, _, _, width, height, _ = curve.place
+    return [(*axis, mul(MINUS_ONE, at)) for axis, extent in (((ONE, ZERO), width), ((ZERO, ONE), height)) for at in (ZERO, extent)]
+
+
+def _intersections(curve: _Surface, cuts: Sequence[Cut]) -> list[Expr]:
+    """Returns, for each half-plane with each side of the box and each other half-plane, a function that is 0 where the ellipse goes through
+    the point in which their lines meet."""
+    (a, b, c, d), (u, v, *_) = curve.matrix, curve.place
+    lines = [cut.line for cut in cuts]
     found = []
-    for at, extent, (p, q) in ((u, width, (b, d)), (v, height, (a, c))):
-        reach = mul(add(integer_power(p, 2), integer_power(q, 2)), curve.square)
-        found += [sub(reach, mul(square, integer_power(sub(side, at), 2))) for side in (ZERO, extent)]
+    for (p, q, r), (s, t, w) in (*product(lines, _sides(curve)), *combinations(lines, 2)):
+        turn = sub(mul(p, t), mul(q, s))
+        x, y = sub(sub(mul(q, w), mul(r, t)), mul(turn, u)), sub(sub(mul(r, s), mul(p, w)), mul(turn, v))
+        squares = (integer_power(add(mul(e, x), mul(f, y)), 2) for e, f in ((a, b), (c, d)))
+        found.append(sub(mul(integer_power(turn, 2), curve.square), add(*squares)))
+    return found
+
+
+def _touching(curve: _Surface, cuts: Sequence[Cut]) -> list[Expr]:
+    """Returns, for each line, a function that is 0 where the ellipse touches it."""
+    (a, b, c, d), (u, v, *_) = curve.matrix, curve.place
+    whole = sub(mul(a, d), mul(b, c))
+    found = []
+    for p, q, r in (*_sides(curve), *(cut.line for cut in cuts)):
+        reach = mul(add(*(integer_power(sub(mul(e, p), mul(f, q)), 2) for e, f in ((d, c), (b, a)))), curve.square)
+        found.append(sub(reach, integer_power(mul(whole, add(mul(p, u), mul(q, v), r)), 2)))
     return found
 
 
