@@ -1,4 +1,4 @@
-"""Moments of ellipses on clipped boxes to 20 digits, for the tests of `Ellipse`: row by row, or by the angle between crossings."""
+"""Moments of ellipses on clipped boxes to 18 digits, for the tests of `Ellipse`: row by row, or by the angle between crossings."""
 
 from __future__ import annotations
 
@@ -8,6 +8,13 @@ from itertools import combinations, pairwise
 from typing import Any
 
 import mpmath
+import pytest
+
+from teg.backends.c.kernel import compile_c
+from teg.backends.jax.kernel import compile_jax
+from teg.backends.numpy.kernel import compile_numpy
+from teg.program import Moments
+from tests.backends.c_checks import in_c
 
 Matrix = tuple[float, float, float, float]
 Place = tuple[float, float, float, float, float]
@@ -15,11 +22,16 @@ Place = tuple[float, float, float, float, float]
 Line = tuple[float, float, float]
 """a, b and c of c + a·u + b·v > 0."""
 
+ROUND, LEANS, LONG = (1.0, 0.0, 0.0, 1.0), (1.3, 0.4, -0.2, 0.7), (8.0, 0.0, 0.0, 0.125)
+needs_c = in_c[0]
+BACKENDS = ["numpy", pytest.param("c", marks=needs_c), pytest.param("jax", marks=pytest.mark.slow)]
+RULE = {"method": "gauss-legendre", "maxdegree": 5}
+
 
 @cache
 def exact(matrix: Matrix, place: Place, kind: str, j: int, k: int, lines: tuple[Line, ...] = ()) -> float:
     """∫∫ uʲvᵏ w over the part of the box inside of all lines."""
-    with mpmath.workdps(28):
+    with mpmath.workdps(20):
         if kind == "border":
             return float(_along(matrix, place, j, k, lines))
         inside = _inside(matrix, place, j, k, lines)
@@ -54,7 +66,7 @@ def _along(matrix: Matrix, place: Sequence[float], j: int, k: int, lines: Sequen
     for first, last in pairwise(sorted(cuts)):
         u, v = at_angle((first + last) / 2)
         if left < u < right and bottom < v < top and all(e * u + f * v + g > 0 for e, f, g in lines):
-            total += mpmath.quad(lambda phi: at_angle(phi)[0] ** j * at_angle(phi)[1] ** k, [first, (first + last) / 2, last])
+            total += mpmath.quad(lambda phi: at_angle(phi)[0] ** j * at_angle(phi)[1] ** k, [first, (first + last) / 2, last], **RULE)
     return (1 if (width >= 0) == (height >= 0) else -1) * total / (2 * abs(whole))
 
 
@@ -102,5 +114,19 @@ def _inside(matrix: Matrix, place: Sequence[Any], j: int, k: int, lines: Sequenc
     total = mpmath.mpf(0)
     for first, last in pairwise(sorted(cuts)):
         middle, half = (first + last) / 2, (last - first) / 2
-        total += mpmath.quad(lambda s, m=middle, h=half: row(m + h * mpmath.sin(s)) * h * mpmath.cos(s), [-mpmath.pi / 2, 0, mpmath.pi / 2])
+        total += mpmath.quad(
+            lambda s, m=middle, h=half: row(m + h * mpmath.sin(s)) * h * mpmath.cos(s), [-mpmath.pi / 2, 0, mpmath.pi / 2], **RULE
+        )
     return sign * total
+
+
+def moments(kind: str, powers: Sequence[tuple[int, int]]) -> list[Moments]:
+    """Each power alone."""
+    return [Moments(kind, ((j, k, 1.0),)) for j, k in powers]
+
+
+ASKED = [*moments("above", [(0, 0), (1, 0), (2, 2)]), *moments("below", [(0, 0)]), *moments("border", [(0, 0), (1, 2)])]
+
+
+def kernels(name: str) -> Any:
+    return {"numpy": compile_numpy, "c": compile_c, "jax": compile_jax}[name]

@@ -5,28 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import mpmath
 import numpy as np
 import pytest
 
 import teg
-from teg.backends.c.kernel import compile_c
-from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.traverse import parameters
 from teg.program import Ellipse, Moments, Program, size, statements
 from teg.program.interpreter import interpret
-from tests.backends.c_checks import any_number_of_threads_gives_the_same, behaviour_is_defined, in_c, text_compiles_without_warnings
-from tests.backends.ellipse_moments import Matrix, Place, exact
+from tests.backends.c_checks import any_number_of_threads_gives_the_same, behaviour_is_defined, text_compiles_without_warnings
+from tests.backends.ellipse_moments import ASKED, BACKENDS, LEANS, LONG, ROUND, Matrix, Place, exact, kernels, needs_c
 from tests.backends.programs import Case, Row, columns, expected, program
 
-needs_c = in_c[0]
-BACKENDS = ["numpy", pytest.param("c", marks=needs_c), pytest.param("jax", marks=pytest.mark.slow)]
 pytestmark = pytest.mark.usefixtures("x64")
 
-ROUND, LEANS, LONG = (1.0, 0.0, 0.0, 1.0), (1.3, 0.4, -0.2, 0.7), (8.0, 0.0, 0.0, 0.125)
 
 ROWS: list[Place] = [
     (0.5, 0.5, 0.55, 1.0, 1.0),
@@ -50,14 +44,6 @@ ROWS: list[Place] = [
 ]
 LOOSE = {ROWS[-1], ROWS[-2], ROWS[-3]}
 """Those in which the ends of an arc lose digits: along a side that the circle touches, and far from the centre."""
-
-
-def moments(kind: str, powers: Sequence[tuple[int, int]]) -> list[Moments]:
-    """Each power alone."""
-    return [Moments(kind, ((j, k, 1.0),)) for j, k in powers]
-
-
-ASKED = [*moments("above", [(0, 0), (1, 0), (2, 2)]), *moments("below", [(0, 0)]), *moments("border", [(0, 0), (1, 2)])]
 
 
 def of_place(matrix: Matrix, asked: Sequence[Moments], least: float = 0.0, when: str | None = None) -> Program:
@@ -96,10 +82,6 @@ CASES = [
     SPECIAL,
     LEAST,
 ]
-
-
-def kernels(name: str) -> Any:
-    return {"numpy": compile_numpy, "c": compile_c, "jax": compile_jax}[name]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
