@@ -165,9 +165,8 @@ static inline void teg_trace_ellipse(teg_ellipse *e, const double *a, const doub
     double least = 0.0;
     for (int i = 0; i < n; i++) {
         if (!leaves[i]) continue;
-        int j = i;
-        do j = j + 1 < n ? j + 1 : 0;
-        while (j != i && !enters[j]);
+        int j = i + 1 < n ? i + 1 : 0;
+        while (j != i && !enters[j]) j = j + 1 < n ? j + 1 : 0;
         const double s = end[j][0], t = end[j][1];
         teg_arc arc = begin[i];
         const double gap = sqrt((arc.p - s) * (arc.p - s) + (arc.q - t) * (arc.q - t)), across = arc.p * t - arc.q * s;
