@@ -39,7 +39,7 @@ ROWS: list[tuple[Place, Line, Line]] = [
     ((1.0, 1.0, 1.2, 1.0, 1.0), (1.0, 1.0, -(2.0**-20)), (0.0, -1.0, 0.8)),
     ((0.5, 1e-9, 1e-8, 1.0, 1.0), (1.0, 1.0, -0.5), (-1.0, 3.0, 0.5)),
     ((0.5, 0.5, 0.5 + 2.0**-40, 1.0, 1.0), (1.0, 1.0, -0.3), (-1.0, 1.0, 0.7)),
-    ((0.5, 0.5, 0.3 + 5e-15, 1.0, 1.0), (1.0, 0.0, -0.2), (math.cos(8e-7), math.sin(8e-7), 0.3 - 0.5 * (math.cos(8e-7) + math.sin(8e-7)))),
+    ((0.5, 0.5, 0.3 + 5e-15, 1.0, 1.0), (1.0, 0.0, -0.2), (math.cos(5e-7), math.sin(5e-7), 0.3 - 0.5 * (math.cos(5e-7) + math.sin(5e-7)))),
 ]
 LOOSE = ROWS[-3:]
 """A circle so small that its lines have fewer digits, one that touches a side, one that crosses two nearly equal lines a little."""
