@@ -65,6 +65,7 @@ class EllipseMoments:
         self.around = self._is_around(u, v, [*sides, *planes])
         self._sides(corners[0] - self.origin[0], corners[1] - self.origin[1])
         self._arcs()
+        self._known: dict[int, tuple[Point, Point, Any]] = {}
         inside = sorted({p for kind, powers in kinds if kind != "border" for p in powers})
         border = sorted({p for kind, powers in kinds if kind == "border" for p in powers})
         self.inside: dict[Powers, Any] = self._within(inside) if inside else {}
@@ -151,11 +152,25 @@ class EllipseMoments:
         self.heading = xp.where(complete, rho, p), xp.where(complete, 0.0, q)
         u, v = self._placed(rho, xp.zeros_like(rho))
         self.begin = xp.where(complete, self.centre[0] + u, self.stop[0]), xp.where(complete, self.centre[1] + v, self.stop[1])
+        if xp is np:
+            self._leave_out_empty_arcs()
+
+    def _leave_out_empty_arcs(self) -> None:
+        """Keeps as many arcs as the element that has most."""
+        order = np.argsort(self.angle == 0.0, axis=0, kind="stable")[: int(np.max(np.sum(self.angle != 0.0, axis=0), initial=0))]
+        u, v, p, q, self.angle = (np.take_along_axis(x, order, 0) for x in (*self.begin, *self.heading, self.angle))
+        self.begin, self.heading = (u, v), (p, q)
 
     def _nodes(self, degree: int) -> tuple[Point, Point, Any]:
         """Returns places on all arcs, derivatives by the angle, and weights; the nodes are the second axis."""
-        xp = self.xp
-        (nodes, weights), count = gauss_legendre(MANY), parts_of_a_circle(degree)
+        count = parts_of_a_circle(degree)
+        if count not in self._known:
+            self._known[count] = self._nodes_in(count)
+        return self._known[count]
+
+    def _nodes_in(self, count: int) -> tuple[Point, Point, Any]:
+        """The same, for arcs in so many parts."""
+        xp, (nodes, weights) = self.xp, gauss_legendre(MANY)
         begin_u, begin_v, p, q, angle = (part[:, None] for part in (*self.begin, *self.heading, self.angle))
         turns = xp.asarray([(2 * part + 1 + x) / (2 * count) for part in range(count) for x in nodes])
         weigh = xp.asarray([w / (2 * count) for _ in range(count) for w in weights])
