@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from math import comb
 
-from teg.backends.c.frame import Frame, Scope
+from teg.backends.c.frame import Frame
 from teg.backends.c.text import indent, literal, packed, wrapped
 from teg.numerics.arcs import FEW, MANY, longest_arc
 from teg.numerics.quadrature import gauss_legendre
@@ -33,73 +33,136 @@ def function_name(moments: Wanted) -> str:
 
 def ellipse(stmt: Ellipse, frame: Frame) -> list[str]:
     """Returns the inside of an ellipse's routine."""
-    scope = frame.scope()
-    u, v, radius, width, height, least = map(scope, stmt.place)
-    inside, border = wanted(stmt)
-    count, single = len(stmt.results), len(stmt.results) == 1
-    a, b, c, d = map(scope, stmt.matrix)
+    return _Routine(stmt, frame).lines()
 
-    def leave(values: Sequence[str]) -> list[str]:
-        if single:
+
+class _Routine:
+    """The inside of an ellipse's routine."""
+
+    def __init__(self, stmt: Ellipse, frame: Frame) -> None:
+        self.stmt, self.scope = stmt, frame.scope()
+        self.matrix, self.place = [self.scope(arg) for arg in stmt.matrix], [self.scope(arg) for arg in stmt.place]
+        self.planes = packed(
+            (f"{{{', '.join(map(self.scope, (g.a, g.b, g.c)))}, {int(g.closed)}}}" for g in stmt.half_planes), "", ", ", ","
+        )
+        self.inside, self.border = wanted(stmt)
+
+    def lines(self) -> list[str]:
+        """Returns the lines: what the ellipse does not cross first."""
+        (a, b, c, d), (u, v, radius, width, height, least) = self.matrix, self.place
+        finite, known = (" + ".join(f"({x} - {x})" for x in dict.fromkeys(some)) for some in ((u, v, width, height), (radius, least)))
+        return [
+            f"const double det = {a} * {d} - {b} * {c}, turn = det < 0.0 ? -1.0 : 1.0, whole = turn * det;",
+            f"const double matrix[4] = {{{a}, {b}, turn * {c}, turn * {d}}};",
+            "if (!(whole > 0.0)) {",
+            *indent(*self._leave_with("NAN")),
+            "}",
+            *(self._clipping() if self.planes else []),
+            f"const double inverse[4] = {{{d} / det, -{b} / whole, -{c} / det, {a} / whole}};",
+            f"const double reach[2] = {{hypot({d}, {b}) / whole, hypot({a}, {c}) / whole}};",
+            f"const double largest = {radius} > {least} ? {radius} : {least};",
+            f"if (teg_box_beside(reach, {u}, {v}, largest * (1.0 + TEG_TANGENT), {width}, {height})) {{",
+            *indent(*self._whole("below"), *self._leave({"below": "whole"})),
+            "}",
+            f"if (!({finite} + {known} == 0.0)) {{",
+            f"    const double size = {' + '.join(f'{x} * {x}' for x in (u, v, width, height))};",
+            f"    if (size <= {literal(LARGEST)} && {radius} > {literal(LARGEST)}) {{",
+            *indent(*indent(*self._whole("above"), *self._leave({"above": "whole"}))),
+            *indent("}", *self._leave_with("NAN")),
+            "}",
+            *self._crossed(),
+        ]
+
+    def _clipping(self) -> list[str]:
+        n, (width, height) = len(self.stmt.half_planes), self.place[3:5]
+        room = 2 * (4 + n) + 1
+        return [
+            f"const teg_half_plane planes[{n}] = {{",
+            *indent(*self.planes),
+            "};",
+            f"double px[{room}], py[{room}];",
+            f"const int corners = teg_polygon({n}, planes, {width}, {height}, px, py);",
+            "if (corners >= 0 && corners < 3) {",
+            *indent(*self._leave_with("0.0")),
+            "}",
+            "if (corners < 0) {",
+            *indent(*self._leave_with("NAN")),
+            "}",
+            f"teg_counterclockwise(corners, px, py, {width}, {height});",
+        ]
+
+    def _crossed(self) -> list[str]:
+        """Returns the lines for an ellipse that may cross the box."""
+        radius, least = self.place[2], self.place[5]
+        function = function_name((self.inside, self.border))
+        smaller = [
+            f"if ({radius} < {least}) {{",
+            *indent(self._trace(least), f"double unused[{self._room()}];", f"{function}(&curve, inverse, unused, on);"),
+            "}",
+        ]
+        asked = {(j, k) for m in self.stmt.moments if m.kind != "border" for j, k, _ in m.terms}
+        return [
+            "teg_ellipse curve;",
+            self._trace(radius),
+            f"double in[{self._room()}], on[{max(len(self.border), 1)}];",
+            f"{function}(&curve, inverse, in, on);",
+            *(smaller if self.border else []),
+            *self._whole("below"),
+            *packed(f"const double in_{j}{k} = in[{i}];" for i, (j, k) in enumerate(self.inside) if (j, k) in asked),
+            *packed(f"const double on_{j}{k} = 0.5 / whole * on[{i}];" for i, (j, k) in enumerate(self.border)),
+            *self._leave({"above": "in", "below": "rest", "border": "on"}),
+        ]
+
+    def _room(self) -> int:
+        return max(len(self.inside), 1)
+
+    def _trace(self, radius: str) -> str:
+        u, v, _, width, height, _ = self.place
+        place = f"&curve, matrix, inverse, reach, {u}, {v}, {radius}, {width}, {height}"
+        return (
+            f"teg_trace_polygon({place}, corners, px, py, {len(self.stmt.half_planes)}, planes);"
+            if self.planes
+            else f"teg_trace_box({place});"
+        )
+
+    def _whole(self, kind: str) -> list[str]:
+        """Returns the lines for the moments of a polygon that results of a kind need; those of a box are products."""
+        powers = sorted({(j, k) for m in self.stmt.moments if m.kind == kind for j, k, _ in m.terms}) if self.planes else []
+        known = (f"const double whole_{j}{k} = all[{self.inside.index((j, k))}];" for j, k in powers)
+        lines = [
+            "teg_ellipse sides;",
+            f"teg_trace_sides(&sides, corners, px, py, {self.place[3]}, {self.place[4]});",
+            f"double all[{self._room()}], none[{max(len(self.border), 1)}];",
+            f"{function_name((self.inside, self.border))}(&sides, inverse, all, none);",
+        ]
+        return [*lines, *packed(known)] if powers else []
+
+    def _leave(self, places: dict[str, str]) -> list[str]:
+        """Returns with the results, from what stands for the moments of each kind."""
+        return self._leave_all([self._polynomial(m, places.get(m.kind, "")) for m in self.stmt.moments])
+
+    def _leave_with(self, value: str) -> list[str]:
+        return self._leave_all([value] * len(self.stmt.results))
+
+    def _leave_all(self, values: Sequence[str]) -> list[str]:
+        if len(values) == 1:
             return [f"return {values[0]};"]
         return [*packed(f"sum[{i}] = {value};" for i, value in enumerate(values)), "return;"]
 
-    def results(places: dict[str, str]) -> list[str]:
-        return [_polynomial(m, scope, places.get(m.kind, ""), (width, height)) for m in stmt.moments]
-
-    place = f"{u}, {v}, {radius}, {width}, {height}"
-    finite, known = (" + ".join(f"({x} - {x})" for x in dict.fromkeys(some)) for some in ((u, v, width, height), (radius, least)))
-    lines = [
-        f"const double det = {a} * {d} - {b} * {c}, turn = det < 0.0 ? -1.0 : 1.0, whole = turn * det;",
-        f"const double matrix[4] = {{{a}, {b}, turn * {c}, turn * {d}}};",
-        "if (!(whole > 0.0)) {",
-        *indent(*leave(["NAN"] * count)),
-        "}",
-        f"const double inverse[4] = {{{d} / det, -{b} / whole, -{c} / det, {a} / whole}};",
-        f"const double reach[2] = {{hypot({d}, {b}) / whole, hypot({a}, {c}) / whole}};",
-        f"const double largest = {radius} > {least} ? {radius} : {least};",
-        f"if (teg_box_beside(reach, {u}, {v}, largest * (1.0 + TEG_TANGENT), {width}, {height})) {{",
-        *indent(*leave(results({"below": "whole"}))),
-        "}",
-        f"if (!({finite} + {known} == 0.0)) {{",
-        f"    const double size = {' + '.join(f'{x} * {x}' for x in (u, v, width, height))};",
-        f"    if (size <= {literal(LARGEST)} && {radius} > {literal(LARGEST)}) {{",
-        *indent(*indent(*leave(results({"above": "whole"})))),
-        *indent("}", *leave(["NAN"] * count)),
-        "}",
-        "teg_ellipse curve;",
-        f"teg_trace_ellipse(&curve, matrix, inverse, {place});",
-        f"double in[{max(len(inside), 1)}], on[{max(len(border), 1)}];",
-        f"{function_name((inside, border))}(&curve, inverse, in, on);",
-    ]
-    if border:
-        lines += [
-            f"if ({radius} < {least}) {{",
-            *indent(
-                f"teg_trace_ellipse(&curve, matrix, inverse, {u}, {v}, {least}, {width}, {height});",
-                f"double unused[{max(len(inside), 1)}];",
-                f"{function_name((inside, border))}(&curve, inverse, unused, on);",
-            ),
-            "}",
-        ]
-    asked = {(j, k) for m in stmt.moments if m.kind != "border" for j, k, _ in m.terms}
-    lines += packed(f"const double in_{j}{k} = in[{i}];" for i, (j, k) in enumerate(inside) if (j, k) in asked)
-    lines += packed(f"const double on_{j}{k} = 0.5 / whole * on[{i}];" for i, (j, k) in enumerate(border))
-    return [*lines, *leave(results({"above": "in", "below": "rest", "border": "on"}))]
+    def _polynomial(self, moments: Moments, place: str) -> str:
+        """Returns Σ c·moment, as an operand; the moments are variables, those of the whole, or what an ellipse leaves of that."""
+        terms = []
+        for j, k, c in moments.terms:
+            whole = f"whole_{j}{k}"
+            if not self.planes:
+                whole = " * ".join([*[self.place[3]] * (j + 1), *[self.place[4]] * (k + 1), repr(1.0 / ((j + 1) * (k + 1)))])
+            moment = {"": "0.0", "whole": whole, "rest": f"({whole} - in_{j}{k})"}.get(place, f"{place}_{j}{k}")
+            terms.append(moment if c == 1.0 else f"{self.scope(c)} * {moment}")
+        return f"({' + '.join(terms)})" if place else "0.0"
 
 
 def _listed(numbers: Iterable[float]) -> str:
     return ", ".join(map(repr, numbers))
-
-
-def _polynomial(moments: Moments, scope: Scope, place: str, extents: tuple[str, str]) -> str:
-    """Returns Σ c·moment, as an operand; the moments are variables, those of the whole box, or what an ellipse leaves of that."""
-    terms = []
-    for j, k, c in moments.terms:
-        whole = " * ".join([*[extents[0]] * (j + 1), *[extents[1]] * (k + 1), repr(1.0 / ((j + 1) * (k + 1)))])
-        moment = {"": "0.0", "whole": whole, "rest": f"({whole} - in_{j}{k})"}.get(place, f"{place}_{j}{k}")
-        terms.append(moment if c == 1.0 else f"{scope(c)} * {moment}")
-    return f"({' + '.join(terms)})" if place else "0.0"
 
 
 def moments_function(moments: Wanted) -> str:

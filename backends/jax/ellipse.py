@@ -3,12 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
+from teg.backends.jax.polygon import Plane, clipped, meets
 from teg.backends.jax.runtime import Scalar
-from teg.backends.shared.ellipses import totals
+from teg.backends.shared.ellipses import box_domain, corners_of_box, polygon_domain, totals
 from teg.backends.shared.moments import Kind
+
+
+class Polygon(NamedTuple):
+    """A box that half-planes clip: its corners, the half-planes, whether anything is left, and the result where nothing is."""
+
+    corners: tuple[Any, Any]
+    planes: Sequence[tuple[Scalar, Scalar, Scalar]]
+    left: Scalar
+    without: Scalar
+
+
+def polygon(width: Scalar, height: Scalar, planes: Sequence[Plane], zero: Scalar) -> Polygon:
+    """Returns what half-planes leave of a box; `zero` keeps a product and a sum apart (see `python_text`)."""
+    width, height = (jnp.asarray(v, jnp.float64) for v in (width, height))
+    fails, known, least, _ = meets(width, height, planes, zero)
+    left = ~fails & known
+    places = jnp.stack(corners_of_box(jnp, width, height))
+    for (a, b, c, _), low in zip(planes, least, strict=True):
+        places, left = clipped(places, left, left & (low < 0.0), a, b, c, zero)
+    return Polygon((places[0], places[1]), [plane[:3] for plane in planes], left, jnp.where(fails | known, 0.0, jnp.nan))
 
 
 def moments(
@@ -17,9 +39,14 @@ def moments(
     kinds: Sequence[Kind],
     coefficients: Sequence[Sequence[Scalar]],
     *,
+    clip: Polygon | None = None,
     when: Scalar = True,
 ) -> tuple[Scalar, ...]:
     """Returns the results of an `Ellipse`."""
-    place = [jnp.asarray(v, jnp.float64) for v in place]
-    found = totals(jnp, matrix, place, kinds, coefficients)
+    matrix, place = ([jnp.asarray(v, jnp.float64) for v in numbers] for numbers in (matrix, place))
+    domain = box_domain(jnp, place, kinds) if clip is None else polygon_domain(jnp, place, kinds, clip.corners, clip.planes)
+    found = totals(jnp, matrix, place, kinds, coefficients, domain)
+    if clip is not None:
+        without = jnp.where(abs(matrix[0] * matrix[3] - matrix[1] * matrix[2]) > 0.0, clip.without, jnp.nan)
+        found = [jnp.where(clip.left, v, without) for v in found]
     return tuple(jnp.where(when, v, 0.0) for v in found)

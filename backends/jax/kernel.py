@@ -433,6 +433,9 @@ def _ellipse(stmt: Ellipse) -> str:
     coefficients = inside(f"({inside(_text(c) for _, _, c in m.terms)})" for m in stmt.moments)
     numbers = (f"({inside(map(_text, part))})" for part in (stmt.matrix, stmt.place))
     arguments = [*numbers, f"({kinds})", f"({coefficients})"]
+    if stmt.half_planes:
+        planes = (f"({_text(g.a)}, {_text(g.b)}, {_text(g.c)}, {g.closed})" for g in stmt.half_planes)
+        arguments.append(f"clip=ellipses.polygon({_text(stmt.place[3])}, {_text(stmt.place[4])}, ({inside(planes)}), zero)")
     arguments += [f"when={stmt.when}"] if stmt.when else []
     return f"({inside(stmt.results)}) = ellipses.moments({', '.join(arguments)})"
 

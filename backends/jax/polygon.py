@@ -37,14 +37,8 @@ def polygon(
     across: Scalar = 0.0,
 ) -> tuple[tuple[Scalar, ...], Note]:
     """The results of a `Polygon`, and the note; `zero` keeps a product and a sum apart (see `python_text`)."""
-    fails, known = jnp.bool_(False), jnp.isfinite(width) & jnp.isfinite(height)
-    least, swing = [], jnp.float64(0.0)
-    for i, (a, b, c, closed) in enumerate(planes):
-        low, most = half_planes.least_and_most(jnp, a, b, c, width, height, zero)
-        fails |= half_planes.fails(jnp, low, most, closed)
-        known &= jnp.isfinite(most - low)
-        least.append(low)
-        swing = jnp.maximum(swing, most - low) if i < 3 else swing
+    fails, known, least, swings = meets(width, height, planes, zero)
+    swing = jnp.max(jnp.stack(swings[:3]))
     thin = jnp.bool_(False)
     if corners:
         known &= jnp.isfinite(across)
@@ -57,7 +51,7 @@ def polygon(
     places = jnp.concatenate([places, jnp.zeros((2, 4))]) if corners else places
     left = there
     for (a, b, c, _), low in zip(planes, least, strict=True):
-        places, left = _clipped(places, left, there & ~thin & (low < 0.0), a, b, c, zero)
+        places, left = clipped(places, left, there & ~thin & (low < 0.0), a, b, c, zero)
     if corners:
         places, left = _with_coordinates(places, left, there & thin, width, height, planes, corners, across, zero)
     px, py = places[0], places[1]
@@ -73,12 +67,26 @@ def polygon(
     return tuple(sums[i] for i in range(len(factors))), union(where(left & (area != 0.0), jnp.max(jnp.asarray(note), axis=1)))
 
 
+def meets(width: Scalar, height: Scalar, planes: Sequence[Plane], zero: Scalar) -> tuple[Scalar, Scalar, list[Scalar], list[Scalar]]:
+    """Whether a half-plane fails on the box, whether all is finite, the least value of each half-plane, and its swing."""
+    fails, known = jnp.bool_(False), jnp.isfinite(width) & jnp.isfinite(height)
+    least: list[Scalar] = []
+    swings: list[Scalar] = []
+    for a, b, c, closed in planes:
+        low, most = half_planes.least_and_most(jnp, a, b, c, width, height, zero)
+        fails |= half_planes.fails(jnp, low, most, closed)
+        known &= jnp.isfinite(most - low)
+        least.append(low)
+        swings.append(most - low)
+    return fails, known, least, swings
+
+
 def _vector(found: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
     values, note = found
     return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(note, jnp.int32)
 
 
-def _clipped(
+def clipped(
     places: Any, left: Scalar, cuts: Scalar, a: Scalar, b: Scalar, c: Scalar, zero: Scalar, side: tuple[int, Scalar] | None = None
 ) -> tuple[Any, Any]:
     """A convex polygon cut by a half-plane, if it `cuts`: what its corners have, (coordinates, n + 1) for (coordinates, n), their place
@@ -141,9 +149,9 @@ def _with_coordinates(
     cut, remains = jnp.where(turns, jnp.concatenate([at[:, :1], at[:, 2:], at[:, 1:2]], axis=1), at), thin
     left_and_right: list[tuple[Any, ...]] = [(su, 0.0, 0.0, (0, 0.0)), (-su, 0.0, su * width, (0, width))]
     for a, b, c, side in [*left_and_right, (0.0, sv, 0.0, (1, 0.0)), (0.0, -sv, sv * height, (1, height))]:
-        cut, remains = _clipped(cut, remains, thin, a, b, c, zero, side)
+        cut, remains = clipped(cut, remains, thin, a, b, c, zero, side)
     for a, b, c, _ in planes[3:]:
-        cut, remains = _clipped(cut, remains, thin, a, b, c, zero)
+        cut, remains = clipped(cut, remains, thin, a, b, c, zero)
     return jnp.where(thin, cut, places), jnp.where(thin, remains, left)
 
 

@@ -224,7 +224,11 @@ class _Printer:
                 self.hyperbola(number, stmt)
             case Ellipse():
                 kinds = inside(repr((m.kind, tuple((j, k) for j, k, _ in m.terms))) for m in stmt.moments)
-                self.lines += ["", "", f"ellipse_{number} = ellipses.EllipseMoments(({kinds}))"]
+                self.lines += [
+                    "",
+                    "",
+                    f"ellipse_{number} = ellipses.EllipseMoments(({kinds}), ({inside(str(g.closed) for g in stmt.half_planes)}))",
+                ]
             case _:
                 assert_never(stmt)
 
@@ -403,7 +407,8 @@ class _Printer:
                 groups = [[_text(c) for m in stmt.moments for _, _, c in m.terms], captured(stmt, "scales")[0]]
             case Ellipse():
                 coefficients = [_text(c) for m in stmt.moments for _, _, c in m.terms]
-                name, limits, groups = "ellipse", [], [map(_text, stmt.matrix), map(_text, stmt.place), coefficients]
+                planes = [_text(arg) for g in stmt.half_planes for arg in (g.a, g.b, g.c)]
+                name, limits, groups = "ellipse", [], [map(_text, stmt.matrix), map(_text, stmt.place), coefficients, planes]
             case When():
                 raise AssertionError("branches are written out")
             case _:

@@ -90,16 +90,7 @@ class PolygonIntegral(Domain):
     def _lanes(self, run: Run, box: Sequence[Array], for_setup: Sequence[Array], for_body: Sequence[Array], lanes: int) -> Array:
         width, height, *planes = (np.broadcast_to(v, (lanes,)) for v in box)
         known_points = planes[3 * len(self.closed) :]
-        fails, known = np.zeros(lanes, bool), np.isfinite(width) & np.isfinite(height)
-        least: list[Array] = []
-        swings: list[Array] = []
-        for i, closed in enumerate(self.closed):
-            a, b, c = planes[3 * i : 3 * i + 3]
-            low, most = half_planes.least_and_most(np, a, b, c, width, height)
-            fails |= half_planes.fails(np, low, most, closed)
-            known &= np.isfinite(most - low)
-            least.append(low)
-            swings.append(most - low)
+        fails, known, least, swings = meets(planes, self.closed, width, height)
         if self.triangle:
             across = known_points[-1]
             known &= np.isfinite(across)
@@ -118,7 +109,7 @@ class PolygonIntegral(Domain):
             at, across = np.array([p[active] for p in known_points[:6]]).reshape(3, 2, -1), known_points[6][active]
             thin = across < THIN * swing
         for i in range(len(self.closed)):
-            places, corners = _clipped(places, corners, ~thin & (least[i] < 0.0), *planes[3 * i : 3 * i + 3])
+            places, corners = clipped(places, corners, ~thin & (least[i] < 0.0), *planes[3 * i : 3 * i + 3])
         if self.triangle:
             carried = [(planes[3 * k + 2] + planes[3 * k] * places[0] + planes[3 * k + 1] * places[1]) * (1.0 / across) for k in (1, 2)]
             places = np.stack([*places, *carried])
@@ -143,7 +134,22 @@ class PolygonIntegral(Domain):
         return sums
 
 
-def _clipped(places: Array, corners: Array, cuts: Array, a: Array, b: Array, c: Array, exact: Array | None = None) -> tuple[Array, Array]:
+def meets(planes: Sequence[Array], closed: Sequence[bool], width: Array, height: Array) -> tuple[Array, Array, list[Array], list[Array]]:
+    """Returns whether a half-plane fails on the box, whether all is finite, the least value of each half-plane, and its swing."""
+    fails, known = np.zeros(width.size, bool), np.isfinite(width) & np.isfinite(height)
+    least: list[Array] = []
+    swings: list[Array] = []
+    for i, is_closed in enumerate(closed):
+        a, b, c = planes[3 * i : 3 * i + 3]
+        low, most = half_planes.least_and_most(np, a, b, c, width, height)
+        fails |= half_planes.fails(np, low, most, is_closed)
+        known &= np.isfinite(most - low)
+        least.append(low)
+        swings.append(most - low)
+    return fails, known, least, swings
+
+
+def clipped(places: Array, corners: Array, cuts: Array, a: Array, b: Array, c: Array, exact: Array | None = None) -> tuple[Array, Array]:
     """Polygons, corners in rows, cut by a half-plane each where it `cuts`: (coordinates, rows, lanes), and how many corners there are.
     The first two coordinates are places; where the border is along an axis, `exact` is where."""
     _, rows, lanes = places.shape
@@ -181,11 +187,11 @@ def _thin(at: Array, width: Array, height: Array, planes: Sequence[Array]) -> tu
     corners = np.full(width.size, 3)
     every = np.ones(width.size, bool)
     for a, b, c, exact in ((su, nothing, nothing, nothing), (-su, nothing, su * width, width)):
-        places, corners = _clipped(places, corners, every, a, b, c, exact)
+        places, corners = clipped(places, corners, every, a, b, c, exact)
     for a, b, c, exact in ((nothing, sv, nothing, nothing), (nothing, -sv, sv * height, height)):
-        places, corners = _clipped(places, corners, every, a, b, c, exact)
+        places, corners = clipped(places, corners, every, a, b, c, exact)
     for i in range(0, len(planes), 3):
-        places, corners = _clipped(places, corners, every, *planes[i : i + 3])
+        places, corners = clipped(places, corners, every, *planes[i : i + 3])
     return places, corners
 
 

@@ -12,7 +12,7 @@ from teg.analysis.polynomial import Shadow, distance
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import ZERO, Add, Expr, Mul, Var, add, const, integer_power, mul
+from teg.ir.expr import TRUE, ZERO, Add, Cond, Expr, Mul, Var, Where, add, const, integer_power, mul, negation, where
 from teg.ir.integral import Integral, masses_of
 from teg.ir.traverse import substitute
 
@@ -20,14 +20,16 @@ Coefficients = dict[tuple[int, int], Expr]
 """The coefficients of xʲyᵏ about the corner of both lower bounds of a box, x being the inner variable."""
 
 
-def nest_of_two(node: Integral) -> tuple[Chain, Expr] | None:
+def nest_of_two(node: Integral, guarded: bool = False) -> tuple[Chain, Expr] | None:
     """Returns the two integral signs of a nest and its integrand; None for other integrals.
 
-    The body of the outer one may be a sum of products with integrals over one interval.
+    The body of the outer one may be a sum of products with integrals over one interval; if it may be `guarded`, also 0 where a condition
+    of the outer variable fails.
     """
     box: Integral | None = None
     total: list[Expr] = []
-    for term in node.body.children if isinstance(node.body, Add) else (node.body,):
+    condition, body = nonzero_part(node.body) if guarded else (TRUE, node.body)
+    for term in body.children if isinstance(body, Add) else (body,):
         factors = cast("Sequence[Expr]", term.children) if isinstance(term, Mul) else (term,)
         found = [f for f in factors if isinstance(f, Integral)]
         if len(found) != 1 or found[0].body.has_integral or is_unbounded(found[0]) or masses_of(found[0].body, found[0].var) is not None:
@@ -42,7 +44,16 @@ def nest_of_two(node: Integral) -> tuple[Chain, Expr] | None:
         total.append(mul(rest, inner.body))
     if box is None:
         return None
-    return (Binder(node.var, node.lo, node.hi), Binder(box.var, box.lo, box.hi)), add(*total)
+    return (Binder(node.var, node.lo, node.hi), Binder(box.var, box.lo, box.hi)), where(condition, add(*total), ZERO)
+
+
+def nonzero_part(body: Expr) -> tuple[Cond, Expr]:
+    """Returns a condition outside of which a body is 0, and the body where the condition holds."""
+    if isinstance(body, Where) and body.otherwise is ZERO:
+        return body.condition, body.then
+    if isinstance(body, Where) and body.then is ZERO:
+        return negation(body.condition), body.otherwise
+    return TRUE, body
 
 
 def coefficients(e: Expr, chain: Chain, scaled: bool = False) -> Coefficients | None:

@@ -9,7 +9,7 @@
            | results = ∫∫ over a box cut by half-planes: setup; body       Polygon: the box is clipped, a rule on a fan of triangles
            | results = ∫ over (0, 1) cut by half-lines: setup; body        Segment: the interval is clipped, Gauss-Legendre on what is left
            | results = Σ c·moments of [g > 0], [g <= 0], δ(g): scales      Hyperbola: g bilinear on the unit square, in closed form
-           | results = Σ c·moments of [g > 0], [g <= 0], δ(g)              Ellipse: g of an ellipse on a box, by nodes along its arcs
+           | results = Σ c·moments of [g > 0], [g <= 0], δ(g)              Ellipse: g of an ellipse on a polygon, by nodes along its arcs
            | when b: body with results                                     When: a branch; where it is not taken, results are 0
 
 A program may call functions whose bodies are programs of their own (`Called`), without integrals.
@@ -47,6 +47,7 @@ from teg.program.limits import (
     LOCATE_STEPS,
     LOCATE_WIDTH,
     LOCATE_ZEROS,
+    MAX_CUTS,
     MAX_DEPTH,
     MAX_EVALUATIONS,
     MAX_HALF_PLANES,
@@ -137,6 +138,7 @@ __all__ = [
     "LOCATE_STEPS",
     "LOCATE_WIDTH",
     "LOCATE_ZEROS",
+    "MAX_CUTS",
     "MAX_DEPTH",
     "MAX_EVALUATIONS",
     "MAX_HALF_PLANES",

@@ -86,6 +86,8 @@ LOCATE_LOST = 2.0**-40
 
 MAX_HALF_PLANES = 64
 """Of more a `Polygon` would be long: they share the pieces of two integrals instead."""
+MAX_CUTS = 8
+"""Of the half-planes beside an ellipse."""
 THIN = 2.0**-5
 """A triangle so thin, compared with how much its half-planes change over a box, is clipped by the box, and not the box by it."""
 NEARLY = 2.0**-20

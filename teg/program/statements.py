@@ -452,15 +452,19 @@ class Hyperbola:
 
 @dataclass(frozen=True, slots=True)
 class Ellipse:
-    """results = moments of g = r² - |A·((u, v) - c)|² on the box from (0, 0) to (width, height); 0 where `when` fails.
+    """results = moments of g = r² - |A·((u, v) - c)|² on the part of the box from (0, 0) to (width, height) that is in all half-planes; 0
+    where `when` fails.
 
-    `matrix` is A by rows, `place` has both numbers of the centre c, the radius r, the width and the height, which may be
-    negative, and the least radius at which a border is taken. A box without area has no moments. If r is infinite the box is inside, if c
-    is the box is outside; if both are, or a number of `place` is NaN, or det A is 0 or NaN, every result is NaN.
+    The box is clipped to a convex polygon as that of a `Polygon`, with its results where a half-plane fails or has numbers that are not
+    finite; without half-planes the polygon is the box. `matrix` is A by rows, `place` has both numbers of the centre c, the radius r, the
+    width and the height, which may be negative, and the least radius at which a border is taken. A polygon without area has no moments. If
+    r is infinite the polygon is inside, if c is the polygon is outside; if both are, or a number of `place` is NaN, or det A is 0 or NaN,
+    every result is NaN.
 
     A corner is in the ellipse or not, |w| < r, and a side of which no end is in it has a chord if both ends of this lie on it. An arc of
-    the circle from where it leaves the box to where it enters it again has almost no length, or almost that of the whole circle, if its
-    ends are closer than CLOSE_ENDS·r: the latter where all sides are further than (1 - TANGENT)·r from the centre, on its outer side.
+    the circle from where it leaves the polygon to where it enters it again has almost no length, or almost that of the whole circle, if
+    its ends are closer than CLOSE_ENDS·r: the latter where the lines of all sides are further than (1 - TANGENT)·r from the centre, on its
+    outer side, and if all arcs are such for the one whose end is furthest behind its begin.
     """
 
     matrix: Annotated[tuple[Arg, ...], NUMBER]
@@ -468,6 +472,7 @@ class Ellipse:
     moments: Annotated[tuple[Moments, ...], Part(each=True)]
     results: Annotated[tuple[str, ...], Result()]
     when: Annotated[str | None, CONDITION] = None
+    half_planes: Annotated[tuple[HalfPlane, ...], Part()] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from typing import get_args
 
 from teg.program.arrays import ArrayProgram, Integers, Like, Load, Loop, Run, Scatter, Step
 from teg.program.fields import Kind, Operand, Part, Result, Variable, declared, flat, inner_blocks, leaves
+from teg.program.limits import MAX_CUTS
 from teg.program.operations import INTEGER_OPERATIONS, OPERATIONS
 from teg.program.statements import (
     Adaptive,
@@ -274,6 +275,7 @@ class _Flat(_Verifier):
     def _ellipse(self, stmt: Ellipse) -> None:
         self.check(len(stmt.matrix) == 4, f"{len(stmt.matrix)} numbers of the matrix of an ellipse", stmt)
         self.check(len(stmt.place) == 6, f"{len(stmt.place)} numbers of the place of an ellipse", stmt)
+        self.check(len(stmt.half_planes) <= MAX_CUTS, f"{len(stmt.half_planes)} half-planes beside an ellipse", stmt)
         kinds = {m.kind for m in stmt.moments}
         self.check(kinds <= {"above", "below", "border"}, f"moments of the kinds {kinds}", stmt)
 

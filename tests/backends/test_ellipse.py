@@ -4,98 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cache
-from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import mpmath
 import numpy as np
 import pytest
 
 import teg
-from teg.backends.c.kernel import compile_c
-from teg.backends.jax.kernel import compile_jax
 from teg.backends.numpy.kernel import compile_numpy
 from teg.ir.traverse import parameters
 from teg.program import Ellipse, Moments, Program, size, statements
 from teg.program.interpreter import interpret
-from tests.backends.c_checks import any_number_of_threads_gives_the_same, behaviour_is_defined, in_c, text_compiles_without_warnings
+from tests.backends.c_checks import any_number_of_threads_gives_the_same, behaviour_is_defined, text_compiles_without_warnings
+from tests.backends.ellipse_moments import ASKED, BACKENDS, LEANS, LONG, ROUND, Matrix, Place, exact, kernels, needs_c
 from tests.backends.programs import Case, Row, columns, expected, program
 
-needs_c = in_c[0]
-BACKENDS = ["numpy", pytest.param("c", marks=needs_c), pytest.param("jax", marks=pytest.mark.slow)]
 pytestmark = pytest.mark.usefixtures("x64", "derived_once")
-
-Matrix = tuple[float, float, float, float]
-Place = tuple[float, float, float, float, float]
-"""u and v of the centre, the radius, width and height."""
-ROUND, LEANS, LONG = (1.0, 0.0, 0.0, 1.0), (1.3, 0.4, -0.2, 0.7), (8.0, 0.0, 0.0, 0.125)
-
-
-@cache
-def exact(matrix: Matrix, place: Place, kind: str, j: int, k: int) -> float:
-    """∫∫ uʲvᵏ w over the box to 20 digits: between the ends of each row, or by the angle between the crossings with the sides."""
-    with mpmath.workdps(28):
-        if kind == "border":
-            return float(_along(matrix, place, j, k))
-        inside = _inside(matrix, place, j, k)
-        width, height = map(mpmath.mpf, place[3:])
-        return float(inside if kind == "above" else width ** (j + 1) * height ** (k + 1) / ((j + 1) * (k + 1)) - inside)
-
-
-def _along(matrix: Matrix, place: Sequence[float], j: int, k: int) -> Any:
-    """½/|det A|·∮ uʲvᵏ dφ over the part of the ellipse in the box."""
-    a, b, c, d = map(mpmath.mpf, matrix)
-    u0, v0, radius, width, height = map(mpmath.mpf, place)
-    whole = a * d - b * c
-    (left, right), (bottom, top) = sorted((mpmath.mpf(0), width)), sorted((mpmath.mpf(0), height))
-    rows = (d * radius / whole, -b * radius / whole, u0, left, right), (-c * radius / whole, a * radius / whole, v0, bottom, top)
-    cuts = {-mpmath.pi, mpmath.pi}
-    for p, q, at, low, high in rows:  # at + p cos φ + q sin φ on a side
-        for side in (low, high):
-            if abs(side - at) < mpmath.hypot(p, q):
-                middle, turn = mpmath.atan2(q, p), mpmath.acos((side - at) / mpmath.hypot(p, q))
-                cuts |= {mpmath.atan2(mpmath.sin(phi), mpmath.cos(phi)) for phi in (middle - turn, middle + turn)}
-
-    def at_angle(phi: Any) -> list[Any]:
-        return [at + p * mpmath.cos(phi) + q * mpmath.sin(phi) for p, q, at, _, _ in rows]
-
-    total = mpmath.mpf(0)
-    for first, last in pairwise(sorted(cuts)):
-        u, v = at_angle((first + last) / 2)
-        if left < u < right and bottom < v < top:
-            total += mpmath.quad(lambda phi: at_angle(phi)[0] ** j * at_angle(phi)[1] ** k, [first, (first + last) / 2, last])
-    return (1 if (width >= 0) == (height >= 0) else -1) * total / (2 * abs(whole))
-
-
-def _inside(matrix: Matrix, place: Sequence[Any], j: int, k: int) -> Any:
-    """∫∫ uʲvᵏ over the part of the ellipse in the box, row by row."""
-    a, b, c, d = map(mpmath.mpf, matrix)
-    u0, v0, radius, width, height = map(mpmath.mpf, place)
-    uu, uv, vv, whole = a * a + c * c, a * b + c * d, b * b + d * d, abs(a * d - b * c)
-    (left, right), (bottom, top) = sorted((mpmath.mpf(0), width)), sorted((mpmath.mpf(0), height))
-    sign = (1 if width >= 0 else -1) * (1 if height >= 0 else -1)
-    low, high = max(bottom, v0 - radius * mpmath.sqrt(uu) / whole), min(top, v0 + radius * mpmath.sqrt(uu) / whole)
-    if low >= high:
-        return mpmath.mpf(0)
-    cuts = {low, high}
-    for u in (left, right):
-        rest = (uv * (u - u0)) ** 2 - vv * (uu * (u - u0) ** 2 - radius**2)
-        if rest > 0:
-            cuts |= {v for s in (-1, 1) if low < (v := v0 + (-uv * (u - u0) + s * mpmath.sqrt(rest)) / vv) < high}
-
-    def row(v: Any) -> Any:
-        rest = (uv * (v - v0)) ** 2 - uu * (vv * (v - v0) ** 2 - radius**2)
-        ends = [u0 + (-uv * (v - v0) + s * mpmath.sqrt(max(rest, 0))) / uu for s in (-1, 1)]
-        start, stop = (min(max(u, left), right) for u in ends)
-        return (stop ** (j + 1) - start ** (j + 1)) / (j + 1) * v**k
-
-    total = mpmath.mpf(0)
-    for first, last in pairwise(sorted(cuts)):
-        middle, half = (first + last) / 2, (last - first) / 2
-        total += mpmath.quad(lambda s, m=middle, h=half: row(m + h * mpmath.sin(s)) * h * mpmath.cos(s), [-mpmath.pi / 2, 0, mpmath.pi / 2])
-    return sign * total
 
 
 ROWS: list[Place] = [
@@ -120,14 +44,6 @@ ROWS: list[Place] = [
 ]
 LOOSE = {ROWS[-1], ROWS[-2], ROWS[-3]}
 """Those in which the ends of an arc lose digits: along a side that the circle touches, and far from the centre."""
-
-
-def moments(kind: str, powers: Sequence[tuple[int, int]]) -> list[Moments]:
-    """Each power alone."""
-    return [Moments(kind, ((j, k, 1.0),)) for j, k in powers]
-
-
-ASKED = [*moments("above", [(0, 0), (1, 0), (2, 2)]), *moments("below", [(0, 0)]), *moments("border", [(0, 0), (1, 2)])]
 
 
 def of_place(matrix: Matrix, asked: Sequence[Moments], least: float = 0.0, when: str | None = None) -> Program:
@@ -166,10 +82,6 @@ CASES = [
     SPECIAL,
     LEAST,
 ]
-
-
-def kernels(name: str) -> Any:
-    return {"numpy": compile_numpy, "c": compile_c, "jax": compile_jax}[name]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)

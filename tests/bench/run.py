@@ -27,6 +27,7 @@ from teg.examples.charts.tables import read_page, write_page
 from tests.backends import isolate_programs, locate_programs, programs
 from tests.bench.backends import backend_rows
 from tests.bench.closed import closed_rows
+from tests.bench.cut_disks import cut_disk_rows
 from tests.bench.functions import call_time_rows, swap_rows
 from tests.bench.many import many_rows
 from tests.bench.rasteriser import rasteriser_rows
@@ -172,6 +173,10 @@ TABLES: dict[str, tuple[Measurement, str]] = {
     ),
     "bilinear pixel": (bilinear_rows, "A thresholded bilinear pixel, by the number of branches of its hyperbola inside."),
     "curved": (curved, "Surfaces that are no lines, in C; second derivatives where they are asked for."),
+    "disks and lines": (
+        cut_disk_rows,
+        "The area of a disk that lines cut, in a square: moments in closed form, and the same with `intrinsics=False`.",
+    ),
     "closed forms": (closed_rows, "Integrals whose antiderivative is known: value and gradient of one element of a batch."),
     "many surfaces": (
         many_rows,

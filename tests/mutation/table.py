@@ -254,6 +254,12 @@ MUTANTS: tuple[Mutant, ...] = (
         ("end of a segment", "xp.where(ends, xp.minimum(stop, root), stop)", "stop"),
     ),
     *_of(
+        "backends/shared/ellipses.py",
+        ("tests/backends/test_clipped_ellipse.py",),
+        ("a disk beyond a line", "self._is_around(u, v, [*sides, *planes])", "self._is_around(u, v, sides)"),
+        ("two arcs that go round", "xp.where(around & behind, CIRCLE - apart, apart)", "xp.where(around, CIRCLE - apart, apart)"),
+    ),
+    *_of(
         "backends/shared/bends.py",
         SUBSTITUTED,
         ("derivative of a cubic place", "6.0 * t * (1.0 - t)", "6.0 * t"),

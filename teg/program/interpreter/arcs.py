@@ -1,13 +1,15 @@
-"""The meaning of `Ellipse`: moments of an ellipse on a box, by its chords on the sides and nodes along its arcs in the box."""
+"""The meaning of `Ellipse`: moments of an ellipse on a convex polygon, by its chords on the sides and nodes along its arcs inside."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from math import comb
 from typing import TYPE_CHECKING
 
 from teg.numerics.arcs import MANY, parts_of_a_circle
 from teg.numerics.quadrature import gauss_legendre
+from teg.program.interpreter.clipped import Line, Vertex, any_fails, clipped, lines_of, range_on_box
 from teg.program.limits import CLOSE_ENDS, TANGENT
 from teg.program.statements import Ellipse, Moments
 
@@ -15,7 +17,6 @@ if TYPE_CHECKING:
     from teg.program.interpreter.machine import Machine
 
 CIRCLE = 2.0 * math.pi
-Powers = tuple[int, int]
 
 
 def ellipse(machine: Machine, stmt: Ellipse) -> list[float]:
@@ -25,53 +26,111 @@ def ellipse(machine: Machine, stmt: Ellipse) -> list[float]:
     a, b, c, d = machine.numbers(stmt.matrix)
     turn = math.copysign(1.0, a * d - b * c)  # |A(x - c)| is the same if a row is negated
     matrix = a, b, turn * c, turn * d
+    planes = lines_of(machine, stmt.half_planes)
+    ranges = [range_on_box(line, width, height) for line in planes]
     if not abs(a * d - b * c) > 0.0:
         return [math.nan] * len(stmt.results)
+    if any_fails(stmt.half_planes, ranges):
+        return [0.0] * len(stmt.results)
+    if not all(math.isfinite(most - low) for low, most in ranges):
+        return [math.nan] * len(stmt.results)
+    domain = _Domain(width, height, [line for line, (low, _) in zip(planes, ranges, strict=True) if low < 0.0])
     finite = all(map(math.isfinite, (*place[:2], width, height)))
     if not finite or not all(map(math.isfinite, place)):
         holds = finite and place[2] == math.inf and all(math.isfinite(x * x) for x in (*place[:2], width, height))
         beside = any(map(math.isinf, place[:2])) and not any(map(math.isnan, place[:2])) and all(map(math.isfinite, place[2:]))
-        return [_whole(machine, m, width, height, holds) if holds or beside else math.nan for m in stmt.moments]
-    curve = _Curve(matrix, place)
-    borders = curve if place[2] >= least else _Curve(matrix, [*place[:2], least, width, height])
+        return [_whole(machine, m, domain, holds) if holds or beside else math.nan for m in stmt.moments]
+    curve = _Curve(matrix, place[:3], domain)
+    borders = curve if place[2] >= least else _Curve(matrix, [*place[:2], least], domain)
     results = []
     for wanted in stmt.moments:
         total = 0.0
         for j, k, factor in wanted.terms:
             moment = borders.border(j, k) if wanted.kind == "border" else curve.inside(j, k)
             if wanted.kind == "below":
-                moment = width ** (j + 1) * height ** (k + 1) / ((j + 1) * (k + 1)) - moment
+                moment = domain.moment(j, k) - moment
             total += machine.number(factor) * moment
         results.append(total)
     return results
 
 
-def _whole(machine: Machine, wanted: Moments, width: float, height: float, inside: bool) -> float:
-    """Returns a result on a box that is all inside the ellipse, or all outside."""
+def _whole(machine: Machine, wanted: Moments, domain: _Domain, inside: bool) -> float:
+    """Returns a result on a domain that is all inside the ellipse, or all outside."""
     if wanted.kind != ("above" if inside else "below"):
         return 0.0
-    return sum(machine.number(c) * width ** (j + 1) * height ** (k + 1) / ((j + 1) * (k + 1)) for j, k, c in wanted.terms)
+    return sum(machine.number(c) * domain.moment(j, k) for j, k, c in wanted.terms)
+
+
+class _Domain:
+    """A box, and the convex polygon that lines leave of it: its vertices, counterclockwise, and the sign of its area."""
+
+    def __init__(self, width: float, height: float, lines: list[Line]) -> None:
+        self.width, self.height, self.lines = width, height, lines
+        self.sign = -1.0 if (width < 0.0) != (height < 0.0) else 1.0
+        (low_u, high_u), (low_v, high_v) = sorted((0.0, width)), sorted((0.0, height))
+        self.vertices: list[Vertex] = [(low_u, low_v), (high_u, low_v), (high_u, high_v), (low_u, high_v)]
+        for line in lines:
+            self.vertices = clipped(self.vertices, line) if self.vertices else []
+        sides = ((1.0, 0.0, -low_u), (-1.0, 0.0, high_u), (0.0, 1.0, -low_v), (0.0, -1.0, high_v))
+        self.borders: list[Line] = [*sides, *lines]
+        self.is_flat = width == 0.0 or height == 0.0 or len(self.vertices) < 3
+
+    def moment(self, j: int, k: int) -> float:
+        """Returns ∫∫ uʲvᵏ over the polygon."""
+        if not self.lines:
+            return self.width ** (j + 1) * self.height ** (k + 1) / ((j + 1) * (k + 1))
+        sides = list(zip(self.vertices, self.vertices[1:] + self.vertices[:1], strict=True))
+        return self.sign * _moved(j, k, _mean(self.vertices), lambda m, n, at: _along_chords(sides, at, m, n)) if self.vertices else 0.0
+
+
+def _mean(points: Sequence[Vertex]) -> tuple[float, float]:
+    return sum(p[0] for p in points) / len(points), sum(p[1] for p in points) / len(points)
+
+
+def _along_chords(chords: Sequence[tuple[Vertex, Vertex]], at: tuple[float, float], j: int, k: int) -> float:
+    """Returns ∫ uʲvᵏ (u dv - v du) along chords, about a point."""
+    total = 0.0
+    for first, last in chords:
+        p, q, s, t = first[0] - at[0], first[1] - at[1], last[0] - at[0], last[1] - at[1]
+        for r, weight in zip(*gauss_legendre((j + k) // 2 + 1), strict=True):
+            x, y = 0.5 * ((1.0 - r) * p + (1.0 + r) * s), 0.5 * ((1.0 - r) * q + (1.0 + r) * t)
+            total += 0.5 * weight * (p * t - q * s) * x**j * y**k
+    return total
+
+
+def _moved(
+    j: int, k: int, at: tuple[float, float], along: Callable[[int, int, tuple[float, float]], float], origin: Sequence[float] = (0.0, 0.0)
+) -> float:
+    """Returns ∫∫ uʲvᵏ by the integrals ∮ uᵐvⁿ (u dv - v du) along the border about a point."""
+    about = {(m, n): along(m, n, at) / (m + n + 2) for m in range(j + 1) for n in range(k + 1)}
+    u, v = at[0] + origin[0], at[1] + origin[1]
+    return sum(comb(j, m) * comb(k, n) * u ** (j - m) * v ** (k - n) * value for (m, n), value in about.items())
 
 
 class _Curve:
-    """An ellipse on a box. Points are offsets from the point of the box that is nearest to the centre. Complex numbers are the points
-    w = A·((u, v) - c) of the plane in which it is a circle around 0.
+    """An ellipse on a convex polygon. Points are offsets from the point of the box that is nearest to the centre. Complex numbers are the
+    points w = A·((u, v) - c) of the plane in which it is a circle around 0.
     """
 
-    def __init__(self, matrix: tuple[float, ...], place: list[float]) -> None:
-        self.matrix, self.radius = matrix, place[2]
-        ends_of = [sorted((0.0, extent)) for extent in place[3:5]]
+    def __init__(self, matrix: tuple[float, ...], place: Sequence[float], domain: _Domain) -> None:
+        self.matrix, self.radius, self.sign = matrix, place[2], domain.sign
+        ends_of = [sorted((0.0, extent)) for extent in (domain.width, domain.height)]
         self.origin = [min(max(c, low), high) for c, (low, high) in zip(place[:2], ends_of, strict=True)]
         self.centre = place[0] - self.origin[0], place[1] - self.origin[1]
-        (low_u, high_u), (low_v, high_v) = ((low - o, high - o) for o, (low, high) in zip(self.origin, ends_of, strict=True))
-        corners = [(low_u, low_v), (high_u, low_v), (high_u, high_v), (low_u, high_v)]
-        self.sign = -1.0 if (place[3] < 0.0) != (place[4] < 0.0) else 1.0
+        self.round = all(self._is_inside(line, place) for line in domain.borders)
         self.chords: list[tuple[tuple[float, float], tuple[float, float]]] = []
-        self.whole, self.round = False, True
-        ends: list[tuple[bool, complex, tuple[float, float]]] = []  # whether the circle leaves the box there
-        for i in range(4):
-            self._side(corners[i], corners[(i + 1) % 4], ends)
-        self.arcs = self._arcs(ends) if low_u < high_u and low_v < high_v else []
+        self.whole = False
+        ends: list[tuple[bool, complex, tuple[float, float]]] = []  # whether the circle leaves the polygon there
+        vertices = [(u - self.origin[0], v - self.origin[1]) for u, v in domain.vertices]
+        for first, last in zip(vertices, vertices[1:] + vertices[:1], strict=True):
+            self._side(first, last, ends)
+        self.arcs = [] if domain.is_flat else self._arcs(ends)
+
+    def _is_inside(self, line: Line, place: Sequence[float]) -> bool:
+        """Returns whether the disk is on the inner side of a line, or touches it."""
+        (a, b, c, d), (slope_u, slope_v, at_corner) = self.matrix, line
+        reach = math.hypot(d * slope_u - c * slope_v, a * slope_v - b * slope_u) / (a * d - b * c)
+        return (at_corner + slope_u * place[0]) + slope_v * place[1] >= self.radius * (1.0 - TANGENT) * reach
 
     def _seen(self, u: float, v: float) -> complex:
         a, b, c, d = self.matrix
@@ -90,9 +149,8 @@ class _Curve:
         if length == 0.0:
             return
         unit = along / length
-        (a, b, c, d), over, up = self.matrix, last[0] - first[0], last[1] - first[1]  # one of which is 0
+        (a, b, c, d), over, up = self.matrix, last[0] - first[0], last[1] - first[1]
         away = (a * d - b * c) * ((first[0] - self.centre[0]) * up - (first[1] - self.centre[1]) * over) / length
-        self.round &= away >= self.radius * (1.0 - TANGENT)
         half = math.sqrt(max((self.radius - away) * (self.radius + away), 0.0))
         foot = -(start.conjugate() * unit).real
         inside = [abs(w) < self.radius for w in (start, stop)]
@@ -103,16 +161,14 @@ class _Curve:
         points = []
         for t, shift, within in zip(at, (-half, half), inside, strict=True):
             t = min(max(t, 0.0), 1.0)
-            u, v = self._placed(normal + shift * unit)
-            near = not within and self.radius < length
-            place = (
-                (self.centre[0] + u, self.centre[1] + v)
-                if near
-                else (first[0] + t * (last[0] - first[0]), first[1] + t * (last[1] - first[1]))
-            )
-            points.append(place)
+            u, v, w = first[0] + t * over, first[1] + t * up, normal + shift * unit
+            if not within and self.radius < length:
+                u, v = (c + x for c, x in zip(self.centre, self._placed(w), strict=True))
+            elif not within:  # a short side has no digits of its direction
+                w = self._seen(u - self.centre[0], v - self.centre[1])
+            points.append((u, v))
             if not within:
-                ends.append((len(points) == 2, normal + shift * unit, place))
+                ends.append((len(points) == 2, w, (u, v)))
         self.chords.append((points[0], points[1]))
 
     def _arcs(self, ends: list[tuple[bool, complex, tuple[float, float]]]) -> list[tuple[complex, tuple[float, float], float]]:
@@ -121,16 +177,19 @@ class _Curve:
             self.whole = self.round
             u, v = self._placed(complex(self.radius))
             return [(complex(self.radius), (self.centre[0] + u, self.centre[1] + v), CIRCLE)] if self.whole else []
-        arcs = []
+        arcs: list[tuple[complex, tuple[float, float], float]] = []
+        behind: list[tuple[float, int]] = []
         for i, (leaves, w, place) in enumerate(ends):
             if leaves:
                 _, entered, _ = ends[(i + 1) % len(ends)]
                 apart = abs(w - entered) / self.radius
                 turn = w.conjugate() * entered
-                angle = math.atan2(turn.imag, turn.real) % CIRCLE
-                if apart < CLOSE_ENDS:
-                    angle = CIRCLE - apart if self.round else apart
+                angle = apart if apart < CLOSE_ENDS else math.atan2(turn.imag, turn.real) % CIRCLE
+                behind += [(turn.imag, len(arcs))] if apart < CLOSE_ENDS else []
                 arcs.append((w, place, angle))
+        if self.round and arcs and len(behind) == len(arcs):
+            w, place, angle = arcs[min(behind)[1]]
+            arcs[min(behind)[1]] = w, place, CIRCLE - angle
         return arcs
 
     def _nodes(self, degree: int) -> list[tuple[float, float, float, float, float]]:
@@ -155,21 +214,13 @@ class _Curve:
         """Returns ∫∫ [g > 0] uʲvᵏ, from its like about a point inside."""
         if not self.chords and not self.whole:
             return 0.0
-        ends = [p for chord in self.chords for p in chord]
-        at = [sum(p[axis] for p in ends) / len(ends) for axis in range(2)] if ends else list(self.centre)
-        about: dict[Powers, float] = {}
-        nodes, weights = gauss_legendre((j + k) // 2 + 1)
-        for m in range(j + 1):
-            for n in range(k + 1):
-                total = 0.0
-                for u, v, du, dv, weight in self._nodes(j + k + 2):
-                    x, y = u - at[0], v - at[1]
-                    total += weight * (x * dv - y * du) * x**m * y**n
-                for (p, q), (s, t) in self.chords:
-                    p, q, s, t = p - at[0], q - at[1], s - at[0], t - at[1]
-                    for r, weight in zip(nodes, weights, strict=True):
-                        x, y = 0.5 * ((1.0 - r) * p + (1.0 + r) * s), 0.5 * ((1.0 - r) * q + (1.0 + r) * t)
-                        total += 0.5 * weight * (p * t - q * s) * x**m * y**n
-                about[m, n] = total / (m + n + 2)
-        at = [a + o for a, o in zip(at, self.origin, strict=True)]
-        return self.sign * sum(comb(j, m) * comb(k, n) * at[0] ** (j - m) * at[1] ** (k - n) * value for (m, n), value in about.items())
+
+        def along(m: int, n: int, at: tuple[float, float]) -> float:
+            total = _along_chords(self.chords, at, m, n)
+            for u, v, du, dv, weight in self._nodes(j + k + 2):
+                x, y = u - at[0], v - at[1]
+                total += weight * (x * dv - y * du) * x**m * y**n
+            return total
+
+        at = _mean([p for chord in self.chords for p in chord]) if self.chords else self.centre
+        return self.sign * _moved(j, k, at, along, self.origin)

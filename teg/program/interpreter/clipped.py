@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program.limits import NEARLY, THIN, TIE_EPS
 from teg.program.operations import divide
-from teg.program.statements import HalfLine, Polygon, Segment
+from teg.program.statements import HalfLine, HalfPlane, Polygon, Segment
 
 if TYPE_CHECKING:
     from teg.program.interpreter.machine import Machine
@@ -24,11 +25,10 @@ def polygon(machine: Machine, stmt: Polygon) -> list[float]:
     """Returns the results."""
     nothing = [0.0] * len(stmt.results)
     width, height, across = machine.numbers((stmt.width, stmt.height, stmt.across))
-    planes: list[Line] = [(machine.number(g.a), machine.number(g.b), machine.number(g.c)) for g in stmt.half_planes]
-    ranges = [_range(line, width, height) for line in planes]
-    for (least, most), g in zip(ranges, stmt.half_planes, strict=True):
-        if most <= 0.0 and not (g.closed and least >= 0.0):
-            return nothing
+    planes = lines_of(machine, stmt.half_planes)
+    ranges = [range_on_box(line, width, height) for line in planes]
+    if any_fails(stmt.half_planes, ranges):
+        return nothing
     if not all(map(math.isfinite, (width, height, across, *(most - least for least, most in ranges)))):
         return [math.nan] * len(nothing)
     if stmt.corners and across <= 0.0:
@@ -67,7 +67,17 @@ def _at(line: Line, vertex: Vertex) -> float:
     return (c + a * vertex[0]) + b * vertex[1]
 
 
-def _range(line: Line, width: float, height: float) -> tuple[float, float]:
+def lines_of(machine: Machine, half_planes: Sequence[HalfPlane]) -> list[Line]:
+    """Returns the numbers of half-planes."""
+    return [(machine.number(g.a), machine.number(g.b), machine.number(g.c)) for g in half_planes]
+
+
+def any_fails(half_planes: Sequence[HalfPlane], ranges: Sequence[tuple[float, float]]) -> bool:
+    """Returns whether a half-plane fails on the box on which they have these ranges."""
+    return any(most <= 0.0 and not (g.closed and least >= 0.0) for (least, most), g in zip(ranges, half_planes, strict=True))
+
+
+def range_on_box(line: Line, width: float, height: float) -> tuple[float, float]:
     """Returns the least and the largest value on the box; NaN stays one."""
     a, b, c = line
     u, v = a * width, b * height

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from teg.passes.lower.intrinsic import LEAST, ROUNDINGS, Errors
-from teg.program import Arg, Ellipse, Moments, Stmt
+from teg.program import Arg, Ellipse, HalfPlane, Moments, Stmt
 
 STEP = 2.0**-42
 """How far an ellipse is moved, relative to its size: far enough that the roundings of the moments themselves do not count."""
@@ -14,7 +14,8 @@ STEP = 2.0**-42
 def with_errors(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> None:
     """Appends the statement with its errors: roundings of the terms, errors of the coefficients and of the place.
 
-    How far errors of the place move a moment is shown by the same moment of an ellipse that is STEP larger and to the side.
+    How far errors of the place move a moment is shown by the same moment of an ellipse that is STEP larger and to the side, and how far
+    those of the half-planes do by the same moment in half-planes that are STEP wider.
     """
     kinds: dict[tuple[str, int, int], str] = {}
     for m in stmt.moments:
@@ -31,11 +32,16 @@ def with_errors(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> None:
     place = (errors.op(out, "add", u, step), errors.op(out, "sub", v, step), errors.op(out, "add", radius, step), width, height, least)
     out.append(replace(stmt, place=place, moments=single, results=moved))
     relative = _relative(errors, stmt, size, out)
-    relative = errors.op(out, "mul", 1.0 / STEP, relative)
     spread: dict[tuple[str, int, int], Arg] = {}
     for (key, name), other in zip(kinds.items(), moved, strict=True):
-        apart = errors.op(out, "mul", relative, errors.op(out, "abs", errors.op(out, "sub", name, other)))
+        apart = _apart(errors, relative, name, other, out)
         spread[key] = errors.sum_of((apart, errors.op(out, "mul", ROUNDINGS, errors.op(out, "abs", name))), out)
+    if stmt.half_planes:
+        wider = tuple(errors.fresh("v") for _ in kinds)
+        planes, off = _moved_planes(errors, stmt, out)
+        out.append(replace(stmt, half_planes=planes, moments=single, results=wider))
+        for (key, name), other in zip(kinds.items(), wider, strict=True):
+            spread[key] = errors.sum_of((spread[key], _apart(errors, off, name, other, out)), out)
     for result, m in zip(stmt.results, stmt.moments, strict=True):
         parts: list[Arg] = []
         for j, k, c in m.terms:
@@ -44,6 +50,30 @@ def with_errors(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> None:
             if errors.error(c) != 0.0:
                 parts.append(errors.op(out, "mul", errors.error(c), errors.op(out, "abs", kinds[key])))
         errors.errors[result] = errors.sum_of(parts, out)
+
+
+def _apart(errors: Errors, relative: Arg, name: Arg, other: Arg, out: list[Stmt]) -> Arg:
+    """Returns how far a moment is off, by the moment of a place that is STEP further."""
+    apart = errors.op(out, "abs", errors.op(out, "sub", name, other))
+    return errors.op(out, "mul", errors.op(out, "mul", 1.0 / STEP, relative), apart)
+
+
+def _moved_planes(errors: Errors, stmt: Ellipse, out: list[Stmt]) -> tuple[tuple[HalfPlane, ...], Arg]:
+    """Returns half-planes that are STEP wider, relative to their terms on the box, and how far any of them may be off, likewise."""
+    planes: list[HalfPlane] = []
+    relative: Arg = ROUNDINGS
+    for g in stmt.half_planes:
+        size = errors.op(out, "max", LEAST, errors.op(out, "abs", g.c))
+        off: list[Arg] = [errors.error(g.c)]
+        for slope, extent in ((g.a, stmt.place[3]), (g.b, stmt.place[4])):
+            size = errors.op(out, "max", size, errors.op(out, "abs", errors.op(out, "mul", slope, extent)))
+            if errors.error(slope) != 0.0:
+                off.append(errors.op(out, "mul", errors.error(slope), errors.op(out, "abs", extent)))
+        total = errors.sum_of(off, out)
+        if total != 0.0:
+            relative = errors.op(out, "add", relative, errors.op(out, "div", total, size))
+        planes.append(replace(g, c=errors.op(out, "add", g.c, errors.op(out, "mul", STEP, size))))
+    return tuple(planes), relative
 
 
 def _relative(errors: Errors, stmt: Ellipse, size: Arg, out: list[Stmt]) -> Arg:

@@ -9,12 +9,10 @@ from typing import cast
 from teg.analysis.boxes import Coefficients
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.node import Node
-from teg.passes.intrinsics.ellipse.match import Arcs, Matrix, Place, Sides, match_ellipse
+from teg.passes.intrinsics.ellipse.match import Arcs, Curve, Cut, Sides, match_ellipse
 from teg.passes.lower.emit import Emitter, Level
 from teg.passes.lower.intrinsic import Lowering
-from teg.program import Arg, Ellipse, Moments
-
-Curve = tuple[Matrix, Place]
+from teg.program import Arg, Ellipse, HalfPlane, Moments
 
 
 @dataclass
@@ -48,10 +46,10 @@ class EllipseLowering(Lowering):
             if node.free if level.var is None else level.var not in node.free or node.free & inner:
                 continue
             if isinstance(node, Arcs):
-                self._shared(level, (node.matrix, node.place)).arcs[node] = None
+                self._shared(level, node.curve).arcs[node] = None
             elif (sides := match_ellipse(node)) is not None:
                 self._sides[node] = sides
-                self._shared(level, (sides.matrix, sides.place)).regions[node] = sides
+                self._shared(level, sides.curve).regions[node] = sides
                 claimed.append(node)
         return claimed
 
@@ -61,18 +59,16 @@ class EllipseLowering(Lowering):
     def emit_claimed(self, node: Integral, home: Level) -> None:
         """Gives an integral a name, and all that share its ellipse and box."""
         sides = self._sides[node]
-        curve = sides.matrix, sides.place
-        self._shared(home, curve).regions[node] = sides
-        self._emit(curve, home)
+        self._shared(home, sides.curve).regions[node] = sides
+        self._emit(sides.curve, home)
 
     def closed_form(self, e: ClosedForm, home: Level) -> Arg | None:
         """Returns the name of a moment along arcs."""
         if not isinstance(e, Arcs):
             return None
         if e not in home.names:
-            curve = e.matrix, e.place
-            self._shared(home, curve).arcs[e] = None
-            self._emit(curve, home)
+            self._shared(home, e.curve).arcs[e] = None
+            self._emit(e.curve, home)
         return cast(Arg, home.names[e])
 
     def _emit(self, curve: Curve, home: Level) -> None:
@@ -91,8 +87,13 @@ class EllipseLowering(Lowering):
                 names.append(self.out.fresh("v"))
                 parts.setdefault(shared, []).append(names[-1])
         if names:
-            axes, numbers = (tuple(self.out.number(e, home) for e in part) for part in curve)
-            home.block.append(Ellipse(axes, numbers, tuple(moments), tuple(names)))
+            axes, place = (tuple(self.out.number(e, home) for e in part) for part in (curve.matrix, curve.place))
+            planes = tuple(self._half_plane(cut, home) for cut in curve.cuts)
+            home.block.append(Ellipse(axes, place, tuple(moments), tuple(names), None, planes))
         for known in dict.fromkeys(node for node, _, _ in wanted):
             mine = parts.get(known, [])
             home.names[known] = 0.0 if not mine else mine[0] if len(mine) == 1 else self.out.assign(home, "v", "add", *mine)
+
+    def _half_plane(self, cut: Cut, home: Level) -> HalfPlane:
+        a, b, c = (self.out.number(e, home) for e in cut.line)
+        return HalfPlane(a, b, c, cut.closed)

@@ -1,10 +1,11 @@
 """Polynomials on one side of an ellipse over a box, and on the ellipse itself: moments by its chords and arcs.
 
-    ∫∫ P(x, y)·[g(x, y) > 0] dx dy,   ∫∫ P(x, y)·δ(g(x, y)) dx dy        g = ±(κ - |A(x - c)|²)
+    ∫∫ P(x, y)·[g(x, y) > 0]·Π[hᵢ(x, y) > 0] dx dy,   ∫∫ P(x, y)·δ(g(x, y))·Π[hᵢ(x, y) > 0] dx dy        g = ±(κ - |A(x - c)|²), hᵢ affine
 
 Both are Σ c_jk·M_jk with the coefficients c_jk of P at a corner of the box and the moments M_jk of the region, or of the curve, which
-depend on A, the centre c, the radius √κ and the extents of the box: one statement, `Ellipse`, for all integrals that share them. Without
-it the outer integral has a break wherever the curve crosses a side, and square roots at the ends, and the curve is cut into quarters.
+depend on A, the centre c, the radius √κ, the extents of the box and the half-planes: one statement, `Ellipse`, for all integrals that
+share them. Without it the outer integral has a break wherever the curve crosses a side or a line, and square roots at the ends, and the
+curve is cut into quarters.
 
 g is an ellipse whatever its parameters are if it is written with two squares of affine functions, or if its quadratic part is definite and
 consists of numbers. A boundary term stands in an expression as an `Arcs`. It is made only where derivatives end, because it has no
@@ -15,17 +16,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, product
 from typing import cast
 
 from teg.analysis.boxes import Coefficients, coefficients, nest_of_two
+from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.polynomial import Shadow, distance
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
+from teg.errors import NotDifferentiableError
 from teg.ir.expr import (
     FALSE,
+    MINUS_ONE,
+    ONE,
     TRUE,
     ZERO,
+    Compare,
     Cond,
     Const,
     Expr,
@@ -40,22 +47,44 @@ from teg.ir.expr import (
     where,
 )
 from teg.ir.integral import ClosedForm, Integral
+from teg.ir.node import digest
 from teg.ir.traverse import replace_node, substitute
 from teg.passes.eliminate.conic import Conic, born, match_conic, place_of, squares_of
+from teg.program import MAX_CUTS
 
 MAX_DEGREE = 6
 """Of the polynomial along the curve; of the one inside it is two less, for the nodes along the arcs are the same."""
+Line = tuple[Expr, Expr, Expr]
+"""a, b and c of c + a·u + b·v = 0, about the corner of both lower bounds."""
 Matrix = tuple[Expr, ...]
 """A by rows: two numbers each, for the inner variable and the outer one."""
 Place = tuple[Expr, ...]
 """Both numbers of the centre about the corner of both lower bounds, the radius, the extents, and the least radius of a border."""
 
 
-class Arcs(ClosedForm):
-    """∫∫ over a box of Σ c·uʲvᵏ·δ(g), g = 0 an ellipse.
+@dataclass(frozen=True)
+class Cut:
+    """c + a·u + b·v > 0, or >= 0 if it is closed."""
 
-    A function of the matrix and the place, of g at the corners of the box, of the least g along each side, and of the coefficients. Data
-    are the powers (j, k).
+    line: Line
+    closed: bool
+
+
+@dataclass(frozen=True)
+class Curve:
+    """An ellipse on a box that half-planes clip."""
+
+    matrix: Matrix
+    place: Place
+    cuts: tuple[Cut, ...]
+
+
+class Arcs(ClosedForm):
+    """∫∫ over a clipped box of Σ c·uʲvᵏ·δ(g), g = 0 an ellipse.
+
+    A function of the matrix, the place and the half-planes, of g at the corners of the box and where lines meet, of how far each line is
+    from touching the ellipse, and of the coefficients. Data are whether each half-plane is closed, the powers (j, k), the number of
+    intersections and that of lines, 0 for both if nothing but the coefficients depends on an outer variable.
     """
 
     __slots__ = ()
@@ -65,37 +94,43 @@ class Arcs(ClosedForm):
         return "arcs"
 
     @property
-    def matrix(self) -> Matrix:
-        return tuple(cast("Sequence[Expr]", self.children[:4]))
-
-    @property
-    def place(self) -> Place:
-        return tuple(cast("Sequence[Expr]", self.children[4:10]))
+    def curve(self) -> Curve:
+        """The ellipse and its domain."""
+        (matrix, place, lines, *_), closed = self._parts, cast("tuple[bool, ...]", self.data[0])
+        cuts = map(Cut, zip(lines[::3], lines[1::3], lines[2::3], strict=True), closed)
+        return Curve(tuple(matrix), tuple(place), tuple(cuts))
 
     @property
     def coefficients(self) -> Coefficients:
-        powers = cast("tuple[tuple[int, int], ...]", self.data)
+        powers = cast("tuple[tuple[int, int], ...]", self.data[1])
         return dict(zip(powers, self.terms, strict=True))
 
     @property
     def kinks(self) -> Sequence[Expr]:
-        return cast("Sequence[Expr]", self.children[10:14])
+        return self._parts[3]
 
     @property
     def births(self) -> Sequence[Expr]:
-        return cast("Sequence[Expr]", self.children[14:18])
+        return self._parts[4]
 
     @property
     def terms(self) -> Sequence[Expr]:
-        return cast("Sequence[Expr]", self.children[18:])
+        return self._parts[5]
+
+    @property
+    def _parts(self) -> list[Sequence[Expr]]:
+        children, parts = cast("Sequence[Expr]", self.children), []
+        for count in (4, 6, 3 * len(cast("tuple[bool, ...]", self.data[0])), self.data[2], self.data[3], len(children)):
+            part, children = children[: cast(int, count)], children[cast(int, count) :]
+            parts.append(part)
+        return parts
 
 
 @dataclass(frozen=True)
 class Sides:
-    """∫∫ over a box, of one polynomial in an ellipse and another one outside."""
+    """∫∫ over a clipped box, of one polynomial in an ellipse and another one outside."""
 
-    matrix: Matrix
-    place: Place
+    curve: Curve
     inside: Coefficients
     outside: Coefficients
 
@@ -110,14 +145,48 @@ def match_arcs(g: Expr, coefficient: Expr, chain: Chain, variables: Sequence[Var
         return None
     if _is_endless(box):
         return None
+    split = _cuts(coefficient, [a for b in box for a in atoms_of(coefficient, b.var)], box)
+    if split is None:
+        return None
+    cuts, coefficient = split
     found = coefficients(coefficient, box)
     if found is None or any(j + k > MAX_DEGREE for j, k in found):
         return None
-    curve = _curve(g, box)
+    curve = _surface(g, box)
     if curve is None:
         return None
-    arcs = Arcs.make(tuple(found), (*curve.matrix, *curve.place, *_corners(g, box), *_touching(curve), *found.values()))
+    numbers = (*curve.matrix, *curve.place, *(e for cut in cuts for e in cut.line))
+    kinks: list[Expr] = []
+    births: list[Expr] = []
+    if any(e.free for e in (*numbers, curve.square)):
+        kinks, births = [*_corners(g, box), *_intersections(curve, cuts)], _touching(curve, cuts)
+    data = tuple(cut.closed for cut in cuts), tuple(found), len(kinks), len(births)
+    arcs = Arcs.make(data, (*numbers, *kinks, *births, *found.values()))
     return nest(where(curve.exists, arcs, ZERO), others)
+
+
+def _cuts(integrand: Expr, atoms: Sequence[Compare], box: Chain) -> tuple[tuple[Cut, ...], Expr] | None:
+    """Returns the half-planes of these conditions, outside of which an integrand is 0, in an order of their own, and the integrand in all
+    of them; None if it is not 0 outside, or a condition is no half-plane."""
+    outer, inner = box
+    corner: dict[Var, Expr] = {inner.var: inner.lo, outer.var: outer.lo}
+    cuts: dict[Cut, int] = {}
+    for atom in dict.fromkeys(atoms):
+        g, closed = atom.g, not atom.strict
+        if atom.resolution is not None or any(atoms_of(g, v) for v in corner) or Shadow((inner.var, outer.var)).degree(g) not in (0, 1):
+            return None
+        inside, outside = (cast(Expr, replace_node(integrand, atom, truth)) for truth in (TRUE, FALSE))
+        if inside is ZERO:
+            inside, outside, g, closed = outside, inside, mul(MINUS_ONE, g), atom.strict
+        if outside is not ZERO:
+            return None
+        try:
+            a, b, c = (cast(Expr, substitute(e, corner)) for e in (slope(g, inner.var), slope(g, outer.var), g))
+        except NotDifferentiableError:
+            return None
+        integrand = inside
+        cuts[Cut((a, b, c), closed)] = digest(atom)
+    return (tuple(sorted(cuts, key=lambda cut: cuts[cut])), integrand) if len(cuts) <= MAX_CUTS else None
 
 
 def _corners(g: Expr, box: Chain) -> list[Expr]:
@@ -126,38 +195,63 @@ def _corners(g: Expr, box: Chain) -> list[Expr]:
     return [cast(Expr, substitute(g, {inner.var: u, outer.var: v})) for u in (inner.lo, inner.hi) for v in (outer.lo, outer.hi)]
 
 
-def _touching(curve: _Curve) -> list[Expr]:
-    """Returns, for each side of the box, a function that is 0 where the ellipse touches its line."""
-    (a, b, c, d), (u, v, _, width, height, _) = curve.matrix, curve.place
-    square = integer_power(sub(mul(a, d), mul(b, c)), 2)
+def _sides(curve: _Surface) -> list[Line]:
+    """Returns the lines of the sides of the box."""
+    _, _, _, width, height, _ = curve.place
+    return [(*axis, mul(MINUS_ONE, at)) for axis, extent in (((ONE, ZERO), width), ((ZERO, ONE), height)) for at in (ZERO, extent)]
+
+
+def _intersections(curve: _Surface, cuts: Sequence[Cut]) -> list[Expr]:
+    """Returns, for each half-plane with each side of the box and each other half-plane, a function that is 0 where the ellipse goes through
+    the point in which their lines meet."""
+    (a, b, c, d), (u, v, *_) = curve.matrix, curve.place
+    lines = [cut.line for cut in cuts]
     found = []
-    for at, extent, (p, q) in ((u, width, (b, d)), (v, height, (a, c))):
-        reach = mul(add(integer_power(p, 2), integer_power(q, 2)), curve.square)
-        found += [sub(reach, mul(square, integer_power(sub(side, at), 2))) for side in (ZERO, extent)]
+    for (p, q, r), (s, t, w) in (*product(lines, _sides(curve)), *combinations(lines, 2)):
+        turn = sub(mul(p, t), mul(q, s))
+        x, y = sub(sub(mul(q, w), mul(r, t)), mul(turn, u)), sub(sub(mul(r, s), mul(p, w)), mul(turn, v))
+        squares = (integer_power(add(mul(e, x), mul(f, y)), 2) for e, f in ((a, b), (c, d)))
+        found.append(sub(mul(integer_power(turn, 2), curve.square), add(*squares)))
+    return found
+
+
+def _touching(curve: _Surface, cuts: Sequence[Cut]) -> list[Expr]:
+    """Returns, for each line, a function that is 0 where the ellipse touches it."""
+    (a, b, c, d), (u, v, *_) = curve.matrix, curve.place
+    whole = sub(mul(a, d), mul(b, c))
+    found = []
+    for p, q, r in (*_sides(curve), *(cut.line for cut in cuts)):
+        reach = mul(add(*(integer_power(sub(mul(e, p), mul(f, q)), 2) for e, f in ((d, c), (b, a)))), curve.square)
+        found.append(sub(reach, integer_power(mul(whole, add(mul(p, u), mul(q, v), r)), 2)))
     return found
 
 
 def match_ellipse(node: Integral) -> Sides | None:
     """Returns an integral over a box of an integrand that is a polynomial on either side of an ellipse, or None."""
-    if node.has_delta or is_unbounded(node) or (found := nest_of_two(node)) is None:
+    if node.has_delta or is_unbounded(node) or (found := nest_of_two(node, guarded=True)) is None:
         return None
     chain, integrand = found
     outer, inner = chain
     if outer.var in inner.lo.free | inner.hi.free or _is_endless(chain):
         return None
-    atoms = dict.fromkeys(a for b in chain for a in atoms_of(integrand, b.var))
-    if len(atoms) != 1:
+    atoms = list(dict.fromkeys(a for b in chain for a in atoms_of(integrand, b.var)))
+    curved = [a for a in atoms if Shadow((inner.var, outer.var)).degree(a.g) == 2]
+    if len(curved) != 1:
         return None
-    (atom,) = atoms
+    (atom,) = curved
     if atom.resolution is not None or any(atoms_of(atom.g, b.var) for b in chain):
         return None
+    split = _cuts(integrand, [a for a in atoms if a is not atom], chain)
+    if split is None:
+        return None
+    cuts, integrand = split
     above, below = (coefficients(cast(Expr, replace_node(integrand, atom, c)), chain) for c in (TRUE, FALSE))
     if above is None or below is None or any(j + k > MAX_DEGREE - 2 for j, k in (*above, *below)):
         return None
-    curve = _curve(atom.g, chain)
+    curve = _surface(atom.g, chain)
     if curve is None:
         return None
-    return Sides(curve.matrix, curve.place, *((above, below) if curve.sign > 0.0 else (below, above)))
+    return Sides(Curve(curve.matrix, curve.place, cuts), *((above, below) if curve.sign > 0.0 else (below, above)))
 
 
 def _is_endless(chain: Chain) -> bool:
@@ -165,7 +259,7 @@ def _is_endless(chain: Chain) -> bool:
 
 
 @dataclass(frozen=True)
-class _Curve:
+class _Surface:
     """An ellipse on a box, the κ of its radius, the sign of g inside, and whether there is a curve, with a tie at κ = 0."""
 
     matrix: Matrix
@@ -175,7 +269,7 @@ class _Curve:
     exists: Cond
 
 
-def _curve(g: Expr, box: Chain) -> _Curve | None:
+def _surface(g: Expr, box: Chain) -> _Surface | None:
     """Returns the ellipse of a surface on a box; None for other surfaces."""
     outer, inner = box
     variables = inner.var, outer.var
@@ -203,7 +297,7 @@ def _curve(g: Expr, box: Chain) -> _Curve | None:
         return None
     extents = distance(inner.lo, inner.hi), distance(outer.lo, outer.hi)
     radius, least = (call("sqrt", call("max", square, ZERO)) for square in (place.square, place.least))
-    return _Curve((a, b, c, d), (*centre, radius, *extents, least), place.square, sign, place.exists)
+    return _Surface((a, b, c, d), (*centre, radius, *extents, least), place.square, sign, place.exists)
 
 
 def _inverse(data: Conic, inner: Binder) -> tuple[tuple[Expr, Expr], tuple[Expr, Expr]]:

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
+from teg.analysis.boxes import nonzero_part
 from teg.analysis.calculus import slope
 from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
@@ -36,7 +37,6 @@ from teg.ir.expr import (
     Not,
     Or,
     Var,
-    Where,
     add,
     conjunction,
     disjunction,
@@ -91,17 +91,17 @@ class Clipped:
 
 def match_polygon(node: Integral) -> Clipped | None:
     """Returns a polynomial on a box in two variables in the intersection of half-planes, or None."""
-    outside, rest = _split(node.body)
+    outside, rest = nonzero_part(node.body)
     terms = _terms(rest)
     if not terms or any(i.has_delta or masses_of(i.body, i.var) is not None for _, i in terms):
         return None
-    (_, first), condition = terms[0], _split(terms[0][1].body)[0]
+    (_, first), condition = terms[0], nonzero_part(terms[0][1].body)[0]
     box = (first.var, first.lo, first.hi)
-    if any((i.var, i.lo, i.hi) != box or _split(i.body)[0] is not condition or first.var in factor.free for factor, i in terms):
+    if any((i.var, i.lo, i.hi) != box or nonzero_part(i.body)[0] is not condition or first.var in factor.free for factor, i in terms):
         return None
     if first.var is node.var or node.var in first.lo.free | first.hi.free:
         return None
-    integrand = add(*(mul(factor, _split(i.body)[1]) for factor, i in terms))
+    integrand = add(*(mul(factor, nonzero_part(i.body)[1]) for factor, i in terms))
     return _match((first, node), conjunction(condition, outside), integrand, tuple(i for _, i in terms))
 
 
@@ -130,22 +130,13 @@ def _terms(e: Expr) -> list[tuple[Expr, Integral]]:
 def match_segment(node: Integral) -> Clipped | None:
     """Returns a polynomial on an interval in the intersection of half-lines, one of which may tie, or None."""
     ties = any(a.resolution is not None for a in atoms_of(node.body, node.var))
-    found = _match((node,), *_split(node.body)) if ties else None
+    found = _match((node,), *nonzero_part(node.body)) if ties else None
     return found if found is not None and any(h.atom.resolution is not None for h in found.halves) else None
 
 
 def match_clipped(node: Integral) -> Clipped | None:
     """Returns the integral as a polygon or a segment, or None."""
     return match_polygon(node) or match_segment(node)
-
-
-def _split(body: Expr) -> tuple[Cond, Expr]:
-    """Returns a condition outside of which a body is 0, and the body where the condition holds."""
-    if isinstance(body, Where) and body.otherwise is ZERO:
-        return body.condition, body.then
-    if isinstance(body, Where) and body.then is ZERO:
-        return negation(body.condition), body.otherwise
-    return TRUE, body
 
 
 def _match(boxes: tuple[Integral, ...], condition: Cond, integrand: Expr, inside: tuple[Integral, ...] = ()) -> Clipped | None:
