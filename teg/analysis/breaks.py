@@ -32,7 +32,9 @@ from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.errors import NotDifferentiableError
 from teg.ir.expr import (
     FALSE,
+    ONE,
     TRUE,
+    ZERO,
     Add,
     Call,
     Compare,
@@ -52,6 +54,7 @@ from teg.ir.expr import (
     div,
     integer_power,
     mul,
+    negation,
     positive,
     sub,
     where,
@@ -60,6 +63,8 @@ from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, digest, postorder
 from teg.ir.traverse import replace_node, substitute
 
+LEVEL = 1e-200
+"""A function is the same for all values of a variable if the squares of its derivatives at three of them add up to less."""
 MAX_BRANCHES = 16
 MAX_FUNCTIONS = 4000
 MAX_LOCATED = 12
@@ -407,6 +412,8 @@ class _Projection:
             for bound in (lo, hi):
                 if not (isinstance(bound, Const) and math.isinf(bound.data)):
                     self._put(cast(Expr, substitute(f, {z: bound})))
+        if degree != 0 and (apart or not self.finite):
+            self._level(f)
         if degree == 1:
             at_origin, rate = (cast(Expr, substitute(e, {z: self.origin})) for e in (f, slope(f, z)))
             self.affine.append((f, rate, at_origin))
@@ -432,6 +439,21 @@ class _Projection:
                 self.out.rooted = True
                 for g in _borders_of_existence(self.analysis.solve(f, z, lo, hi), z):
                     self._put(g)
+
+    def _level(self, f: Expr) -> None:
+        """Adds where a function vanishes that is the same for all values of the inner variable at some parameters: c·x + d·z with d = 0
+        has no root in z, so it meets nothing there."""
+        z, lo, hi = self.node.var, self.node.lo, self.node.hi
+        try:
+            rate = slope(f, z)
+        except NotDifferentiableError:
+            return
+        if not _may_vanish(rate):
+            return
+        apart = (ONE, mul(const(0.5), ONE)) if not self.finite else (sub(hi, self.origin), mul(const(0.5), sub(hi, lo)))
+        rates = [cast(Expr, substitute(rate, {z: add(self.origin, step)})) for step in (ZERO, *apart)]
+        total = add(*(integer_power(r, 2) for r in rates))
+        self._put(cast(Expr, substitute(f, {z: self.origin})), negation(positive(sub(total, const(LEVEL)))))
 
     def _affine_meet(self) -> None:
         """Adds where roots of affine functions meet each other, and those of quadratic ones."""
@@ -498,6 +520,16 @@ def _antiderivative_at(shadow: Shadow, inner: Poly, end: Ratio) -> Ratio | None:
             if total is None:
                 return None
     return total
+
+
+def _may_vanish(rate: Expr) -> bool:
+    """Returns whether a derivative may be 0 everywhere for some values of parameters: all of its coefficients change with these."""
+    if not rate.free:
+        return not isinstance(rate, Const)
+    one, other = (Shadow(tuple(sorted(rate.free, key=lambda v: v.name)), salt=salt).polynomial(rate) for salt in ("one", "other"))
+    if one is None or other is None:
+        return any(not factor.free and not isinstance(factor, Const) for factor in (rate.children if isinstance(rate, Mul) else ()))
+    return all(one[m] != c for m, c in other.items() if m in one)
 
 
 def _within(point: Expr, lo: Expr, hi: Expr) -> Cond:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import mpmath
 import pytest
 
 import teg
@@ -127,3 +130,25 @@ def test_far_from_the_origin(shift: float) -> None:
     assert area == pytest.approx(0.0625 * 0.03125 / 2, rel=1e-12)
     assert gradient["x1"] == pytest.approx(0.03125 / 2, rel=1e-9 if shift > 1e5 else 1e-12)
     assert gradient["y2"] == pytest.approx(0.0625 / 2, rel=1e-9 if shift > 1e5 else 1e-12)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+@pytest.mark.parametrize(
+    "level",
+    [
+        lambda c, d, e: c * x + d * y,
+        lambda c, d, e: c * x + d * y**2,
+        lambda c, d, e: c * x + d * teg.exp(y),
+        lambda c, d, e: c * x + d * y + (e - 1) * y**2,
+        lambda c, d, e: c * x + d * (y * y + y) + d * teg.abs(y - 0.3),
+    ],
+)
+@pytest.mark.parametrize("zero", [0.0, 1e-200])
+def test_a_line_that_does_not_depend_on_the_inner_variable(backend: str, level: Any, zero: float) -> None:
+    """d = 0 makes it a border of the outer variable: the curve is followed from x = 0 to s/c only."""
+    c, d, e, s, r = teg.params("c d e s r")
+    curve = teg.bracket(x**3 + y**2 < r) * teg.bracket(level(c, d, e) < s)
+    f = teg.compile(teg.integral(curve, (x, 0, 1), (y, 0, 1)), [r], backend=backend)
+    given = {name: v for name, v in {"c": 0.75, "d": zero, "e": 1.0, "s": 0.26, "r": 0.6}.items() if name in f.parameters}
+    exact = float(mpmath.quad(lambda at: 1 / (2 * mpmath.sqrt(mpmath.mpf("0.6") - at**3)), [0, 0.26 / 0.75]))
+    assert f.grad(given)["r"] == pytest.approx(exact, rel=1e-9)
