@@ -16,9 +16,11 @@ from teg.backends.c.standalone import standalone_c
 from teg.backends.c.text import literal
 from teg.ir.expr import Param
 from teg.program import Adaptive, Gauss, Integrate, Isolate, Locate, Midpoint, Program, Sample, SumOver, statements
+from teg.program.arrays import Like
 from tests.backends import isolate_programs, locate_programs, programs
 from tests.backends.c_checks import SANITIZERS, _compile, behaviour_is_defined, in_c, text_compiles_without_warnings
 from tests.bench import scenes
+from tests.passes.normalise import test_tables as tables
 
 pytestmark = [*in_c, pytest.mark.slow]
 CASES = [case for case in programs.CASES if " at " not in case.name]
@@ -152,3 +154,54 @@ def test_no_warnings(tmp_path: Path) -> None:
         single.append(f"single_{i}.c")
         (tmp_path / single[-1]).write_text(print_kernel(case.program, real="float"))
     _compile(tmp_path, "-std=c99", "-Wall", "-Wextra", "-Wshadow", "-Werror", "-pedantic", "-c", *single)
+
+
+def test_tables_of_rows(tmp_path: Path) -> None:
+    """Tables, their derivatives and the copies of chunks; arrays are of the exact size, and lists hold entries that are not read."""
+    f = teg.compile(tables.scene(), [tables.P, tables.C, tables.s], backend="c")
+    whole, given = f.program(1), tables.given(1)
+    for suffix, text in zip("ch", standalone_c(whole, "scene"), strict=True):
+        (tmp_path / f"scene.{suffix}").write_text(text)
+    lines = []
+    for i, spec in enumerate(whole.arrays):
+        array = np.asarray(given[spec.name])
+        kind = "int64_t" if spec.integers else "double"
+        numbers = ", ".join(map(str, array.ravel()) if spec.integers else map(literal, map(float, array.ravel())))
+        lines += [
+            f"static const {kind} d{i}[] = {{{numbers}}};",
+            f"static const int64_t s{i}[] = {{{', '.join(map(str, array.shape))}}};",
+        ]
+    copied = [
+        f"void *const h{i} = malloc(sizeof d{i}); memcpy(h{i}, d{i}, sizeof d{i}); a[{i}] = (teg_array){{h{i}, 0, s{i}}};"
+        for i in range(len(whole.arrays))
+    ]
+    sizes = [np.size(given[whole.arrays[o.array].name]) if isinstance(o, Like) else 1 for o in whole.outputs]
+    outs = [f"out[{j}] = malloc({size} * sizeof(double));" for j, size in enumerate(sizes)]
+    (tmp_path / "main.c").write_text(f"""
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include "scene.h"
+{chr(10).join(lines)}
+int main(void)
+{{
+    const double x = 0.7, *p[] = {{&x}};
+    const long stride[] = {{0}};
+    long note;
+    double *out[{len(sizes)}];
+    teg_array a[{len(whole.arrays)}];
+    int wrong;
+    {chr(10).join(copied + outs)}
+    wrong = scene(1, p, stride, a, out, &note, 1) || !(out[0][0] > 0.0);
+    {" ".join(f"free(out[{j}]);" for j in range(len(sizes)))}
+    {" ".join(f"free(h{i});" for i in range(len(whole.arrays)))}
+    return wrong;
+}}
+""")
+    try:
+        _compile(tmp_path, *SANITIZERS, "main.c", "scene.c", "-o", "main", "-lm")
+    except subprocess.CalledProcessError:
+        _compile(tmp_path, "-std=c99", "main.c", "scene.c", "-o", "main", "-lm")
+        pytest.skip("the compiler has no sanitizers")
+    done = subprocess.run([str(tmp_path / "main")], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
