@@ -174,7 +174,8 @@ class _Exact:
                 case Loop() if step.listed >= 0:
                     rows = listed_rows(self.arrays[step.listed], int(self._of(step.hi, values).flat[0]))
                     inner = {name: np.broadcast_to(v, (1,)).repeat(rows.size) for name, v in values.items()}
-                    self.block(step.body, {**inner, step.index: rows}, rows.size)
+                    if rows.size:
+                        self.block(step.body, {**inner, step.index: rows}, rows.size)
                 case Loop():
                     self._loop(step, values, lanes)
                 case _:

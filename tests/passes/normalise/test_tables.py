@@ -195,3 +195,16 @@ def test_sums_of_one_loop_stay_in_it() -> None:
 def test_explain_names_the_table() -> None:
     rows = [row for row in teg.compile(scene(), [P], backend="numpy").explain().data["loops"]["value"] if row["kept"]]
     assert [(row["index"], row["listed"], row["kept"]) for row in rows] == [("row", "L", 18)]
+
+
+@pytest.mark.usefixtures("x64_for_jax")
+@pytest.mark.parametrize("backend", ["c", "numpy", "jax"])
+@pytest.mark.parametrize("faces", [0, 6])
+def test_empty_lists(backend: str, faces: int) -> None:
+    none = given(1) | {"L": np.zeros(0, dtype=np.int64), "R": np.zeros((SIZE * SIZE, 2), dtype=np.int64)}
+    none |= {"F": none["F"][:faces], "C": none["C"][:faces]}
+    value, slopes = teg.compile(scene(), [P, C, s], backend=backend).value_and_grad(none)
+    assert value == pytest.approx(SIZE**2 * (0.1 - 0.7) ** 2, rel=1e-13)
+    assert slopes["s"] == pytest.approx(-2 * SIZE**2 * (0.1 - 0.7), rel=1e-13)
+    assert not slopes["P"].any()
+    assert slopes["C"].shape == (faces,)
