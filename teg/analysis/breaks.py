@@ -450,8 +450,8 @@ class _Projection:
             return
         if not _may_vanish(rate):
             return
-        apart = (ONE, mul(const(0.5), ONE)) if not self.finite else (sub(hi, self.origin), mul(const(0.5), sub(hi, lo)))
-        rates = [cast(Expr, substitute(rate, {z: add(self.origin, step)})) for step in (ZERO, *apart)]
+        others = (sub(hi, self.origin), mul(const(0.5), sub(hi, lo))) if self.finite else (ONE, const(0.5))
+        rates = [cast(Expr, substitute(rate, {z: add(self.origin, step)})) for step in (ZERO, *others)]
         total = add(*(integer_power(r, 2) for r in rates))
         self._put(cast(Expr, substitute(f, {z: self.origin})), negation(positive(sub(total, const(LEVEL)))))
 

@@ -135,16 +135,17 @@ class _Gradient:
         The weights of all of them come together at the numbers of a candidate, and one sweep goes on from there.
         """
         node = next(iter(weights))
+        slopes: list[Expr] = []
         candidate: dict[Expr, list[Expr]] = {}  # a number to its adjoints
         otherwise: dict[Expr, list[Expr]] = {}
         for partition, weight in weights.items():
             for number, slope, repeated in numbers_of(partition, self.boundaries):
                 if number in self.active:
+                    slopes += [slope] if repeated else []
                     (candidate if repeated else otherwise).setdefault(number, []).append(mul(weight, slope))
-        adjoints = [add(*terms) for terms in candidate.values()]
         around: dict[Node, list[Expr]] = {}
         for leaf, slope in self._swept(candidate, node.index).items():
-            seen = where(_is_seen(node, adjoints), slope, ZERO)
+            seen = where(_is_seen(node, slopes), slope, ZERO)
             around.setdefault(leaf, []).append(sum_over(seen, node.index, node.lo, node.hi))
         for leaf, slope in self._swept(otherwise, bound).items():
             around.setdefault(leaf, []).append(slope)
@@ -157,10 +158,9 @@ class _Gradient:
             for column, number in enumerate(table.numbers)
             if number in self.active
         }
-        once = [terms[0] for terms in adjoints.values()]
-        seen = positive(add(*(mul(a, a) for a in once)))
+        matters = _some(terms[0] for terms in adjoints.values())
         return {
-            leaf: cast(Expr, RowSum.make((table.index, table.lo, table.hi, table.listed), (where(seen, slope, ZERO),)))
+            leaf: cast(Expr, RowSum.make((table.index, table.lo, table.hi, table.listed), (where(matters, slope, ZERO),)))
             for leaf, slope in self._swept(adjoints, table.index).items()
         }
 
@@ -286,14 +286,20 @@ def _moved_slope(node: Slope, along: Expr) -> Expr:
     return Slope.make(node.data, (along,))
 
 
-def _is_seen(node: Partition, adjoints: Iterable[Expr]) -> ex.Cond:
-    """Returns whether a candidate has an area, or an edge, by the adjoints of its numbers: else nothing of it matters, even if infinite.
+def _is_seen(node: Partition, slopes: Iterable[Expr]) -> ex.Cond:
+    """Returns whether a candidate has an area, or an edge, by the slopes of its forms: else nothing of it matters, even if infinite.
 
     One without area has edges where another one in front of it ends on the same lines.
     """
     layout = node.layout
     area = Slope.make((node.index, layout.order * layout.columns + layout.forms), (node,))
-    return ex.disjunction(positive(area), positive(add(*(mul(a, a) for a in adjoints))))
+    edges = [s for s in slopes if isinstance(s, Slope) and s.column % layout.columns < layout.forms]
+    return ex.disjunction(positive(area), _some(edges))
+
+
+def _some(numbers: Iterable[Expr]) -> ex.Cond:
+    """Returns whether any of some numbers is not 0; they may be so small that their squares are."""
+    return positive(add(*(ex.call("magnitude", v) for v in numbers)))
 
 
 def not_again(node: Placed) -> NotDifferentiableError:

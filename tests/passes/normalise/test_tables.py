@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -208,3 +209,15 @@ def test_empty_lists(backend: str, faces: int) -> None:
     assert slopes["s"] == pytest.approx(-2 * SIZE**2 * (0.1 - 0.7), rel=1e-13)
     assert not slopes["P"].any()
     assert slopes["C"].shape == (faces,)
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_weights_that_are_tiny_or_not_a_number(plain: Any, backend: str) -> None:
+    """What decides whether a row matters may neither underflow nor hide that a weight is not a number."""
+    w = teg.param("w")
+    f = teg.compile(w * scene(), [P, C], backend=backend)
+    exact = plain.grad(given(1))
+    for name, slope in f.grad(given(1) | {"w": 1e-200}).items():
+        assert close(np.asarray(slope) * 1e200, exact[name]), name
+    lost = f.grad(given(1) | {"w": math.nan})
+    assert np.isnan(lost["C"][exact["C"] != 0.0]).all()
