@@ -1,0 +1,309 @@
+"""The steps of a program with arrays as C, one after the other: integers, flat programs, folds, cells and tables.
+
+StepPrinter       what is common to all steps; how loops are printed is up to `iterations`
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+from teg.backends.c.chunks import Target
+from teg.backends.c.frame import Routine
+from teg.backends.c.printer import Printer
+from teg.backends.c.text import indent, literal, packed
+from teg.numerics.quadrature import gauss_legendre, triangle_rule
+from teg.program import Integrate, compound, has_ties
+from teg.program.arrays import (
+    AddTo,
+    Arg,
+    ArrayProgram,
+    Blank,
+    Cells,
+    Factors,
+    Integers,
+    Least,
+    Load,
+    Loop,
+    Number,
+    Rows,
+    Run,
+    Scatter,
+    Step,
+    Take,
+)
+
+NO_MEMORY = 16
+"""The bit of a note that says that there was no memory for cells."""
+CELLS_ON_STACK = 1024
+"""Numbers of candidates and tables that are on the C stack."""
+
+
+class StepPrinter(ABC):
+    """Prints steps in the scope of one element of the batch."""
+
+    def __init__(self, program: ArrayProgram) -> None:
+        self.program = program
+        self.printer = Printer()
+        self.routines: dict[int, Routine] = {}
+        self.tables: dict[str, Cells] = {}
+        self.widths: dict[str, int] = {}  # the columns of tables of rows
+        self.shapes: dict[str, str] = {}  # the rules of the shapes of cells, by name
+        self.copied: frozenset[int | str] = frozenset()  # the outputs and tables of which the chunk that is printed has a copy
+        self.telling: set[int] = set()  # the flat programs that return whether their branch is taken
+
+    @abstractmethod
+    def _loop(self, step: Loop, depth: int) -> list[str]:
+        """Returns a loop inside another one."""
+
+    @abstractmethod
+    def _chunks(self, step: Loop) -> list[str]:
+        """Returns an outermost loop."""
+
+    def _block(self, block: Sequence[Step], depth: int, decisive: Run | None = None) -> list[str]:
+        """Returns the lines of a block, in which a decisive flat program may end the iteration. Recursion is as deep as loops are."""
+        lines: list[str] = []
+        held = [s for s in block if isinstance(s, Cells)]
+        for step in block:
+            match step:
+                case Integers():
+                    lines.append(f"const int64_t {step.name} = {self._integers(step)};")
+                case Number():
+                    lines.append(f"const double {step.name} = (double){spelled(step.integer)};")
+                case Load():
+                    lines.append(f"const double {step.name} = a{step.array}[{place_of(step.array, step.subscripts)}];")
+                case Scatter():
+                    place, value = place_of(step.array, step.subscripts), spelled(step.value)
+                    target, copied = target_of(step.output), step.output in self.copied
+                    lines += [target.added(place, value, copied), *(target.marked(place) if copied else [])]
+                case AddTo():
+                    lines += self._added_to_table(step, block)
+                case Blank():
+                    lines += self._new_table(step.table, spelled(step.rows), step.columns)
+                case Rows():
+                    lines += self._rows(step, depth)
+                case Run():
+                    lines += [*self._run(step), *named(step)]
+                    if step is decisive:
+                        lines.append(f"if (!{array_of(step)}_taken) continue;")
+                case Least() | Factors():
+                    lines += self._fold(step, depth)
+                case Cells():
+                    lines += self._cells(step, depth)
+                case Take():
+                    lines.append(f"const double {step.name} = {self._taken(step)};")
+                case Loop() if depth:
+                    lines += self._loop(step, depth)
+                case Loop():
+                    lines += self._chunks(step)
+        return [*lines, *(f"if ({s.results[0]}_rows != {s.results[0]}_here) free({s.results[0]}_rows);" for s in held)]
+
+    def _integers(self, step: Integers) -> str:
+        args = [spelled(a) for a in step.args]
+        match step.op:
+            case "length":
+                return f"s{step.array}[{args[0]}]"
+            case "param":
+                return f"(int64_t)p{step.args[0]}"
+            case "gather":
+                return f"a{step.array}[{place_of(step.array, step.args)}]"
+            case "add" | "sub" | "mul":
+                return f"{args[0]} {'+-*'[('add', 'sub', 'mul').index(step.op)]} {args[1]}"
+            case "min" | "max":
+                return f"{args[0]} {'<' if step.op == 'min' else '>'} {args[1]} ? {args[0]} : {args[1]}"
+            case "floordiv":
+                return f"teg_floordiv({args[0]}, {args[1]})"
+            case _:
+                return f"{args[0]} - {args[1]} * teg_floordiv({args[0]}, {args[1]})"
+
+    def _run(self, step: Run) -> list[str]:
+        routine = self.routines[id(step)]
+        count, ties = len(step.results), has_ties(step.program.body)
+        array = array_of(step)
+        below = routine.workspace
+        inputs = [spelled(a) if isinstance(a, str) else literal(float(a)) for a in step.inputs]
+
+        passed = [*([] if routine.indirect else inputs), array, *["w"] * (routine.workspace > 0), *["&ctx"] * routine.context]
+        told = id(step) in self.telling
+        call = f"{f'{array}_taken = ' if told else ''}{routine.name}({', '.join(passed)});"
+        gather = packed(f"w[{i}] = {value};" for i, value in enumerate(inputs)) if routine.indirect else []
+        gather += ["ctx.work = 0;"] if any(isinstance(s, Integrate) for s in compound(step.program.body)) else []
+        lines = [f"double {array}[{count}];", *([f"int {array}_taken;"] if told else [])]
+        if not ties:
+            return [*lines, *gather, call]
+        first = f"(w + {below})"
+        return [  # one call, so that it is inlined
+            *lines,
+            "for (;;) {",
+            *indent(
+                *gather,
+                call,
+                "if (!ctx.tied) break;",
+                "if (ctx.order < 0) {",
+                *indent(
+                    f"for (int j = 0; j < {count}; j++) {array}[j] = 0.5 * ({first}[j] + {array}[j]);",
+                    "ctx.order = +1, ctx.tied = 0, note |= 1;",
+                    "break;",
+                ),
+                "}",
+                f"for (int j = 0; j < {count}; j++) {first}[j] = {array}[j];",
+                "ctx.order = -1;",
+            ),
+            "}",
+        ]
+
+    def _fold(self, step: Least | Factors, depth: int) -> list[str]:
+        """Returns a loop for the index of the least value, or for a product."""
+        found = step.results
+        if isinstance(step, Factors):
+            start = [f"double {r} = 1.0;" for r in found]
+            each = [f"{r} *= {spelled(v)};" for r, v in zip(found, step.values, strict=True)]
+        else:
+            start = [f"double {r} = -1.0, {r}_least = INFINITY;" for r in found]
+            each = [
+                f"teg_least({spelled(v)}, {spelled(p)}, {step.index}, &{r}_least, &{r});"
+                for r, v, p in zip(found, step.values, step.eligible, strict=True)
+            ]
+        inside = ["if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *each]
+        lo, hi = spelled(step.lo), spelled(step.hi)
+        return [*start, f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
+
+    def _cells(self, step: Cells, depth: int) -> list[str]:
+        """Returns the numbers of all candidates, and the cells that are made of them."""
+        shape, wide = step.shape, len(step.values)
+        at, count = step.results[0], len(step.results)
+        lo, hi = spelled(step.lo), spelled(step.hi)
+        columns = shape.columns * (1 + shape.order)
+        stored = [f"{at}_rows[({step.index} - {lo}) * {wide} + {j}] = {spelled(v)};" for j, v in enumerate(step.values)]
+        inside = ["if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *packed(stored)]
+        given = ", ".join(spelled(v) if isinstance(v, str) else literal(float(v)) for v in step.otherwise)
+        table = f"{at}_tables" if step.tables else "NULL"
+        lines = [
+            f"const int64_t {at}_n = {hi} - {lo};",
+            f"const size_t {at}_wide = (size_t){at}_n * {wide};",
+            f"const size_t {at}_size = {f'{count} * (size_t)({at}_n + 1) * {columns}' if step.tables else '0'};",
+            f"const size_t {at}_bytes = ({at}_wide + {at}_size) * sizeof(double);",
+            f"double {at}_here[{CELLS_ON_STACK}], {at}_values[{count}]{f', {at}_sizes[{count}]' if step.sizes else ''};",
+            f"double *const {at}_rows = {at}_bytes <= sizeof {at}_here ? {at}_here : malloc({at}_bytes);",
+            *([f"double *const {at}_tables = {at}_rows + {at}_wide;"] if step.tables else []),
+            f"const double {at}_otherwise[{len(step.otherwise)}] = {{{given}}};",
+            f"for (int64_t {step.index} = {lo}; {at}_rows && {step.index} < {hi}; {step.index}++) {{",
+            *indent(*inside),
+            "}",
+        ]
+        sizes = f"{at}_sizes" if step.sizes else "NULL"
+        call = f"teg_cells(&{self._shape(step)}, {at}_n, {at}_rows, {at}_otherwise, {at}_values, {sizes}, {table})"
+        lines += [f"if (!{at}_rows || {call}) {{", *indent(f"note |= {NO_MEMORY};", f"teg_fill({at}_values, {count}, NAN);"), "}"]
+        lines += packed([f"{r} = {at}_values[{j}]" for j, r in enumerate(step.results)], "const double ", ", ", ";")
+        lines += packed([f"{r} = {at}_sizes[{j}]" for j, r in enumerate(step.sizes)], "const double ", ", ", ";") if step.sizes else []
+        for j, name in enumerate(step.tables):
+            self.tables[name] = step
+            lines.append(f"const double *const {name} = {at}_rows ? {at}_tables + {j} * ({at}_n + 1) * {columns} : NULL;")
+        return lines
+
+    def _taken(self, step: Take) -> str:
+        """Returns a number of a table."""
+        if step.table in self.widths:
+            return f"{step.table}[{spelled(step.row)} * {self.widths[step.table]} + {step.column}]"
+        cells = self.tables[step.table]
+        width = cells.shape.columns * (1 + cells.shape.order)
+        return f"{step.table} ? {step.table}[({spelled(step.row)} - {spelled(cells.lo)}) * {width} + {step.column}] : NAN"
+
+    def _new_table(self, name: str, rows: str, columns: int) -> list[str]:
+        """Returns the declaration of a table of zeros, which is freed at the end of the function."""
+        self.widths[name] = columns
+        freed = [f"free({other});" for other in self.widths]
+        return [
+            f"const int64_t {name}_size = {rows} * {columns};",
+            f"double *const {name} = calloc((size_t){name}_size + 1, sizeof *{name});",
+            f"if (!{name}) {{",
+            *indent(*freed, "return -1;"),
+            "}",
+        ]
+
+    def _rows(self, step: Rows, depth: int) -> list[str]:
+        """Returns the rows of a table."""
+        name, width = step.table, len(step.values)
+        stored = packed(f"{name}[{step.index} * {width} + {j}] = {spelled(v)};" for j, v in enumerate(step.values))
+        inside = [*skipped(step), "if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *stored]
+        head = f"for (int64_t {step.index} = 0; {step.index} < {spelled(step.hi)}; {step.index}++) {{"
+        return self._with_list(step, [*self._new_table(name, spelled(step.hi), width), head, *indent(*inside), "}"])
+
+    def _with_list(self, step: Loop, lines: list[str]) -> list[str]:
+        """Returns lines around which it is known which rows are listed, if only these are iterations."""
+        if step.listed < 0:
+            return lines
+        name = f"{step.index}_listed"
+        count = " * ".join(f"s{step.listed}[{axis}]" for axis in range(self.program.arrays[step.listed].dimensions))
+        return [
+            f"unsigned char *const {name} = teg_listed(a{step.listed}, {count}, {spelled(step.hi)});",
+            f"if (!{name}) note |= {NO_MEMORY};",
+            *lines,
+            f"free({name});",
+        ]
+
+    def _added_to_table(self, step: AddTo, block: Sequence[Step]) -> list[str]:
+        """Returns lines that add to a table; the first ones of a block mark the row."""
+        width = self.widths[step.table]
+        row = f"{spelled(step.row)} * {width}"
+        first = next(s for s in block if isinstance(s, AddTo) and (s.table, s.row) == (step.table, step.row)) is step
+        target, copied = target_of(step.table), step.table in self.copied
+        marks = target.marked(row, width) if first and copied else []
+        return [*marks, target.added(f"{row} + {step.column}", spelled(step.value), copied)]
+
+    def _shape(self, step: Cells) -> str:
+        """Returns the name of a shape, of which a table is printed."""
+        shape = step.shape
+        name = f"cells_{shape.parts}_{shape.guards}_{shape.degree}_{shape.order}_{len(step.results)}"
+        if name not in self.shapes:
+            rule = [literal(v) for node in triangle_rule(shape.degree) for v in node]
+            nodes, weights = gauss_legendre((shape.degree + 1) // 2 + 1)
+            gauss = [literal(v) for x, w in zip(nodes, weights, strict=True) for v in (0.5 + 0.5 * x, 0.5 * w)]
+            numbers = (
+                f"{shape.parts}, {shape.guards}, {shape.degree}, {shape.order}, {len(step.results)}, {len(rule) // 3}, {len(gauss) // 2}"
+            )
+            self.shapes[name] = "\n".join(
+                [
+                    f"static const double {name}_rule[] = {{{', '.join(rule)}}};",
+                    f"static const double {name}_gauss[] = {{{', '.join(gauss)}}};",
+                    f"static const teg_shape {name} = {{{numbers}, {name}_rule, {name}_gauss}};",
+                ]
+            )
+        return name
+
+
+def target_of(to: int | str) -> Target:
+    """Returns an output, or a table."""
+    return Target(to, f"{to}_size") if isinstance(to, str) else Target(f"t{to}", f"n{to}")
+
+
+def skipped(loop: Loop) -> list[str]:
+    """Returns lines that leave out what is not listed."""
+    return [f"if (!{loop.index}_listed || !{loop.index}_listed[{loop.index}]) continue;"] if loop.listed >= 0 else []
+
+
+def named(step: Run) -> list[str]:
+    """Returns names for the results of a flat program."""
+    return packed([f"{name} = {array_of(step)}[{j}]" for j, name in enumerate(step.results)], "const double ", ", ", ";")
+
+
+def array_of(step: Run) -> str:
+    """Returns the results of a flat program in C."""
+    return f"r{step.results[0][1:]}"
+
+
+def spelled(arg: Arg) -> str:
+    """Returns a name, or a literal."""
+    if isinstance(arg, str):
+        return arg
+    if isinstance(arg, float):
+        return literal(arg)
+    return f"INT64_C({arg})" if arg >= 0 else f"(-INT64_C({-arg}))"
+
+
+def place_of(array: int, subscripts: Sequence[Arg]) -> str:
+    """Returns the place of an entry, row by row."""
+    place = spelled(subscripts[0])
+    for axis, s in enumerate(subscripts[1:], 1):
+        place = f"({place}) * s{array}[{axis}] + {spelled(s)}"
+    return place
