@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from teg.backends.c.frame import Routine
-from teg.backends.c.lanes import SIDE, Straight
+from teg.backends.c.lanes import SIDE
+from teg.backends.c.straights import Straight
 from teg.backends.c.text import indent
 from teg.program import Program, has_ties
 
@@ -131,7 +132,7 @@ class _Batch:
     @property
     def crossed(self) -> str | None:
         """The function of points that surfaces cross."""
-        return self.straight.crossed if self.straight else None
+        return self.straight.crossed.name if self.straight and self.straight.crossed else None
 
     @property
     def has_base(self) -> bool:
@@ -207,17 +208,17 @@ class _Batch:
         straight = self.straight
         if not straight or not straight.crossed:
             return []
-        given = ", ".join([*(f"in[{i}]" for i in straight.crossed_by), "steady", "across", "good"])
+        given = ", ".join([*(f"in[{i}]" for i in straight.crossed.inputs), "steady", "across", "good"])
         to = f"for (int j = 0; j < {self.outputs}; j++) f[{self.apart} * j]"
         return [
-            f"double steady[{straight.kept}];",
-            f"if (waiting) {straight.steady}(steady);",
+            f"double steady[{straight.crossed.kept}];",
+            f"if (waiting) {straight.crossed.steady}(steady);",
             f"for (int g = 0; g < waiting && !stopped; g += {SIDE}) {{",
             *indent(
                 f"const int few = waiting - g < {SIDE} ? waiting - g : {SIDE};",
                 f"double good[{SIDE}];",
                 *gathered,
-                f"{straight.crossed}({given});",
+                f"{straight.crossed.name}({given});",
                 "for (int k = 0; k < few; k++) {",
                 *indent(
                     "double *const f = results + waits[g + k];",

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from teg.backends.c.lanes import SIDE, Straight, decisive_branch
+from teg.backends.c.lanes import SIDE, decisive_branch
 from teg.backends.c.queues import Queue
 from teg.backends.c.steps import StepPrinter, array_of, named, skipped, spelled
+from teg.backends.c.straights import Staged, Straight
 from teg.backends.c.text import indent, packed
 from teg.program.arrays import Arg, ArrayProgram, Cells, Loop, Number, Run, Scatter, Step
 from teg.program.fields import operands, result_names
@@ -22,14 +23,20 @@ class IterationPrinter(StepPrinter):
 
     def _loop(self, step: Loop, depth: int) -> list[str]:
         """Returns a loop inside another one."""
-        sums = packed([f"{r} = 0.0" for r in step.results], "double ", ", ", ";") if step.results else []
+        carried = any(q.carrier is step for q in self.queues.values())
+        lanes = set() if carried else self._in_lanes(step)
+        sums = packed([f"{r} = 0.0" for r, v in zip(step.results, step.values, strict=True) if v not in lanes], "double ", ", ", ";")
         return [*sums, *self._iterations(step, spelled(step.lo), spelled(step.hi), depth + 1)]
 
     def _iterations(self, step: Loop, lo: str, hi: str, depth: int) -> list[str]:
         """Returns the iterations of a loop that is `depth` deep, and what they add to its sums, with what waits in queues."""
         carried = [q for q in self.queues.values() if q.carrier is step]
         opening = [line for q in carried for line in self._opened(q)]
-        closing = [line for q in carried for line in (f"if (waiting_{q.name}) {{", *indent(*self._flushed(q)), "}", *q.closed())]
+        closing: list[str] = []
+        for q in carried:
+            closing += [f"if (waiting_{q.name}) {{", *indent(*self._flushed(q)), "}"]
+            closing += [f"if (plain_{q.name}) {{", *indent(*self._flushed_plain(q)), "}"] if self._straight_of(q).covered else []
+            closing += q.closed()
         return [*opening, *self._each(step, lo, hi, depth), *closing]
 
     def _straight_of(self, queue: Queue) -> Straight:
@@ -38,18 +45,52 @@ class IterationPrinter(StepPrinter):
 
     def _opened(self, queue: Queue) -> list[str]:
         """Returns the declaration of a queue, with what is the same for all that waits in it."""
-        straight, name = self._straight_of(queue), f"same_{queue.name}"
-        given = [spelled(queue.run.inputs[i]) for i in straight.steady_by]
-        return [*queue.opened(), f"double {name}[{straight.kept}];", f"{straight.steady}({', '.join([*given, name])});"]
+        straight, lines = self._straight_of(queue), queue.opened()
+        for name, staged in (("same", straight.crossed), ("alike", straight.covered)):
+            if staged is not None:
+                given = [spelled(queue.run.inputs[i]) for i in staged.steady_inputs]
+                lines.append(f"double {name}_{queue.name}[{staged.kept}];")
+                lines.append(f"{staged.steady}({', '.join([*given, f'{name}_{queue.name}'])});")
+        if straight.covered is not None:
+            lines += [
+                f"double covered_{queue.name}[{max(1, len(_kept(queue, straight.covered)))}][{SIDE}];",
+                f"int plain_{queue.name} = 0;",
+            ]
+        return lines
 
     def _flushed(self, queue: Queue) -> list[str]:
-        """Returns lines that compute the iterations in a queue; if it is not full, the last one is repeated."""
+        """Returns lines that compute the iterations in a queue; if it is not full, the last one is repeated. Where they are only added up,
+        the function does so, but for those that are not good."""
         run, name, array, count = queue.run, queue.name, array_of(queue.run), len(queue.run.results)
-        straight = self._straight_of(queue)
-        given = [f"queue_{name}[{queue.varying.index(i)}]" if i in queue.varying else spelled(run.inputs[i]) for i in straight.crossed_by]
+        crossed = self._straight_of(queue).crossed
+        assert crossed is not None
+        given = [f"queue_{name}[{queue.varying.index(i)}]" if i in queue.varying else spelled(run.inputs[i]) for i in crossed.inputs]
         declaration, *call = self._run(run)
         inputs = [f"const double {run.inputs[i]} = queue_{name}[{m}][k];" for m, i in enumerate(queue.varying)]
-        scattered_into = [
+        repeated = [
+            f"for (int m = 0; m < {len(queue.varying)}; m++)",
+            *indent(f"for (int k = waiting_{name}; k < {SIDE}; k++) queue_{name}[m][k] = queue_{name}[m][waiting_{name} - 1];"),
+        ]
+
+        def one_by_one(*lines: str) -> list[str]:
+            inside = ["if (good[k] != 0.0) continue;", declaration, *inputs, *call, *lines]
+            return [f"for (int k = 0; k < waiting_{name}; k++) {{", *indent(*inside), "}"]
+
+        if not queue.after:
+            return [
+                *repeated,
+                f"double good[{SIDE}];",
+                f"{crossed.name}({', '.join([*given, f'same_{name}', f'lanes_{name}', f'waiting_{name}', 'good'])});",
+                *one_by_one(*packed(f"lanes_{name}[{m}][k] += {array}[{j}];" for m, j in enumerate(queue.added))),
+                f"waiting_{name} = 0;",
+            ]
+        return [
+            *repeated,
+            f"double f[{SIDE * count}], good[{SIDE}];",
+            f"{crossed.name}({', '.join([*given, f'same_{name}', 'f', 'good'])});",
+            *one_by_one(f"for (int j = 0; j < {count}; j++) f[{SIDE} * j + k] = {array}[j];"),
+            f"for (int k = waiting_{name}; k < {SIDE}; k++) for (int j = 0; j < {count}; j++) f[{SIDE} * j + k] = 0.0;",
+            *queue.into_lanes("f[{at} + k]"),
             f"for (int k = 0; k < waiting_{name}; k++) {{",
             *indent(
                 *(f"const int64_t {index} = place_{name}[{m}][k];" for m, index in enumerate(queue.indices)),
@@ -57,25 +98,20 @@ class IterationPrinter(StepPrinter):
                 *self._block([*queue.integers, *queue.after], 1),
             ),
             "}",
-        ]
-        return [
-            f"for (int m = 0; m < {len(queue.varying)}; m++)",
-            *indent(f"for (int k = waiting_{name}; k < {SIDE}; k++) queue_{name}[m][k] = queue_{name}[m][waiting_{name} - 1];"),
-            f"double f[{SIDE * count}], good[{SIDE}];",
-            f"{straight.crossed}({', '.join([*given, f'same_{name}', 'f', 'good'])});",
-            f"for (int k = 0; k < waiting_{name}; k++) {{",
-            *indent(
-                "if (good[k] != 0.0) continue;",
-                declaration,
-                *inputs,
-                *call,
-                f"for (int j = 0; j < {count}; j++) f[{SIDE} * j + k] = {array}[j];",
-            ),
-            "}",
-            f"for (int k = waiting_{name}; k < {SIDE}; k++) for (int j = 0; j < {count}; j++) f[{SIDE} * j + k] = 0.0;",
-            *queue.into_lanes("f[{at} + k]"),
-            *(scattered_into if queue.after else []),
             f"waiting_{name} = 0;",
+        ]
+
+    def _flushed_plain(self, queue: Queue) -> list[str]:
+        """Returns lines that compute and add up the iterations with a simple value that wait."""
+        covered, name = self._straight_of(queue).covered, queue.name
+        assert covered is not None
+        kept = _kept(queue, covered)
+        given = [f"covered_{name}[{kept.index(i)}]" if i in kept else spelled(queue.run.inputs[i]) for i in covered.inputs]
+        return [
+            f"for (int m = 0; m < {len(kept)}; m++)",
+            *indent(f"for (int k = plain_{name}; k < {SIDE}; k++) covered_{name}[m][k] = covered_{name}[m][plain_{name} - 1];"),
+            f"{covered.name}({', '.join([*given, f'alike_{name}', f'lanes_{name}', f'plain_{name}'])});",
+            f"plain_{name} = 0;",
         ]
 
     def _each(self, step: Loop, lo: str, hi: str, depth: int) -> list[str]:
@@ -90,6 +126,8 @@ class IterationPrinter(StepPrinter):
     def _side_by_side(self, step: Loop, run: Run, lo: str, hi: str, depth: int) -> list[str]:
         """Returns the iterations of a loop with one flat program, SIDE at a time; those that are not on the straight line one by one."""
         straight, count = self.straights[id(run)], len(run.results)
+        if straight.covered is not None:
+            return self._spans(step, run, lo, hi, depth)
         at, lanes = f"{step.index}_first", f"{step.index}_count"
         cut = step.body.index(run)
         before, after = step.body[:cut], step.body[cut + 1 :]
@@ -145,6 +183,36 @@ class IterationPrinter(StepPrinter):
             "}",
         ]
 
+    def _spans(self, step: Loop, run: Run, lo: str, hi: str, depth: int) -> list[str]:
+        """Returns the iterations of a loop of which it is known from the first and the last one which are live and which covered."""
+        straight, queue, index = self.straights[id(run)], self.queues[id(run)], step.index
+        assert straight.covered is not None
+        before = step.body[: step.body.index(run)]
+        start, stop, since, until = (f"{index}_{part}" for part in ("start", "stop", "since", "until"))
+        narrow, _, _ = _narrowed(step, run, straight, lo, hi)
+        kept = _kept(queue, straight.covered)
+        plain = packed(f"covered_{queue.name}[{m}][plain_{queue.name}] = {queue.run.inputs[i]};" for m, i in enumerate(kept))
+        return [
+            *narrow,
+            f"for (int64_t {index} = {since}; {index} < {until}; {index}++) {{",
+            *indent(
+                *self._block(_needed(before, {queue.run.inputs[i] for i in kept}), depth),
+                *plain,
+                f"if (++plain_{queue.name} == {SIDE}) {{",
+                *indent(*self._flushed_plain(queue), "if (teg_stopped(pace)) break;"),
+                "}",
+            ),
+            "}",
+            f"for (int64_t {index} = {start}; {index} < {stop}; {index}++) {{",
+            *indent(
+                f"if ({index} == {since}) {index} = {until};",
+                f"if ({index} >= {stop} || teg_stopped(pace)) break;",
+                *self._block(before, depth),
+                *self._pushed(queue),
+            ),
+            "}",
+        ]
+
     def _way(self, run: Run, straight: Straight, adding: bool) -> list[str]:
         """Returns lines that give one iteration its results: 0, those of the straight line, or those of the program, at once or from a
         queue."""
@@ -175,8 +243,12 @@ class IterationPrinter(StepPrinter):
 
     def _added(self, step: Loop) -> list[str]:
         """Returns lines that add up the results of an iteration, but for what is added up in the lanes of a queue."""
-        inner = {r for q in self.queues.values() if not q.after and step in q.chain for s in q.chain for r in (*s.results, *q.run.results)}
-        return [f"{r} += {spelled(v)};" for r, v in zip(step.results, step.values, strict=True) if v not in inner]
+        lanes = self._in_lanes(step)
+        return [f"{r} += {spelled(v)};" for r, v in zip(step.results, step.values, strict=True) if v not in lanes]
+
+    def _in_lanes(self, step: Loop) -> set[str]:
+        """Returns the results of an iteration that are added up in the lanes of a queue."""
+        return {r for q in self.queues.values() if not q.after and step in q.chain for s in q.chain for r in (*s.results, *q.run.results)}
 
 
 def only_run(loop: Loop) -> Run | None:
@@ -185,26 +257,45 @@ def only_run(loop: Loop) -> Run | None:
     return runs[0] if len(runs) == 1 and not any(isinstance(s, Loop) for s in loop.body) else None
 
 
+def _kept(queue: Queue, staged: Staged) -> list[int]:
+    """Returns the inputs of a function that differ between the points of a queue."""
+    return [i for i in queue.varying if i in staged.inputs]
+
+
 def _narrowed(step: Loop, run: Run, straight: Straight, lo: str, hi: str) -> tuple[list[str], str, str]:
-    """Returns lines that leave out iterations at both ends that have no result but 0, and the range that is left."""
+    """Returns lines that leave out iterations at both ends that have no result but 0, and the range that is left. If iterations that are
+    covered are computed apart, theirs is {index}_since … {index}_until: a part of the other one, or nothing, at its end."""
+    narrow = straight.narrow
+    assert narrow is not None
     numbers = {s.name for s in step.body if isinstance(s, Number) and s.integer == step.index}
-    start, stop, heights = (f"{step.index}_{part}" for part in ("start", "stop", "height"))
+    start, stop, since, until, heights, told = (f"{step.index}_{part}" for part in ("start", "stop", "since", "until", "height", "told"))
 
     def call(row: int, index: str) -> str:
-        values = [f"(double)({index})" if run.inputs[i] in numbers else spelled(run.inputs[i]) for i in straight.narrowed_by]
-        return f"{straight.narrow}({', '.join([*values, f'{heights}[{row}]'])})"
+        values = [f"(double)({index})" if run.inputs[i] in numbers else spelled(run.inputs[i]) for i in narrow.inputs]
+        return f"{narrow.name}({', '.join([*values, f'{heights}[{row}]'])})"
 
-    lines = [
-        f"int64_t {start} = {lo}, {stop} = {hi};",
-        f"if ({stop} - {start} > {SIDE}) {{",
-        *indent(
-            f"double {heights}[2][{straight.heights}];",
-            f"if (!({call(0, start)} | {call(1, f'{stop} - 1')}))",
-            *indent(f"teg_narrow({straight.heights}, {heights}[0], {heights}[1], &{start}, &{stop});"),
-        ),
-        "}",
+    lines = [f"int64_t {start} = {lo}, {stop} = {hi};"]
+    least = SIDE
+    evaluated = [
+        f"double {heights}[2][{narrow.heights + narrow.covers}];",
+        f"const int {told} = {call(0, start)} | {call(1, f'{stop} - 1')};",
+        *([] if narrow.decides else [f"if (!({told} & 1))"]),
+        f"teg_narrow({narrow.heights}, {heights}[0], {heights}[1], &{start}, &{stop});",
     ]
-    return lines, start, stop
+    if straight.covered is not None:
+        least = 0
+        lines.append(f"int64_t {since} = {start}, {until} = {stop};")
+        behind = f"{heights}[0] + {narrow.heights}, {heights}[1] + {narrow.heights}"
+        evaluated[2:2] = [
+            f"if ({told} & 2) {until} = {since};",
+            f"else teg_cover({narrow.covers}, {behind}, &{since}, &{until});",
+        ]
+        evaluated += [
+            f"if ({since} < {start}) {since} = {start};",
+            f"if ({until} > {stop}) {until} = {stop};",
+            f"if ({since} >= {until}) {since} = {until} = {stop};",
+        ]
+    return [*lines, f"if ({stop} - {start} > {least}) {{", *indent(*evaluated), "}"], start, stop
 
 
 def _needed(block: Sequence[Step], wanted: set[Arg]) -> list[Step]:

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Collection, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
+from math import isnan
 from typing import Any
 
 from teg.backends.c.crossing import Writer
@@ -70,27 +71,6 @@ class Packed:
     straight: tuple[Stmt, ...]
     outputs: tuple[Arg, ...]
     wide: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Straight:
-    """C functions of eight points. `decision` says where the outputs are 0 or have a simple value, `line` computes that value, and
-    `crossed` computes points whose boxes are crossed by surfaces. `decided_by`, `used` and `crossed_by` are the inputs of each. `steady`
-    computes `kept` numbers that `crossed` takes, from inputs that all points share, `steady_by`. `narrow`
-    computes, for one point, `heights` numbers of which none is negative where the outputs are not 0; `narrowed_by` are its inputs."""
-
-    decision: str
-    decided_by: list[int]
-    line: str | None
-    used: list[int]
-    crossed: str | None = None
-    crossed_by: Sequence[int] = ()
-    steady: str | None = None
-    steady_by: Sequence[int] = ()
-    kept: int = 0
-    narrow: str | None = None
-    narrowed_by: tuple[int, ...] = ()
-    heights: int = 0
 
 
 def decisive_branch(program: Program) -> When | None:
@@ -191,7 +171,8 @@ class _Line:
     def __init__(self, program: Program) -> None:
         self.steps: list[Stmt] = []
         self.conditions: list[Arg] = []
-        self.absent: dict[Arg, float] = {}  # results of what is not run
+        self.known: dict[Arg, Arg] = {}  # results of what is not run, and of choices that are settled
+        self.unmet: set[Arg] = set()  # conditions of what is not run
         used = (int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit())
         self._numbers = count(1 + max(used, default=0))
 
@@ -201,7 +182,7 @@ class _Line:
         return name
 
     def value(self, arg: Arg) -> Arg:
-        return self.absent.get(arg, arg)
+        return self.known.get(arg, arg)
 
     def near(self, tie: Assign, block: list[Assign]) -> str:
         """Returns whether a tie may be met."""
@@ -215,6 +196,8 @@ class _Line:
             match stmt:
                 case Assign(op="tie"):
                     self._tie(stmt)
+                case Assign(op="select") if self._settles(stmt):
+                    pass
                 case Assign():
                     self.steps += self.plain(stmt)
                 case Polygon(when=None) if all(isinstance(s, Assign) for s in (*stmt.setup, *stmt.body)):
@@ -225,7 +208,18 @@ class _Line:
                     if stmt.when is None:
                         return False
                     self.conditions.append(self.assign("b", "not", stmt.when))
-                    self.absent.update(absent(stmt))
+                    self.unmet.add(stmt.when)
+                    self.known.update(absent(stmt))
+        return True
+
+    def _settles(self, choice: Assign) -> bool:
+        """Returns whether it is known what is chosen: the other value where something is run, or what is defined."""
+        condition, then, otherwise = choice.args
+        if isinstance(condition, str) and isinstance(otherwise, float) and isnan(otherwise):
+            self.conditions.append(condition)
+        elif condition not in self.unmet:
+            return False
+        self.known[choice.name] = self.value(otherwise if condition in self.unmet else then)
         return True
 
     def plain(self, stmt: Assign) -> list[Assign]:
@@ -333,7 +327,7 @@ class _Line:
             self.conditions.append(self.assign("b", "gt0", self.assign("v", "sub", side, near)))
         for result, moments in zip(stmt.results, stmt.moments, strict=True):
             if moments.kind == "border":
-                self.absent[result] = 0.0
+                self.known[result] = 0.0
                 continue
             terms = [self.assign("v", "mul", self.value(c), 1.0 / ((j + 1) * (k + 1))) for j, k, c in moments.terms]
             whole = self.assign("v", "add", *terms)

@@ -30,6 +30,7 @@ from teg.backends.c.queues import Queue, queue_of
 from teg.backends.c.runtime import runtime
 from teg.backends.c.signals import Caller
 from teg.backends.c.steps import NO_MEMORY, spelled, target_of
+from teg.backends.c.straights import Waiting, side_by_side
 from teg.backends.c.tabled import tabled_entry
 from teg.backends.c.text import indent, wrapped
 from teg.backends.c.threads import team_size
@@ -48,7 +49,7 @@ from teg.program.arrays import (
     steps,
     work,
 )
-from teg.program.fields import result_names
+from teg.program.fields import operands, result_names
 from teg.program.joined import input_residues
 from teg.program.summed import summed, with_enclosing
 from teg.program.tabled import TabledProgram
@@ -144,15 +145,18 @@ class _ArrayPrinter(IterationPrinter):
             varying = {i for i, arg in enumerate(only.inputs) if arg in inside}
             numbers = {s.name for s in loop.body if isinstance(s, Number) and s.integer == loop.index}
             counted = {i for i, arg in enumerate(only.inputs) if arg in numbers}
-            if not varying or not (made := self.printer.packed(only.program, varying, SIDE, counted)):
-                continue
+            waiting = None
             if queue:
-                made = self.printer.with_crossed(made, queue.run.program, queue.varying, [c[id(queue.run)] for c in connected])
-                if made.crossed:
-                    self.queues[id(only)] = queue
-            self.straights[id(only)] = made
+                residues = [c[id(queue.run)] for c in connected]
+                waiting = Waiting(queue.run.program, queue.varying, residues, None if queue.after else queue.added)
+            made = side_by_side(self.printer.once, only.program, varying, SIDE, counted, waiting) if varying else None
+            if made:
+                self.straights[id(only)] = made
+            if made and made.crossed and queue:
+                self.queues[id(only)] = queue
+        self.idle = self._idle()
         for step in steps(program.body):
-            if isinstance(step, Run):
+            if isinstance(step, Run) and id(step) not in self.idle:
                 queue = self.queues.get(id(step))
                 branch = None if id(step) in self.straights else decisive_branch(step.program)
                 self.telling |= {id(step)} if branch else set()
@@ -162,6 +166,23 @@ class _ArrayPrinter(IterationPrinter):
                 again = len(step.results) if has_ties(step.program.body) else 0
                 self.space = max(self.space, routine.workspace + again + len(step.results))
         self.context = any(r.context for r in self.routines.values())
+
+    def _idle(self) -> set[int]:
+        """Returns the flat programs of whose results nothing is read: what waits in a queue has its own inputs, and so have its rows."""
+        body = list(steps(self.program.body))
+        wanted: set[object] = {*self.program.outputs, *(a for s in body if not isinstance(s, Run) for a in operands(s))}
+        idle: set[int] = set()
+        for step in reversed(body):
+            straight = self.straights.get(id(step))
+            if not isinstance(step, Run):
+                continue
+            if straight is not None and straight.covered is not None and straight.narrow is not None:
+                wanted.update(self.queues[id(step)].run.inputs, (step.inputs[i] for i in straight.narrow.inputs))
+            elif wanted.isdisjoint(step.results):
+                idle.add(id(step))
+            else:
+                wanted.update(step.inputs)
+        return idle
 
     def text(self) -> str:
         printer = self.printer

@@ -16,24 +16,19 @@ captured values where there are more than BY_VALUE.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import cast
 
 from teg.backends.branches import with_branches
-from teg.backends.c import crossed as c_crossed
 from teg.backends.c import ellipse as c_ellipse
 from teg.backends.c import frame as c_frame
-from teg.backends.c import lanes as c_packed
-from teg.backends.c import ranges as c_ranges
-from teg.backends.c import stages as c_stages
 from teg.backends.c.abreast import Abreast, Nodes, eight_at_once, is_abreast
 from teg.backends.c.batch import ABI, batch_loop, together
 from teg.backends.c.bodies import merged, used_inputs, with_inputs
 from teg.backends.c.frame import BY_VALUE, CONTEXT, RESULTS, WORKSPACE, Frame, Routine, Scope, Step, assignments, captured_by
 from teg.backends.c.hyperbola import along_a_branch, along_function, hyperbola
-from teg.backends.c.lanes import SIDE, Packed, Straight
 from teg.backends.c.poles import plain_table, rational_piece, weights_function
 from teg.backends.c.polygon import (
     COORDINATES,
@@ -61,6 +56,7 @@ from teg.backends.c.quadrature import (
 )
 from teg.backends.c.runtime import runtime
 from teg.backends.c.samples import sample_loop, sobol_table, used_points
+from teg.backends.c.straights import Waiting, side_by_side
 from teg.backends.c.text import each, harmless, indent, packed, wrapped
 from teg.backends.lazily import with_lazy_choices
 from teg.numerics.sobol import REPLICATES
@@ -112,9 +108,8 @@ def print_kernel(
     printer = Printer(counted)
     element = printer.element(program)
     every = range(len(program.parameters))
-    packed = None if counted else printer.packed(program, every, together(program))
-    packed = printer.with_crossed(packed, program, every) if packed else None
-    texts = [*printer.texts, wrapped(batch_loop(program, name, element, real, packed))]
+    straight = None if counted else side_by_side(printer.once, program, every, together(program), (), Waiting(program, every))
+    texts = [*printer.texts, wrapped(batch_loop(program, name, element, real, straight))]
     tables = printer.tables()
     called = tuple(sorted(printer.called))
     functions = declare(called) if declare is not None else [text for ks in called for text in _static_function(program, ks)]
@@ -205,55 +200,6 @@ class Printer:
             inside.append(f"return {frame.scope()(told)};")
         storage = "TEG_INLINE" if kind == "run" and self.inlined and not frame.indirect else "static"
         return self._routine(kind, frame, f"{storage} {'void' if told is None else 'int'} {frame.signature('f')}", inside)
-
-    def packed(self, program: Program, varying: Collection[int], apart: int, indices: Collection[int] = ()) -> Straight | None:
-        """Returns the functions that take eight points at once, if there are any; inputs not in `varying` are the same for all, those in
-        `indices` are the number of the point, the outputs of a point lie `apart`."""
-        found = c_packed.packed(program)
-        if found is None:
-            return None
-        decided_by, used = c_packed.used_inputs(found)
-        given = c_packed.signature(decided_by, varying, "int *live", "int *fast")
-        decision = self._side_by_side("decision", f"int @({given})", c_packed.decision(found, varying))
-        line = None
-        if found.fast is not False:
-            given = c_packed.signature(used, varying, "double *restrict f")
-            inside = c_packed.straight(found, varying, apart)
-            if found.wide:  # inlined, its loop would be unrolled before it is vectorised
-                line = self._once("straight", wrapped([f"TEG_APART void @({given})", "{", *indent(*inside), "}"])).name
-            else:
-                line = self._side_by_side("straight", f"void @({given})", inside)
-        made = Straight(decision, decided_by, line, used)
-        return self._narrowed(made, found, varying, indices) if indices else made
-
-    def with_crossed(
-        self, made: Straight, program: Program, in_queue: Container[int], inputs: Sequence[Mapping[str, int | None]] | None = None
-    ) -> Straight:
-        """Returns the functions with that of points that surfaces cross, if there is one. `in_queue` are the inputs that differ between
-        such points, `inputs` residues of all of them (`crossed`)."""
-        across = c_crossed.crossed(program, inputs)
-        if across is None:
-            return made
-        found = c_stages.functions(across, in_queue, SIDE)
-        given = c_packed.signature(found.line_by, in_queue, "const double *s", "double *restrict f", "double *restrict good")
-        line = self._once("crossed", wrapped([f"static void @({given})", "{", *indent("(void)s;", *found.line), "}"])).name
-        given = c_packed.signature(found.steady_by, (), "double *s")
-        steady = self._once("steady", wrapped([f"static void @({given})", "{", *indent("(void)s;", *found.steady), "}"])).name
-        made = replace(made, steady=steady, steady_by=found.steady_by, kept=max(1, found.kept))
-        return replace(made, crossed=line, crossed_by=found.line_by)
-
-    def _narrowed(self, made: Straight, found: Packed, varying: Collection[int], indices: Collection[int]) -> Straight:
-        """Returns the same with the function by which a range of points is narrowed, if there is one."""
-        known = c_ranges.narrowing(found, [f"p{i}" for i in indices], [f"p{i}" for i in varying])
-        if known is None:
-            return made
-        head = f"int @({c_packed.signature(known.inputs, (), 'double *height')})"
-        narrow = self._side_by_side("narrow", head, c_ranges.function(known))
-        return replace(made, narrow=narrow, narrowed_by=tuple(known.inputs), heights=len(known.heights))
-
-    def _side_by_side(self, kind: str, head: str, inside: list[str]) -> str:
-        """Returns the name of such a function."""
-        return self._once(kind, wrapped([f"TEG_INLINE {head}", "{", *indent(*inside), "}"])).name
 
     def _steps(self, block: Sequence[Stmt]) -> Iterator[Step]:
         together: dict[object, list[Assign]] = {}  # a function and its derivatives at the same inputs
@@ -595,9 +541,9 @@ class Printer:
     def _routine(self, kind: str, frame: Frame, signature: str, inside: list[str]) -> Routine:
         """Returns the routine of this text, in which '@' stands for its name."""
         text = "\n\n".join([*frame.parts, wrapped([signature, "{", *indent(*inside), "}"])])
-        return self._once(kind, text, frame.indirect, frame.workspace, frame.context)
+        return self.once(kind, text, frame.indirect, frame.workspace, frame.context)
 
-    def _once(self, kind: str, text: str, indirect: bool = False, workspace: int = 0, context: bool = False) -> Routine:
+    def once(self, kind: str, text: str, indirect: bool = False, workspace: int = 0, context: bool = False) -> Routine:
         """Returns the routine of this text, which is printed unless it is known."""
         if text not in self._known:
             name = kind if kind == "element" else f"{kind}_{len(self._known) + 1}"

@@ -49,6 +49,11 @@ class Queue:
         """Returns the last part of the names in C."""
         return self.run.results[0][1:]
 
+    @property
+    def added(self) -> list[int]:
+        """Returns which results of the flat program are added to the sums."""
+        return [self.run.results.index(str(v)) for _, v in self.sums]
+
     def opened(self) -> list[str]:
         """Returns the declaration of the queue."""
         name = self.name
@@ -58,8 +63,7 @@ class Queue:
 
     def into_lanes(self, value: str) -> list[str]:
         """Returns a loop that adds results of iterations side by side to the sums; `value` is one of them in C, {at} + k its place."""
-        places = [SIDE * self.run.results.index(str(v)) for _, v in self.sums]
-        each = [f"lanes_{self.name}[{m}][k] += {value.format(at=at)};" for m, at in enumerate(places)]
+        each = [f"lanes_{self.name}[{m}][k] += {value.format(at=SIDE * j)};" for m, j in enumerate(self.added)]
         return [f"for (int k = 0; k < {SIDE}; k++) {{", *indent(*each), "}"] if each else []
 
     def covered(self, lanes: str) -> list[str]:

@@ -7,13 +7,13 @@ by a function of their own, once for all that wait in one queue.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import count
 from typing import NamedTuple
 
 from teg.backends.c.crossed import BRANCHLESS, SIDE, TOGETHER, Crossed, Item, Nodes, defines, reads
-from teg.backends.c.frame import Frame, Step, assignments
+from teg.backends.c.frame import Frame, Scope, Step, assignments
 from teg.backends.c.lanes import SELECTIONS
 from teg.backends.c.text import indent, literal
 from teg.backends.c.text import packed as in_few_lines
@@ -28,8 +28,7 @@ def inputs_of(found: Crossed) -> list[int]:
 
 class Functions(NamedTuple):
     """The insides of two C functions, with the numbers of the inputs that each reads. `steady` writes what is the same at all points to
-    an array s of `kept` numbers; `line` computes eight points with it: output j of point k goes to f[apart·j + k], and good[k] is 0 where
-    they must be computed otherwise. Inputs that vary are arrays q."""
+    an array s of `kept` numbers; `line` computes eight points with it. Inputs that vary are arrays q."""
 
     steady: list[str]
     steady_by: list[int]
@@ -38,7 +37,34 @@ class Functions(NamedTuple):
     line_by: list[int]
 
 
-def functions(found: Crossed, varying: Container[int], apart: int) -> Functions:
+Written = Callable[[Scope], list[str]]
+"""The lines that write the outputs of point k."""
+
+
+def results(found: Crossed) -> Written:
+    """Output j of point k goes to f[SIDE·j + k], and good[k] is 0 where they must be computed otherwise."""
+
+    def lines(scope: Scope) -> list[str]:
+        outputs = [f"f[{SIDE * j} + k] = {scope(o)};" for j, o in enumerate(found.outputs)]
+        return [*outputs, f"good[k] = {scope(found.good)} ? 1.0 : 0.0;"]
+
+    return lines
+
+
+def totals(found: Crossed, sums: Sequence[int]) -> Written:
+    """Of the first `count` points, output sums[m] is added to lanes[m][k] if it is right; good[k] is 0 where it is not."""
+
+    def lines(scope: Scope) -> list[str]:
+        good = f"const int good_k = {scope(found.good)};" if found.good is not True else ""
+        known = ["const int added = k < count;"] if not good else [good, "const int added = (k < count) & good_k;"]
+        given = [(m, found.outputs[j]) for m, j in enumerate(sums)]
+        written = [f"lanes[{m}][k] += added ? {scope(o)} : 0.0;" for m, o in given if o != 0.0]
+        return [*known, *written, *(["good[k] = good_k ? 1.0 : 0.0;"] if good else [])]
+
+    return lines
+
+
+def functions(found: Crossed, varying: Container[int], written: Written) -> Functions:
     """Returns the functions of a straight line. Inputs in `varying` differ between points."""
     inputs = inputs_of(found)
     places: dict[str, str] = {f"p{i}": f"q{i}[k]" if i in varying else f"p{i}" for i in inputs}
@@ -48,7 +74,7 @@ def functions(found: Crossed, varying: Container[int], apart: int) -> Functions:
     read = {a for i in stages.without(stages.constant) for a in reads(i)}.union(found.outputs, (found.good,))
     of_constant = {a for s in stages.constant for a in s.args}
     used = [[i for i in inputs if f"p{i}" in some] for some in (of_constant, read)]
-    return Functions(steady, used[0], kept, list(stages.lines(apart)), used[1])
+    return Functions(steady, used[0], kept, list(stages.lines(written)), used[1])
 
 
 class _Stages:
@@ -76,13 +102,13 @@ class _Stages:
         self.places.update((name, f"s[{i}]" if name[0] == "v" else f"(s[{i}] != 0.0)") for i, name in enumerate(given))
         return lines, len(given)
 
-    def lines(self, apart: int) -> Iterator[str]:
+    def lines(self, written: Written) -> Iterator[str]:
         """Yields the lines of eight points, after `steady`."""
         assigns = [i for i in self.found.items if isinstance(i, Assign)]
         for number in range(self.last + 1):
             here = [s for s in assigns if s.name in self.lanes and self.stage[s.name] == number]
             later = [i for i in self.without(here) if max(self.stage[d] for d in defines(i)) >= number]
-            yield from self._loop(here, self._read_by(later), apart if number == self.last else None)
+            yield from self._loop(here, self._read_by(later), written if number == self.last else None)
             for item in self.found.items:
                 if isinstance(item, Nodes) and self.stage[item.sums[0]] == number + 1:
                     yield from self._nodes(item)
@@ -106,18 +132,17 @@ class _Stages:
         frame.count = self._count  # names differ in all stages
         return frame
 
-    def _loop(self, block: Sequence[Assign], wanted: Collection[Arg], apart: int | None) -> Iterator[str]:
-        """Yields the loop of a stage; the last one, which has `apart`, writes the outputs."""
+    def _loop(self, block: Sequence[Assign], wanted: Collection[Arg], written: Written | None) -> Iterator[str]:
+        """Yields the loop of a stage; the last one writes the outputs."""
         frame, given = self._frame(block, wanted)
-        if apart is not None:
+        if written is not None:
             outputs = [*self.found.outputs, self.found.good]
             own = list(dict.fromkeys(o for o in outputs if isinstance(o, str) and (o in self.places or o in given)))
             frame = self._framed(frame.blocks[0], own, self.places)
         inside = frame.block(0)
         scope = frame.scope()
-        if apart is not None:
-            inside += [f"f[{apart * j} + k] = {scope(o)};" for j, o in enumerate(self.found.outputs)]
-            inside.append(f"good[k] = {scope(self.found.good)} ? 1.0 : 0.0;")
+        if written is not None:
+            inside += written(scope)
         else:
             arrays = {name: f"a{next(self._arrays)}" for name in given}
             yield from in_few_lines([f"{array}[{SIDE}]" for array in arrays.values()], "double ", ", ", ";")

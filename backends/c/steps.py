@@ -50,6 +50,7 @@ class StepPrinter(ABC):
         self.widths: dict[str, int] = {}  # the columns of tables of rows
         self.shapes: dict[str, str] = {}  # the rules of the shapes of cells, by name
         self.copied: frozenset[int | str] = frozenset()  # the outputs and tables of which the chunk that is printed has a copy
+        self.idle: set[int] = set()  # the flat programs that only points in queues needed, which compute them again
         self.telling: set[int] = set()  # the flat programs that return whether their branch is taken
 
     @abstractmethod
@@ -82,6 +83,8 @@ class StepPrinter(ABC):
                     lines += self._new_table(step.table, spelled(step.rows), step.columns)
                 case Rows():
                     lines += self._rows(step, depth)
+                case Run() if id(step) in self.idle:
+                    pass
                 case Run():
                     lines += [*self._run(step), *named(step)]
                     if step is decisive:

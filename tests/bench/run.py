@@ -165,7 +165,7 @@ TABLES: dict[str, tuple[Measurement, str]] = {
     ),
     "picture": (
         image_rows,
-        "Loss and gradient by all vertices and colours of 2048 triangles in 512² pixels, every pixel of every bounding box.",
+        "Loss and gradient by all vertices and colours of triangles side by side, every pixel of every bounding box.",
     ),
     "half-planes in a box": (
         crossed_rows,

@@ -159,14 +159,14 @@ def crossed_rows() -> list[Row]:
 # -- a picture -----------------------------------------------------------------------------------------------------------
 
 
-def mesh(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """A jittered grid of 2·CELLS² triangles over a picture of SIZE²: vertices (nv, 2), faces (m, 3), counterclockwise."""
-    width = SIZE / CELLS
-    vertices = np.stack(np.meshgrid(*[np.arange(CELLS + 1) * width] * 2), axis=-1).reshape(-1, 2)
-    movable = (vertices > 0) & (vertices < SIZE)
+def mesh(rng: np.random.Generator, cells: int = CELLS, size: int = SIZE) -> tuple[np.ndarray, np.ndarray]:
+    """A jittered grid of 2·cells² triangles over a picture of size²: vertices (nv, 2), faces (m, 3), counterclockwise."""
+    width = size / cells
+    vertices = np.stack(np.meshgrid(*[np.arange(cells + 1) * width] * 2), axis=-1).reshape(-1, 2)
+    movable = (vertices > 0) & (vertices < size)
     vertices = vertices + np.where(movable, width * rng.uniform(-0.25, 0.25, vertices.shape), 0.0)
-    a = (np.arange(CELLS)[:, None] * (CELLS + 1) + np.arange(CELLS)).ravel()
-    right, above = a + 1, a + CELLS + 1
+    a = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    right, above = a + 1, a + cells + 1
     return vertices, np.concatenate([np.stack([a, right, above + 1], axis=1), np.stack([a, above + 1, above], axis=1)])
 
 
@@ -220,25 +220,31 @@ PICTURES: dict[str, Way] = {"one program with arrays": summed_picture, "a batch 
 loss, and its derivatives by vertices and by colours."""
 
 
+SIZES = ((CELLS, SIZE, 15), (4, 512, 15), (256, 4096, 3), (708, 4096, 3))
+"""Grids that are measured, with the size of their pictures, and runs."""
+
+
 def image_rows() -> list[Row]:
-    """Loss and gradient to all vertices and colours of 2048 triangles in 512² pixels, every bounding-box pair."""
-    rng = np.random.default_rng(7)
-    vertices, faces = mesh(rng)
-    arrays = vertices, faces, rng.random((len(faces), 9)), rng.random((SIZE, SIZE, 3))
-    hand = Picture(*arrays)
-    loss = hand()
-    hand_time = thread_time(hand, 15)
-    rows: list[Row] = [{"picture": "by hand", "pairs": hand.pairs, "ms": 1e-6 * hand_time, "ratio": 1.0, "error": 0.0}]
-    for name, way in PICTURES.items():
-        run = way(*arrays)
-        found, by_vertex, by_colour = run()
-        error = max(abs(found / loss - 1), relative(by_vertex, hand.by_vertex), relative(by_colour, hand.by_colour))
-        taken = thread_time(run, 3)
-        rows.append({"picture": name, "pairs": hand.pairs, "ms": 1e-6 * taken, "ratio": taken / hand_time, "error": error})
-    if len(os.sched_getaffinity(0)) > 1:
-        one, two = (1e9 * median_time(summed_picture(*arrays, threads=n), 5) for n in (1, 2))
-        for name, taken in (("one program, 1 thread, by the clock on the wall", one), ("the same, 2 threads", two)):
-            rows.append({"picture": name, "pairs": hand.pairs, "ms": 1e-6 * taken, "ratio": taken / hand_time, "error": "-"})
+    """Loss and gradient by all vertices and colours, every pair of a triangle and a pixel in its box, by hand and in other ways."""
+    rows: list[Row] = []
+    for cells, size, runs in SIZES:
+        rng = np.random.default_rng(7)
+        vertices, faces = mesh(rng, cells, size)
+        arrays = vertices, faces, rng.random((len(faces), 9)), rng.random((size, size, 3))
+        hand = Picture(*arrays)
+        loss, of = hand(), {"triangles": len(faces), "pixels": f"{size}²"}
+        by_hand = thread_time(hand, runs)
+        rows.append({**of, "program": "by hand", "pairs": hand.pairs, "ms": 1e-6 * by_hand, "ratio": 1.0, "error": 0.0})
+        for name, way in PICTURES.items() if cells == CELLS else [next(iter(PICTURES.items()))]:
+            run = way(*arrays)
+            found, by_vertex, by_colour = run()
+            error = max(abs(found / loss - 1), relative(by_vertex, hand.by_vertex), relative(by_colour, hand.by_colour))
+            taken = thread_time(run, runs)
+            rows.append({**of, "program": name, "pairs": hand.pairs, "ms": 1e-6 * taken, "ratio": taken / by_hand, "error": error})
+        if len(os.sched_getaffinity(0)) > 1:
+            one, two = (1e9 * median_time(summed_picture(*arrays, threads=n), runs, warm=True) for n in (1, 2))
+            for name, taken in (("1 thread, by the clock on the wall", one), ("the same, 2 threads", two)):
+                rows.append({**of, "program": name, "pairs": hand.pairs, "ms": 1e-6 * taken, "ratio": taken / by_hand, "error": "-"})
     return rows
 
 

@@ -32,18 +32,46 @@ static inline int64_t teg_floordiv(int64_t a, int64_t b)
     return q * b != a && (a < 0) != (b < 0) ? q - 1 : q;
 }
 
+//: teg_ceil
+/* The least integer that is not below a number of -1 or more. */
+static inline int64_t teg_ceil(double x)
+{
+    const int64_t below = (int64_t)x;
+    return below + ((double)below < x);
+}
+
 //: teg_narrow
 /* Leaves out iterations at both ends of a range: those where a straight line through the first and the last of n numbers is negative. */
 static inline void teg_narrow(int n, const double *first, const double *last, int64_t *lo, int64_t *hi)
 {
     const int64_t start = *lo, stop = *hi;
-    const double steps = (double)(stop - 1 - start);
+    const double steps = (double)(stop - 1 - start), near = 1e-6 + 1e-14 * steps;
     for (int m = 0; m < n; m++) {
         const double place = steps * (first[m] / (first[m] - last[m]));
         if (first[m] < 0.0 && last[m] < 0.0) *hi = *lo;
         else if (!(place >= 0.0 && place <= steps)) continue;
-        else if (first[m] < 0.0 && start + (int64_t)place - 1 > *lo) *lo = start + (int64_t)place - 1;
-        else if (last[m] < 0.0 && start + (int64_t)place + 3 < *hi) *hi = start + (int64_t)place + 3;
+        else if (first[m] < 0.0 && start + teg_ceil(place - near) > *lo) *lo = start + teg_ceil(place - near);
+        else if (last[m] < 0.0 && start + (int64_t)(place + near) + 1 < *hi) *hi = start + (int64_t)(place + near) + 1;
+    }
+}
+
+//: teg_cover
+/* Leaves the iterations of a range where straight lines through the first and the last of n numbers are positive. Most lines are, at both
+   ends of what those before them left. */
+static inline void teg_cover(int n, const double *first, const double *last, int64_t *lo, int64_t *hi)
+{
+    const int64_t start = *lo, stop = *hi;
+    const double steps = (double)(stop - 1 - start), near = 1e-6 + 1e-14 * steps, part = steps > 0.0 ? 1.0 / steps : 0.0;
+    double least = 0.0, most = steps;
+    for (int m = 0; m < n; m++) {
+        const double g = first[m], h = last[m], slope = (h - g) * part;
+        if (g + least * slope > 0.0 && g + most * slope > 0.0) continue;
+        const double place = steps * (g / (g - h));
+        if (!(place >= 0.0 && place <= steps)) *hi = *lo;
+        else if (h > 0.0 && start + (int64_t)(place + near) + 1 > *lo) *lo = start + (int64_t)(place + near) + 1;
+        else if (g > 0.0 && start + teg_ceil(place - near) < *hi) *hi = start + teg_ceil(place - near);
+        if (*lo >= *hi) return;
+        least = (double)(*lo - start), most = (double)(*hi - 1 - start);
     }
 }
 

@@ -126,12 +126,10 @@ def test_the_straight_line_is_the_program_where_points_are_fast(name: str) -> No
     live, fast = decided(found, program, columns)
     assert (live & ~fast).sum() > 40
     assert found.live is True or (~live).sum() > 40
-    assert (found.fast is False) == (name == "borders")
+    assert found.fast is not False
     assert name in ("borders", "wedges") or fast.sum() > 40  # no branch gives everything there
     expected = in_numpy(name)(columns, 4000)
     assert not expected[:, ~live].any()
-    if found.fast is False:
-        return
     with np.errstate(all="ignore"):  # where it is not to be taken it may be anything
         line = compile_numpy(Program(program.parameters, tuple(plain(found.straight)), found.outputs))(columns, 4000)
     np.testing.assert_allclose(line[:, fast], expected[:, fast], rtol=1e-12, atol=1e-12)
@@ -314,7 +312,7 @@ def picture_in(backend: str) -> teg.Evaluator:
 def test_pictures_of_any_width(wide: int) -> None:
     """Sums over pixels, a few at a time: as NumPy, for rows that are no multiple of eight, empty ones too."""
     f, plain = picture_in("c"), picture_in("numpy")
-    assert "decision_" in print_arrays(f.program(1))
+    assert "covered_" in print_arrays(f.program(1))
     rng = np.random.default_rng(wide)
     at = {
         "V": np.array([[-3.0, -2.0], [wide + 2.0, 1.0], [wide / 2, 9.0], [0.25, 0.25]]),

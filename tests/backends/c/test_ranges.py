@@ -70,6 +70,47 @@ def test_only_convex_numbers_count(bent: Assign, convex: bool) -> None:
         assert (concave is not None) is (bent.op == "neg")
 
 
+def covering(fast: str, *deciding: Assign) -> tuple[tuple[str, ...], tuple[str, ...], list[Assign]]:
+    """What covers iterations that are live where p0 of AFFINE is positive enough, and what computes it."""
+    live = (*AFFINE, Assign("b9", "ge0", ("v2",)))
+    found = narrowing(Packed("b9", fast, live, (*live, *deciding), (), ()), ["p0"], ["p0", "p9"])
+    assert found is not None
+    return found.covers, found.provided, list(found.body)
+
+
+def test_what_covers_is_positive() -> None:
+    covers, provided, _ = covering(
+        "b4", *OTHER, Assign("b1", "gt0", ("v3",)), Assign("b2", "gt0", ("p5",)), Assign("b4", "and", ("b1", "b2"))
+    )
+    assert (covers, provided) == (("v3", "v2"), ("b2",))
+
+
+def test_a_number_that_must_be_negative_covers_with_its_opposite() -> None:
+    covers, _, body = covering("b3", *OTHER, Assign("b1", "ge0", ("v3",)), Assign("b3", "not", ("b1",)))
+    opposite, _ = covers
+    assert Assign(opposite, "neg", ("v3",)) in body
+
+
+def test_a_number_that_bends_the_wrong_way_covers_without_its_bend() -> None:
+    """|g| ≥ 0, so that what is positive without it is positive."""
+    bent = (*OTHER, Assign("v4", "abs", ("v3",)), Assign("v5", "mul", (0.5, "v4")), Assign("v6", "add", ("v2", "v5")))
+    (least, _), _, body = covering("b1", *bent, Assign("b1", "gt0", ("v6",)))
+    made = {s.name: s for s in body}
+    assert least != "v6"
+    assert [made[str(a)].op for a in made[least].args] == ["add", "mul"]
+    assert made[str(made[str(made[least].args[1])].args[1])].args == (0.0,)
+    (concave, _), _, _ = covering("b1", *bent[:-1], Assign("v6", "sub", ("v2", "v5")), Assign("b1", "gt0", ("v6",)))
+    assert concave == "v6"
+
+
+def test_nothing_covers_where_that_is_not_known() -> None:
+    product = (*OTHER, Assign("v4", "mul", ("v2", "v3")))
+    assert covering("b1", *product, Assign("b1", "gt0", ("v4",)))[0] == ()
+    assert covering("b1", *OTHER, Assign("v4", "add", ("v3", "p9")), Assign("b1", "gt0", ("v4",)))[0] == ()
+    either = (Assign("b1", "gt0", ("v4",)), Assign("b2", "gt0", ("v3",)), Assign("b3", "or", ("b1", "b2")))
+    assert covering("b3", *product, *either)[0] == ("v3", "v2")
+
+
 def picture() -> teg.Expr:
     """Two half-planes on pixels of rows of 70, the lines of row j being the rows of L."""
     inside = (lines[j, 0] * x + lines[j, 1] * y < lines[j, 2]) & (lines[j, 3] * x + lines[j, 4] * y < lines[j, 5])
@@ -110,6 +151,47 @@ def test_as_numpy(seed: int) -> None:
 def test_rows_are_narrowed() -> None:
     program = teg.compile(picture(), [lines], backend="numpy").program(1)
     assert "teg_narrow(" in print_arrays(program)  # type: ignore[arg-type]
+
+
+def test_iterations_that_nothing_crosses_are_not_looked_at() -> None:
+    source = teg.compile(picture(), [lines], backend="c").source
+    assert "teg_cover(" in source
+    assert "decision_" not in source
+
+
+@pytest.mark.parametrize("columns", [0, 1, 2, 7, 9, 64])
+@pytest.mark.parametrize("at", [0, 65536])
+def test_rows_of_any_width(columns: int, at: int) -> None:
+    """Rows that are empty, shorter than the places side by side, or far from the origin, with bounds from data."""
+    ends = teg.indices("ends", 2)
+    inside = (lines[j, 0] * (x - at) + lines[j, 1] * y < lines[j, 2]) & (lines[j, 3] * (x - at) + lines[j, 4] * y < lines[j, 5])
+    pixel = teg.integral(teg.where(inside, (x - at) + y * y, 0), (x, i, i + 1), (y, j, j + 1))
+    total = teg.sum(pixel, (i, ends[j, 0], ends[j, 1]), (j, 0, teg.length(lines, 0)))
+    given = placed(5)
+    given["L"][:, (2, 5)] -= given["L"][:, (0, 3)] * (35 - columns / 2)
+    spans = np.stack([np.full(40, at), at + columns + np.arange(40) % 3 - 1], axis=1)
+    spans[:, 1] = np.maximum(spans[:, 1], at)
+    given["ends"] = spans
+    (value, slopes), (expected, wanted) = (teg.compile(total, [lines], backend=b).value_and_grad(given) for b in ("c", "numpy"))
+    scale = np.maximum(np.abs(wanted["L"]).max(axis=1, keepdims=True), 1e-300)
+    assert value == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    np.testing.assert_allclose(slopes["L"] / scale, wanted["L"] / scale, rtol=0, atol=2e-11)
+
+
+def test_a_condition_on_data_is_decided_for_each_iteration() -> None:
+    """Masked pixels do not wait for surfaces."""
+    mask = teg.array("M", 2)
+    inside = lines[j, 0] * x + lines[j, 1] * y < lines[j, 2]
+    pixel = teg.integral(teg.where(inside & (mask[j, i] > 0.5), x + y * y, 0), (x, i, i + 1), (y, j, j + 1))
+    total = teg.sum(pixel, (i, 0, 70), (j, 0, teg.length(lines, 0)))
+    given = {**placed(6), "M": np.random.default_rng(2).integers(0, 2, (40, 70)).astype(float)}
+    c, numpy = (teg.compile(total, [lines], backend=b) for b in ("c", "numpy"))
+    value, slopes = c.value_and_grad(given)
+    expected, wanted = numpy.value_and_grad(given)
+    assert value == pytest.approx(expected, rel=1e-13)
+    scale = np.maximum(np.abs(wanted["L"]).max(axis=1, keepdims=True), 1e-300)
+    np.testing.assert_allclose(slopes["L"] / scale, wanted["L"] / scale, rtol=0, atol=1e-11)
+    assert "decision_" in c.source
 
 
 def test_an_index_that_is_not_a_place_narrows_nothing() -> None:

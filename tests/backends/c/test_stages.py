@@ -9,7 +9,7 @@ import pytest
 import teg
 from teg.backends.branches import with_branches
 from teg.backends.c.crossed import crossed
-from teg.backends.c.stages import functions
+from teg.backends.c.stages import functions, results
 from teg.program import Program
 from tests.backends.c_checks import in_c
 from tests.bench.scenes import picture, triangle_pixel
@@ -24,7 +24,7 @@ def test_what_is_the_same_at_all_points_is_computed_apart() -> None:
     assert found is not None
     names = program.parameters
     boxes = {names.index(name) for name in ("left", "right", "bottom", "top", "t0", "t1", "t2")}
-    some, every = functions(found, boxes, 8), functions(found, range(len(names)), 8)
+    some, every = (functions(found, varying, results(found)) for varying in (boxes, range(len(names))))
     assert not boxes.intersection(some.steady_by)
     assert boxes.issubset(some.line_by)
     assert some.kept > 20
@@ -34,9 +34,17 @@ def test_what_is_the_same_at_all_points_is_computed_apart() -> None:
 
 
 def test_in_a_picture_it_is_computed_once_for_each_face() -> None:
+    """Once for the pixels that an edge crosses, and once for those that none does."""
     e, wrt = picture()
     source = teg.compile(e, wrt, backend="c").source
-    ((steady, at),) = [(m.group(), m.start()) for m in re.finditer(r"(?<=\n)static void steady_\d+\(", source)]
-    calls = [m.start() for m in re.finditer(re.escape(steady.split()[-1]), source) if m.start() > at + len(steady)]
-    assert len(calls) == 1
-    assert len(re.findall(r"\bcrossed_\d+\(", source)) >= 2
+    for kind in ("crossed", "covered"):
+        ((name, at),) = [(m.group(1), m.start()) for m in re.finditer(rf"(?<=\n)static void ({kind}_\d+)\(", source)]
+        (steady,) = re.findall(r"(?<=\n)static void (steady_\d+)\(", source[at:])[:1]
+        assert len(re.findall(rf"\b{steady}\(", source)) == 2  # the function, and its call
+        assert len(re.findall(rf"\b{name}\(", source)) == 3  # where the queue is full, and at the end
+
+
+def test_what_is_only_added_up_is_added_where_it_is_computed() -> None:
+    source = teg.compile(*picture(), backend="c").source
+    assert "lanes[0][k] += added ? " in source
+    assert "double f[128]" not in source
