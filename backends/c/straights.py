@@ -76,10 +76,10 @@ def side_by_side(
     """Returns the functions that take eight points at once, if there are any; inputs not in `varying` are the same for all, those in
     `indices` are the number of the point, the outputs of a point lie `apart`."""
     found = packed(program)
-    if found is None:
-        return None
+    across = crossed(waiting.program, waiting.residues) if found and waiting else None
+    if found is None or (found.fast is False and not across and sum(i in varying for i in used_inputs(found)[0]) > SIDE):
+        return None  # to gather what tells which points are live costs more than to ask them one by one
     known = narrowing(found, [f"p{i}" for i in indices], [f"p{i}" for i in varying]) if indices else None
-    across = crossed(waiting.program, waiting.residues) if waiting else None
     whole = _whole(waiting) if waiting and across and known and known.decides and known.covers else None
     narrow = _narrow(once, known) if known else None
     made = Straight(None, [], None, [], narrow=narrow) if whole else replace(_decided(once, found, varying, apart), narrow=narrow)

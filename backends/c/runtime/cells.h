@@ -263,6 +263,24 @@ static void teg_tile(teg_arrangement *r, const int64_t *list, int64_t regions, i
     free(seen);
 }
 
+//: teg_no_candidate
+/* Values, sizes (or NULL) and tables (or NULL) where there is no candidate: `otherwise` holds on the whole square. */
+static void teg_no_candidate(const teg_shape *s, const double *otherwise, double *values, double *sizes, double *tables)
+{
+    const int columns = teg_forms(s) + teg_coefficients(s);
+    double m[TEG_MONOMIALS], *const wanted[3] = {values, sizes, tables};
+    teg_arrangement r;
+    r.shape = s, r.n = 0;
+    for (int total = 0, at = 0; total <= s->degree; total++)
+        for (int j = 0; j <= total; j++, at++) m[at] = 1.0 / ((total - j + 1) * (j + 1));
+    for (int body = 0; body < s->bodies; body++) {
+        values[body] = 0.0;
+        if (sizes) sizes[body] = 0.0;
+    }
+    for (int k = 0; tables && k < s->bodies * columns; k++) tables[k] = 0.0;
+    teg_from_moments(&r, 0, otherwise, m, NULL, wanted);
+}
+
 //: teg_cells
 /* Values, sizes (or NULL) and tables (or NULL) of n candidates. Returns 1 without memory, else 0. */
 static int teg_cells(
@@ -277,6 +295,10 @@ static int teg_cells(
     teg_arrangement r;
     const size_t size = (size_t)s->bodies * (size_t)(n + 1) * (size_t)(teg_forms(s) + teg_coefficients(s)) * (size_t)(1 + s->order);
     double *own = NULL;
+    if (!n && !s->order) {
+        teg_no_candidate(s, otherwise, values, sizes, tables);
+        return 0;
+    }
     memset(&r, 0, sizeof r);
     r.shape = s, r.rows = rows, r.n = n;
     r.cells = cells, r.cell_room = 16, r.lines = lines, r.line_room = 48, r.regions = regions, r.region_room = 32;
