@@ -41,11 +41,18 @@ COMPARE = {"gt0": ">", "ge0": ">=", "lt0": "<", "le0": "<="}
 RENAMED = {"abs": "fabs", "mod": "teg_mod", "powi": "teg_powi", "tie": "teg_tie", "min": "teg_min", "max": "teg_max"}
 
 
+LONG_SUM = 8
+"""Terms of a sum that is written as that of two halves: fewer of its additions wait for another one."""
+
+
 def expression(op: str, args: Sequence[Text], rest: Sequence[Arg]) -> Text:
     """Returns an operation in C; `rest` is a power's exponent, or the number of the function that is called."""
     if op in INFIX:
         if len(args) < 2:
             return args[0] if args else Text(NEUTRAL[op], ATOM)
+        if op == "add" and len(args) >= LONG_SUM:
+            middle = (len(args) + 1) // 2
+            args = [expression(op, half, rest) for half in (args[:middle], args[middle:])]
         sign, level, first, others = INFIX[op]
         parts = [operand(args[0], first)]
         for arg in args[1:]:

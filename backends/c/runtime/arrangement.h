@@ -534,7 +534,7 @@ static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
         double g[3];
         if (r->regions[k].region == base) continue;
         const double size = teg_key_difference(r, r->regions[k].region / s->parts, base / s->parts, g), lowest = teg_lowest(r, g);
-        if (lowest > 0.0 && lowest > teg_key_tolerance(g, size)) continue;
+        if (lowest > TEG_ON_LINE * (fabs(g[1]) + fabs(g[2])) + TEG_KEY_ROUNDING * size) continue;
         r->regions[kept++] = r->regions[k];
     }
     if (base >= 0) r->region_count = kept;
