@@ -119,10 +119,10 @@ def _moved(
 
 
 def _fixed_axis(e: Expr, v: Var, axis: frozenset[Expr], groups: Sequence[Group]) -> frozenset[Expr] | None:
-    """Returns the symbols that move together with the variable without changing a polynomial."""
+    """Returns the parameters that move together with the variable without changing a polynomial, and the variable."""
     if is_fixed(e, axis):
         return axis
-    return next((frozenset(g) for g in groups if v in g), None)
+    return next((frozenset(g) for g in groups if v in g and all(s is v or isinstance(s, Param) for s in g)), None)
 
 
 def _replaced(e: Expr, places: Mapping[Node, Expr]) -> Expr:

@@ -76,6 +76,16 @@ def test_a_box_that_is_moved_alone() -> None:
         assert gradient[p] == pytest.approx((sides[0] - 8 * sides[1] + 8 * sides[2] - sides[3]) / (12 * h), abs=1e-3)
 
 
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_two_variables_that_move_together_have_origins_of_their_own(backend: str) -> None:
+    """y - x does not change if both move, but each is measured from its own bound: an area and its derivatives, by hand."""
+    for condition in ((-x + y > t) & (y < r), (-1 * x + y > t) & (y < r), (-x + y) * r > t * r):
+        f = teg.compile(inside(condition), backend=backend)
+        value, slopes = f.value_and_grad({"t": 2.25, "r": 10.0, "left": 3.0, "low": 5.0})
+        assert value == pytest.approx(0.75**2 / 2, rel=1e-13)
+        assert [slopes[k] for k in ("t", "left", "low")] == pytest.approx([-0.75, -0.75, 0.75], rel=1e-12)
+
+
 def test_bounds_that_are_far_numbers() -> None:
     disk = (x - cx) ** 2 + (y - cy) ** 2 < r
     near = teg.compile(teg.integral(teg.bracket(disk), (x, 0, 1), (y, 0, 1)))
