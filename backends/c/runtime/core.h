@@ -47,9 +47,9 @@ static inline void teg_narrow(int n, const double *first, const double *last, in
     const int64_t start = *lo, stop = *hi;
     const double steps = (double)(stop - 1 - start), near = 1e-6 + 1e-14 * steps;
     for (int m = 0; m < n; m++) {
-        const double place = steps * (first[m] / (first[m] - last[m]));
+        const double fall = first[m] - last[m], place = steps * (first[m] / fall);
         if (first[m] < 0.0 && last[m] < 0.0) *hi = *lo;
-        else if (!(place >= 0.0 && place <= steps)) continue;
+        else if (!(place >= 0.0 && place <= steps && fall - fall == 0.0)) continue;
         else if (first[m] < 0.0 && start + teg_ceil(place - near) > *lo) *lo = start + teg_ceil(place - near);
         else if (last[m] < 0.0 && start + (int64_t)(place + near) + 1 < *hi) *hi = start + (int64_t)(place + near) + 1;
     }
@@ -66,10 +66,11 @@ static inline void teg_cover(int n, const double *first, const double *last, int
     for (int m = 0; m < n; m++) {
         const double g = first[m], h = last[m], slope = (h - g) * part;
         if (g + least * slope > 0.0 && g + most * slope > 0.0) continue;
-        const double place = steps * (g / (g - h));
-        if (!(place >= 0.0 && place <= steps)) *hi = *lo;
-        else if (h > 0.0 && start + (int64_t)(place + near) + 1 > *lo) *lo = start + (int64_t)(place + near) + 1;
-        else if (g > 0.0 && start + teg_ceil(place - near) < *hi) *hi = start + teg_ceil(place - near);
+        const double fall = g - h, place = steps * (g / fall);
+        if (!(place >= 0.0 && place <= steps && fall - fall == 0.0)) *hi = *lo;
+        else if (h > 0.0) *lo = start + (int64_t)(place + near) + 1 > *lo ? start + (int64_t)(place + near) + 1 : *lo;
+        else if (g > 0.0) *hi = start + teg_ceil(place - near) < *hi ? start + teg_ceil(place - near) : *hi;
+        else *hi = *lo;
         if (*lo >= *hi) return;
         least = (double)(*lo - start), most = (double)(*hi - 1 - start);
     }

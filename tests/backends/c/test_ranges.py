@@ -153,6 +153,15 @@ def test_rows_are_narrowed() -> None:
     assert "teg_narrow(" in print_arrays(program)  # type: ignore[arg-type]
 
 
+def test_a_line_through_a_corner_of_the_last_pixel() -> None:
+    """The least height of x + y > 69 + j is 0 in the last pixel of row j, and negative before: nothing is covered. By hand."""
+    row = np.arange(4.0)
+    given = np.stack([-1 + 0 * row, -1 + 0 * row, -69 - row, 0 * row, 0 * row, 1 + 0 * row], axis=1)
+    exact = (4900 - (69**3 - 68**3) / 3) / 2 + 1.5 * row**2 + 5 / 3 * row + 7 / 12
+    f = teg.compile(picture(), [lines], backend="c")
+    assert f(L=given) == pytest.approx(exact.sum(), rel=1e-13)
+
+
 def test_iterations_that_nothing_crosses_are_not_looked_at() -> None:
     source = teg.compile(picture(), [lines], backend="c").source
     assert "teg_cover(" in source
