@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from teg.backends.c.frame import Routine
 from teg.backends.c.lanes import SIDE
 from teg.backends.c.straights import Straight
+from teg.backends.c.team import shared
 from teg.backends.c.text import indent
 from teg.program import Program, has_ties
 
@@ -285,25 +286,15 @@ def batch_loop(program: Program, name: str, element: Routine, real: str, straigh
             "int failed = 0, working = 0;",
             "(void)p, (void)stride, (void)a, (void)share, (void)working;",
         ),
-        "#ifdef _OPENMP",
-        "#pragma omp parallel num_threads(team) if (team > 1)",
-        "#endif",
-        *indent("{", *indent(*batch.room(), *once, "teg_pace pace = {&watch, 0, 16};")),
-        "#ifdef _OPENMP",
-        "#pragma omp atomic",
-        *indent(*indent("working++;")),
-        "#pragma omp barrier",
-        "#pragma omp master",
-        "#endif",
-        *indent(*indent("pace.caller = 1;")),
-        "#ifdef _OPENMP",
-        "#pragma omp for schedule(dynamic, share) nowait",
-        "#endif",
-        *indent(*indent(*batch.blocks(here, gathered), "free(w);", "free(in);")),
-        "#ifdef _OPENMP",
-        *indent(*indent("teg_wait(&pace, &working);")),
-        "#endif",
-        *indent("}", "return failed ? 1 : watch.stopped ? 2 : 0;"),
+        *indent(
+            *shared(
+                [*batch.room(), *once, "teg_pace pace = {&watch, 0, 16};"],
+                batch.blocks(here, gathered),
+                ["free(w);", "free(in);"],
+                share="share",
+            ),
+            "return failed ? 1 : watch.stopped ? 2 : 0;",
+        ),
         "}",
         "",
         *unwatched(name, real),

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from teg.backends.c.team import shared
 from teg.backends.c.text import indent, packed
 
 MARKED = 6
@@ -65,10 +66,7 @@ class Chunked(NamedTuple):
                 f"int failed = !partial{' || teg_open(&copies)' if self.targets else ''}, working = 0;",
                 "(void)size, (void)working;",
                 "if (!failed) {",
-                "#ifdef _OPENMP",
-                "#pragma omp parallel num_threads(team) if (team > 1)",
-                "#endif",
-                *indent("{", *indent(*self._thread()), "}"),
+                *indent(*self._team()),
                 *indent(
                     "for (long c = 0; c < chunks; c++) {",
                     *indent(
@@ -95,28 +93,11 @@ class Chunked(NamedTuple):
             f"teg_copies copies = {{{len(self.targets)}, chunks, originals, sizes, 0, 0, 0, 0, NULL, NULL, NULL}};",
         ]
 
-    def _thread(self) -> list[str]:
-        """Returns what a thread does."""
-        return [
-            "teg_pace own = {pace->watch, 0, 16}, *const outer = pace, *pace = &own;",
-            "(void)outer;",
-            "#ifdef _OPENMP",
-            "#pragma omp atomic",
-            "working++;",
-            "#pragma omp barrier",
-            "#pragma omp master",
-            "#endif",
-            "own.caller = outer->caller;",
-            "#ifdef _OPENMP",
-            "#pragma omp for schedule(dynamic, 1) nowait",
-            "#endif",
-            "for (long c = 0; c < chunks; c++) {",
-            *indent(*self._chunk()),
-            "}",
-            "#ifdef _OPENMP",
-            "teg_wait(pace, &working);",
-            "#endif",
-        ]
+    def _team(self) -> list[str]:
+        """Returns the chunks, which threads share."""
+        opening = ["teg_pace own = {pace->watch, 0, 16}, *const outer = pace, *pace = &own;", "(void)outer;"]
+        loop = ["for (long c = 0; c < chunks; c++) {", *indent(*self._chunk()), "}"]
+        return shared(opening, loop, (), "own.caller = outer->caller;", "pace")
 
     def _chunk(self) -> list[str]:
         """Returns one chunk."""

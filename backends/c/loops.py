@@ -32,6 +32,7 @@ from teg.backends.c.signals import Caller
 from teg.backends.c.steps import NO_MEMORY, spelled, target_of
 from teg.backends.c.straights import Waiting, side_by_side
 from teg.backends.c.tabled import tabled_entry
+from teg.backends.c.team import shared
 from teg.backends.c.text import indent, wrapped
 from teg.backends.c.threads import team_size
 from teg.backends.numpy.loops import Results
@@ -262,36 +263,20 @@ class _ArrayPrinter(IterationPrinter):
                 "teg_watch watch = {poll, data, 0};",
                 "int failed = 0, working = 0;",
                 "(void)team, (void)working;",
-                "#ifdef _OPENMP",
-                "#pragma omp parallel num_threads(team) if (team > 1)",
-                "#endif",
-                "{",
-                *indent(
-                    "teg_pace pace = {&watch, 0, 16};",
-                    "#ifdef _OPENMP",
-                    "#pragma omp atomic",
-                    "working++;",
-                    "#pragma omp barrier",
-                    "#pragma omp master",
-                    "#endif",
-                    "pace.caller = 1;",
-                    "#ifdef _OPENMP",
-                    "#pragma omp for schedule(dynamic, 1) nowait",
-                    "#endif",
-                    "for (long e = 0; e < n; e++) {",
-                    *indent(
-                        "long note;",
-                        "if (teg_stopped(&pace)) continue;",
-                        "note = element(e, p, stride, a, out, &pace, inner);",
-                        f"if (note < 0 || note & {NO_MEMORY}) failed = 1;",
-                        "if (notes) notes[e] = note;",
-                    ),
-                    "}",
-                    "#ifdef _OPENMP",
-                    "teg_wait(&pace, &working);",
-                    "#endif",
+                *shared(
+                    ["teg_pace pace = {&watch, 0, 16};"],
+                    [
+                        "for (long e = 0; e < n; e++) {",
+                        *indent(
+                            "long note;",
+                            "if (teg_stopped(&pace)) continue;",
+                            "note = element(e, p, stride, a, out, &pace, inner);",
+                            f"if (note < 0 || note & {NO_MEMORY}) failed = 1;",
+                            "if (notes) notes[e] = note;",
+                        ),
+                        "}",
+                    ],
                 ),
-                "}",
                 "return failed ? 1 : watch.stopped ? 2 : 0;",
             ),
             "}",

@@ -10,6 +10,7 @@ from itertools import accumulate
 
 from teg.backends.c.batch import exported, unwatched
 from teg.backends.c.lanes import SIDE
+from teg.backends.c.team import shared
 from teg.backends.c.text import indent, literal, packed
 from teg.program.arrays import Like
 from teg.program.tabled import TabledProgram
@@ -62,33 +63,11 @@ def _blocks(tabled: TabledProgram, widths: list[int], starts: list[int], filled:
         "teg_watch watch = {poll, data, 0};",
         "int failed = 0, working = 0;",
         "(void)a, (void)working, (void)given, (void)entry_is;",
-        "#ifdef _OPENMP",
-        "#pragma omp parallel num_threads(team) if (team > 1)",
-        "#endif",
-        "{",
-        *indent(
-            f"double *const work = calloc({starts[-1] + 1}, sizeof *work);",
-            *filled,
-            "teg_pace pace = {&watch, 0, 16};",
-            "#ifdef _OPENMP",
-            "#pragma omp atomic",
-            "working++;",
-            "#pragma omp barrier",
-            "#pragma omp master",
-            "#endif",
-            "pace.caller = 1;",
-            "#ifdef _OPENMP",
-            "#pragma omp for schedule(dynamic, 1) nowait",
-            "#endif",
-            f"for (long first = 0; first < n; first += {SIDE}) {{",
-            *indent(*block),
-            "}",
-            "free(work);",
-            "#ifdef _OPENMP",
-            "teg_wait(&pace, &working);",
-            "#endif",
+        *shared(
+            [f"double *const work = calloc({starts[-1] + 1}, sizeof *work);", *filled, "teg_pace pace = {&watch, 0, 16};"],
+            [f"for (long first = 0; first < n; first += {SIDE}) {{", *indent(*block), "}"],
+            ["free(work);"],
         ),
-        "}",
         "return failed ? 1 : watch.stopped ? 2 : 0;",
     ]
 
