@@ -263,22 +263,37 @@ static void teg_tile(teg_arrangement *r, const int64_t *list, int64_t regions, i
     free(seen);
 }
 
-//: teg_no_candidate
-/* Values, sizes (or NULL) and tables (or NULL) where there is no candidate: `otherwise` holds on the whole square. */
-static void teg_no_candidate(const teg_shape *s, const double *otherwise, double *values, double *sizes, double *tables)
+//: teg_covers
+/* Whether the first candidate covers the unit square with a margin. */
+static inline int teg_covers(const teg_shape *s, const double *rows)
 {
-    const int columns = teg_forms(s) + teg_coefficients(s);
+    const double *const key = rows + teg_forms(s) - 3;
+    int covers = s->parts == 1 && isfinite(key[0]) && isfinite(key[1]) && isfinite(key[2]);
+    for (int q = 0; q < s->guards; q++) {
+        const double *const g = rows + 3 * q, square = g[1] * g[1] + g[2] * g[2];
+        const double lowest = g[0] + (g[1] < 0.0 ? g[1] : 0.0) + (g[2] < 0.0 ? g[2] : 0.0);
+        covers &= lowest > 0.0 && lowest * lowest > TEG_ON_LINE * TEG_ON_LINE * square && isfinite(g[0]) && isfinite(square);
+    }
+    return covers;
+}
+
+//: teg_one_owner
+/* Values, sizes (or NULL) and tables (or NULL) of n candidates if the polynomials f, those of a row, hold on the whole unit square. */
+static void teg_one_owner(
+    const teg_shape *s, int64_t n, int64_t row, const double *f, double *values, double *sizes, double *tables)
+{
+    const int64_t size = s->bodies * (n + 1) * (teg_forms(s) + teg_coefficients(s));
     double m[TEG_MONOMIALS], *const wanted[3] = {values, sizes, tables};
     teg_arrangement r;
-    r.shape = s, r.n = 0;
+    r.shape = s, r.n = n;
     for (int total = 0, at = 0; total <= s->degree; total++)
         for (int j = 0; j <= total; j++, at++) m[at] = 1.0 / ((total - j + 1) * (j + 1));
     for (int body = 0; body < s->bodies; body++) {
         values[body] = 0.0;
         if (sizes) sizes[body] = 0.0;
     }
-    for (int k = 0; tables && k < s->bodies * columns; k++) tables[k] = 0.0;
-    teg_from_moments(&r, 0, otherwise, m, NULL, wanted);
+    for (int64_t k = 0; tables && k < size; k++) tables[k] = 0.0;
+    teg_from_moments(&r, row, f, m, NULL, wanted);
 }
 
 //: teg_cells
@@ -295,8 +310,8 @@ static int teg_cells(
     teg_arrangement r;
     const size_t size = (size_t)s->bodies * (size_t)(n + 1) * (size_t)(teg_forms(s) + teg_coefficients(s)) * (size_t)(1 + s->order);
     double *own = NULL;
-    if (!n && !s->order) {
-        teg_no_candidate(s, otherwise, values, sizes, tables);
+    if (!s->order && (!n || (n == 1 && teg_covers(s, rows)))) {
+        teg_one_owner(s, n, 0, n ? rows + teg_forms(s) : otherwise, values, sizes, tables);
         return 0;
     }
     memset(&r, 0, sizeof r);

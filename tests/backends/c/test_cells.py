@@ -195,6 +195,30 @@ def test_cells_that_are_not_looked_at_do_not_matter(by_cuts: Any, with_each: Any
             np.testing.assert_allclose(found.tables, plain.tables, rtol=0, atol=1e-12 * tables)
 
 
+@pytest.mark.parametrize("shape", [Layout(1, 3, 0), Layout(1, 3, 1), Layout(1, 3, 2), Layout(1, 0, 1), Layout(2, 3, 1)], ids=str)
+def test_a_square_of_one_owner_needs_no_cells(with_each: Any, shape: Layout) -> None:
+    """No candidate, and one that covers the square, or touches its side, or ends in it, or is not a number: as the plain routine."""
+    random = np.random.default_rng(3)
+    far = 9.0 * np.stack([np.cos([0.1, 2.2, 4.3]), np.sin([0.1, 2.2, 4.3])], axis=-1)
+    triangles = [far, far + 4.0, [[0.0, -3.0], [9.0, 0.5], [0.0, 9.0]], [[-1e-13, -3.0], [9.0, 0.5], [-1e-13, 9.0]], [[-9, -9]] * 3]
+    looked_at = []
+    for triangle in triangles:
+        forms = np.tile(guards(np.array([triangle]))[0, : shape.guards].ravel(), shape.parts)
+        row = np.concatenate([forms, random.normal(size=3 + shape.coefficients)])
+        for column in (None, 0, len(forms)):
+            rows = row[None].copy()
+            if column is not None:
+                rows[0, column] = np.nan
+            otherwise = random.normal(size=shape.coefficients)
+            for given in (rows, rows[:0]):
+                found, expected = with_each(shape, given, otherwise), integrals(shape, given.tolist(), otherwise.tolist(), True)
+                looked_at.append(found.clips)
+                np.testing.assert_allclose(found.values, expected.values, rtol=1e-14, atol=1e-14)
+                if not np.isnan(found.values).any():
+                    np.testing.assert_allclose(found.tables, expected.tables, rtol=0, atol=1e-12)
+    assert min(looked_at) == 0
+
+
 def test_power_cells_are_cut_in_tiles(by_cuts: Callable[..., Found]) -> None:
     """Candidates without guards meet each other: tiles see few of them. Beside the plain routine, and by counting."""
     shape, clips = Layout(1, 0, 1), []
