@@ -42,15 +42,16 @@ class Guard(NamedTuple):
         left, right = jnp.concatenate([x[:1], x[:-1]]), jnp.concatenate([x[-1:], x[1:]])  # the whole interval, then the gaps
         found = jax.vmap(lambda a, b: jnp.stack([jnp.asarray(v, jnp.float64) for v in self.block(a, b, flagged)[0]]))(left, right)
         tested, length = enough.shape[0], right - left
-        small, finite = jnp.all(found[:, :tested] * length[:, None] <= enough, axis=1), jnp.isfinite(length)
-        gap = jnp.arange(length.shape[0]) - 1
-        whole = gap < 0
-        matters = (~small & finite & (length != 0.0)) | (whole & ~finite)  # a node that stands twice hides nothing
+        finite = jnp.isfinite(length)
+        sizes = found[:, :tested]
+        small = jnp.all(jnp.where(finite[:, None], sizes * length[:, None] <= enough, sizes == 0.0), axis=1)
+        whole = jnp.arange(length.shape[0]) == 0
+        matters = ~small & (length != 0.0)  # a node that stands twice hides nothing
         beside = jnp.fmax(jnp.concatenate([seen[:1], seen]), jnp.concatenate([seen, seen[-1:]]))
         known = jnp.concatenate([_least(seen)[None], beside])
         upper, lower = found[:, tested : tested + self.sharp], found[:, tested + self.sharp :]
-        large = is_unseen(jnp, upper, lower, known)
-        inside = (jnp.concatenate([u[:1], u[:-1]]) > 0.0) & (u < 1.0) & (depth < GUARD_DEPTH)
+        large = is_unseen(jnp, upper, lower, known, (~finite & ~whole)[:, None])
+        inside = (~finite | ((jnp.concatenate([u[:1], u[:-1]]) > 0.0) & (u < 1.0))) & (depth < GUARD_DEPTH)
         counts = ~jnp.isposinf(upper) | (inside | whole)[:, None]
         unseen = jnp.any(large & counts, axis=1) & matters
         return unseen[0] & jnp.any(unseen[1:])

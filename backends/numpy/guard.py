@@ -58,8 +58,8 @@ class Guard:
         found, endless = found.reshape(gaps, -1), endless.reshape(gaps, -1)
         if depth >= GUARD_DEPTH:
             endless[:] = False
-        endless[0] &= ends[0][asked] > 0.0
-        endless[-1] &= ends[1][asked] < 1.0
+        endless[0] &= (ends[0][asked] > 0.0) | np.isinf(points[0])
+        endless[-1] &= (ends[1][asked] < 1.0) | np.isinf(points[-1])
         hidden[asked] = (found | endless).any(axis=0)
         return hidden
 
@@ -76,17 +76,16 @@ class Guard:
         those with infinite ones, of other boxes all."""
         found = self.block(run, left, right, *values)
         length = right - left
+        finite = np.isfinite(length)
         small = np.ones(left.size, dtype=np.bool_)
         for size, wanted in zip(found, enough, strict=False):
-            small &= size * length <= wanted
-        matters = ~(small & np.isfinite(length))
-        if gaps:
-            matters &= np.isfinite(length)
+            small &= np.where(finite, size * length <= wanted, size == 0.0)
+        matters = ~small
         unseen, endless = (np.zeros(left.size, dtype=np.bool_) for _ in range(2))
         first = len(enough)
         for i in range(self.sharp):
             upper, lower = found[first + i], found[first + self.sharp + i]
-            large = is_unseen(np, upper, lower, seen[i])
+            large = is_unseen(np, upper, lower, seen[i], ~finite & gaps)
             infinite = np.isposinf(upper) if gaps else np.False_
             unseen |= large & ~infinite
             endless |= large & infinite

@@ -81,6 +81,8 @@ def tolerated(xp: Any, tol: float, whole: Any, size: Any) -> Any:
     return xp.maximum(tol * (whole + ABSOLUTE_FLOOR), ROUNDING * size)
 
 
-def is_unseen(xp: Any, upper: Any, lower: Any, seen: Any) -> Any:
-    """Returns whether a sharp value between these bounds may be much larger than the nodes have `seen`."""
-    return (upper > UNSEEN * xp.fmax(seen, FAINT)) | (upper > HIDDEN * xp.fmax(lower, FAINT))
+def is_unseen(xp: Any, upper: Any, lower: Any, seen: Any, endless: Any) -> Any:
+    """Returns whether a sharp value between these bounds may be much larger than the nodes have `seen`; in an `endless` gap the lower bound
+    does not count."""
+    higher = upper > UNSEEN * xp.fmax(seen, FAINT)
+    return higher | ((upper > HIDDEN * xp.fmax(lower, FAINT)) & ~endless)

@@ -146,15 +146,15 @@ class Guard:
     accepted because its errors are small, all being finite, and in which no watched sign changes, is accepted only if nothing there
     is hidden. With
 
-        a box (left, right) *matters* if right - left is not finite, or one of the tested values does not have
-            size·(right - left) <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A)
+        a box (left, right) *matters* if one of the tested values does not have
+            size·(right - left) <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A), or size = 0 if right - left is not finite
         s is *unseen* in it, S being the value of s at nodes, if  upper > UNSEEN·max(S, FAINT)  or  upper > HIDDEN·max(lower, FAINT)
 
     nothing is hidden if the whole interval does not matter, or no s is unseen in it, S being the least at its nodes (of all that are
-    numbers); or if in none of the gaps between neighbouring nodes, and between ends and nodes, that are finite and matter, an s is
-    unseen, S being the larger of its two nodes' (at an end the one's). An infinite upper bound counts as seen in a gap at an end of the
-    piece, and in every gap if the interval came from GUARD_DEPTH or more bisections: where the integrand is singular the nodes decide. At
-    the ends of a piece left and right are p and q themselves.
+    numbers); or if in none of the gaps between neighbouring nodes, and between ends and nodes, that matter, an s is unseen, S being the
+    larger of its two nodes' (at an end the one's). An infinite upper bound counts as seen in a finite gap at an end of the piece, and in
+    every gap if the interval came from GUARD_DEPTH or more bisections: where the integrand is singular the nodes decide. At the ends of a
+    piece left and right are p and q themselves. In a gap to infinity the lower bound does not count: what falls there falls for good.
     """
 
     left: Annotated[str, Variable(("block",))]

@@ -72,8 +72,8 @@ static inline int teg_settled(int n, const double *sums)
 /* Whether a box of this length may hold more of a value than its error may be. */
 static inline int teg_matters(int n, const double *sizes, double length, const double *sums, const double *above, double tol)
 {
-    if (!isfinite(length)) return 1;
     for (int j = 0; j < n; j++) {
+        if (!isfinite(length) && sizes[j] == 0.0) continue;
         const double rounding = TEG_ROUNDING * sums[8 * j + 7], wanted = tol * (above[j] + TEG_ABSOLUTE_FLOOR);
         if (!(sizes[j] * length <= (wanted > rounding ? wanted : rounding))) return 1;
     }
@@ -82,8 +82,9 @@ static inline int teg_matters(int n, const double *sizes, double length, const d
 
 //: teg_unseen
 /* Whether one of n sharp values can be large in a gap, or in all of an interval (gap -1), and was not seen to be at the nodes, (nodes, n).
-   Bounds are the n upper ones, then the lower ones; an infinite one counts in gaps that are inside only. */
-static inline int teg_unseen(int n, const double *bounds, const double *seen, int nodes, int gap, int inside)
+   Bounds are the n upper ones, then the lower ones; an infinite one counts in gaps that are inside only, lower ones not in a gap that is
+   endless. */
+static inline int teg_unseen(int n, const double *bounds, const double *seen, int nodes, int gap, int inside, int endless)
 {
     for (int i = 0; i < n; i++) {
         const double upper = bounds[i], lower = bounds[n + i];
@@ -91,7 +92,8 @@ static inline int teg_unseen(int n, const double *bounds, const double *seen, in
         if (gap < 0) for (int k = 0; k < nodes; k++) s = seen[n * k + i] < s || isnan(s) ? seen[n * k + i] : s;
         else s = fmax(gap > 0 ? seen[n * (gap - 1) + i] : NAN, gap < nodes ? seen[n * gap + i] : NAN);
         if (gap >= 0 && !inside && isinf(upper)) continue;
-        if (upper > TEG_UNSEEN * fmax(s, TEG_FAINT) || upper > TEG_HIDDEN * fmax(lower, TEG_FAINT)) return 1;
+        if (upper > TEG_UNSEEN * fmax(s, TEG_FAINT)) return 1;
+        if (upper > TEG_HIDDEN * fmax(lower, TEG_FAINT) && !(gap >= 0 && endless)) return 1;
     }
     return 0;
 }

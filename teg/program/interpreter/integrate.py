@@ -228,27 +228,27 @@ class _Piece:
         at = [start, *(start + 0.5 * (stop - start) * (1.0 + node) for node in gauss_legendre(n)[0]), stop]
         points = [way.p if u <= 0.0 else way.q if u >= 1.0 else way(u)[0] for u in at]
 
-        def unseen(left: float, right: float, largest_seen: list[float], endless_counts: bool) -> bool:
+        def unseen(left: float, right: float, largest_seen: list[float], endless_counts: bool, gap: bool) -> bool:
             bounds = self.machine.at(guard.block, (*guard.sizes, *guard.upper, *guard.lower), **{guard.left: left, guard.right: right})
             length, first = right - left, len(guard.sizes)
-            if math.isfinite(length) and all(s * length <= w for s, w in zip(bounds, wanted, strict=False)):
+            endless = not math.isfinite(length)
+            if all(s == 0.0 if endless else s * length <= w for s, w in zip(bounds, wanted, strict=False)):
                 return False
             for i in sharp:
                 upper, lower = bounds[first + i], bounds[first + len(sharp) + i]
-                large = upper > UNSEEN * _larger(largest_seen[i], FAINT) or upper > HIDDEN * _larger(lower, FAINT)
+                large = upper > UNSEEN * _larger(largest_seen[i], FAINT)
+                large |= upper > HIDDEN * _larger(lower, FAINT) and not (gap and endless)
                 if large and (endless_counts or upper != math.inf):
                     return True
             return False
 
-        if not unseen(points[0], points[-1], [_least(row[i] for row in seen) for i in sharp], True):
+        if not unseen(points[0], points[-1], [_least(row[i] for row in seen) for i in sharp], True, False):
             return False
         for gap, (left, right) in enumerate(pairwise(points)):
-            if not math.isfinite(right - left):
-                continue
             nodes = [seen[k] for k in (gap - 1, gap) if 0 <= k < n]
-            at_end = (gap == 0 and start <= 0.0) or (gap == n and stop >= 1.0)
+            at_end = math.isfinite(right - left) and ((gap == 0 and start <= 0.0) or (gap == n and stop >= 1.0))
             most = [_larger(nodes[0][i], nodes[-1][i]) for i in sharp]
-            if unseen(left, right, most, not at_end and depth < GUARD_DEPTH):
+            if unseen(left, right, most, not at_end and depth < GUARD_DEPTH, True):
                 return True
         return False
 

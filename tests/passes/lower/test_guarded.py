@@ -99,6 +99,30 @@ def test_features_beside_ends_and_breaks(name: str, backend: str) -> None:
     assert teg.compile(program, backend=backend)() == pytest.approx(exact, rel=1e-10)
 
 
+FAR_AWAY: dict[str, tuple[Expr, float]] = {
+    "sech": (1 / cosh(x - k), math.pi),
+    "logistic density": (exp(x - k) / (1 + exp(x - k)) ** 2, 1.0),
+    "1 - tanh²": (1 - tanh(x - k) ** 2, 2.0),
+    "exp(-√(1+u²))": (exp(-teg.sqrt(1 + (x - k) ** 2)), 1.2038144603944705),
+    "exp(-u⁴)": (exp(-((x - k) ** 4)), 2 * math.gamma(1.25)),
+}
+
+
+@pytest.mark.parametrize("backend", [*BACKENDS, pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", FAR_AWAY)
+def test_features_beyond_the_last_node_of_an_infinite_range(name: str, backend: str, x64: None) -> None:
+    """Far away the digits of x = s/(1 - s) are lost, of which the call warns."""
+    body, exact = FAR_AWAY[name]
+    for lo, hi in ((-math.inf, math.inf), (0, math.inf), (math.inf, -math.inf)):
+        f = teg.compile(integral(body, (x, lo, hi)), backend=backend, inaccurate="ignore")
+        for place, digits in ((1e3, 1e-10), (2e4, 1e-8)):
+            assert f(k=place) == pytest.approx(exact if lo < hi else -exact, rel=digits)
+    f = teg.compile(integral(body, (x, -math.inf, 0)), backend=backend)
+    value, slopes = f.value_and_grad(k=-1e3)
+    assert value == pytest.approx(exact, rel=1e-10)
+    assert slopes["k"] == pytest.approx(0.0, abs=1e-8)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sech²", "(4x(1-x))^k", "1 + exp(-k|x-p|)"])
 def test_the_same_in_jax(name: str, x64: None) -> None:
