@@ -41,7 +41,7 @@ COMPARE = {"gt0": ">", "ge0": ">=", "lt0": "<", "le0": "<="}
 RENAMED = {"abs": "fabs", "mod": "teg_mod", "powi": "teg_powi", "tie": "teg_tie", "min": "teg_min", "max": "teg_max"}
 
 
-LONG_SUM = 8
+LONG_SUM = 16
 """Terms of a sum that is written as that of two halves: fewer of its additions wait for another one."""
 
 
