@@ -340,7 +340,11 @@ def locate(
     active = when & jnp.all(jnp.isfinite(jnp.stack([lo, hi, low, high]))) & (lo != hi) & (low != high)
     origin = jnp.stack([jnp.minimum(lo, hi), jnp.minimum(low, high)])
     extent = jnp.stack([jnp.abs(hi - lo), jnp.abs(high - low)])
-    bounds = jax.vmap(lambda near, far: vector(enclosure(near[0], far[0], near[1], far[1])))
+    each = jax.vmap(lambda v, w, u, z: vector(enclosure(v, w, u, z)))
+
+    def bounds(near: Any, far: Any) -> tuple[Any, Note]:
+        return each(*lax.optimization_barrier((near[:, 0], far[:, 0], near[:, 1], far[:, 1])))
+
     end = _levels(active, origin, extent, bounds, sloped)
     zeros, note = _settled(end.zeros, end.found, bounds) if sloped else (end.zeros[:, 0], jnp.int32(0))
     width = _widths(end.halving.times)
