@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.backends.jax.runtime import CROWDED, MISSED, Note, Scalar, union, vector, where
+from teg.backends.jax.runtime import CROWDED, MISSED, Note, Scalar, barrier, union, vector, where
 from teg.backends.shared.roots import Halving, examined, excluded, newton_step, next_halving, plane_step, refuted, touches
 from teg.program import (
     ISOLATE_DEPTH,
@@ -340,10 +340,10 @@ def locate(
     active = when & jnp.all(jnp.isfinite(jnp.stack([lo, hi, low, high]))) & (lo != hi) & (low != high)
     origin = jnp.stack([jnp.minimum(lo, hi), jnp.minimum(low, high)])
     extent = jnp.stack([jnp.abs(hi - lo), jnp.abs(high - low)])
-    each = jax.vmap(lambda v, w, u, z: vector(enclosure(v, w, u, z)))
+    each: Any = jax.vmap(lambda v, w, u, z: vector(enclosure(v, w, u, z)))
 
     def bounds(near: Any, far: Any) -> tuple[Any, Note]:
-        return each(*lax.optimization_barrier((near[:, 0], far[:, 0], near[:, 1], far[:, 1])))
+        return each(*barrier(near[:, 0], far[:, 0], near[:, 1], far[:, 1]))  # without it XLA moves reshapes to and fro
 
     end = _levels(active, origin, extent, bounds, sloped)
     zeros, note = _settled(end.zeros, end.found, bounds) if sloped else (end.zeros[:, 0], jnp.int32(0))

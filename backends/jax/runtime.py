@@ -57,6 +57,13 @@ def tie(order: Scalar, g: Scalar, scale: Scalar, r: Scalar) -> tuple[Scalar, Not
     return rules.resolved(jnp, near, g, r, order), jnp.where(near, jnp.int32(TIED), jnp.int32(0))
 
 
+def barrier(*values: Scalar) -> Sequence[Any]:
+    """The values; XLA moves no operations across."""
+    keep: Any = lax.optimization_barrier
+    kept: Sequence[Any] = keep(values)
+    return kept
+
+
 def union(notes: Note) -> Note:
     """All that an array of notes says."""
     return jnp.bitwise_or.reduce(jnp.asarray(notes, jnp.int32), axis=None)
