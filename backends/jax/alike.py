@@ -7,7 +7,16 @@ block for statements with blocks that differ in numbers, in names from around th
 which JAX maps over the rows. What only they use is moved into it where it is alike too.
 
 Two texts are compared from their results on, so the order of their statements does not matter. A product may have a factor more, and a
-value may be negated in one of them. Statements of a row must not need results of another one.
+value may be negated in one of them. The operands of a sum or a product of two may stand in another order. Statements of a row must not need
+results of another one.
+
+Where two texts have different operations, or read different variables, every row computes what any row needs there, and selects its own:
+
+    ∫ f(sin x, x) dx, ∫ f(y, cos y) dy        →        for each row of (c) = (false), (true): ∫ f(c ? x : sin x, c ? cos x : x) dx
+
+So the charts of a curve over x and over y, which have their coordinates in exchanged roles, are rows of one integral. A selected value is
+what its own row computes: the other ones are not used, whatever they are. Rows with selects are made where they are much shorter than the
+statements that they stand for (`SPARED`). Ties are never computed for other rows: these would note them.
 """
 
 from __future__ import annotations
@@ -93,8 +102,11 @@ def _inside(stmt: Any, numbers: Iterator[int]) -> Any:
 
 
 def _looks_like(one: Any, other: Any) -> bool:
-    """Whether two statements may have the same text: their settings are the same."""
-    return type(one) is type(other) and _settings(one) == _settings(other)
+    """Whether two statements may have much text in common: their settings are the same, and neither is much longer."""
+    if type(one) is not type(other) or _settings(one) != _settings(other):
+        return False
+    costs = [_cost((s,)) for s in (one, other)]
+    return max(costs) <= 2 * min(costs)
 
 
 def _cost(block: Iterable[Any]) -> int:
@@ -177,8 +189,12 @@ class Hopeless(Unlike):
 class _Matching:
     """The comparison of some statements, row by row, and the one that stands for all of them.
 
-    `known` has the name for values of the rows; `made` where, and by which statement, each row gives a name; `blocks` the new blocks.
-    Block 0 is the one around the statements, of which those in `own`, which nothing else uses, may be moved into the rows.
+    `known` has the name for values of the rows; `made` where, and by which statement, each row gives a name; `blocks` the new blocks, and
+    `above` those that each of them sees. Block 0 is the one around the statements, of which those in `own`, which nothing else uses, may be
+    moved into the rows. What is compared is needed in the block `place`.
+
+    For each row, `stands` has a name that stands for its own one, and `shapes` what names are computed by, without the numbers in it; names
+    of one block and shape are `shaped`. `selects` counts the values that rows select, and those `wanted` have been begun.
     """
 
     def __init__(self, rows: int, own: dict[str, Assign], numbers: Iterator[int]) -> None:
@@ -383,7 +399,10 @@ class _Matching:
     def _selected(self, args: tuple[Arg, ...], made: Sequence[Any]) -> Arg:
         """A name for values that the rows compute differently: all rows compute all of them, and each selects its own."""
         numbers = {m[0] for m in made if m is not None and m[0]}
-        number = max(numbers, default=self.place)
+        variables = any(
+            m is None and isinstance(a, str) and a in self.inner[row] for row, (a, m) in enumerate(zip(args, made, strict=True))
+        )
+        number = self.place if variables else max(numbers, default=self.place)
         key: tuple[Any, ...] = (*map(_key, args), number)
         if key in self.known:
             return self.known[key]  # type: ignore[no-any-return]

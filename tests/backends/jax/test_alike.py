@@ -110,15 +110,33 @@ def test_what_rows_compute_differently_is_selected() -> None:
 
 @pytest.mark.usefixtures("x64")
 def test_places_that_change_roles_are_selected() -> None:
-    """The two bounds of an inner integral, swapped: neither has a statement that makes it."""
-    first = (integral("v1", "x2", (let("v2", "exp", "x2"), let("v3", "mul", "v2", "x0", "x0")), "v3", hi="x0"),)
-    second = (
-        let("v5", "mul", "p1", "x1"),
-        integral("v6", "x3", (let("v7", "exp", "x3"), let("v8", "mul", "v7", "x1", "v5")), "v8", hi="v5"),
+    """A bound and a factor, computed in one row, and a variable in the other one."""
+
+    def text(k: int, x: str, bound: str) -> Integrate:
+        powers = [let(f"v{k + i}", "mul", f"v{k + i - 1}" if i else x, x) for i in range(8)]
+        return integral(f"v{k + 10}", x, (*powers, let(f"v{k + 8}", "mul", bound, f"v{k + 7}")), f"v{k + 8}", hi=bound)
+
+    second = (let("v5", "mul", "p1", "x1"), text(30, "x3", "v5"))
+    p = program(
+        2, integral("va", "x0", (text(10, "x2", "x0"),), "v20"), integral("vb", "x1", second, "v40"), let("vc", "add", "va", "vb"), "vc"
     )
-    p = program(2, integral("va", "x0", first, "v1"), integral("vb", "x1", second, "v6"), let("vc", "add", "va", "vb"), "vc")
     assert len(rows_of(p)) == 1
     agree(p, 0.5, [1.5, 0.2])
+
+
+@pytest.mark.usefixtures("x64")
+def test_variables_are_selected_where_they_are_known() -> None:
+    """A factor that is one row's outer variable, to a power, and the other row's inner variable."""
+
+    def nested(k: int, outer: str, inner: str, factor: str) -> Integrate:
+        powers = [let(f"v{k + i}", "mul", f"v{k + i - 1}" if i else inner, inner) for i in range(8)]
+        text = (*powers, let(f"v{k + 8}", "mul", factor, f"v{k + 7}"), let(f"v{k + 9}", "exp", f"v{k + 8}"))
+        within = integral(f"v{k + 10}", inner, text, f"v{k + 9}", hi=outer)
+        return integral(f"va{k}", outer, (let(f"v{k + 11}", "sin", outer), within), f"v{k + 10}")
+
+    p = program(2, nested(20, "x0", "x1", "v31"), nested(50, "x2", "x3", "x3"), let("vc", "sub", "va20", "va50"), "vc")
+    assert len(rows_of(p)) == 1
+    agree(p, 0.5, 1.5)
 
 
 @pytest.mark.usefixtures("x64")
