@@ -7,23 +7,39 @@ block for statements with blocks that differ in numbers, in names from around th
 which JAX maps over the rows. What only they use is moved into it where it is alike too.
 
 Two texts are compared from their results on, so the order of their statements does not matter. A product may have a factor more, and a
-value may be negated in one of them. Statements of a row must not need results of another one.
+value may be negated in one of them. The operands of a sum or a product of two may stand in another order. Statements of a row must not need
+results of another one.
+
+Where two texts have different operations, or read different variables, every row computes what any row needs there, and selects its own:
+
+    ∫ f(sin x, x) dx, ∫ f(y, cos y) dy        →        for each row of (c) = (false), (true): ∫ f(c ? x : sin x, c ? cos x : x) dx
+
+So the charts of a curve over x and over y, which have their coordinates in exchanged roles, are rows of one integral. A selected value is
+what its own row computes: the other ones are not used, whatever they are. Rows with selects are made where they are much shorter than the
+statements that they stand for (`SPARED`). Ties are never computed for other rows: these would note them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import count
 from typing import Annotated, Any
 
 from teg.backends.branches import Uses
-from teg.program import Arg, Assign, Program, assigned, free_names, statements
+from teg.program import Adaptive, Arg, Assign, Isolate, Locate, Program, assigned, free_names, statements
+from teg.program.dce import without_dead_code
 from teg.program.fields import Block, Operand, Part, Result, Variable, declared, inner_blocks, operands, with_blocks
 from teg.program.walk import free_in
 
 MOST = 48
 """Statements with blocks in one block that are compared with each other, at most."""
+LOOP = 40
+"""What a search or an adaptive integral costs XLA beside its blocks, in statements."""
+SPARED = 0.15
+"""Rows with selects are made if they spare XLA this part of what the statements cost that they stand for."""
+SWAPPED = frozenset(("add", "mul", "max", "min", "and", "or"))
+"""Operations whose first two operands may change places."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +75,21 @@ def _grouped(block: Sequence[Any], needed: Iterable[Arg], numbers: Iterator[int]
         for other in compound:
             if id(other) not in tried and other is not first and _looks_like(first, other) and _independent(stmts, [*group, other], uses):
                 group.append(other)
-        group = [first, *(s for s in group[1:] if _rows(stmts, [first, s], outside, numbers))] if len(group) > 1 else group
-        if len(group) > 1 and (found := _rows(stmts, group, outside, numbers)):
+        group = [first, *(s for s in group[1:] if _changed(stmts, [first, s], outside, uses, numbers))]
+        if len(group) > 1 and (changed := _changed(stmts, group, outside, uses, numbers)):
             tried.update(map(id, group))
-            stmts = _with(stmts, group, found, uses)
-    return _live(stmts, outside) if tried else tuple(stmts)
+            stmts = changed
+    return tuple(stmts)
+
+
+def _changed(stmts: Sequence[Any], group: Sequence[Any], needed: set[str], uses: Uses, numbers: Iterator[int]) -> list[Any] | None:
+    """The block with rows instead of a group, or None if their texts differ too much."""
+    found = _rows(stmts, group, needed, numbers)
+    if found is None:
+        return None
+    rows, selects = found
+    changed = _live(_with(stmts, group, rows, uses), needed)
+    return None if selects and _cost(stmts) - _cost(changed) < SPARED * _cost(group) else changed
 
 
 def _inside(stmt: Any, numbers: Iterator[int]) -> Any:
@@ -76,11 +102,17 @@ def _inside(stmt: Any, numbers: Iterator[int]) -> Any:
 
 
 def _looks_like(one: Any, other: Any) -> bool:
-    """Whether two statements may have the same text: their settings and their size are nearly the same."""
-    if type(one) is not type(other):
+    """Whether two statements may have much text in common: their settings are the same, and neither is much longer."""
+    if type(one) is not type(other) or _settings(one) != _settings(other):
         return False
-    sizes = [sum(1 for _ in statements((s,))) for s in (one, other)]
-    return _settings(one) == _settings(other) and max(sizes) <= 1.25 * min(sizes) + 4
+    costs = [_cost((s,)) for s in (one, other)]
+    return max(costs) <= 2 * min(costs)
+
+
+def _cost(block: Iterable[Any]) -> int:
+    """Returns what a block costs XLA, in statements."""
+    loops = (Isolate, Locate)
+    return sum(LOOP if isinstance(s, loops) or isinstance(getattr(s, "rule", None), Adaptive) else 1 for s in statements(tuple(block)))
 
 
 def _settings(node: Any) -> list[Any]:
@@ -116,18 +148,18 @@ def _with(stmts: Sequence[Any], group: Sequence[Any], rows: Rows, uses: Uses) ->
     return [*before, rows, *after]
 
 
-def _live(stmts: Sequence[Any], needed: set[str]) -> tuple[Any, ...]:
+def _live(stmts: Sequence[Any], needed: set[str]) -> list[Any]:
     """The statements that something needed depends on."""
     used, kept = set(needed), []
     for stmt in reversed(stmts):
         if not isinstance(stmt, Assign) or stmt.name in used:
             kept.append(stmt)
             used.update(free_names(stmt))
-    return tuple(reversed(kept))
+    return kept[::-1]
 
 
-def _rows(stmts: Sequence[Any], group: Sequence[Any], needed: set[str], numbers: Iterator[int]) -> Rows | None:
-    """The rows of a group, or None if their texts differ."""
+def _rows(stmts: Sequence[Any], group: Sequence[Any], needed: set[str], numbers: Iterator[int]) -> tuple[Rows, int] | None:
+    """The rows of a group, and how many values are selected in them; or None if their texts differ in more than that."""
     members = {id(s) for s in stmts if type(s) is type(group[0])}  # what statements of other rows use too may be computed again there
     others = {n.name for n in _live([s for s in stmts if id(s) not in members], needed) if isinstance(n, Assign)}
     own = {s.name: s for s in stmts if isinstance(s, Assign) and s.name not in others}
@@ -136,23 +168,33 @@ def _rows(stmts: Sequence[Any], group: Sequence[Any], needed: set[str], numbers:
         body = matching.statement(group)
     except (Unlike, RecursionError):  # texts that are nested too deeply are left as they are
         return None
-    varying = matching.columns
+    results = tuple(name for s in group for name in assigned(s))
+    values = tuple(assigned(body))
+    inside = without_dead_code(Program((), (*matching.blocks[0], body), values)).body
+    read = free_in(inside)
+    varying = {column: name for column, name in matching.columns.items() if name in read}
     if not varying:
         return None
-    results = tuple(name for s in group for name in assigned(s))
-    prelude = tuple(matching.blocks[0])
-    return Rows(tuple(varying.values()), tuple(varying), (*prelude, body), tuple(assigned(body)), results)
+    return Rows(tuple(varying.values()), tuple(varying), inside, values, results), matching.selects
 
 
 class Unlike(Exception):
     """Two texts differ."""
 
 
+class Hopeless(Unlike):
+    """Two texts differ in more than operations."""
+
+
 class _Matching:
     """The comparison of some statements, row by row, and the one that stands for all of them.
 
-    `known` has the name for values of the rows; `made` where, and by which statement, each row gives a name; `blocks` the new blocks.
-    Block 0 is the one around the statements, of which those in `own`, which nothing else uses, may be moved into the rows.
+    `known` has the name for values of the rows; `made` where, and by which statement, each row gives a name; `blocks` the new blocks, and
+    `above` those that each of them sees. Block 0 is the one around the statements, of which those in `own`, which nothing else uses, may be
+    moved into the rows. What is compared is needed in the block `place`.
+
+    For each row, `stands` has a name that stands for its own one, and `shapes` what names are computed by, without the numbers in it; names
+    of one block and shape are `shaped`. `selects` counts the values that rows select, and those `wanted` have been begun.
     """
 
     def __init__(self, rows: int, own: dict[str, Assign], numbers: Iterator[int]) -> None:
@@ -162,16 +204,23 @@ class _Matching:
         self.columns: dict[tuple[Arg, ...], str] = {}
         self.blocks: list[list[Any]] = [[]]
         self.numbers = numbers
+        self.place = 0
+        self.above: list[set[int]] = [set()]
+        self.stands: list[dict[str, Arg]] = [{} for _ in range(rows)]
+        self.shapes: list[dict[str, Any]] = [{} for _ in range(rows)]
+        self.shaped: list[dict[tuple[int, Any], list[str]]] = [{} for _ in range(rows)]
+        self.selects = 0
+        self.wanted: set[tuple[Any, ...]] = set()
 
     def statement(self, stmts: Sequence[Any]) -> Any:
         """One statement for all rows; its blocks hold what its operands need."""
         if len({type(s) for s in stmts}) > 1 or any(_settings(s) != _settings(stmts[0]) for s in stmts):
-            raise Unlike
-        numbers: dict[int, int] = {}
+            raise Hopeless
+        numbers = {"": self.place}
         self._open(stmts, numbers)
         return self._node(stmts, numbers)
 
-    def _open(self, nodes: Sequence[Any], numbers: dict[int, int]) -> None:
+    def _open(self, nodes: Sequence[Any], numbers: dict[str, int]) -> None:
         """Notes the names that the blocks and variables of statements, or of their parts, give."""
         for field in declared(type(nodes[0])):
             values = [getattr(n, field.name) for n in nodes]
@@ -184,13 +233,15 @@ class _Matching:
                 case Variable() | Result():
                     for names in self._entries(values):
                         if names[0] is not None:
-                            self.known[names] = self._name()
+                            self._know(names, self._name())
                             for row, name in enumerate(names):
                                 self._new(row, name)
                 case Block():
                     number = len(self.blocks)
                     self.blocks.append([])
-                    numbers[id(values[0])] = number
+                    seen = {numbers[""], *(numbers[name] for name in field.role.sees)}
+                    self.above.append(seen.union(*(self.above[k] for k in seen)))
+                    numbers[field.name] = number
                     self._note(values, number)
                 case Operand():
                     pass
@@ -204,19 +255,19 @@ class _Matching:
 
     def _new(self, row: int, name: str) -> None:
         if name in self.inner[row]:
-            raise Unlike  # one name for two values
+            raise Hopeless  # one name for two values
         self.inner[row].add(name)
 
     @staticmethod
     def _alike_parts(parts: Sequence[Any]) -> None:
         if len({type(p) for p in parts}) > 1 or any(_settings(p) != _settings(parts[0]) for p in parts):
-            raise Unlike
+            raise Hopeless
 
     def _entries(self, values: Sequence[Any]) -> Iterator[tuple[Any, ...]]:
         """The entries of fields, side by side; fields of different lengths are unlike."""
         if any(isinstance(v, tuple) for v in values):
             if not all(isinstance(v, tuple) and len(v) == len(values[0]) for v in values):
-                raise Unlike
+                raise Hopeless
             for entries in zip(*values, strict=True):
                 yield from self._entries(entries)
         elif any(v is None for v in values):
@@ -226,7 +277,7 @@ class _Matching:
         else:
             yield tuple(values)
 
-    def _node(self, nodes: Sequence[Any], numbers: dict[int, int]) -> Any:
+    def _node(self, nodes: Sequence[Any], numbers: dict[str, int]) -> Any:
         """The node that stands for all: operands and parts first, since the blocks hold what these need."""
         new = {}
         own = declared(type(nodes[0]))
@@ -235,11 +286,11 @@ class _Matching:
             if isinstance(field.role, Part):
                 new[field.name] = self._parts(values, numbers)
             elif not isinstance(field.role, Block):
-                new[field.name] = self._args(values)
-        new |= {f.name: tuple(self.blocks[numbers[id(getattr(nodes[0], f.name))]]) for f in own if isinstance(f.role, Block)}
+                new[field.name] = self._at(numbers[getattr(field.role, "at", "")], self._args, values)
+        new |= {f.name: tuple(self.blocks[numbers[f.name]]) for f in own if isinstance(f.role, Block)}
         return replace(nodes[0], **new)
 
-    def _parts(self, values: Sequence[Any], numbers: dict[int, int]) -> Any:
+    def _parts(self, values: Sequence[Any], numbers: dict[str, int]) -> Any:
         if isinstance(values[0], tuple):
             return tuple(self._parts(entries, numbers) for entries in zip(*values, strict=True))
         return None if values[0] is None else self._node(values, numbers)
@@ -247,9 +298,17 @@ class _Matching:
     def _args(self, values: Sequence[Any]) -> Any:
         if isinstance(values[0], tuple):
             if any(len(v) != len(values[0]) for v in values):
-                raise Unlike
+                raise Hopeless
             return tuple(self._args(entries) for entries in zip(*values, strict=True))
         return None if values[0] is None else self.arg(tuple(values))
+
+    def _at(self, place: int, function: Callable[..., Any], *arguments: Any) -> Any:
+        """The result of a function that may make statements in the block `place`."""
+        before, self.place = self.place, place
+        try:
+            return function(*arguments)
+        finally:
+            self.place = before
 
     # -- values --------------------------------------------------------------------------------------------------------
 
@@ -265,9 +324,11 @@ class _Matching:
         if all(m is not None for m in made) or any(inner):
             try:
                 return self._made(args, made)
-            except Unlike:
+            except Unlike as unlike:
                 if any(inner):
-                    raise
+                    if isinstance(unlike, Hopeless):
+                        raise
+                    return self._selected(args, made)
         return self._column(args)
 
     def _column(self, args: tuple[Arg, ...]) -> str:
@@ -275,7 +336,7 @@ class _Matching:
             raise Unlike  # a power, or the number of a function
         key = tuple(map(_key, args))
         if key not in self.known:
-            self.columns[args] = self.known[key] = self._name()
+            self.columns[args] = self._know(args, self._name())
         return self.known[key]  # type: ignore[no-any-return]
 
     def _made(self, args: tuple[Arg, ...], made: Sequence[Any]) -> Arg:
@@ -287,7 +348,8 @@ class _Matching:
         if any(negated) and not all(negated):
             plain = tuple(m[1].args[0] if n else a for a, m, n in zip(args, made, negated, strict=True))
             signs = self._column(tuple(-1.0 if n else 1.0 for n in negated))
-            return self._assign(args, "mul", (signs, self.arg(plain)), numbers.pop())
+            number = numbers.pop()
+            return self._assign(args, "mul", (signs, self._at(number, self.arg, plain)), number)
         if any(m is None for m in made):
             raise Unlike
         stmts = [m[1] for m in made]
@@ -300,11 +362,13 @@ class _Matching:
         lists = [(*(1.0,) * (most - len(s.args)), *s.args) if op == "mul" else s.args for s in stmts]
         if any(len(entries) != most for entries in lists):
             raise Unlike
+        number = numbers.pop()
+        columns = list(zip(*self._in_order(op, lists), strict=True))
         if op == "tie":  # the number of a tie is for reports
-            operands = (*(self.arg(entries) for entries in list(zip(*lists, strict=True))[:3]), lists[0][3])
+            operands = (*(self._at(number, self.arg, entries) for entries in columns[:3]), lists[0][3])
         else:
-            operands = tuple(self.arg(entries) for entries in zip(*lists, strict=True))
-        return self._assign(args, op, operands, numbers.pop())
+            operands = tuple(self._at(number, self.arg, entries) for entries in columns)
+        return self._assign(args, op, operands, number)
 
     def _of_results(self, args: tuple[Arg, ...], stmts: Sequence[Any], number: int) -> Arg:
         """A result of a statement with blocks."""
@@ -313,15 +377,102 @@ class _Matching:
             raise Unlike
         for row, stmt in enumerate(stmts):  # its own names are noted as it is opened
             self.inner[row].difference_update(assigned(stmt))
-        new = self.statement(stmts)
+        new = self._at(number, self.statement, stmts)
         self.blocks[number].append(new)
         return self.known[args]  # type: ignore[no-any-return]
 
     def _assign(self, args: tuple[Arg, ...], op: str, operands: tuple[Arg, ...], number: int) -> str:
         name = self._name()
         self.blocks[number].append(Assign(name, op, operands))
+        return self._know(args, name)
+
+    def _know(self, args: tuple[Arg, ...], name: str) -> str:
+        """Notes the name for these, one a row."""
         self.known[tuple(map(_key, args))] = name
+        for stands, a in zip(self.stands, args, strict=True):
+            if isinstance(a, str) and a not in stands:
+                stands[a] = name
         return name
+
+    # -- values that are computed differently --------------------------------------------------------------------------
+
+    def _selected(self, args: tuple[Arg, ...], made: Sequence[Any]) -> Arg:
+        """A name for values that the rows compute differently: all rows compute all of them, and each selects its own."""
+        numbers = {m[0] for m in made if m is not None and m[0]}
+        variables = any(
+            m is None and isinstance(a, str) and a in self.inner[row] for row, (a, m) in enumerate(zip(args, made, strict=True))
+        )
+        number = self.place if variables else max(numbers, default=self.place)
+        key: tuple[Any, ...] = (*map(_key, args), number)
+        if key in self.known:
+            return self.known[key]  # type: ignore[no-any-return]
+        if not numbers - {number} <= self.above[number] or any(isinstance(a, int) and not isinstance(a, bool) for a in args):
+            raise Hopeless
+        if key in self.wanted:
+            raise Hopeless  # it would be needed for itself
+        self.wanted.add(key)
+        values = [self._at(number, self._of_row, row, a) for row, a in enumerate(args)]
+        found: Arg = values[0]
+        for value in dict.fromkeys(values[1:]):
+            if value != values[0]:
+                name = self._name()
+                mine = self._column(tuple(v == value for v in values))
+                self.blocks[number].append(Assign(name, "select", (mine, value, found)))
+                found = name
+        self.selects += 1
+        self.known[key] = found
+        return found
+
+    def _of_row(self, row: int, a: Arg) -> Arg:
+        """The name or the literal that has the value of one row, in this row."""
+        if not isinstance(a, str) or a not in self.inner[row]:
+            return a
+        if a in self.stands[row]:
+            return self.stands[row][a]
+        number, stmt = self.made[row][a]
+        if not isinstance(stmt, Assign) or stmt.op == "tie":
+            raise Hopeless
+        place = number, self._shape(row, a)
+        same = [self._of_shape(r, place) for r in range(len(self.made))]
+        if all(same):
+            ordinal = same[row].index(a)
+            return self.arg(tuple(a if r == row else names[min(ordinal, len(names) - 1)] for r, names in enumerate(same)))
+        name = self._name()
+        self.blocks[number].append(Assign(name, stmt.op, tuple(self._at(number, self._of_row, row, v) for v in stmt.args)))
+        self.stands[row][a] = name
+        return name
+
+    def _shape(self, row: int, a: Arg) -> Any:
+        """What is the same for values that are computed alike."""
+        if not isinstance(a, str) or a not in self.inner[row]:
+            return "outside" if isinstance(a, str | float | bool) else a
+        if a not in self.shapes[row]:
+            stmt = self.made[row].get(a, (0, None))[1]
+            if isinstance(stmt, Assign):
+                shape: Any = hash((stmt.op, *(self._shape(row, v) for v in stmt.args)))
+            else:
+                shape = ("variable", self.stands[row].get(a)) if stmt is None else (type(stmt), assigned(stmt).index(a))
+            self.shapes[row][a] = shape
+        return self.shapes[row][a]
+
+    def _of_shape(self, row: int, place: tuple[int, Any]) -> list[str]:
+        """The values in a block of one row that have a shape."""
+        if place not in self.shaped[row]:
+            own = [name for name, (number, s) in self.made[row].items() if number == place[0] and isinstance(s, Assign)]
+            self.shaped[row][place] = [name for name in own if self._shape(row, name) == place[1]]
+        return self.shaped[row][place]
+
+    def _in_order(self, op: str, lists: Sequence[tuple[Arg, ...]]) -> list[tuple[Arg, ...]]:
+        """The operands of the rows, the first two in the order that makes them most alike."""
+        if op not in SWAPPED or len(lists[0]) < 2:
+            return list(lists)
+        first = [self._shape(0, a) for a in lists[0][:2]]
+        swaps = []
+        for row, (a, b, *_) in enumerate(lists):
+            shapes = [self._shape(row, v) for v in (a, b)]
+            kept, changed = (sum(s == t for s, t in zip(first, order, strict=True)) for order in (shapes, shapes[::-1]))
+            swaps.append(changed > kept)
+        return [(b, a, *more) if swap else (a, b, *more) for swap, (a, b, *more) in zip(swaps, lists, strict=True)]
 
     def _name(self) -> str:
         return f"w{next(self.numbers)}"

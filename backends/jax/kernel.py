@@ -108,16 +108,21 @@ class JaxKernel:
         """The outputs, (outputs,), and the note: were there ties, was a tolerance missed.
 
         The two orders of a tie are turns of a loop, so that the program stands once in what XLA compiles. The second turn is made if the
-        first one met a tie; of a batch (a mapped loop goes on while one of its lanes does) if it was met anywhere.
+        first one met a tie; of a batch (a mapped loop goes on while one of its lanes does) if it was met anywhere. Parameters depend on
+        the turn, as far as XLA knows: else it takes all but the ties out of the loop, in many passes.
         """
         if not self.program.ties:
             return self._once(1, arguments)
         jax = _import_jax()
+        from teg.backends.jax.runtime import barrier
+
         jnp = jax.numpy
+        given = [jnp.asarray(a, jnp.float64) for a in arguments]
 
         def turn(at: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
             number, outputs, note = at
-            found, noted = self._once(1 - 2 * number, arguments)
+            _, *held = barrier(number, *given)
+            found, noted = self._once(1 - 2 * number, held)
             return number + 1, jnp.where(number == 0, found, 0.5 * outputs + 0.5 * found), note | noted
 
         beginning = jnp.int32(0), jnp.zeros(len(self.program.outputs)), jnp.int32(0)

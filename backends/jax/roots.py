@@ -13,7 +13,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from teg.backends.jax.runtime import CROWDED, MISSED, Note, Scalar, union, vector, where
+from teg.backends.jax.entries import entries, stacked
+from teg.backends.jax.runtime import CROWDED, MISSED, Note, Scalar, barrier, union, vector, where
 from teg.backends.shared.roots import Halving, examined, excluded, newton_step, next_halving, plane_step, refuted, touches
 from teg.program import (
     ISOLATE_DEPTH,
@@ -106,20 +107,20 @@ def isolate(
     refused = when & (~finite | crowded)
     found = [jnp.where(when, jnp.where(refused, jnp.nan, v), jnp.inf) for v in ((listed, errors) if estimated else (listed,))]
     noted = jnp.where(crowded, jnp.int32(CROWDED), jnp.int32(0)) | jnp.where(missed, jnp.int32(MISSED), jnp.int32(0))
-    return tuple(v[i] for v in found for i in range(results)), end.note | union(note_steps) | noted
+    return tuple(n for v in found for n in entries(v)), end.note | union(note_steps) | noted
 
 
 def sum_over(points: tuple[Scalar, ...], body: Block, results: int, *, when: Scalar = True) -> tuple[tuple[Scalar, ...], Scalar]:
     """The sums of the body's values over the points that are finite, and the note."""
     if not points:
         return (jnp.float64(0.0),) * results, jnp.int32(0)
-    at = jnp.stack([jnp.asarray(point, jnp.float64) for point in points])
+    at = stacked(points)
     unknown = jnp.any(jnp.isnan(at))
     there = when & ~unknown & jnp.isfinite(at)
     found, note = jax.vmap(lambda x: vector(body(x)))(jnp.where(there, at, jnp.nan))  # at NaN, searches end at once
     sums = jnp.sum(jnp.where(there[:, None], found, 0.0), axis=0)
     sums = jnp.where(when & unknown, jnp.nan, sums)
-    return tuple(sums[i] for i in range(results)), union(where(there, note))
+    return entries(sums), union(where(there, note))
 
 
 def _search(active: Scalar, p: Scalar, q: Scalar, enclosure: Block, point: Block, room: tuple[int, int]) -> _Search:
@@ -340,7 +341,13 @@ def locate(
     active = when & jnp.all(jnp.isfinite(jnp.stack([lo, hi, low, high]))) & (lo != hi) & (low != high)
     origin = jnp.stack([jnp.minimum(lo, hi), jnp.minimum(low, high)])
     extent = jnp.stack([jnp.abs(hi - lo), jnp.abs(high - low)])
-    bounds = jax.vmap(lambda near, far: vector(enclosure(near[0], far[0], near[1], far[1])))
+    each: Any = jax.vmap(lambda v, w, u, z: vector(enclosure(v, w, u, z)))
+
+    def bounds(near: Any, far: Any) -> tuple[Any, Note]:
+        # without a barrier XLA moves reshapes to and fro
+        found: tuple[Any, Note] = each(*barrier(near[:, 0], far[:, 0], near[:, 1], far[:, 1]))
+        return found
+
     end = _levels(active, origin, extent, bounds, sloped)
     zeros, note = _settled(end.zeros, end.found, bounds) if sloped else (end.zeros[:, 0], jnp.int32(0))
     width = _widths(end.halving.times)
@@ -357,7 +364,7 @@ def locate(
     lost = jnp.where(active, lost, 0.0)
     places = jnp.where(active, listed[:results], jnp.inf)
     note = where(active, end.note | note) | where(lost > LOCATE_LOST, MISSED)
-    return (*(places[i] for i in range(results)), lost), note
+    return (*entries(places), lost), note
 
 
 def _widths(times: Any) -> Any:

@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from teg.backends.jax import entries
 from teg.backends.jax.arrays import JAX
 from teg.backends.shared import error_function, rules
 from teg.backends.shared.bends import Substitution, inside, possible_kinds, substitution
@@ -57,6 +58,13 @@ def tie(order: Scalar, g: Scalar, scale: Scalar, r: Scalar) -> tuple[Scalar, Not
     return rules.resolved(jnp, near, g, r, order), jnp.where(near, jnp.int32(TIED), jnp.int32(0))
 
 
+def barrier(*values: Scalar) -> Sequence[Any]:
+    """The values; XLA moves no operations across."""
+    keep: Any = lax.optimization_barrier
+    kept: Sequence[Any] = keep(values)
+    return kept
+
+
 def union(notes: Note) -> Note:
     """All that an array of notes says."""
     return jnp.bitwise_or.reduce(jnp.asarray(notes, jnp.int32), axis=None)
@@ -69,8 +77,16 @@ def where(condition: Scalar, note: Note) -> Note:
 
 def rows(body: Callable[..., tuple[tuple[Scalar, ...], Note]], columns: Sequence[Sequence[Scalar]]) -> tuple[tuple[Scalar, ...], Note]:
     """The values of a body for each row of the columns, those of a row together, and the note."""
-    found, notes = jax.vmap(body)(*(jnp.stack([jnp.asarray(v) for v in column]) for column in columns))
-    return tuple(value[row] for row in range(len(columns[0])) for value in found), union(notes)
+    parts = entries.columns(columns)
+
+    def row(*given: Any) -> tuple[Any, Any]:
+        numbers: dict[int, Any] = {}
+        for part, values in zip(parts, given, strict=True):
+            numbers.update(zip(part.numbers, entries.entries(values) if values.ndim else (values,), strict=True))
+        return vector(body(*(numbers[k] for k in range(len(columns)))))
+
+    found, notes = jax.vmap(row)(*(part.rows for part in parts))
+    return entries.entries(found.reshape(-1)), union(notes)
 
 
 class Pieces(NamedTuple):
@@ -118,7 +134,7 @@ def integrate(
     lo, hi = jnp.asarray(lo, jnp.float64), jnp.asarray(hi, jnp.float64)
     ends = jnp.stack([lo, hi])
     broken = jnp.any(jnp.isnan(ends) if pieces.infinite else ~jnp.isfinite(ends))
-    inner = rules.ends_of_pieces(jnp, lo, hi, [jnp.stack([jnp.asarray(b, jnp.float64) for b in breaks])] if breaks else [])
+    inner = rules.ends_of_pieces(jnp, lo, hi, [entries.stacked(breaks)] if breaks else [])
     points = jnp.concatenate([jnp.atleast_1d(v) for v in inner])
     if len(breaks) > 1:
         points = jnp.sort(points)
@@ -143,7 +159,7 @@ def integrate(
     total = jnp.concatenate([sign * total[: pieces.values], total[pieces.values :]])
     total = jnp.where(broken, jnp.nan, total)
     total = jnp.where(when, total, 0.0)
-    return tuple(total[i] for i in range(pieces.results)), note
+    return entries.entries(total), note
 
 
 def _one_by_one(piece: Callable[..., tuple[Any, Note]], points: Any, active: Scalar, pieces: Pieces) -> tuple[Any, Note]:
@@ -174,7 +190,7 @@ class OnPiece(NamedTuple):
 def vector(block: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
     """The values of a body as one vector, (results,)."""
     values, note = block
-    return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(note, jnp.int32)
+    return entries.stacked(values), jnp.asarray(note, jnp.int32)
 
 
 def _gauss(pieces: Pieces, nodes: int, places: Substitution, _: Sequence[Any], active: Scalar, values: OnPiece) -> tuple[Any, Note]:

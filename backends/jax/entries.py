@@ -1,0 +1,96 @@
+"""Numbers that are entries of one array: `entries` takes an array apart, `stacked` puts numbers together.
+
+Roots are found as an array, named one by one in the printed text, and then needed as an array again: as breaks, as points of a sum, as
+columns of rows. XLA makes a kernel of each number that it takes from an array, so numbers are looked up: those that came from one array are
+read from it at once. This module imports JAX.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+
+class Entry(NamedTuple):
+    """A place in an array; `number` is a weak reference to what stands there."""
+
+    number: weakref.ref[Any]
+    array: Any
+    place: int
+
+
+_ENTRIES: dict[int, Entry] = {}
+"""By the id of the number, while it is there."""
+
+
+def entries(array: Any) -> tuple[Any, ...]:
+    """The numbers of an array, (n,)."""
+    numbers = tuple(array[i] for i in range(array.shape[0]))
+    for place, number in enumerate(numbers):
+        _ENTRIES[id(number)] = Entry(weakref.ref(number, partial(_forget, id(number))), array, place)
+    return numbers
+
+
+def _forget(key: int, _: weakref.ref[Any]) -> None:
+    _ENTRIES.pop(key, None)
+
+
+def entry(number: Any) -> Entry | None:
+    """Where a number stands, if it was taken from an array."""
+    known = _ENTRIES.get(id(number))
+    return known if known is not None and known.number() is number else None
+
+
+def stacked(numbers: Sequence[Any]) -> Any:
+    """The array of some numbers, (n,), in double precision."""
+    parts: list[Any] = []
+    start = 0
+    while start < len(numbers):
+        first, end = entry(numbers[start]), start + 1
+        if first is None:
+            while end < len(numbers) and entry(numbers[end]) is None:
+                end += 1
+            parts.append(jnp.stack([jnp.asarray(v, jnp.float64) for v in numbers[start:end]]))
+        else:
+            while end < len(numbers) and _follows(first, entry(numbers[end]), end - start):
+                end += 1
+            whole = end - start == first.array.shape[0]
+            part = first.array if whole else lax.slice_in_dim(first.array, first.place, first.place + end - start)
+            parts.append(jnp.asarray(part, jnp.float64))
+        start = end
+    return parts[0] if len(parts) == 1 else jnp.concatenate(parts)
+
+
+def _follows(first: Entry, other: Entry | None, distance: int) -> bool:
+    return other is not None and other.array is first.array and other.place == first.place + distance
+
+
+class Columns(NamedTuple):
+    """Columns of numbers, as arrays of their rows: those with these `numbers`, (rows, columns), or (rows,) for a column alone."""
+
+    numbers: tuple[int, ...]
+    rows: Any
+
+
+def columns(of: Sequence[Sequence[Any]]) -> list[Columns]:
+    """The arrays that some columns are made of; those whose numbers all come from one array are read from it together."""
+    together: dict[int, tuple[Any, list[int], list[list[int]]]] = {}
+    found = []
+    for k, column in enumerate(of):
+        known = [entry(v) for v in column]
+        first = known[0]
+        if first is not None and all(e is not None and e.array is first.array for e in known):
+            _, numbers, places = together.setdefault(id(first.array), (first.array, [], []))
+            numbers.append(k)
+            places.append([e.place for e in known if e is not None])
+        else:
+            found.append(Columns((k,), jnp.stack([jnp.asarray(v) for v in column])))
+    for array, numbers, places in together.values():
+        found.append(Columns(tuple(numbers), array.at[np.array(places).T].get(mode="promise_in_bounds")))
+    return found

@@ -1,0 +1,63 @@
+"""Numbers that came from one array are read from it at once, also inside of maps and loops."""
+
+from __future__ import annotations
+
+import gc
+from typing import Any
+
+import numpy as np
+import pytest
+
+jax = pytest.importorskip("jax")
+jnp = jax.numpy
+
+from teg.backends.jax import entries, runtime  # noqa: E402
+
+pytestmark = pytest.mark.usefixtures("x64")
+NUMBERS = np.array([2.0, 3.0, 5.0, 7.0, 11.0])
+
+
+def operations(function: Any, *operands: Any) -> list[str]:
+    return [e.primitive.name for e in jax.make_jaxpr(function)(*operands).eqns]
+
+
+def test_all_numbers_of_an_array_are_the_array() -> None:
+    def again(array: Any) -> Any:
+        return entries.stacked(entries.entries(array))
+
+    np.testing.assert_array_equal(again(jnp.asarray(NUMBERS)), NUMBERS)
+    traced = jax.make_jaxpr(again)(NUMBERS).jaxpr
+    assert traced.outvars == traced.invars
+
+
+def test_neighbours_are_a_slice_and_others_stand_between() -> None:
+    def mixed(array: Any, other: Any) -> Any:
+        a = entries.entries(array)
+        return entries.stacked((a[1], a[2], other, 4.0, a[4], a[3]))
+
+    np.testing.assert_array_equal(mixed(jnp.asarray(NUMBERS), jnp.asarray(1.5)), [3.0, 5.0, 1.5, 4.0, 11.0, 7.0])
+    many = jax.vmap(mixed)(jnp.stack([NUMBERS, -NUMBERS]), jnp.asarray([1.5, 2.5]))
+    np.testing.assert_array_equal(many, [[3.0, 5.0, 1.5, 4.0, 11.0, 7.0], [-3.0, -5.0, 2.5, 4.0, -11.0, -7.0]])
+
+
+def test_columns_from_one_array_are_read_together() -> None:
+    def function(array: Any, other: Any) -> Any:
+        a = entries.entries(array)
+        found, _ = runtime.rows(
+            lambda p, q, flag, r: ((jnp.where(flag, p, q), p - q + r), 0), ((a[0], a[3]), (a[1], a[4]), (True, False), (other, a[2]))
+        )
+        return entries.stacked(found)
+
+    expected = [2.0, 2.0 - 3.0 + 1.5, 11.0, 7.0 - 11.0 + 5.0]
+    np.testing.assert_array_equal(function(jnp.asarray(NUMBERS), jnp.asarray(1.5)), expected)
+    assert operations(function, NUMBERS, 1.5).count("gather") == 1
+
+
+def test_numbers_are_forgotten() -> None:
+    before = len(entries._ENTRIES)
+    numbers = entries.entries(jnp.asarray(NUMBERS))
+    assert entries.entry(numbers[2]).place == 2  # type: ignore[union-attr]
+    assert entries.entry(jnp.asarray(2.0)) is None
+    del numbers
+    gc.collect()
+    assert len(entries._ENTRIES) == before
