@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from teg.backends.c.lanes import SIDE, decisive_branch
 from teg.backends.c.queues import Queue
+from teg.backends.c.spans import PLACES, Rows, function, prefetched, rows_of
 from teg.backends.c.steps import StepPrinter, array_of, named, skipped, spelled
 from teg.backends.c.straights import Staged, Straight
 from teg.backends.c.text import indent, packed
@@ -119,9 +120,17 @@ class IterationPrinter(StepPrinter):
         only = only_run(step)
         if only and id(only) in self.straights:
             return self._side_by_side(step, only, lo, hi, depth)
+        if (rows := rows_of(step, self.idle)) and (run := self._spanned(step, rows.row)):
+            return self._rows_side_by_side(step, rows, run, lo, hi, depth)
         inside = [*skipped(step), "if (teg_stopped(pace)) break;"]
         inside += [*self._block(step.body, depth, decisive(step)), *self._added(step)]
         return [f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
+
+    def _spanned(self, step: Loop, row: Loop) -> Run | None:
+        """Returns the flat program of the loop `row` inside of `step` if its spans are known, and its queue is kept from row to row."""
+        run = only_run(row)
+        straight = self.straights.get(id(run))
+        return run if straight is not None and straight.covered is not None and step in self.queues[id(run)].chain else None
 
     def _side_by_side(self, step: Loop, run: Run, lo: str, hi: str, depth: int) -> list[str]:
         """Returns the iterations of a loop with one flat program, SIDE at a time; those that are not on the straight line one by one."""
@@ -183,17 +192,68 @@ class IterationPrinter(StepPrinter):
             "}",
         ]
 
+    def _rows_side_by_side(self, step: Loop, rows: Rows, run: Run, lo: str, hi: str, depth: int) -> list[str]:
+        """Returns the iterations of a loop over rows, for SIDE of which at a time it is known what is live and what is covered."""
+        row, narrow = rows.row, self.straights[id(run)].narrow
+        assert narrow is not None
+        at, count, spans = f"{step.index}_first", f"{step.index}_count", f"{row.index}_spans"
+        inside, numbers = rows.inside | {step.index}, counted(row)
+        moving = [i for i in narrow.inputs if run.inputs[i] in inside]
+        indices = {i for i in narrow.inputs if run.inputs[i] in numbers}
+        routine = self.printer.once("spans", function(narrow.name, narrow.known, indices, set(moving)))
+        given = [f"q{i}" if i in moving else spelled(run.inputs[i]) for i in narrow.inputs if i not in indices]
+        wanted = {*(run.inputs[i] for i in moving), row.lo, row.hi}
+        gathered = [f"{row.index}_lo[k] = (double){spelled(row.lo)};", f"{row.index}_hi[k] = (double){spelled(row.hi)};"]
+        gathered += [f"q{i}[k] = {spelled(run.inputs[i])};" for i in moving]
+        ends = [f"const int64_t {row.index}_{end} = (int64_t){spans}[{m}][k];" for m, end in enumerate(PLACES)]
+        ahead = prefetched(row, run)
+        each = [f"const int64_t {step.index} = {at} + k;", *ends]
+        names = [
+            f"{row.index}_lo[{SIDE}]",
+            f"{row.index}_hi[{SIDE}]",
+            f"{spans}[{len(PLACES)}][{SIDE}]",
+            *(f"q{i}[{SIDE}]" for i in moving),
+        ]
+        return [
+            f"for (int64_t {at} = {lo}; {at} < {hi}; {at} += {SIDE}) {{",
+            *indent(
+                "if (teg_stopped(pace)) break;",
+                f"const int {count} = {hi} - {at} < {SIDE} ? (int)({hi} - {at}) : {SIDE};",
+                *packed(names, "double ", ", ", ";"),
+                f"for (int k = 0; k < {SIDE}; k++) {{",
+                *indent(
+                    f"const int64_t {step.index} = {at} + (k < {count} ? k : {count} - 1);",
+                    *self._block(_needed(rows.before, wanted), depth),
+                    *packed(gathered),
+                ),
+                "}",
+                f"{routine.name}({', '.join([*given, f'{row.index}_lo', f'{row.index}_hi', spans])});",
+                *(
+                    [f"for (int k = 0; k < {count}; k++) {{", *indent(*each, *self._block(rows.before, depth), *ahead), "}"]
+                    if ahead
+                    else []
+                ),
+                f"for (int k = 0; k < {count}; k++) {{",
+                *indent(*each, *self._block(rows.before, depth), *self._span(row, run, depth + 1)),
+                "}",
+            ),
+            "}",
+        ]
+
     def _spans(self, step: Loop, run: Run, lo: str, hi: str, depth: int) -> list[str]:
         """Returns the iterations of a loop of which it is known from the first and the last one which are live and which covered."""
+        narrow, _, _ = _narrowed(step, run, self.straights[id(run)], lo, hi)
+        return [*narrow, *self._span(step, run, depth)]
+
+    def _span(self, step: Loop, run: Run, depth: int) -> list[str]:
+        """Returns the iterations of a loop of which it is known which are live and which covered."""
         straight, queue, index = self.straights[id(run)], self.queues[id(run)], step.index
         assert straight.covered is not None
         before = step.body[: step.body.index(run)]
-        start, stop, since, until = (f"{index}_{part}" for part in ("start", "stop", "since", "until"))
-        narrow, _, _ = _narrowed(step, run, straight, lo, hi)
+        start, stop, since, until = (f"{index}_{end}" for end in PLACES)
         kept = _kept(queue, straight.covered)
         plain = packed(f"covered_{queue.name}[{m}][plain_{queue.name}] = {queue.run.inputs[i]};" for m, i in enumerate(kept))
         return [
-            *narrow,
             f"for (int64_t {index} = {since}; {index} < {until}; {index}++) {{",
             *indent(
                 *self._block(_needed(before, {queue.run.inputs[i] for i in kept}), depth),
@@ -257,6 +317,11 @@ def only_run(loop: Loop) -> Run | None:
     return runs[0] if len(runs) == 1 and not any(isinstance(s, Loop) for s in loop.body) else None
 
 
+def counted(loop: Loop) -> set[str]:
+    """Returns the numbers that are the index of a loop."""
+    return {s.name for s in loop.body if isinstance(s, Number) and s.integer == loop.index}
+
+
 def _kept(queue: Queue, staged: Staged) -> list[int]:
     """Returns the inputs of a function that differ between the points of a queue."""
     return [i for i in queue.varying if i in staged.inputs]
@@ -267,7 +332,7 @@ def _narrowed(step: Loop, run: Run, straight: Straight, lo: str, hi: str) -> tup
     covered are computed apart, theirs is {index}_since … {index}_until: a part of the other one, or nothing, at its end."""
     narrow = straight.narrow
     assert narrow is not None
-    numbers = {s.name for s in step.body if isinstance(s, Number) and s.integer == step.index}
+    numbers = counted(step)
     start, stop, since, until, heights, told = (f"{step.index}_{part}" for part in ("start", "stop", "since", "until", "height", "told"))
 
     def call(row: int, index: str) -> str:

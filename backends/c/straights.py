@@ -37,6 +37,7 @@ class Narrow(NamedTuple):
     heights: int
     covers: int
     decides: bool
+    known: Narrowing
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +125,9 @@ def _staged(once: Once, kind: str, found: Crossed, waiting: Waiting) -> Staged:
 def _narrow(once: Once, known: Narrowing) -> Narrow:
     """Returns the function by which a range of points is narrowed."""
     head = f"TEG_INLINE int @({signature(known.inputs, (), 'double *height')})"
-    return Narrow(_printed(once, "narrow", head, function(known)), known.inputs, len(known.heights), len(known.covers), known.decides)
+    return Narrow(
+        _printed(once, "narrow", head, function(known)), known.inputs, len(known.heights), len(known.covers), known.decides, known
+    )
 
 
 def _printed(once: Once, kind: str, head: str, inside: Sequence[str]) -> str:

@@ -76,6 +76,18 @@ static inline void teg_cover(int n, const double *first, const double *last, int
     }
 }
 
+//: teg_prefetch
+/* Asks for the numbers from the first to the last of `count` entries, if they lie together. */
+static inline void teg_prefetch(const double *first, const double *last, int64_t count)
+{
+#ifdef __GNUC__
+    if (last - first < 8 * count)
+        for (; first <= last; first += 8) __builtin_prefetch(first);
+#else
+    (void)first, (void)last, (void)count;
+#endif
+}
+
 //: teg_mod
 /* x - y*floor(x/y): the remainder with the sign of y. */
 static inline double teg_mod(double x, double y)

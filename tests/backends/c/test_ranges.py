@@ -215,3 +215,64 @@ def test_an_index_that_is_not_a_place_narrows_nothing() -> None:
     assert found[0] == pytest.approx(found[1], rel=1e-13)
     ordered = {**given, "columns": np.arange(70)}
     assert teg.compile(total, [lines], backend="c")(ordered) == pytest.approx(found[0], rel=1e-13)
+
+
+FACES, COLUMN, ROW = teg.indices("F", 2), teg.index("c"), teg.index("r")
+corners, tones, target, rows_of_columns = teg.array("V", 2), teg.array("C", 2), teg.array("T", 2), teg.indices("ends", 3)
+
+
+def faces(bounds: str) -> teg.Expr:
+    """Triangles over pixels: a linear tone beside a picture, squared. `bounds` says what the columns of a row depend on."""
+    k = teg.index("k")
+    at = [(corners[FACES[k, m], 0], corners[FACES[k, m], 1]) for m in range(3)]
+    edges = [(at[n][0] - at[m][0]) * (y - at[m][1]) - (at[n][1] - at[m][1]) * (x - at[m][0]) for m, n in ((1, 2), (2, 0), (0, 1))]
+    area = edges[0] + edges[1] + edges[2]
+    shade = sum((e / area * tones[k, m] for m, e in enumerate(edges)), start=0 * x)
+    inside = (edges[0] > 0) & (edges[1] > 0) & (edges[2] > 0)
+    pixel = teg.integral(teg.bracket(inside) * (shade - target[ROW, COLUMN]) ** 2, (x, COLUMN, COLUMN + 1), (y, ROW, ROW + 1))
+    columns = {
+        "the face": (COLUMN, FACES[k, 3], FACES[k, 4]),
+        "the row": (COLUMN, ROW // 3, ROW + 1),
+        "both": (COLUMN, rows_of_columns[k, ROW, 0], rows_of_columns[k, ROW, 1]),
+    }[bounds]
+    return teg.sum(pixel, columns, (ROW, FACES[k, 5], FACES[k, 6]), (k, 0, teg.length(FACES, 0)))
+
+
+def placed_faces(seed: int, size: int = 24) -> dict[str, Any]:
+    """Triangles of all sizes, clockwise ones, slivers, corners on corners of pixels, rows in any number from none to all."""
+    rng = np.random.default_rng(seed)
+    n = 30
+    middle, reach = rng.uniform(0, size, (n, 1, 2)), 10 ** rng.uniform(-1, 1.3, (n, 1, 1))
+    places = np.clip(middle + reach * rng.normal(size=(n, 3, 2)), 0, size)
+    places[::4] = np.round(places[::4])
+    places[1, 2] = 0.5 * (places[1, 0] + places[1, 1]) + 1e-9
+    boxes = np.sort(rng.integers(0, size + 1, (n, 2, 2)), axis=2)
+    boxes[:10] = [0, size]
+    indices = np.concatenate([np.arange(3 * n).reshape(n, 3), boxes.reshape(n, 4)], axis=1)
+    return {
+        "V": places.reshape(-1, 2),
+        "F": indices,
+        "C": rng.random((n, 3)),
+        "T": rng.random((size, size)),
+        "ends": np.sort(rng.integers(0, size + 1, (n, size, 2)), axis=2),
+    }
+
+
+@pytest.mark.parametrize("bounds", ["the face", "the row", "both"])
+@pytest.mark.parametrize("seed", range(2))
+def test_rows_side_by_side(bounds: str, seed: int) -> None:
+    given = placed_faces(seed)
+    if bounds != "both":
+        del given["ends"]
+    e = faces(bounds)
+    c, numpy = (teg.compile(e, [corners, tones], backend=b) for b in ("c", "numpy"))
+    assert "spans_" in c.source
+    value, slopes = c.value_and_grad(given)
+    expected, wanted = numpy.value_and_grad(given)
+    assert value == pytest.approx(expected, rel=1e-12)
+    for name in ("V", "C"):
+        of_face = np.abs(wanted[name]).reshape(30, -1).max(axis=1).repeat(wanted[name].size // 30).reshape(wanted[name].shape)
+        np.testing.assert_allclose(
+            slopes[name] / np.maximum(of_face, 1e-300), wanted[name] / np.maximum(of_face, 1e-300), rtol=0, atol=3e-11
+        )
+    assert c.value_and_grad(given)[0] == value

@@ -1,0 +1,109 @@
+"""Spans of rows: which iterations of a loop have a result other than 0, and which nothing crosses, for eight runs of the loop at once.
+
+    for j in …:                     rows
+        for i in lo(j) … hi(j):     a span of iterations is live, a part of it covered (`ranges`)
+
+What decides that is the same arithmetic in each row, so eight rows take little longer than one. The bounds of a row are numbers of
+iterations from its first one on, and are rounded outwards for what is live, inwards for what is covered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from typing import NamedTuple
+
+from teg.backends.c.lanes import SIDE, signature
+from teg.backends.c.ranges import Narrowing
+from teg.backends.c.steps import place_of
+from teg.backends.c.text import indent, wrapped
+from teg.program.arrays import Integers, Load, Loop, Number, Run, Step
+from teg.program.fields import result_names
+
+PLACES = ("start", "stop", "since", "until")
+"""The ends of the live iterations of a row, and of the covered ones among these."""
+
+
+class Rows(NamedTuple):
+    """A loop over rows: the steps before the loop over the iterations of a row, and that loop."""
+
+    before: tuple[Step, ...]
+    row: Loop
+
+    @property
+    def inside(self) -> set[str]:
+        """Returns the names that differ between rows."""
+        return {name for s in self.before for name in result_names(s)}
+
+
+def rows_of(loop: Loop, idle: Container[int]) -> Rows | None:
+    """Returns the rows of a loop that does nothing beside them, but for flat programs that are `idle`; None if there are none."""
+    body = [s for s in loop.body if not (isinstance(s, Run) and id(s) in idle)]
+    if loop.listed >= 0 or not body or type(row := body[-1]) is not Loop:
+        return None
+    simple = all(isinstance(s, Integers | Number | Load) for s in body[:-1])
+    return Rows(tuple(body[:-1]), row) if simple else None
+
+
+def function(narrow: str, known: Narrowing, indices: Container[int], varying: Container[int]) -> str:
+    """Returns the C function @ of eight rows, which calls the function `narrow` of one iteration: inputs in `indices` are the number of the
+    iteration, those in `varying` differ between rows."""
+
+    def call(iteration: str, array: str) -> str:
+        values = [iteration if i in indices else f"q{i}[k]" if i in varying else f"p{i}" for i in known.inputs]
+        return f"{narrow}({', '.join([*values, array])})"
+
+    heights, count = len(known.heights), len(known.heights) + len(known.covers)
+    inside = [
+        f"double first[{count}], last[{count}];",
+        f"const int told = {call('lo[k]', 'first')} | {call('hi[k] - 1.0', 'last')};",
+        "const double steps = hi[k] - 1.0 - lo[k], near = 1e-6 + 1e-14 * steps;",
+        "double start = 0.0, stop = steps, since = -1.0, until = (told & 2) ? -1.0 : steps + 1.0;",
+        "double fall, place;",
+        "int known;",
+    ]
+    for m in range(count):
+        g, h = f"first[{m}]", f"last[{m}]"
+        inside += [f"fall = {g} - {h}, place = steps * ({g} / fall);"]
+        inside += ["known = (place >= 0.0) & (place <= steps) & (fall - fall == 0.0);"]
+        if m < heights:
+            inside += [
+                f"start = known & ({g} < 0.0) & ({h} >= 0.0) & (place - near > start) ? place - near : start;",
+                f"stop = known & ({g} >= 0.0) & ({h} < 0.0) & (place + near < stop) ? place + near : stop;",
+                f"stop = ({g} < 0.0) & ({h} < 0.0) ? -1.0 : stop;",
+            ]
+        else:
+            inside += [
+                f"since = ({g} > 0.0) | !(place + near > since) ? since : place + near;",
+                f"until = ({h} > 0.0) | !(place - near < until) ? until : place - near;",
+                f"until = (({g} > 0.0) & ({h} > 0.0) & (fall - fall == 0.0)) | (known & (({g} > 0.0) | ({h} > 0.0))) ? until : -1.0;",
+            ]
+    inside += [
+        "start = ceil(start), stop = floor(stop) + 1.0, since = floor(since) + 1.0, until = ceil(until);",
+        "since = since > start ? since : start, until = until < stop ? until : stop;",
+        "start = start < stop ? start : stop;",
+        "spans[0][k] = lo[k] + start, spans[1][k] = lo[k] + stop;",
+        "spans[2][k] = lo[k] + (since < until ? since : stop), spans[3][k] = lo[k] + (since < until ? until : stop);",
+    ]
+    inputs = [i for i in known.inputs if i not in indices]
+    given = signature(inputs, varying, "const double *lo", "const double *hi", f"double (*restrict spans)[{SIDE}]")
+    return wrapped([f"TEG_APART void @({given})", "{", *indent(f"for (int k = 0; k < {SIDE}; k++) {{", *indent(*inside), "}"), "}"])
+
+
+def prefetched(row: Loop, run: Run) -> list[str]:
+    """Returns lines that ask for the entries of arrays which iterations {index}_start … {index}_stop of a row read."""
+    lines: list[str] = []
+    inside = {name for s in row.body for name in result_names(s)} | {row.index}
+    start, stop = (f"{row.index}_{end}" for end in PLACES[:2])
+    asked: set[int] = set()
+    for load in row.body[: row.body.index(run)]:
+        if not isinstance(load, Load) or load.array in asked or row.index not in load.subscripts:
+            continue
+        if any(isinstance(a, str) and a in inside and a != row.index for a in load.subscripts):
+            continue
+        asked.add(load.array)
+        first, last = (
+            f"a{load.array} + {place_of(load.array, [at if a == row.index else a for a in load.subscripts])}"
+            for at in (start, f"({stop} - 1)")
+        )
+        lines.append(f"teg_prefetch({first}, {last}, {stop} - {start});")
+    return lines
