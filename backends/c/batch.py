@@ -164,7 +164,7 @@ class _Batch:
         return [
             "if ((stopped = teg_stopped(&pace))) break;",
             "if (notes) for (long k = 0; k < few; k++) notes[at + k] = 0;",
-            f"int live[{SIDE}], fast[{SIDE}];",
+            f"int64_t live[{SIDE}], fast[{SIDE}];",
             f"const int some = {straight.decision}({given});",
             *([f"if (some & 2) {straight.line}({used});", f"else {zero}"] if straight.line else [zero]),
         ]

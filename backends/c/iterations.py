@@ -130,16 +130,15 @@ class IterationPrinter(StepPrinter):
         """Returns the flat program of the loop `row` inside of `step` if its spans are known, and its queue is kept from row to row."""
         run = only_run(row)
         straight = self.straights.get(id(run))
-        return run if straight is not None and straight.covered is not None and step in self.queues[id(run)].chain else None
+        return run if straight is not None and straight.spanned and step in self.queues[id(run)].chain else None
 
     def _side_by_side(self, step: Loop, run: Run, lo: str, hi: str, depth: int) -> list[str]:
         """Returns the iterations of a loop with one flat program, SIDE at a time; those that are not on the straight line one by one."""
         straight, count = self.straights[id(run)], len(run.results)
-        if straight.covered is not None:
+        if straight.spanned:
             return self._spans(step, run, lo, hi, depth)
         at, lanes = f"{step.index}_first", f"{step.index}_count"
-        cut = step.body.index(run)
-        before, after = step.body[:cut], step.body[cut + 1 :]
+        before = step.body[: step.body.index(run)]
         inside = {name for s in before for name in result_names(s)} | {step.index}
 
         def gathered(wanted: Sequence[int]) -> list[str]:
@@ -160,21 +159,13 @@ class IterationPrinter(StepPrinter):
         adding = not only_adds(step, run)  # whether an iteration that is not live has something to add
         later = [i for i in straight.used if i not in straight.decided_by]
         queue = self.queues.get(id(run))
-        decided = [*gathered(straight.decided_by), f"int live[{SIDE}], fast[{SIDE}];"]
+        decided = [*gathered(straight.decided_by), f"int64_t live[{SIDE}], fast[{SIDE}];"]
         decided.append(f"const int some = {straight.decision}({arguments(straight.decided_by, 'live', 'fast')});")
         decided += [] if adding else ["if (!some) continue;"]
         if straight.line:
             line = [*gathered(later), f"{straight.line}({arguments(straight.used, 'f')});"]
             line += queue.covered(lanes) if queue and not queue.after else []
             decided += [f"double f[{SIDE * count}];", "if (some & 2) {", *indent(*line), "}"]
-        each = [
-            *([] if adding else ["if (!live[k]) continue;"]),
-            *(["if (fast[k]) continue;"] if queue and not queue.after else []),
-            f"const int64_t {step.index} = {at} + k;",
-            *self._block(before, depth),
-            *self._way(run, straight, adding),
-            *([] if queue and not queue.after else [*named(run), *self._block(after, depth), *self._added(step)]),
-        ]
         narrow: list[str] = []
         if straight.narrow and not adding:
             narrow, lo, hi = _narrowed(step, run, straight, lo, hi)
@@ -186,11 +177,23 @@ class IterationPrinter(StepPrinter):
                 f"const int {lanes} = {hi} - {at} < {SIDE} ? (int)({hi} - {at}) : {SIDE};",
                 *decided,
                 f"for (int k = 0; k < {lanes}; k++) {{",
-                *indent(*each),
+                *indent(*self._one(step, run, adding, depth)),
                 "}",
             ),
             "}",
         ]
+
+    def _one(self, step: Loop, run: Run, adding: bool, depth: int) -> list[str]:
+        """Returns what is done with one of several iterations side by side. `adding`: one that is not live has something to add."""
+        straight, queue, cut = self.straights[id(run)], self.queues.get(id(run)), step.body.index(run)
+        is_summed = queue is not None and not queue.after  # results are added up in lanes, and nothing else
+        lines = [] if adding else ["if (!live[k]) continue;"]
+        lines += ["if (fast[k]) continue;"] if is_summed and straight.covered is None else []
+        lines += [f"const int64_t {step.index} = {step.index}_first + k;", *self._block(step.body[:cut], depth)]
+        if queue is not None and straight.covered is not None:
+            lines += ["if (fast[k]) {", *indent(*self._pushed_plain(queue, straight.covered), "continue;"), "}"]
+        lines += self._way(run, straight, adding)
+        return lines if is_summed else [*lines, *named(run), *self._block(step.body[cut + 1 :], depth), *self._added(step)]
 
     def _rows_side_by_side(self, step: Loop, rows: Rows, run: Run, lo: str, hi: str, depth: int) -> list[str]:
         """Returns the iterations of a loop over rows, for SIDE of which at a time it is known what is live and what is covered."""
@@ -252,15 +255,11 @@ class IterationPrinter(StepPrinter):
         before = step.body[: step.body.index(run)]
         start, stop, since, until = (f"{index}_{end}" for end in PLACES)
         kept = _kept(queue, straight.covered)
-        plain = packed(f"covered_{queue.name}[{m}][plain_{queue.name}] = {queue.run.inputs[i]};" for m, i in enumerate(kept))
         return [
             f"for (int64_t {index} = {since}; {index} < {until}; {index}++) {{",
             *indent(
                 *self._block(_needed(before, {queue.run.inputs[i] for i in kept}), depth),
-                *plain,
-                f"if (++plain_{queue.name} == {SIDE}) {{",
-                *indent(*self._flushed_plain(queue), "if (teg_stopped(pace)) break;"),
-                "}",
+                *self._pushed_plain(queue, straight.covered, "if (teg_stopped(pace)) break;"),
             ),
             "}",
             f"for (int64_t {index} = {start}; {index} < {stop}; {index}++) {{",
@@ -298,6 +297,16 @@ class IterationPrinter(StepPrinter):
             *packed(f"place_{name}[{m}][waiting_{name}] = {index};" for m, index in enumerate(queue.indices)),
             f"if (++waiting_{name} == {SIDE}) {{",
             *indent(*self._flushed(queue)),
+            "}",
+        ]
+
+    def _pushed_plain(self, queue: Queue, covered: Staged, *more: str) -> list[str]:
+        """Returns lines by which an iteration with a simple value joins those that wait."""
+        name = queue.name
+        return [
+            *packed(f"covered_{name}[{m}][plain_{name}] = {queue.run.inputs[i]};" for m, i in enumerate(_kept(queue, covered))),
+            f"if (++plain_{name} == {SIDE}) {{",
+            *indent(*self._flushed_plain(queue), *more),
             "}",
         ]
 
@@ -347,7 +356,7 @@ def _narrowed(step: Loop, run: Run, straight: Straight, lo: str, hi: str) -> tup
         *([] if narrow.decides else [f"if (!({told} & 1))"]),
         f"teg_narrow({narrow.heights}, {heights}[0], {heights}[1], &{start}, &{stop});",
     ]
-    if straight.covered is not None:
+    if straight.spanned:
         least = 0
         lines.append(f"int64_t {since} = {start}, {until} = {stop};")
         behind = f"{heights}[0] + {narrow.heights}, {heights}[1] + {narrow.heights}"

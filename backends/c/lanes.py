@@ -430,8 +430,8 @@ def decision(found: Packed, varying: Container[int]) -> list[str]:
             f"for (int k = 0; k < {SIDE}; k++) some |= {array}[k];",
         ]
 
-    lines = ["int some = 0;", *loop("live", found.live, found.settling), "if (!some) return 0;", "some = 0;"]
-    return [*lines, *loop("fast", found.fast, found.deciding, "live[k] & "), "return 1 | some << 1;"]
+    lines = ["int64_t some = 0;", *loop("live", found.live, found.settling), "if (!some) return 0;", "some = 0;"]
+    return [*lines, *loop("fast", found.fast, found.deciding, "live[k] & "), "return 1 | (int)some << 1;"]
 
 
 def _each_point(

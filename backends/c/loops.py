@@ -177,7 +177,7 @@ class _ArrayPrinter(IterationPrinter):
             straight = self.straights.get(id(step))
             if not isinstance(step, Run):
                 continue
-            if straight is not None and straight.covered is not None and straight.narrow is not None:
+            if straight is not None and straight.spanned and straight.narrow is not None:
                 wanted.update(self.queues[id(step)].run.inputs, (step.inputs[i] for i in straight.narrow.inputs))
             elif wanted.isdisjoint(step.results):
                 idle.add(id(step))

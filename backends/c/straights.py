@@ -44,7 +44,7 @@ class Narrow(NamedTuple):
 class Straight:
     """C functions of eight points. `decision` says where the outputs are 0 or have a simple value, `line` computes that value;
     `decided_by` and `used` are their inputs. Of points that wait in a queue, `crossed` computes those whose boxes are crossed by surfaces,
-    `covered` those with a simple value: then `narrow` decides which are which, in rows."""
+    `covered` those with a simple value. If `spanned`, `narrow` alone decides which are which, in rows."""
 
     decision: str | None
     decided_by: list[int]
@@ -53,6 +53,7 @@ class Straight:
     crossed: Staged | None = None
     covered: Staged | None = None
     narrow: Narrow | None = None
+    spanned: bool = False
 
 
 class Waiting(NamedTuple):
@@ -81,20 +82,21 @@ def side_by_side(
     if found is None or (found.fast is False and not across and sum(i in varying for i in used_inputs(found)[0]) > SIDE):
         return None  # to gather what tells which points are live costs more than to ask them one by one
     known = narrowing(found, [f"p{i}" for i in indices], [f"p{i}" for i in varying]) if indices else None
-    whole = _whole(waiting) if waiting and across and known and known.decides and known.covers else None
+    whole = _whole(waiting) if waiting and across else None
     narrow = _narrow(once, known) if known else None
-    made = Straight(None, [], None, [], narrow=narrow) if whole else replace(_decided(once, found, varying, apart), narrow=narrow)
+    spanned = whole is not None and known is not None and known.decides and bool(known.covers)
+    made = Straight(None, [], None, [], narrow=narrow, spanned=True) if spanned else _decided(once, found, varying, apart, whole is None)
     if waiting and across:
-        made = replace(made, crossed=_staged(once, "crossed", across, waiting))
-    return replace(made, covered=_staged(once, "covered", whole, waiting)) if waiting and whole else made
+        made = replace(made, narrow=narrow, crossed=_staged(once, "crossed", across, waiting))
+    return replace(made, narrow=narrow, covered=_staged(once, "covered", whole, waiting) if waiting and whole else None)
 
 
-def _decided(once: Once, found: Packed, varying: Collection[int], apart: int) -> Straight:
-    """Returns the decision, and the straight line if there is one."""
+def _decided(once: Once, found: Packed, varying: Collection[int], apart: int, with_line: bool) -> Straight:
+    """Returns the decision, and the straight line if there is one and it is wanted."""
     decided_by, used = used_inputs(found)
-    given = signature(decided_by, varying, "int *live", "int *fast")
+    given = signature(decided_by, varying, "int64_t *live", "int64_t *fast")
     decided = _printed(once, "decision", f"TEG_INLINE int @({given})", decision(found, varying))
-    if found.fast is False:
+    if found.fast is False or not with_line:
         return Straight(decided, decided_by, None, used)
     storage = "TEG_APART" if found.wide else "TEG_INLINE"  # inlined, the loop of a wide one would be unrolled before it is vectorised
     head = f"{storage} void @({signature(used, varying, 'double *restrict f')})"

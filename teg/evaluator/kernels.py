@@ -13,6 +13,7 @@ from teg.evaluator.accuracy import has_samples, report_missed, report_not_a_numb
 from teg.evaluator.arguments import Call, whole_numbers
 from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT_ALONE, ORDERS, VALUE, Kept, Plan, Wanted, derivative_of_order
+from teg.evaluator.runs import ListedPlan, RunsKernel
 from teg.evaluator.tabled import Tabled
 from teg.evaluator.timing import timed
 from teg.ir.expr import Param
@@ -54,6 +55,7 @@ class Kernels:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self._tabled = Tabled(plan)
+        self._listed = ListedPlan(plan)
         self._kernels: Kept[Key, Kernel] = Kept()
         self._room: Kept[Key, Integration] = Kept()  # for kernels that met more roots than there was room for
         self._sampled: Kept[tuple[Wanted, int | None], bool] = Kept()
@@ -67,6 +69,8 @@ class Kernels:
     def _made(self, key: Key) -> Kernel:
         program = self._program(key)
         dtype = "float64" if key.errors or key.counted else self.plan.options.dtype
+        if isinstance(program, ArrayProgram) and key == Key(key.wanted) and self._listed.lists and self.room(key).closed_forms:
+            return RunsKernel(self._listed, key.wanted, self.room(key), lambda p: build_kernel(p, self.plan.options, dtype))
         with timed(f"{key.wanted.title} for {self.plan.options.backend}", "compiled"):
             kernel: Kernel = build_kernel(program, self.plan.options, dtype, key.counted)
         return kernel

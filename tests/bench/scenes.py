@@ -42,18 +42,19 @@ def triangle_pixel(order: int = 1) -> tuple[Expr, list[Param]]:
     return teg.integral(loss, (x, lo_x, hi_x), (y, lo_y, hi_y)), wrt
 
 
-def picture() -> tuple[Expr, list[Any]]:
+def picture(listed: bool = False) -> tuple[Expr, list[Any]]:
     """The loss of a whole picture: Σ over faces k and the pixels of their boxes of `triangle_pixel`, linear colours.
 
     Arrays: vertices V (nv, 2), faces F (m, 3), colours C (m, 9), picture T (rows, columns, 3), and boxes B (m, 4): columns from … to, and
-    rows from … to.
+    rows from … to. A `listed` one has pairs P (n, 3) instead, face, column and row, and is one sum over these.
     Returns the loss and V and C, to differentiate by.
     """
     x, y = teg.vars("x y")
     vertices, colours, target = teg.array("V", 2), teg.array("C", 2), teg.array("T", 3)
-    faces, boxes = teg.indices("F", 2), teg.indices("B", 2)
-    face, column, row = teg.index("k"), teg.index("i"), teg.index("j")
-    corners = [(vertices[faces[face, i], 0], vertices[faces[face, i], 1]) for i in range(3)]
+    faces, boxes, pairs = teg.indices("F", 2), teg.indices("B", 2), teg.indices("P", 2)
+    pair, face, column, row = teg.index("n"), teg.index("k"), teg.index("i"), teg.index("j")
+    at = (pairs[pair, 0], pairs[pair, 1], pairs[pair, 2]) if listed else (face, column, row)
+    corners = [(vertices[faces[at[0], i], 0], vertices[faces[at[0], i], 1]) for i in range(3)]
 
     def edge(i: int, j: int) -> Expr:
         (ax, ay), (bx, by) = corners[i], corners[j]
@@ -63,10 +64,12 @@ def picture() -> tuple[Expr, list[Any]]:
     area = edges[0] + edges[1] + edges[2]
     inside = (edges[0] > 0) & (edges[1] > 0) & (edges[2] > 0)
     residuals = [
-        sum((e / area * colours[face, 3 * i + k] for i, e in enumerate(edges)), start=0 * x) - target[row, column, k] for k in range(3)
+        sum((e / area * colours[at[0], 3 * i + k] for i, e in enumerate(edges)), start=0 * x) - target[at[2], at[1], k] for k in range(3)
     ]
     loss = teg.bracket(inside) * sum((r * r for r in residuals), start=0 * x)
-    pixel = teg.integral(loss, (x, column, column + 1), (y, row, row + 1))
+    pixel = teg.integral(loss, (x, at[1], at[1] + 1), (y, at[2], at[2] + 1))
+    if listed:
+        return teg.sum(pixel, (pair, 0, teg.length(pairs, 0))), [vertices, colours]
     columns, rows = (column, boxes[face, 0], boxes[face, 1]), (row, boxes[face, 2], boxes[face, 3])
     return teg.sum(pixel, columns, rows, (face, 0, teg.length(faces, 0))), [vertices, colours]
 

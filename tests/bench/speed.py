@@ -214,8 +214,24 @@ def summed_picture(vertices: np.ndarray, faces: np.ndarray, colours: np.ndarray,
     return run
 
 
+def listed_picture(vertices: np.ndarray, faces: np.ndarray, colours: np.ndarray, target: np.ndarray) -> Callable[[], Any]:
+    """Loss and gradient of a picture by one program: arrays, and a sum over a list of pairs, which is there."""
+    f = teg.compile(*picture(listed=True), backend="c")
+    pairs = np.stack(box_pairs(vertices[faces]), axis=1)
+
+    def run() -> tuple[float, np.ndarray, np.ndarray]:
+        value, slopes = f.value_and_grad({"V": vertices, "C": colours, "T": target, "F": faces, "P": pairs})
+        return float(value), slopes["V"], slopes["C"]
+
+    return run
+
+
 Way = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], Callable[[], Any]]
-PICTURES: dict[str, Way] = {"one program with arrays": summed_picture, "a batch of pairs": batched_picture}
+PICTURES: dict[str, Way] = {
+    "one program with arrays": summed_picture,
+    "the same, over a list of pairs": listed_picture,
+    "a batch of pairs": batched_picture,
+}
 """Ways to compute a picture's loss and gradients: given vertices, faces, colours and the picture, a call without arguments that returns the
 loss, and its derivatives by vertices and by colours."""
 

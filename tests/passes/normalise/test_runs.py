@@ -1,0 +1,65 @@
+"""Sums over lists as sums over runs of equal entries: which entries may have runs, and the program by runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import teg
+from teg.ir.index import Index, index_const
+from teg.passes.normalise.runs import Entry, Listed, Runs, by_runs, listed_sums
+
+values, weights, pairs, starts = teg.array("A"), teg.array("W", 2), teg.indices("P", 2), teg.indices("S")
+n, k, m = teg.index("n"), teg.index("k"), teg.param("m")
+first, second = pairs[n, 0], pairs[n, 1]
+LENGTH = teg.length(pairs)
+FIRST, SECOND = Entry(pairs, (None, 0)), Entry(pairs, (None, 1))
+
+
+def listed(body: teg.Expr, hi: object = LENGTH) -> list[Listed]:
+    return listed_sums(teg.sum(body, (n, 0, hi)))  # type: ignore[arg-type]
+
+
+def test_entries_that_choose_numbers_alone() -> None:
+    assert listed(values[first] * weights[first, 2]) == [Listed(index_const(0), LENGTH, (FIRST,))]
+    assert listed(values[first] * values[second])[0].entries == (FIRST, SECOND)
+
+
+def test_entries_behind_entries() -> None:
+    assert listed(values[starts[first] + 1])[0].entries == (FIRST,)
+
+
+@pytest.mark.parametrize("body", [weights[first, second], weights[n, 0] * first, weights[n, first], values[n]])
+def test_numbers_that_more_than_one_entry_chooses(body: teg.Expr) -> None:
+    assert listed(body) == []
+
+
+def test_sums_inside_of_others_are_left_alone() -> None:
+    assert listed_sums(teg.sum(values[pairs[k, n]], (k, 0, 3), (n, 0, LENGTH))) == []
+    inner = teg.sum(values[pairs[n, 1]], (n, 0, 4))
+    assert listed_sums(teg.sum(inner * values[k], (k, 0, 3))) == []
+
+
+def test_only_ends_that_a_call_tells() -> None:
+    assert listed(values[first], m)
+    assert listed(values[first], 7)
+    assert listed(values[first], starts[0]) == []
+
+
+def test_the_program_by_runs() -> None:
+    e = teg.sum(values[first] * second, (n, 0, LENGTH))
+    end: tuple[Index, Index] = index_const(0), LENGTH
+    found = by_runs(e, {end: Runs((FIRST,), starts)})
+    assert str(found).count("S[") == 3
+    assert listed_sums(found) == []
+    data = np.array([[0, 1], [0, 5], [2, 1], [2, 2], [1, 0]])
+    given = {"A": [2.0, 3.0, 5.0], "P": data}
+    assert teg.evaluate(found, {**given, "S": [0, 2, 4, 5]}) == teg.evaluate(e, given) == 2.0 * 6 + 5.0 * 3
+    assert by_runs(e, {}) is e
+
+
+def test_runs_of_one_entry_leave_others_as_they_are() -> None:
+    e = teg.sum(values[first] * values[second], (n, 0, LENGTH))
+    found = by_runs(e, {(index_const(0), LENGTH): Runs((FIRST,), starts)})
+    given = {"A": [2.0, 3.0, 5.0], "P": np.array([[0, 1], [0, 2], [1, 1]])}
+    assert teg.evaluate(found, {**given, "S": [0, 2, 3]}) == teg.evaluate(e, given)
