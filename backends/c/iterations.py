@@ -254,13 +254,14 @@ class IterationPrinter(StepPrinter):
         assert straight.covered is not None
         before = step.body[: step.body.index(run)]
         start, stop, since, until = (f"{index}_{end}" for end in PLACES)
-        kept = _kept(queue, straight.covered)
+        needed = self._block(_needed(before, {queue.run.inputs[i] for i in _kept(queue, straight.covered)}), depth)
         return [
-            f"for (int64_t {index} = {since}; {index} < {until}; {index}++) {{",
-            *indent(
-                *self._block(_needed(before, {queue.run.inputs[i] for i in kept}), depth),
-                *self._pushed_plain(queue, straight.covered, "if (teg_stopped(pace)) break;"),
-            ),
+            f"int64_t {index}_at = {since};",
+            f"for (; {index}_at + {SIDE} <= {until}; {index}_at += {SIDE}) {{",
+            *indent(*self._covered_at_once(queue, straight.covered, index, needed)),
+            "}",
+            f"for (int64_t {index} = {index}_at; {index} < {until}; {index}++) {{",
+            *indent(*needed, *self._pushed_plain(queue, straight.covered, "if (teg_stopped(pace)) break;")),
             "}",
             f"for (int64_t {index} = {start}; {index} < {stop}; {index}++) {{",
             *indent(
@@ -298,6 +299,19 @@ class IterationPrinter(StepPrinter):
             f"if (++waiting_{name} == {SIDE}) {{",
             *indent(*self._flushed(queue)),
             "}",
+        ]
+
+    def _covered_at_once(self, queue: Queue, covered: Staged, index: str, needed: Sequence[str]) -> list[str]:
+        """Returns lines that compute and add up SIDE iterations with a simple value, from {index}_at on."""
+        kept, inputs = _kept(queue, covered), queue.run.inputs
+        given = [f"c{i}" if i in kept else spelled(inputs[i]) for i in covered.inputs]
+        return [
+            "if (teg_stopped(pace)) break;",
+            *packed([f"c{i}[{SIDE}]" for i in kept], "double ", ", ", ";"),
+            f"for (int k = 0; k < {SIDE}; k++) {{",
+            *indent(f"const int64_t {index} = {index}_at + k;", *needed, *packed(f"c{i}[k] = {inputs[i]};" for i in kept)),
+            "}",
+            f"{covered.name}({', '.join([*given, f'alike_{queue.name}', f'lanes_{queue.name}', str(SIDE)])});",
         ]
 
     def _pushed_plain(self, queue: Queue, covered: Staged, *more: str) -> list[str]:
