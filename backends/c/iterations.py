@@ -54,7 +54,7 @@ class IterationPrinter(StepPrinter):
                 lines.append(f"{staged.steady}({', '.join([*given, f'{name}_{queue.name}'])});")
         if straight.covered is not None:
             lines += [
-                f"double covered_{queue.name}[{max(1, len(_kept(queue, straight.covered)))}][{SIDE}];",
+                f"double simple_{queue.name}[{max(1, len(_kept(queue, straight.covered)))}][{SIDE}];",
                 f"int plain_{queue.name} = 0;",
             ]
         return lines
@@ -107,10 +107,10 @@ class IterationPrinter(StepPrinter):
         covered, name = self._straight_of(queue).covered, queue.name
         assert covered is not None
         kept = _kept(queue, covered)
-        given = [f"covered_{name}[{kept.index(i)}]" if i in kept else spelled(queue.run.inputs[i]) for i in covered.inputs]
+        given = [f"simple_{name}[{kept.index(i)}]" if i in kept else spelled(queue.run.inputs[i]) for i in covered.inputs]
         return [
             f"for (int m = 0; m < {len(kept)}; m++)",
-            *indent(f"for (int k = plain_{name}; k < {SIDE}; k++) covered_{name}[m][k] = covered_{name}[m][plain_{name} - 1];"),
+            *indent(f"for (int k = plain_{name}; k < {SIDE}; k++) simple_{name}[m][k] = simple_{name}[m][plain_{name} - 1];"),
             f"{covered.name}({', '.join([*given, f'alike_{name}', f'lanes_{name}', f'plain_{name}'])});",
             f"plain_{name} = 0;",
         ]
@@ -318,7 +318,7 @@ class IterationPrinter(StepPrinter):
         """Returns lines by which an iteration with a simple value joins those that wait."""
         name = queue.name
         return [
-            *packed(f"covered_{name}[{m}][plain_{name}] = {queue.run.inputs[i]};" for m, i in enumerate(_kept(queue, covered))),
+            *packed(f"simple_{name}[{m}][plain_{name}] = {queue.run.inputs[i]};" for m, i in enumerate(_kept(queue, covered))),
             f"if (++plain_{name} == {SIDE}) {{",
             *indent(*self._flushed_plain(queue), *more),
             "}",

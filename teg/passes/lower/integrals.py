@@ -203,7 +203,7 @@ class _Integrals:
         match self.rules.shared(group, home.depth):
             case Mean():
                 return interval_of(group, breaks)
-            case Gauss(nodes) if self.how.closed_forms and nodes <= FEW_NODES and home.var is not None and not is_unbounded(group[0]):
+            case Gauss(nodes) if self.how.closed_forms and nodes <= FEW_NODES and not is_unbounded(group[0]):
                 return interval_of(group, breaks, nodes)
         return None
 

@@ -34,7 +34,7 @@ a, b, c, s = teg.params("a b c s")
 def two_wedges() -> tuple[teg.Expr, list[Param]]:
     """A wedge times one of two colours: a branch inside of the branch that gives everything."""
     inside = teg.bracket((x + a * y > b) & (y - x > c))
-    return teg.integral(inside * (s * x + a * y) ** 3, (x, 0, 1), (y, 0, b)), [a, b, c, s]
+    return teg.integral(inside * (s * x + a * y) ** 7, (x, 0, 1), (y, 0, b)), [a, b, c, s]
 
 
 def power() -> tuple[teg.Expr, list[Param]]:
