@@ -343,7 +343,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("a candidate that is not there", "np.where((moving != 0.0) & (slopes != 0.0), moving", "np.where(moving != 0.0, moving"),
     ),
     *_of(
-        "teg/analysis/breaks.py",
+        "teg/analysis/projection.py",
         ("tests/analysis/test_breaks.py",),
         ("a line that is level", "        if degree != 0 and (apart or not self.finite):", "        if degree != 0 and not self.finite:"),
         ("what may be level", "return all(one[m] != c for m, c in other.items() if m in one)", "return False"),

@@ -12,9 +12,10 @@ import math
 from collections.abc import Sequence
 from typing import cast
 
-from teg.analysis.breaks import MAX_BENDS, Breaks, Turn
+from teg.analysis.breaks import MAX_BENDS, Breaks
 from teg.analysis.calculus import slope
 from teg.analysis.polynomial import Shadow
+from teg.analysis.projection import Turn
 from teg.analysis.roots import local_origin
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import infinite_ends, is_unbounded

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from teg.analysis.breaks import BreakAnalysis, Turn
+from teg.analysis.breaks import BreakAnalysis
 from teg.analysis.polynomial import P, Poly, divided
+from teg.analysis.projection import Turn
 from teg.ir.integral import Integral
 
 MAX_NUMERATOR, MAX_POWER = 4, 3
