@@ -7,8 +7,9 @@ from math import factorial
 from typing import cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.expanded import distance
 from teg.analysis.nest import Binder, Chain
-from teg.analysis.polynomial import Shadow, distance
+from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError

@@ -19,7 +19,7 @@ from typing import cast
 
 from teg.analysis.branches import branches_of
 from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
-from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow, divided, residue
+from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
 from teg.analysis.projection import Contribution, Projection, Turn, near, within
 from teg.analysis.roots import Roots, solve
 from teg.analysis.surfaces import atoms_of, binders_inside
@@ -27,6 +27,7 @@ from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul,
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, digest, postorder
 from teg.ir.traverse import substitute
+from teg.numerics.field import divided, residue
 
 MAX_LOCATED = 12
 MAX_BENDS = 8

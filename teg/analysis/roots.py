@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.polynomial import Degrees, Shadow, shorter_form
+from teg.analysis.expanded import shorter_form
+from teg.analysis.polynomial import Degrees, Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
 from teg.ir.expr import (

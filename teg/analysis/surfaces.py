@@ -14,26 +14,12 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import ZeroSet, peeled
+from teg.analysis.expanded import distance
 from teg.analysis.nest import Binder
-from teg.analysis.polynomial import Shadow, distance
+from teg.analysis.polynomial import Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
-from teg.ir.expr import (
-    FALSE,
-    TRUE,
-    ZERO,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Var,
-    conjunction,
-    disjunction,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import FALSE, TRUE, ZERO, Compare, Cond, Const, Expr, Var, conjunction, disjunction, negation, positive, sub, where
 from teg.ir.integral import Integral
 from teg.ir.node import Node, digest
 from teg.ir.show import show

@@ -7,7 +7,9 @@ from fractions import Fraction
 import pytest
 
 import teg
-from teg.analysis.polynomial import P, Point, Shadow, expanded, sign_of_residue
+from teg.analysis.expanded import expanded
+from teg.analysis.polynomial import Point, Shadow
+from teg.numerics.field import P, sign_of_residue
 
 x, y, z = teg.vars("x y z")
 t, a, b = teg.params("t a b")

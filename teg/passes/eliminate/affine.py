@@ -22,9 +22,10 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.expanded import distance
 from teg.analysis.guards import middle_and_reach, support
 from teg.analysis.nest import Binder, Chain, nest, ranges_of
-from teg.analysis.polynomial import Point, Shadow, distance, residue
+from teg.analysis.polynomial import Point, Shadow
 from teg.analysis.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
@@ -56,6 +57,7 @@ from teg.ir.expr import (
 )
 from teg.ir.node import Node
 from teg.ir.traverse import fresh, rewrite, substitute
+from teg.numerics.field import residue
 from teg.passes.eliminate.barycentric import Along
 from teg.passes.eliminate.vertices import Side, match_side
 

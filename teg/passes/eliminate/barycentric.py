@@ -13,7 +13,8 @@ import math
 from collections.abc import Sequence
 from typing import cast
 
-from teg.analysis.polynomial import P, Shadow, expanded
+from teg.analysis.expanded import expanded
+from teg.analysis.polynomial import Shadow
 from teg.ir.expr import (
     FALSE,
     ONE,
@@ -36,6 +37,7 @@ from teg.ir.expr import (
 )
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import rewrite, substitute
+from teg.numerics.field import P
 from teg.passes.eliminate.vertices import SMALL, Plane, Side, Triangle, ratio
 
 

@@ -14,8 +14,9 @@ from functools import partial
 from typing import Any, cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.expanded import expanded
 from teg.analysis.nest import Binder, Chain, nest
-from teg.analysis.polynomial import Shadow, expanded
+from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import ordered, signed_between
 from teg.errors import BoundError, OperandError, ScopeError
 from teg.ir.expr import (

@@ -25,7 +25,8 @@ from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
 from teg.ir.traverse import fresh, rewrite, substitute
 from teg.numerics.quadrature import gauss_legendre
-from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.emit import Emitter
+from teg.passes.lower.levels import Level
 from teg.program import Adaptive, Arg, Guard
 
 CUBIC_RATE = 1.5

@@ -22,31 +22,15 @@ from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
 from teg.analysis.sharp import Sharp, numeric_range, sharp_values
 from teg.analysis.tails import is_unbounded
-from teg.ir.expr import (
-    FALSE,
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    And,
-    Call,
-    Cond,
-    Expr,
-    Mul,
-    Or,
-    Var,
-    conjunction,
-    disjunction,
-    mul,
-    positive,
-    where,
-)
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, And, Call, Cond, Expr, Mul, Or, Var, conjunction, disjunction, mul, positive, where
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, postorder
 from teg.passes.lower.apart import with_terms_apart
-from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.emit import Emitter
 from teg.passes.lower.guarded import Guards, widest_gap
 from teg.passes.lower.intervals import Between, Interval, integrals_over_interval, interval_of
 from teg.passes.lower.intrinsic import Intrinsic, Lowering
+from teg.passes.lower.levels import Level
 from teg.passes.lower.means import Mean, Means, P, Q, mean_of, without_tails
 from teg.passes.lower.pieces import Pieces
 from teg.passes.lower.refute import certainly_empty

@@ -25,8 +25,9 @@ from teg.ir.cells import replaced
 from teg.ir.expr import FALSE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Var, const, mul
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
-from teg.passes.lower.emit import NAN, Emitter, Level
+from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.gaussian import mean_at_nodes
+from teg.passes.lower.levels import Level
 from teg.passes.lower.means import P, Q, mean_of, without_tails
 from teg.program import INSIDE, Arg
 

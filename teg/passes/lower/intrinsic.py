@@ -15,7 +15,8 @@ from teg.analysis.breaks import BreakAnalysis
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.node import Node
 from teg.passes.eliminate.families import Closed
-from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.emit import Emitter
+from teg.passes.lower.levels import Level
 from teg.program import Arg, Rule, Stmt
 
 

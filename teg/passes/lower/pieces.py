@@ -43,7 +43,8 @@ from teg.ir.expr import (
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import postorder
 from teg.ir.traverse import substitute
-from teg.passes.lower.emit import NAN, Emitter, Level
+from teg.passes.lower.emit import NAN, Emitter
+from teg.passes.lower.levels import Level
 from teg.passes.lower.roots import Roots
 from teg.passes.lower.rules import Rules
 from teg.program import TIE_EPS, Arg, Bend, Rule

@@ -22,7 +22,8 @@ from teg.analysis.tails import finite_place, is_unbounded
 from teg.ir.expr import ONE, Compare, Expr, Var
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.traverse import replace_node, substitute
-from teg.passes.lower.emit import NAN, SHORT, Emitter, Level, Plan, Truths
+from teg.passes.lower.emit import NAN, SHORT, Emitter
+from teg.passes.lower.levels import Level, Plan, Truths
 from teg.program import ISOLATE_WIDTH, TIE_EPS, Arg, Isolate, Locate, SumOver
 
 _NOWHERE = float("inf")

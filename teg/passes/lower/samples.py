@@ -28,7 +28,8 @@ from teg.ir.expr import Add, Compare, Const, Expr, Mul, Where
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import Node, postorder
 from teg.numerics.sobol import DIMENSIONS
-from teg.passes.lower.emit import Emitter, Level, Plan
+from teg.passes.lower.emit import Emitter
+from teg.passes.lower.levels import Level, Plan
 from teg.program import Arg, Integrate, Midpoint, Sample
 
 SAMPLED = ("montecarlo", "qmc")

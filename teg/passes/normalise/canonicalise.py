@@ -20,9 +20,10 @@ from typing import cast
 
 from teg.analysis.antiderivative import integrated
 from teg.analysis.coincidence import short_form
+from teg.analysis.expanded import shorter_form
 from teg.analysis.jumps import assign
 from teg.analysis.kinks import kinks_of, with_sizes
-from teg.analysis.polynomial import Point, Shadow, divided, shorter_form, sign_of_residue
+from teg.analysis.polynomial import Point, Shadow
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir import expr as ex
 from teg.ir.expr import (
@@ -50,6 +51,7 @@ from teg.ir.expr import (
 from teg.ir.integral import Delta, Integral, delta, scaled_integral
 from teg.ir.node import Node, postorder, union
 from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, substitute
+from teg.numerics.field import divided, sign_of_residue
 
 MAX_HOISTED = 6
 FEW_TERMS = 4

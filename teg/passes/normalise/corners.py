@@ -17,7 +17,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import cast
 
-from teg.analysis.polynomial import Shadow, expanded
+from teg.analysis.expanded import expanded
+from teg.analysis.polynomial import Shadow
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Const, Expr, Mul, Param, Pow, Var, add, mul, sub
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder

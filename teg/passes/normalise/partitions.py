@@ -16,7 +16,8 @@ from itertools import product
 from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.polynomial import Point, Shadow, distance
+from teg.analysis.expanded import distance
+from teg.analysis.polynomial import Point, Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir.arrays import Ranged, Sum, open_indices
 from teg.ir.cells import Symbols, indices_apart, rename_indices, replace_integers, replaced

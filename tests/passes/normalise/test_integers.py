@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import teg
-from teg.analysis.polynomial import distance
+from teg.analysis.expanded import distance
 from teg.ir.expr import Add, Const, Expr, Mul, as_number
 from teg.ir.index import Index, IndexCall, IndexValue
 from teg.ir.node import postorder

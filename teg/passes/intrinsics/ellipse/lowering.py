@@ -10,8 +10,9 @@ from teg.analysis.boxes import Coefficients
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.node import Node
 from teg.passes.intrinsics.ellipse.match import Arcs, Curve, Cut, Sides, match_ellipse
-from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.emit import Emitter
 from teg.passes.lower.intrinsic import Lowering
+from teg.passes.lower.levels import Level
 from teg.program import Arg, Ellipse, HalfPlane, Moments
 
 

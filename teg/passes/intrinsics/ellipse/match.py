@@ -21,8 +21,9 @@ from typing import cast
 
 from teg.analysis.boxes import Coefficients, coefficients, nest_of_two
 from teg.analysis.calculus import slope
+from teg.analysis.expanded import distance
 from teg.analysis.nest import Binder, Chain, nest
-from teg.analysis.polynomial import Shadow, distance
+from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from teg.analysis.boxes import Coefficients
-from teg.analysis.polynomial import expanded
+from teg.analysis.expanded import expanded
 from teg.ir.expr import Add, Const, Expr, Mul, Param, mul, sub
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.node import Node
 from teg.passes.intrinsics.hyperbola.match import Border, Corners, Sides, match_hyperbola
-from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.emit import Emitter
 from teg.passes.lower.intrinsic import Lowering
+from teg.passes.lower.levels import Level
 from teg.program import Arg, Hyperbola, Moments
 
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from teg.analysis.breaks import BreakAnalysis
-from teg.analysis.polynomial import P, Poly, divided
+from teg.analysis.polynomial import Poly
 from teg.analysis.projection import Turn
 from teg.ir.integral import Integral
+from teg.numerics.field import P, divided
 
 MAX_NUMERATOR, MAX_POWER = 4, 3
 """Degree of the numerator, power in the denominator."""

@@ -14,34 +14,19 @@ from dataclasses import replace
 from typing import cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.expanded import distance
 from teg.analysis.guards import middle_and_reach
-from teg.analysis.polynomial import Shadow, distance
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    ZERO,
-    Add,
-    Const,
-    Expr,
-    Mul,
-    Param,
-    Var,
-    Where,
-    add,
-    conjunction,
-    mul,
-    negation,
-    positive,
-    sub,
-)
+from teg.analysis.polynomial import Shadow
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Const, Expr, Mul, Param, Var, Where, add, conjunction, mul, negation, positive, sub
 from teg.ir.integral import Integral
 from teg.ir.node import Node
 from teg.ir.traverse import fresh, rebuild, rewrite, substitute
 from teg.passes.eliminate.barycentric import Inside
 from teg.passes.eliminate.vertices import match_triangle
 from teg.passes.intrinsics.polygon.match import Clipped, Half, match_clipped
-from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.emit import Emitter
 from teg.passes.lower.intrinsic import Lowering
+from teg.passes.lower.levels import Level
 from teg.program import Arg, HalfLine, HalfPlane, Polygon, Segment
 
 
