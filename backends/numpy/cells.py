@@ -14,7 +14,8 @@ import numpy.typing as npt
 from teg.backends.numpy.arrangement import Arrangements, classified, regions_of
 from teg.backends.numpy.measured import Measured, Numbers
 from teg.backends.numpy.tiles import tiled
-from teg.numerics.cells import NOBODY, SHIFT, SKEW, Layout, integrals, monomials
+from teg.numerics.cell_integrals import integrals
+from teg.numerics.cells import NOBODY, SHIFT, SKEW, Layout, monomials
 
 Array = npt.NDArray[Any]
 CHUNK = 4096

@@ -1,6 +1,6 @@
 """Integrals over the cells of many squares, and along their edges: values, and derivatives by the numbers of all candidates.
 
-What `_Measured` in `teg.numerics.cells` does for one square, for all at once; the formulas are there.
+What `Measured` in `teg.numerics.measured` does for one square, for all at once; the formulas are there.
 """
 
 from __future__ import annotations
