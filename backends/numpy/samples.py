@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy.runtime import Array, Block, Run, Value, on_lanes, parts
+from teg.backends.numpy.lanes import Array, Block, Run, Value, on_lanes, parts
 from teg.backends.shared.samples import coordinate
 from teg.numerics.sobol import replicated
 

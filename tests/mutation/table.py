@@ -197,7 +197,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("rounding errors in ties", 'return terms if error == 0.0 else self.assign(home, "v", "add", terms, error)', "return terms"),
     ),
     *_of(
-        "backends/numpy/runtime.py",
+        "backends/numpy/adaptive.py",
         ("tests/backends/numpy/test_kernel.py", SMALL, NUMPY),
         ("bisection", "left[1::2] += width", "left[1::2] += 0.5 * width"),
         (
@@ -233,7 +233,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     Mutant(
         "block of lanes",
-        "backends/numpy/runtime.py",
+        "backends/numpy/lanes.py",
         "return max(1, min(self.room // max(1, width), MAX_LANES) // lanes)",
         "return max(1, min(self.room // max(1, width), MAX_LANES) // lanes // 2)",
         (NUMPY,),
