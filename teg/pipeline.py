@@ -28,7 +28,7 @@ from teg.ir.show import dump
 from teg.ir.still import released
 from teg.ir.traverse import parameters, rename_apart
 from teg.ir.verify import verify
-from teg.language import check_parameters
+from teg.language.checks import check_parameters
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.estimators.differences import Differences
 from teg.passes.differentiate.estimators.estimator import Estimator

@@ -18,7 +18,7 @@ from teg.ir.expr import Expr, Operand, Param, Tuple, as_number
 from teg.ir.index import Index, Length, index_const, index_leaves
 from teg.ir.node import postorder
 from teg.ir.traverse import parameters
-from teg.language import check_parameters, check_program
+from teg.language.checks import check_parameters, check_program
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.through_sums import Parameter, outlined, parameters_and_arrays
 from teg.passes.normalise.sums import NeedsLengths

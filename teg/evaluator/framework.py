@@ -18,7 +18,7 @@ from teg.ir.expr import Expr, Param, Tuple, as_number
 from teg.ir.index import ArrayName, IndexArray, Length, index_const, index_leaves
 from teg.ir.node import postorder
 from teg.ir.traverse import parameters
-from teg.language import check_program
+from teg.language.checks import check_program
 from teg.passes.differentiate.through_sums import outlined
 from teg.passes.normalise.sums import NeedsLengths
 

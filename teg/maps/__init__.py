@@ -17,7 +17,8 @@ from typing import cast
 from teg.errors import ScopeError
 from teg.ir import expr as ex
 from teg.ir.expr import Expr, Operand, Var, as_number
-from teg.language import asin, atan2, cos, cosh, exp, log, sin, sinh, sqrt, where
+from teg.language.functions import asin, atan2, cos, cosh, exp, log, sin, sinh, sqrt
+from teg.language.programs import where
 from teg.maps.diffeomorphism import Diffeomorphism
 
 Point = tuple[object, object]

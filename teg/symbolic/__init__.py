@@ -18,13 +18,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
-from teg import language
 from teg.analysis.bodies import write_all_out
 from teg.analysis.calculus import slope
 from teg.errors import OperandError, OptionError, ParameterError, TegError
 from teg.ir import expr as ex
 from teg.ir.expr import ONE, ZERO, Cond, Expr, Param, Tuple, Var
 from teg.ir.traverse import size, substitute
+from teg.language import programs
 from teg.symbolic.nodes import sympy_package
 from teg.symbolic.reader import Reader, names_of, readable
 from teg.symbolic.writer import Writer, symbols_of, written_out
@@ -106,7 +106,7 @@ def from_sympy(s: Any, variables: Iterable[Any] = (), *, heaviside_at_zero: floa
     if not outside:
         return result
     _, names = names_of(order, wanted, outside)  # a symbol is bound in one place and free in another: ∫₀ˣ f(x) dx
-    places = {cast(Var, names[x]): cast(Expr, language.param_of_any_name(x.name)) for x in outside}
+    places = {cast(Var, names[x]): cast(Expr, programs.param_of_any_name(x.name)) for x in outside}
     return substitute(Reader(names, at_zero, frozenset(places)).read(order), places)
 
 

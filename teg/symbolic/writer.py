@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any, cast
 
-from teg import language
 from teg.errors import NameClashError, OperandError
 from teg.ir import expr as ex
 from teg.ir.arrays import LEAVES, Ranged
@@ -33,6 +32,7 @@ from teg.ir.expr import (
 )
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
+from teg.language import functions
 from teg.symbolic.nodes import as_it_is, sympy_package
 
 _FLATTEN = 8  # so many nested integrals, and factors, are written as one node: more would be quadratic
@@ -296,7 +296,7 @@ def _named(node: Where) -> tuple[Any, ...] | None:
         return None
     if then is condition.g and otherwise is ex.mul(MINUS_ONE, then):
         return "Abs", then
-    if then is ONE and node is language.sign(condition.g):
+    if then is ONE and node is functions.sign(condition.g):
         return "sign", condition.g
     if condition is ex.less(then, otherwise, strict=True):
         return "Min", then, otherwise
