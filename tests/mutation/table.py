@@ -191,10 +191,10 @@ MUTANTS: tuple[Mutant, ...] = (
         ("sign of a surface's form", "return representative, sign > 0", "return representative, True"),
     ),
     *_of(
-        "teg/passes/lower/emit.py",
+        "teg/passes/lower/rounding.py",
         (SMALL,),
         ("rounding errors of products", "return total(size(e), *carried)", "return size(e)"),
-        ("rounding errors in ties", 'return terms if error == 0.0 else self.assign(home, "v", "add", terms, error)', "return terms"),
+        ("rounding errors in ties", 'return terms if error == 0.0 else self.out.assign(home, "v", "add", terms, error)', "return terms"),
     ),
     *_of(
         "backends/numpy/adaptive.py",

@@ -235,7 +235,7 @@ class Pieces:
         sign = out.assign(level, "v", "select", holds, 1.0, -1.0)
         if not isinstance(c, Compare):
             return sign
-        noise = out.assign(level, "v", "mul", TIE_EPS, out.tie_scale(c.g, level))
+        noise = out.assign(level, "v", "mul", TIE_EPS, out.rounding.tie_scale(c.g, level))
         larger = out.assign(level, "b", "gt0", out.assign(level, "v", "sub", noise, out.size(c.g, level)))
         finite = out.assign(level, "b", "le0", out.assign(level, "v", "sub", noise, noise))
         lost = out.assign(level, "b", "and", larger, finite)

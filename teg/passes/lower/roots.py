@@ -22,8 +22,9 @@ from teg.analysis.tails import finite_place, is_unbounded
 from teg.ir.expr import ONE, Compare, Expr, Var
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.traverse import replace_node, substitute
-from teg.passes.lower.emit import NAN, SHORT, Emitter
+from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level, Plan, Truths
+from teg.passes.lower.rounding import SHORT
 from teg.program import ISOLATE_WIDTH, TIE_EPS, Arg, Isolate, Locate, SumOver
 
 _NOWHERE = float("inf")
@@ -82,7 +83,7 @@ class Roots:
         middle = self.out.assign(at_both, "v", "mul", 0.5, self.out.assign(at_both, "v", "add", left, right))
         at_middle = at_both.inside(isolation.var, middle)
         at_middle.block = at_both.block
-        return self.out.assign(at_middle, "v", "mul", TIE_EPS, self.out.tie_scale(isolation.g, at_middle))
+        return self.out.assign(at_middle, "v", "mul", TIE_EPS, self.out.rounding.tie_scale(isolation.g, at_middle))
 
     def isolated_in(self, node: Integral, isolation: Isolation, home: Level, when: str | None, wide: bool = False) -> tuple[Arg, ...]:
         """Returns the roots of a function within the bounds of an integral (or a little beyond them), up to infinity if need be."""
@@ -140,7 +141,7 @@ class Roots:
         """Returns the level of a root that has a formula. It has no inside: statements go where those of its home go."""
         level = home.inside(x, self.point(root, home))
         level.block = home.block
-        level.errors[x] = self.out.error(root.point, home)
+        level.errors[x] = self.out.rounding.error(root.point, home)
         return level
 
     # -- sums over roots -----------------------------------------------------------------------------------------------
@@ -170,7 +171,7 @@ class Roots:
     def _where_slope_is_known(self, slope: Expr, values: Sequence[Arg], level: Level) -> tuple[Arg, ...]:
         """Returns values that are divided by the slope at a root; NaN where rounding alone could have made that slope."""
         size = self.out.size(slope, level)
-        noise = self.out.assign(level, "v", "mul", TIE_EPS, self.out.tie_scale(slope, level))
+        noise = self.out.assign(level, "v", "mul", TIE_EPS, self.out.rounding.tie_scale(slope, level))
         small = self.out.assign(level, "b", "ge0", self.out.assign(level, "v", "sub", noise, size))
         unknown = self.out.assign(level, "b", "and", small, self.out.assign(level, "b", "gt0", size))
         return tuple(self.out.assign(level, "v", "select", unknown, NAN, v) for v in values)
@@ -209,10 +210,10 @@ class Roots:
         Surfaces that approach each other may coincide to rounding in the middle of a long piece, and be apart at its ends.
         """
         holds, fails = self.out.truths(atom, middle)
-        if atom.resolution is None or middle.elsewhere is None or atom.g.has_integral or self.out.is_short(atom.g, middle):
+        if atom.resolution is None or middle.elsewhere is None or atom.g.has_integral or self.out.rounding.is_short(atom.g, middle):
             return holds, fails
         g = self.out.number(atom.g, level)
-        room = self.out.assign(level, "v", "mul", TIE_EPS, self.out.tie_scale(atom.g, level))
+        room = self.out.assign(level, "v", "mul", TIE_EPS, self.out.rounding.tie_scale(atom.g, level))
         clear = self.out.assign(level, "b", "gt0", self.out.assign(level, "v", "sub", self.out.size(atom.g, level), room))
         above = self.out.assign(level, "b", "gt0", g)
         unclear, below = self.out.assign(level, "b", "not", clear), self.out.assign(level, "b", "not", above)
@@ -240,7 +241,7 @@ class Roots:
         var, level = self._level_at_roots(node.var, middle)
         values = []
         for c in rivals:
-            room = self.out.assign(level, "v", "mul", TIE_EPS, self.out.tie_scale(c.g, level))
+            room = self.out.assign(level, "v", "mul", TIE_EPS, self.out.rounding.tie_scale(c.g, level))
             near = self.out.assign(level, "b", "ge0", self.out.assign(level, "v", "sub", room, self.out.size(c.g, level)))
             values.append(self.out.assign(level, "v", "select", near, 1.0, 0.0))
         results = tuple(self.out.fresh("v") for _ in rivals)

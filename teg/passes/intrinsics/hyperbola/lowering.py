@@ -84,7 +84,7 @@ class HyperbolaLowering(Lowering):
         ties: tuple[int, ...] = ()
         scales: tuple[Arg, ...] = ()
         if together.borders:  # a region does not change where its border does
-            scales = tuple(self.out.tie_scale(e, home) for e in corners)
+            scales = tuple(self.out.rounding.tie_scale(e, home) for e in corners)
             ties = tuple(self.out.ties.setdefault(pair, len(self.out.ties)) for pair in together.borders[0].rivals)
         exact = expanded(sub(mul(corners[0], corners[2]), mul(corners[1], corners[3])), 2)
         turn = self.out.number(exact, home) if exact is not None and _keeps_digits(exact) else math.nan

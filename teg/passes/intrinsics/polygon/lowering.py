@@ -152,7 +152,7 @@ class PolygonLowering(Lowering):
             return HalfLine(first, last, half.closed)
         holds = self.out.truths(negation(atom.resolution) if half.negated else atom.resolution, home)[0]
         k = self.out.ties.setdefault(cast("tuple[str, str]", atom.rivals), len(self.out.ties))
-        scales = [self.out.tie_scale(cast(Expr, substitute(atom.g, {x: end})), home) for end in bounds]
+        scales = [self.out.rounding.tie_scale(cast(Expr, substitute(atom.g, {x: end})), home) for end in bounds]
         return HalfLine(first, last, half.closed, k, holds, self._size_of_terms(atom.g, x, bounds, home), self._larger(scales, home))
 
     def _larger(self, sizes: Sequence[Arg], home: Level) -> Arg:
