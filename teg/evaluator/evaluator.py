@@ -12,8 +12,6 @@ from teg.errors import ArrayIndexError, OptionError, ParameterError
 from teg.evaluator.arguments import (
     Call,
     argument_order,
-    as_entries,
-    name_of,
     plain_numbers,
     read_call,
     refuse_uncertain,
@@ -21,6 +19,7 @@ from teg.evaluator.arguments import (
     values_by_name,
     with_rounding,
 )
+from teg.evaluator.directions import Directions, shape_of, units
 from teg.evaluator.explain import checked_derivatives, explained
 from teg.evaluator.kernels import Kernels, Key, dimensions_of
 from teg.evaluator.nodes import NodeFinder, moved_by
@@ -90,6 +89,7 @@ class Evaluator:
         self._certain = certain  # so many parameters may be given by position
         default = [p for p in leaves if isinstance(p, Array) or (isinstance(p, Param) and (p not in set(counted) or p in set(found)))]
         self.wrt: tuple[Parameter, ...] = tuple([p for p in default if p in {*scalars, *arrays}] if wrt is None else wrt)
+        self._directions = Directions(self.wrt, self._leaves)
         self.parameters: tuple[str, ...] = tuple(p.name for p in self._leaves)
         self._integers = frozenset(p.name for p in counted)
         self._entries = len(flatten(e))
@@ -182,7 +182,7 @@ class Evaluator:
         Parameters that the direction does not name do not move. Cost: a small multiple of the gradient's, whatever the number of
         parameters. Raises as `value_and_grad`, and ParameterError for a direction along what is not differentiated by.
         """
-        wanted, given = self._moved(self.by_name((values,), {}), direction)
+        wanted, given = self._directions.moved(self.by_name((values,), {}), direction)
         call, kernels = self._call(wanted, given)
         rows = self._rounded(kernels.results(wanted, call, partial(self._titles, wanted)))
         return self._by_name(iter(rows), call.shape)
@@ -196,7 +196,7 @@ class Evaluator:
         """
         value, slopes = self.value_and_grad(values)
         dimensions = self.dimensions
-        return value, along_direction(value, [(slopes[k], d, dimensions[k]) for k, d in self._direction(direction).items()])
+        return value, along_direction(value, [(slopes[k], d, dimensions[k]) for k, d in self._directions.named(direction).items()])
 
     def vjp(self, values: Mapping[str, Any], cotangent: Any = 1.0) -> tuple[Any, dict[str, Any]]:
         """Returns the value, and the dict name -> Σ cotangent · derivative; a tuple expression takes a tuple of cotangents.
@@ -226,7 +226,7 @@ class Evaluator:
         given = self.by_name(args, named)
         wanted = [(ORDERS[min(derivatives, 1) if self._loops else derivatives], given)]
         if self._loops and derivatives == 2:
-            wanted += [self._moved(given, {q.name: direction}) for q in self.wrt for direction in self._units(given, q)]
+            wanted += [self._directions.moved(given, {q.name: direction}) for q in self.wrt for direction in units(q, given)]
         return sum(self._counted(*each) for each in wanted)
 
     def nodes(self, *args: Any, by: str | Param | Gather | None = None, **named: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -339,7 +339,7 @@ class Evaluator:
         if kernels.has_products:
             names = [*call.names, *(p.name for p in self._leaves if isinstance(p, ArrayName))]
             given = dict(zip(names, [*call.columns, *call.arrays], strict=True))
-            wanted, moved = self._moved(given, {p.name: np.ones(self._shape(given, p)) for p in self.wrt})
+            wanted, moved = self._directions.moved(given, {p.name: np.ones(shape_of(p, given)) for p in self.wrt})
             second_call, _ = self._call(wanted, moved)
             kernels.check(Key(wanted), second_call)
             products = kernels.outcome(Key(wanted), second_call).values
@@ -459,41 +459,12 @@ class Evaluator:
         found: dict[tuple[str, str], Any] = {}
         for q in self.wrt:
             columns: dict[str, list[Any]] = {p.name: [] for p in self.wrt}
-            for direction in self._units(given, q):
+            for direction in units(q, given):
                 for name, product in self.hvp(given, {q.name: direction}).items():
                     columns[name].append(product)
             for p in self.wrt:
-                found[p.name, q.name] = stacked(columns[p.name], self._shape(given, p), self._shape(given, q))
+                found[p.name, q.name] = stacked(columns[p.name], shape_of(p, given), shape_of(q, given))
         return found
-
-    def _shape(self, given: Mapping[str, Any], p: Parameter) -> tuple[int, ...]:
-        """Returns the shape of a parameter, without a batch."""
-        return as_entries(p, given[p.name], "float64").shape[-p.dimensions :] if isinstance(p, Array) else ()
-
-    def _units(self, given: Mapping[str, Any], q: Parameter) -> Iterator[Any]:
-        """Yields a direction for each of the entries of a parameter."""
-        import numpy as np
-
-        shape = self._shape(given, q)
-        for place in np.ndindex(*shape):
-            direction = np.zeros(shape)
-            direction[place] = 1.0
-            yield direction
-
-    def _direction(self, direction: Mapping[Any, Any]) -> dict[str, Any]:
-        """Returns a direction by name. Raises ParameterError for a parameter by which no derivative is taken."""
-        moved, names = {name_of(k): v for k, v in direction.items()}, [p.name for p in self.wrt]
-        if unknown := sorted(moved.keys() - set(names)):
-            raise ParameterError(f"no derivative is taken by {unknown[0]!r}", None, "derivatives are taken by " + ", ".join(names))
-        return moved
-
-    def _moved(self, given: dict[str, Any], direction: Mapping[str, Any]) -> tuple[Wanted, dict[str, Any]]:
-        """Returns the product with a direction, and the values with the components of the direction added."""
-        moved = self._direction(direction)
-        which = tuple(p for p in self.wrt if p.name in moved)
-        wanted = Wanted(False, 1, (which,))
-        (components,) = directions_of(wanted, self._leaves)
-        return wanted, {**given, **{components[p].name: moved[p.name] for p in which}}
 
     def _call(self, wanted: Wanted, given: Mapping[str, Any]) -> tuple[Call, Kernels]:
         """Returns the call, and the kernels for its lengths."""
