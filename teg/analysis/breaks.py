@@ -23,9 +23,10 @@ from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
 from teg.analysis.projection import Contribution, Projection, Turn, near, within
 from teg.analysis.roots import Roots, solve
 from teg.analysis.surfaces import atoms_of, binders_inside
-from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Pow, Var, conjunction, const, disjunction, where
+from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Pow, Var, const
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, digest, postorder
+from teg.ir.simplify import conjunction, disjunction, where
 from teg.ir.traverse import substitute
 from teg.numerics.field import divided, residue
 

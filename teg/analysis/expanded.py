@@ -7,8 +7,9 @@ from collections.abc import Collection, Sequence
 from fractions import Fraction
 from typing import cast
 
-from teg.ir.expr import Add, Const, Expr, Mul, Param, Pow, add, const, mul, sub
+from teg.ir.expr import Add, Const, Expr, Mul, Param, Pow, const
 from teg.ir.node import postorder
+from teg.ir.simplify import add, mul, sub
 from teg.ir.traverse import parameters
 
 Powers = tuple[tuple[int, int], ...]

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.polynomial import Shadow
-from teg.ir.expr import MINUS_ONE, ONE, Expr, Var, mul, positive, sub, where
+from teg.ir.expr import MINUS_ONE, ONE, Expr, Var
 from teg.ir.integral import integral_over
+from teg.ir.simplify import mul, positive, sub, where
 from teg.ir.traverse import substitute
 
 

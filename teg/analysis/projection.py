@@ -27,31 +27,9 @@ from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    FALSE,
-    ONE,
-    TRUE,
-    ZERO,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Pow,
-    Var,
-    add,
-    call,
-    conjunction,
-    const,
-    disjunction,
-    div,
-    integer_power,
-    mul,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import FALSE, ONE, TRUE, ZERO, Cond, Const, Expr, Mul, Pow, Var, const
 from teg.ir.integral import Integral, masses_of
+from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import substitute
 
 if TYPE_CHECKING:

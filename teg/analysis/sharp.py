@@ -26,28 +26,11 @@ from teg.analysis.evaluate import folded, values_of
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    Call,
-    Compare,
-    Const,
-    Expr,
-    Param,
-    Pow,
-    Var,
-    add,
-    call,
-    const,
-    integer_power,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, Call, Compare, Const, Expr, Param, Pow, Var, const
 from teg.ir.function import Apply
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, integer_power, mul, positive, sub, where
 from teg.ir.traverse import fresh, rebuild, substitute
 from teg.program import UNSEEN
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Var, add, div, integer_power, sub
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Var
 from teg.ir.integral import Integral
+from teg.ir.simplify import add, div, integer_power, sub
 from teg.ir.traverse import fresh
 
 

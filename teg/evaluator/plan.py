@@ -26,7 +26,7 @@ from teg.analysis.settings import Integration
 from teg.errors import EstimatorError
 from teg.evaluator.options import Options
 from teg.evaluator.timing import log, timed
-from teg.ir import expr as ex
+from teg.ir import simplify
 from teg.ir.arrays import Array, has_arrays
 from teg.ir.expr import Expr, Param, Tuple, Var
 from teg.ir.index import ArrayName
@@ -238,7 +238,7 @@ class Derivation:
         outputs = [(output[0], released(output[1])) if isinstance(output, tuple) else released(output) for output in outputs]
 
         def flat(cells: Sequence[Expr], names: Sequence[str]) -> Program:
-            together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that outputs share loops
+            together = cast(Tuple, canonicalise(simplify.tuple_of(*cells)))  # one surface is one expression, so that outputs share loops
             return (flat_program if unfinished else cell_program)(list(together.children), names, how)
 
         scalars = [p.name for p in arguments if isinstance(p, Param)]

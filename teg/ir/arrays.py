@@ -12,9 +12,9 @@ from __future__ import annotations
 from typing import TypeAlias, cast, overload
 
 from teg.errors import ArrayIndexError, OperandError, ParameterError, ScopeError
-from teg.ir import expr as ex
+from teg.ir import simplify
 from teg.ir.creation import created
-from teg.ir.expr import ZERO, Expr, Operand, Param, Tuple, as_number
+from teg.ir.expr import ZERO, Expr, Operand, Param, Tuple
 from teg.ir.index import (
     ArrayName,
     Index,
@@ -30,6 +30,7 @@ from teg.ir.index import (
     show_index,
 )
 from teg.ir.node import Node, postorder
+from teg.ir.operands import as_number
 
 MAX_DIMENSIONS = 8
 
@@ -265,7 +266,7 @@ def sum_(body: Operand, *ranges: Range) -> Expr:
 def sum_over(body: Expr, k: IndexVar, lo: Index, hi: Index, as_written: bool = False) -> Expr:
     """Returns Σ body for k in [lo, hi)."""
     if isinstance(body, Tuple):
-        return ex.tuple_of(*(sum_over(entry, k, lo, hi, as_written) for entry in body.children))
+        return simplify.tuple_of(*(sum_over(entry, k, lo, hi, as_written) for entry in body.children))
     if (body is ZERO and not as_written) or (lo is hi and not as_written):
         return ZERO
     return Sum.make((k, lo, hi), (body,))

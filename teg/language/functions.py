@@ -8,8 +8,10 @@ from typing import cast
 
 from teg.errors import OperandError
 from teg.ir import expr as ex
-from teg.ir.expr import Cond, Expr, Operand, Tuple, as_number, entrywise
+from teg.ir import operands, simplify
+from teg.ir.expr import Cond, Expr, Operand, Tuple
 from teg.ir.index import Index, as_index, index_call
+from teg.ir.operands import as_number, entrywise
 
 
 def sin(u: Operand) -> Expr:
@@ -191,7 +193,7 @@ def abs_(u: Operand) -> Expr:
 
     teg.evaluate(teg.abs(t), t=-2.0)                    # 2.0
     """
-    return entrywise(ex.absolute, u)
+    return entrywise(simplify.absolute, u)
 
 
 def sign(u: Operand) -> Expr:
@@ -199,7 +201,9 @@ def sign(u: Operand) -> Expr:
 
     teg.evaluate(teg.sign(t), t=-2.0)                   # -1.0
     """
-    return entrywise(lambda v: ex.where(ex.positive(v), ex.ONE, ex.where(ex.less(v, 0, True), ex.MINUS_ONE, ex.ZERO)), u)
+    return entrywise(
+        lambda v: simplify.where(simplify.positive(v), ex.ONE, simplify.where(operands.less(v, 0, True), ex.MINUS_ONE, ex.ZERO)), u
+    )
 
 
 def minimum(first: Operand, *others: Operand) -> Expr:
@@ -209,7 +213,7 @@ def minimum(first: Operand, *others: Operand) -> Expr:
 
     Raises OperandError for a list or tuple of Python, and for what is no number. Over an index: `teg.minimum_of`.
     """
-    return _extremum((first, *others), "min", lambda a, b: ex.less(a, b, True))
+    return _extremum((first, *others), "min", lambda a, b: operands.less(a, b, True))
 
 
 def maximum(first: Operand, *others: Operand) -> Expr:
@@ -219,7 +223,7 @@ def maximum(first: Operand, *others: Operand) -> Expr:
 
     Raises OperandError for a list or tuple of Python, and for what is no number. Over an index: `teg.maximum_of`.
     """
-    return _extremum((first, *others), "max", lambda a, b: ex.less(b, a, True))
+    return _extremum((first, *others), "max", lambda a, b: operands.less(b, a, True))
 
 
 def _extremum(arguments: Sequence[Operand], name: str, wins: Callable[[Expr, Expr], Cond]) -> Expr:
@@ -230,10 +234,10 @@ def _extremum(arguments: Sequence[Operand], name: str, wins: Callable[[Expr, Exp
         return cast(Expr, functools.reduce(lambda a, b: index_call(name, a, b), map(as_index, arguments)))
     best = arguments[0] if isinstance(arguments[0], Tuple) else as_number(arguments[0])
     for other in arguments[1:]:
-        best = entrywise(lambda a, b: ex.where(wins(a, b), a, b), best, other)
+        best = entrywise(lambda a, b: simplify.where(wins(a, b), a, b), best, other)
     return best
 
 
 def _applied(name: str, *arguments: Operand) -> Expr:
     """Returns a function of the language applied to numbers; to tuples, entry by entry."""
-    return entrywise(functools.partial(ex.call, name), *arguments)
+    return entrywise(functools.partial(simplify.call, name), *arguments)

@@ -8,11 +8,13 @@ from typing import Any, overload
 
 from teg.errors import BoundError, NameClashError, OperandError, ScopeError
 from teg.ir import expr as ex
+from teg.ir import simplify
 from teg.ir.arrays import identifier
 from teg.ir.creation import created
-from teg.ir.expr import Cond, Const, Expr, Operand, Param, Tuple, Var, as_condition, as_number, entrywise
+from teg.ir.expr import Cond, Const, Expr, Operand, Param, Tuple, Var
 from teg.ir.integral import Integral, integral_over
 from teg.ir.integral import delta as _delta
+from teg.ir.operands import as_condition, as_number, entrywise
 
 
 def _names(text: str, what: str) -> list[str]:
@@ -140,7 +142,7 @@ def bracket(condition: Cond) -> Expr:
 
     On its border a condition is as written: `[t > 0]` is 0 at t = 0, and `[t >= 0]` is 1.
     """
-    return ex.bracket(as_condition(condition))
+    return simplify.bracket(as_condition(condition))
 
 
 @overload
@@ -161,7 +163,7 @@ def where(condition: Cond, then: Operand, otherwise: Operand) -> Expr:
     c = as_condition(condition)
 
     def chosen(a: Expr, b: Expr) -> Expr:
-        return ex.Where.make(None, (c, a, b)) if a is b and not isinstance(c, ex.Truth) else ex.where(c, a, b)
+        return ex.Where.make(None, (c, a, b)) if a is b and not isinstance(c, ex.Truth) else simplify.where(c, a, b)
 
     return entrywise(chosen, then, otherwise)
 
@@ -175,7 +177,7 @@ def tuple_(*entries: Operand | tuple[Any, ...] | list[Any]) -> Tuple:
 
     Arithmetic, functions and `teg.where` work on tuples entry by entry. Raises OperandError for an entry that is no number.
     """
-    return ex.tuple_of(*(tuple_(*e) if isinstance(e, list | tuple) else e if isinstance(e, Tuple) else as_number(e) for e in entries))
+    return simplify.tuple_of(*(tuple_(*e) if isinstance(e, list | tuple) else e if isinstance(e, Tuple) else as_number(e) for e in entries))
 
 
 def delta(argument: Operand) -> Expr:

@@ -18,7 +18,9 @@ from teg.analysis.calculus import slope
 from teg.analysis.evaluate import folded
 from teg.analysis.intervals import Interval, enclose
 from teg.errors import BoundError, NameClashError, OperandError, OptionError, ParameterError, ScopeError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Param, Var, add, as_number, const, integer_power, mul, positive, sub, where
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Param, Var, const
+from teg.ir.operands import as_number
+from teg.ir.simplify import add, integer_power, mul, positive, sub, where
 from teg.ir.traverse import fresh, parameters, substitute
 from teg.maps.identities import sign_of, simplified
 from teg.maps.verification import SAMPLES, TOLERANCE, TRIALS, Constraint, verify

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 from teg.analysis.surfaces import atoms_of
 from teg.ir.arrays import Gather, Ranged, Sum, sum_over
 from teg.ir.cells import Symbols
-from teg.ir.expr import TRUE, ZERO, Expr, Param, add, bracket, positive
+from teg.ir.expr import TRUE, ZERO, Expr, Param
 from teg.ir.index import ArrayName
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
+from teg.ir.simplify import add, bracket, positive
 from teg.program import Isolate, statements
 from teg.program.arrays import ArrayProgram, Integers, Run, steps
 from teg.report.diagnose import BORDER, CHANGE, NOTHING, STEP, STEP_OVER_TIES, Diagnosis, Element, Look

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 from teg.analysis.evaluate import values_of
 from teg.analysis.settings import Integration
 from teg.analysis.surfaces import atoms_of
-from teg.ir.expr import TRUE, Call, Expr, Param, bracket, const, positive
+from teg.ir.expr import TRUE, Call, Expr, Param, const
 from teg.ir.index import ArrayName
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
+from teg.ir.simplify import bracket, positive
 from teg.ir.traverse import parameters, replace_node
 from teg.pipeline import flatten, normal_form, program_for
 from teg.program import Isolate, statements

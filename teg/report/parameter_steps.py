@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from teg.ir.expr import Call, Expr, Param, call
+from teg.ir.expr import Call, Expr, Param
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
+from teg.ir.simplify import call
 
 if TYPE_CHECKING:
     import numpy as np

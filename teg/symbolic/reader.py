@@ -10,6 +10,7 @@ from typing import Any, cast
 
 from teg.errors import BoundError, NameClashError, OperandError
 from teg.ir import expr as ex
+from teg.ir import operands, simplify
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Cond, Const, Expr, Mul, Var
 from teg.ir.node import Node
 from teg.language import functions, programs
@@ -101,11 +102,11 @@ class Reader:
                 result = programs.where(condition, then, result)
             return result
         if kind is sympy.Heaviside:
-            return self.heaviside(node, *map(ex.as_number, parts))
+            return self.heaviside(node, *map(operands.as_number, parts))
         if kind is sympy.Mul and node.args[0].is_Rational:
             return self.functions[kind](*parts[1:], parts[0])  # x/3 is a quotient, not a product with a rounded third
         if kind is sympy.Pow and node.exp.is_Rational:
-            return ex.as_number(parts[0]) ** _nearest(node.exp)
+            return operands.as_number(parts[0]) ** _nearest(node.exp)
         return self.functions[kind](*parts)
 
     def integral(self, node: Any, body: Expr, *bounds: Expr) -> Expr:
@@ -120,9 +121,9 @@ class Reader:
             strict = at_zero is ZERO
             if isinstance(u, Mul) and len(u.children) == 2 and u.children[0] is MINUS_ONE and isinstance(u.children[1], Add):
                 return programs.bracket(
-                    ~ex.positive(u.children[1], not strict)
+                    ~simplify.positive(u.children[1], not strict)
                 )  # -(a - b), which SymPy does not write: the original was a ~
-            return programs.bracket(ex.positive(u, strict))
+            return programs.bracket(simplify.positive(u, strict))
         return programs.where(u >= 0, programs.where(u > 0, 1, at_zero), 0)
 
 
@@ -145,7 +146,7 @@ def _leaf(node: Any) -> Expr | Cond:
     if not node.is_Rational or node.is_Integer or value.as_integer_ratio() == (node.p, node.q):
         return ex.const(value)
     both_exact = all(n.bit_length() < 1024 and int(float(n)) == n for n in (node.p, node.q))
-    return ex.div(ex.const(node.p), ex.const(node.q)) if both_exact else ex.const(value)
+    return simplify.div(ex.const(node.p), ex.const(node.q)) if both_exact else ex.const(value)
 
 
 @cache
@@ -181,8 +182,8 @@ def builders() -> dict[Any, Callable[..., Node]]:
         sympy.coth: lambda u: 1 / functions.tanh(u),
         sympy.erf: functions.erf,
         sympy.erfc: functions.erfc,
-        sympy.erfinv: lambda u: ex.call("erfinv", u),
-        sympy.erfcinv: lambda u: ex.call("erfcinv", u),
+        sympy.erfinv: lambda u: simplify.call("erfinv", u),
+        sympy.erfcinv: lambda u: simplify.call("erfcinv", u),
         sympy.erf2: lambda u, v: functions.erf(v) - functions.erf(u),
         cfunctions.expm1: functions.expm1,
         cfunctions.log1p: functions.log1p,
@@ -197,7 +198,7 @@ def builders() -> dict[Any, Callable[..., Node]]:
         sympy.Min: functions.minimum,
         sympy.Max: functions.maximum,
         sympy.floor: functions.floor,
-        sympy.ceiling: lambda u: ex.call("ceil", u),
+        sympy.ceiling: lambda u: simplify.call("ceil", u),
         sympy.frac: lambda u: functions.mod(u, 1),
         sympy.Mod: functions.mod,
         sympy.re: lambda u: u,
@@ -212,18 +213,18 @@ def builders() -> dict[Any, Callable[..., Node]]:
         sympy.Ne: lambda a, b: (a < b) | (a > b),
     }
     of_conditions: dict[Any, Callable[..., Node]] = {
-        sympy.Not: ex.negation,
-        sympy.And: ex.conjunction,
-        sympy.Or: ex.disjunction,
-        sympy.Nand: lambda *c: ~ex.conjunction(*c),
-        sympy.Nor: lambda *c: ~ex.disjunction(*c),
+        sympy.Not: simplify.negation,
+        sympy.And: simplify.conjunction,
+        sympy.Or: simplify.disjunction,
+        sympy.Nand: lambda *c: ~simplify.conjunction(*c),
+        sympy.Nor: lambda *c: ~simplify.disjunction(*c),
         sympy.Xor: lambda *c: reduce(lambda a, b: (a & ~b) | (~a & b), c),
         sympy.Implies: lambda a, b: ~a | b,
-        sympy.Equivalent: lambda *c: ex.conjunction(*c) | ~ex.disjunction(*c),
+        sympy.Equivalent: lambda *c: simplify.conjunction(*c) | ~simplify.disjunction(*c),
         sympy.ITE: lambda c, a, b: (c & a) | (~c & b),
     }
     table: dict[Any, Callable[..., Node]] = {sympy.Tuple: programs.tuple_}
-    for kinds, check in ((of_numbers, ex.as_number), (of_conditions, ex.as_condition)):
+    for kinds, check in ((of_numbers, operands.as_number), (of_conditions, operands.as_condition)):
         for kind, f in kinds.items():
             table[kind] = lambda *parts, f=f, check=check: f(*map(check, parts))
     by_hand = (sympy.Integral, sympy.Piecewise, sympy.Heaviside)  # handled by the reader itself
@@ -231,12 +232,12 @@ def builders() -> dict[Any, Callable[..., Node]]:
 
 
 def _sum(*terms: Expr) -> Expr:
-    return _remembering(Add, ex.add(*terms), terms)
+    return _remembering(Add, simplify.add(*terms), terms)
 
 
 def _product(*factors: Expr) -> Expr:
     numbers = [f for f in factors if isinstance(f, Const)]
-    return _remembering(Mul, ex.mul(*factors), (*numbers, *(f for f in factors if not isinstance(f, Const))))
+    return _remembering(Mul, simplify.mul(*factors), (*numbers, *(f for f in factors if not isinstance(f, Const))))
 
 
 def _remembering(kind: type[Add | Mul], result: Expr, parts: tuple[Expr, ...]) -> Expr:

@@ -17,9 +17,10 @@ import teg
 from teg import errors, symbolic
 from teg.evaluator.accuracy import AccuracyWarning
 from teg.ir import expr as ex
-from teg.ir.expr import FUNCTIONS, Compare, Const, Param, Var, call, const
+from teg.ir.expr import FUNCTIONS, Compare, Const, Param, Var, const
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import call
 from teg.ir.traverse import substitute
 from teg.symbolic import from_sympy, jacobian_determinant, to_sympy
 from teg.symbolic.nodes import as_it_is, sympy_package

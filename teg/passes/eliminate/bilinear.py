@@ -30,7 +30,9 @@ from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import tidy
 from teg.analysis.surfaces import free_of, restrict, signed_inside
 from teg.ir import expr as ex
-from teg.ir.expr import FALSE, ZERO, Cond, Expr, Var, add, call, conjunction, const, disjunction, div, mul, negation, positive, sub, where
+from teg.ir import simplify
+from teg.ir.expr import FALSE, ZERO, Cond, Expr, Var, const
+from teg.ir.simplify import add, call, conjunction, disjunction, div, mul, negation, positive, sub, where
 from teg.ir.traverse import substitute
 
 ODDS = 1.3706
@@ -85,7 +87,7 @@ def _is_even(g: Expr, box: Binder, stay: Binder) -> Cond:
     on outer variables."""
     rate = slope(g, box.var)
     low, high = (cast(Expr, substitute(rate, {box.var: box.lo, stay.var: end})) for end in (stay.lo, stay.hi))
-    squares = add(ex.integer_power(low, 2), ex.integer_power(high, 2))
+    squares = add(simplify.integer_power(low, 2), simplify.integer_power(high, 2))
     even = positive(sub(mul(low, high), mul(const(EVEN), squares)))
     return FALSE if even.free else even
 
@@ -137,7 +139,7 @@ def _chart(curve: _Curve, pivot: int, whole: Cond, nothing: Cond) -> Expr:
     strict = pivot == 0
     steep: Cond = disjunction(positive(sub(rate, least), strict), positive(sub(mul(ex.MINUS_ONE, rate), least), strict))
     at = {b.var: root}
-    value = mul(restrict(curve.coefficient, at, g, (binders[1].var, binders[0].var)), ex.integer_power(call("magnitude", rate), -1))
+    value = mul(restrict(curve.coefficient, at, g, (binders[1].var, binders[0].var)), simplify.integer_power(call("magnitude", rate), -1))
     point: dict[Var, Expr] = {b.var: root, stay.var: stay.var}
     for c, limits in zip(binders, boxes, strict=True):
         if c is b or (limits.lo, limits.hi) != (c.lo, c.hi):

@@ -29,32 +29,10 @@ from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import tidy
 from teg.analysis.surfaces import free_of, restrict, signed_inside
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    Call,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Pow,
-    Var,
-    add,
-    call,
-    const,
-    integer_power,
-    mul,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Var, const
 from teg.ir.integral import integral_over
 from teg.ir.node import Node
+from teg.ir.simplify import add, call, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, rebuild, rewrite, substitute
 from teg.passes.eliminate.implicit import Implicit, rewrite_implicit
 

@@ -20,7 +20,8 @@ from teg.analysis.roots import Root, solve, tidy
 from teg.analysis.surfaces import free_of, restrict, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
-from teg.ir.expr import ZERO, Cond, Expr, Var, add, call, conjunction, integer_power, mul, positive, sub, where
+from teg.ir.expr import ZERO, Cond, Expr, Var
+from teg.ir.simplify import add, call, conjunction, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 
 

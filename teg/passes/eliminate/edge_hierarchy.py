@@ -19,7 +19,9 @@ from dataclasses import replace
 from typing import cast
 
 from teg.analysis.nest import Binder, Chain, nest
-from teg.ir.expr import ONE, ZERO, Expr, Mul, Var, Where, add, call, const, div, less, mul, positive, sub, where
+from teg.ir.expr import ONE, ZERO, Expr, Mul, Var, Where, const
+from teg.ir.operands import less
+from teg.ir.simplify import add, call, div, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.passes.differentiate.estimators.nests import Cube, chains_of, unit_cube
 from teg.passes.eliminate.clip import clipped

@@ -21,9 +21,10 @@ from teg.analysis.isolation import isolate, widened
 from teg.analysis.nest import Binder, Chain, nest, ranges_of
 from teg.analysis.surfaces import free_of, ordered, restrict, signed_inside
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Var, add, call, integer_power, mul, sub, where
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Var
 from teg.ir.integral import Integral, PointMasses, delta, integral_over, masses_of
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, integer_power, mul, sub, where
 from teg.ir.traverse import rebuild, replace_node
 
 MAX_CHARTS = 3

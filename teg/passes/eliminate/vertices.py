@@ -23,29 +23,9 @@ from teg.analysis.calculus import slope
 from teg.analysis.expanded import expanded
 from teg.analysis.polynomial import Shadow
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    And,
-    Compare,
-    Cond,
-    Expr,
-    Mul,
-    Not,
-    Var,
-    add,
-    call,
-    const,
-    div,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, And, Compare, Cond, Expr, Mul, Not, Var, const
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, div, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.numerics.field import P, divided
 

@@ -15,10 +15,11 @@ from typing import cast
 from teg.analysis.intervals import Interval
 from teg.analysis.polynomial import Point
 from teg.analysis.surfaces import binders_inside
-from teg.ir.expr import MINUS_ONE, ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where, add
+from teg.ir.expr import MINUS_ONE, ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where
 from teg.ir.function import Apply, Callee
 from teg.ir.integral import ClosedForm, Delta, Integral
 from teg.ir.node import Node
+from teg.ir.simplify import add
 from teg.numerics.field import divided
 from teg.passes.lower.inverse_erf import inverse_of_erf, inverse_of_erfc
 from teg.passes.lower.levels import Level, Truths

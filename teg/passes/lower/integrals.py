@@ -22,9 +22,10 @@ from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
 from teg.analysis.sharp import Sharp, numeric_range, sharp_values
 from teg.analysis.tails import is_unbounded
-from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, And, Call, Cond, Expr, Mul, Or, Var, conjunction, disjunction, mul, positive, where
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, And, Call, Cond, Expr, Mul, Or, Var
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import conjunction, disjunction, mul, positive, where
 from teg.passes.lower.apart import with_terms_apart
 from teg.passes.lower.emit import Emitter
 from teg.passes.lower.guarded import Guards, widest_gap

@@ -22,9 +22,10 @@ from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Root, solve
 from teg.analysis.tails import is_unbounded
 from teg.ir.cells import replaced
-from teg.ir.expr import FALSE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Var, const, mul
+from teg.ir.expr import FALSE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Var, const
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import mul
 from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.gaussian import mean_at_nodes
 from teg.passes.lower.levels import Level

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import cast
 
 from teg.errors import DeltaError
-from teg.ir import expr as ex
+from teg.ir import simplify
 from teg.ir.arrays import Array, Gather, Placed, Ranged, Slope, Sum, Unit, open_indices
 from teg.ir.cells import APART, cell_leaves, replaced
 from teg.ir.choices import Product, Winner
@@ -117,7 +117,7 @@ class _ArrayScheduler:
             top.names[Param.make(name, ())] = f"p{k}"
         scalars = [e for e in outputs if isinstance(e, Expr)]
         derivatives = [(k, e[1], ONE) for k, e in enumerate(outputs) if not isinstance(e, Expr)]
-        whole = ex.tuple_of(*scalars, *(e for _, e, _ in derivatives))
+        whole = simplify.tuple_of(*scalars, *(e for _, e, _ in derivatives))
         self._open = open_indices(whole)
         self._sloped = {n.table for n in postorder([whole]) if isinstance(n, Slope)}
         names: dict[Expr, Arg] = {}
@@ -159,7 +159,7 @@ class _ArrayScheduler:
                     sums.append((output, leaf, w))
                 else:
                     units.append((output, leaf, w))
-        self._open.update(open_indices(ex.tuple_of(*[w for _, _, w in (*units, *sums)])))
+        self._open.update(open_indices(simplify.tuple_of(*[w for _, _, w in (*units, *sums)])))
         self._loops(level, [*roots, *(w for _, _, w in units), *(w for _, _, w in sums)], sums)
         values = [*roots, *(w for _, _, w in units)]
         names = self._cell(level, values)

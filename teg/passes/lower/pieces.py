@@ -20,28 +20,10 @@ from teg.analysis.roots import local_origin
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import infinite_ends, is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Call,
-    Compare,
-    Cond,
-    Expr,
-    Var,
-    add,
-    call,
-    conjunction,
-    const,
-    div,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Call, Compare, Cond, Expr, Var, const
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import postorder
+from teg.ir.simplify import add, call, conjunction, div, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.levels import Level

@@ -21,8 +21,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import cast
 
-from teg.ir.expr import MINUS_ONE, ZERO, Add, Const, Expr, Mul, Param, Pow, Var, add, mul
+from teg.ir.expr import MINUS_ONE, ZERO, Add, Const, Expr, Mul, Param, Pow, Var
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, mul
 from teg.ir.traverse import remake, size
 from teg.numerics.field import residue
 

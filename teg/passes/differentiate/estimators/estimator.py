@@ -13,7 +13,8 @@ from typing import Any, ClassVar
 
 from teg.analysis.settings import Integration
 from teg.errors import OptionError
-from teg.ir.expr import Expr, Param, Tuple, tuple_of
+from teg.ir.expr import Expr, Param, Tuple
+from teg.ir.simplify import tuple_of
 from teg.passes.normalise.choices import has_choices
 
 SAMPLES = 2**14

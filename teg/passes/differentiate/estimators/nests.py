@@ -19,9 +19,10 @@ from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import finite_place, infinite_ends, is_unbounded
 from teg.errors import EstimatorError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Expr, Mul, Param, Var, Where, add, mul, sub, where
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Expr, Mul, Param, Var, Where
 from teg.ir.integral import Integral, integral_over, masses_of
 from teg.ir.node import Node
+from teg.ir.simplify import add, mul, sub, where
 from teg.ir.traverse import parameters, replace_node, substitute
 from teg.passes.differentiate.reverse import gradient_of
 

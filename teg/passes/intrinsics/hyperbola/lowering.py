@@ -9,9 +9,10 @@ from typing import cast
 
 from teg.analysis.boxes import Coefficients
 from teg.analysis.expanded import expanded
-from teg.ir.expr import Add, Const, Expr, Mul, Param, mul, sub
+from teg.ir.expr import Add, Const, Expr, Mul, Param
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.node import Node
+from teg.ir.simplify import mul, sub
 from teg.passes.intrinsics.hyperbola.match import Border, Corners, Sides, match_hyperbola
 from teg.passes.lower.emit import Emitter
 from teg.passes.lower.intrinsic import Lowering

@@ -17,9 +17,10 @@ from teg.analysis.calculus import slope
 from teg.analysis.expanded import distance
 from teg.analysis.guards import middle_and_reach
 from teg.analysis.polynomial import Shadow
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Const, Expr, Mul, Param, Var, Where, add, conjunction, mul, negation, positive, sub
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Const, Expr, Mul, Param, Var, Where
 from teg.ir.integral import Integral
 from teg.ir.node import Node
+from teg.ir.simplify import add, conjunction, mul, negation, positive, sub
 from teg.ir.traverse import fresh, rebuild, rewrite, substitute
 from teg.passes.eliminate.barycentric import Inside
 from teg.passes.eliminate.vertices import match_triangle
