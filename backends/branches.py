@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import count
 
 from teg.program import (
     Arg,
@@ -37,6 +36,7 @@ from teg.program import (
 from teg.program.arrays import ArrayProgram, Loop, Run, Step
 from teg.program.dce import without_dead_code
 from teg.program.fields import absent, inner_blocks, with_blocks
+from teg.program.names import is_condition, unused_numbers
 
 OPPOSITE = {"gt0": "le0", "le0": "gt0", "ge0": "lt0", "lt0": "ge0", "and": "or", "or": "and"}
 IMPLIED = {"lt0": ("le0",), "gt0": ("ge0",)}
@@ -79,7 +79,7 @@ def with_branches(program: Program) -> Program:
     body, uses = program.body, Uses()
     flags = {s.met: _failures(body, s.met) for s in body if isinstance(s, Polygon) and isinstance(s.met, str)}
     if sum(map(len, flags.values())) * len(body) <= MOST:
-        numbers = count(1 + max((int(n[1:]) for s in statements(body) for n in assigned(s) if n[1:].isdigit()), default=0))
+        numbers = unused_numbers(n for s in statements(body) for n in assigned(s))
         for flag, cases in flags.items():
             body = _behind(body, (*program.outputs, *flags), flag, cases, numbers, uses)  # other flags are needed later
     return without_dead_code(replace(program, body=_without_hints(body)))
@@ -254,7 +254,7 @@ def _zeros(block: Sequence[Stmt], facts: Mapping[str, bool], opposites: Mapping[
 
 def _follow(stmt: Assign, truth: dict[str, bool], zeros: set[str], opposites: Mapping[str, str]) -> None:
     """Note what an assignment gives, if that is known."""
-    if stmt.name[0] == "b":
+    if is_condition(stmt.name):
         known = [a if isinstance(a, bool) else truth.get(str(a)) for a in stmt.args]
         value: bool | None = None
         match stmt.op:

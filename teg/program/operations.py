@@ -171,3 +171,8 @@ INTEGER_OPERATIONS: dict[str, Callable[[int, int], int]] = {
     "max": max,
 }
 """Operations of two integers in programs with arrays; gather, length and param read what is given."""
+
+
+def letter_of(op: str) -> str:
+    """Returns the first letter of names for the results of an operation (`teg.program.names`)."""
+    return "b" if OPERATIONS[op].result == "condition" else "v"

@@ -194,7 +194,7 @@ MUTANTS: tuple[Mutant, ...] = (
         "teg/passes/lower/rounding.py",
         (SMALL,),
         ("rounding errors of products", "return total(size(e), *carried)", "return size(e)"),
-        ("rounding errors in ties", 'return terms if error == 0.0 else self.out.assign(home, "v", "add", terms, error)', "return terms"),
+        ("rounding errors in ties", 'return terms if error == 0.0 else self.out.assign(home, "add", terms, error)', "return terms"),
     ),
     *_of(
         "backends/numpy/adaptive.py",

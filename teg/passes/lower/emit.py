@@ -26,6 +26,7 @@ from teg.passes.lower.levels import Level, Truths
 from teg.passes.lower.rounding import Rounding
 from teg.passes.lower.scaled import ByExponents
 from teg.program import Arg, Assign
+from teg.program.operations import letter_of
 
 NAN = float("nan")
 QUARTERS = {k / 4 for k in (-7, -6, -5, -3, -2, -1, 1, 2, 3, 5, 6, 7)}
@@ -75,11 +76,11 @@ class Emitter:
             level = level.outer  # type: ignore[assignment]
         return level
 
-    def assign(self, home: Level, kind: str, op: str, *args: Arg) -> str:
+    def assign(self, home: Level, op: str, *args: Arg) -> str:
         """Returns the name of op(args), computed once a level."""
         key = (op, args)
         if key not in home.computed:
-            home.computed[key] = self.fresh(kind)
+            home.computed[key] = self.fresh(letter_of(op))
             home.block.append(Assign(home.computed[key], op, args))
         return home.computed[key]
 
@@ -140,10 +141,10 @@ class Emitter:
                 return self._power_by_products(e, home)
             case Pow():
                 base = self._number_of(e.base, home)
-                return self.assign(home, "v", "div", 1.0, base) if e.exponent == -1 else self.assign(home, "v", "powi", base, e.exponent)
+                return self.assign(home, "div", 1.0, base) if e.exponent == -1 else self.assign(home, "powi", base, e.exponent)
             case Apply():
                 k = self.functions.setdefault((e.callee, e.derivative), len(self.functions))
-                return self.assign(home, "v", "call", k, *(self._number_of(c, home) for c in e.children))
+                return self.assign(home, "call", k, *(self._number_of(c, home) for c in e.children))
             case ClosedForm():
                 return self.closed_form(e, home)
             case Call() if e.name in ("erfinv", "erfcinv"):
@@ -156,33 +157,33 @@ class Emitter:
                 if e.name in ("sqrt", "log", "pow") and self._keeps_its_sign(e.children[0], home):
                     args[0] = self._of_sign_in_the_middle(e.children[0], args[0], home)
                 if e.name == "root":
-                    return self.assign(home, "v", "sqrt", self.assign(home, "v", "abs", *args))
+                    return self.assign(home, "sqrt", self.assign(home, "abs", *args))
                 if e.name == "pow":
                     return self.power(args[0], args[1], home)
                 if e.name == "log" and isinstance(e.children[0], Add) and ONE in e.children[0].children:
                     others = add(*(term for term in e.children[0].children if term is not ONE))
-                    return self.assign(home, "v", "log1p", self.number(others, home))
-                return self.assign(home, "v", "abs" if e.name == "magnitude" else e.name, *args)
+                    return self.assign(home, "log1p", self.number(others, home))
+                return self.assign(home, "abs" if e.name == "magnitude" else e.name, *args)
             case Where():
                 holds, fails = self.truths_of(e.condition, home)
                 otherwise: Arg = self._number_of(e.otherwise, home) if fails is not False else NAN
                 if not isinstance(fails, bool):
-                    otherwise = self.assign(home, "v", "select", fails, otherwise, NAN)
-                return self.assign(home, "v", "select", holds, self._number_of(e.then, home), otherwise)
+                    otherwise = self.assign(home, "select", fails, otherwise, NAN)
+                return self.assign(home, "select", holds, self._number_of(e.then, home), otherwise)
             case Tuple() | Delta() | _:
                 raise AssertionError(f"{type(e).__name__} cannot be scheduled")
 
     def power(self, base: Arg, exponent: Arg, home: Level) -> Arg:
         """Returns a power, that of a whole number of quarters by square roots."""
         if exponent not in QUARTERS:
-            return self.assign(home, "v", "pow", base, exponent)
+            return self.assign(home, "pow", base, exponent)
         quarters = int(abs(cast(float, exponent)) * 4.0)
-        half = self.assign(home, "v", "sqrt", base)
+        half = self.assign(home, "sqrt", base)
         factors = [base] * (quarters // 4) + [half] * (quarters // 2 % 2)
         if quarters % 2:
-            factors.append(self.assign(home, "v", "sqrt", half))
-        power = factors[0] if len(factors) == 1 else self.assign(home, "v", "mul", *factors)
-        return power if cast(float, exponent) > 0.0 else self.assign(home, "v", "div", 1.0, power)
+            factors.append(self.assign(home, "sqrt", half))
+        power = factors[0] if len(factors) == 1 else self.assign(home, "mul", *factors)
+        return power if cast(float, exponent) > 0.0 else self.assign(home, "div", 1.0, power)
 
     def _keeps_its_sign(self, u: Expr, home: Level) -> bool:
         """Returns whether the roots of u are breaks of the integral around it, so that u has one sign on each piece."""
@@ -198,8 +199,8 @@ class Emitter:
     def _of_sign_in_the_middle(self, u: Expr, value: Arg, home: Level) -> Arg:
         """Returns u, and its size where it is positive in the middle of the piece: beside a root only rounding makes it negative."""
         middle = cast(Level, home.middle)
-        above = self.assign(middle, "b", "gt0", self.number(u, middle))
-        return self.assign(home, "v", "select", above, self.size_of(value, home), value)
+        above = self.assign(middle, "gt0", self.number(u, middle))
+        return self.assign(home, "select", above, self.size_of(value, home), value)
 
     def sum(self, e: Add, home: Level) -> Arg:
         """Returns a sum. Terms are added from the left in the order written; a term -u is subtracted. Constants are
@@ -207,8 +208,8 @@ class Emitter:
         power = _less_one(e)
         if power is not None:
             u, sign = power
-            result = self.assign(home, "v", "expm1", self.number(u, home))
-            return result if sign > 0 else self.assign(home, "v", "neg", result)
+            result = self.assign(home, "expm1", self.number(u, home))
+            return result if sign > 0 else self.assign(home, "neg", result)
         if home.constants is not None:
             outside = [term for term in e.children if not self._varies(term, home)]
             if len(outside) >= 2:
@@ -217,11 +218,11 @@ class Emitter:
         for term in e.children:
             negative = isinstance(term, Mul) and isinstance(term.children[0], Const) and term.children[0].data == -1.0
             if total and negative and len(term.children) == 2:
-                left = total[0] if len(total) == 1 else self.assign(home, "v", "add", *total)
-                total = [self.assign(home, "v", "sub", left, self.number(cast(Expr, term.children[1]), home))]
+                left = total[0] if len(total) == 1 else self.assign(home, "add", *total)
+                total = [self.assign(home, "sub", left, self.number(cast(Expr, term.children[1]), home))]
             else:
                 total.append(self.number(term, home))
-        return total[0] if len(total) == 1 else self.assign(home, "v", "add", *total)
+        return total[0] if len(total) == 1 else self.assign(home, "add", *total)
 
     def product(self, e: Mul, home: Level) -> Arg:
         """Returns a product. Factors are multiplied from the left, then divided by the denominators, then negated."""
@@ -239,10 +240,10 @@ class Emitter:
                 above.append(self.number(factor, home))
         result: Arg = 1.0 if not above else above[0]
         if len(above) > 1:
-            result = self.assign(home, "v", "mul", *above)
+            result = self.assign(home, "mul", *above)
         for divisor in below:
-            result = self.assign(home, "v", "div", result, divisor)
-        return self.assign(home, "v", "neg", result) if sign else result
+            result = self.assign(home, "div", result, divisor)
+        return self.assign(home, "neg", result) if sign else result
 
     # -- where many nodes are computed side by side --------------------------------------------------------------------
 
@@ -255,25 +256,25 @@ class Emitter:
         constant = [f for f in e.children if not self._varies(f, home)]
         varying = [self.number(f, home) for f in e.children if self._varies(f, home)]
         if not constant:
-            return self.assign(home, "v", "mul", *varying)
+            return self.assign(home, "mul", *varying)
         if len(constant) == 1 and constant[0] is MINUS_ONE:
-            result = varying[0] if len(varying) == 1 else self.assign(home, "v", "mul", *varying)
-            return self.assign(home, "v", "neg", result)
-        return self.assign(home, "v", "mul", self.constant(constant, outside), *varying)
+            result = varying[0] if len(varying) == 1 else self.assign(home, "mul", *varying)
+            return self.assign(home, "neg", result)
+        return self.assign(home, "mul", self.constant(constant, outside), *varying)
 
     def constant(self, factors: Iterable[Expr], home: Level) -> Arg:
         """Returns the name of a product of numbers."""
         numbers = [self.number(f, home) for f in factors if f is not ONE]
-        return 1.0 if not numbers else numbers[0] if len(numbers) == 1 else self.assign(home, "v", "mul", *numbers)
+        return 1.0 if not numbers else numbers[0] if len(numbers) == 1 else self.assign(home, "mul", *numbers)
 
     def _power_by_products(self, e: Pow, home: Level) -> Arg:
         """Returns a power by repeated squaring, because lanes of numbers have no other."""
         base, result, k = self.number(e.base, home), None, e.exponent
         while k:
             if k & 1:
-                result = base if result is None else self.assign(home, "v", "mul", result, base)
+                result = base if result is None else self.assign(home, "mul", result, base)
             k >>= 1
-            base = self.assign(home, "v", "mul", base, base) if k else base
+            base = self.assign(home, "mul", base, base) if k else base
         return cast(Arg, result)
 
     # -- conditions ----------------------------------------------------------------------------------------------------
@@ -290,15 +291,15 @@ class Emitter:
                 parts = [self.truths_of(child, home) for child in c.children]
                 both, either = ("and", "or") if isinstance(c, And) else ("or", "and")
                 return (
-                    self.assign(home, "b", both, *(p[0] for p in parts)),
-                    self.assign(home, "b", either, *(p[1] for p in parts)),
+                    self.assign(home, both, *(p[0] for p in parts)),
+                    self.assign(home, either, *(p[1] for p in parts)),
                 )
             case Compare():
                 g = self._number_of(c.g, home)
                 if c.resolution is not None:
                     return self.rounding.tie(c, g, home)
                 ops = ("gt0", "le0") if c.strict else ("ge0", "lt0")
-                return (self.assign(home, "b", ops[0], g), self.assign(home, "b", ops[1], g))
+                return (self.assign(home, ops[0], g), self.assign(home, ops[1], g))
             case _:
                 raise AssertionError(f"unknown condition {type(c).__name__}")
 
@@ -310,7 +311,7 @@ class Emitter:
 
     def size_of(self, value: Arg, home: Level) -> Arg:
         """Returns |value| of a named value."""
-        return abs(value) if isinstance(value, float | int) else self.assign(home, "v", "abs", value)
+        return abs(value) if isinstance(value, float | int) else self.assign(home, "abs", value)
 
 
 def _number(e: Expr) -> float:

@@ -230,7 +230,7 @@ class _Integrals:
         if weight is ONE:
             return results
         by = self.out.number(weight, home)
-        return tuple(self.out.assign(home, "v", "div", r, by) for r in results)
+        return tuple(self.out.assign(home, "div", r, by) for r in results)
 
     def _by_means(
         self, group: Sequence[Integral], home: Level, when: str | None, places: tuple[Arg, Arg, tuple[Arg, ...]]
@@ -290,10 +290,10 @@ class _Integrals:
     def _elsewhere(self, middle: Level, ends: tuple[str, str]) -> Sequence[Level]:
         """Returns other places of a piece than its middle, whose statements are the middle's."""
         x, (p, q) = cast(Var, middle.var), ends
-        length = self.out.assign(middle, "v", "sub", q, p)
+        length = self.out.assign(middle, "sub", q, p)
         levels = []
         for part in PLACES:
-            place = self.out.assign(middle, "v", "add", p, self.out.assign(middle, "v", "mul", part, length))
+            place = self.out.assign(middle, "add", p, self.out.assign(middle, "mul", part, length))
             level = cast(Level, middle.outer).inside(x, place)
             level.block = middle.block
             levels.append(level)
@@ -310,8 +310,8 @@ class _Integrals:
         nothing = self.out.truths(conjunction(*empty), home)[0]
         if isinstance(nothing, bool):
             return False if nothing else needed
-        occupied = self.out.assign(home, "b", "not", nothing)
-        return occupied if needed is True else self.out.assign(home, "b", "and", needed, occupied)
+        occupied = self.out.assign(home, "not", nothing)
+        return occupied if needed is True else self.out.assign(home, "and", needed, occupied)
 
     def _roots_inside(self, body: Expr, level: Level) -> list[Cond]:
         """Returns what says that there are the roots between which integrals inside of an integrand live, if these are factors of it."""

@@ -61,6 +61,7 @@ from teg.program.arrays import (
 )
 from teg.program.dce import without_dead_code
 from teg.program.fields import renamed
+from teg.program.names import is_condition, is_parameter, parameter_number
 from teg.program.verify import verified_arrays
 
 Schedule = Callable[[Sequence[Expr], Sequence[str]], Program]
@@ -414,12 +415,12 @@ class _ArrayScheduler:
             return []
         used = {n: None for s in block for n in free_names(s) if n in name}
         number = {n: f"p{k}" for k, n in enumerate(used)}
-        truths = [n for n in used if n[0] == "b"]
+        truths = [n for n in used if is_condition(n)]
         number.update((n, f"b{n}") for n in truths)
-        before = [Assign(f"b{n}", "gt0", (f"p{k}",)) for k, n in enumerate(used) if n[0] == "b"]
-        after = [Assign(f"v{n}", "select", (n, 1.0, 0.0)) for n in across if n[0] == "b"]
-        results = tuple(f"v{n}" if n[0] == "b" else n for n in across)
-        titles = tuple(program.parameters[int(n[1:])] if n[0] == "p" else n for n in used)
+        before = [Assign(f"b{n}", "gt0", (f"p{k}",)) for k, n in enumerate(used) if is_condition(n)]
+        after = [Assign(f"v{n}", "select", (n, 1.0, 0.0)) for n in across if is_condition(n)]
+        results = tuple(f"v{n}" if is_condition(n) else n for n in across)
+        titles = tuple(program.parameters[parameter_number(n)] if is_parameter(n) else n for n in used)
         body = (*before, *(renamed(s, number) for s in block), *after)
         ties = program.ties if has_ties(block) else ()
         part = without_dead_code(replace(program, parameters=titles, body=body, outputs=results, ties=ties))

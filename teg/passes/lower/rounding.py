@@ -41,12 +41,12 @@ class Rounding:
         if home.elsewhere is not None and not c.g.has_integral and not self.is_short(c.g, home):
             g, scale = self._clearest(c.g, g, scale, home)
         if c in home.coincident:
-            scale = self.out.assign(home, "v", "select", home.coincident[c], scale, 0.0)
+            scale = self.out.assign(home, "select", home.coincident[c], scale, 0.0)
         k = self.out.ties.setdefault(cast("tuple[str, str]", c.rivals), len(self.out.ties))
-        holds = self.out.assign(home, "b", "tie", g, scale, holds_first, k)
-        fails = self.out.assign(home, "b", "not", holds)
-        ok = self.out.assign(home, "b", "ok", g)
-        return (holds, self.out.assign(home, "b", "and", fails, ok))
+        holds = self.out.assign(home, "tie", g, scale, holds_first, k)
+        fails = self.out.assign(home, "not", holds)
+        ok = self.out.assign(home, "ok", g)
+        return (holds, self.out.assign(home, "and", fails, ok))
 
     def is_short(self, g: Expr, home: Level) -> bool:
         """Returns whether a function is a polynomial of low degree in the variable, or in its tangent.
@@ -70,31 +70,31 @@ class Rounding:
         It has one sign there, so surfaces that only approach each other are told apart where they are apart; those that coincide are a
         tie at every place.
         """
-        reach = self.out.assign(home, "v", "mul", TIE_EPS, scale)
-        unclear = self.out.assign(home, "b", "ge0", self.out.assign(home, "v", "sub", reach, self.out.size_of(g, home)))
+        reach = self.out.assign(home, "mul", TIE_EPS, scale)
+        unclear = self.out.assign(home, "ge0", self.out.assign(home, "sub", reach, self.out.size_of(g, home)))
         for other in cast("Callable[[], Sequence[Level]]", home.elsewhere)():
             there, room = self.out.number(e, other), self.tie_scale(e, other)
-            away = self.out.assign(home, "v", "sub", self.out.size_of(there, home), self.out.assign(home, "v", "mul", CLEAR, room))
-            better = self.out.assign(home, "b", "and", unclear, self.out.assign(home, "b", "gt0", away))
-            g, scale = (self.out.assign(home, "v", "select", better, new, old) for new, old in ((there, g), (room, scale)))
+            away = self.out.assign(home, "sub", self.out.size_of(there, home), self.out.assign(home, "mul", CLEAR, room))
+            better = self.out.assign(home, "and", unclear, self.out.assign(home, "gt0", away))
+            g, scale = (self.out.assign(home, "select", better, new, old) for new, old in ((there, g), (room, scale)))
         return g, scale
 
     def tie_scale(self, g: Expr, home: Level) -> Arg:
         """Returns the scale of a tie: Σ|terms| of an atom, and the rounding errors of its terms. Times a few ε it bounds the atom's error
         near 0."""
         terms, error = self._terms_size(g, home), self.error(g, home)
-        return terms if error == 0.0 else self.out.assign(home, "v", "add", terms, error)
+        return terms if error == 0.0 else self.out.assign(home, "add", terms, error)
 
     def _terms_size(self, g: Expr, home: Level) -> Arg:
         """Returns Σ|terms|, of the branch that is taken and after a numerical factor in front."""
         if isinstance(g, Where):
             holds = self.out.truths(g.condition, home)[0]
-            return self.out.assign(home, "v", "select", holds, self._terms_size(g.then, home), self._terms_size(g.otherwise, home))
+            return self.out.assign(home, "select", holds, self._terms_size(g.then, home), self._terms_size(g.otherwise, home))
         if isinstance(g, Mul) and len(g.children) == 2 and isinstance(g.children[0], Const):
-            return self.out.assign(home, "v", "mul", abs(g.children[0].data), self._terms_size(g.children[1], home))
+            return self.out.assign(home, "mul", abs(g.children[0].data), self._terms_size(g.children[1], home))
         if not isinstance(g, Add):
             return self.out.size(g, home)
-        return self.out.assign(home, "v", "add", *(self.out.size(t, home) for t in g.children))
+        return self.out.assign(home, "add", *(self.out.size(t, home) for t in g.children))
 
     def error(self, root: Expr, level: Level) -> Arg:
         """Returns a running error bound in units of ε. Parameters and variables are exact (except those in `errors`); each operation rounds
@@ -123,7 +123,7 @@ class Rounding:
         """Returns the bound for one operation, from those of its children."""
 
         def put(op: str, *args: Arg) -> Arg:
-            return self.out.assign(home, "v", op, *args)
+            return self.out.assign(home, op, *args)
 
         def size(child: Expr) -> Arg:
             return self.out.size(child, home)
@@ -163,7 +163,7 @@ class Rounding:
 
     def _weighted(self, weight: float, value: Arg, home: Level) -> Arg:
         """Returns weight·value."""
-        return value if weight == 1.0 else self.out.assign(home, "v", "mul", weight, value)
+        return value if weight == 1.0 else self.out.assign(home, "mul", weight, value)
 
     def _carried_by(self, e: Call, errors: list[Arg], home: Level) -> list[Arg]:
         """Returns bounds of the errors of the arguments times the slopes of the function.
@@ -172,7 +172,7 @@ class Rounding:
         """
 
         def put(op: str, *args: Arg) -> Arg:
-            return self.out.assign(home, "v", op, *args)
+            return self.out.assign(home, op, *args)
 
         first, u, error = self.out.size(e, home), self.out.size(e.children[0], home), errors[0]
         match e.name:
@@ -212,7 +212,7 @@ class Rounding:
         """Returns bounds of the effect of the errors of base and exponent on a power: |y|·|x|^(y-1)·Δx and |log x|·|x|^y·Δy."""
 
         def put(op: str, *args: Arg) -> Arg:
-            return self.out.assign(home, "v", op, *args)
+            return self.out.assign(home, op, *args)
 
         base, exponent = self.out.size(e.children[0], home), self.out.number(e.children[1], home)
         parts: list[Arg] = []

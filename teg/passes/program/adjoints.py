@@ -25,6 +25,7 @@ from teg.program.arrays import ArrayProgram, Loop, Number, Run, Step, steps
 from teg.program.dce import without_dead_code
 from teg.program.fields import result_names
 from teg.program.joined import input_residues, joined
+from teg.program.names import unused_numbers
 from teg.program.residues import Residues
 from teg.program.summed import Summed, summed, with_enclosing
 from teg.program.walk import blocks, free_in
@@ -323,7 +324,7 @@ class _Moments:
 
 def with_adjoints(program: ArrayProgram) -> ArrayProgram:
     """Returns the program in which loops over boxes add up moments, where all that they give is combinations of not many more."""
-    numbers = count(1 + max((int(n[1:]) for s in steps(program.body) for n in result_names(s) if n[1:].isdigit()), default=0))
+    numbers = unused_numbers(n for s in steps(program.body) for n in result_names(s))
     candidates: list[tuple[Summed, Run]] = []
     for loop, around in with_enclosing(program.body):
         runs = [s for s in loop.body if isinstance(s, Run)]
@@ -360,7 +361,7 @@ def _split(found: Summed, run: Run, residues: Sequence[Residues], numbers: count
     block = list(statements(run.program.body))
     for r in residues:
         r.follow(block)
-    inner = count(1 + max((int(n[1:]) for s in block for n in assigned(s) if n[1:].isdigit()), default=0))
+    inner = unused_numbers(n for s in block for n in assigned(s))
     moments = _Moments(run, varying, indices, residues, inner)
     if not moments.through():
         return None

@@ -92,9 +92,9 @@ class HyperbolaLowering(Lowering):
         home.block.append(Hyperbola(values, (), scales, ties, tuple(moments), tuple(names), turn=turn))
         for node, sides in together.regions:
             mine = parts.get(node, [])
-            total: Arg = 0.0 if not mine else mine[0] if len(mine) == 1 else self.out.assign(home, "v", "add", *mine)
+            total: Arg = 0.0 if not mine else mine[0] if len(mine) == 1 else self.out.assign(home, "add", *mine)
             area = self.out.number(sides.area, home)
-            home.names[node] = total if area == 1.0 or not mine else self.out.assign(home, "v", "mul", total, area)
+            home.names[node] = total if area == 1.0 or not mine else self.out.assign(home, "mul", total, area)
         for border in together.borders:
             home.names[border] = parts[border][0] if border in parts else 0.0
 

@@ -119,7 +119,7 @@ class PolygonLowering(Lowering):
             middle, reach = middle_and_reach(half.atom.g, corner, extents)
             parts.append(positive(add(mul(MINUS_ONE, middle) if half.negated else middle, reach), strict=False))
         fails = self.out.truths(conjunction(*parts), home)[1]
-        return self.out.assign(home, "b", "not", fails) if isinstance(fails, str) else True
+        return self.out.assign(home, "not", fails) if isinstance(fails, str) else True
 
     def _segment(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
         (node,) = group[0].boxes
@@ -160,7 +160,7 @@ class PolygonLowering(Lowering):
         a, b = sizes
         if isinstance(a, float) and isinstance(b, float):
             return max(a, b)
-        return a if a == b else self.out.assign(home, "v", "max", a, b)
+        return a if a == b else self.out.assign(home, "max", a, b)
 
     def _size_of_terms(self, g: Expr, x: Var, bounds: tuple[Expr, Expr], home: Level) -> Arg:
         """Returns a bound of the terms of an affine function between the bounds, before anything cancels."""
@@ -186,7 +186,7 @@ class PolygonLowering(Lowering):
             stack.pop()
             sizes = [known[p] for p in parts]
             if isinstance(e, Add):
-                known[e] = self.out.assign(home, "v", "add", *sizes)
+                known[e] = self.out.assign(home, "add", *sizes)
             elif e is x:
                 known[e] = most
             elif x not in e.free:
@@ -194,11 +194,11 @@ class PolygonLowering(Lowering):
             elif isinstance(e, Mul):
                 sizes += [self.out.size(c, home) for c in cast("Sequence[Expr]", e.children) if x not in c.free]
                 sizes = [s for s in sizes if s != 1.0] or [1.0]
-                known[e] = sizes[0] if len(sizes) == 1 else self.out.assign(home, "v", "mul", *sizes)
+                known[e] = sizes[0] if len(sizes) == 1 else self.out.assign(home, "mul", *sizes)
             elif isinstance(e, Where):
-                known[e] = self.out.assign(home, "v", "select", self.out.truths(e.condition, home)[0], *sizes)
+                known[e] = self.out.assign(home, "select", self.out.truths(e.condition, home)[0], *sizes)
             else:
-                known[e] = self.out.assign(home, "v", "add", *(self.out.size(cast(Expr, substitute(e, {x: b})), home) for b in bounds))
+                known[e] = self.out.assign(home, "add", *(self.out.size(cast(Expr, substitute(e, {x: b})), home) for b in bounds))
         return known[g]
 
     # -- integrands ----------------------------------------------------------------------------------------------------
