@@ -40,7 +40,7 @@ from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
 from teg.passes.normalise.integers import with_sums_of_integers
 from teg.passes.normalise.tables import with_tables
-from teg.passes.program.adjoints import with_adjoints
+from teg.passes.intrinsics.polygon.adjoints import with_adjoints
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
 from teg.pipeline import cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for

@@ -10,7 +10,7 @@ import pytest
 
 import teg
 from teg.evaluator import plan
-from teg.passes.program.adjoints import with_adjoints
+from teg.passes.intrinsics.polygon.adjoints import with_adjoints
 from teg.program import Polygon, compound
 from teg.program.arrays import ArrayProgram, Run, steps
 from teg.program.interpreter import interpret_arrays

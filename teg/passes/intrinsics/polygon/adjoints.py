@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import count
 
-from teg.passes.program.polynomials import ONE, POINTS, Coefficient, Monomial, Poly, Polynomials, Steady, derivative
+from teg.passes.intrinsics.polygon.polynomials import ONE, POINTS, Coefficient, Monomial, Poly, Polynomials, Steady, derivative
 from teg.program import Arg, Assign, Polygon, Program, Segment, Stmt, assigned, statements
 from teg.program.arrays import ArrayProgram, Loop, Number, Run, Step, steps
 from teg.program.dce import without_dead_code
