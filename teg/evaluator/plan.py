@@ -35,12 +35,12 @@ from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.estimators.estimator import Estimator
 from teg.passes.differentiate.estimators.ignore import Ignore, ignore_discontinuities
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
+from teg.passes.intrinsics import with_loops
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
 from teg.passes.normalise.integers import with_sums_of_integers
 from teg.passes.normalise.tables import with_tables
-from teg.passes.intrinsics.polygon.adjoints import with_adjoints
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
 from teg.pipeline import cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
@@ -229,7 +229,7 @@ class Derivation:
 
     def _looped(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> ArrayProgram:
         program = self.scheduled(self._looped_outputs(wanted, entry, not errors), wanted, how, unfinished=errors)
-        return with_array_error_estimates(program) if errors else with_adjoints(program)
+        return with_array_error_estimates(program) if errors else with_loops(program)
 
     def scheduled(self, outputs: Sequence[Output], wanted: Wanted, how: Integration, unfinished: bool = False) -> ArrayProgram:
         """Returns the program of some outputs, with the arguments of `wanted`; an unfinished one lacks the last passes

@@ -20,6 +20,7 @@ from teg.passes.intrinsics.hyperbola import HYPERBOLA
 from teg.passes.intrinsics.pole import POLE
 from teg.passes.intrinsics.polygon import POLYGON
 from teg.passes.lower.intrinsic import Intrinsic, Statement
+from teg.program.arrays import ArrayProgram
 
 INTRINSICS: tuple[Intrinsic, ...] = (HYPERBOLA, ELLIPSE, POLYGON, POLE)
 """In the order in which they are tried."""
@@ -30,6 +31,13 @@ STATEMENTS: dict[type, Statement] = {kind: known for intrinsic in INTRINSICS for
 def intrinsics_for(how: Integration) -> tuple[Intrinsic, ...]:
     """Returns the intrinsics that may be used: all, or none."""
     return INTRINSICS if how.closed_forms else ()
+
+
+def with_loops(program: ArrayProgram) -> ArrayProgram:
+    """Returns a program with arrays after the passes of intrinsics over loops around their statements."""
+    for intrinsic in INTRINSICS:
+        program = program if intrinsic.loops is None else intrinsic.loops(program)
+    return program
 
 
 def boundary_terms(remarks: Remarks | None = None) -> tuple[Closed, ...]:
