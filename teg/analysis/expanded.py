@@ -12,6 +12,9 @@ from teg.ir.node import postorder
 from teg.ir.simplify import add, mul, sub
 from teg.ir.traverse import parameters
 
+MOST_TERMS = 48
+"""Longer sums of monomials are not written out."""
+
 Powers = tuple[tuple[int, int], ...]
 """A monomial: pairs (number of the generator, exponent), sorted."""
 
@@ -37,9 +40,9 @@ def shorter_form(e: Expr) -> Expr | None:
     return relative if relative is not None and best is not None and _length(relative) <= _length(best) else best
 
 
-def _relative(e: Expr, limit: int = 48) -> Expr | None:
+def _relative(e: Expr) -> Expr | None:
     """Returns a sum of monomials in differences of the parameters that are squared in e; None if e depends on more than these."""
-    form, generators = _normal_form(e, limit)
+    form, generators = _normal_form(e, MOST_TERMS)
     if not form:
         return None
     number = len(generators)
@@ -92,7 +95,7 @@ def _is_difference(e: Expr) -> bool:
     return isinstance(p, Param) and minus and isinstance(q.children[1], Param)
 
 
-def expanded(e: Expr, limit: int = 48, whole: Collection[Expr] = ()) -> Expr | None:
+def expanded(e: Expr, limit: int = MOST_TERMS, whole: Collection[Expr] = ()) -> Expr | None:
     """Returns e as a sum of monomials, with exact cancellation.
 
     The generators are the nodes that are not sums, products or integer powers, and the expressions of `whole`. None if the sum is longer
@@ -109,9 +112,9 @@ def distance(lo: Expr, hi: Expr) -> Expr:
     return difference if short is None or _length(short) >= _length(difference) else short
 
 
-def perfect_power(e: Expr, limit: int = 48) -> tuple[int, Expr, int] | None:
+def perfect_power(e: Expr) -> tuple[int, Expr, int] | None:
     """Returns (sign of c, h, k) with e = c·hᵏ, c a number and k > 1 as large as possible; None if e is no such power."""
-    form, generators = _normal_form(e, limit)
+    form, generators = _normal_form(e, MOST_TERMS)
     if not form:
         return None
     lead = max(form, key=lambda m: _dense(m, len(generators)))

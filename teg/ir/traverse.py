@@ -111,6 +111,26 @@ def rewrite(roots: Iterable[Node], visit: Callable[[Node, Node], Node]) -> dict[
     return new
 
 
+def rewrite_below(roots: Iterable[Node], replacement: Callable[[Node], Node | None]) -> dict[Node, Node]:
+    """Returns the map from old nodes to new ones: a node with a replacement becomes that, and its inside is not visited; others are
+    rebuilt."""
+    new: dict[Node, Node] = {}
+    stack: list[Node] = list(roots)
+    while stack:
+        node = stack[-1]
+        if node in new:
+            stack.pop()
+        elif (other := replacement(node)) is not None:
+            new[node] = other
+            stack.pop()
+        elif missing := [c for c in node.children if c not in new]:
+            stack.extend(missing)
+        else:
+            new[node] = rebuild(node, tuple(new[c] for c in node.children))
+            stack.pop()
+    return new
+
+
 def replace_node(root: Node, old: Node, new: Node) -> Node:
     """Returns the expression with one node replaced wherever it stands."""
     changed: dict[Node, Node] = {}

@@ -25,10 +25,10 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.critical import infinite_at_saddle
-from teg.analysis.nest import Binder, Chain, nest, ranges_of
+from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import tidy
-from teg.analysis.surfaces import free_of, restrict, signed_inside
+from teg.analysis.surfaces import restrict, signed_inside
 from teg.ir import expr as ex
 from teg.ir import simplify
 from teg.ir.expr import FALSE, ZERO, Cond, Expr, Var, const
@@ -64,15 +64,11 @@ def match_bilinear(g: Expr, variables: Sequence[Var]) -> Bilinear | None:
 
 def rewrite_bilinear(g: Expr, coefficient: Expr, chain: Chain, data: Bilinear) -> Expr | None:
     """Returns ∫∫ coefficient·δ(g) by the two charts. None if the range of one variable is not known."""
-    outer, inner = (b for b in chain if b.var in data.variables)
-    outside = tuple(b for b in chain if b.var not in data.variables)
-    ranges = ranges_of((outer, inner))
-    if ranges is None or not all(free_of(e, data.variables) for b in outside for e in (b.lo, b.hi)):
+    parts = divided(chain, data.variables)
+    if parts is None:
         return None
-    if not all(free_of(e, [b.var for b in outside]) for c in (outer, inner) for e in (c.lo, c.hi)):
-        return None
-    boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip((outer, inner), ranges, strict=True)]
-    curve = _Curve(g, coefficient, (outer, inner), tuple(boxes), _invariant(g, boxes), outside)
+    (outer, inner), outside, boxes = parts
+    curve = _Curve(g, coefficient, (outer, inner), boxes, _invariant(g, boxes), outside)
     first, second = (_is_even(g, boxes[pivot], boxes[1 - pivot]) for pivot in (1, 0))
     total = []
     for pivot, mine, others in ((1, first, conjunction(negation(first), second)), (0, conjunction(negation(first), second), first)):

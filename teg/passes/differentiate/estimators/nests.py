@@ -163,11 +163,15 @@ def _place(lo: Expr, hi: Expr, u: Var) -> tuple[Expr, Expr]:
     return add(lo, mul(extent, u)), extent
 
 
-def check_dimensions(cube: Cube, name: str, most: int = 3) -> None:
+MOST_VARIABLES = 3
+"""The largest number of variables of a nest for estimators that need a field in them."""
+
+
+def check_dimensions(cube: Cube, name: str) -> None:
     """Raises EstimatorError for a nest of more variables than an estimator takes."""
-    if len(cube.variables) > most:
+    if len(cube.variables) > MOST_VARIABLES:
         hint = 'discontinuities="differences" and "smooth" take any number'
-        raise EstimatorError(f"{name!r} takes nests of up to {most} integrals, here are {len(cube.variables)}", cube.body, hint)
+        raise EstimatorError(f"{name!r} takes nests of up to {MOST_VARIABLES} integrals, here are {len(cube.variables)}", cube.body, hint)
 
 
 def squared_slopes(g: Expr, variables: Sequence[Var]) -> tuple[list[Expr], Expr]:
