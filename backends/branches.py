@@ -1,4 +1,5 @@
-"""Put what vanishes together behind one branch: a pixel that a triangle does not meet then costs its classification and nothing else.
+"""Puts statements whose results vanish together behind one branch: a pixel that a triangle does not meet then costs its classification and
+nothing else.
 
     b = …;  v = …;  results = ∫∫ …, r = …, w = r·v; …        →        b = …;  when b: v = …;  results = ∫∫ …, r = …, w = r·v
 
@@ -8,7 +9,7 @@ the segments: where the box is covered no edge is met, and what they contribute 
 
 A product with a factor 0 counts as 0: over an empty domain c·∫∫f is ∫∫c·f, and that c is not a number (the slope of a degenerate triangle)
 does not matter. This is part of what a program means, so every backend starts from here: C prints the branches (`with_branches`); NumPy and
-JAX, in which many points run together, replace what is not wanted by 0 (`with_selects`).
+JAX, in which many points run together, replace the results that are not wanted by 0 (`with_selects`).
 
 Only the outermost block is looked at. Each statement is moved once and none is copied. A polygon takes time linear in the size of the block
 times the number of its half-planes; where that is much for all of them, no branches are made.
@@ -47,7 +48,7 @@ MOST = 30_000
 
 
 def with_selects(program: Program) -> Program:
-    """Returns the program without `met` in its polygons; what a branch would not compute is replaced by 0."""
+    """Returns the program without `met` in its polygons; results that a branch would not compute are replaced by 0."""
     return without_branches(with_branches(program))
 
 
@@ -73,7 +74,7 @@ def with_branches_in_loops(program: ArrayProgram) -> ArrayProgram:
 
 
 def with_branches(program: Program) -> Program:
-    """Returns the program with what vanishes together behind branches, and without `met` in its polygons."""
+    """Returns the program with statements that vanish together behind branches, and without `met` in its polygons."""
     if not any(isinstance(s, Polygon) and s.met is not True for s in compound(program.body)):
         return program
     body, uses = program.body, Uses()

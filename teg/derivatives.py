@@ -66,7 +66,7 @@ def jvp(e: Operand, direction: Mapping[Any, Any], maps: Maps = ()) -> Expr:
 
         teg.evaluate(teg.jvp(t * t * a, {t: 1, a: 2}), {t: 3.0, a: 5.0})  # 48.0
 
-    Raises ParameterError for what is no parameter.
+    Raises ParameterError for a direction along anything but parameters and variables.
     """
     if not _with_arrays(e):
         return pipeline.jvp(e, direction, maps)

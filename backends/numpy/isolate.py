@@ -43,7 +43,7 @@ class Isolation:
         for_point: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """Returns the roots, of the arguments' common shape, ascending; `for_…` are what the blocks take from outside."""
+        """Returns the roots, of the arguments' common shape, ascending; `for_…` are the values that the blocks take from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             first = 2 + len(for_enclosure)
@@ -233,7 +233,7 @@ class PointSum:
     width: int
 
     def __call__(self, run: Run, points: tuple[Value, ...], for_body: tuple[Value, ...], when: Value = True) -> tuple[Value, ...]:
-        """Returns the sums, of the arguments' common shape; `for_body` is what the body takes from outside."""
+        """Returns the sums, of the arguments' common shape; `for_body` are the values that the body takes from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             at = np.array([np.broadcast_to(v, (lanes,)) for v in given[: len(points)]]).reshape((-1, lanes))

@@ -38,7 +38,7 @@ class Run:
     ended: bool = False  # intervals were accepted for that reason
 
     def add(self, other: Run) -> None:
-        """Note what another run of the program noted, but for its ties."""
+        """Adds the notes of another run of the program, but for its ties."""
         self.missed |= other.missed
         self.crowded |= other.crowded
         self.evaluations += other.evaluations

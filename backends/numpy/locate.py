@@ -41,8 +41,8 @@ class Location:
         for_enclosure: tuple[Value, ...],
         when: Value = True,
     ) -> tuple[Value, ...]:
-        """Returns the places, of the arguments' common shape, ascending, then the part that was given up; `for_enclosure` is what the block
-        takes from outside."""
+        """Returns the places, of the arguments' common shape, ascending, then the part that was given up; `for_enclosure` are the values
+        that the block takes from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             found = _Locating(self, run, given[4:]).places(given[:4], lanes)

@@ -1,4 +1,4 @@
-"""What the printed NumPy programs call, as `rt`, in an assignment: powers, error functions, ties."""
+"""The operations that printed NumPy programs call as `rt`: powers, error functions, ties."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Points of `teg.numerics.sobol`, as arrays, and means over them: what the printed NumPy programs call as `sampling`."""
+"""Points of `teg.numerics.sobol`, as arrays, and means over them, which the printed NumPy programs call as `sampling`."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Mean:
     leaf: bool
 
     def __call__(self, run: Run, for_body: tuple[Value, ...], when: Value = True) -> tuple[Value, ...]:
-        """Returns the results, of the arguments' common shape; `for_body` is what the body takes from outside."""
+        """Returns the results, of the arguments' common shape; `for_body` are the values that the body takes from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             return self._lanes(run, given, lanes)

@@ -180,7 +180,7 @@ class Evaluator:
             f.hvp({"t": 0.5, "a": 2.0}, {"t": 1.0})["a"]  # -0.125
 
         Parameters that the direction does not name do not move. Cost: a small multiple of the gradient's, whatever the number of
-        parameters. Raises as `value_and_grad`, and ParameterError for a direction along what is not differentiated by.
+        parameters. Raises as `value_and_grad`, and ParameterError for a direction along another parameter than those of `wrt`.
         """
         wanted, given = self._directions.moved(self.by_name((values,), {}), direction)
         call, kernels = self._call(wanted, given)
@@ -244,7 +244,7 @@ class Evaluator:
 
         The nodes are those of the compiled program without intrinsics, with its `rule`, `order` and `tol`, as if the integrand were not a
         polynomial. The interpreter finds them, in a tenth of a millisecond each, and in a few where it searches for roots. Raises
-        OperandError for what is no sum of integrals over the same variables, AccuracyError where the tolerance is missed.
+        OperandError for a program that is no sum of integrals over the same variables, AccuracyError where the tolerance is missed.
         """
         what = moved_by(by, self._leaves)
         finder = self._finders.get(what, lambda: NodeFinder(self.expression, what, self._options, self._leaves))
@@ -412,7 +412,7 @@ class Evaluator:
     # -- inside --------------------------------------------------------------------------------------------------------
 
     def by_name(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
-        """Returns the values of a call by name: what the other methods make of their arguments.
+        """Returns the values of a call by name, as the other methods read their arguments.
 
             f.by_name((0.5,), {"a": 2.0})         # {'t': 0.5, 'a': 2.0}
 

@@ -66,7 +66,7 @@ class Wanted(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Returns what is wanted in words."""
+        """Returns a description of the results, for the log."""
         names = ["value"] * self.values + ["gradient", "Hessian"][: self.orders]
         if self.along:
             directions = "a direction" if len(self.along) == 1 else f"{len(self.along)} directions"
@@ -148,7 +148,7 @@ class Kept(Generic[K, V]):
 class Task:
     """The input of a derivation: the expression, the parameters of its derivatives, the arguments of the program, and the options.
 
-    `source` is what is differentiated in the place of an expression with arrays; None if the estimator does not take it. Arguments are
+    `source` is the expression that is differentiated in the place of one with arrays; None if the estimator does not take it. Arguments are
     `leaves`, then the directions, and the integers among the numbers at the end.
     """
 
@@ -284,8 +284,8 @@ class Derivation:
 class Plan:
     """A derivation, and the functions that stand in its slots.
 
-    `source` is what is differentiated in the place of a program with arrays. `entries` are the values, `leaves` the parameters and arrays;
-    derivatives are taken by the leaves in `wrt`; `integers` are the parameters that stand behind all others.
+    `source` is the expression that is differentiated in the place of a program with arrays. `entries` are the values, `leaves` the
+    parameters and arrays; derivatives are taken by the leaves in `wrt`; `integers` are the parameters that stand behind all others.
     """
 
     def __init__(

@@ -201,7 +201,7 @@ def indices(name: str, dimensions: int = 1) -> IndexArray:
 
 
 def index(name: str) -> IndexVar:
-    """Returns the index of a sum. The same name is the same index. Raises OperandError for what is no text.
+    """Returns the index of a sum. The same name is the same index. Raises OperandError for a name that is no string.
 
     k = teg.index("k")
     teg.evaluate(teg.sum(k * k, (k, 0, 4)))             # 14.0
@@ -216,7 +216,7 @@ def length(of: ArrayName, axis: int = 0) -> Index:
         f = teg.compile(teg.sum(V[k, 0], (k, 0, teg.length(V, 0))) / teg.length(V, 0))
         f(V=[[1.0, 7.0], [3.0, 8.0]])                       # 2.0
 
-    Raises ArrayIndexError for what is no array, and an axis that the array does not have.
+    Raises ArrayIndexError for an argument that is no array, and for an axis that the array does not have.
     """
     if not isinstance(of, ArrayName):
         raise ArrayIndexError("teg.length takes an array", of, 'teg.length(V, 0) of V = teg.array("V", 2)')

@@ -211,7 +211,7 @@ def minimum(first: Operand, *others: Operand) -> Expr:
 
         teg.evaluate(teg.minimum(t, a, 1), t=3.0, a=2.0)    # 1.0
 
-    Raises OperandError for a list or tuple of Python, and for what is no number. Over an index: `teg.minimum_of`.
+    Raises OperandError for a list or tuple of Python, and for an operand that is no number. Over an index: `teg.minimum_of`.
     """
     return _extremum((first, *others), "min", lambda a, b: operands.less(a, b, True))
 
@@ -221,7 +221,7 @@ def maximum(first: Operand, *others: Operand) -> Expr:
 
         teg.evaluate(teg.maximum(t, a, 1), t=3.0, a=2.0)    # 3.0
 
-    Raises OperandError for a list or tuple of Python, and for what is no number. Over an index: `teg.maximum_of`.
+    Raises OperandError for a list or tuple of Python, and for an operand that is no number. Over an index: `teg.maximum_of`.
     """
     return _extremum((first, *others), "max", lambda a, b: operands.less(b, a, True))
 

@@ -33,7 +33,7 @@ def _name(text: str, what: str) -> str:
 
 
 def var(name: str) -> Var:
-    """Returns a variable of integration. The same name is the same variable. Raises OperandError for what is no text.
+    """Returns a variable of integration. The same name is the same variable. Raises OperandError for a name that is no string.
 
     x = teg.var("x")
     teg.evaluate(teg.integral(x**2, (x, 0, 3)))        # 9.0
@@ -47,7 +47,7 @@ def vars(names: str) -> tuple[Var, ...]:
         x, y = teg.vars("x y")
         str(x * y)                                          # x·y
 
-    Raises OperandError for what is no text, NameClashError for a name that is given twice.
+    Raises OperandError for names that are no string, NameClashError for a name that is given twice.
     """
     return tuple(var(n) for n in _names(names, "vars"))
 
@@ -56,7 +56,7 @@ def param(name: str) -> Param:
     """Returns a parameter, by which derivatives are taken. The same name is the same parameter.
 
     Parameters are arguments of compiled programs, so a name is an identifier of Python. (The value of a name that is a keyword, such as
-    "lambda", is given in a dict.) Raises ParameterError for another name, OperandError for what is no text.
+    "lambda", is given in a dict.) Raises ParameterError for another name, OperandError for a name that is no string.
 
         t = teg.param("t")
         f = teg.compile(t**2)
@@ -76,7 +76,8 @@ def params(names: str) -> tuple[Param, ...]:
         t, a = teg.params("t a")
         teg.compile(a * t, [t, a]).grad(t=2.0, a=3.0)       # {'t': 3.0, 'a': 2.0}
 
-    Raises OperandError for what is no text, NameClashError for a name that is given twice, ParameterError for one that is no identifier.
+    Raises OperandError for names that are no string, NameClashError for a name that is given twice, ParameterError for one that is no
+    identifier.
     """
     return tuple(param(n) for n in _names(names, "params"))
 
@@ -135,7 +136,7 @@ def integral(integrand: Operand, *domain: tuple[Var, Operand, Operand]) -> Expr:
 
 
 def bracket(condition: Cond) -> Expr:
-    """Returns Iverson's bracket: 1 where the condition holds, else 0. Raises ConditionError for what is no condition.
+    """Returns Iverson's bracket: 1 where the condition holds, else 0. Raises ConditionError for an argument that is no condition.
 
         f = teg.compile(teg.integral(teg.bracket((x < t) & (x > 0.1)), (x, 0, 1)), [t])
         f(t=0.5)                                  # 0.4

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from teg.numerics.cells import BESIDE, BOX, EPSILON, NOBODY, ROUNDING, SIDES, Form, Layout, Point, Row
+from teg.numerics.cells import BESIDE, BOX, EPSILON, NO_OWNER, ROUNDING, SIDES, Form, Layout, Point, Row
 
 
 class Line(NamedTuple):
@@ -72,7 +72,7 @@ class Arrangement:
                 self.undefined |= not all(map(math.isfinite, self._key(region)))
         if self.undefined:
             present = []
-        base = min((self._most(r), r) for r, cutting in present if not cutting)[1] if any(not c for _, c in present) else NOBODY
+        base = min((self._most(r), r) for r, cutting in present if not cutting)[1] if any(not c for _, c in present) else NO_OWNER
         box = Cell(base, [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], [2 * 2, 2 * 1, 2 * 3, 2 * 0])
         self.cells = [box]
         self.key_lines: dict[tuple[int, int], int] = {}
@@ -126,7 +126,7 @@ class Arrangement:
 
     def _is_hidden(self, region: int, base: int) -> bool:
         """Returns whether the base is nearer than a region everywhere."""
-        if base == NOBODY:
+        if base == NO_OWNER:
             return False
         (c, a, b), tolerance = self._difference(region, base)
         return c + min(a, 0.0) + min(b, 0.0) > tolerance
@@ -135,7 +135,7 @@ class Arrangement:
         for number in range(len(self.cells)):
             cell = self.cells[number]
             needed: int | None = None
-            if cell.owner != NOBODY:
+            if cell.owner != NO_OWNER:
                 if cell.owner // self.shape.parts == region // self.shape.parts:
                     continue  # another part of the same candidate
                 g, tolerance = self._difference(cell.owner, region)

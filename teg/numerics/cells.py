@@ -46,7 +46,7 @@ SAME, PLACES = 1e-10, 8
 """The distance within which lines of different regions are one, and the decimal places in which their angles are."""
 TILE_AT = (0.4871, 0.5119)
 """Where backends cut a square with many candidates into tiles, and these again: lines of a regular mesh lie on none of these."""
-NOBODY = -1
+NO_OWNER = -1
 MOST_DEGREE = 8
 """The largest degree of a polynomial."""
 BOX = 4

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from teg.numerics.arrangement import Arrangement, Cell, Line
-from teg.numerics.cells import BOX, EPSILON, NOBODY, PLACES, SAME, Form, Layout, Point, Row, monomials
+from teg.numerics.cells import BOX, EPSILON, NO_OWNER, PLACES, SAME, Form, Layout, Point, Row, monomials
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 
 
@@ -54,7 +54,7 @@ class Measured:
 
     def _owner(self, cell: Cell) -> int:
         """Returns the row of a cell's owner."""
-        return self.count if cell.owner == NOBODY else cell.owner // self.shape.parts
+        return self.count if cell.owner == NO_OWNER else cell.owner // self.shape.parts
 
     def _rate(self, line: int) -> Form:
         """Returns the derivative of a line's form along the direction, divided by |(a, b)|."""

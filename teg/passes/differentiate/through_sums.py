@@ -123,7 +123,7 @@ class _Gradient:
         return result
 
     def _inside(self, node: Ranged) -> dict[Node, Expr]:
-        """Returns the derivatives of a sum or a product by what is in it."""
+        """Returns the derivatives of a sum or a product by the leaves in it."""
         inside: dict[Node, list[Expr]] = {}
         for child, factor in flows_of(node):
             if child in self.active:
@@ -132,7 +132,7 @@ class _Gradient:
         return {leaf: sum_over(add(*terms), node.index, node.lo, node.hi) for leaf, terms in inside.items()}
 
     def _inside_partitions(self, weights: Mapping[Partition, Expr], bound: IndexVar | None) -> dict[Node, Expr]:
-        """Returns the derivatives of partitions with the same forms, times their weights, by what is in them.
+        """Returns the derivatives of partitions with the same forms, times their weights, by the leaves in them.
 
         The weights of all of them come together at the numbers of a candidate, and one sweep goes on from there.
         """
@@ -154,7 +154,7 @@ class _Gradient:
         return {leaf: add(*terms) for leaf, terms in around.items()}
 
     def _inside_table(self, table: Table, derivative: Expr) -> dict[Node, Expr]:
-        """Returns the derivatives by what is in a table, given the derivative by the table, which is a table itself."""
+        """Returns the derivatives by the leaves of a table, given the derivative by the table, which is a table itself."""
         adjoints = {
             number: [cast(Expr, Collected.make((table.index, column), (derivative,)))]
             for column, number in enumerate(table.numbers)
@@ -222,7 +222,7 @@ def tangent(e: Expr, direction: Mapping[Any, object], along: Along, boundaries: 
 
 
 def flows_of(node: Ranged) -> Iterator[tuple[Expr, Expr]]:
-    """Yields what the derivative of a sum or a product consists of: a child, and the factor of its derivative."""
+    """Yields the parts of the derivative of a sum or a product: a child, and the factor of its derivative."""
     match node:
         case Sum():
             yield node.body, ONE

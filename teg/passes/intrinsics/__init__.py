@@ -6,7 +6,7 @@
     pole         polynomials over a power of a linear function: Gauss nodes with weights of their own
 
 They are used where no rule and no order is asked for, and can be turned off (`intrinsics=False`): the general path computes the same
-integrals by pieces, which is what tests of an intrinsic compare it with. To add one: a folder with an `Intrinsic` (`teg.passes.lower.
+integrals by pieces, with which the tests of an intrinsic compare it. To add one: a folder with an `Intrinsic` (`teg.passes.lower.
 intrinsic`) in it, a line here, and, if it has a statement of its own, that statement in `teg.program` and in the backends.
 """
 

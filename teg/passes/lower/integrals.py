@@ -314,7 +314,8 @@ class _Integrals:
         return occupied if needed is True else self.out.assign(home, "and", needed, occupied)
 
     def _roots_inside(self, body: Expr, level: Level) -> list[Cond]:
-        """Returns what says that there are the roots between which integrals inside of an integrand live, if these are factors of it."""
+        """Returns the conditions that the roots exist between which integrals inside of an integrand are not 0, if these are factors of
+        it."""
         factors = body.children if isinstance(body, Mul) else (body,)
         intervals = [self._interval([f], level) for f in factors if isinstance(f, Integral)]
         sides = [side for interval in intervals if interval is not None for side in interval.sides if isinstance(side, Between)]

@@ -48,7 +48,7 @@ def match_pole(node: Integral, analysis: BreakAnalysis) -> Pole | None:
 
 
 def _without_zero(poly: Poly, at: int) -> tuple[int, Poly]:
-    """How often a polynomial in one variable has a zero there, and what is left without it."""
+    """Returns how often a polynomial in one variable has a zero there, and the quotient without it."""
     times, coefficients = 0, [poly.get((i,), 0) for i in range(max((i for (i,) in poly), default=0), -1, -1)]
     while len(coefficients) > 1:
         quotient = [coefficients[0]]

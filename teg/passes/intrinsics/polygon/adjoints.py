@@ -1,4 +1,4 @@
-"""Derivatives by what a loop is given, and the chain rule once behind it.
+"""Derivatives by the inputs of a loop, and the chain rule once behind it.
 
     Σ over boxes of  outputs of a flat program    →    Σ over boxes of *moments*;   outputs = matrix · sums of moments
 
@@ -7,7 +7,7 @@ coefficients are the same for all of them, but for the data of a box. So every o
 that the loop does not change: the moments are added up, and the coefficients are applied once, behind the loop.
 
     coordinates    the barycentric ones of a polygon with corners; else its offsets from one point of the plane
-    residuals      sums with data of a box in them, not expanded: what is small stays small
+    residuals      sums with data of a box in them, not expanded: small numbers stay small
     moments        products of residuals and coordinates under the integral; results of segments; other numbers, as they are
 
 Whether a coefficient is 0 is decided in a finite field (`teg.program.residues`).
