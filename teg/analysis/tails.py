@@ -28,7 +28,7 @@ def is_unbounded(node: Integral) -> bool:
 
 
 def finite_place(node: Integral, taken: Iterable[Var]) -> tuple[Var, tuple[Expr, Expr], Expr, Expr]:
-    """Returns a new variable s, its bounds, x as a function of s, and dx/ds > 0, for an unbounded integral with ascending bounds."""
+    """Returns a new variable s, its bounds, x as a function of s, and |dx/ds|, for an unbounded integral with ascending bounds."""
     lo, hi = infinite_ends(node)
     s = fresh(node.var.name, taken)
     if lo and hi:
