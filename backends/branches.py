@@ -1,4 +1,5 @@
-"""Put what vanishes together behind one branch: a pixel that a triangle does not meet then costs its classification and nothing else.
+"""Puts statements whose results vanish together behind one branch: a pixel that a triangle does not meet then costs its classification and
+nothing else.
 
     b = …;  v = …;  results = ∫∫ …, r = …, w = r·v; …        →        b = …;  when b: v = …;  results = ∫∫ …, r = …, w = r·v
 
@@ -8,7 +9,7 @@ the segments: where the box is covered no edge is met, and what they contribute 
 
 A product with a factor 0 counts as 0: over an empty domain c·∫∫f is ∫∫c·f, and that c is not a number (the slope of a degenerate triangle)
 does not matter. This is part of what a program means, so every backend starts from here: C prints the branches (`with_branches`); NumPy and
-JAX, in which many points run together, replace what is not wanted by 0 (`with_selects`).
+JAX, in which many points run together, replace the results that are not wanted by 0 (`with_selects`).
 
 Only the outermost block is looked at. Each statement is moved once and none is copied. A polygon takes time linear in the size of the block
 times the number of its half-planes; where that is much for all of them, no branches are made.
@@ -18,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import count
 
 from teg.program import (
     Arg,
@@ -37,6 +37,7 @@ from teg.program import (
 from teg.program.arrays import ArrayProgram, Loop, Run, Step
 from teg.program.dce import without_dead_code
 from teg.program.fields import absent, inner_blocks, with_blocks
+from teg.program.names import is_condition, unused_numbers
 
 OPPOSITE = {"gt0": "le0", "le0": "gt0", "ge0": "lt0", "lt0": "ge0", "and": "or", "or": "and"}
 IMPLIED = {"lt0": ("le0",), "gt0": ("ge0",)}
@@ -47,7 +48,7 @@ MOST = 30_000
 
 
 def with_selects(program: Program) -> Program:
-    """Returns the program without `met` in its polygons; what a branch would not compute is replaced by 0."""
+    """Returns the program without `met` in its polygons; results that a branch would not compute are replaced by 0."""
     return without_branches(with_branches(program))
 
 
@@ -73,13 +74,13 @@ def with_branches_in_loops(program: ArrayProgram) -> ArrayProgram:
 
 
 def with_branches(program: Program) -> Program:
-    """Returns the program with what vanishes together behind branches, and without `met` in its polygons."""
+    """Returns the program with statements that vanish together behind branches, and without `met` in its polygons."""
     if not any(isinstance(s, Polygon) and s.met is not True for s in compound(program.body)):
         return program
     body, uses = program.body, Uses()
     flags = {s.met: _failures(body, s.met) for s in body if isinstance(s, Polygon) and isinstance(s.met, str)}
     if sum(map(len, flags.values())) * len(body) <= MOST:
-        numbers = count(1 + max((int(n[1:]) for s in statements(body) for n in assigned(s) if n[1:].isdigit()), default=0))
+        numbers = unused_numbers(n for s in statements(body) for n in assigned(s))
         for flag, cases in flags.items():
             body = _behind(body, (*program.outputs, *flags), flag, cases, numbers, uses)  # other flags are needed later
     return without_dead_code(replace(program, body=_without_hints(body)))
@@ -254,7 +255,7 @@ def _zeros(block: Sequence[Stmt], facts: Mapping[str, bool], opposites: Mapping[
 
 def _follow(stmt: Assign, truth: dict[str, bool], zeros: set[str], opposites: Mapping[str, str]) -> None:
     """Note what an assignment gives, if that is known."""
-    if stmt.name[0] == "b":
+    if is_condition(stmt.name):
         known = [a if isinstance(a, bool) else truth.get(str(a)) for a in stmt.args]
         value: bool | None = None
         match stmt.op:

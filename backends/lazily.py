@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import count
 
 from teg.program import Arg, Assign, Program, Stmt, When, assigned, free_names, statements
+from teg.program.names import is_condition, unused_numbers
 
 COSTS = {
     **dict.fromkeys(("exp", "expm1", "log", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan"), 12),
@@ -36,7 +36,7 @@ def with_lazy_choices(program: Program) -> Program:
     """Returns the program in which long computations for one branch of a choice are made only where it is taken."""
     if len(program.body) > MOST or not any(isinstance(s, Assign) and s.op == "select" for s in program.body):
         return program
-    numbers = count(1 + max((int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit()), default=0))
+    numbers = unused_numbers(n for s in statements(program.body) for n in assigned(s))
     body = _lazy(list(program.body), program.outputs, numbers, DEEPEST)
     return replace(program, body=tuple(body))
 
@@ -117,7 +117,7 @@ def _behind(block: list[Stmt], wanted: set[Arg], literal: Literal, members: set[
         name = f"b{next(numbers)}"
         before.append(Assign(name, "not", (literal[0],)))
     used_after = {n for s in after for n in free_names(s)} | wanted
-    results = tuple(n for s in body for n in assigned(s) if n in used_after and n[0] != "b")
-    if any(n in used_after for s in body for n in assigned(s) if n[0] == "b"):  # a branch has numbers as results
+    results = tuple(n for s in body for n in assigned(s) if n in used_after and not is_condition(n))
+    if any(n in used_after for s in body for n in assigned(s) if is_condition(n)):  # a branch has numbers as results
         return block
     return [*before, When(name, tuple(_lazy(body, results, numbers, depth - 1)), results), *after]

@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from teg.backends.numpy import roots as numpy_roots
+from teg.backends.numpy import adaptive, isolate, lanes, locate
 from teg.backends.numpy import runtime as numpy_runtime
 from teg.backends.numpy.arrays import NUMPY, places_of
 from teg.backends.shared.bends import Substitution, substitution
@@ -150,8 +150,8 @@ class RecordedRun:
             self._run(stmt.point, inner)
             return tuple(np.broadcast_to(_get(inner, b), v.shape) for b in (stmt.value, stmt.slope, stmt.curvature))
 
-        search = numpy_roots.Isolation(enclosure, point, len(stmt.results), False, stmt.tol, stmt.width, 1, 1)
-        return search(numpy_runtime.Run(1, 2**20), _get(names, stmt.lo), _get(names, stmt.hi), (), ())
+        search = isolate.Isolation(enclosure, point, len(stmt.results), False, stmt.tol, stmt.width, 1, 1)
+        return search(lanes.Run(1, 2**20), _get(names, stmt.lo), _get(names, stmt.hi), (), ())
 
     def _locate(self, stmt: Locate, names: Values) -> list[Any]:
         def enclosure(_run: object, left: Any, right: Any, bottom: Any, top: Any) -> tuple[Any, ...]:
@@ -159,9 +159,9 @@ class RecordedRun:
             self._run(stmt.enclosure, inner)
             return tuple(np.broadcast_to(_get(inner, b), left.shape) for b in stmt.bounds)
 
-        search = numpy_roots.Location(enclosure, len(stmt.results), 1, len(stmt.bounds), stmt.lost is not None)
+        search = locate.Location(enclosure, len(stmt.results), 1, len(stmt.bounds), stmt.lost is not None)
         sides = (_get(names, e) for e in (stmt.lo, stmt.hi, stmt.low, stmt.high))
-        return list(search(numpy_runtime.Run(1, 2**20), *sides, ()))
+        return list(search(lanes.Run(1, 2**20), *sides, ()))
 
     # -- integrals -----------------------------------------------------------------------------------------------------
 
@@ -230,7 +230,7 @@ class RecordedRun:
             place, rate = (column[:, 0] for column in places_of(places, u))
             marks, runs = len(self.marks), [at(v) for v in place]
             found = np.array([[float(_get(r, v)) for v in stmt.values] for r in runs]) * (0.5 * width * rate)[:, None]
-            whole, size, error = numpy_runtime.measure(found, nodes)
+            whole, size, error = adaptive.measure(found, nodes)
             enough = enough if enough.size else rule.tol * (size + ABSOLUTE_FLOOR)
             seen = len(self.marks)
             ends = places_of(places, np.array([[left], [left + width]]))[0][:, 0] if stmt.watch else ()

@@ -2,8 +2,8 @@
 
     teg demo auction                        (python -m teg.examples.auction runs it without a picture)
 
-In a second-price auction the highest bidder wins, and pays the second highest bid or the reserve price r, whichever is more. Below r nobody
-wins. Values are independent, with the density ρ and the distribution F. Any of n bidders may win, with any other one second:
+In a second-price auction the highest bidder wins, and pays the second highest bid or the reserve price r, whichever is more. Below r no
+bidder wins. Values are independent, with the density ρ and the distribution F. Any of n bidders may win, with any other one second:
 
     R(r) = n(n - 1) ∫∫ [v > r]·[v > w]·max(w, r)·ρ(v)·ρ(w)·F(w)ⁿ⁻² dw dv
 

@@ -26,42 +26,35 @@ from teg.ir.latex import latex
 from teg.ir.show import dump
 from teg.ir.substitution import let, substitute
 from teg.ir.traverse import size
-from teg.language import abs_ as abs
-from teg.language import (
+from teg.language.functions import abs_ as abs
+from teg.language.functions import (
     acos,
     asin,
     atan,
     atan2,
-    bracket,
     ceil,
     cos,
     cosh,
-    delta,
     erf,
     erfc,
     exp,
     expm1,
     floor,
-    integral,
     log,
     log1p,
     maximum,
     minimum,
     mod,
-    param,
-    params,
     sign,
     sin,
     sinh,
     sqrt,
     tan,
     tanh,
-    var,
-    vars,
-    where,
 )
-from teg.language import round_ as round
-from teg.language import tuple_ as tuple
+from teg.language.functions import round_ as round
+from teg.language.programs import bracket, delta, integral, param, params, var, vars, where
+from teg.language.programs import tuple_ as tuple
 
 if TYPE_CHECKING:
     from teg import maps

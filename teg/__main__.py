@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def chart_integration(options: argparse.Namespace) -> int:
-    """Error against time and against evaluations for ten regions, by all rules and by what one would use instead."""
+    """Error against time and against evaluations for ten regions, by all rules and by the integrators of other packages."""
     from teg.examples.charts.run import run_integration
 
     return _chart(options, run_integration)
@@ -164,7 +164,7 @@ def _c_files(evaluator: Any, name: str, options: argparse.Namespace) -> tuple[st
 
 
 def show_cache(options: argparse.Namespace) -> int:
-    """Where compiled C is kept, and what it takes."""
+    """The folder in which compiled C is kept, and its size."""
     from teg.backends.c.cache import cache_folder, entries_of, size_limit
 
     folder, limit = cache_folder(), size_limit()

@@ -12,10 +12,11 @@ from typing import Any, TypeVar, overload
 from teg import pipeline
 from teg.analysis.bodies import write_all_out
 from teg.errors import ArrayIndexError, ParameterError
-from teg.ir import expr as ex
+from teg.ir import simplify
 from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters
 from teg.ir.cells import check_indices
-from teg.ir.expr import ONE, Cond, Expr, Operand, Param, Tuple, Var, as_number
+from teg.ir.expr import ONE, Cond, Expr, Operand, Param, Tuple, Var
+from teg.ir.operands import as_number
 from teg.ir.still import with_still_conditions
 from teg.ir.traverse import parameters
 from teg.passes.differentiate import through_sums as arrays
@@ -65,7 +66,7 @@ def jvp(e: Operand, direction: Mapping[Any, Any], maps: Maps = ()) -> Expr:
 
         teg.evaluate(teg.jvp(t * t * a, {t: 1, a: 2}), {t: 3.0, a: 5.0})  # 48.0
 
-    Raises ParameterError for what is no parameter.
+    Raises ParameterError for a direction along anything but parameters and variables.
     """
     if not _with_arrays(e):
         return pipeline.jvp(e, direction, maps)
@@ -97,15 +98,15 @@ def grad(e: Operand, by: Sequence[Parameter | Var] | Parameter | Var | None = No
     def derive(cell: Expr, symbols: Sequence[Param]) -> list[Expr]:
         return list(pipeline.grad(cell, symbols, maps).children)
 
-    found = _by_entry(e, lambda entry: ex.tuple_of(*arrays.gradient(entry, wrt, derive)))
+    found = _by_entry(e, lambda entry: simplify.tuple_of(*arrays.gradient(entry, wrt, derive)))
     assert isinstance(found, Tuple)
     return found
 
 
 def _by_each(e: Expr, by: Sequence[Parameter | Var], maps: Maps) -> Tuple:
     if isinstance(e, Tuple):
-        return ex.tuple_of(*(_by_each(entry, by, maps) for entry in e.children))
-    return ex.tuple_of(*(diff(e, p, maps) for p in by))  # type: ignore[arg-type]
+        return simplify.tuple_of(*(_by_each(entry, by, maps) for entry in e.children))
+    return simplify.tuple_of(*(diff(e, p, maps) for p in by))  # type: ignore[arg-type]
 
 
 @overload
@@ -187,7 +188,7 @@ def _by_entry(e: object, step: Any) -> Expr:
 
 def _on_entries(e: Expr, step: Any) -> Expr:
     if isinstance(e, Tuple):
-        return ex.tuple_of(*(_on_entries(entry, step) for entry in e.children))
+        return simplify.tuple_of(*(_on_entries(entry, step) for entry in e.children))
     result = step(e)
     assert isinstance(result, Expr)
     return result

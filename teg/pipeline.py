@@ -20,15 +20,16 @@ from typing import cast
 from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
 from teg.errors import EstimatorError, OptionError, ParameterError, ScopeError
-from teg.ir import expr as ex
-from teg.ir.expr import ONE, Expr, Param, Tuple, Var, as_number
+from teg.ir import simplify
+from teg.ir.expr import ONE, Expr, Param, Tuple, Var
 from teg.ir.integral import Integral
 from teg.ir.node import postorder
+from teg.ir.operands import as_number
 from teg.ir.show import dump
 from teg.ir.still import released
 from teg.ir.traverse import parameters, rename_apart
 from teg.ir.verify import verify
-from teg.language import check_parameters
+from teg.language.checks import check_parameters
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.estimators.differences import Differences
 from teg.passes.differentiate.estimators.estimator import Estimator
@@ -244,7 +245,7 @@ def _estimated_outputs(e: Expr, wrt: Sequence[Param], orders: int, estimator: Es
 def _together(outputs: Sequence[Expr], canonical: Canonical) -> list[Expr]:
     """Returns the outputs in canonical form: one surface is one expression, so that they share loops."""
     centred_outputs = [run_pass("centre", centred, released(output)) for output in outputs]
-    return list(cast(Tuple, run_pass("canonicalise", canonical, ex.tuple_of(*centred_outputs))).children)
+    return list(cast(Tuple, run_pass("canonicalise", canonical, simplify.tuple_of(*centred_outputs))).children)
 
 
 def flat_program(

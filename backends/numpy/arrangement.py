@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from teg.numerics.cells import BESIDE, BOX, EPSILON, NOBODY, ROUNDING, SIDES, Layout
+from teg.numerics.cells import BESIDE, BOX, EPSILON, NO_OWNER, ROUNDING, SIDES, Layout
 
 Array = npt.NDArray[Any]
 UNIT = np.array([[0.0, 1.0], [0.0, 1.0]])
@@ -161,7 +161,7 @@ def classified(r: Regions, lanes: int, boxes: Array = UNIT) -> Inserted:
         covering = np.flatnonzero(~absent & ~cutting.any(axis=1) & ~lost)
         covering = covering[np.lexsort((covering, ranges(r.key[covering], box[covering])[0], r.lane[covering]))]
         covered, first = np.unique(r.lane[covering], return_index=True)
-        base = np.full(lanes, NOBODY)
+        base = np.full(lanes, NO_OWNER)
         base[covered] = covering[first]
         behind = r.key[base[r.lane]] if len(r.key) else r.key
         difference = r.key - behind
@@ -184,7 +184,7 @@ def tolerances(difference: Array, key: Array, other: Array) -> Array:
 
 
 class Arrangements:
-    """The cells of squares: `polygons`, the `owner` region of each (NOBODY for none) and its square `lane`; `lines` of all their edges.
+    """The cells of squares: `polygons`, the `owner` region of each (NO_OWNER for none) and its square `lane`; `lines` of all their edges.
 
     `touching` are the squares with a line on a side. `boxes` are tiles of squares in their place.
     """
@@ -205,14 +205,14 @@ class Arrangements:
         starts = np.searchsorted(in_lane, np.arange(lanes))
         numbers = np.bincount(in_lane, minlength=lanes)
         for turn in range(int(numbers.max(initial=0))):
-            chosen = np.where(numbers > turn, known.order[np.minimum(starts + turn, len(known.order) - 1)], NOBODY)
+            chosen = np.where(numbers > turn, known.order[np.minimum(starts + turn, len(known.order) - 1)], NO_OWNER)
             self._insert(chosen)
         self.lines = self._all_lines()
 
     def _insert(self, chosen: Array) -> None:
-        """Inserts a region into each square, NOBODY for none."""
+        """Inserts a region into each square, NO_OWNER for none."""
         region = chosen[self.lane]
-        at = np.flatnonzero((region != NOBODY) & (self._candidate(self.owner) != self._candidate(region)))
+        at = np.flatnonzero((region != NO_OWNER) & (self._candidate(self.owner) != self._candidate(region)))
         if not at.size:
             return
         owner, region, cells = self.owner[at], region[at], self.polygons.take(at)
@@ -228,8 +228,8 @@ class Arrangements:
         self._clip(at, region, (lines, units))
 
     def _candidate(self, region: Array) -> Array:
-        """Returns the candidate of regions; the one of NOBODY is like no other."""
-        return np.where(region == NOBODY, NOBODY, self.regions.row[region])
+        """Returns the candidate of regions; the one of NO_OWNER is like no other."""
+        return np.where(region == NO_OWNER, NO_OWNER, self.regions.row[region])
 
     def _compared(self, owner: Array, region: Array, cells: Polygons) -> tuple[Array, Array, Array, Array]:
         """Returns the differences of the keys, edges on sides where they are 0, which cells stay as they are, and which the line cuts."""
@@ -238,7 +238,7 @@ class Arrangements:
         tolerance = tolerances(difference, key, other)[:, None]
         d = difference[:, :1] + difference[:, 1:2] * cells.corners[..., 0] + difference[:, 2:] * cells.corners[..., 1]
         above, below = (d > tolerance).any(axis=1), (d < -tolerance).any(axis=1)
-        owned = owner != NOBODY
+        owned = owner != NO_OWNER
         on = np.abs(d) <= tolerance
         on &= cells.used() & (cells.labels < 2 * BOX) & np.take_along_axis(on, cells.following(), axis=1)
         touching = on & (owned & (above != below))[:, None]

@@ -14,7 +14,8 @@ import numpy.typing as npt
 from teg.backends.numpy.arrangement import Arrangements, classified, regions_of
 from teg.backends.numpy.measured import Measured, Numbers
 from teg.backends.numpy.tiles import tiled
-from teg.numerics.cells import NOBODY, SHIFT, SKEW, Layout, integrals, monomials
+from teg.numerics.cell_integrals import integrals
+from teg.numerics.cells import NO_OWNER, SHIFT, SKEW, Layout, monomials
 
 Array = npt.NDArray[Any]
 CHUNK = 4096
@@ -64,7 +65,7 @@ def cells_of_lanes(shape: Layout, candidates: Array, counts: Array, otherwise: A
     lost, cut = np.zeros(lanes, dtype=bool), np.zeros(lanes, dtype=bool)
     lost[regions.lane[known.lost]] = True
     cut[regions.lane[known.order]] = True
-    owner = np.where(known.base >= 0, regions.row[known.base] if len(regions.row) else NOBODY, NOBODY)
+    owner = np.where(known.base >= 0, regions.row[known.base] if len(regions.row) else NO_OWNER, NO_OWNER)
     _fill(shape, given, (~(cut | lost), owner), results)
     for lane in np.flatnonzero(lost):
         _single(shape, given, int(lane), results)

@@ -15,18 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends.numpy.lanes import Run, Value, gather, on_lanes
 from teg.backends.numpy.polygon import clipped, meets
-from teg.backends.numpy.runtime import Run, Value, gather, on_lanes
-from teg.backends.shared.ellipses import (
-    Domain,
-    box_domain,
-    certain,
-    corners_of_box,
-    on_crossed,
-    on_one_side,
-    oriented,
-    polygon_domain,
-)
+from teg.backends.shared.ellipses import Domain, box_domain, certain, corners_of_box, on_crossed, on_one_side, oriented, polygon_domain
 from teg.backends.shared.moments import Kind
 
 Array = npt.NDArray[Any]

@@ -37,7 +37,8 @@ class Guard:
         depth: int,
     ) -> Array:
         """Returns whether something is hidden in each interval (u₀, u₁) = `ends` of a piece of its own: `at` are the nodes in u, (nodes,
-        intervals), `seen` the sharp values there, (sharp, nodes, intervals), `enough` what does not matter, (tested, intervals)."""
+        intervals), `seen` the sharp values there, (sharp, nodes, intervals), `enough` the errors that do not matter, (tested,
+        intervals)."""
         left, right = (self._place(places, u) for u in ends)
         unseen = self._unseen(run, values, left, right, np.fmin.reduce(seen, axis=1), enough)[0]
         asked = np.flatnonzero(unseen)

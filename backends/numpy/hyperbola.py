@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy.runtime import Block, Run, Value, gather, on_lanes
+from teg.backends.numpy.lanes import Block, Run, Value, gather, on_lanes
 from teg.backends.shared.moments import Kind, has_near_side, settled, totals
 
 Array = npt.NDArray[Any]

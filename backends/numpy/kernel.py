@@ -2,7 +2,7 @@
 
     compile_numpy(program)  ->  NumpyKernel: a call with columns of the batch gives (outputs, n)
 
-A program becomes flat Python functions, one a block, over arrays of lanes (see `numpy_runtime`):
+A program becomes flat Python functions, one a block, over arrays of lanes (see `lanes.py`, `integrals.py`):
 
     def kernel(run, p0, p1):                                     the outermost block, on the batch
         v0 = p0 * p1
@@ -10,14 +10,14 @@ A program becomes flat Python functions, one a block, over arrays of lanes (see 
         return (v1,)
 
     def body_0(run, x0, v0): …
-    integral_0 = rt.GaussIntegral(flags=None, body=body_0, results=1, piece_width=7, node_width=3, nodes=4)
+    integral_0 = integrals.GaussIntegral(flags=None, body=body_0, results=1, piece_width=7, node_width=3, nodes=4)
 
-Roots, sums over them and common zeros are called likewise (see `numpy_roots`):
+Roots, sums over them and common zeros are called likewise (see `isolate.py`, `locate.py`):
 
     v1, v2 = isolation_1(run, 0.0, p1, (v0,), (v0,))             bounds, values for enclosure, for point
     v3, = sum_2(run, (v1, v2), (v0,))                            points, values for body
     v4, = location_3(run, 0.0, p1, -1.0, 1.0, (v0,))             bounds of v, of u, values for enclosure
-    v5, = mean_4(run, (v0,))                                     values for body: a mean over points (see `numpy_sampling`)
+    v5, = mean_4(run, (v0,))                                     values for body: a mean over points (see `samples.py`)
 
 A long block is cut into parts of bounded size, which hand on the values that outlive them in a dictionary.
 """
@@ -32,10 +32,10 @@ import numpy as np
 import numpy.typing as npt
 
 from teg.backends.branches import with_selects
+from teg.backends.numpy import adaptive, integrals, isolate, lanes, locate, poles
 from teg.backends.numpy import ellipse as ellipses
 from teg.backends.numpy import guard as guards
 from teg.backends.numpy import hyperbola as hyperbolas
-from teg.backends.numpy import poles, roots
 from teg.backends.numpy import polygon as polygons
 from teg.backends.numpy import runtime as rt
 from teg.backends.numpy import samples as sampling
@@ -93,7 +93,8 @@ class NumpyKernel:
         self.source = "\n".join([text, *(_titled(k, body) for k, body in enumerate(functions))])
         self._width = width
         self._room = max(1, memory // 8 // (1 + 2 * depth(without_branches(program).body)))
-        scope: dict[str, Any] = {"np": np, "rt": rt, "roots": roots, "sampling": sampling, "polygons": polygons}
+        scope: dict[str, Any] = {"np": np, "rt": rt, "sampling": sampling, "polygons": polygons}
+        scope |= {"integrals": integrals, "adaptive": adaptive, "isolate": isolate, "locate": locate}
         scope |= {"poles": poles, "hyperbolas": hyperbolas, "ellipses": ellipses, "guards": guards}
         for k, body in enumerate(functions):
             scope[f"function_{k}"] = _made(body, dict(scope))
@@ -124,26 +125,26 @@ class NumpyKernel:
         """Returns the outputs with ties resolved in one order, +1 or -1, and no averaging; in one chunk."""
         with np.errstate(all="ignore"):
             return self._outputs(
-                rt.Run(order, self._room, most=self.most * float(n)), [np.asarray(c, dtype=np.float64)[()] for c in columns], n
+                lanes.Run(order, self._room, most=self.most * float(n)), [np.asarray(c, dtype=np.float64)[()] for c in columns], n
             )
 
-    def _run(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], set[int], rt.Run]:
+    def _run(self, columns: Sequence[npt.NDArray[np.float64]], n: int) -> tuple[npt.NDArray[np.float64], set[int], lanes.Run]:
         """Returns the outputs, the ties that were met, and a run that holds what all parts of the batch noted."""
         values = [np.asarray(column, dtype=np.float64) for column in columns]
         shared = all(v.ndim == 0 for v in values)
         out = np.empty((len(self.program.outputs), n))
         met: set[int] = set()
-        noted = rt.Run(+1, self._room)
+        noted = lanes.Run(+1, self._room)
         with np.errstate(all="ignore"):
-            step = n if shared else rt.Run(1, self._room).chunk(self._width)
+            step = n if shared else lanes.Run(1, self._room).chunk(self._width)
             for start in range(0, n, max(1, step)):
                 part = slice(start, start + step)
                 arguments = [v[part] if v.ndim else v[()] for v in values]
                 most = self.most * float(min(step, n - start))
-                run = rt.Run(+1, self._room, most=most)
+                run = lanes.Run(+1, self._room, most=most)
                 out[:, part] = self._outputs(run, arguments, min(step, n - start))
                 if run.met:
-                    again = rt.Run(-1, self._room, most=most)
+                    again = lanes.Run(-1, self._room, most=most)
                     reverse = self._outputs(again, arguments, min(step, n - start))
                     out[:, part] = 0.5 * out[:, part] + 0.5 * reverse
                     met |= run.met | again.met
@@ -151,7 +152,7 @@ class NumpyKernel:
                 noted.add(run)
         return out, met, noted
 
-    def _outputs(self, run: rt.Run, arguments: Iterable[Any], n: int) -> npt.NDArray[np.float64]:
+    def _outputs(self, run: lanes.Run, arguments: Iterable[Any], n: int) -> npt.NDArray[np.float64]:
         out = np.empty((len(self.program.outputs), n))
         for i, found in enumerate(self._function(run, *arguments)):
             out[i] = found
@@ -243,13 +244,13 @@ class _Printer:
         names = [*for_body, *flagged]
         match stmt.rule:
             case Gauss(nodes):
-                kind, rule = "rt.GaussIntegral", f"nodes={nodes}"
+                kind, rule = "integrals.GaussIntegral", f"nodes={nodes}"
             case Rational(nodes, power):
                 kind, rule = "poles.RationalIntegral", f"nodes={nodes}, power={power}"
             case Midpoint(nodes):
-                kind, rule = "rt.MidpointIntegral", f"nodes={nodes}"
+                kind, rule = "integrals.MidpointIntegral", f"nodes={nodes}"
             case Adaptive(tol, first, order, cubic):
-                kind, rule = "rt.AdaptiveIntegral", f"tol={_text(tol)}, first={first}, order={order}, cubic={cubic!r}"
+                kind, rule = "adaptive.AdaptiveIntegral", f"tol={_text(tol)}, first={first}, order={order}, cubic={cubic!r}"
                 rule += f", watched={len(stmt.watch)}" if stmt.watch else ""
                 if stmt.guard is not None:
                     rule += f", guard=guards.Guard(guard_{number}, {len(stmt.guard.upper)})"
@@ -274,7 +275,7 @@ class _Printer:
         point_width = self.function(point, [stmt.var, *for_point], stmt.point, (stmt.value, stmt.slope, stmt.curvature))
         fields = f"enclosure={enclosure}, point={point}, count={len(stmt.results)}, estimated={bool(stmt.errors)!r}"
         fields += f", tol={_text(stmt.tol)}, width={stmt.width}, enclosure_width={enclosure_width}, point_width={point_width}"
-        self.lines += ["", "", f"isolation_{number} = roots.Isolation(", f"    {fields}", ")"]
+        self.lines += ["", "", f"isolation_{number} = isolate.Isolation(", f"    {fields}", ")"]
 
     def location(self, number: int, stmt: Locate) -> None:
         enclosure = f"enclosure_{number}"
@@ -282,12 +283,12 @@ class _Printer:
         width = self.function(enclosure, [*sides, *captured(stmt, "enclosure")[0]], stmt.enclosure, stmt.bounds)
         fields = f"enclosure={enclosure}, results={len(stmt.results)}, width={width}"
         fields += f", bounds={len(stmt.bounds)}, counts={stmt.lost is not None}"
-        self.lines += ["", "", f"location_{number} = roots.Location({fields})"]
+        self.lines += ["", "", f"location_{number} = locate.Location({fields})"]
 
     def sum(self, number: int, stmt: SumOver) -> None:
         body = f"body_{number}"
         width = self.function(body, [stmt.var, *captured(stmt, "body")[0]], stmt.body, stmt.values)
-        self.lines += ["", "", f"sum_{number} = roots.PointSum(body={body}, results={len(stmt.results)}, width={width})"]
+        self.lines += ["", "", f"sum_{number} = isolate.PointSum(body={body}, results={len(stmt.results)}, width={width})"]
 
     def mean(self, number: int, stmt: Sample) -> None:
         body, tested = f"body_{number}", len(stmt.estimates)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from teg.backends.numpy.cells import cells_of_lanes
 from teg.backends.plan import apply, listed_rows
-from teg.program import Outcome, Program
+from teg.program import Program
 from teg.program.arrays import (
     AddTo,
     Arg,
@@ -42,13 +42,6 @@ from teg.program.fields import operands
 Array = npt.NDArray[Any]
 BLOCK = 2**17
 """Iterations that run at a time."""
-
-
-class FlatKernel:
-    """A kernel of a flat program (a protocol): `outcome(columns, n)` runs it, `source` is its text."""
-
-    source: str
-    outcome: Callable[[Sequence[Array], int], Outcome]
 
 
 class Results(NamedTuple):

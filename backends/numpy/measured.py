@@ -1,6 +1,6 @@
 """Integrals over the cells of many squares, and along their edges: values, and derivatives by the numbers of all candidates.
 
-What `_Measured` in `teg.numerics.cells` does for one square, for all at once; the formulas are there.
+What `Measured` in `teg.numerics.measured` does for one square, for all at once; the formulas are there.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from teg.backends.numpy.arrangement import Arrangements
 from teg.backends.numpy.twins import Twins
-from teg.numerics.cells import BOX, NOBODY, Layout, monomials
+from teg.numerics.cells import BOX, NO_OWNER, Layout, monomials
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 
 Array = npt.NDArray[Any]
@@ -62,7 +62,7 @@ class Measured:
         self.wide = shape.forms + numbers.polynomials.shape[1]
         self.moving = bool(shape.order)
         rows = cells.regions.row
-        owned = cells.owner != NOBODY
+        owned = cells.owner != NO_OWNER
         self.owner = numbers.beyond[square]
         self.owner[owned] = numbers.place[rows[cells.owner[owned]]]
         if self.moving:

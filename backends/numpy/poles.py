@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from teg.backends.numpy.runtime import Array, Integral, Run, Value, cut, parts
+from teg.backends.numpy.integrals import Integral
+from teg.backends.numpy.lanes import Array, Run, Value, cut, parts
 from teg.backends.shared.bends import Bend, Substitution
 from teg.backends.shared.poles import pole_at, pole_weights
 from teg.backends.shared.rules import rounding

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy.runtime import Block, Run, Value, gather, on_lanes, parts, scatter
+from teg.backends.numpy.lanes import Block, Run, Value, gather, on_lanes, parts, scatter
 from teg.backends.shared import polygons as half_planes
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import NEARLY, THIN, TIE_EPS

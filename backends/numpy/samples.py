@@ -1,4 +1,4 @@
-"""Points of `teg.numerics.sobol`, as arrays, and means over them: what the printed NumPy programs call as `sampling`."""
+"""Points of `teg.numerics.sobol`, as arrays, and means over them, which the printed NumPy programs call as `sampling`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from teg.backends.numpy.runtime import Array, Block, Run, Value, on_lanes, parts
+from teg.backends.numpy.lanes import Array, Block, Run, Value, on_lanes, parts
 from teg.backends.shared.samples import coordinate
 from teg.numerics.sobol import replicated
 
@@ -51,7 +51,7 @@ class Mean:
     leaf: bool
 
     def __call__(self, run: Run, for_body: tuple[Value, ...], when: Value = True) -> tuple[Value, ...]:
-        """Returns the results, of the arguments' common shape; `for_body` is what the body takes from outside."""
+        """Returns the results, of the arguments' common shape; `for_body` are the values that the body takes from outside."""
 
         def work(given: Sequence[Array], lanes: int) -> Array:
             return self._lanes(run, given, lanes)

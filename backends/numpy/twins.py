@@ -1,6 +1,6 @@
 """Lines on which edges of different regions lie, in many squares at once: each part belongs to the region whose edge lies there.
 
-What `twins` and `_shares` in `teg.numerics.cells` do for one square.
+What `twins` and `_shares` in `teg.numerics.measured` do for one square.
 """
 
 from __future__ import annotations

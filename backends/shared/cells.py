@@ -42,7 +42,7 @@ def most_candidates(shape: Layout) -> int:
 
 
 class Intervals(NamedTuple):
-    """ends (n, N, T + 1) on lines; owners on the positive and on the negative side, 0 or 1 (n, N, T, K + 1), the last one for nobody;
+    """ends (n, N, T + 1) on lines; owners on the positive and on the negative side, 0 or 1 (n, N, T, K + 1), the last one for no owner;
     inside (n, N, T, regions): which regions are on the line there."""
 
     ends: Any

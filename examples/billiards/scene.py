@@ -19,7 +19,8 @@ from itertools import pairwise
 import teg
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend, Discontinuities
-from teg.ir.expr import Expr, as_number
+from teg.ir.expr import Expr
+from teg.ir.operands import as_number
 
 Knot = tuple[Expr, Expr, Expr]  # time, x, y
 

@@ -24,7 +24,8 @@ from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend, Discontinuities
 from teg.examples.formula import read_formula
 from teg.examples.replay import Keep, OfVector, not_kept
-from teg.ir.expr import Expr, as_number
+from teg.ir.expr import Expr
+from teg.ir.operands import as_number
 
 HEIGHT, STRIDE, MASS, GRAVITY = 1.2, 1.0, 1.0, 9.81  # start and end above the floor in m; m between contacts; kg; m/s²
 HIGHEST = 1e6  # m

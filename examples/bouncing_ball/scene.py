@@ -16,7 +16,8 @@ import teg
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend, Discontinuities
 from teg.examples.treatments import Grid, compiled
-from teg.ir.expr import Expr, Param, as_number
+from teg.ir.expr import Expr, Param
+from teg.ir.operands import as_number
 
 GIVEN = ("duration", "start", "end", "speed", "room", "mass", "gravity")
 SMOOTH_POINTS = 256  # of smoothed derivatives

@@ -27,7 +27,8 @@ import teg
 from teg.evaluator.evaluator import Evaluator
 from teg.evaluator.options import Backend, Discontinuities
 from teg.examples.treatments import Grid, compiled
-from teg.ir.expr import Expr, as_number
+from teg.ir.expr import Expr
+from teg.ir.operands import as_number
 
 DESIGN = ("k1", "k2", "l1", "l2")  # N/m, N/m, m, m
 GRAVITY, WEAKENING = 10.0, 0.2

@@ -15,9 +15,11 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import ordered
-from teg.ir.expr import FALSE, TRUE, ZERO, Compare, Cond, Const, Expr, Var, Where, add, const, integer_power, less, mul, sub, where
+from teg.ir.expr import FALSE, TRUE, ZERO, Compare, Cond, Const, Expr, Var, Where, const
 from teg.ir.integral import Integral
 from teg.ir.node import postorder_through
+from teg.ir.operands import less
+from teg.ir.simplify import add, integer_power, mul, sub, where
 from teg.ir.traverse import replace_node, substitute
 
 MAX_DEGREE = 8

@@ -9,10 +9,11 @@ from typing import TypeVar, cast
 from teg.analysis.calculus import slope
 from teg.errors import DeltaError
 from teg.ir.cells import replaced
-from teg.ir.expr import Call, Expr, Param, Var, call
+from teg.ir.expr import Call, Expr, Param, Var
 from teg.ir.function import Apply, Function, degrees_in
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import call
 from teg.ir.traverse import fresh, rebuild, substitute
 
 N = TypeVar("N", bound=Node)

@@ -7,13 +7,15 @@ from math import factorial
 from typing import cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.expanded import distance
 from teg.analysis.nest import Binder, Chain
-from teg.analysis.polynomial import Shadow, distance
+from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import TRUE, ZERO, Add, Cond, Expr, Mul, Var, Where, add, const, integer_power, mul, negation, where
+from teg.ir.expr import TRUE, ZERO, Add, Cond, Expr, Mul, Var, Where, const
 from teg.ir.integral import Integral, masses_of
+from teg.ir.simplify import add, integer_power, mul, negation, where
 from teg.ir.traverse import substitute
 
 Coefficients = dict[tuple[int, int], Expr]

@@ -3,88 +3,39 @@
 The integrand of ∫ dx is smooth between its *breaks*. Breaks are the roots in x of
 
 - the atoms in x, wherever they stand in the integrand, its inner integrals and their bounds; arguments of |·| and √;
-- the projection of each inner integral ∫ₗʰ dz (one step of cylindrical decomposition), for its own break functions f, f₁, f₂:
-      f|z:=l, f|z:=h                         a root of the inner integral crosses a bound
-      a₂·f₁|z:=l - a₁·f₂|z:=l                two roots meet (f = f|z:=l + a·(z - l); a quadratic f₂ is taken at the root of f₁)
-      a                                      a root runs away to infinity
-      B² - 4AC                               two roots of a quadratic f meet and vanish: √-like from then on
-      the border of the condition under which a root of another formula exists, likewise
-      h - l                                  the bounds cross
+- the projection of each inner integral (`projection.py`).
 
 A function with branches contributes the breaks of each branch: too many breaks cost time, never accuracy. Functions whose roots have no
 formula leave the integral *incomplete*: it is then integrated adaptively.
-Source: Collins 1975 (projection); Saye 2022, for quadrature on such pieces.
+Source: Saye 2022, for quadrature on such pieces.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import cast
 
-from teg.analysis.calculus import slope
-from teg.analysis.coincidence import coincide
-from teg.analysis.isolation import MARGIN, MAX_ROOTS, Isolation, Location, isolate, locate
-from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow, divided, residue
-from teg.analysis.roots import Roots, discriminant, far_origin, local_origin, quadratic_coefficients, solve
+from teg.analysis.branches import branches_of
+from teg.analysis.isolation import MAX_ROOTS, Isolation, Location, isolate, locate
+from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
+from teg.analysis.projection import Contribution, Projection, Turn, near, within
+from teg.analysis.roots import Roots, solve
 from teg.analysis.surfaces import atoms_of, binders_inside
-from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    FALSE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    Call,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Or,
-    Pow,
-    Var,
-    Where,
-    add,
-    call,
-    conjunction,
-    const,
-    disjunction,
-    div,
-    integer_power,
-    mul,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Pow, Var, const
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, digest, postorder
-from teg.ir.traverse import replace_node, substitute
+from teg.ir.simplify import conjunction, disjunction, where
+from teg.ir.traverse import substitute
+from teg.numerics.field import divided, residue
 
-LEVEL = 1e-200
-"""A function is the same for all values of a variable if the squares of its derivatives at three of them add up to less."""
-MAX_BRANCHES = 16
-MAX_FUNCTIONS = 4000
 MAX_LOCATED = 12
 MAX_BENDS = 8
 MAX_PLACES = 8
 MAX_ISOLATED = 12
 """The largest number of functions of one integral whose roots are isolated at run time. With more of them adaptive
 integration costs less."""
-
-
-@dataclass(frozen=True)
-class Turn:
-    """A function whose zeros are branch points ("root"), poles ("pole") or singular ends ("end") of an integrand.
-
-    The function counts on a piece if the condition `when` holds in the middle of the piece.
-    """
-
-    kind: str
-    function: Expr
-    when: Cond = TRUE
 
 
 @dataclass(frozen=True)
@@ -110,26 +61,13 @@ class Breaks:
     matters: Mapping[Expr, Cond] = field(default_factory=dict)
 
 
-Meeting = tuple[Expr, Expr, Var, Expr, Expr]
-"""Two functions, the inner variable in which they may have a common root, and its range."""
-
-
-@dataclass
-class _Found:
-    functions: dict[Expr, Cond]  # the condition, in the outer variable, under which the function's zeros matter
-    rooted: bool = False
-    complete: bool = True
-    meetings: dict[Meeting, None] = field(default_factory=dict)
-    turns: dict[Turn, None] = field(default_factory=dict)
-
-
 class BreakAnalysis:
     """Breaks and degrees of the integrals of a program, each computed once."""
 
     def __init__(self, max_roots: int = MAX_ROOTS) -> None:
         self.max_roots = max_roots
         self._breaks: dict[Integral, Breaks] = {}
-        self._projections: dict[Integral, _Found] = {}
+        self._projections: dict[Integral, Contribution] = {}
         self._shadows: dict[tuple[Var, ...], Shadow] = {}
         self.degrees = Degrees()
         self._formulas: dict[tuple[Expr, Var, Expr, Expr], Roots | None] = {}
@@ -155,7 +93,7 @@ class BreakAnalysis:
             formula = self.solve(masses.g, x, node.lo, node.hi)
             complete = formula is not None and formula.certain
             return Breaks(tuple(dict.fromkeys((masses.g, *atoms))), (), (), (), frozenset(), complete, False)
-        projection = _Found({})
+        projection = Contribution({})
         direct = [a.g for a in atoms_of(body, x) if not a.g.free & inner]
         for g in direct:
             projection.functions[g] = TRUE
@@ -190,7 +128,7 @@ class BreakAnalysis:
         bends = self._bends(projection, x)
         return Breaks(distinct, tuple(points), at_run_time, together, frozenset(handled), complete, projection.rooted, bends, matters)
 
-    def _bends(self, projection: _Found, x: Var) -> tuple[Turn, ...]:
+    def _bends(self, projection: Contribution, x: Var) -> tuple[Turn, ...]:
         """Returns the distinct turns that are quadratic in the variable. Other turns only set `rooted`: the integrand may be a root at a
         piece's end."""
         bends: dict[object, Turn] = {}
@@ -208,7 +146,7 @@ class BreakAnalysis:
                 projection.rooted = True
         return tuple(bends.values())
 
-    def _collect(self, body: Expr, x: Var, inner: frozenset[Var], collected: _Found) -> None:
+    def _collect(self, body: Expr, x: Var, inner: frozenset[Var], collected: Contribution) -> None:
         """Collects functions that are not atoms: arguments of |·| and √, and the projections of inner integrals."""
         seen: set[tuple[Node, bool]] = set()
         stack: list[tuple[Node, bool]] = [(body, True)]
@@ -296,7 +234,7 @@ class BreakAnalysis:
         """
         points: list[Expr] = []
         certain = True
-        branches = _branches(f)
+        branches = branches_of(f)
         if branches is None:
             return None
         for branch in branches:
@@ -307,9 +245,9 @@ class BreakAnalysis:
             certain &= roots.certain
         return points, certain
 
-    def _projection(self, node: Integral) -> _Found:
+    def _projection(self, node: Integral) -> Contribution:
         if node not in self._projections:
-            self._projections[node] = _Projection(self, node).run()
+            self._projections[node] = Projection(self, node).run()
         return self._projections[node]
 
     def is_zero(self, f: Expr) -> bool:
@@ -321,13 +259,13 @@ class BreakAnalysis:
         roots = self.solve(f, z, lo, hi)
         if roots is None:
             return TRUE
-        return disjunction(*(conjunction(r.exists, _within(r.point, lo, hi)) for r in roots.found))
+        return disjunction(*(conjunction(r.exists, within(r.point, lo, hi)) for r in roots.found))
 
     def nearby(self, f: Expr, z: Var, lo: Expr, hi: Expr) -> Cond:
         """Returns the condition that a root of a quadratic lies between the bounds or near them. Near a double root the root need not
         exist."""
         roots = self.solve(f, z, lo, hi)
-        return TRUE if roots is None else disjunction(*(_near(r.point, lo, hi) for r in roots.found))
+        return TRUE if roots is None else disjunction(*(near(r.point, lo, hi) for r in roots.found))
 
     # -- degrees -------------------------------------------------------------------------------------------------------
 
@@ -364,146 +302,6 @@ class BreakAnalysis:
         return total
 
 
-class _Projection:
-    """The functions that an inner integral contributes to the breaks of the outer one, sorted by their degree in the inner variable."""
-
-    def __init__(self, analysis: BreakAnalysis, node: Integral) -> None:
-        self.analysis, self.node = analysis, node
-        self.breaks = analysis.of(node)
-        self.out = _Found({}, self.breaks.rooted and not self.breaks.complete, self.breaks.complete)
-        self.origin, self.centre = local_origin(node.lo, node.hi), far_origin(node.lo, node.hi)
-        self.finite = not any(isinstance(b, Const) and math.isinf(b.data) for b in (node.lo, node.hi))
-        masses = masses_of(node.body, node.var)
-        self.surface = frozenset(_branches(masses.g) or ()) if masses is not None else None
-        self.affine: list[tuple[Expr, Expr, Expr]] = []
-        self.quadratic: list[tuple[Expr, tuple[Expr, Expr, Expr]]] = []
-        self.others: list[Expr] = []
-
-    def run(self) -> _Found:
-        """Returns the projection."""
-        if any(i.g.free != {self.node.var} for i in self.breaks.isolated):
-            self.out.rooted, self.out.complete = True, False  # the births of such roots are not known
-        self._put(sub(self.node.hi, self.node.lo))
-        for function in self.breaks.functions:
-            for f in _branches(function) or ():
-                self._sort(f)
-        self._affine_meet()
-        self._quadratics_meet()
-        self._others_meet()
-        return self.out
-
-    def _put(self, f: Expr, matters: Cond = TRUE) -> None:
-        if isinstance(f, Pow):
-            f = f.base
-        if len(self.out.functions) >= MAX_FUNCTIONS:
-            self.out.complete = False
-        elif f.free and not self.analysis.is_zero(f):  # surfaces that coincide meet everywhere
-            self.out.functions[f] = disjunction(self.out.functions.get(f, FALSE), matters)
-
-    def _apart(self, *fs: Expr) -> bool:
-        """Returns whether none of the functions is the surface of the point masses. Away from that surface nothing is summed."""
-        return self.surface is not None and self.surface.isdisjoint(fs)
-
-    def _sort(self, f: Expr) -> None:
-        """Files a break function by its degree, and adds the functions that it contributes alone."""
-        z, lo, hi = self.node.var, self.node.lo, self.node.hi
-        degree, apart = self.analysis.degrees.of(f, z), self._apart(f)
-        if not apart:
-            for bound in (lo, hi):
-                if not (isinstance(bound, Const) and math.isinf(bound.data)):
-                    self._put(cast(Expr, substitute(f, {z: bound})))
-        if degree != 0 and (apart or not self.finite):
-            self._level(f)
-        if degree == 1:
-            at_origin, rate = (cast(Expr, substitute(e, {z: self.origin})) for e in (f, slope(f, z)))
-            self.affine.append((f, rate, at_origin))
-            if not apart:
-                if not self.finite:
-                    self._put(rate)
-                if rate.free:
-                    self.out.turns[Turn("pole", rate, _within(sub(self.origin, div(at_origin, rate)), lo, hi))] = None
-        elif degree == 2:
-            a, b, c = quadratic_coefficients(f, z, self.centre)
-            self.quadratic.append((f, (a, b, c)))
-            if not apart:
-                if not self.finite:
-                    self._put(a)
-                self._put(discriminant(a, b, c), _near(add(self.centre, div(b, mul(const(-2.0), a))), lo, hi))
-                self.out.turns[Turn("root", discriminant(a, b, c), self.analysis.somewhere(f, z, lo, hi))] = None
-        elif degree == 0:
-            if apart:
-                self._put(f)
-        else:
-            self.others.append(f)
-            if not apart:
-                self.out.rooted = True
-                for g in _borders_of_existence(self.analysis.solve(f, z, lo, hi), z):
-                    self._put(g)
-
-    def _level(self, f: Expr) -> None:
-        """Adds where a function vanishes that is the same for all values of the inner variable at some parameters: c·x + d·z with d = 0
-        has no root in z, so it meets nothing there."""
-        z, lo, hi = self.node.var, self.node.lo, self.node.hi
-        try:
-            rate = slope(f, z)
-        except NotDifferentiableError:
-            return
-        if not _may_vanish(rate):
-            return
-        others = (sub(hi, self.origin), mul(const(0.5), sub(hi, lo))) if self.finite else (ONE, const(0.5))
-        rates = [cast(Expr, substitute(rate, {z: add(self.origin, step)})) for step in (ZERO, *others)]
-        total = add(*(integer_power(r, 2) for r in rates))
-        self._put(cast(Expr, substitute(f, {z: self.origin})), negation(positive(sub(total, const(LEVEL)))))
-
-    def _affine_meet(self) -> None:
-        """Adds where roots of affine functions meet each other, and those of quadratic ones."""
-        lo, hi = self.node.lo, self.node.hi
-        for i, (f, rate1, at1) in enumerate(self.affine):
-            crossing = sub(self.origin, div(at1, rate1))
-            for g, rate2, at2 in self.affine[:i]:
-                if not self._apart(f, g):
-                    self._put(sub(mul(rate2, at1), mul(rate1, at2)), _near(crossing, lo, hi))
-            for g, _ in self.quadratic:
-                if not self._apart(f, g):
-                    self._put(cast(Expr, substitute(g, {self.node.var: crossing})), _near(crossing, lo, hi))
-
-    def _quadratics_meet(self) -> None:
-        """Adds where roots of quadratic functions meet each other."""
-        nearby = {f: self.analysis.nearby(f, self.node.var, self.node.lo, self.node.hi) for f, _ in self.quadratic}
-        for i, (f, first) in enumerate(self.quadratic):
-            for g, second in self.quadratic[:i]:
-                if not self._apart(f, g):
-                    self._put(_resultant(first, second), conjunction(nearby[f], nearby[g]))
-
-    def _others_meet(self) -> None:
-        """Adds where roots of functions of higher degree meet any others: by formula, or by a search at run time."""
-        z, lo, hi = self.node.var, self.node.lo, self.node.hi
-        curved = [*self.others, *(f for f, *_ in self.quadratic)]
-        for i, f in enumerate(self.others):
-            formula = self.analysis.solve(f, z, lo, hi)
-            if formula is None or not formula.certain:
-                self._search(f, curved[i + 1 :])
-                continue
-            for root in formula.found:
-                for g in (*curved[i + 1 :], *(f for f, *_ in self.affine)):
-                    if not (coincide(f, g) or self._apart(f, g)):
-                        self._put(cast(Expr, substitute(g, {z: root.point})))
-
-    def _search(self, f: Expr, curved: Sequence[Expr]) -> None:
-        """Adds the searches for births of roots of f, which has no formula, and for its crossings with other functions."""
-        z, lo, hi = self.node.var, self.node.lo, self.node.hi
-        if not self._apart(f):
-            self.out.complete = False
-        turning = () if self._apart(f) else _turning(f, z)
-        for g in (*turning, *(h for h in curved if not (coincide(f, h) or self._apart(f, h)))):
-            if (f.free | g.free) - {z}:
-                self.out.meetings[f, g, z, lo, hi] = None
-                self.out.complete = False
-        for other, rate, at_origin in self.affine:
-            if not (coincide(other, f) or self._apart(other, f)):
-                self._put(cast(Expr, substitute(f, {z: sub(self.origin, at_origin / rate)})))
-
-
 def _antiderivative_at(shadow: Shadow, inner: Poly, end: Ratio) -> Ratio | None:
     """∫ inner dz at z = end: monomials c·zⁱ·rest become c/(i+1)·endⁱ⁺¹·rest."""
     one = shadow.constant(1)
@@ -520,27 +318,6 @@ def _antiderivative_at(shadow: Shadow, inner: Poly, end: Ratio) -> Ratio | None:
             if total is None:
                 return None
     return total
-
-
-def _may_vanish(rate: Expr) -> bool:
-    """Returns whether a derivative may be 0 everywhere for some values of parameters: all of its coefficients change with these."""
-    if not rate.free:
-        return not isinstance(rate, Const)
-    one, other = (Shadow(tuple(sorted(rate.free, key=lambda v: v.name)), salt=salt).polynomial(rate) for salt in ("one", "other"))
-    if one is None or other is None:
-        return any(not factor.free and not isinstance(factor, Const) for factor in (rate.children if isinstance(rate, Mul) else ()))
-    return all(one[m] != c for m, c in other.items() if m in one)
-
-
-def _within(point: Expr, lo: Expr, hi: Expr) -> Cond:
-    """Returns the condition that a point lies strictly between two bounds, in either order."""
-    return positive(mul(sub(point, lo), sub(hi, point)))
-
-
-def _near(point: Expr, lo: Expr, hi: Expr) -> Cond:
-    """Returns the condition that a point lies between two bounds, or a little outside."""
-    margin = mul(const(MARGIN), sub(hi, lo))
-    return positive(mul(add(sub(point, lo), margin), add(sub(hi, point), margin)))
 
 
 def _kept(root: Expr, matters: Cond, x: Var) -> Expr:
@@ -578,70 +355,8 @@ def _factors(e: Expr, x: Var) -> list[Expr]:
     return [e]
 
 
-def _turning(f: Expr, z: Var) -> list[Expr]:
-    """Returns the slope of f, which is 0 where two of its roots meet; an empty list if f has steps."""
-    try:
-        return [slope(f, z)]
-    except NotDifferentiableError:
-        return []
-
-
-def _resultant(first: tuple[Expr, Expr, Expr], second: tuple[Expr, Expr, Expr]) -> Expr:
-    """Returns an expression that is 0 where two quadratics have a common root.
-
-    (A₁C₂ - A₂C₁)² - (A₁B₂ - A₂B₁)·(B₁C₂ - B₂C₁); if both are linear, the last factor.
-    """
-    (a1, b1, c1), (a2, b2, c2) = first, second
-    linear = sub(mul(b1, c2), mul(b2, c1))
-    result = sub(integer_power(sub(mul(a1, c2), mul(a2, c1)), 2), mul(sub(mul(a1, b2), mul(a2, b1)), linear))
-    if a1.free or a2.free or isinstance(a1, Const) or isinstance(a2, Const):
-        return result
-    return where(positive(add(call("magnitude", a1), call("magnitude", a2))), result, linear)
-
-
-def _borders_of_existence(roots: Roots | None, z: Var) -> list[Expr]:
-    """Returns the functions whose zeros are where roots with a formula appear and vanish."""
-    if roots is None:
-        return []
-    return [a.g for r in roots.found for a in atoms_of(r.exists) if z not in a.g.free]
-
-
 def _outside(r: Expr, lo: Expr, hi: Expr) -> bool:
     """Returns whether a root is known by its number to lie outside of (lo, hi), or on its border."""
     if not (isinstance(r, Const) and isinstance(lo, Const) and isinstance(hi, Const)):
         return False
     return not min(lo.data, hi.data) < r.data < max(lo.data, hi.data)
-
-
-def _branches(f: Expr) -> list[Expr] | None:
-    """Returns f with every `where` on variables replaced by either branch; None if there are too many combinations."""
-    result = [f]
-    done: list[Expr] = []
-    while result:
-        e = result.pop()
-        outer = _variable_where(e)
-        if outer is None:
-            done.append(e)
-        elif len(result) + len(done) >= MAX_BRANCHES:
-            return None
-        else:
-            for branch in (outer.then, outer.otherwise):
-                result.append(cast(Expr, replace_node(e, outer, branch)))
-    return done
-
-
-def _variable_where(e: Expr) -> Where | None:
-    stack: list[Expr] = [e]
-    seen: set[Expr] = set()
-    while stack:
-        node = stack.pop()
-        if node in seen or not node.free:
-            continue
-        seen.add(node)
-        if isinstance(node, Where) and node.condition.free:
-            return node
-        if isinstance(node, Where):
-            stack += [node.then, node.otherwise]
-        elif isinstance(node, Add | Mul | Pow | Call):
-            stack.extend(cast("tuple[Expr, ...]", node.children))
-    return None

@@ -8,30 +8,10 @@ from collections.abc import Mapping, Sequence
 from typing import cast
 
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    ZERO,
-    Add,
-    Call,
-    Expr,
-    Mul,
-    Param,
-    Pow,
-    Var,
-    Where,
-    add,
-    call,
-    const,
-    div,
-    integer_power,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Expr, Mul, Param, Pow, Var, Where, const
 from teg.ir.function import Apply, apply_partials
 from teg.ir.node import Node, postorder, postorder_through
+from teg.ir.simplify import add, call, div, integer_power, mul, positive, sub, where
 
 
 def partials(node: Call) -> list[Expr]:

@@ -19,11 +19,14 @@ from collections.abc import Sequence
 from itertools import islice
 from typing import cast
 
+from teg.analysis.expanded import perfect_power
 from teg.analysis.field_polynomials import coefficients, common_factor, derivative, one_root
 from teg.analysis.numeric_zeros import is_zero_on
-from teg.analysis.polynomial import P, Point, Shadow, divided, perfect_power
-from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Param, Pow, Var, add, call, integer_power, mul, sub
+from teg.analysis.polynomial import Point, Shadow
+from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Param, Pow, Var
 from teg.ir.node import postorder
+from teg.ir.simplify import add, call, integer_power, mul, sub
+from teg.numerics.field import P, divided
 
 MAX_DEGREE = 24
 """The largest degree of polynomials whose common factors are computed."""

@@ -13,26 +13,9 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.nest import Binder
 from teg.analysis.polynomial import Shadow
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Cond,
-    Expr,
-    Var,
-    add,
-    call,
-    conjunction,
-    const,
-    disjunction,
-    integer_power,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Cond, Expr, Var, const
 from teg.ir.show import show
+from teg.ir.simplify import add, call, conjunction, disjunction, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 
 ROUNDING = 8 * 2.0**-52

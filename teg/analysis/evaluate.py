@@ -17,7 +17,7 @@ from teg.ir.traverse import parameters
 def values_of(expressions: Sequence[Expr], at: Mapping[Any, Any]) -> list[Any]:
     """Returns the values of expressions as float64 arrays that broadcast together, at given values of their parameters and variables.
 
-    NaN and infinities are valid results. Raises OperandError for what has no value at a point: an integral, a delta, a
+    NaN and infinities are valid results. Raises OperandError for a node that has no value at a point: an integral, a delta, a
     tuple, a function of the user's.
     """
     import numpy as np

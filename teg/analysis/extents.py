@@ -13,8 +13,9 @@ import math
 from collections.abc import Callable, Mapping
 from typing import cast
 
-from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Const, Expr, Mul, Pow, Var, Where, mul
+from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Const, Expr, Mul, Pow, Var, Where
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import mul
 
 Extent = tuple[float, float]
 EVERYTHING: Extent = (-math.inf, math.inf)

@@ -6,7 +6,8 @@ Source: von zur Gathen and Gerhard, Modern Computer Algebra, chapters 3 and 14.
 
 from __future__ import annotations
 
-from teg.analysis.polynomial import P, Poly, inverse, residue
+from teg.analysis.polynomial import Poly
+from teg.numerics.field import P, inverse, residue
 
 Coefficients = list[int]
 

@@ -6,29 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.ir.expr import (
-    FALSE,
-    TRUE,
-    ZERO,
-    Add,
-    And,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Or,
-    Var,
-    Where,
-    add,
-    call,
-    conjunction,
-    const,
-    disjunction,
-    mul,
-    negation,
-)
+from teg.ir.expr import FALSE, TRUE, ZERO, Add, And, Cond, Const, Expr, Mul, Or, Var, Where, const
 from teg.ir.integral import Integral
 from teg.ir.node import Node
+from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation
 from teg.ir.traverse import substitute
 
 GUARD_TERMS = 4

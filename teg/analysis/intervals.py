@@ -16,39 +16,10 @@ from collections.abc import Callable, Mapping
 from typing import cast
 
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    And,
-    Call,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Not,
-    Or,
-    Pow,
-    Var,
-    Where,
-    add,
-    call,
-    conjunction,
-    const,
-    disjunction,
-    div,
-    integer_power,
-    mul,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Pow, Var, Where, const
 from teg.ir.function import Apply
 from teg.ir.node import Node, postorder_through
+from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
 
 Interval = tuple[Expr, Expr]
 Decision = tuple[Cond, Cond]

@@ -20,8 +20,9 @@ from teg.analysis.intervals import Enclosure
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import outermost
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, add, call, const, mul, sub
+from teg.ir.expr import ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, const
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, mul, sub
 from teg.ir.traverse import fresh, replace_node
 
 MAX_ROOTS = 16

@@ -17,25 +17,11 @@ from teg.analysis.coincidence import ZeroSet
 from teg.analysis.polynomial import Point
 from teg.analysis.singularities import fades_at
 from teg.ir import expr as ex
-from teg.ir.expr import (
-    FALSE,
-    TRUE,
-    ZERO,
-    Add,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Tuple,
-    Where,
-    add,
-    mul,
-    sub,
-    where,
-)
+from teg.ir import simplify
+from teg.ir.expr import FALSE, TRUE, ZERO, Add, Compare, Cond, Const, Expr, Mul, Tuple, Where
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, mul, sub, where
 from teg.ir.traverse import rebuild, replace_node
 
 
@@ -110,7 +96,7 @@ def jump(e: Expr, surface: Expr) -> Expr:
                 else:
                     jumps[node] = sub(where(c1, a1, b1), where(c0, a0, b0))
             case Tuple():
-                jumps[node] = ex.tuple_of(*(of(c) for c in node.children))
+                jumps[node] = simplify.tuple_of(*(of(c) for c in node.children))
             case Integral() if node.lo not in one and node.hi not in one:
                 jumps[node] = integral_over(of(node.body), node.var, node.lo, node.hi)
             case _:

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from typing import cast
 
-from teg.analysis.polynomial import Point, divided, sign_of_residue
-from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Expr, Mul, Pow, Where, add, call, const, mul, sub
+from teg.analysis.polynomial import Point
+from teg.ir.expr import MINUS_ONE, Add, Call, Compare, Expr, Mul, Pow, Where, const
 from teg.ir.node import Node
+from teg.ir.simplify import add, call, mul, sub
 from teg.ir.traverse import rebuild
+from teg.numerics.field import divided, sign_of_residue
 
 
 def kinks_of(g: Expr) -> list[Where]:

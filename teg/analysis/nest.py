@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.polynomial import Shadow
-from teg.ir.expr import MINUS_ONE, ONE, Expr, Var, mul, positive, sub, where
+from teg.ir.expr import MINUS_ONE, ONE, Expr, Var
 from teg.ir.integral import integral_over
+from teg.ir.simplify import mul, positive, sub, where
 from teg.ir.traverse import substitute
 
 
@@ -61,3 +62,16 @@ def _extreme(values: list[Expr], sign: Expr) -> Expr:
     for v in values[1:]:
         best = where(positive(mul(sign, sub(v, best))), v, best)
     return best
+
+
+def divided(chain: Chain, variables: Collection[Var]) -> tuple[Chain, Chain, Chain] | None:
+    """Returns the binders of some variables, the other binders, and the former with bounds that depend on no variable of the chain.
+
+    None if bounds of one part depend on the variables of the other, or a range is not known.
+    """
+    mine, others = (tuple(b for b in chain if (b.var in variables) == wanted) for wanted in (True, False))
+    for some, rest in ((others, mine), (mine, others)):
+        if not all(e.free.isdisjoint(b.var for b in rest) for c in some for e in (c.lo, c.hi)):
+            return None
+    ranges = ranges_of(mine)
+    return None if ranges is None else (mine, others, tuple(Binder(b.var, lo, hi) for b, (lo, hi) in zip(mine, ranges, strict=True)))

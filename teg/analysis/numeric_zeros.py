@@ -72,7 +72,7 @@ def _symbols(e: Expr) -> list[Expr]:
 
 
 def _vanishes(e: Expr, at: Points) -> tuple[Any, Any]:
-    """Returns where e is 0 but for rounding, and where it is finite. Terms cancel there; what underflows is not 0."""
+    """Returns where e is 0 but for rounding, and where it is finite. Terms cancel there; a number that underflows is not 0."""
     import numpy as np
 
     terms = e.children if isinstance(e, Add) else (e,)

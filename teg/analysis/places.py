@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from teg.ir.expr import FALSE, TRUE, Add, Cond, Expr, Mul, Where, conjunction, disjunction, negation
+from teg.ir.expr import FALSE, TRUE, Add, Cond, Expr, Mul, Where
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import conjunction, disjunction, negation
 
 
 def holding(root: Node, inner: Node) -> list[Node]:

@@ -13,38 +13,13 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.polynomial import Degrees, Shadow, shorter_form
+from teg.analysis.expanded import shorter_form
+from teg.analysis.polynomial import Degrees, Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    Call,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Pow,
-    Truth,
-    Var,
-    Where,
-    add,
-    call,
-    conjunction,
-    const,
-    disjunction,
-    div,
-    integer_power,
-    mul,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Cond, Const, Expr, Mul, Pow, Truth, Var, Where, const
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, conjunction, disjunction, div, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, parameters, replace_node, size, substitute
 
 MAX_PERIODIC = 16

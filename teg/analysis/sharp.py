@@ -26,29 +26,12 @@ from teg.analysis.evaluate import folded, values_of
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    Call,
-    Compare,
-    Const,
-    Expr,
-    Param,
-    Pow,
-    Var,
-    add,
-    call,
-    const,
-    integer_power,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, Call, Compare, Const, Expr, Param, Pow, Var, const
 from teg.ir.function import Apply
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import Node, postorder
-from teg.ir.traverse import fresh, rebuild, substitute
+from teg.ir.simplify import add, call, integer_power, mul, positive, sub, where
+from teg.ir.traverse import fresh, rewrite_below, substitute
 from teg.program import UNSEEN
 
 LARGE_POWER = 16
@@ -231,27 +214,20 @@ def _without_integrals(body: Expr, box: Mapping[Var, Interval]) -> tuple[Expr, d
 
     The recursion is as deep as integrals are nested.
     """
-    new: dict[Node, Node] = {}
     larger = dict(box)
     variables = set(box)
-    stack: list[Node] = [body]
-    while stack:
-        node = stack[-1]
-        if node in new or node.free.isdisjoint(variables):
-            new.setdefault(node, node)
-            stack.pop()
-        elif isinstance(node, Integral | Apply | PointMasses):
-            name = fresh("∫", larger)
-            size = extent_of(node, box) if isinstance(node, Integral) else _INFINITY
-            larger[name] = mul(MINUS_ONE, size), size
-            new[node] = name
-            stack.pop()
-        elif missing := [c for c in node.children if c not in new]:
-            stack.extend(missing)
-        else:
-            new[node] = rebuild(node, tuple(new[c] for c in node.children))
-            stack.pop()
-    return cast(Expr, new[body]), larger
+
+    def replacement(node: Node) -> Node | None:
+        if node.free.isdisjoint(variables):
+            return node
+        if not isinstance(node, Integral | Apply | PointMasses):
+            return None
+        name = fresh("∫", larger)
+        size = extent_of(node, box) if isinstance(node, Integral) else _INFINITY
+        larger[name] = mul(MINUS_ONE, size), size
+        return name
+
+    return cast(Expr, rewrite_below([body], replacement)[body]), larger
 
 
 def extent_of(node: Integral, box: Mapping[Var, Interval]) -> Expr:

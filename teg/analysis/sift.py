@@ -11,9 +11,10 @@ from typing import cast
 
 from teg.analysis.nest import Binder, Chain
 from teg.errors import DeltaError
-from teg.ir.expr import ONE, ZERO, Add, Call, Expr, Mul, Pow, Where, add, mul, negation, where
+from teg.ir.expr import ONE, ZERO, Add, Call, Expr, Mul, Pow, Where
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import postorder
+from teg.ir.simplify import add, mul, negation, where
 from teg.ir.traverse import rewrite
 
 

@@ -29,31 +29,14 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.extents import Extent, extent
 from teg.analysis.nest import Binder, Chain
-from teg.analysis.polynomial import Point, Shadow, divided
+from teg.analysis.polynomial import Point, Shadow
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    ZERO,
-    Add,
-    Call,
-    Compare,
-    Const,
-    Expr,
-    Mul,
-    Param,
-    Pow,
-    Var,
-    Where,
-    add,
-    const,
-    integer_power,
-    mul,
-    sub,
-)
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Const, Expr, Mul, Param, Pow, Var, Where, const
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, integer_power, mul, sub
 from teg.ir.traverse import rewrite, substitute
+from teg.numerics.field import divided
 
 SMOOTH = math.inf
 """The roughness of an expression that has integer powers only."""

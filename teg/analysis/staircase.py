@@ -38,19 +38,11 @@ from teg.ir.expr import (
     UncountedFloor,
     Var,
     Where,
-    add,
-    call,
-    conjunction,
     const,
-    disjunction,
-    div,
-    mul,
-    positive,
-    sub,
-    where,
 )
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, conjunction, disjunction, div, mul, positive, sub, where
 from teg.ir.traverse import parameters, rewrite, substitute
 
 MAX_STEPS = 256

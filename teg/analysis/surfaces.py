@@ -14,29 +14,17 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from teg.analysis.calculus import slope
 from teg.analysis.coincidence import ZeroSet, peeled
+from teg.analysis.expanded import distance
 from teg.analysis.nest import Binder
-from teg.analysis.polynomial import Shadow, distance
+from teg.analysis.polynomial import Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
-from teg.ir.expr import (
-    FALSE,
-    TRUE,
-    ZERO,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Var,
-    conjunction,
-    disjunction,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir import simplify
+from teg.ir.expr import FALSE, TRUE, ZERO, Compare, Cond, Const, Expr, Var
 from teg.ir.integral import Integral
 from teg.ir.node import Node, digest
 from teg.ir.show import show
+from teg.ir.simplify import conjunction, disjunction, negation, positive, sub, where
 from teg.ir.traverse import substitute
 
 
@@ -198,9 +186,9 @@ def signed_between(under_hi: Cond, under_lo: Cond, order: int, weight: Expr) -> 
     if order > 0:
         return where(conjunction(under_hi, negation(under_lo)), weight, ZERO)
     if order < 0:
-        return where(conjunction(under_lo, negation(under_hi)), ex.mul(ex.MINUS_ONE, weight), ZERO)
+        return where(conjunction(under_lo, negation(under_hi)), simplify.mul(ex.MINUS_ONE, weight), ZERO)
     differ = disjunction(conjunction(under_hi, negation(under_lo)), conjunction(negation(under_hi), under_lo))
-    return where(differ, ex.mul(where(under_hi, ex.ONE, ex.MINUS_ONE), weight), ZERO)
+    return where(differ, simplify.mul(where(under_hi, ex.ONE, ex.MINUS_ONE), weight), ZERO)
 
 
 def free_of(e: Node, variables: Iterable[Var]) -> bool:

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Var, add, div, integer_power, sub
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Var
 from teg.ir.integral import Integral
+from teg.ir.simplify import add, div, integer_power, sub
 from teg.ir.traverse import fresh
 
 
@@ -27,7 +28,7 @@ def is_unbounded(node: Integral) -> bool:
 
 
 def finite_place(node: Integral, taken: Iterable[Var]) -> tuple[Var, tuple[Expr, Expr], Expr, Expr]:
-    """Returns a new variable s, its bounds, x as a function of s, and dx/ds > 0, for an unbounded integral with ascending bounds."""
+    """Returns a new variable s, its bounds, x as a function of s, and |dx/ds|, for an unbounded integral with ascending bounds."""
     lo, hi = infinite_ends(node)
     s = fresh(node.var.name, taken)
     if lo and hi:

@@ -139,7 +139,8 @@ def argument_order(every: Sequence[Param | ArrayName], wrt: Sequence[Param | Arr
 
 
 def refuse_uncertain(names: Sequence[str], certain: int, args: tuple[Any, ...], maker: str) -> None:
-    """Raises ParameterError if more values are given by position than the `certain` first names; `maker` is what takes a list of them."""
+    """Raises ParameterError if more values are given by position than the `certain` first names; `maker` names the function that
+    takes a list of them."""
     if certain < len(args) <= len(names):
         raise ParameterError(
             f"the order of {', '.join(names[certain:])} is not certain: they were created in several orders, so give values by name",

@@ -12,21 +12,12 @@ from teg.analysis.settings import Integration, Rule
 from teg.errors import ParameterError
 from teg.evaluator.arguments import name_of, refuse_nested
 from teg.evaluator.evaluator import Evaluator
-from teg.evaluator.options import (
-    DEFAULT_TOLS,
-    Backend,
-    Discontinuities,
-    DType,
-    Functions,
-    Inaccurate,
-    Options,
-    checked_dtype,
-    rule_for,
-)
+from teg.evaluator.options import DEFAULT_TOLS, Backend, Discontinuities, DType, Functions, Inaccurate, Options, checked_dtype, rule_for
 from teg.ir.arrays import has_arrays
 from teg.ir.creation import is_created
-from teg.ir.expr import Operand, Tuple, as_number
-from teg.language import check_parameters, check_program
+from teg.ir.expr import Operand, Tuple
+from teg.ir.operands import as_number
+from teg.language.checks import check_parameters, check_program
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.through_sums import Parameter, parameters_and_arrays
 from teg.pipeline import estimator_for

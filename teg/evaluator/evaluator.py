@@ -12,8 +12,6 @@ from teg.errors import ArrayIndexError, OptionError, ParameterError
 from teg.evaluator.arguments import (
     Call,
     argument_order,
-    as_entries,
-    name_of,
     plain_numbers,
     read_call,
     refuse_uncertain,
@@ -21,14 +19,16 @@ from teg.evaluator.arguments import (
     values_by_name,
     with_rounding,
 )
+from teg.evaluator.directions import Directions, shape_of, units
 from teg.evaluator.explain import checked_derivatives, explained
 from teg.evaluator.kernels import Kernels, Key, dimensions_of
 from teg.evaluator.nodes import NodeFinder, moved_by
 from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE, Kept, Plan, Wanted, directions_of
+from teg.evaluator.results import along_direction, in_shape, in_structure, nested, places, stacked, weighted
 from teg.ir.arrays import Array, Gather, arrays_of, has_arrays, integer_parameters
 from teg.ir.cells import check_indices, with_lengths
-from teg.ir.expr import Expr, Param, Tuple
+from teg.ir.expr import Expr, Param
 from teg.ir.index import ArrayName
 from teg.ir.traverse import parameters
 from teg.passes.differentiate.through_sums import Parameter, on_cells, outlined
@@ -36,13 +36,16 @@ from teg.passes.normalise.sums import NeedsLengths
 from teg.pipeline import flatten, normal_form
 from teg.program import Program
 from teg.program.arrays import ArrayProgram
-from teg.report.diagnose import Diagnosis, LoopWatch, NumberWatch, Watch, diagnose, probes_of
+from teg.report.diagnose import Diagnosis, Watch, diagnose
 from teg.report.explain import Asked
 from teg.report.explanation import SHOWN, Explanation, shortened
+from teg.report.loop_watch import LoopWatch, probes_of
 from teg.report.notebook import Card, card_of
+from teg.report.number_watch import NumberWatch
 
 if TYPE_CHECKING:
     import numpy as np
+
 
 KEPT = 16
 """The number of plans kept for different lengths of arrays, if lengths must be known."""
@@ -86,6 +89,7 @@ class Evaluator:
         self._certain = certain  # so many parameters may be given by position
         default = [p for p in leaves if isinstance(p, Array) or (isinstance(p, Param) and (p not in set(counted) or p in set(found)))]
         self.wrt: tuple[Parameter, ...] = tuple([p for p in default if p in {*scalars, *arrays}] if wrt is None else wrt)
+        self._directions = Directions(self.wrt, self._leaves)
         self.parameters: tuple[str, ...] = tuple(p.name for p in self._leaves)
         self._integers = frozenset(p.name for p in counted)
         self._entries = len(flatten(e))
@@ -109,7 +113,7 @@ class Evaluator:
         f(t=0.5, a=2.0)                       # 0.0625
         """
         rows, shape = self._run(VALUE, args, named)
-        return _nested(self.expression, iter(rows), shape)
+        return nested(self.expression, iter(rows), shape)
 
     def value_and_grad(self, *args: Any, **named: Any) -> tuple[Any, dict[str, Any]]:
         """Returns the value, and a dict name -> derivative: a number for a parameter, an array of its shape for an array (for a tuple
@@ -122,7 +126,7 @@ class Evaluator:
         """
         found, shape = self._run(GRADIENT, args, named)
         rows = iter(found)
-        return _nested(self.expression, rows, shape), self._by_name(rows, shape)
+        return nested(self.expression, rows, shape), self._by_name(rows, shape)
 
     def grad(self, *args: Any, **named: Any) -> dict[str, Any]:
         """Returns the dict name -> derivative of `value_and_grad`; the value is not computed. Raises the same errors.
@@ -142,7 +146,7 @@ class Evaluator:
         the terms of a sum are added up.
         """
         values, errors, shape = self._estimated(VALUE, args, named)
-        return _nested(self.expression, iter(values), shape), _nested(self.expression, iter(errors), shape)
+        return nested(self.expression, iter(values), shape), nested(self.expression, iter(errors), shape)
 
     def grad_and_error(self, *args: Any, **named: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Returns the dict name -> derivative, and the dict of estimates of their errors, of the same shapes. Raises as `value_and_grad`.
@@ -167,8 +171,8 @@ class Evaluator:
         found, shape = self._run(HESSIAN, args, named)
         rows = iter(found[self._entries * (1 + len(self.wrt)) :])
         names = [p.name for p in self.wrt]
-        blocks = [{(a, b): _one(next(rows), shape) for a in names for b in names} for _ in range(self._entries)]
-        return {(a, b): _in_structure(self.expression, iter([block[a, b] for block in blocks])) for a in names for b in names}
+        blocks = [{(a, b): in_shape(next(rows), shape) for a in names for b in names} for _ in range(self._entries)]
+        return {(a, b): in_structure(self.expression, iter([block[a, b] for block in blocks])) for a in names for b in names}
 
     def hvp(self, values: Mapping[str, Any], direction: Mapping[str, Any]) -> dict[str, Any]:
         """Returns the Hessian times a direction (a dict name -> number, or array of the parameter's shape), a dict; no matrix is formed.
@@ -176,9 +180,9 @@ class Evaluator:
             f.hvp({"t": 0.5, "a": 2.0}, {"t": 1.0})["a"]  # -0.125
 
         Parameters that the direction does not name do not move. Cost: a small multiple of the gradient's, whatever the number of
-        parameters. Raises as `value_and_grad`, and ParameterError for a direction along what is not differentiated by.
+        parameters. Raises as `value_and_grad`, and ParameterError for a direction along another parameter than those of `wrt`.
         """
-        wanted, given = self._moved(self.by_name((values,), {}), direction)
+        wanted, given = self._directions.moved(self.by_name((values,), {}), direction)
         call, kernels = self._call(wanted, given)
         rows = self._rounded(kernels.results(wanted, call, partial(self._titles, wanted)))
         return self._by_name(iter(rows), call.shape)
@@ -192,7 +196,7 @@ class Evaluator:
         """
         value, slopes = self.value_and_grad(values)
         dimensions = self.dimensions
-        return value, _along(value, [(slopes[k], d, dimensions[k]) for k, d in self._direction(direction).items()])
+        return value, along_direction(value, [(slopes[k], d, dimensions[k]) for k, d in self._directions.named(direction).items()])
 
     def vjp(self, values: Mapping[str, Any], cotangent: Any = 1.0) -> tuple[Any, dict[str, Any]]:
         """Returns the value, and the dict name -> Σ cotangent · derivative; a tuple expression takes a tuple of cotangents.
@@ -204,9 +208,9 @@ class Evaluator:
         value, slopes = self.value_and_grad(values)
         dimensions = self.dimensions
         if not isinstance(value, tuple):
-            return value, {k: _weighted(s, cotangent, dimensions[k]) for k, s in slopes.items()}
+            return value, {k: weighted(s, cotangent, dimensions[k]) for k, s in slopes.items()}
         weights = tuple(cotangent) if isinstance(cotangent, tuple | list) else (cotangent,) * len(value)
-        return value, {k: sum(_weighted(s, w, dimensions[k]) for s, w in zip(ss, weights, strict=True)) for k, ss in slopes.items()}
+        return value, {k: sum(weighted(s, w, dimensions[k]) for s, w in zip(ss, weights, strict=True)) for k, ss in slopes.items()}
 
     def evaluations(self, *args: Any, derivatives: int = 0, **named: Any) -> int:
         """Returns the number of points at which a call evaluates integrands without an inner integral, over all iterations and the whole
@@ -222,7 +226,7 @@ class Evaluator:
         given = self.by_name(args, named)
         wanted = [(ORDERS[min(derivatives, 1) if self._loops else derivatives], given)]
         if self._loops and derivatives == 2:
-            wanted += [self._moved(given, {q.name: direction}) for q in self.wrt for direction in self._units(given, q)]
+            wanted += [self._directions.moved(given, {q.name: direction}) for q in self.wrt for direction in units(q, given)]
         return sum(self._counted(*each) for each in wanted)
 
     def nodes(self, *args: Any, by: str | Param | Gather | None = None, **named: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -240,7 +244,7 @@ class Evaluator:
 
         The nodes are those of the compiled program without intrinsics, with its `rule`, `order` and `tol`, as if the integrand were not a
         polynomial. The interpreter finds them, in a tenth of a millisecond each, and in a few where it searches for roots. Raises
-        OperandError for what is no sum of integrals over the same variables, AccuracyError where the tolerance is missed.
+        OperandError for a program that is no sum of integrals over the same variables, AccuracyError where the tolerance is missed.
         """
         what = moved_by(by, self._leaves)
         finder = self._finders.get(what, lambda: NodeFinder(self.expression, what, self._options, self._leaves))
@@ -335,7 +339,7 @@ class Evaluator:
         if kernels.has_products:
             names = [*call.names, *(p.name for p in self._leaves if isinstance(p, ArrayName))]
             given = dict(zip(names, [*call.columns, *call.arrays], strict=True))
-            wanted, moved = self._moved(given, {p.name: np.ones(self._shape(given, p)) for p in self.wrt})
+            wanted, moved = self._directions.moved(given, {p.name: np.ones(shape_of(p, given)) for p in self.wrt})
             second_call, _ = self._call(wanted, moved)
             kernels.check(Key(wanted), second_call)
             products = kernels.outcome(Key(wanted), second_call).values
@@ -372,7 +376,7 @@ class Evaluator:
 
             f.output_names(1)                     # ['value', 'd value / d t', 'd value / d a']
         """
-        entries, names = _places(self.expression, "value"), [p.name for p in self.wrt]
+        entries, names = places(self.expression, "value"), [p.name for p in self.wrt]
         slopes = [f"d {entry} / d {a}" for entry in entries for a in names]
         seconds = ["direction"] if self._loops else names
         second = [f"d2 {entry} / d {a} d {b}" for entry in entries for a in names for b in seconds]
@@ -408,7 +412,7 @@ class Evaluator:
     # -- inside --------------------------------------------------------------------------------------------------------
 
     def by_name(self, args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
-        """Returns the values of a call by name: what the other methods make of their arguments.
+        """Returns the values of a call by name, as the other methods read their arguments.
 
             f.by_name((0.5,), {"a": 2.0})         # {'t': 0.5, 'a': 2.0}
 
@@ -455,41 +459,12 @@ class Evaluator:
         found: dict[tuple[str, str], Any] = {}
         for q in self.wrt:
             columns: dict[str, list[Any]] = {p.name: [] for p in self.wrt}
-            for direction in self._units(given, q):
+            for direction in units(q, given):
                 for name, product in self.hvp(given, {q.name: direction}).items():
                     columns[name].append(product)
             for p in self.wrt:
-                found[p.name, q.name] = _stacked(columns[p.name], self._shape(given, p), self._shape(given, q))
+                found[p.name, q.name] = stacked(columns[p.name], shape_of(p, given), shape_of(q, given))
         return found
-
-    def _shape(self, given: Mapping[str, Any], p: Parameter) -> tuple[int, ...]:
-        """Returns the shape of a parameter, without a batch."""
-        return as_entries(p, given[p.name], "float64").shape[-p.dimensions :] if isinstance(p, Array) else ()
-
-    def _units(self, given: Mapping[str, Any], q: Parameter) -> Iterator[Any]:
-        """Yields a direction for each of the entries of a parameter."""
-        import numpy as np
-
-        shape = self._shape(given, q)
-        for place in np.ndindex(*shape):
-            direction = np.zeros(shape)
-            direction[place] = 1.0
-            yield direction
-
-    def _direction(self, direction: Mapping[Any, Any]) -> dict[str, Any]:
-        """Returns a direction by name. Raises ParameterError for a parameter by which no derivative is taken."""
-        moved, names = {name_of(k): v for k, v in direction.items()}, [p.name for p in self.wrt]
-        if unknown := sorted(moved.keys() - set(names)):
-            raise ParameterError(f"no derivative is taken by {unknown[0]!r}", None, "derivatives are taken by " + ", ".join(names))
-        return moved
-
-    def _moved(self, given: dict[str, Any], direction: Mapping[str, Any]) -> tuple[Wanted, dict[str, Any]]:
-        """Returns the product with a direction, and the values with the components of the direction added."""
-        moved = self._direction(direction)
-        which = tuple(p for p in self.wrt if p.name in moved)
-        wanted = Wanted(False, 1, (which,))
-        (components,) = directions_of(wanted, self._leaves)
-        return wanted, {**given, **{components[p].name: moved[p.name] for p in which}}
 
     def _call(self, wanted: Wanted, given: Mapping[str, Any]) -> tuple[Call, Kernels]:
         """Returns the call, and the kernels for its lengths."""
@@ -539,64 +514,8 @@ class Evaluator:
         return [*values, *gradient, *(["the Hessian"] * (many * many * self._entries) if wanted is HESSIAN else [])]
 
     def _by_name(self, rows: Iterator[Any], shape: tuple[int, ...]) -> dict[str, Any]:
-        parts = [[_one(next(rows), shape) for _ in self.wrt] for _ in range(self._entries)]
-        return {p.name: _in_structure(self.expression, iter([part[i] for part in parts])) for i, p in enumerate(self.wrt)}
-
-
-def _plain(value: Any) -> Any:
-    """Returns a number as Python's float if NumPy gives it as a float64; single precision and arrays as they are."""
-    return float(value) if isinstance(value, float) else value
-
-
-def _one(row: np.ndarray, shape: tuple[int, ...]) -> Any:
-    """Returns a result in the shape of the batch, or of its only element."""
-    return row.reshape(shape + row.shape[1:]) if shape else _plain(row[0])
-
-
-def _in_structure(e: Expr, entries: Iterator[Any]) -> Any:
-    """Returns entries in the structure of a tuple expression."""
-    return tuple(_in_structure(entry, entries) for entry in e.children) if isinstance(e, Tuple) else next(entries)
-
-
-def _nested(e: Expr, rows: Iterator[Any], shape: tuple[int, ...]) -> Any:
-    """Returns results in the structure of a tuple expression."""
-    return tuple(_nested(entry, rows, shape) for entry in e.children) if isinstance(e, Tuple) else _one(next(rows), shape)
-
-
-def _places(e: Expr, name: str) -> list[str]:
-    """Returns the name of each entry of a tuple expression, nested ones in order."""
-    if not isinstance(e, Tuple):
-        return [name]
-    return [place for i, entry in enumerate(e.children) for place in _places(entry, f"{name}[{i}]")]
-
-
-def _along(value: Any, terms: Sequence[tuple[Any, Any, int]]) -> Any:
-    """Returns Σ slope · direction, over the entries of parameters of these dimensions, in the structure of a value."""
-    import numpy as np
-
-    if isinstance(value, tuple):
-        return tuple(_along(v, [(slope[i], d, dimensions) for slope, d, dimensions in terms]) for i, v in enumerate(value))
-    products = [np.multiply(slope, d).sum(axis=tuple(range(-dimensions, 0))) if dimensions else slope * d for slope, d, dimensions in terms]
-    return _plain(sum(products[1:], start=products[0])) if products else 0.0
-
-
-def _weighted(slope: Any, weight: Any, dimensions: int) -> Any:
-    """Returns a derivative times a cotangent of the shape of the batch."""
-    import numpy as np
-
-    return slope * np.asarray(weight).reshape(np.shape(weight) + (1,) * dimensions) if dimensions else _plain(slope * weight)
-
-
-def _stacked(columns: Sequence[Any], rows: tuple[int, ...], behind: tuple[int, ...]) -> Any:
-    """Returns products with unit directions as a block of the Hessian, of shape rows + behind (behind a batch)."""
-    import numpy as np
-
-    if columns and isinstance(columns[0], tuple):
-        return tuple(_stacked([c[i] for c in columns], rows, behind) for i in range(len(columns[0])))
-    if not behind:
-        return columns[0]
-    block = np.stack(columns, axis=-1) if columns else np.zeros((*rows, 0))
-    return block.reshape(*block.shape[:-1], *behind)
+        parts = [[in_shape(next(rows), shape) for _ in self.wrt] for _ in range(self._entries)]
+        return {p.name: in_structure(self.expression, iter([part[i] for part in parts])) for i, p in enumerate(self.wrt)}
 
 
 ArrayEvaluator = Evaluator

@@ -14,11 +14,12 @@ from teg.evaluator.options import Discontinuities
 from teg.evaluator.plan import ORDERS, Derivation, Task
 from teg.ir.arrays import Array, arrays_of, has_arrays, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
-from teg.ir.expr import Expr, Operand, Param, Tuple, as_number
+from teg.ir.expr import Expr, Operand, Param, Tuple
 from teg.ir.index import Index, Length, index_const, index_leaves
 from teg.ir.node import postorder
+from teg.ir.operands import as_number
 from teg.ir.traverse import parameters
-from teg.language import check_parameters, check_program
+from teg.language.checks import check_parameters, check_program
 from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.through_sums import Parameter, outlined, parameters_and_arrays
 from teg.passes.normalise.sums import NeedsLengths

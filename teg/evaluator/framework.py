@@ -14,11 +14,12 @@ from teg.evaluator.options import Options
 from teg.evaluator.plan import VALUE, Kept, Plan
 from teg.ir.arrays import Array, arrays_of, integer_parameters, integers_of
 from teg.ir.cells import check_indices, replace_integers
-from teg.ir.expr import Expr, Param, Tuple, as_number
+from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName, IndexArray, Length, index_const, index_leaves
 from teg.ir.node import postorder
+from teg.ir.operands import as_number
 from teg.ir.traverse import parameters
-from teg.language import check_program
+from teg.language.checks import check_program
 from teg.passes.differentiate.through_sums import outlined
 from teg.passes.normalise.sums import NeedsLengths
 

@@ -19,12 +19,13 @@ from teg.evaluator.options import Options
 from teg.evaluator.plan import GRADIENT_ALONE, VALUE, Kept, Plan
 from teg.ir.arrays import Array, Gather, has_arrays
 from teg.ir.cells import with_lengths
-from teg.ir.expr import Expr, Param, Tuple, Var, add, mul
-from teg.ir.expr import call as call_of
+from teg.ir.expr import Expr, Param, Tuple, Var
 from teg.ir.function import function
 from teg.ir.index import ArrayName, IndexConst
 from teg.ir.integral import Integral
 from teg.ir.node import Node
+from teg.ir.simplify import add, mul
+from teg.ir.simplify import call as call_of
 from teg.ir.traverse import rewrite
 from teg.passes.differentiate.through_sums import Parameter, outlined
 from teg.passes.normalise.sums import NeedsLengths

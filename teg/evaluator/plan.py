@@ -26,7 +26,7 @@ from teg.analysis.settings import Integration
 from teg.errors import EstimatorError
 from teg.evaluator.options import Options
 from teg.evaluator.timing import log, timed
-from teg.ir import expr as ex
+from teg.ir import simplify
 from teg.ir.arrays import Array, has_arrays
 from teg.ir.expr import Expr, Param, Tuple, Var
 from teg.ir.index import ArrayName
@@ -35,12 +35,12 @@ from teg.maps.diffeomorphism import Diffeomorphism
 from teg.passes.differentiate.estimators.estimator import Estimator
 from teg.passes.differentiate.estimators.ignore import Ignore, ignore_discontinuities
 from teg.passes.differentiate.through_sums import Parameter, gradient, on_cells, tangent
+from teg.passes.intrinsics import with_loops
 from teg.passes.lower.loops import Output, output_of, schedule_arrays
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import with_slots, without_slots, write_out
 from teg.passes.normalise.integers import with_sums_of_integers
 from teg.passes.normalise.tables import with_tables
-from teg.passes.program.adjoints import with_adjoints
 from teg.passes.program.errors_in_loops import with_array_error_estimates
 from teg.passes.program.link import with_bodies
 from teg.pipeline import cell_program, compiled_outputs, flat_program, flatten, jvp, normal_form, program_for
@@ -66,7 +66,7 @@ class Wanted(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Returns what is wanted in words."""
+        """Returns a description of the results, for the log."""
         names = ["value"] * self.values + ["gradient", "Hessian"][: self.orders]
         if self.along:
             directions = "a direction" if len(self.along) == 1 else f"{len(self.along)} directions"
@@ -148,7 +148,7 @@ class Kept(Generic[K, V]):
 class Task:
     """The input of a derivation: the expression, the parameters of its derivatives, the arguments of the program, and the options.
 
-    `source` is what is differentiated in the place of an expression with arrays; None if the estimator does not take it. Arguments are
+    `source` is the expression that is differentiated in the place of one with arrays; None if the estimator does not take it. Arguments are
     `leaves`, then the directions, and the integers among the numbers at the end.
     """
 
@@ -229,7 +229,7 @@ class Derivation:
 
     def _looped(self, wanted: Wanted, entry: int | None, errors: bool, how: Integration) -> ArrayProgram:
         program = self.scheduled(self._looped_outputs(wanted, entry, not errors), wanted, how, unfinished=errors)
-        return with_array_error_estimates(program) if errors else with_adjoints(program)
+        return with_array_error_estimates(program) if errors else with_loops(program)
 
     def scheduled(self, outputs: Sequence[Output], wanted: Wanted, how: Integration, unfinished: bool = False) -> ArrayProgram:
         """Returns the program of some outputs, with the arguments of `wanted`; an unfinished one lacks the last passes
@@ -238,7 +238,7 @@ class Derivation:
         outputs = [(output[0], released(output[1])) if isinstance(output, tuple) else released(output) for output in outputs]
 
         def flat(cells: Sequence[Expr], names: Sequence[str]) -> Program:
-            together = cast(Tuple, canonicalise(ex.tuple_of(*cells)))  # one surface is one expression, so that outputs share loops
+            together = cast(Tuple, canonicalise(simplify.tuple_of(*cells)))  # one surface is one expression, so that outputs share loops
             return (flat_program if unfinished else cell_program)(list(together.children), names, how)
 
         scalars = [p.name for p in arguments if isinstance(p, Param)]
@@ -284,8 +284,8 @@ class Derivation:
 class Plan:
     """A derivation, and the functions that stand in its slots.
 
-    `source` is what is differentiated in the place of a program with arrays. `entries` are the values, `leaves` the parameters and arrays;
-    derivatives are taken by the leaves in `wrt`; `integers` are the parameters that stand behind all others.
+    `source` is the expression that is differentiated in the place of a program with arrays. `entries` are the values, `leaves` the
+    parameters and arrays; derivatives are taken by the leaves in `wrt`; `integers` are the parameters that stand behind all others.
     """
 
     def __init__(

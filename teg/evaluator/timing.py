@@ -1,6 +1,6 @@
 """Log messages, and a line on the terminal: how long derivations and compilations take.
 
-    logger "teg"                     INFO    what was derived or compiled, for which backend, in which time; what takes longer than 2 s
+    logger "teg"                     INFO    the derivations and compilations, with their backend and time; steps that take longer than 2 s
                                      DEBUG   derivations that are shared with another program
     logger "teg.backends.c"          DEBUG   libraries found in the cache, and compiled ones
 

@@ -1,4 +1,4 @@
-"""`teg.jax_cache`: what XLA compiles is kept on disk."""
+"""`teg.jax_cache`: programs that XLA has compiled are kept on disk."""
 
 from __future__ import annotations
 

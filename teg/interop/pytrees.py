@@ -39,7 +39,7 @@ def values_in_pytree(tree: Any, names: Collection[str]) -> dict[str, Any]:
 
 
 def _children(node: Any) -> list[tuple[str, Any]] | None:
-    """Returns the entries of a structure with their keys; None for what is none."""
+    """Returns the entries of a structure with their keys; None for an object that is no structure."""
     if isinstance(node, Mapping):
         return [(str(name_of(k)), v) for k, v in node.items()]
     if isinstance(node, int | float):

@@ -12,9 +12,9 @@ from __future__ import annotations
 from typing import TypeAlias, cast, overload
 
 from teg.errors import ArrayIndexError, OperandError, ParameterError, ScopeError
-from teg.ir import expr as ex
+from teg.ir import simplify
 from teg.ir.creation import created
-from teg.ir.expr import ZERO, Expr, Operand, Param, Tuple, as_number
+from teg.ir.expr import ZERO, Expr, Operand, Param, Tuple
 from teg.ir.index import (
     ArrayName,
     Index,
@@ -30,6 +30,7 @@ from teg.ir.index import (
     show_index,
 )
 from teg.ir.node import Node, postorder
+from teg.ir.operands import as_number
 
 MAX_DIMENSIONS = 8
 
@@ -200,7 +201,7 @@ def indices(name: str, dimensions: int = 1) -> IndexArray:
 
 
 def index(name: str) -> IndexVar:
-    """Returns the index of a sum. The same name is the same index. Raises OperandError for what is no text.
+    """Returns the index of a sum. The same name is the same index. Raises OperandError for a name that is no string.
 
     k = teg.index("k")
     teg.evaluate(teg.sum(k * k, (k, 0, 4)))             # 14.0
@@ -215,7 +216,7 @@ def length(of: ArrayName, axis: int = 0) -> Index:
         f = teg.compile(teg.sum(V[k, 0], (k, 0, teg.length(V, 0))) / teg.length(V, 0))
         f(V=[[1.0, 7.0], [3.0, 8.0]])                       # 2.0
 
-    Raises ArrayIndexError for what is no array, and an axis that the array does not have.
+    Raises ArrayIndexError for an argument that is no array, and for an axis that the array does not have.
     """
     if not isinstance(of, ArrayName):
         raise ArrayIndexError("teg.length takes an array", of, 'teg.length(V, 0) of V = teg.array("V", 2)')
@@ -265,7 +266,7 @@ def sum_(body: Operand, *ranges: Range) -> Expr:
 def sum_over(body: Expr, k: IndexVar, lo: Index, hi: Index, as_written: bool = False) -> Expr:
     """Returns Σ body for k in [lo, hi)."""
     if isinstance(body, Tuple):
-        return ex.tuple_of(*(sum_over(entry, k, lo, hi, as_written) for entry in body.children))
+        return simplify.tuple_of(*(sum_over(entry, k, lo, hi, as_written) for entry in body.children))
     if (body is ZERO and not as_written) or (lo is hi and not as_written):
         return ZERO
     return Sum.make((k, lo, hi), (body,))

@@ -18,7 +18,7 @@ from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName, Index, IndexConst, IndexValue, IndexVar, Length, index_const, index_leaves, substitute_index
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
-from teg.ir.traverse import rebuild
+from teg.ir.traverse import rebuild, rewrite_below
 
 SHOWN = 60
 """The largest number of characters of a sum in the name of its symbol."""
@@ -26,8 +26,8 @@ APART = "\0"
 """Stands between the name of an index and a number that makes the name unique. No name given by a user contains it."""
 
 
-def cell_leaves(roots: Sequence[Node], known: Mapping[Node, object] | None = None) -> list[Expr]:
-    """Returns the leaves of a cell, in order: entries, integers, units, sums (which are not entered), and nodes that are `known`."""
+def cell_leaves(roots: Sequence[Node]) -> list[Expr]:
+    """Returns the leaves of a cell, in order: entries, integers, units, and sums (which are not entered)."""
     leaves: dict[Expr, None] = {}
     seen: set[Node] = set()
     stack: list[Node] = list(reversed(roots))
@@ -36,7 +36,7 @@ def cell_leaves(roots: Sequence[Node], known: Mapping[Node, object] | None = Non
         if node in seen:
             continue
         seen.add(node)
-        if isinstance(node, (*LEAVES, Ranged)) or (known is not None and node in known):
+        if isinstance(node, (*LEAVES, Ranged)):
             leaves[cast(Expr, node)] = None
         else:
             stack.extend(reversed(node.children))
@@ -200,20 +200,7 @@ def indices_apart(root: Expr) -> Expr:
 
 def replaced(roots: Sequence[Expr], mapping: Mapping[Node, Expr]) -> list[Expr]:
     """Returns the roots with nodes replaced by others. The inside of a replaced node is not visited."""
-    new: dict[Node, Node] = {}
-    stack: list[Node] = list(roots)
-    while stack:
-        node = stack[-1]
-        if node in new:
-            stack.pop()
-        elif node in mapping:
-            new[node] = mapping[node]
-            stack.pop()
-        elif missing := [c for c in node.children if c not in new]:
-            stack.extend(missing)
-        else:
-            new[node] = rebuild(node, tuple(new[c] for c in node.children))
-            stack.pop()
+    new = rewrite_below(roots, mapping.get)
     return [cast(Expr, new[r]) for r in roots]
 
 

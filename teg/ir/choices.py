@@ -16,9 +16,12 @@ from typing import TypeAlias, cast, overload
 
 from teg.errors import ArrayIndexError, OperandError, ScopeError
 from teg.ir import expr as ex
+from teg.ir import simplify
 from teg.ir.arrays import Range, Ranged, open_indices
-from teg.ir.expr import MINUS_ONE, Cond, Const, Expr, Operand, Tuple, as_condition, as_number, mul, negation
+from teg.ir.expr import MINUS_ONE, Cond, Const, Expr, Operand, Tuple
 from teg.ir.index import Index, IndexConst, IndexVar, as_index, index_leaves
+from teg.ir.operands import as_condition, as_number
+from teg.ir.simplify import mul, negation
 
 NOTHING = ex.const(math.nan)
 """The value of a choice from nothing, if the program says no other."""
@@ -125,7 +128,7 @@ def prod(factor: Operand, *ranges: Range) -> Expr:
     e = factor if isinstance(factor, Tuple) else as_number(factor)
     triples = _ranges(ranges, e, "prod")
     if isinstance(e, Tuple):
-        return ex.tuple_of(*(prod(entry, *ranges) for entry in e.children))
+        return simplify.tuple_of(*(prod(entry, *ranges) for entry in e.children))
     for k, lo, hi in triples:
         e = Product.make((k, lo, hi), (e,))
     return e
@@ -161,7 +164,7 @@ def nearest(value: Values, key: Operand, over: Range, *, where: Cond | None = No
         if others is not None and len(others) != len(values):
             raise OperandError(f"teg.nearest has {len(values)} values and {len(others)} of otherwise", None, "one of each")
         pairs = zip(values, others if others is not None else [otherwise] * len(values), strict=True)
-        return ex.tuple_of(*(nearest(v, key, over, where=where, otherwise=o) for v, o in pairs))
+        return simplify.tuple_of(*(nearest(v, key, over, where=where, otherwise=o) for v, o in pairs))
     chosen, by, last = as_number(value), as_number(key), as_number(otherwise)
     ((k, lo, hi),) = _ranges((over,), by, "nearest")
     if k in open_indices(last)[last]:

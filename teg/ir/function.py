@@ -18,9 +18,10 @@ from typing import Any, cast
 
 from teg.errors import NameClashError, OperandError, OptionError, ParameterError, ScopeError
 from teg.ir.arrays import LEAVES, Ranged
-from teg.ir.expr import Add, Call, Cond, Const, Expr, Mul, Param, Pow, Still, Tuple, Var, Where, as_number
+from teg.ir.expr import Add, Call, Cond, Const, Expr, Mul, Param, Pow, Still, Tuple, Var, Where
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
+from teg.ir.operands import as_number
 
 DEGREES = (2,)
 """The degrees that signatures distinguish: a body is a polynomial of at most this degree in its formals, or smooth.

@@ -14,8 +14,9 @@ from numbers import Integral as IntegralNumber
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, cast
 
 from teg.errors import ArrayIndexError, ConditionError, OperandError
-from teg.ir.expr import Cond, Expr, Operand, Param, as_number, less
+from teg.ir.expr import Cond, Expr, Operand, Param
 from teg.ir.node import Node, postorder
+from teg.ir.operands import as_number, less
 
 if TYPE_CHECKING:
     import numpy as np

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from teg.ir.expr import ONE, ZERO, Add, And, Call, Cond, Const, Expr, Mul, Tuple, Var, Where, conjunction, mul, sub, tuple_of, where
+from teg.ir.expr import ONE, ZERO, Add, And, Call, Cond, Const, Expr, Mul, Tuple, Var, Where
 from teg.ir.node import union
+from teg.ir.simplify import conjunction, mul, sub, tuple_of, where
 
 
 class Integral(Expr):

@@ -12,9 +12,10 @@ from typing import TypeVar, cast
 
 from teg.ir.arrays import Gather, StillGather
 from teg.ir.choices import Nearest
-from teg.ir.expr import Call, Cond, Expr, Param, Still, Where, call, div, mul, sub
+from teg.ir.expr import Call, Cond, Expr, Param, Still, Where
 from teg.ir.integral import Delta
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import call, div, mul, sub
 from teg.ir.traverse import rebuild, rewrite
 
 N = TypeVar("N", bound=Node)

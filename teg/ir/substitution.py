@@ -12,9 +12,10 @@ from typing import TypeVar, cast
 from teg.errors import OperandError, ParameterError, ScopeError
 from teg.ir.arrays import Ranged, integer_parameters, integers_of, open_indices
 from teg.ir.cells import replace_integers, replaced
-from teg.ir.expr import Cond, Expr, Operand, Param, Still, Tuple, Var, as_number
+from teg.ir.expr import Cond, Expr, Operand, Param, Still, Tuple, Var
 from teg.ir.index import Index, IndexParam, IndexVar, as_index, index_leaves
 from teg.ir.node import Node, postorder
+from teg.ir.operands import as_number
 from teg.ir.still import with_still_parameters
 from teg.ir.traverse import fresh, parameters, rebuild
 from teg.ir.traverse import substitute as substitute_variables

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, cast
 
-from teg.ir import expr as ex
+from teg.ir import simplify
 from teg.ir.arrays import LEAVES, Placed, Ranged
 from teg.ir.expr import (
     Add,
@@ -59,23 +59,23 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
     c = cast(Any, children)
     match node:
         case Add():
-            return ex.add(*c)
+            return simplify.add(*c)
         case Mul():
-            return ex.mul(*c)
+            return simplify.mul(*c)
         case Pow():
-            return ex.integer_power(c[0], node.exponent)
+            return simplify.integer_power(c[0], node.exponent)
         case Apply():
             return Apply.make(node.data, c)
         case ClosedForm():
             return type(node).make(node.data, c)
         case UncountedFloor():
-            return ex.uncounted_floor(*c)
+            return simplify.uncounted_floor(*c)
         case Call():
-            return ex.call(node.name, *c)
+            return simplify.call(node.name, *c)
         case Where():
-            return ex.where(*c)
+            return simplify.where(*c)
         case Tuple():
-            return ex.tuple_of(*c)
+            return simplify.tuple_of(*c)
         case Integral():
             return integral_over(c[0], node.var, c[1], c[2])
         case Delta():
@@ -83,13 +83,13 @@ def remake(node: Node, children: tuple[Node, ...]) -> Node:
         case PointMasses():
             return PointMasses.make(None, c)
         case Compare():
-            return ex.positive(c[0], node.strict, c[1] if len(c) == 2 else None, node.rivals)
+            return simplify.positive(c[0], node.strict, c[1] if len(c) == 2 else None, node.rivals)
         case Not():
-            return ex.negation(c[0])
+            return simplify.negation(c[0])
         case And():
-            return ex.conjunction(*c)
+            return simplify.conjunction(*c)
         case Or():
-            return ex.disjunction(*c)
+            return simplify.disjunction(*c)
         case Ranged():
             return node.over(children, node.index, node.lo, node.hi)
         case Placed():
@@ -108,6 +108,26 @@ def rewrite(roots: Iterable[Node], visit: Callable[[Node, Node], Node]) -> dict[
     new: dict[Node, Node] = {}
     for node in postorder(roots):
         new[node] = visit(node, rebuild(node, tuple([new[c] for c in node.children])))
+    return new
+
+
+def rewrite_below(roots: Iterable[Node], replacement: Callable[[Node], Node | None]) -> dict[Node, Node]:
+    """Returns the map from old nodes to new ones: a node with a replacement becomes that, and its inside is not visited; others are
+    rebuilt."""
+    new: dict[Node, Node] = {}
+    stack: list[Node] = list(roots)
+    while stack:
+        node = stack[-1]
+        if node in new:
+            stack.pop()
+        elif (other := replacement(node)) is not None:
+            new[node] = other
+            stack.pop()
+        elif missing := [c for c in node.children if c not in new]:
+            stack.extend(missing)
+        else:
+            new[node] = rebuild(node, tuple(new[c] for c in node.children))
+            stack.pop()
     return new
 
 

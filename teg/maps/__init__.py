@@ -16,8 +16,11 @@ from typing import cast
 
 from teg.errors import ScopeError
 from teg.ir import expr as ex
-from teg.ir.expr import Expr, Operand, Var, as_number
-from teg.language import asin, atan2, cos, cosh, exp, log, sin, sinh, sqrt, where
+from teg.ir import simplify
+from teg.ir.expr import Expr, Operand, Var
+from teg.ir.operands import as_number
+from teg.language.functions import asin, atan2, cos, cosh, exp, log, sin, sinh, sqrt
+from teg.language.programs import where
 from teg.maps.diffeomorphism import Diffeomorphism
 
 Point = tuple[object, object]
@@ -41,7 +44,7 @@ def scaling(old: Var | Sequence[Var], new: Var | Sequence[Var], by: object) -> D
     str(teg.maps.scaling((x, y), (u, v), (t, 2)))      # <teg.Diffeomorphism x = t·u, y = 2·v>
     """
     rows = _rows(old, new, by)
-    return Diffeomorphism({x: a * u for x, u, a in rows}, {u: x / a for x, u, a in rows}, jacobian=ex.mul(*(a for _, _, a in rows)))
+    return Diffeomorphism({x: a * u for x, u, a in rows}, {u: x / a for x, u, a in rows}, jacobian=simplify.mul(*(a for _, _, a in rows)))
 
 
 def rotation(x: Var, y: Var, u: Var, v: Var, angle: Operand, centre: Point = (0, 0)) -> Diffeomorphism:
@@ -81,11 +84,11 @@ def affine(
     b = [as_number(e) for e in (offset if offset is not None else [0] * n)]
     rows = _rows(old, new, b)
     determinant = _determinant(a)
-    forward = {x: ex.add(*(ex.mul(a[i][j], u) for j, u in enumerate(new)), b[i]) for i, (x, _, _) in enumerate(rows)}
+    forward = {x: simplify.add(*(simplify.mul(a[i][j], u) for j, u in enumerate(new)), b[i]) for i, (x, _, _) in enumerate(rows)}
     inverse: dict[Var, object] = {}
     for j, u in enumerate(new):
-        cofactors = [_minor(a, i, j) if (i + j) % 2 == 0 else ex.mul(ex.MINUS_ONE, _minor(a, i, j)) for i in range(n)]
-        inverse[u] = ex.div(ex.add(*(ex.mul(c, x - d) for c, x, d in zip(cofactors, old, b, strict=True))), determinant)
+        cofactors = [_minor(a, i, j) if (i + j) % 2 == 0 else simplify.mul(ex.MINUS_ONE, _minor(a, i, j)) for i in range(n)]
+        inverse[u] = simplify.div(simplify.add(*(simplify.mul(c, x - d) for c, x, d in zip(cofactors, old, b, strict=True))), determinant)
     return Diffeomorphism(forward, inverse, jacobian=determinant)
 
 
@@ -98,8 +101,8 @@ def _determinant(a: Sequence[Sequence[Expr]]) -> Expr:
     terms = []
     for order in itertools.permutations(range(len(a))):
         swaps = sum(i > j for i, j in itertools.combinations(order, 2))
-        terms.append(ex.mul(ex.const(-1.0 if swaps % 2 else 1.0), *(a[i][j] for i, j in enumerate(order))))
-    return ex.add(*terms)
+        terms.append(simplify.mul(ex.const(-1.0 if swaps % 2 else 1.0), *(a[i][j] for i, j in enumerate(order))))
+    return simplify.add(*terms)
 
 
 def _rows(old: Var | Sequence[Var], new: Var | Sequence[Var], shape: object) -> list[tuple[Var, Var, Expr]]:
@@ -183,7 +186,7 @@ def elliptic(x: Var, y: Var, u: Var, v: Var, focus: object = 1) -> Diffeomorphis
     c = as_number(focus)
     sum_of_distances = sqrt((x + c) ** 2 + y**2) + sqrt((x - c) ** 2 + y**2)
     ratio = sum_of_distances / (2 * c)
-    grown = log(ratio + ex.call("root", ratio**2 - 1))
+    grown = log(ratio + simplify.call("root", ratio**2 - 1))
     return Diffeomorphism(
         {x: c * cosh(u) * cos(v), y: c * sinh(u) * sin(v)},
         {u: grown, v: atan2(y * cosh(grown), x * sinh(grown))},

@@ -18,7 +18,9 @@ from teg.analysis.calculus import slope
 from teg.analysis.evaluate import folded
 from teg.analysis.intervals import Interval, enclose
 from teg.errors import BoundError, NameClashError, OperandError, OptionError, ParameterError, ScopeError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Param, Var, add, as_number, const, integer_power, mul, positive, sub, where
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Const, Expr, Param, Var, const
+from teg.ir.operands import as_number
+from teg.ir.simplify import add, integer_power, mul, positive, sub, where
 from teg.ir.traverse import fresh, parameters, substitute
 from teg.maps.identities import sign_of, simplified
 from teg.maps.verification import SAMPLES, TOLERANCE, TRIALS, Constraint, verify
@@ -150,7 +152,7 @@ class Diffeomorphism:
             m = teg.maps.translation(x, u, 1).then(teg.maps.scaling(u, v, 2))
             str(m)                                          # <teg.Diffeomorphism x = 2·v + 1>
 
-        Raises OperandError for what is no map, ScopeError for old variables that are not new ones of this map.
+        Raises OperandError for an argument that is no map, ScopeError for old variables that are not new ones of this map.
         """
         if not isinstance(other, Diffeomorphism):
             raise OperandError(f"a map is composed with a map, not with {type(other).__name__}")
@@ -229,7 +231,8 @@ class Diffeomorphism:
 
             m = teg.polar(x, y, r, p).with_bounds({r: (0, 2), p: (-math.pi, math.pi)})
 
-        Raises ScopeError for what is no interval of a new variable, BoundError for bounds that are infinite or reach beyond the domain.
+        Raises ScopeError for bounds that are no interval of a new variable, BoundError for bounds that are infinite or reach beyond the
+        domain.
         """
         parts = {name: getattr(self, name) for name in self.__slots__}
         return _derived(**{**parts, "bounds": _finite(_intervals(bounds, self.new, "bounds"), self.domain)})

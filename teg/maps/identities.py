@@ -14,12 +14,13 @@ import math
 from collections.abc import Mapping
 from typing import cast
 
+from teg.analysis.expanded import expanded
 from teg.analysis.intervals import Interval, enclose
-from teg.analysis.polynomial import expanded
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
-from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Pow, Var, add, call, integer_power, mul, sub
+from teg.ir.expr import MINUS_ONE, ONE, Add, Call, Const, Expr, Mul, Pow, Var
 from teg.ir.node import Node
+from teg.ir.simplify import add, call, integer_power, mul, sub
 from teg.ir.traverse import parameters, rewrite
 
 _REGION = 200

@@ -22,8 +22,9 @@ from teg.analysis.intervals import Interval, enclose
 from teg.analysis.nest import Binder, Chain
 from teg.analysis.roots import tidy
 from teg.errors import BoundError, NotDifferentiableError, ScopeError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, add, call, const, div, mul, sub
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, const
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, div, mul, sub
 from teg.ir.traverse import parameters, rewrite, substitute
 from teg.maps.diffeomorphism import INFINITY, MINUS_INFINITY, Diffeomorphism
 from teg.maps.identities import simplified

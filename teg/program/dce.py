@@ -1,4 +1,4 @@
-"""What of a program matters: statements whose results nobody uses are left out, and of other statements the results nobody uses."""
+"""Dead-code elimination: statements without a result that is used are left out, and the unused results of other statements."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from teg.program.walk import assigned
 
 
 def without_dead_code(program: Program) -> Program:
-    """Returns the program without statements whose results nobody uses."""
+    """Returns the program without statements of which no result is used."""
     live: set[Arg] = set(program.outputs)
     return Program(program.parameters, _live_part(program.body, live), program.outputs, program.ties, program.functions)
 

@@ -1,4 +1,4 @@
-"""How statements are declared: the role of every field, and what follows from the roles alone.
+"""How statements are declared: the role of every field, and the walks that follow from the roles alone.
 
 A statement is a frozen dataclass. An annotation gives each field that holds names or statements its role; a field without a role is a
 setting, plain data.
@@ -51,8 +51,8 @@ class Variable:
 class Result:
     """Names that the statement gives values, known after it. Those of a statement with blocks are in a field called `results`.
 
-    Results that nobody uses are left out, unless they are `fixed`: then their number is part of the meaning. `each`: a field of names that
-    belong to the results, or to the first ones, entry by entry; it is empty if nobody uses any of them. With `made_in`, the name of a
+    Results that are not used are left out, unless they are `fixed`: then their number is part of the meaning. `each`: a field of names that
+    belong to the results, or to the first ones, entry by entry; it is empty if none of them is used. With `made_in`, the name of a
     block, the names are those of results of statements in that block. Where the condition `when` of the statement fails nothing is run,
     and the results are `absent`.
     """

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import count
 from typing import Any
 
 from teg.program.arrays import Integers, Load, Number, Run, Step, steps
 from teg.program.fields import renamed
+from teg.program.names import unused_numbers
 from teg.program.residues import P, Residues, random_residue, residue_of
 from teg.program.statements import Arg, Assign, Program
 from teg.program.walk import assigned, statements
@@ -39,8 +39,7 @@ def joined(run: Run, makers: Sequence[Run]) -> Run:
             wanted = (wanted - set(maker.results)) | set(maker.inputs)
     if len({a for a in wanted if isinstance(a, str)}) + SAVED > len({a for a in run.inputs if isinstance(a, str)}):
         return run
-    used = (int(n[1:]) for s in statements(run.program.body) for n in assigned(s) if n[1:].isdigit())
-    numbers = count(1 + max(used, default=0))
+    numbers = unused_numbers(n for s in statements(run.program.body) for n in assigned(s))
     inputs: dict[Arg, str] = {}
     spelled: dict[Arg, Arg] = {}
 

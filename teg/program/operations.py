@@ -1,4 +1,4 @@
-"""The operations of an `Assign`: what each takes, what it gives, and its meaning on plain Python numbers.
+"""The operations of an `Assign`: the kinds of its operands and result, and its meaning on plain Python numbers.
 
     floats    const(x)  add(x, y, …)  sub(x, y)  mul(x, y, …)  div(x, y)  neg(x)  powi(x, n)  pow(x, y)  abs(x)  floor(x)  mod(x, y)
               sin cos tan asin acos atan sinh cosh tanh exp expm1 log log1p sqrt erf erfc (x)
@@ -30,7 +30,7 @@ class Operation(NamedTuple):
 
 
 def _where_it_exists(function: Callable[..., float], beyond: Callable[..., float]) -> Callable[..., float]:
-    """Returns the function, and where Python raises instead of an infinity or a NaN, what IEEE arithmetic has."""
+    """Returns the function with the infinity or NaN of IEEE arithmetic where Python raises an error."""
 
     def meaning(*args: float) -> float:
         try:
@@ -171,3 +171,8 @@ INTEGER_OPERATIONS: dict[str, Callable[[int, int], int]] = {
     "max": max,
 }
 """Operations of two integers in programs with arrays; gather, length and param read what is given."""
+
+
+def letter_of(op: str) -> str:
+    """Returns the first letter of names for the results of an operation (`teg.program.names`)."""
+    return "b" if OPERATIONS[op].result == "condition" else "v"

@@ -11,6 +11,7 @@ from fractions import Fraction
 from hashlib import blake2b
 from math import isfinite, prod
 
+from teg.program.names import is_condition
 from teg.program.statements import Arg, Assign, Stmt
 
 P = 2**63 - 25
@@ -56,7 +57,7 @@ class Residues:
         for s in block:
             if not isinstance(s, Assign):
                 continue
-            if s.name[0] == "b":
+            if is_condition(s.name):
                 self._holds[s.name] = self._decided(s)
             elif s.op == "select":
                 condition, *branches = s.args

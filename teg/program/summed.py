@@ -30,7 +30,7 @@ class Summed:
 
     @property
     def names(self) -> set[str]:
-        """Returns what is computed in the carrier, and the indices of its loops."""
+        """Returns the names that are computed in the carrier, and the indices of its loops."""
         loops = [self.carrier, *(s for s in steps(self.carrier.body) if isinstance(s, Loop))]
         return {name for s in steps(self.carrier.body) for name in result_names(s)} | {loop.index for loop in loops}
 

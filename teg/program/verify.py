@@ -13,6 +13,7 @@ from typing import get_args
 from teg.program.arrays import ArrayProgram, Integers, Like, Load, Loop, Run, Scatter, Step
 from teg.program.fields import Kind, Operand, Part, Result, Variable, declared, flat, inner_blocks, leaves
 from teg.program.limits import MAX_CUTS
+from teg.program.names import is_condition
 from teg.program.operations import INTEGER_OPERATIONS, OPERATIONS
 from teg.program.statements import (
     Adaptive,
@@ -128,7 +129,9 @@ class _Verifier:
         if name in self.given or name in known:
             self.fail(f"{name} is given twice", stmt)
         self.given.add(name)
-        return self.kind_of(stmt) if role.kind == "any" else role.kind
+        kind = self.kind_of(stmt) if role.kind == "any" else role.kind
+        self.check(is_condition(name) == (kind == "condition"), f"{name} is no name of {_KINDS[kind]}", stmt)
+        return kind
 
     def kind_of(self, stmt: object) -> Kind:
         """Returns the kind of the result of a statement whose operation decides it."""

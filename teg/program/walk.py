@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from itertools import count
 
 from teg.program.fields import inner_blocks, operands, renamed, result_names, variables
+from teg.program.names import unused_numbers
 from teg.program.statements import (
     Arg,
     Assign,
@@ -115,7 +115,7 @@ def without_branches(program: Program) -> Program:
     results are replaced by 0."""
     if not any(isinstance(s, When) for s in statements(program.body)):
         return program
-    numbers = count(1 + max(int(n[1:]) for s in statements(program.body) for n in assigned(s) if n[1:].isdigit()))
+    numbers = unused_numbers(n for s in statements(program.body) for n in assigned(s))
     return replace(program, body=_written_out(program.body, numbers))
 
 

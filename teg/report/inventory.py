@@ -8,15 +8,17 @@ from typing import Any, cast
 from teg.analysis.isolation import max_roots, widened
 from teg.analysis.jumps import jump, vanishes_on
 from teg.analysis.nest import Binder
-from teg.analysis.polynomial import P, Point, Shadow, divided, residue
+from teg.analysis.polynomial import Point, Shadow
 from teg.analysis.roots import solve
 from teg.analysis.staircase import is_step, with_floors
 from teg.analysis.surfaces import atoms_of, binders_inside, owned_surfaces
-from teg.ir.expr import ONE, ZERO, Call, Compare, Expr, Param, Tuple, UncountedFloor, Var, tuple_of, where
+from teg.ir.expr import ONE, ZERO, Call, Compare, Expr, Param, Tuple, UncountedFloor, Var
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
+from teg.ir.simplify import tuple_of, where
 from teg.ir.traverse import parameters, rename_apart, substitute
+from teg.numerics.field import P, divided, residue
 from teg.passes.eliminate.affine import Affine
 from teg.passes.eliminate.bilinear import Bilinear
 from teg.passes.eliminate.conic import Conic

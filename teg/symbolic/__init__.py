@@ -18,13 +18,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
-from teg import language
 from teg.analysis.bodies import write_all_out
 from teg.analysis.calculus import slope
 from teg.errors import OperandError, OptionError, ParameterError, TegError
 from teg.ir import expr as ex
+from teg.ir import operands, simplify
 from teg.ir.expr import ONE, ZERO, Cond, Expr, Param, Tuple, Var
 from teg.ir.traverse import size, substitute
+from teg.language import programs
 from teg.symbolic.nodes import sympy_package
 from teg.symbolic.reader import Reader, names_of, readable
 from teg.symbolic.writer import Writer, symbols_of, written_out
@@ -50,7 +51,7 @@ def to_sympy(e: object, *, evaluate: bool = False, conditions: str = "auto", sym
     if a parameter and a variable have one name, OptionError for an expression too long for evaluate=True, OperandError for a node
     without a form in SymPy, MissingPackageError without SymPy.
     """
-    root = write_all_out(e if isinstance(e, Cond | Tuple) else ex.as_number(e))
+    root = write_all_out(e if isinstance(e, Cond | Tuple) else operands.as_number(e))
     if conditions not in CONDITIONS:
         raise OptionError(f"conditions={conditions!r} is not one of {', '.join(CONDITIONS)}")
     if evaluate and written_out(root) > _WRITTEN_OUT:
@@ -106,7 +107,7 @@ def from_sympy(s: Any, variables: Iterable[Any] = (), *, heaviside_at_zero: floa
     if not outside:
         return result
     _, names = names_of(order, wanted, outside)  # a symbol is bound in one place and free in another: ∫₀ˣ f(x) dx
-    places = {cast(Var, names[x]): cast(Expr, language.param_of_any_name(x.name)) for x in outside}
+    places = {cast(Var, names[x]): cast(Expr, programs.param_of_any_name(x.name)) for x in outside}
     return substitute(Reader(names, at_zero, frozenset(places)).read(order), places)
 
 
@@ -122,7 +123,7 @@ def jacobian_determinant(forward: Mapping[Var, Expr], variables: Sequence[Var]) 
         raise ParameterError(f"a Jacobian of {len(forward)} coordinates by {len(variables)} variables has no determinant")
     rows = [[slope(e, v) for v in variables] for e in forward.values()]
     plain = _expanded_determinant(rows)
-    entries = ex.tuple_of(*(e for row in rows for e in row))
+    entries = simplify.tuple_of(*(e for row in rows for e in row))
     if size(plain) == 1 or entries.has_integral or written_out(entries) > _WRITTEN_OUT:
         return plain
     try:
@@ -141,8 +142,8 @@ def _expanded_determinant(rows: Sequence[Sequence[Expr]]) -> Expr:
             for column, entry in enumerate(row):
                 if column not in taken and entry is not ZERO:
                     sign = -1.0 if sum(c > column for c in taken) % 2 else 1.0
-                    terms.setdefault(taken | {column}, []).append(ex.mul(ex.const(sign), minor, entry))
-        minors = {columns: ex.add(*parts) for columns, parts in terms.items()}
+                    terms.setdefault(taken | {column}, []).append(simplify.mul(ex.const(sign), minor, entry))
+        minors = {columns: simplify.add(*parts) for columns, parts in terms.items()}
     return next(iter(minors.values()), ZERO)
 
 

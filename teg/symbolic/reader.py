@@ -8,11 +8,12 @@ from functools import cache, reduce
 from importlib import import_module
 from typing import Any, cast
 
-from teg import language
 from teg.errors import BoundError, NameClashError, OperandError
 from teg.ir import expr as ex
+from teg.ir import operands, simplify
 from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Cond, Const, Expr, Mul, Var
 from teg.ir.node import Node
+from teg.language import functions, programs
 from teg.symbolic.nodes import in_postorder, parts_of, shown, sympy_package
 
 
@@ -34,7 +35,7 @@ def _check(node: Any) -> None:
                 raise BoundError(f"the bounds of {x} are not finite", shown(node), hint)
     elif type(node) is sympy.DiracDelta and len(node.args) > 1 and node.args[1] != 0:
         raise OperandError("a derivative of a Dirac delta is not in the language", shown(node), "differentiate with teg.diff")
-    elif type(node) not in functions() and not (isinstance(node, sympy.Basic) and _is_leaf(node)):
+    elif type(node) not in builders() and not (isinstance(node, sympy.Basic) and _is_leaf(node)):
         unevaluated = isinstance(node, sympy.Derivative | sympy.Subs | sympy.Sum | sympy.Product | sympy.Limit)
         hint = "its .doit() may find a closed form" if unevaluated else ""
         raise OperandError(f"SymPy's {type(node).__name__} is not in the language", shown(node), hint)
@@ -60,13 +61,13 @@ def names_of(order: list[Any], wanted: frozenset[str], outside: frozenset[Any]) 
     for symbol in free:
         if taken.setdefault(symbol.name, symbol) != symbol:
             raise NameClashError(f"two symbols are called {symbol.name!r}", symbol.name, "rename one, or give both the same assumptions")
-        names[symbol] = language.var(symbol.name) if symbol.name in wanted else language.param_of_any_name(symbol.name)
+        names[symbol] = programs.var(symbol.name) if symbol.name in wanted else programs.param_of_any_name(symbol.name)
     for symbol in bound:
         name = symbol.name
         while name in taken:
             name += "′"
         taken[name] = symbol
-        names[symbol] = language.var(name)
+        names[symbol] = programs.var(name)
     return bound, names
 
 
@@ -75,7 +76,7 @@ class Reader:
 
     def __init__(self, names: Mapping[Any, Expr], at_zero: float | None, places: frozenset[Var] = frozenset()) -> None:
         self.sympy = sympy_package()
-        self.functions = functions()
+        self.functions = builders()
         self.names = names
         self.at_zero = at_zero  # the value of Heaviside(u) at u = 0; None: the rule of from_sympy
         self.places = places  # variables that may still become parameters
@@ -98,19 +99,19 @@ class Reader:
         if kind is sympy.Piecewise:
             result: Expr = ex.const(math.nan)
             for then, condition in zip(parts[-2::-2], parts[::-2], strict=True):
-                result = language.where(condition, then, result)
+                result = programs.where(condition, then, result)
             return result
         if kind is sympy.Heaviside:
-            return self.heaviside(node, *map(ex.as_number, parts))
+            return self.heaviside(node, *map(operands.as_number, parts))
         if kind is sympy.Mul and node.args[0].is_Rational:
             return self.functions[kind](*parts[1:], parts[0])  # x/3 is a quotient, not a product with a rounded third
         if kind is sympy.Pow and node.exp.is_Rational:
-            return ex.as_number(parts[0]) ** _nearest(node.exp)
+            return operands.as_number(parts[0]) ** _nearest(node.exp)
         return self.functions[kind](*parts)
 
     def integral(self, node: Any, body: Expr, *bounds: Expr) -> Expr:
         for i, limit in enumerate(node.limits):
-            body = language.integral(body, (cast(Var, self.names[limit[0]]), bounds[2 * i], bounds[2 * i + 1]))
+            body = programs.integral(body, (cast(Var, self.names[limit[0]]), bounds[2 * i], bounds[2 * i + 1]))
         return body
 
     def heaviside(self, node: Any, u: Expr, at_zero: Expr) -> Expr:
@@ -119,11 +120,11 @@ class Reader:
         if at_zero is ZERO or at_zero is ONE:
             strict = at_zero is ZERO
             if isinstance(u, Mul) and len(u.children) == 2 and u.children[0] is MINUS_ONE and isinstance(u.children[1], Add):
-                return language.bracket(
-                    ~ex.positive(u.children[1], not strict)
+                return programs.bracket(
+                    ~simplify.positive(u.children[1], not strict)
                 )  # -(a - b), which SymPy does not write: the original was a ~
-            return language.bracket(ex.positive(u, strict))
-        return language.where(u >= 0, language.where(u > 0, 1, at_zero), 0)
+            return programs.bracket(simplify.positive(u, strict))
+        return programs.where(u >= 0, programs.where(u > 0, 1, at_zero), 0)
 
 
 def _nearest(number: Any) -> float:
@@ -145,11 +146,11 @@ def _leaf(node: Any) -> Expr | Cond:
     if not node.is_Rational or node.is_Integer or value.as_integer_ratio() == (node.p, node.q):
         return ex.const(value)
     both_exact = all(n.bit_length() < 1024 and int(float(n)) == n for n in (node.p, node.q))
-    return ex.div(ex.const(node.p), ex.const(node.q)) if both_exact else ex.const(value)
+    return simplify.div(ex.const(node.p), ex.const(node.q)) if both_exact else ex.const(value)
 
 
 @cache
-def functions() -> dict[Any, Callable[..., Node]]:
+def builders() -> dict[Any, Callable[..., Node]]:
     """Returns, for each SymPy function, the function that builds the language's node from converted arguments."""
     sympy = sympy_package()
     cfunctions = import_module("sympy.codegen.cfunctions")
@@ -157,53 +158,53 @@ def functions() -> dict[Any, Callable[..., Node]]:
         sympy.Add: _sum,
         sympy.Mul: _product,
         sympy.Pow: lambda base, exponent: base**exponent,
-        sympy.exp: language.exp,
-        sympy.log: lambda u, base=None: language.log(u) if base is None else language.log(u) / language.log(base),
-        sympy.sin: language.sin,
-        sympy.cos: language.cos,
-        sympy.tan: language.tan,
-        sympy.sec: lambda u: 1 / language.cos(u),
-        sympy.csc: lambda u: 1 / language.sin(u),
-        sympy.cot: lambda u: language.cos(u) / language.sin(u),
-        sympy.sinc: lambda u: language.where((u > 0) | (u < 0), language.sin(u) / u, 1),
-        sympy.asin: language.asin,
-        sympy.acos: language.acos,
-        sympy.atan: language.atan,
-        sympy.asec: lambda u: language.acos(1 / u),
-        sympy.acsc: lambda u: language.asin(1 / u),
-        sympy.acot: lambda u: language.atan(1 / u),
-        sympy.atan2: language.atan2,
-        sympy.sinh: language.sinh,
-        sympy.cosh: language.cosh,
-        sympy.tanh: language.tanh,
-        sympy.sech: lambda u: 1 / language.cosh(u),
-        sympy.csch: lambda u: 1 / language.sinh(u),
-        sympy.coth: lambda u: 1 / language.tanh(u),
-        sympy.erf: language.erf,
-        sympy.erfc: language.erfc,
-        sympy.erfinv: lambda u: ex.call("erfinv", u),
-        sympy.erfcinv: lambda u: ex.call("erfcinv", u),
-        sympy.erf2: lambda u, v: language.erf(v) - language.erf(u),
-        cfunctions.expm1: language.expm1,
-        cfunctions.log1p: language.log1p,
+        sympy.exp: functions.exp,
+        sympy.log: lambda u, base=None: functions.log(u) if base is None else functions.log(u) / functions.log(base),
+        sympy.sin: functions.sin,
+        sympy.cos: functions.cos,
+        sympy.tan: functions.tan,
+        sympy.sec: lambda u: 1 / functions.cos(u),
+        sympy.csc: lambda u: 1 / functions.sin(u),
+        sympy.cot: lambda u: functions.cos(u) / functions.sin(u),
+        sympy.sinc: lambda u: programs.where((u > 0) | (u < 0), functions.sin(u) / u, 1),
+        sympy.asin: functions.asin,
+        sympy.acos: functions.acos,
+        sympy.atan: functions.atan,
+        sympy.asec: lambda u: functions.acos(1 / u),
+        sympy.acsc: lambda u: functions.asin(1 / u),
+        sympy.acot: lambda u: functions.atan(1 / u),
+        sympy.atan2: functions.atan2,
+        sympy.sinh: functions.sinh,
+        sympy.cosh: functions.cosh,
+        sympy.tanh: functions.tanh,
+        sympy.sech: lambda u: 1 / functions.cosh(u),
+        sympy.csch: lambda u: 1 / functions.sinh(u),
+        sympy.coth: lambda u: 1 / functions.tanh(u),
+        sympy.erf: functions.erf,
+        sympy.erfc: functions.erfc,
+        sympy.erfinv: lambda u: simplify.call("erfinv", u),
+        sympy.erfcinv: lambda u: simplify.call("erfcinv", u),
+        sympy.erf2: lambda u, v: functions.erf(v) - functions.erf(u),
+        cfunctions.expm1: functions.expm1,
+        cfunctions.log1p: functions.log1p,
         sympy.asinh: _asinh,
         sympy.acosh: _acosh,
-        sympy.atanh: lambda u: 0.5 * language.log((1 + u) / (1 - u)),
+        sympy.atanh: lambda u: 0.5 * functions.log((1 + u) / (1 - u)),
         sympy.asech: lambda u: _acosh(1 / u),
         sympy.acsch: lambda u: _asinh(1 / u),
-        sympy.acoth: lambda u: 0.5 * language.log((u + 1) / (u - 1)),
-        sympy.Abs: language.abs_,
-        sympy.sign: language.sign,
-        sympy.Min: language.minimum,
-        sympy.Max: language.maximum,
-        sympy.floor: language.floor,
-        sympy.ceiling: lambda u: ex.call("ceil", u),
-        sympy.frac: lambda u: language.mod(u, 1),
-        sympy.Mod: language.mod,
+        sympy.acoth: lambda u: 0.5 * functions.log((u + 1) / (u - 1)),
+        sympy.Abs: functions.abs_,
+        sympy.sign: functions.sign,
+        sympy.Min: functions.minimum,
+        sympy.Max: functions.maximum,
+        sympy.floor: functions.floor,
+        sympy.ceiling: lambda u: simplify.call("ceil", u),
+        sympy.frac: lambda u: functions.mod(u, 1),
+        sympy.Mod: functions.mod,
         sympy.re: lambda u: u,
         sympy.conjugate: lambda u: u,
         sympy.UnevaluatedExpr: lambda u: u,
-        sympy.DiracDelta: lambda u, order=None: language.delta(u),
+        sympy.DiracDelta: lambda u, order=None: programs.delta(u),
         sympy.Lt: lambda a, b: a < b,
         sympy.Le: lambda a, b: a <= b,
         sympy.Gt: lambda a, b: a > b,
@@ -212,31 +213,31 @@ def functions() -> dict[Any, Callable[..., Node]]:
         sympy.Ne: lambda a, b: (a < b) | (a > b),
     }
     of_conditions: dict[Any, Callable[..., Node]] = {
-        sympy.Not: ex.negation,
-        sympy.And: ex.conjunction,
-        sympy.Or: ex.disjunction,
-        sympy.Nand: lambda *c: ~ex.conjunction(*c),
-        sympy.Nor: lambda *c: ~ex.disjunction(*c),
+        sympy.Not: simplify.negation,
+        sympy.And: simplify.conjunction,
+        sympy.Or: simplify.disjunction,
+        sympy.Nand: lambda *c: ~simplify.conjunction(*c),
+        sympy.Nor: lambda *c: ~simplify.disjunction(*c),
         sympy.Xor: lambda *c: reduce(lambda a, b: (a & ~b) | (~a & b), c),
         sympy.Implies: lambda a, b: ~a | b,
-        sympy.Equivalent: lambda *c: ex.conjunction(*c) | ~ex.disjunction(*c),
+        sympy.Equivalent: lambda *c: simplify.conjunction(*c) | ~simplify.disjunction(*c),
         sympy.ITE: lambda c, a, b: (c & a) | (~c & b),
     }
-    table: dict[Any, Callable[..., Node]] = {sympy.Tuple: language.tuple_}
-    for kinds, check in ((of_numbers, ex.as_number), (of_conditions, ex.as_condition)):
+    table: dict[Any, Callable[..., Node]] = {sympy.Tuple: programs.tuple_}
+    for kinds, check in ((of_numbers, operands.as_number), (of_conditions, operands.as_condition)):
         for kind, f in kinds.items():
             table[kind] = lambda *parts, f=f, check=check: f(*map(check, parts))
     by_hand = (sympy.Integral, sympy.Piecewise, sympy.Heaviside)  # handled by the reader itself
-    return table | dict.fromkeys(by_hand, language.tuple_)
+    return table | dict.fromkeys(by_hand, programs.tuple_)
 
 
 def _sum(*terms: Expr) -> Expr:
-    return _remembering(Add, ex.add(*terms), terms)
+    return _remembering(Add, simplify.add(*terms), terms)
 
 
 def _product(*factors: Expr) -> Expr:
     numbers = [f for f in factors if isinstance(f, Const)]
-    return _remembering(Mul, ex.mul(*factors), (*numbers, *(f for f in factors if not isinstance(f, Const))))
+    return _remembering(Mul, simplify.mul(*factors), (*numbers, *(f for f in factors if not isinstance(f, Const))))
 
 
 def _remembering(kind: type[Add | Mul], result: Expr, parts: tuple[Expr, ...]) -> Expr:
@@ -247,9 +248,9 @@ def _remembering(kind: type[Add | Mul], result: Expr, parts: tuple[Expr, ...]) -
 
 def _asinh(u: Expr) -> Expr:
     """Returns log(u + √(u² + 1)), computed from |u|: for u < 0 the terms would cancel."""
-    root = language.sqrt(u**2 + 1)
-    return language.where(u > 0, language.log(u + root), -language.log(root - u))
+    root = functions.sqrt(u**2 + 1)
+    return programs.where(u > 0, functions.log(u + root), -functions.log(root - u))
 
 
 def _acosh(u: Expr) -> Expr:
-    return language.log(u + language.sqrt(u - 1) * language.sqrt(u + 1))
+    return functions.log(u + functions.sqrt(u - 1) * functions.sqrt(u + 1))

@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any, cast
 
-from teg import language
 from teg.errors import NameClashError, OperandError
 from teg.ir import expr as ex
+from teg.ir import operands, simplify
 from teg.ir.arrays import LEAVES, Ranged
 from teg.ir.expr import (
     MINUS_ONE,
@@ -33,6 +33,7 @@ from teg.ir.expr import (
 )
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
+from teg.language import functions
 from teg.symbolic.nodes import as_it_is, sympy_package
 
 _FLATTEN = 8  # so many nested integrals, and factors, are written as one node: more would be quadratic
@@ -191,7 +192,7 @@ class Writer:
         named = _named(node)
         if named is not None:
             return self.make(getattr(sympy, named[0]), *(self.done[a] for a in named[1:]))
-        branches = [(c, u) for c, u in ((node.condition, node.then), (ex.negation(node.condition), node.otherwise)) if u is not ZERO]
+        branches = [(c, u) for c, u in ((node.condition, node.then), (simplify.negation(node.condition), node.otherwise)) if u is not ZERO]
         as_products = len(branches) == 1 and _is_product(branches[0][0]) and branches[0][1] in self.finite
         if self.conditions == "heaviside" or (self.conditions == "auto" and as_products):
             return self.total([self.product(self.done[u], self.step(c)) for c, u in branches])
@@ -294,12 +295,12 @@ def _named(node: Where) -> tuple[Any, ...] | None:
     condition, then, otherwise = node.condition, node.then, node.otherwise
     if not isinstance(condition, Compare) or not condition.strict or condition.resolution is not None or node.has_delta:
         return None
-    if then is condition.g and otherwise is ex.mul(MINUS_ONE, then):
+    if then is condition.g and otherwise is simplify.mul(MINUS_ONE, then):
         return "Abs", then
-    if then is ONE and node is language.sign(condition.g):
+    if then is ONE and node is functions.sign(condition.g):
         return "sign", condition.g
-    if condition is ex.less(then, otherwise, strict=True):
+    if condition is operands.less(then, otherwise, strict=True):
         return "Min", then, otherwise
-    if condition is ex.less(otherwise, then, strict=True):
+    if condition is operands.less(otherwise, then, strict=True):
         return "Max", then, otherwise
     return None

@@ -13,10 +13,12 @@ import pytest
 
 import teg
 from teg.analysis.coincidence import ZeroSet, coincide, peeled, short_form
+from teg.analysis.expanded import perfect_power
 from teg.analysis.field_polynomials import common_factor, derivative, one_root, product, quotient_and_remainder
-from teg.analysis.polynomial import P, Point, divided, perfect_power, sign_of_residue
+from teg.analysis.polynomial import Point
 from teg.evaluator.accuracy import AccuracyWarning
 from teg.ir.expr import Expr
+from teg.numerics.field import P, divided, sign_of_residue
 
 x, y = teg.vars("x y")
 r, s, t = teg.params("r s t")

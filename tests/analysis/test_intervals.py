@@ -14,7 +14,8 @@ import teg
 from teg.analysis.intervals import enclose
 from teg.errors import NotDifferentiableError
 from teg.evaluator.accuracy import AccuracyWarning
-from teg.ir.expr import Expr, Param, Var, call
+from teg.ir.expr import Expr, Param, Var
+from teg.ir.simplify import call
 from teg.ir.traverse import substitute
 
 X = teg.var("x")

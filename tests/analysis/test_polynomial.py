@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-
 import pytest
 
 import teg
-from teg.analysis.polynomial import P, Point, Shadow, expanded, sign_of_residue
+from teg.analysis.polynomial import Point, Shadow
 
 x, y, z = teg.vars("x y z")
 t, a, b = teg.params("t a b")
@@ -60,23 +58,3 @@ def test_points_tell_equal_from_different() -> None:
     assert p.value(x * 3.5 + 0.1) != Point("two").value(x * 3.5 + 0.1)
     assert p.value(teg.sin(x + t)) == p.value(teg.sin(t + x))
     assert p.value(x / x - 1) == 0
-
-
-@pytest.mark.parametrize(
-    "value", [Fraction(1), Fraction(-2), Fraction(3, 7), Fraction(-37, 10), Fraction(2**50 + 1, 3**30), Fraction(-1, 2**60)]
-)
-def test_the_sign_of_a_fraction_is_recovered(value: Fraction) -> None:
-    residue = value.numerator * pow(value.denominator, -1, P) % P
-    assert sign_of_residue(residue) == (1 if value > 0 else -1)
-
-
-def test_expansion_cancels_exactly() -> None:
-    assert expanded((x + t) ** 2 - x**2 - t**2 - 2 * x * t) is teg.ir.expr.ZERO
-    product = expanded((x + 1) * (y - t))
-    assert product is not None
-    assert Point("q").value(product) == Point("q").value((x + 1) * (y - t))
-
-
-def test_expansion_has_a_limit() -> None:
-    e = (x + y + z + t + a + b) ** 6
-    assert expanded(e, limit=20) is None

@@ -8,8 +8,9 @@ import teg
 from teg.analysis.nest import Binder
 from teg.analysis.sift import deltas_of, linear_part, without
 from teg.errors import DeltaError
-from teg.ir.expr import ONE, ZERO, Expr, add, const, mul, where
+from teg.ir.expr import ONE, ZERO, Expr, const
 from teg.ir.integral import Delta, delta, integral_over
+from teg.ir.simplify import add, mul, where
 
 x, y = teg.vars("x y")
 t, a, b = teg.params("t a b")

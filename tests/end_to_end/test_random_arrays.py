@@ -11,7 +11,8 @@ import pytest
 
 import teg
 from teg.errors import NoReparameterisationError
-from teg.ir.expr import Expr, as_number
+from teg.ir.expr import Expr
+from teg.ir.operands import as_number
 
 ROWS, FACES = 4, 3
 X, T = teg.var("x"), teg.param("t")

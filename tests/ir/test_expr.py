@@ -11,8 +11,9 @@ import pytest
 
 import teg
 from teg import errors
-from teg.ir.expr import FALSE, ONE, TRUE, ZERO, Add, Call, Compare, Const, Mul, Not, Pow, Where, add, const, div, mul, power, sub, where
+from teg.ir.expr import FALSE, ONE, TRUE, ZERO, Add, Call, Compare, Const, Mul, Not, Pow, Where, const
 from teg.ir.integral import Delta, Integral, integral_over
+from teg.ir.simplify import add, div, mul, power, sub, where
 from teg.ir.traverse import parameters
 
 x, y = teg.vars("x y")

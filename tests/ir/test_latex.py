@@ -7,10 +7,11 @@ import pytest
 import teg
 import teg.ir.tables
 from teg.ir.arrays import Placed, Ranged
-from teg.ir.expr import FUNCTIONS, call
+from teg.ir.expr import FUNCTIONS
 from teg.ir.function import Apply
 from teg.ir.latex import latex
 from teg.ir.node import Node
+from teg.ir.simplify import call
 from tests.references import REFERENCES, Reference
 
 x, y = teg.vars("x y")

@@ -191,13 +191,13 @@ MUTANTS: tuple[Mutant, ...] = (
         ("sign of a surface's form", "return representative, sign > 0", "return representative, True"),
     ),
     *_of(
-        "teg/passes/lower/emit.py",
+        "teg/passes/lower/rounding.py",
         (SMALL,),
         ("rounding errors of products", "return total(size(e), *carried)", "return size(e)"),
-        ("rounding errors in ties", 'return terms if error == 0.0 else self.assign(home, "v", "add", terms, error)', "return terms"),
+        ("rounding errors in ties", 'return terms if error == 0.0 else self.out.assign(home, "add", terms, error)', "return terms"),
     ),
     *_of(
-        "backends/numpy/runtime.py",
+        "backends/numpy/adaptive.py",
         ("tests/backends/numpy/test_kernel.py", SMALL, NUMPY),
         ("bisection", "left[1::2] += width", "left[1::2] += 0.5 * width"),
         (
@@ -233,7 +233,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     Mutant(
         "block of lanes",
-        "backends/numpy/runtime.py",
+        "backends/numpy/lanes.py",
         "return max(1, min(self.room // max(1, width), MAX_LANES) // lanes)",
         "return max(1, min(self.room // max(1, width), MAX_LANES) // lanes // 2)",
         (NUMPY,),
@@ -343,7 +343,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("a candidate that is not there", "np.where((moving != 0.0) & (slopes != 0.0), moving", "np.where(moving != 0.0, moving"),
     ),
     *_of(
-        "teg/analysis/breaks.py",
+        "teg/analysis/projection.py",
         ("tests/analysis/test_breaks.py",),
         ("a line that is level", "        if degree != 0 and (apart or not self.finite):", "        if degree != 0 and not self.finite:"),
         ("what may be level", "return all(one[m] != c for m, c in other.items() if m in one)", "return False"),

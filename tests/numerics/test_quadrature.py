@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from teg.backends.numpy.runtime import measure
+from teg.backends.numpy.adaptive import measure
 from teg.numerics.quadrature import NULL_RULES, decay_power, gauss_legendre, null_rules
 from teg.program import NOISE, ROUNDING
 

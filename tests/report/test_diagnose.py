@@ -9,7 +9,7 @@ import pytest
 
 import teg
 from teg.ir.show import show
-from teg.report import diagnose
+from teg.report import number_watch
 
 x, y = teg.vars("x y")
 t, a, b = teg.params("t a b")
@@ -147,7 +147,7 @@ def test_surfaces_that_meet_on_a_boundary_are_told_without_the_compilers_formula
 
 
 def test_a_gradient_that_takes_too_long_is_not_looked_into(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnose, "MOST_EVALUATIONS", 500)
+    monkeypatch.setattr(number_watch, "MOST_EVALUATIONS", 500)
     e = teg.integral(teg.bracket(teg.sin(x * y) < t), (x, 0, 2), (y, 0, 2))
     (said,) = teg.compile(e).diagnose(t=0.9)
     assert said.kind == "not looked at"

@@ -17,13 +17,14 @@ import teg
 from teg import errors, symbolic
 from teg.evaluator.accuracy import AccuracyWarning
 from teg.ir import expr as ex
-from teg.ir.expr import FUNCTIONS, Compare, Const, Param, Var, call, const
+from teg.ir.expr import FUNCTIONS, Compare, Const, Param, Var, const
 from teg.ir.integral import Delta, Integral
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import call
 from teg.ir.traverse import substitute
 from teg.symbolic import from_sympy, jacobian_determinant, to_sympy
 from teg.symbolic.nodes import as_it_is, sympy_package
-from teg.symbolic.reader import functions
+from teg.symbolic.reader import builders
 from tests.end_to_end.strategies import Scene, scenes
 from tests.references import REFERENCES, Reference
 
@@ -305,13 +306,13 @@ def test_every_function_that_is_read_is_tested() -> None:
     pieces = {type(n) for s in [*(s for s, _ in NUMBERS), *(s for _, s in FORMS)] for n in sympy.preorder_traversal(s)}
     unevaluated = {sympy.Nand, sympy.Nor, sympy.Implies, sympy.Xor}  # which SymPy writes with And, Or and Not at once
     alone = {cfunctions.log1p, cfunctions.expm1, sympy.erf2}  # which SymPy does not evaluate: `test_functions_of_c`
-    assert set(functions()) <= pieces | unevaluated | alone | {sympy.And, sympy.Or, sympy.Mul, sympy.Gt, sympy.Ge, sympy.Tuple}
+    assert set(builders()) <= pieces | unevaluated | alone | {sympy.And, sympy.Or, sympy.Mul, sympy.Gt, sympy.Ge, sympy.Tuple}
 
 
 def test_connectives_that_sympy_rewrites() -> None:
     C, D = U > 0, U < V
     for kind in (sympy.Nand, sympy.Nor, sympy.Implies, sympy.Xor, sympy.Equivalent):
-        e = teg.bracket(functions()[kind](from_sympy(C), from_sympy(D)))
+        e = teg.bracket(builders()[kind](from_sympy(C), from_sympy(D)))
         for u, v in ((1.0, 2.0), (1.0, 0.5), (-1.0, 2.0), (-1.0, -2.0)):
             assert value(e, u=u, v=v) == (1.0 if kind(u > 0, u < v) else 0.0), kind
 

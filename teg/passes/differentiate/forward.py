@@ -35,33 +35,11 @@ from teg.analysis.singularities import Field, Keys, Surface, field_of, find_surf
 from teg.analysis.surfaces import bound_surface, open_surfaces, owned_surfaces, restrict
 from teg.errors import DeltaError
 from teg.ir import expr as ex
-from teg.ir.expr import (
-    MINUS_ONE,
-    ZERO,
-    Add,
-    Call,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Param,
-    Pow,
-    Tuple,
-    Var,
-    Where,
-    add,
-    call,
-    conjunction,
-    const,
-    integer_power,
-    mul,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir import simplify
+from teg.ir.expr import MINUS_ONE, ZERO, Add, Call, Cond, Const, Expr, Mul, Param, Pow, Tuple, Var, Where, const
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node
+from teg.ir.simplify import add, call, conjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import substitute
 
 Direction = Mapping[Any, Expr]
@@ -72,7 +50,7 @@ def tangent_of(e: Expr, direction: Direction) -> Expr:
     """Returns the directional derivative: Σ ∂e/∂p · direction[p]."""
     tangent = _tangents(e, direction)
     if isinstance(e, Tuple):
-        return ex.tuple_of(*(_with_open_surfaces(entry, tangent) for entry in e.children))
+        return simplify.tuple_of(*(_with_open_surfaces(entry, tangent) for entry in e.children))
     return _with_open_surfaces(e, tangent)
 
 
@@ -180,7 +158,7 @@ def _tangent(node: Expr, direction: Direction, tangent: dict[Expr, Expr]) -> Exp
         case Const():
             return ZERO
         case Tuple():
-            return ex.tuple_of(*(tangent[c] for c in node.children))
+            return simplify.tuple_of(*(tangent[c] for c in node.children))
         case Integral():
             return _integral(node, tangent)
         case Delta():

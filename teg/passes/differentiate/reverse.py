@@ -23,30 +23,11 @@ from teg.analysis.jumps import surface_terms
 from teg.analysis.singularities import sharp_nodes
 from teg.analysis.surfaces import bound_surface, open_surfaces, owned_surfaces, restrict
 from teg.errors import DeltaError
-from teg.ir import expr as ex
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    ZERO,
-    Add,
-    Call,
-    Const,
-    Expr,
-    Mul,
-    Param,
-    Pow,
-    Tuple,
-    Var,
-    Where,
-    add,
-    const,
-    guarded_sum,
-    integer_power,
-    mul,
-    where,
-)
+from teg.ir import simplify
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Param, Pow, Tuple, Var, Where, const
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, guarded_sum, integer_power, mul, where
 from teg.passes.differentiate.forward import Transport, carried, tangent_of
 
 Adjoints = dict[Expr, Expr]
@@ -55,13 +36,13 @@ Adjoints = dict[Expr, Expr]
 def gradient_of(e: Expr, wrt: Sequence[Param]) -> Tuple:
     """Returns the derivatives of e by each parameter, a tuple; for a tuple e, one such tuple an entry."""
     if isinstance(e, Tuple):
-        return ex.tuple_of(*(gradient_of(entry, wrt) for entry in e.children))
+        return simplify.tuple_of(*(gradient_of(entry, wrt) for entry in e.children))
     sweep = _Sweep(e, frozenset(wrt))
     adjoints = sweep.run(e, None)
     for g, jump in surface_terms(e, [g for g in open_surfaces(e) if g in sweep.active]):  # surfaces of an outer integral
         for p, slope in sweep.run(g, None).items():
             adjoints[p] = add(adjoints.get(p, ZERO), mul(jump, slope, delta(g)))
-    return ex.tuple_of(*(adjoints.get(p, ZERO) for p in wrt))
+    return simplify.tuple_of(*(adjoints.get(p, ZERO) for p in wrt))
 
 
 class _Sweep:

@@ -17,14 +17,16 @@ from typing import Any, cast
 
 from teg.errors import NotDifferentiableError, ParameterError
 from teg.ir import expr as ex
+from teg.ir import operands, simplify
 from teg.ir.arrays import Array, Gather, Placed, Ranged, Slope, StillGather, Sum, Unit, has_arrays, integers_of, open_indices, sum_over
 from teg.ir.cells import APART, Symbols, cellwise, rename_indices, replace_integers, replaced
 from teg.ir.choices import Product, Winner
-from teg.ir.expr import ONE, ZERO, Expr, Param, Var, add, mul, positive, sub, where
+from teg.ir.expr import ONE, ZERO, Expr, Param, Var
 from teg.ir.index import ArrayName, IndexVar, index_leaves
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition
 from teg.ir.show import show
+from teg.ir.simplify import add, mul, positive, sub, where
 from teg.ir.tables import Collected, RowSum, Table, TableEntry, TableUnit
 from teg.passes.normalise.choices import without_choices
 from teg.passes.normalise.self_comparison import without_self_comparisons
@@ -121,7 +123,7 @@ class _Gradient:
         return result
 
     def _inside(self, node: Ranged) -> dict[Node, Expr]:
-        """Returns the derivatives of a sum or a product by what is in it."""
+        """Returns the derivatives of a sum or a product by the leaves in it."""
         inside: dict[Node, list[Expr]] = {}
         for child, factor in flows_of(node):
             if child in self.active:
@@ -130,7 +132,7 @@ class _Gradient:
         return {leaf: sum_over(add(*terms), node.index, node.lo, node.hi) for leaf, terms in inside.items()}
 
     def _inside_partitions(self, weights: Mapping[Partition, Expr], bound: IndexVar | None) -> dict[Node, Expr]:
-        """Returns the derivatives of partitions with the same forms, times their weights, by what is in them.
+        """Returns the derivatives of partitions with the same forms, times their weights, by the leaves in them.
 
         The weights of all of them come together at the numbers of a candidate, and one sweep goes on from there.
         """
@@ -152,7 +154,7 @@ class _Gradient:
         return {leaf: add(*terms) for leaf, terms in around.items()}
 
     def _inside_table(self, table: Table, derivative: Expr) -> dict[Node, Expr]:
-        """Returns the derivatives by what is in a table, given the derivative by the table, which is a table itself."""
+        """Returns the derivatives by the leaves of a table, given the derivative by the table, which is a table itself."""
         adjoints = {
             number: [cast(Expr, Collected.make((table.index, column), (derivative,)))]
             for column, number in enumerate(table.numbers)
@@ -189,7 +191,7 @@ def tangent(e: Expr, direction: Mapping[Any, object], along: Along, boundaries: 
 
     Without `boundaries` the regions of partitions do not move.
     """
-    changes = {p: ex.as_number(d) for p, d in direction.items() if isinstance(p, Param | Var)}
+    changes = {p: operands.as_number(d) for p, d in direction.items() if isinstance(p, Param | Var)}
     moved = {p: _direction_of(p, d) for p, d in direction.items() if isinstance(p, Array)}
     new: dict[Node, Expr] = {}  # of sums, products, partitions and slopes
 
@@ -220,7 +222,7 @@ def tangent(e: Expr, direction: Mapping[Any, object], along: Along, boundaries: 
 
 
 def flows_of(node: Ranged) -> Iterator[tuple[Expr, Expr]]:
-    """Yields what the derivative of a sum or a product consists of: a child, and the factor of its derivative."""
+    """Yields the parts of the derivative of a sum or a product: a child, and the factor of its derivative."""
     match node:
         case Sum():
             yield node.body, ONE
@@ -231,8 +233,8 @@ def flows_of(node: Ranged) -> Iterator[tuple[Expr, Expr]]:
                 other += "′"
             j = IndexVar.make(other, ())
             body = replace_integers(node.body, {node.index: j})
-            distance = sub(ex.as_number(j), ex.as_number(node.index))
-            itself = positive(sub(ex.const(0.25), ex.integer_power(distance, 2)))
+            distance = sub(operands.as_number(j), operands.as_number(node.index))
+            itself = positive(sub(ex.const(0.25), simplify.integer_power(distance, 2)))
             yield node.body, Product.make((j, node.lo, node.hi), (where(itself, ONE, body),))
         case _:
             assert isinstance(node, Winner)
@@ -294,12 +296,12 @@ def _is_seen(node: Partition, slopes: Iterable[Expr]) -> ex.Cond:
     layout = node.layout
     area = Slope.make((node.index, layout.order * layout.columns + layout.forms), (node,))
     edges = [s for s in slopes if isinstance(s, Slope) and s.column % layout.columns < layout.forms]
-    return ex.disjunction(positive(area), _some(edges))
+    return simplify.disjunction(positive(area), _some(edges))
 
 
 def _some(numbers: Iterable[Expr]) -> ex.Cond:
     """Returns whether any of some numbers is not 0; they may be so small that their squares are."""
-    return positive(add(*(ex.call("magnitude", v) for v in numbers)))
+    return positive(add(*(simplify.call("magnitude", v) for v in numbers)))
 
 
 def not_again(node: Placed) -> NotDifferentiableError:

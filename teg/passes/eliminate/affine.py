@@ -22,40 +22,19 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.expanded import distance
 from teg.analysis.guards import middle_and_reach, support
 from teg.analysis.nest import Binder, Chain, nest, ranges_of
-from teg.analysis.polynomial import Point, Shadow, distance, residue
+from teg.analysis.polynomial import Point, Shadow
 from teg.analysis.surfaces import below, free_of, ordered, restrict, signed_between, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    And,
-    Call,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Not,
-    Param,
-    Var,
-    add,
-    call,
-    conjunction,
-    const,
-    disjunction,
-    div,
-    mul,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir import simplify
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, And, Call, Compare, Cond, Const, Expr, Not, Param, Var, const
 from teg.ir.node import Node
+from teg.ir.simplify import add, call, conjunction, disjunction, div, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, rewrite, substitute
+from teg.numerics.field import residue
 from teg.passes.eliminate.barycentric import Along
 from teg.passes.eliminate.vertices import Side, match_side
 
@@ -108,7 +87,7 @@ def match_turning(g: Expr, variables: Sequence[Var]) -> Affine | None:
     mine = [v for v in variables if v in g.free]
     if data is None or len(data.variables) < 2 or set(mine[: len(data.variables)]) != set(data.variables):
         return None
-    return data if _is_the_same_everywhere(add(*(ex.integer_power(slope(g, v), 2) for v in data.variables))) else None
+    return data if _is_the_same_everywhere(add(*(simplify.integer_power(slope(g, v), 2) for v in data.variables))) else None
 
 
 def _is_the_same_everywhere(e: Expr) -> bool:
@@ -122,7 +101,7 @@ def _is_the_same_everywhere(e: Expr) -> bool:
         if not isinstance(new, Call) or new.name not in ("sin", "cos") or not old.free:
             return new
         h = halves.setdefault(new.children[0], Param.make(f"half of angle {len(halves)}", ()))
-        square = ex.integer_power(h, 2)
+        square = simplify.integer_power(h, 2)
         return div(mul(const(2.0), h) if new.name == "sin" else sub(ONE, square), add(ONE, square))
 
     rational = cast(Expr, rewrite([e], visit)[e])
@@ -257,7 +236,7 @@ def _chart(
     n = len(ranges)
     others = [[i for i in range(n) if i != k] for k in range(n)]  # for each pivot
     pivot = _select(pivots, slopes)
-    inverse = ex.integer_power(pivot, -1)
+    inverse = simplify.integer_power(pivot, -1)
     offset = mul(MINUS_ONE, g0, inverse)
     steps = [  # of the pivot's variable, for each unit variable
         mul(MINUS_ONE, _select(pivots, [mul(slopes[others[k][j]], extents[others[k][j]]) for k in range(n)]), inverse)

@@ -13,29 +13,13 @@ import math
 from collections.abc import Sequence
 from typing import cast
 
-from teg.analysis.polynomial import P, Shadow, expanded
-from teg.ir.expr import (
-    FALSE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Pow,
-    Var,
-    add,
-    const,
-    integer_power,
-    mul,
-    positive,
-    sub,
-)
+from teg.analysis.expanded import expanded
+from teg.analysis.polynomial import Shadow
+from teg.ir.expr import FALSE, ONE, TRUE, ZERO, Add, Compare, Cond, Const, Expr, Mul, Pow, Var, const
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, integer_power, mul, positive, sub
 from teg.ir.traverse import rewrite, substitute
+from teg.numerics.field import P
 from teg.passes.eliminate.vertices import SMALL, Plane, Side, Triangle, ratio
 
 

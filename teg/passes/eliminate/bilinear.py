@@ -25,12 +25,14 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.critical import infinite_at_saddle
-from teg.analysis.nest import Binder, Chain, nest, ranges_of
+from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import tidy
-from teg.analysis.surfaces import free_of, restrict, signed_inside
+from teg.analysis.surfaces import restrict, signed_inside
 from teg.ir import expr as ex
-from teg.ir.expr import FALSE, ZERO, Cond, Expr, Var, add, call, conjunction, const, disjunction, div, mul, negation, positive, sub, where
+from teg.ir import simplify
+from teg.ir.expr import FALSE, ZERO, Cond, Expr, Var, const
+from teg.ir.simplify import add, call, conjunction, disjunction, div, mul, negation, positive, sub, where
 from teg.ir.traverse import substitute
 
 ODDS = 1.3706
@@ -62,15 +64,11 @@ def match_bilinear(g: Expr, variables: Sequence[Var]) -> Bilinear | None:
 
 def rewrite_bilinear(g: Expr, coefficient: Expr, chain: Chain, data: Bilinear) -> Expr | None:
     """Returns ∫∫ coefficient·δ(g) by the two charts. None if the range of one variable is not known."""
-    outer, inner = (b for b in chain if b.var in data.variables)
-    outside = tuple(b for b in chain if b.var not in data.variables)
-    ranges = ranges_of((outer, inner))
-    if ranges is None or not all(free_of(e, data.variables) for b in outside for e in (b.lo, b.hi)):
+    parts = divided(chain, data.variables)
+    if parts is None:
         return None
-    if not all(free_of(e, [b.var for b in outside]) for c in (outer, inner) for e in (c.lo, c.hi)):
-        return None
-    boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip((outer, inner), ranges, strict=True)]
-    curve = _Curve(g, coefficient, (outer, inner), tuple(boxes), _invariant(g, boxes), outside)
+    (outer, inner), outside, boxes = parts
+    curve = _Curve(g, coefficient, (outer, inner), boxes, _invariant(g, boxes), outside)
     first, second = (_is_even(g, boxes[pivot], boxes[1 - pivot]) for pivot in (1, 0))
     total = []
     for pivot, mine, others in ((1, first, conjunction(negation(first), second)), (0, conjunction(negation(first), second), first)):
@@ -85,7 +83,7 @@ def _is_even(g: Expr, box: Binder, stay: Binder) -> Cond:
     on outer variables."""
     rate = slope(g, box.var)
     low, high = (cast(Expr, substitute(rate, {box.var: box.lo, stay.var: end})) for end in (stay.lo, stay.hi))
-    squares = add(ex.integer_power(low, 2), ex.integer_power(high, 2))
+    squares = add(simplify.integer_power(low, 2), simplify.integer_power(high, 2))
     even = positive(sub(mul(low, high), mul(const(EVEN), squares)))
     return FALSE if even.free else even
 
@@ -137,7 +135,7 @@ def _chart(curve: _Curve, pivot: int, whole: Cond, nothing: Cond) -> Expr:
     strict = pivot == 0
     steep: Cond = disjunction(positive(sub(rate, least), strict), positive(sub(mul(ex.MINUS_ONE, rate), least), strict))
     at = {b.var: root}
-    value = mul(restrict(curve.coefficient, at, g, (binders[1].var, binders[0].var)), ex.integer_power(call("magnitude", rate), -1))
+    value = mul(restrict(curve.coefficient, at, g, (binders[1].var, binders[0].var)), simplify.integer_power(call("magnitude", rate), -1))
     point: dict[Var, Expr] = {b.var: root, stay.var: stay.var}
     for c, limits in zip(binders, boxes, strict=True):
         if c is b or (limits.lo, limits.hi) != (c.lo, c.hi):

@@ -12,30 +12,10 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.surfaces import atoms_of
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    ZERO,
-    Add,
-    And,
-    Compare,
-    Cond,
-    Expr,
-    Not,
-    Var,
-    Where,
-    add,
-    call,
-    conjunction,
-    const,
-    div,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, And, Compare, Cond, Expr, Not, Var, Where, const
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node
+from teg.ir.simplify import add, call, conjunction, div, mul, positive, sub, where
 from teg.ir.traverse import rewrite, substitute
 
 FLAT = 2.0**-26

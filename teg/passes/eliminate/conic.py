@@ -24,37 +24,15 @@ from typing import cast
 
 from teg.analysis.calculus import slope
 from teg.analysis.critical import Critical, critical_point, is_above_birth, least_height
-from teg.analysis.nest import Binder, Chain, nest, ranges_of
+from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import tidy
 from teg.analysis.surfaces import free_of, restrict, signed_inside
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    Call,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Pow,
-    Var,
-    add,
-    call,
-    const,
-    integer_power,
-    mul,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Var, const
 from teg.ir.integral import integral_over
 from teg.ir.node import Node
+from teg.ir.simplify import add, call, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, rebuild, rewrite, substitute
 from teg.passes.eliminate.implicit import Implicit, rewrite_implicit
 
@@ -194,14 +172,11 @@ def _root(e: Expr) -> Expr | None:
 
 def rewrite_conic(g: Expr, coefficient: Expr, chain: Chain, data: Conic) -> Expr | None:
     """Returns ∫∫ coefficient·δ(g) as integrals over four quarters of the ellipse, or by the charts of a surface without a formula."""
-    mine = tuple(b for b in chain if b.var in data.variables)
-    others = tuple(b for b in chain if b.var not in data.variables)
-    ranges = ranges_of(mine)
-    if ranges is None or not all(free_of(e, data.variables) for b in others for e in (b.lo, b.hi)):
+    parts = divided(chain, data.variables)
+    if parts is None:
         return None
-    if not all(free_of(e, [b.var for b in others]) for b in mine for e in (b.lo, b.hi)):
-        return None
-    place = place_of(g, [Binder(b.var, lo, hi) for b, (lo, hi) in zip(mine, ranges, strict=True)], data)
+    mine, others, boxes = parts
+    place = place_of(g, boxes, data)
     if place is None:
         return rewrite_implicit(g, coefficient, chain, Implicit(data.variables))
     radius = call("sqrt", call("max", place.square, place.least))

@@ -15,12 +15,13 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.nest import Binder, Chain, nest, ranges_of
+from teg.analysis.nest import Binder, Chain, divided, nest
 from teg.analysis.roots import Root, solve, tidy
-from teg.analysis.surfaces import free_of, restrict, signed_inside
+from teg.analysis.surfaces import restrict, signed_inside
 from teg.errors import NotDifferentiableError
 from teg.ir import expr as ex
-from teg.ir.expr import ZERO, Cond, Expr, Var, add, call, conjunction, integer_power, mul, positive, sub, where
+from teg.ir.expr import ZERO, Cond, Expr, Var
+from teg.ir.simplify import add, call, conjunction, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 
 
@@ -50,14 +51,10 @@ def match_curve(g: Expr, variables: Sequence[Var]) -> Curve | None:
 
 def rewrite_curve(g: Expr, coefficient: Expr, chain: Chain, data: Curve) -> Expr | None:
     """Returns ∫∫ coefficient·δ(g) by both charts. None if the range of one variable is not known."""
-    outer, inner = (b for b in chain if b.var in data.variables)
-    others = tuple(b for b in chain if b.var not in data.variables)
-    ranges = ranges_of((outer, inner))
-    if ranges is None or not all(free_of(e, data.variables) for b in others for e in (b.lo, b.hi)):
+    parts = divided(chain, data.variables)
+    if parts is None:
         return None
-    if not all(free_of(e, [b.var for b in others]) for c in (outer, inner) for e in (c.lo, c.hi)):
-        return None
-    boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip((outer, inner), ranges, strict=True)]
+    (outer, inner), others, boxes = parts
     total: list[Expr] = []
     for pivot, other in ((1, 0), (0, 1)):
         box = boxes[pivot]

@@ -4,8 +4,8 @@
     importance   Σ_j ∫₀¹ F_j(v) dv = E F_j((u - c_j)/p_j)/p_j, c_j ≤ u < c_j + p_j         j: the K parts of each edge; c_j: sums of p
                  p_j = (1 - α)·w_j/Σw + α/n,  w_j = |F_j(½)| = length × contribution at the middle,  n: parts with a length
 
-The importances w depend on parameters only, so they are computed once a call. The leaf is found by halving, as in a binary tree whose
-nodes hold the probability of what is below them. No leaf with a length has the probability 0 (α), so both are unbiased. Each derivative has
+The importances w depend on parameters only, so they are computed once a call. The leaf is found by halving, as in a binary tree whose nodes
+hold the probability of all leaves below them. No leaf with a length has the probability 0 (α), so both are unbiased. Each derivative has
 its own probabilities: shared ones are cheaper, and their standard errors were two to eight times as large.
 
 Cost: a sample needs one leaf, in a number of decisions that grows with the logarithm of their number; but the leaves are branches of
@@ -19,7 +19,9 @@ from dataclasses import replace
 from typing import cast
 
 from teg.analysis.nest import Binder, Chain, nest
-from teg.ir.expr import ONE, ZERO, Expr, Mul, Var, Where, add, call, const, div, less, mul, positive, sub, where
+from teg.ir.expr import ONE, ZERO, Expr, Mul, Var, Where, const
+from teg.ir.operands import less
+from teg.ir.simplify import add, call, div, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.passes.differentiate.estimators.nests import Cube, chains_of, unit_cube
 from teg.passes.eliminate.clip import clipped
@@ -31,7 +33,7 @@ LARGEST = 1e300
 
 
 def split_by_dimension(e: Expr, most: int) -> tuple[Expr, list[Cube]]:
-    """Returns what a linear expression of integrals has besides integrals over edges, and these as integrals over unit cubes.
+    """Returns the part of a linear expression of integrals without integrals over edges, and these as integrals over unit cubes.
 
     An edge has some variables, and fewer than `most`, which is the dimension of the interior.
     """

@@ -24,8 +24,9 @@ from typing import Any, ClassVar
 
 from teg.analysis.nest import Chain
 from teg.errors import EstimatorError, OptionError
-from teg.ir.expr import Expr, Param, add
+from teg.ir.expr import Expr, Param
 from teg.ir.integral import Integral
+from teg.ir.simplify import add
 from teg.passes.differentiate.estimators.estimator import Estimator, check_count
 from teg.passes.differentiate.estimators.nests import Cube, chains_of, slopes_of_nests
 from teg.passes.differentiate.reverse import gradient_of

@@ -20,9 +20,10 @@ from teg.analysis.polynomial import Shadow
 from teg.analysis.remarks import Remarks
 from teg.analysis.sift import deltas_of, linear_part, without
 from teg.errors import DeltaError, NoReparameterisationError
-from teg.ir.expr import ZERO, Cond, Const, Expr, Mul, Var, Where, add, conjunction, mul, where
+from teg.ir.expr import ZERO, Cond, Const, Expr, Mul, Var, Where
 from teg.ir.integral import Delta, Integral, delta, integral_over
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, conjunction, mul, where
 from teg.ir.traverse import rebuild, rename_apart
 from teg.maps.diffeomorphism import Diffeomorphism, checked_maps
 from teg.passes.eliminate.affine import Affine, match_affine, match_partly_affine, match_turning, rewrite_affine

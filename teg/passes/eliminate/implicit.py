@@ -18,12 +18,13 @@ from typing import cast
 from teg.analysis.calculus import slope
 from teg.analysis.critical import critical_point, infinite_at_saddle, is_above_birth, least_height
 from teg.analysis.isolation import isolate, widened
-from teg.analysis.nest import Binder, Chain, nest, ranges_of
-from teg.analysis.surfaces import free_of, ordered, restrict, signed_inside
+from teg.analysis.nest import Binder, Chain, divided, nest
+from teg.analysis.surfaces import ordered, restrict, signed_inside
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Var, add, call, integer_power, mul, sub, where
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Var
 from teg.ir.integral import Integral, PointMasses, delta, integral_over, masses_of
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, integer_power, mul, sub, where
 from teg.ir.traverse import rebuild, replace_node
 
 MAX_CHARTS = 3
@@ -50,18 +51,14 @@ def match_implicit(g: Expr, variables: Sequence[Var]) -> Implicit | None:
 
 def rewrite_implicit(g: Expr, coefficient: Expr, chain: Chain, data: Implicit, power: int = 4) -> Expr | None:
     """Returns the sum over the charts of the surface, with weights φ of this power. None if the range of a variable is not known."""
-    mine = tuple(b for b in chain if b.var in data.variables)
-    others = tuple(b for b in chain if b.var not in data.variables)
-    ranges = ranges_of(mine)
-    if ranges is None or not all(free_of(e, data.variables) for b in others for e in (b.lo, b.hi)):
+    parts = divided(chain, data.variables)
+    if parts is None:
         return None
-    if not all(free_of(e, [b.var for b in others]) for b in mine for e in (b.lo, b.hi)):
-        return None
+    mine, others, boxes = parts
     try:
         slopes = [slope(g, b.var) for b in mine]
     except NotDifferentiableError:
         return None
-    boxes = [Binder(b.var, lo, hi) for b, (lo, hi) in zip(mine, ranges, strict=True)]
     weights = _chart_weights(slopes, boxes, power)
     at = {b.var: b.var for b in mine}
     value = restrict(coefficient, cast("dict[Var, Expr]", at), g, tuple(b.var for b in reversed(mine)))

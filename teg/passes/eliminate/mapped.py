@@ -14,36 +14,16 @@ from functools import partial
 from typing import Any, cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.expanded import expanded
 from teg.analysis.nest import Binder, Chain, nest
-from teg.analysis.polynomial import Shadow, expanded
+from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import ordered, signed_between
 from teg.errors import BoundError, OperandError, ScopeError
-from teg.ir.expr import (
-    FALSE,
-    MINUS_ONE,
-    TRUE,
-    ZERO,
-    Add,
-    Call,
-    Const,
-    Expr,
-    Mul,
-    Tuple,
-    Var,
-    Where,
-    add,
-    as_number,
-    conjunction,
-    const,
-    integer_power,
-    mul,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import FALSE, MINUS_ONE, TRUE, ZERO, Add, Call, Const, Expr, Mul, Tuple, Var, Where, const
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import Node, postorder
+from teg.ir.operands import as_number
+from teg.ir.simplify import add, conjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import fresh, parameters, rebuild, rename_apart, replace_node, size, substitute
 from teg.maps.coverage import verify_exact, verify_reached
 from teg.maps.diffeomorphism import INFINITY, MINUS_INFINITY, Diffeomorphism

@@ -23,12 +23,13 @@ from teg.analysis.calculus import slope
 from teg.analysis.evaluate import values_of
 from teg.analysis.intervals import Enclosure
 from teg.analysis.nest import Binder, Chain, nest, ranges_of
-from teg.analysis.polynomial import residue
 from teg.analysis.surfaces import free_of
 from teg.errors import NotDifferentiableError, OperandError
-from teg.ir.expr import FALSE, TRUE, ZERO, Call, Cond, Const, Expr, Pow, Var, add, call, const, mul, negation, positive, sub, where
+from teg.ir.expr import FALSE, TRUE, ZERO, Call, Cond, Const, Expr, Pow, Var, const
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, mul, negation, positive, sub, where
 from teg.ir.traverse import parameters
+from teg.numerics.field import residue
 from teg.passes.eliminate.affine import Affine, rewrite_affine
 from teg.passes.eliminate.implicit import Implicit, match_implicit, rewrite_implicit
 

@@ -18,8 +18,9 @@ from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import solve
 from teg.analysis.surfaces import restrict, signed_inside
 from teg.errors import NotDifferentiableError
-from teg.ir import expr as ex
-from teg.ir.expr import ZERO, Expr, Var, add, call, mul, where
+from teg.ir import simplify
+from teg.ir.expr import ZERO, Expr, Var
+from teg.ir.simplify import add, call, mul, where
 from teg.ir.traverse import fresh, substitute
 
 
@@ -79,7 +80,7 @@ def sum_over_roots(g: Expr, coefficient: Expr, b: Binder, directions: Sequence[V
         rate_there = cast(Expr, substitute(rate, at))
         if rate_there is ZERO:
             return None  # g′ = 0 all along the surface: the formula does not apply
-        weight = ex.integer_power(call("magnitude", rate_there), -1)
+        weight = simplify.integer_power(call("magnitude", rate_there), -1)
         value = mul(weight, restrict(coefficient, at, g, directions))
         inside = signed_inside(root.point, b.lo, b.hi, g, b, value)
         terms.append(where(root.exists, inside, ZERO))

@@ -20,32 +20,14 @@ from itertools import permutations
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.polynomial import P, Shadow, divided, expanded
+from teg.analysis.expanded import expanded
+from teg.analysis.polynomial import Shadow
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    And,
-    Compare,
-    Cond,
-    Expr,
-    Mul,
-    Not,
-    Var,
-    add,
-    call,
-    const,
-    div,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, And, Compare, Cond, Expr, Mul, Not, Var, const
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, div, mul, positive, sub, where
 from teg.ir.traverse import substitute
+from teg.numerics.field import P, divided
 
 MAX_POINTS = 128
 """A longer conjunction is not searched for sides, which would cost every pair of a side and a point."""

@@ -6,7 +6,7 @@
     pole         polynomials over a power of a linear function: Gauss nodes with weights of their own
 
 They are used where no rule and no order is asked for, and can be turned off (`intrinsics=False`): the general path computes the same
-integrals by pieces, which is what tests of an intrinsic compare it with. To add one: a folder with an `Intrinsic` (`teg.passes.lower.
+integrals by pieces, with which the tests of an intrinsic compare it. To add one: a folder with an `Intrinsic` (`teg.passes.lower.
 intrinsic`) in it, a line here, and, if it has a statement of its own, that statement in `teg.program` and in the backends.
 """
 
@@ -20,6 +20,7 @@ from teg.passes.intrinsics.hyperbola import HYPERBOLA
 from teg.passes.intrinsics.pole import POLE
 from teg.passes.intrinsics.polygon import POLYGON
 from teg.passes.lower.intrinsic import Intrinsic, Statement
+from teg.program.arrays import ArrayProgram
 
 INTRINSICS: tuple[Intrinsic, ...] = (HYPERBOLA, ELLIPSE, POLYGON, POLE)
 """In the order in which they are tried."""
@@ -30,6 +31,13 @@ STATEMENTS: dict[type, Statement] = {kind: known for intrinsic in INTRINSICS for
 def intrinsics_for(how: Integration) -> tuple[Intrinsic, ...]:
     """Returns the intrinsics that may be used: all, or none."""
     return INTRINSICS if how.closed_forms else ()
+
+
+def with_loops(program: ArrayProgram) -> ArrayProgram:
+    """Returns a program with arrays after the passes of intrinsics over loops around their statements."""
+    for intrinsic in INTRINSICS:
+        program = program if intrinsic.loops is None else intrinsic.loops(program)
+    return program
 
 
 def boundary_terms(remarks: Remarks | None = None) -> tuple[Closed, ...]:

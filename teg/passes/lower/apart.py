@@ -12,9 +12,10 @@ from collections.abc import Sequence
 from typing import cast
 
 from teg.analysis.breaks import BreakAnalysis
-from teg.ir.expr import ONE, Add, Compare, Expr, Mul, add, mul
+from teg.ir.expr import ONE, Add, Compare, Expr, Mul
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, mul
 from teg.ir.traverse import rewrite
 from teg.passes.lower.intervals import interval_of
 

@@ -3,102 +3,34 @@
 A condition is two booleans, *holds* and *fails*: both are false where it is NaN, and `where` on it is then NaN (Kleene's logic), so NaN
 comes out where NaN went in, unless the branch that holds it is not taken.
 
-A condition on a surface is a tie where it is 0 up to rounding: up to a few ε times Σ|terms|, and times the running error bound of its
-terms (Wilkinson, Rounding Errors in Algebraic Processes, 1963).
+Conditions on surfaces that may be ties are made in `rounding.py`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from typing import cast
 
-from teg.analysis.breaks import Breaks
 from teg.analysis.intervals import Interval
-from teg.analysis.polynomial import Point, Shadow, divided
+from teg.analysis.polynomial import Point
 from teg.analysis.surfaces import binders_inside
-from teg.ir.expr import MINUS_ONE, ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where, add
+from teg.ir.expr import MINUS_ONE, ONE, Add, And, Call, Compare, Cond, Const, Expr, Mul, Not, Or, Param, Pow, Truth, Tuple, Var, Where
 from teg.ir.function import Apply, Callee
 from teg.ir.integral import ClosedForm, Delta, Integral
-from teg.ir.node import Node, postorder
-from teg.ir.traverse import fresh, replace_node
+from teg.ir.node import Node
+from teg.ir.simplify import add
+from teg.numerics.field import divided
 from teg.passes.lower.inverse_erf import inverse_of_erf, inverse_of_erfc
+from teg.passes.lower.levels import Level, Truths
+from teg.passes.lower.rounding import Rounding
 from teg.passes.lower.scaled import ByExponents
-from teg.program import TIE_EPS, Arg, Assign, Stmt
+from teg.program import Arg, Assign
+from teg.program.operations import letter_of
 
-Truths = tuple[Arg, Arg]  # holds, fails
 NAN = float("nan")
-SHORT = 4
 QUARTERS = {k / 4 for k in (-7, -6, -5, -3, -2, -1, 1, 2, 3, 5, 6, 7)}
 """Exponents of powers that are computed by square roots."""
-CLEAR = 2.0**10 * TIE_EPS
-"""A function larger than this, relative to its scale, is certainly not 0."""
-_EPSILON = 2.0**-52
-_SLACK = 8.0
-"""So many roundings of a product are within the factor 4 of `TIE_EPS`."""
-
-
-@dataclass
-class Level:
-    """The inside of one integral, or the outside of all: where statements go, and the nodes that have a name.
-
-    An integral has two levels: the nodes of a piece, and its `middle`, where everything that is constant on the piece is evaluated.
-    """
-
-    var: Var | None
-    outer: Level | None
-    depth: int
-    breaks: Breaks | None = None
-    middle: Level | None = None
-    block: list[Stmt] = field(default_factory=list)
-    names: dict[Node, Arg | Truths] = field(default_factory=dict)
-    computed: dict[tuple[str, tuple[Arg, ...]], str] = field(default_factory=dict)
-    errors: dict[Expr, Arg] = field(default_factory=dict)
-    groups: dict[Integral, list[Integral]] = field(default_factory=dict)
-    guards: dict[Integral, Cond] = field(default_factory=dict)
-    weights: dict[Integral, Expr] = field(default_factory=dict)  # the factors by which integrals are multiplied while they are computed
-    searches: dict[object, tuple[str | None, tuple[Arg, ...]]] = field(default_factory=dict)
-    coincident: dict[Compare, Arg] = field(default_factory=dict)  # for a sum over roots: the conditions that may tie with its surface
-    constant: dict[Node, bool] = field(default_factory=dict)  # on a piece
-    elsewhere: Callable[[], Sequence[Level]] | None = None  # for a middle: other places of the piece, where its ties are evaluated again
-    twisted: bool = False  # at a root of a surface that is not a polynomial of low degree: no function there is one
-    coordinates: dict[Integral, str] | None = (
-        None  # for the nest of integrals that is sampled here: the coordinates of all but the outermost one
-    )
-    constants: Level | None = None  # the level for values that are constant here, computed as one factor or term; powers here are products
-
-    def inside(self, var: Var, name: Arg) -> Level:
-        """Returns the level one deeper, where a variable has that name."""
-        return Level(var, self, self.depth + 1, names={var: name}, coordinates=self.coordinates)
-
-    def is_constant(self, node: Node) -> bool:
-        """Returns whether the node depends on this level's variable only through conditions that are constant on a piece."""
-        known, handled = self.constant, cast(Breaks, self.breaks).handled
-        stack = [node]
-        while stack:
-            n = stack[-1]
-            if n in known:
-                stack.pop()
-            elif self.var not in n.free:
-                known[n] = True
-                stack.pop()
-            elif isinstance(n, Var | Integral):
-                known[n] = False
-                stack.pop()
-            elif isinstance(n, Compare):
-                known[n] = n.g in handled
-                stack.pop()
-            elif missing := [c for c in n.children if c not in known]:
-                stack.extend(missing)
-            else:
-                known[n] = all(known[c] for c in n.children)
-                stack.pop()
-        return known[node]
-
-
-Plan = Callable[[Level, Sequence[Expr]], None]
-"""Finds the integrals that belong to a new level, before anything there is emitted."""
 
 
 class Emitter:
@@ -115,6 +47,7 @@ class Emitter:
         self.parameter_names = {p: f"p{i}" for i, p in enumerate(parameters)}
         self.ties: dict[tuple[str, str], int] = {}
         self.functions: dict[tuple[Callee, tuple[int, ...]], int] = {}
+        self.rounding = Rounding(self)
         self._count = 0
         self._binders: dict[Node, frozenset[Var]] = {}
         self._points = (Point("first"), Point("second"))
@@ -143,11 +76,11 @@ class Emitter:
             level = level.outer  # type: ignore[assignment]
         return level
 
-    def assign(self, home: Level, kind: str, op: str, *args: Arg) -> str:
+    def assign(self, home: Level, op: str, *args: Arg) -> str:
         """Returns the name of op(args), computed once a level."""
         key = (op, args)
         if key not in home.computed:
-            home.computed[key] = self.fresh(kind)
+            home.computed[key] = self.fresh(letter_of(op))
             home.block.append(Assign(home.computed[key], op, args))
         return home.computed[key]
 
@@ -159,7 +92,7 @@ class Emitter:
     def truths(self, c: Cond, level: Level) -> Truths:
         """Returns the names of *holds* and *fails*."""
         self.emit(c, level)
-        return self._truths_of(c, level)
+        return self.truths_of(c, level)
 
     def emit(self, root: Node, level: Level) -> None:
         """Gives the node and everything below it a name, children first, without recursion (except for nested integrals)."""
@@ -186,7 +119,8 @@ class Emitter:
     def _number_of(self, e: Expr, level: Level) -> Arg:
         return self.home_of(e, level).names[e]  # type: ignore[return-value]
 
-    def _truths_of(self, c: Cond, level: Level) -> Truths:
+    def truths_of(self, c: Cond, level: Level) -> Truths:
+        """Returns *holds* and *fails* of a condition that has names."""
         return self.home_of(c, level).names[c]  # type: ignore[return-value]
 
     # -- values -------------------------------------------------------------------------------------------------------
@@ -207,10 +141,10 @@ class Emitter:
                 return self._power_by_products(e, home)
             case Pow():
                 base = self._number_of(e.base, home)
-                return self.assign(home, "v", "div", 1.0, base) if e.exponent == -1 else self.assign(home, "v", "powi", base, e.exponent)
+                return self.assign(home, "div", 1.0, base) if e.exponent == -1 else self.assign(home, "powi", base, e.exponent)
             case Apply():
                 k = self.functions.setdefault((e.callee, e.derivative), len(self.functions))
-                return self.assign(home, "v", "call", k, *(self._number_of(c, home) for c in e.children))
+                return self.assign(home, "call", k, *(self._number_of(c, home) for c in e.children))
             case ClosedForm():
                 return self.closed_form(e, home)
             case Call() if e.name in ("erfinv", "erfcinv"):
@@ -223,33 +157,33 @@ class Emitter:
                 if e.name in ("sqrt", "log", "pow") and self._keeps_its_sign(e.children[0], home):
                     args[0] = self._of_sign_in_the_middle(e.children[0], args[0], home)
                 if e.name == "root":
-                    return self.assign(home, "v", "sqrt", self.assign(home, "v", "abs", *args))
+                    return self.assign(home, "sqrt", self.assign(home, "abs", *args))
                 if e.name == "pow":
-                    return self._power(args[0], args[1], home)
+                    return self.power(args[0], args[1], home)
                 if e.name == "log" and isinstance(e.children[0], Add) and ONE in e.children[0].children:
                     others = add(*(term for term in e.children[0].children if term is not ONE))
-                    return self.assign(home, "v", "log1p", self.number(others, home))
-                return self.assign(home, "v", "abs" if e.name == "magnitude" else e.name, *args)
+                    return self.assign(home, "log1p", self.number(others, home))
+                return self.assign(home, "abs" if e.name == "magnitude" else e.name, *args)
             case Where():
-                holds, fails = self._truths_of(e.condition, home)
+                holds, fails = self.truths_of(e.condition, home)
                 otherwise: Arg = self._number_of(e.otherwise, home) if fails is not False else NAN
                 if not isinstance(fails, bool):
-                    otherwise = self.assign(home, "v", "select", fails, otherwise, NAN)
-                return self.assign(home, "v", "select", holds, self._number_of(e.then, home), otherwise)
+                    otherwise = self.assign(home, "select", fails, otherwise, NAN)
+                return self.assign(home, "select", holds, self._number_of(e.then, home), otherwise)
             case Tuple() | Delta() | _:
                 raise AssertionError(f"{type(e).__name__} cannot be scheduled")
 
-    def _power(self, base: Arg, exponent: Arg, home: Level) -> Arg:
+    def power(self, base: Arg, exponent: Arg, home: Level) -> Arg:
         """Returns a power, that of a whole number of quarters by square roots."""
         if exponent not in QUARTERS:
-            return self.assign(home, "v", "pow", base, exponent)
+            return self.assign(home, "pow", base, exponent)
         quarters = int(abs(cast(float, exponent)) * 4.0)
-        half = self.assign(home, "v", "sqrt", base)
+        half = self.assign(home, "sqrt", base)
         factors = [base] * (quarters // 4) + [half] * (quarters // 2 % 2)
         if quarters % 2:
-            factors.append(self.assign(home, "v", "sqrt", half))
-        power = factors[0] if len(factors) == 1 else self.assign(home, "v", "mul", *factors)
-        return power if cast(float, exponent) > 0.0 else self.assign(home, "v", "div", 1.0, power)
+            factors.append(self.assign(home, "sqrt", half))
+        power = factors[0] if len(factors) == 1 else self.assign(home, "mul", *factors)
+        return power if cast(float, exponent) > 0.0 else self.assign(home, "div", 1.0, power)
 
     def _keeps_its_sign(self, u: Expr, home: Level) -> bool:
         """Returns whether the roots of u are breaks of the integral around it, so that u has one sign on each piece."""
@@ -265,8 +199,8 @@ class Emitter:
     def _of_sign_in_the_middle(self, u: Expr, value: Arg, home: Level) -> Arg:
         """Returns u, and its size where it is positive in the middle of the piece: beside a root only rounding makes it negative."""
         middle = cast(Level, home.middle)
-        above = self.assign(middle, "b", "gt0", self.number(u, middle))
-        return self.assign(home, "v", "select", above, self._size_of(value, home), value)
+        above = self.assign(middle, "gt0", self.number(u, middle))
+        return self.assign(home, "select", above, self.size_of(value, home), value)
 
     def sum(self, e: Add, home: Level) -> Arg:
         """Returns a sum. Terms are added from the left in the order written; a term -u is subtracted. Constants are
@@ -274,8 +208,8 @@ class Emitter:
         power = _less_one(e)
         if power is not None:
             u, sign = power
-            result = self.assign(home, "v", "expm1", self.number(u, home))
-            return result if sign > 0 else self.assign(home, "v", "neg", result)
+            result = self.assign(home, "expm1", self.number(u, home))
+            return result if sign > 0 else self.assign(home, "neg", result)
         if home.constants is not None:
             outside = [term for term in e.children if not self._varies(term, home)]
             if len(outside) >= 2:
@@ -284,11 +218,11 @@ class Emitter:
         for term in e.children:
             negative = isinstance(term, Mul) and isinstance(term.children[0], Const) and term.children[0].data == -1.0
             if total and negative and len(term.children) == 2:
-                left = total[0] if len(total) == 1 else self.assign(home, "v", "add", *total)
-                total = [self.assign(home, "v", "sub", left, self.number(cast(Expr, term.children[1]), home))]
+                left = total[0] if len(total) == 1 else self.assign(home, "add", *total)
+                total = [self.assign(home, "sub", left, self.number(cast(Expr, term.children[1]), home))]
             else:
                 total.append(self.number(term, home))
-        return total[0] if len(total) == 1 else self.assign(home, "v", "add", *total)
+        return total[0] if len(total) == 1 else self.assign(home, "add", *total)
 
     def product(self, e: Mul, home: Level) -> Arg:
         """Returns a product. Factors are multiplied from the left, then divided by the denominators, then negated."""
@@ -306,10 +240,10 @@ class Emitter:
                 above.append(self.number(factor, home))
         result: Arg = 1.0 if not above else above[0]
         if len(above) > 1:
-            result = self.assign(home, "v", "mul", *above)
+            result = self.assign(home, "mul", *above)
         for divisor in below:
-            result = self.assign(home, "v", "div", result, divisor)
-        return self.assign(home, "v", "neg", result) if sign else result
+            result = self.assign(home, "div", result, divisor)
+        return self.assign(home, "neg", result) if sign else result
 
     # -- where many nodes are computed side by side --------------------------------------------------------------------
 
@@ -322,25 +256,25 @@ class Emitter:
         constant = [f for f in e.children if not self._varies(f, home)]
         varying = [self.number(f, home) for f in e.children if self._varies(f, home)]
         if not constant:
-            return self.assign(home, "v", "mul", *varying)
+            return self.assign(home, "mul", *varying)
         if len(constant) == 1 and constant[0] is MINUS_ONE:
-            result = varying[0] if len(varying) == 1 else self.assign(home, "v", "mul", *varying)
-            return self.assign(home, "v", "neg", result)
-        return self.assign(home, "v", "mul", self.constant(constant, outside), *varying)
+            result = varying[0] if len(varying) == 1 else self.assign(home, "mul", *varying)
+            return self.assign(home, "neg", result)
+        return self.assign(home, "mul", self.constant(constant, outside), *varying)
 
     def constant(self, factors: Iterable[Expr], home: Level) -> Arg:
         """Returns the name of a product of numbers."""
         numbers = [self.number(f, home) for f in factors if f is not ONE]
-        return 1.0 if not numbers else numbers[0] if len(numbers) == 1 else self.assign(home, "v", "mul", *numbers)
+        return 1.0 if not numbers else numbers[0] if len(numbers) == 1 else self.assign(home, "mul", *numbers)
 
     def _power_by_products(self, e: Pow, home: Level) -> Arg:
         """Returns a power by repeated squaring, because lanes of numbers have no other."""
         base, result, k = self.number(e.base, home), None, e.exponent
         while k:
             if k & 1:
-                result = base if result is None else self.assign(home, "v", "mul", result, base)
+                result = base if result is None else self.assign(home, "mul", result, base)
             k >>= 1
-            base = self.assign(home, "v", "mul", base, base) if k else base
+            base = self.assign(home, "mul", base, base) if k else base
         return cast(Arg, result)
 
     # -- conditions ----------------------------------------------------------------------------------------------------
@@ -351,222 +285,33 @@ class Emitter:
             case Truth():
                 return (bool(c.data), not c.data)
             case Not():
-                holds, fails = self._truths_of(c.operand, home)
+                holds, fails = self.truths_of(c.operand, home)
                 return (fails, holds)
             case And() | Or():
-                parts = [self._truths_of(child, home) for child in c.children]
+                parts = [self.truths_of(child, home) for child in c.children]
                 both, either = ("and", "or") if isinstance(c, And) else ("or", "and")
                 return (
-                    self.assign(home, "b", both, *(p[0] for p in parts)),
-                    self.assign(home, "b", either, *(p[1] for p in parts)),
+                    self.assign(home, both, *(p[0] for p in parts)),
+                    self.assign(home, either, *(p[1] for p in parts)),
                 )
             case Compare():
                 g = self._number_of(c.g, home)
                 if c.resolution is not None:
-                    return self.tie(c, g, home)
+                    return self.rounding.tie(c, g, home)
                 ops = ("gt0", "le0") if c.strict else ("ge0", "lt0")
-                return (self.assign(home, "b", ops[0], g), self.assign(home, "b", ops[1], g))
+                return (self.assign(home, ops[0], g), self.assign(home, ops[1], g))
             case _:
                 raise AssertionError(f"unknown condition {type(c).__name__}")
 
-    # -- ties, and the rounding errors behind them ---------------------------------------------------------------------
-
-    def tie(self, c: Compare, g: Arg, home: Level) -> Truths:
-        """Returns the truths of a condition on a surface: decided by its sign, or by its resolution where it ties."""
-        holds_first = self._truths_of(cast(Cond, c.resolution), home)[0]
-        scale = self.tie_scale(c.g, home)
-        if home.elsewhere is not None and not c.g.has_integral and not self.is_short(c.g, home):
-            g, scale = self._clearest(c.g, g, scale, home)
-        if c in home.coincident:
-            scale = self.assign(home, "v", "select", home.coincident[c], scale, 0.0)
-        k = self.ties.setdefault(cast("tuple[str, str]", c.rivals), len(self.ties))
-        holds = self.assign(home, "b", "tie", g, scale, holds_first, k)
-        fails = self.assign(home, "b", "not", holds)
-        ok = self.assign(home, "b", "ok", g)
-        return (holds, self.assign(home, "b", "and", fails, ok))
-
-    def is_short(self, g: Expr, home: Level) -> bool:
-        """Returns whether a function is a polynomial of low degree in the variable, or in its tangent.
-
-        Such a function cannot be nearly 0 in the middle of a piece without roots.
-        """
-        x = cast(Var, home.var)
-        if x not in g.free or home.twisted:
-            return False
-        calls = [n for n in postorder([g]) if isinstance(n, Call) and x in n.free]
-        if len(calls) == 1 and calls[0].name == "tan":  # monotone between its poles, which are breaks
-            mark = fresh("tan", g.free)
-            in_tangent = cast(Expr, replace_node(g, calls[0], mark))
-            x, g = (x, g) if x in in_tangent.free else (mark, in_tangent)
-        degree = Shadow((x,)).degree(g)
-        return degree is not None and degree <= SHORT
-
-    def _clearest(self, e: Expr, g: Arg, scale: Arg, home: Level) -> tuple[Arg, Arg]:
-        """Returns a function without roots on a piece, and its scale, at a place where it is not nearly 0.
-
-        It has one sign there, so surfaces that only approach each other are told apart where they are apart; those that coincide are a
-        tie at every place.
-        """
-        reach = self.assign(home, "v", "mul", TIE_EPS, scale)
-        unclear = self.assign(home, "b", "ge0", self.assign(home, "v", "sub", reach, self._size_of(g, home)))
-        for other in cast("Callable[[], Sequence[Level]]", home.elsewhere)():
-            there, room = self.number(e, other), self.tie_scale(e, other)
-            away = self.assign(home, "v", "sub", self._size_of(there, home), self.assign(home, "v", "mul", CLEAR, room))
-            better = self.assign(home, "b", "and", unclear, self.assign(home, "b", "gt0", away))
-            g, scale = (self.assign(home, "v", "select", better, new, old) for new, old in ((there, g), (room, scale)))
-        return g, scale
-
-    def _size_of(self, value: Arg, home: Level) -> Arg:
-        return abs(value) if isinstance(value, float | int) else self.assign(home, "v", "abs", value)
-
-    def tie_scale(self, g: Expr, home: Level) -> Arg:
-        """Returns the scale of a tie: Σ|terms| of an atom, and the rounding errors of its terms. Times a few ε it bounds the atom's error
-        near 0."""
-        terms, error = self._terms_size(g, home), self.error(g, home)
-        return terms if error == 0.0 else self.assign(home, "v", "add", terms, error)
-
-    def _terms_size(self, g: Expr, home: Level) -> Arg:
-        """Returns Σ|terms|, of the branch that is taken and after a numerical factor in front."""
-        if isinstance(g, Where):
-            holds = self.truths(g.condition, home)[0]
-            return self.assign(home, "v", "select", holds, self._terms_size(g.then, home), self._terms_size(g.otherwise, home))
-        if isinstance(g, Mul) and len(g.children) == 2 and isinstance(g.children[0], Const):
-            return self.assign(home, "v", "mul", abs(g.children[0].data), self._terms_size(g.children[1], home))
-        if not isinstance(g, Add):
-            return self.size(g, home)
-        return self.assign(home, "v", "add", *(self.size(t, home) for t in g.children))
+    # -- sizes ---------------------------------------------------------------------------------------------------------
 
     def size(self, e: Expr, home: Level) -> Arg:
         """Returns |e|."""
-        return self._size_of(self.number(e, home), home)
+        return self.size_of(self.number(e, home), home)
 
-    def error(self, root: Expr, level: Level) -> Arg:
-        """Returns a running error bound in units of ε. Parameters and variables are exact (except those in `errors`); each operation rounds
-        once."""
-        stack: list[tuple[Expr, Level]] = [(root, level)]
-        while stack:
-            e, at = stack[-1]
-            home = self.home_of(e, at)
-            if e in home.errors:
-                stack.pop()
-                continue
-            inside: Sequence[Expr] = ()
-            if isinstance(e, Add | Mul | Pow | Call):
-                inside = cast("Sequence[Expr]", e.children)
-            elif isinstance(e, Where):
-                inside = (e.then, e.otherwise)
-            missing = [(c, home) for c in inside if c not in self.home_of(c, home).errors]
-            if missing:
-                stack.extend(missing)
-                continue
-            home.errors[e] = self._own_error(e, [self.home_of(c, home).errors[c] for c in inside], home)
-            stack.pop()
-        return self.home_of(root, level).errors[root]
-
-    def _own_error(self, e: Expr, errors: list[Arg], home: Level) -> Arg:
-        """Returns the bound for one operation, from those of its children."""
-
-        def put(op: str, *args: Arg) -> Arg:
-            return self.assign(home, "v", op, *args)
-
-        def size(child: Expr) -> Arg:
-            return self.size(child, home)
-
-        def total(*parts: Arg) -> Arg:
-            kept = [p for p in parts if p != 0.0]
-            return put("add", *kept) if len(kept) > 1 else kept[0] if kept else 0.0
-
-        match e:
-            case Const() | Param() | Var():
-                return 0.0
-            case Mul() if e.children[0] is MINUS_ONE and len(e.children) == 2:
-                return errors[1]
-            case Mul():
-                carried = []
-                for i, err in enumerate(errors):
-                    if err != 0.0:
-                        carried.append(put("mul", err, *(size(f) for j, f in enumerate(e.children) if j != i)))
-                return total(size(e), *carried)
-            case Pow():
-                own = self._weighted(max(1.0, abs(e.exponent) / _SLACK), size(e), home)  # as many roundings as there are products
-                if errors[0] == 0.0:
-                    return own
-                return total(own, put("mul", float(abs(e.exponent)), errors[0], put("powi", size(e.base), e.exponent - 1)))
-            case Where():
-                return errors[0] if errors[0] == errors[1] else put("select", self.truths(e.condition, home)[0], *errors)
-            case Call() if e.name == "magnitude":
-                return errors[0]
-            case Add() if len(e.children) > 2:  # partial sums can be larger than the sum
-                return total(put("add", *(size(c) for c in e.children)), *errors)
-            case Call() if any(error != 0.0 for error in errors):
-                return total(size(e), *self._carried_by(e, errors, home))
-            case Add():
-                return total(size(e), *errors)
-            case _:
-                return size(e)
-
-    def _weighted(self, weight: float, value: Arg, home: Level) -> Arg:
-        """Returns weight·value."""
-        return value if weight == 1.0 else self.assign(home, "v", "mul", weight, value)
-
-    def _carried_by(self, e: Call, errors: list[Arg], home: Level) -> list[Arg]:
-        """Returns bounds of the errors of the arguments times the slopes of the function.
-
-        A slope that is infinite at one point is taken an error away from there: the function changes by no more than a few times that.
-        """
-
-        def put(op: str, *args: Arg) -> Arg:
-            return self.assign(home, "v", op, *args)
-
-        first, u, error = self.size(e, home), self.size(e.children[0], home), errors[0]
-        match e.name:
-            case "exp" | "cosh":
-                return [first if error == 1.0 else put("mul", error, first)]
-            case "log":
-                return [put("div", error, u)]
-            case "log1p":
-                return [put("div", error, put("abs", put("add", 1.0, self.number(e.children[0], home))))]
-            case "erfinv" | "erfcinv":
-                return [put("mul", error, put("exp", put("mul", first, first)))]
-            case "erf" | "erfc":
-                return [put("mul", 1.13, error)]  # the slope is at most 2/√π
-            case "sqrt" | "root":
-                return [put("div", error, put("add", first, put("sqrt", put("mul", _EPSILON, error))))]
-            case "tan":
-                return [put("mul", error, put("add", 1.0, put("mul", first, first)))]
-            case "tanh":
-                return [put("mul", error, put("abs", put("sub", 1.0, put("mul", first, first))))]
-            case "sinh" | "expm1":
-                return [put("mul", error, put("add", 1.0, first))]
-            case "atan":
-                return [put("div", error, put("add", 1.0, put("mul", u, u)))]
-            case "asin" | "acos":
-                away = put("abs", put("sub", 1.0, put("mul", u, u)))
-                return [put("div", error, put("sqrt", put("add", away, put("mul", _EPSILON, error))))]
-            case "pow":
-                return self._carried_by_power(e, errors, home)
-            case "atan2":
-                v = self.size(e.children[1], home)
-                square = put("add", put("mul", u, u), put("mul", v, v))
-                return [put("div", put("add", put("mul", v, error), put("mul", u, errors[1])), square)]
-            case _:  # sin, cos: slopes of at most 1; floor and mod between their steps
-                return errors
-
-    def _carried_by_power(self, e: Call, errors: list[Arg], home: Level) -> list[Arg]:
-        """Returns bounds of the effect of the errors of base and exponent on a power: |y|·|x|^(y-1)·Δx and |log x|·|x|^y·Δy."""
-
-        def put(op: str, *args: Arg) -> Arg:
-            return self.assign(home, "v", op, *args)
-
-        base, exponent = self.size(e.children[0], home), self.number(e.children[1], home)
-        parts: list[Arg] = []
-        if errors[0] != 0.0:
-            away = put("add", base, put("mul", _EPSILON, errors[0]))
-            steep = put("max", 1.0, put("abs", exponent)) if isinstance(exponent, str) else max(1.0, abs(exponent))
-            parts.append(put("mul", errors[0], put("div", put("mul", steep, self._power(away, exponent, home)), away)))
-        if errors[1] != 0.0:
-            parts.append(put("mul", errors[1], self.size(e, home), put("abs", put("log", base))))
-        return parts
+    def size_of(self, value: Arg, home: Level) -> Arg:
+        """Returns |value| of a named value."""
+        return abs(value) if isinstance(value, float | int) else self.assign(home, "abs", value)
 
 
 def _number(e: Expr) -> float:

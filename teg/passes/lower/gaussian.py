@@ -17,28 +17,8 @@ from collections.abc import Sequence
 from typing import cast
 
 from teg.analysis.calculus import slope
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    ZERO,
-    Add,
-    Call,
-    Const,
-    Expr,
-    Mul,
-    Pow,
-    Var,
-    add,
-    call,
-    conjunction,
-    const,
-    div,
-    integer_power,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, const
+from teg.ir.simplify import add, call, conjunction, div, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.numerics.error_function import SCALED, SCALED_TURN
 from teg.numerics.quadrature import gauss_legendre

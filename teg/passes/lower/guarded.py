@@ -20,12 +20,14 @@ from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
 from teg.analysis.sharp import LARGEST, Sharp, bounds, numeric_range, range_of, sharp_value, sharp_values, sizes, tame_ones
 from teg.analysis.surfaces import binders_inside
-from teg.ir.expr import ZERO, Compare, Const, Expr, Var, Where, const, positive, sub, where
+from teg.ir.expr import ZERO, Compare, Const, Expr, Var, Where, const
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import positive, sub, where
 from teg.ir.traverse import fresh, rewrite, substitute
 from teg.numerics.quadrature import gauss_legendre
-from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.emit import Emitter
+from teg.passes.lower.levels import Level
 from teg.program import Adaptive, Arg, Guard
 
 CUBIC_RATE = 1.5

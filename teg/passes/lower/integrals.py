@@ -22,31 +22,16 @@ from teg.analysis.remarks import Remarks
 from teg.analysis.settings import Integration
 from teg.analysis.sharp import Sharp, numeric_range, sharp_values
 from teg.analysis.tails import is_unbounded
-from teg.ir.expr import (
-    FALSE,
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    And,
-    Call,
-    Cond,
-    Expr,
-    Mul,
-    Or,
-    Var,
-    conjunction,
-    disjunction,
-    mul,
-    positive,
-    where,
-)
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, And, Call, Cond, Expr, Mul, Or, Var
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import conjunction, disjunction, mul, positive, where
 from teg.passes.lower.apart import with_terms_apart
-from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.emit import Emitter
 from teg.passes.lower.guarded import Guards, widest_gap
 from teg.passes.lower.intervals import Between, Interval, integrals_over_interval, interval_of
 from teg.passes.lower.intrinsic import Intrinsic, Lowering
+from teg.passes.lower.levels import Level
 from teg.passes.lower.means import Mean, Means, P, Q, mean_of, without_tails
 from teg.passes.lower.pieces import Pieces
 from teg.passes.lower.refute import certainly_empty
@@ -245,7 +230,7 @@ class _Integrals:
         if weight is ONE:
             return results
         by = self.out.number(weight, home)
-        return tuple(self.out.assign(home, "v", "div", r, by) for r in results)
+        return tuple(self.out.assign(home, "div", r, by) for r in results)
 
     def _by_means(
         self, group: Sequence[Integral], home: Level, when: str | None, places: tuple[Arg, Arg, tuple[Arg, ...]]
@@ -305,10 +290,10 @@ class _Integrals:
     def _elsewhere(self, middle: Level, ends: tuple[str, str]) -> Sequence[Level]:
         """Returns other places of a piece than its middle, whose statements are the middle's."""
         x, (p, q) = cast(Var, middle.var), ends
-        length = self.out.assign(middle, "v", "sub", q, p)
+        length = self.out.assign(middle, "sub", q, p)
         levels = []
         for part in PLACES:
-            place = self.out.assign(middle, "v", "add", p, self.out.assign(middle, "v", "mul", part, length))
+            place = self.out.assign(middle, "add", p, self.out.assign(middle, "mul", part, length))
             level = cast(Level, middle.outer).inside(x, place)
             level.block = middle.block
             levels.append(level)
@@ -325,11 +310,12 @@ class _Integrals:
         nothing = self.out.truths(conjunction(*empty), home)[0]
         if isinstance(nothing, bool):
             return False if nothing else needed
-        occupied = self.out.assign(home, "b", "not", nothing)
-        return occupied if needed is True else self.out.assign(home, "b", "and", needed, occupied)
+        occupied = self.out.assign(home, "not", nothing)
+        return occupied if needed is True else self.out.assign(home, "and", needed, occupied)
 
     def _roots_inside(self, body: Expr, level: Level) -> list[Cond]:
-        """Returns what says that there are the roots between which integrals inside of an integrand live, if these are factors of it."""
+        """Returns the conditions that the roots exist between which integrals inside of an integrand are not 0, if these are factors of
+        it."""
         factors = body.children if isinstance(body, Mul) else (body,)
         intervals = [self._interval([f], level) for f in factors if isinstance(f, Integral)]
         sides = [side for interval in intervals if interval is not None for side in interval.sides if isinstance(side, Between)]

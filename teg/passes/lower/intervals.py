@@ -22,11 +22,13 @@ from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Root, solve
 from teg.analysis.tails import is_unbounded
 from teg.ir.cells import replaced
-from teg.ir.expr import FALSE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Var, const, mul
+from teg.ir.expr import FALSE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Var, const
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
-from teg.passes.lower.emit import NAN, Emitter, Level
+from teg.ir.simplify import mul
+from teg.passes.lower.emit import NAN, Emitter
 from teg.passes.lower.gaussian import mean_at_nodes
+from teg.passes.lower.levels import Level
 from teg.passes.lower.means import P, Q, mean_of, without_tails
 from teg.program import INSIDE, Arg
 
@@ -144,18 +146,18 @@ def integrals_over_interval(out: Emitter, group: Sequence[Integral], interval: I
     known: list[Arg] = []
     for side in interval.sides:
         p, q = at.between(side, p, q, known) if isinstance(side, Between) else at.cut(side, node.var, p, q, known)
-    length = out.assign(home, "v", "sub", q, p)
+    length = out.assign(home, "sub", q, p)
     between = home.inside(P, p).inside(Q, q)
     for level in (between, cast(Level, between.outer)):
         level.block = home.block
-    dead = out.assign(home, "b", "le0", length)
+    dead = out.assign(home, "le0", length)
     results: list[Arg] = []
     for mean in interval.means:
-        value: Arg = out.assign(home, "v", "mul", *([] if sign == 1.0 else [sign]), length, out.number(mean, between))
-        value = out.assign(home, "v", "select", dead, 0.0, value)
+        value: Arg = out.assign(home, "mul", *([] if sign == 1.0 else [sign]), length, out.number(mean, between))
+        value = out.assign(home, "select", dead, 0.0, value)
         for condition in known:
-            value = out.assign(home, "v", "select", condition, value, NAN)
-        results.append(value if when is None else out.assign(home, "v", "select", when, value, 0.0))
+            value = out.assign(home, "select", condition, value, NAN)
+        results.append(value if when is None else out.assign(home, "select", when, value, 0.0))
     return results
 
 
@@ -166,7 +168,7 @@ class _Places:
         self.out, self.home = out, home
 
     def put(self, op: str, *args: Arg) -> Arg:
-        return self.out.assign(self.home, "b" if op in ("gt0", "le0", "lt0", "ok", "and", "or", "not") else "v", op, *args)
+        return self.out.assign(self.home, op, *args)
 
     def ordered(self, lo: Arg, hi: Arg) -> tuple[Arg, Arg, Arg]:
         """Returns the smaller bound, the larger one, and the sign of the integral."""

@@ -15,8 +15,10 @@ from teg.analysis.breaks import BreakAnalysis
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.node import Node
 from teg.passes.eliminate.families import Closed
-from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.emit import Emitter
+from teg.passes.lower.levels import Level
 from teg.program import Arg, Rule, Stmt
+from teg.program.arrays import ArrayProgram
 
 
 class Lowering:
@@ -150,4 +152,6 @@ class Intrinsic:
     rule: ExactRule | None = None
     boundary: Closed | None = None
     describe: Callable[[Integral], Description | None] = lambda node: None
+    loops: Callable[[ArrayProgram], ArrayProgram] | None = None
+    """A pass over programs with loops around its statements."""
     statements: Mapping[type, Statement] = field(default_factory=dict)

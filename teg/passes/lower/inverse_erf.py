@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import math
 
-from teg.ir.expr import MINUS_ONE, ONE, Expr, add, call, const, div, integer_power, mul, positive, sub, where
+from teg.ir.expr import MINUS_ONE, ONE, Expr, const
+from teg.ir.simplify import add, call, div, integer_power, mul, positive, sub, where
 
 _WINITZKI = 0.147
 

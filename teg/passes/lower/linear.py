@@ -12,10 +12,11 @@ from collections.abc import Mapping, Sequence
 from typing import cast
 
 from teg.errors import DeltaError
-from teg.ir import expr as ex
+from teg.ir import simplify
 from teg.ir.arrays import Ranged, Sum, Unit
-from teg.ir.expr import ONE, ZERO, Add, Expr, Mul, Where, add, mul, where
+from teg.ir.expr import ONE, ZERO, Add, Expr, Mul, Where
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, mul, where
 from teg.ir.tables import Collected, TableUnit
 
 Part = tuple[int | Expr, Expr, Expr]
@@ -25,11 +26,11 @@ Part = tuple[int | Expr, Expr, Expr]
 def stages(numbers: Sequence[Expr], places: Sequence[tuple[int, Expr, Expr]]) -> list[tuple[list[Expr], list[Part]]]:
     """Returns numbers, and what is added to outputs and to the tables of derivatives by tables, in the order in which they are known."""
     parts: list[Part] = [(to, leaf, v) for to, e, w in places for leaf, v in taken_apart(e, w)]
-    whole = ex.tuple_of(*numbers, *(e for part in parts for e in part[1:]))
+    whole = simplify.tuple_of(*numbers, *(e for part in parts for e in part[1:]))
     derivatives = dict.fromkeys(n.table for n in postorder([whole]) if isinstance(n, Collected))
     parts += [(e, leaf, w) for e in derivatives for leaf, w in taken_apart(e, ONE)]
     stage: dict[Node, int] = {}
-    for node in postorder([ex.tuple_of(whole, *(e for part in parts for e in part[1:]))]):
+    for node in postorder([simplify.tuple_of(whole, *(e for part in parts for e in part[1:]))]):
         stage[node] = max((stage[c] for c in node.children), default=0) + isinstance(node, Collected)
     early = [n for e in (*numbers, *(w for _, _, w in parts)) for n in _sums_before(e, stage)]
     return [

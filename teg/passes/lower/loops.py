@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import cast
 
 from teg.errors import DeltaError
-from teg.ir import expr as ex
+from teg.ir import simplify
 from teg.ir.arrays import Array, Gather, Placed, Ranged, Slope, Sum, Unit, open_indices
 from teg.ir.cells import APART, cell_leaves, replaced
 from teg.ir.choices import Product, Winner
@@ -61,6 +61,7 @@ from teg.program.arrays import (
 )
 from teg.program.dce import without_dead_code
 from teg.program.fields import renamed
+from teg.program.names import is_condition, is_parameter, parameter_number
 from teg.program.verify import verified_arrays
 
 Schedule = Callable[[Sequence[Expr], Sequence[str]], Program]
@@ -117,7 +118,7 @@ class _ArrayScheduler:
             top.names[Param.make(name, ())] = f"p{k}"
         scalars = [e for e in outputs if isinstance(e, Expr)]
         derivatives = [(k, e[1], ONE) for k, e in enumerate(outputs) if not isinstance(e, Expr)]
-        whole = ex.tuple_of(*scalars, *(e for _, e, _ in derivatives))
+        whole = simplify.tuple_of(*scalars, *(e for _, e, _ in derivatives))
         self._open = open_indices(whole)
         self._sloped = {n.table for n in postorder([whole]) if isinstance(n, Slope)}
         names: dict[Expr, Arg] = {}
@@ -159,7 +160,7 @@ class _ArrayScheduler:
                     sums.append((output, leaf, w))
                 else:
                     units.append((output, leaf, w))
-        self._open.update(open_indices(ex.tuple_of(*[w for _, _, w in (*units, *sums)])))
+        self._open.update(open_indices(simplify.tuple_of(*[w for _, _, w in (*units, *sums)])))
         self._loops(level, [*roots, *(w for _, _, w in units), *(w for _, _, w in sums)], sums)
         values = [*roots, *(w for _, _, w in units)]
         names = self._cell(level, values)
@@ -414,12 +415,12 @@ class _ArrayScheduler:
             return []
         used = {n: None for s in block for n in free_names(s) if n in name}
         number = {n: f"p{k}" for k, n in enumerate(used)}
-        truths = [n for n in used if n[0] == "b"]
+        truths = [n for n in used if is_condition(n)]
         number.update((n, f"b{n}") for n in truths)
-        before = [Assign(f"b{n}", "gt0", (f"p{k}",)) for k, n in enumerate(used) if n[0] == "b"]
-        after = [Assign(f"v{n}", "select", (n, 1.0, 0.0)) for n in across if n[0] == "b"]
-        results = tuple(f"v{n}" if n[0] == "b" else n for n in across)
-        titles = tuple(program.parameters[int(n[1:])] if n[0] == "p" else n for n in used)
+        before = [Assign(f"b{n}", "gt0", (f"p{k}",)) for k, n in enumerate(used) if is_condition(n)]
+        after = [Assign(f"v{n}", "select", (n, 1.0, 0.0)) for n in across if is_condition(n)]
+        results = tuple(f"v{n}" if is_condition(n) else n for n in across)
+        titles = tuple(program.parameters[parameter_number(n)] if is_parameter(n) else n for n in used)
         body = (*before, *(renamed(s, number) for s in block), *after)
         ties = program.ties if has_ties(block) else ()
         part = without_dead_code(replace(program, parameters=titles, body=body, outputs=results, ties=ties))

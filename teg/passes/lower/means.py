@@ -21,31 +21,11 @@ from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope, value_children
 from teg.analysis.polynomial import Shadow
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    ZERO,
-    Add,
-    Call,
-    Const,
-    Expr,
-    Mul,
-    Pow,
-    Var,
-    Where,
-    add,
-    call,
-    const,
-    div,
-    integer_power,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, Where, const
 from teg.ir.function import Apply
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import Node, postorder, postorder_through
+from teg.ir.simplify import add, call, div, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.passes.lower.gaussian import MOST_DEGREE, Gaussian, is_gaussian, mean_at_nodes
 from teg.program import Gauss

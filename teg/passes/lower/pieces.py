@@ -12,37 +12,21 @@ import math
 from collections.abc import Sequence
 from typing import cast
 
-from teg.analysis.breaks import MAX_BENDS, Breaks, Turn
+from teg.analysis.breaks import MAX_BENDS, Breaks
 from teg.analysis.calculus import slope
 from teg.analysis.polynomial import Shadow
+from teg.analysis.projection import Turn
 from teg.analysis.roots import local_origin
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import infinite_ends, is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Call,
-    Compare,
-    Cond,
-    Expr,
-    Var,
-    add,
-    call,
-    conjunction,
-    const,
-    div,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Call, Compare, Cond, Expr, Var, const
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import postorder
+from teg.ir.simplify import add, call, conjunction, div, mul, positive, sub, where
 from teg.ir.traverse import substitute
-from teg.passes.lower.emit import NAN, Emitter, Level
+from teg.passes.lower.emit import NAN, Emitter
+from teg.passes.lower.levels import Level
 from teg.passes.lower.roots import Roots
 from teg.passes.lower.rules import Rules
 from teg.program import TIE_EPS, Arg, Bend, Rule
@@ -75,7 +59,7 @@ class Pieces:
         for isolation in analysis.isolated:
             found = self.roots.isolated_in(node, isolation, home, when, wide=True)
             if isolation.g in decisive:  # too many roots: NaN
-                lo = self.out.assign(home, "v", "select", self.out.assign(home, "b", "ok", found[0]), lo, NAN)
+                lo = self.out.assign(home, "select", self.out.assign(home, "ok", found[0]), lo, NAN)
             breaks += self._mattering(found, analysis.matters[isolation.g], node.var, home)
         for location in analysis.located:
             breaks += self.roots.located(location, node.lo, node.hi, home, when)
@@ -103,7 +87,7 @@ class Pieces:
         kept = []
         for root in roots:
             at_root = Level(x, home, home.depth + 1, names={x: root}, block=home.block)
-            kept.append(self.out.assign(home, "v", "select", self.out.truths(matters, at_root)[0], root, NAN))
+            kept.append(self.out.assign(home, "select", self.out.truths(matters, at_root)[0], root, NAN))
         return tuple(kept)
 
     def exponentials(self, group: Sequence[Integral]) -> tuple[list[Expr], list[tuple[Expr, Expr]]]:
@@ -172,13 +156,12 @@ class Pieces:
         for i, s in enumerate(smallest):
             usable = self.out.assign(
                 home,
-                "b",
                 "and",
-                self.out.assign(home, "b", "ok", s),
-                self.out.assign(home, "b", "gt0", self.out.assign(home, "v", "div", 1.0, s)),
+                self.out.assign(home, "ok", s),
+                self.out.assign(home, "gt0", self.out.assign(home, "div", 1.0, s)),
             )
-            s = self.out.assign(home, "v", "select", usable, s, 1.0)
-            least = s if i == 0 else self.out.assign(home, "v", "min", least, s)
+            s = self.out.assign(home, "select", usable, s, 1.0)
+            least = s if i == 0 else self.out.assign(home, "min", least, s)
         return least
 
     def bends(self, group: Sequence[Integral], level: Level, home: Level, rule: Rule) -> tuple[Arg, tuple[Bend, ...]]:
@@ -230,14 +213,14 @@ class Pieces:
         out, holds = self.out, self.out.truths(c, level)[0]
         if not isinstance(holds, str):
             return 0.0
-        sign = out.assign(level, "v", "select", holds, 1.0, -1.0)
+        sign = out.assign(level, "select", holds, 1.0, -1.0)
         if not isinstance(c, Compare):
             return sign
-        noise = out.assign(level, "v", "mul", TIE_EPS, out.tie_scale(c.g, level))
-        larger = out.assign(level, "b", "gt0", out.assign(level, "v", "sub", noise, out.size(c.g, level)))
-        finite = out.assign(level, "b", "le0", out.assign(level, "v", "sub", noise, noise))
-        lost = out.assign(level, "b", "and", larger, finite)
-        return out.assign(level, "v", "select", lost, 0.0, sign)
+        noise = out.assign(level, "mul", TIE_EPS, out.rounding.tie_scale(c.g, level))
+        larger = out.assign(level, "gt0", out.assign(level, "sub", noise, out.size(c.g, level)))
+        finite = out.assign(level, "le0", out.assign(level, "sub", noise, noise))
+        lost = out.assign(level, "and", larger, finite)
+        return out.assign(level, "select", lost, 0.0, sign)
 
 
 def _slope_of(g: Expr, x: Var) -> Expr | None:

@@ -14,30 +14,10 @@ from teg.analysis.isolation import MARGIN
 from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    FALSE,
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    And,
-    Compare,
-    Cond,
-    Expr,
-    Mul,
-    Where,
-    add,
-    call,
-    conjunction,
-    const,
-    disjunction,
-    mul,
-    negation,
-    positive,
-)
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, And, Compare, Cond, Expr, Mul, Where, const
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import postorder
+from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation, positive
 from teg.ir.traverse import rewrite, substitute
 
 MAX_LEVELS = 32

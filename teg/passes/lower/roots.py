@@ -22,7 +22,9 @@ from teg.analysis.tails import finite_place, is_unbounded
 from teg.ir.expr import ONE, Compare, Expr, Var
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.traverse import replace_node, substitute
-from teg.passes.lower.emit import NAN, SHORT, Emitter, Level, Plan, Truths
+from teg.passes.lower.emit import NAN, Emitter
+from teg.passes.lower.levels import Level, Plan, Truths
+from teg.passes.lower.rounding import SHORT
 from teg.program import ISOLATE_WIDTH, TIE_EPS, Arg, Isolate, Locate, SumOver
 
 _NOWHERE = float("inf")
@@ -53,10 +55,10 @@ class Roots:
         before, results = home.searches[search]
         if before is None or before == when:
             return results
-        again = self.out.assign(home, "b", "not", before)
-        others = emit(again if when is None else self.out.assign(home, "b", "and", again, when))
-        both = tuple(self.out.assign(home, "v", "select", before, *two) for two in zip(results, others, strict=True))
-        home.searches[search] = None if when is None else self.out.assign(home, "b", "or", before, when), both
+        again = self.out.assign(home, "not", before)
+        others = emit(again if when is None else self.out.assign(home, "and", again, when))
+        both = tuple(self.out.assign(home, "select", before, *two) for two in zip(results, others, strict=True))
+        home.searches[search] = None if when is None else self.out.assign(home, "or", before, when), both
         return both
 
     def _isolate(self, isolation: Isolation, lo: Expr, hi: Expr, home: Level, when: str | None) -> tuple[Arg, ...]:
@@ -78,10 +80,10 @@ class Roots:
 
     def _noise(self, isolation: Isolation, left: str, right: str, at_both: Level) -> Arg:
         """Returns a bound of the effect of rounding on g in the middle of a box."""
-        middle = self.out.assign(at_both, "v", "mul", 0.5, self.out.assign(at_both, "v", "add", left, right))
+        middle = self.out.assign(at_both, "mul", 0.5, self.out.assign(at_both, "add", left, right))
         at_middle = at_both.inside(isolation.var, middle)
         at_middle.block = at_both.block
-        return self.out.assign(at_middle, "v", "mul", TIE_EPS, self.out.tie_scale(isolation.g, at_middle))
+        return self.out.assign(at_middle, "mul", TIE_EPS, self.out.rounding.tie_scale(isolation.g, at_middle))
 
     def isolated_in(self, node: Integral, isolation: Isolation, home: Level, when: str | None, wide: bool = False) -> tuple[Arg, ...]:
         """Returns the roots of a function within the bounds of an integral (or a little beyond them), up to infinity if need be."""
@@ -94,9 +96,7 @@ class Roots:
         found = self.isolated(bent, start, end, home, when)
         places = [self.out.number(place, Level(s, home, home.depth + 1, names={s: root}, block=home.block)) for root in found]
         return tuple(
-            self.out.assign(
-                home, "v", "select", self.out.assign(home, "b", "lt0", self.out.assign(home, "v", "sub", root, _NOWHERE)), at, root
-            )
+            self.out.assign(home, "select", self.out.assign(home, "lt0", self.out.assign(home, "sub", root, _NOWHERE)), at, root)
             for root, at in zip(found, places, strict=True)
         )
 
@@ -124,22 +124,22 @@ class Roots:
         """Returns a root by its formula; +inf where it does not exist."""
         holds, fails = self.out.truths(root.exists, home)
         at = self.out.number(root.point, home)
-        known = self.out.assign(home, "v", "select", self.out.assign(home, "b", "ok", at), at, _NOWHERE)  # 0/0: the degree is lower
-        absent = _NOWHERE if fails is True else self.out.assign(home, "v", "select", fails, _NOWHERE, NAN)
-        return known if holds is True else self.out.assign(home, "v", "select", holds, known, absent)
+        known = self.out.assign(home, "select", self.out.assign(home, "ok", at), at, _NOWHERE)  # 0/0: the degree is lower
+        absent = _NOWHERE if fails is True else self.out.assign(home, "select", fails, _NOWHERE, NAN)
+        return known if holds is True else self.out.assign(home, "select", holds, known, absent)
 
     def _level_at_roots(self, x: Var, home: Level) -> tuple[str, Level]:
         """Returns the name of a root found at run time, and the inside of the sum over such roots, where x is not exact."""
         var = self.out.fresh("x")
         level = home.inside(x, var)
-        level.errors[x] = self.out.assign(level, "v", "mul", _ROOT_ERROR, self.out.size(x, level))
+        level.errors[x] = self.out.assign(level, "mul", _ROOT_ERROR, self.out.size(x, level))
         return var, level
 
     def _level_at_formula(self, x: Var, root: Root, home: Level) -> Level:
         """Returns the level of a root that has a formula. It has no inside: statements go where those of its home go."""
         level = home.inside(x, self.point(root, home))
         level.block = home.block
-        level.errors[x] = self.out.error(root.point, home)
+        level.errors[x] = self.out.rounding.error(root.point, home)
         return level
 
     # -- sums over roots -----------------------------------------------------------------------------------------------
@@ -169,10 +169,10 @@ class Roots:
     def _where_slope_is_known(self, slope: Expr, values: Sequence[Arg], level: Level) -> tuple[Arg, ...]:
         """Returns values that are divided by the slope at a root; NaN where rounding alone could have made that slope."""
         size = self.out.size(slope, level)
-        noise = self.out.assign(level, "v", "mul", TIE_EPS, self.out.tie_scale(slope, level))
-        small = self.out.assign(level, "b", "ge0", self.out.assign(level, "v", "sub", noise, size))
-        unknown = self.out.assign(level, "b", "and", small, self.out.assign(level, "b", "gt0", size))
-        return tuple(self.out.assign(level, "v", "select", unknown, NAN, v) for v in values)
+        noise = self.out.assign(level, "mul", TIE_EPS, self.out.rounding.tie_scale(slope, level))
+        small = self.out.assign(level, "ge0", self.out.assign(level, "sub", noise, size))
+        unknown = self.out.assign(level, "and", small, self.out.assign(level, "gt0", size))
+        return tuple(self.out.assign(level, "select", unknown, NAN, v) for v in values)
 
     def _sum_of_branches(self, g: Expr, bodies: Sequence[Expr], x: Var, roots: Sequence[Root], home: Level) -> tuple[Arg, ...]:
         """Returns the same for roots with formulas, one after the other.
@@ -194,12 +194,12 @@ class Roots:
                 for atom in atoms:
                     level.names[atom] = self._decided(atom, middle, level)
             at = cast(Arg, level.names[x])
-            finite = self.out.assign(home, "b", "ok", self.out.assign(home, "v", "sub", at, at))
-            absent = self.out.assign(home, "v", "select", self.out.assign(home, "b", "ok", at), 0.0, NAN)
+            finite = self.out.assign(home, "ok", self.out.assign(home, "sub", at, at))
+            absent = self.out.assign(home, "select", self.out.assign(home, "ok", at), 0.0, NAN)
             self.plan(level, bodies)
             for body, found in zip(bodies, terms, strict=True):
-                found.append(self.out.assign(home, "v", "select", finite, self.out.number(body, level), absent))
-        return tuple(found[0] if len(found) == 1 else self.out.assign(home, "v", "add", *found) if found else 0.0 for found in terms)
+                found.append(self.out.assign(home, "select", finite, self.out.number(body, level), absent))
+        return tuple(found[0] if len(found) == 1 else self.out.assign(home, "add", *found) if found else 0.0 for found in terms)
 
     def _decided(self, atom: Compare, middle: Level, level: Level) -> Truths:
         """Returns the truths of a condition that is constant on a piece: its sign at the node where that is clear, else the decision for
@@ -208,17 +208,17 @@ class Roots:
         Surfaces that approach each other may coincide to rounding in the middle of a long piece, and be apart at its ends.
         """
         holds, fails = self.out.truths(atom, middle)
-        if atom.resolution is None or middle.elsewhere is None or atom.g.has_integral or self.out.is_short(atom.g, middle):
+        if atom.resolution is None or middle.elsewhere is None or atom.g.has_integral or self.out.rounding.is_short(atom.g, middle):
             return holds, fails
         g = self.out.number(atom.g, level)
-        room = self.out.assign(level, "v", "mul", TIE_EPS, self.out.tie_scale(atom.g, level))
-        clear = self.out.assign(level, "b", "gt0", self.out.assign(level, "v", "sub", self.out.size(atom.g, level), room))
-        above = self.out.assign(level, "b", "gt0", g)
-        unclear, below = self.out.assign(level, "b", "not", clear), self.out.assign(level, "b", "not", above)
+        room = self.out.assign(level, "mul", TIE_EPS, self.out.rounding.tie_scale(atom.g, level))
+        clear = self.out.assign(level, "gt0", self.out.assign(level, "sub", self.out.size(atom.g, level), room))
+        above = self.out.assign(level, "gt0", g)
+        unclear, below = self.out.assign(level, "not", clear), self.out.assign(level, "not", above)
 
         def chosen(sign: Arg, verdict: Arg) -> Arg:
-            here, piece = self.out.assign(level, "b", "and", clear, sign), self.out.assign(level, "b", "and", unclear, verdict)
-            return self.out.assign(level, "b", "or", here, piece)
+            here, piece = self.out.assign(level, "and", clear, sign), self.out.assign(level, "and", unclear, verdict)
+            return self.out.assign(level, "or", here, piece)
 
         return chosen(above, holds), chosen(below, fails)
 
@@ -239,9 +239,9 @@ class Roots:
         var, level = self._level_at_roots(node.var, middle)
         values = []
         for c in rivals:
-            room = self.out.assign(level, "v", "mul", TIE_EPS, self.out.tie_scale(c.g, level))
-            near = self.out.assign(level, "b", "ge0", self.out.assign(level, "v", "sub", room, self.out.size(c.g, level)))
-            values.append(self.out.assign(level, "v", "select", near, 1.0, 0.0))
+            room = self.out.assign(level, "mul", TIE_EPS, self.out.rounding.tie_scale(c.g, level))
+            near = self.out.assign(level, "ge0", self.out.assign(level, "sub", room, self.out.size(c.g, level)))
+            values.append(self.out.assign(level, "select", near, 1.0, 0.0))
         results = tuple(self.out.fresh("v") for _ in rivals)
         middle.block.append(SumOver(var, points, tuple(level.block), tuple(values), results))
-        return {c: self.out.assign(middle, "b", "gt0", r) for c, r in zip(rivals, results, strict=True)}
+        return {c: self.out.assign(middle, "gt0", r) for c, r in zip(rivals, results, strict=True)}

@@ -28,7 +28,8 @@ from teg.ir.expr import Add, Compare, Const, Expr, Mul, Where
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import Node, postorder
 from teg.numerics.sobol import DIMENSIONS
-from teg.passes.lower.emit import Emitter, Level, Plan
+from teg.passes.lower.emit import Emitter
+from teg.passes.lower.levels import Level, Plan
 from teg.program import Arg, Integrate, Midpoint, Sample
 
 SAMPLED = ("montecarlo", "qmc")
@@ -91,13 +92,13 @@ class Samples:
         inside.names[node.var], weight = self._place(node, u, home, inside)
         self.plan(inside, [node.body])
         value = self.out.number(node.body, inside)
-        return value if weight == 1.0 else self.out.assign(inside, "v", "mul", weight, value)
+        return value if weight == 1.0 else self.out.assign(inside, "mul", weight, value)
 
     def _place(self, node: Integral, u: str, home: Level, inside: Level) -> tuple[Arg, Arg]:
         """Returns the variable at u, and dx/du."""
 
         def put(op: str, *args: Arg) -> str:
-            return self.out.assign(inside, "v", op, *args)
+            return self.out.assign(inside, op, *args)
 
         backwards = is_infinite(node.lo, inf) or is_infinite(node.hi, -inf)
         lo, hi = (node.hi, node.lo) if backwards else (node.lo, node.hi)
@@ -118,11 +119,11 @@ class Samples:
     def _stretched(self, lo: Arg, hi: Arg, u: str, home: Level, inside: Level) -> tuple[Arg, Arg]:
         """Returns the same between finite bounds: l + (h - l)·u and h - l."""
         if isinstance(lo, str) or isinstance(hi, str):
-            length: Arg = hi if lo == 0.0 else self.out.assign(home, "v", "sub", hi, lo)
+            length: Arg = hi if lo == 0.0 else self.out.assign(home, "sub", hi, lo)
         else:
             length = hi - lo
-        way = u if length == 1.0 else self.out.assign(inside, "v", "mul", length, u)
-        return way if lo == 0.0 else self.out.assign(inside, "v", "add", lo, way), length
+        way = u if length == 1.0 else self.out.assign(inside, "mul", length, u)
+        return way if lo == 0.0 else self.out.assign(inside, "add", lo, way), length
 
     # -- the midpoint rule ---------------------------------------------------------------------------------------------
 

@@ -17,27 +17,9 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import cast
 
 from teg.analysis.extents import Extent, extent
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    ZERO,
-    Add,
-    Call,
-    Const,
-    Expr,
-    Mul,
-    Pow,
-    Var,
-    add,
-    call,
-    const,
-    integer_power,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Const, Expr, Mul, Pow, Var, const
 from teg.ir.node import Node
+from teg.ir.simplify import add, call, integer_power, mul, positive, sub, where
 
 LARGE = 200.0
 """A factor within exp(±LARGE) is no danger: the usual products of three such factors do not overflow."""

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from teg.ir.expr import ONE, TRUE, Add, Cond, Const, Expr, Mul, Tuple, Where, call, conjunction, const, mul, negation, where
+from teg.ir.expr import ONE, TRUE, Add, Cond, Const, Expr, Mul, Tuple, Where, const
 from teg.ir.integral import ClosedForm, Integral, PointMasses
 from teg.ir.node import Node
+from teg.ir.simplify import call, conjunction, mul, negation, where
 
 SMALL_FACTOR = 100.0
 """A factor up to this size in front of an integral is ignored."""

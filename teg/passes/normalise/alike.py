@@ -13,11 +13,12 @@ from collections.abc import Iterator, Sequence
 from typing import cast
 
 from teg.ir.arrays import has_arrays, sum_over
-from teg.ir.expr import Add, Compare, Expr, Mul, Still, Where, add, mul, where
+from teg.ir.expr import Add, Compare, Expr, Mul, Still, Where
 from teg.ir.function import Apply
 from teg.ir.index import IndexVar, index_const
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, mul, where
 from teg.ir.traverse import rebuild
 from teg.passes.normalise.extremes import with_choices
 from teg.passes.normalise.rows import ROW, Shape, Tables, shape_of, template_of

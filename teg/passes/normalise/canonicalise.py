@@ -20,36 +20,19 @@ from typing import cast
 
 from teg.analysis.antiderivative import integrated
 from teg.analysis.coincidence import short_form
+from teg.analysis.expanded import shorter_form
 from teg.analysis.jumps import assign
 from teg.analysis.kinks import kinks_of, with_sizes
-from teg.analysis.polynomial import Point, Shadow, divided, shorter_form, sign_of_residue
+from teg.analysis.polynomial import Point, Shadow
 from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir import expr as ex
-from teg.ir.expr import (
-    FALSE,
-    MINUS_ONE,
-    TRUE,
-    Add,
-    Call,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Param,
-    Pow,
-    Var,
-    Where,
-    add,
-    conjunction,
-    disjunction,
-    mul,
-    negation,
-    positive,
-)
+from teg.ir import simplify
+from teg.ir.expr import FALSE, MINUS_ONE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Param, Pow, Var, Where
 from teg.ir.integral import Delta, Integral, delta, scaled_integral
 from teg.ir.node import Node, postorder, union
+from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive
 from teg.ir.traverse import rebuild, remake, rename_apart, replace_node, substitute
+from teg.numerics.field import divided, sign_of_residue
 
 MAX_HOISTED = 6
 FEW_TERMS = 4
@@ -218,7 +201,7 @@ def _split_delta(d: Delta, hoists: int) -> Expr:
     if inner is None:
         return delta(g)
     branches = (delta(_decide(g, inner, value)) for value in (True, False))
-    return ex.where(inner, *(_split_delta(b, hoists - 1) if isinstance(b, Delta) else b for b in branches))
+    return simplify.where(inner, *(_split_delta(b, hoists - 1) if isinstance(b, Delta) else b for b in branches))
 
 
 def _product_integrals(e: Expr) -> list[Integral]:
@@ -263,7 +246,7 @@ def _tangents_as_quotients(g: Expr) -> Expr:
     for node in postorder([g]):
         result = rebuild(node, tuple([new[c] for c in node.children]))
         if isinstance(result, Call) and result.name == "tan" and result.free:
-            result = ex.div(ex.call("sin", result.children[0]), ex.call("cos", result.children[0]))
+            result = simplify.div(simplify.call("sin", result.children[0]), simplify.call("cos", result.children[0]))
         new[node] = result
     return cast(Expr, new[g])
 
@@ -294,11 +277,11 @@ def cleared(g: Expr) -> tuple[Expr, Expr]:
         below: dict[Expr, int] = {}
         if isinstance(node, Pow) and node.exponent < 0 and node.free:
             inner, inner_below = parts[node.base]
-            numerator = mul(*(ex.integer_power(d, -node.exponent * k) for d, k in inner_below.items()))
+            numerator = mul(*(simplify.integer_power(d, -node.exponent * k) for d, k in inner_below.items()))
             below = {inner: -node.exponent}
         elif isinstance(node, Pow) and parts[node.base][1]:
             inner, inner_below = parts[node.base]
-            numerator, below = ex.integer_power(inner, node.exponent), {d: k * node.exponent for d, k in inner_below.items()}
+            numerator, below = simplify.integer_power(inner, node.exponent), {d: k * node.exponent for d, k in inner_below.items()}
         elif isinstance(node, Mul):
             for c in node.children:
                 for d, k in parts[c][1].items():
@@ -310,11 +293,11 @@ def cleared(g: Expr) -> tuple[Expr, Expr]:
                 for d, k in parts[c][1].items():
                     below[d] = max(below.get(d, 0), k)
             if below:
-                over = [mul(parts[c][0], *(ex.integer_power(d, k - parts[c][1].get(d, 0)) for d, k in below.items())) for c in terms]
-                numerator = ex.where(node.condition, *over) if isinstance(node, Where) else add(*over)
+                over = [mul(parts[c][0], *(simplify.integer_power(d, k - parts[c][1].get(d, 0)) for d, k in below.items())) for c in terms]
+                numerator = simplify.where(node.condition, *over) if isinstance(node, Where) else add(*over)
         parts[node] = (numerator, below)
     numerator, below = parts[g]
-    return numerator, mul(*(ex.integer_power(d, k) for d, k in below.items()))
+    return numerator, mul(*(simplify.integer_power(d, k) for d, k in below.items()))
 
 
 def _signed_factors(g: Expr) -> tuple[float, list[Expr]]:
@@ -372,8 +355,8 @@ def _common_factors(e: Add) -> tuple[list[Expr], Expr]:
     }  # 1/where is distributed over the branches, so it is no factor
     if not shared:
         return [], e
-    divisor = mul(*(ex.integer_power(f, -k) for f, k in shared.items()))
-    return [ex.integer_power(f, k) for f, k in shared.items()], add(*(mul(t, divisor) for t in e.children))
+    divisor = mul(*(simplify.integer_power(f, -k) for f, k in shared.items()))
+    return [simplify.integer_power(f, k) for f, k in shared.items()], add(*(mul(t, divisor) for t in e.children))
 
 
 def _separable_terms(body: Expr, x: Var) -> list[Expr]:

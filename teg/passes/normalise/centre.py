@@ -22,33 +22,10 @@ from teg.analysis.extents import extent
 from teg.analysis.polynomial import Shadow
 from teg.analysis.roots import Root, solve
 from teg.analysis.singularities import SMOOTH, Keys, order_at, sharp_nodes, singular_arguments
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    Call,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Mul,
-    Pow,
-    Var,
-    Where,
-    add,
-    call,
-    conjunction,
-    const,
-    disjunction,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Mul, Pow, Var, Where, const
 from teg.ir.integral import Integral, integral_over, masses_of
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, conjunction, disjunction, mul, positive, sub, where
 from teg.ir.traverse import fresh, rewrite, substitute
 
 MAX_CENTRES = 3

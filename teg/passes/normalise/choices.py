@@ -17,27 +17,12 @@ from teg.errors import ArrayIndexError
 from teg.ir.arrays import Ranged, sum_over
 from teg.ir.cells import rename_indices, replace_integers, replaced
 from teg.ir.choices import CHOICES, AnyOf, Nearest, Product, Winner
-from teg.ir.expr import (
-    ZERO,
-    Cond,
-    Expr,
-    add,
-    as_number,
-    bracket,
-    conjunction,
-    const,
-    disjunction,
-    integer_power,
-    less,
-    mul,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import ZERO, Cond, Expr, const
 from teg.ir.index import Index, IndexConst, IndexGather, IndexParam, IndexVar, Length, index_const, index_leaves
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
+from teg.ir.operands import as_number, less
+from teg.ir.simplify import add, bracket, conjunction, disjunction, integer_power, mul, negation, positive, sub, where
 from teg.ir.traverse import rebuild
 from teg.passes.normalise.partitions import Refused, partitioned
 from teg.passes.normalise.sums import NeedsLengths

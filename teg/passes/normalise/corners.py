@@ -17,11 +17,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import cast
 
-from teg.analysis.polynomial import Shadow, expanded
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Const, Expr, Mul, Param, Pow, Var, add, mul, sub
+from teg.analysis.expanded import expanded
+from teg.analysis.polynomial import Shadow
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Call, Compare, Const, Expr, Mul, Param, Pow, Var
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.show import show
+from teg.ir.simplify import add, mul, sub
 from teg.ir.traverse import remake
 from teg.passes.normalise.origins import Group, groups_of, is_fixed, outermost_polynomials
 

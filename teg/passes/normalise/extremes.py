@@ -17,10 +17,11 @@ from teg.errors import ArrayIndexError, NotDifferentiableError
 from teg.ir.arrays import Array, Gather
 from teg.ir.cells import rename_indices, replaced
 from teg.ir.choices import NOTHING, Nearest
-from teg.ir.expr import MINUS_ONE, TRUE, ZERO, Compare, Const, Expr, Param, Var, Where, add, mul
+from teg.ir.expr import MINUS_ONE, TRUE, ZERO, Compare, Const, Expr, Param, Var, Where
 from teg.ir.index import IndexVar, index_const
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, mul
 from teg.ir.traverse import substitute
 from teg.passes.normalise.partitions import Refused, partitioned
 from teg.passes.normalise.rows import ROW, Row, Tables, shape_of, template_of

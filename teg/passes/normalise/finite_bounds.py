@@ -9,9 +9,10 @@ from __future__ import annotations
 from typing import cast
 
 from teg.analysis.tails import finite_place, infinite_ends, is_unbounded
-from teg.ir.expr import MINUS_ONE, Expr, Var, mul
+from teg.ir.expr import MINUS_ONE, Expr, Var
 from teg.ir.integral import Delta, Integral, integral_over
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import mul
 from teg.ir.traverse import rewrite, substitute
 
 

@@ -26,10 +26,11 @@ from teg.analysis.intervals import Interval
 from teg.analysis.polynomial import Degrees
 from teg.analysis.sharp import numeric_range, sharp_values, tame_ones
 from teg.analysis.tails import is_unbounded
-from teg.ir.expr import Add, Call, Compare, Const, Expr, Pow, Var, add, call, const
+from teg.ir.expr import Add, Call, Compare, Const, Expr, Pow, Var, const
 from teg.ir.function import Apply, Function, Slot, degrees_in, functions_of
 from teg.ir.integral import Delta, Integral, PointMasses
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call
 from teg.ir.traverse import parameters, rebuild, rewrite
 
 _SINGULAR = frozenset(

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 from typing import cast
 
-from teg.ir.expr import Expr, add, const, mul
+from teg.ir.expr import Expr, const
 from teg.ir.index import Index, IndexCall, IndexConst, IndexValue
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, mul
 from teg.ir.traverse import rebuild
 
 

@@ -21,10 +21,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import cast
 
-from teg.analysis.polynomial import residue
-from teg.ir.expr import MINUS_ONE, ZERO, Add, Const, Expr, Mul, Param, Pow, Var, add, mul
+from teg.ir.expr import MINUS_ONE, ZERO, Add, Const, Expr, Mul, Param, Pow, Var
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, mul
 from teg.ir.traverse import remake, size
+from teg.numerics.field import residue
 
 MAX_SYMBOLS = 24
 MAX_NODES = 300

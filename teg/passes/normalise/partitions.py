@@ -16,35 +16,17 @@ from itertools import product
 from typing import NamedTuple, cast
 
 from teg.analysis.calculus import slope
-from teg.analysis.polynomial import Point, Shadow, distance
+from teg.analysis.expanded import distance
+from teg.analysis.polynomial import Point, Shadow
 from teg.errors import NotDifferentiableError
 from teg.ir.arrays import Ranged, Sum, open_indices
 from teg.ir.cells import Symbols, indices_apart, rename_indices, replace_integers, replaced
 from teg.ir.choices import CHOICES, AnyOf, Nearest, is_nothing
-from teg.ir.expr import (
-    FALSE,
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    And,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Not,
-    Or,
-    Var,
-    add,
-    const,
-    integer_power,
-    mul,
-    where,
-)
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, And, Compare, Cond, Const, Expr, Not, Or, Var, const
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition
+from teg.ir.simplify import add, integer_power, mul, where
 from teg.ir.traverse import substitute
 from teg.numerics.cells import MOST_DEGREE, Layout
 

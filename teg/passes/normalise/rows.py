@@ -2,7 +2,8 @@
 
     c₀·[x < t₀],  c₁·[x < t₁],  …      →      T[row, 0]·[x < T[row, 1]],   T = ((c₀, t₀), (c₁, t₁), …)
 
-Expressions are alike that differ in their parameters and numbers only; what all rows share stays in the template. Cost: a visit a node.
+Expressions are alike that differ in their parameters and numbers only; numbers that are the same in all rows stay in the template. Cost: a
+visit a node.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class Shape(NamedTuple):
 
 
 def shape_of(term: Expr) -> Shape:
-    """Returns what alike terms have in common. Every place of a number counts by itself; a parameter is one place."""
+    """Returns a key that is equal for alike terms. Every place of a number counts by itself; a parameter is one place."""
     number: dict[Node, int] = {}
     key: list[object] = []
     parameters: list[Param] = []

@@ -22,9 +22,11 @@ from typing import cast
 from teg.analysis.polynomial import Point
 from teg.ir.arrays import Gather, Sum
 from teg.ir.cells import Symbols, cell_leaves, indices_apart, replace_integers
-from teg.ir.expr import Compare, Cond, Expr, conjunction, disjunction, less, negation
+from teg.ir.expr import Compare, Cond, Expr
 from teg.ir.index import Index, IndexCall, IndexConst, IndexGather, IndexVar, free_indices
 from teg.ir.node import Node, postorder
+from teg.ir.operands import less
+from teg.ir.simplify import conjunction, disjunction, negation
 from teg.ir.traverse import rebuild
 
 MOST = 32

@@ -28,30 +28,10 @@ from teg.analysis.jumps import jump
 from teg.analysis.places import holding, linear_places, reached
 from teg.analysis.staircase import Box, Range, Steps, between_integers, count_steps, is_step, with_floors
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    Call,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Var,
-    add,
-    call,
-    conjunction,
-    disjunction,
-    mul,
-    negation,
-    positive,
-    uncounted_floor,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, Call, Compare, Cond, Const, Expr, Var
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation, positive, uncounted_floor, where
 from teg.ir.traverse import fresh, rebuild, rename_apart, replace_node, size
 
 MAX_CELLS = 1024

@@ -15,10 +15,11 @@ from typing import cast
 from teg.errors import ArrayIndexError
 from teg.ir.arrays import Ranged, Sum, sum_over
 from teg.ir.cells import indices_apart, replace_integers
-from teg.ir.expr import ONE, ZERO, Add, Expr, Mul, Var, Where, add, mul, where
+from teg.ir.expr import ONE, ZERO, Add, Expr, Mul, Var, Where
 from teg.ir.index import IndexConst, IndexGather, IndexParam, IndexVar, Length, index_const, index_leaves
 from teg.ir.integral import Integral, integral_over
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, mul, where
 from teg.ir.traverse import rebuild
 
 MOST_TERMS = 20_000

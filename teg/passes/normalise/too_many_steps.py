@@ -13,9 +13,10 @@ from typing import cast
 
 from teg.analysis.calculus import steps_error
 from teg.analysis.staircase import is_step
-from teg.ir.expr import Call, Compare, Expr, Param, UncountedFloor, Var, Where, add, call, const, mul
+from teg.ir.expr import Call, Compare, Expr, Param, UncountedFloor, Var, Where, const
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder, union
+from teg.ir.simplify import add, call, mul
 from teg.ir.traverse import parameters, rebuild
 
 

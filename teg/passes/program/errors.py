@@ -35,6 +35,7 @@ from teg.program import (
     statements,
 )
 from teg.program.dce import without_dead_code
+from teg.program.operations import letter_of
 
 STEEP = ("div", "powi", "pow", "log", "log1p", "sqrt", "asin", "acos", "tan", "atan2")
 """Operations whose slope can be infinite."""
@@ -263,7 +264,7 @@ class _Estimator:
     # -- operations ----------------------------------------------------------------------------------------------------
 
     def op(self, out: list[Stmt], op: str, *args: Arg) -> Arg:
-        name = self.fresh("b" if op in ("gt0", "ge0", "lt0", "le0", "ok", "and", "or", "not") else "v")
+        name = self.fresh(letter_of(op))
         out.append(Assign(name, op, args))
         return name
 

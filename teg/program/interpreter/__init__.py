@@ -1,7 +1,7 @@
 """The executable meaning of programs: one point, plain Python numbers, nothing clever.
 
 `interpret` runs a flat program and `interpret_arrays` one with arrays. The printers of the backends are tested against them: their results
-agree up to the order in which numbers are added. A statement has one function here, which says what it means.
+agree up to the order in which numbers are added. A statement has one function here, which is its meaning.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, assert_never
 
 import numpy as np
 
-from teg.numerics.cells import integrals
+from teg.numerics.cell_integrals import integrals
 from teg.program.arrays import (
     AddTo,
     Arg,

@@ -1,4 +1,4 @@
-"""The state of one run, what the simple statements do to it, and the two runs that a program with ties takes."""
+"""The state of one run, the meaning of the simple statements, and the two runs that a program with ties takes."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def interpret(program: Program, arguments: Sequence[float]) -> Interpreted:
 
 @dataclass
 class Machine:
-    """The state of a run of a program in one order of ties: the values of all names so far, and what the run noted. Names are unique in a
+    """The state of a run of a program in one order of ties: the values of all names so far, and the notes of the run. Names are unique in a
     program, so blocks share one table; running a block again replaces its values."""
 
     program: Program

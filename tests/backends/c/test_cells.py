@@ -11,7 +11,8 @@ import pytest
 
 from teg.backends.c.build import load_library
 from teg.backends.c.runtime import LIMITS, runtime
-from teg.numerics.cells import Layout, integrals
+from teg.numerics.cell_integrals import integrals
+from teg.numerics.cells import Layout
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 
 Array = np.ndarray[Any, Any]

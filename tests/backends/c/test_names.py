@@ -15,7 +15,7 @@ from teg.backends.c.standalone import standalone_c
 from teg.backends.c.text import HARMLESS, harmless
 from teg.ir.arrays import Array
 from teg.ir.index import IndexArray
-from teg.language import param_of_any_name
+from teg.language.programs import param_of_any_name
 from tests.backends.c_checks import STRICT, _compile, in_c
 
 pytestmark = in_c

@@ -9,7 +9,8 @@ import pytest
 
 from teg.backends.numpy import arrangement, cells, tiles
 from teg.backends.numpy.cells import cells_of_lanes
-from teg.numerics.cells import TILE_AT, Layout, integrals
+from teg.numerics.cell_integrals import integrals
+from teg.numerics.cells import TILE_AT, Layout
 
 SHAPES = [Layout(1, 3, 0), Layout(1, 3, 1), Layout(2, 2, 2), Layout(1, 0, 1), Layout(3, 1, 1), Layout(1, 3, 1, 1), Layout(2, 2, 2, 1)]
 

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from teg.backends.numpy import roots as numpy_roots
+from teg.backends.numpy import isolate as isolation
+from teg.backends.numpy import lanes
 from teg.backends.numpy.kernel import compile_numpy
 from teg.program import Arg, Program, Stmt
 from teg.program.dce import without_dead_code
@@ -200,13 +201,13 @@ def test_steps_that_leave_the_box_are_bisected() -> None:
 
 def test_newton_needs_few_points_and_a_level_costs_its_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
     counts = {3: 0, 7: 0}
-    evaluated = numpy_roots._evaluated
+    evaluated = lanes.evaluated
 
     def counted(run, block, width, results, lane, at, given):  # type: ignore[no-untyped-def]
         counts[results] += lane.size
         return evaluated(run, block, width, results, lane, at, given)
 
-    monkeypatch.setattr(numpy_roots, "_evaluated", counted)
+    monkeypatch.setattr(isolation, "evaluated", counted)
     kernel = compile_numpy(roots(cubic("p0"), 1))
     kernel([np.full(100, 1.0)], 100)
     assert counts[7] <= 100 * 30  # boxes

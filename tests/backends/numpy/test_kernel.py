@@ -71,7 +71,7 @@ def test_pickles() -> None:
 def test_source_is_python_with_a_line_a_statement() -> None:
     kernel = compile_numpy(TWO_VARIABLES[0].program)
     assert "v0 = p0 * x1" in kernel.source
-    assert "integral_0 = rt.GaussIntegral(" in kernel.source
+    assert "integral_0 = integrals.GaussIntegral(" in kernel.source
     compile(kernel.source, "text", "exec")
 
 

@@ -10,7 +10,8 @@ import numpy.typing as npt
 import pytest
 
 import teg
-from teg.backends.numpy import roots as numpy_roots
+from teg.backends.numpy import lanes
+from teg.backends.numpy import locate as location
 from teg.backends.numpy.kernel import compile_numpy
 from teg.program import LOCATE_HALVINGS, LOCATE_WIDTH, Assign, Locate, Program
 from teg.program.dce import without_dead_code
@@ -137,13 +138,13 @@ def test_what_is_not_given_up_is_not_missed() -> None:
 
 def test_a_level_costs_the_rectangles_that_are_left(monkeypatch: pytest.MonkeyPatch) -> None:
     sizes: list[int] = []
-    evaluated = numpy_roots._evaluated
+    evaluated = lanes.evaluated
 
     def counted(run, block, width, results, lane, at, given):  # type: ignore[no-untyped-def]
         sizes.append(lane.size)
         return evaluated(run, block, width, results, lane, at, given)
 
-    monkeypatch.setattr(numpy_roots, "_evaluated", counted)
+    monkeypatch.setattr(location, "evaluated", counted)
     radii = np.linspace(0.3, 1.2, 50)
     found = compile_numpy(program(1, (locate("va vb", ends(0.0, 0.1, "p0"), -2.0, 3.0, -1.5, 1.75),), "va", "vb"))([radii], 50)
     np.testing.assert_allclose(found, [-np.sqrt(radii), np.sqrt(radii)], atol=2e-7)
@@ -159,8 +160,8 @@ def test_a_crowded_lane_takes_no_memory() -> None:
         sizes.append(left.size)
         return (0.0 * left,) * 4
 
-    location = numpy_roots.Location(enclosure, 2, 4, counts=True)
-    found = location(numpy_roots.Run(1, 2**24), np.zeros(3), 1.0, 0.0, 1.0, ())
+    search = location.Location(enclosure, 2, 4, counts=True)
+    found = search(lanes.Run(1, 2**24), np.zeros(3), 1.0, 0.0, 1.0, ())
     np.testing.assert_array_equal(found, [[0.0] * 3, [1.0] * 3, [1.0] * 3])
     assert max(sizes) == 3 * LOCATE_WIDTH
     assert sum(sizes) == 3 * (2 * LOCATE_WIDTH - 1)
@@ -171,13 +172,13 @@ def test_a_ring_costs_few_rectangles(monkeypatch: pytest.MonkeyPatch) -> None:
     v, u = teg.vars("v u")
     a = teg.param("a")
     sizes: list[int] = []
-    refuted = numpy_roots.refuted
+    refuted = location.refuted
 
     def counted(xp, bounds, at, reach):  # type: ignore[no-untyped-def]
         sizes.append(reach.shape[1])
         return refuted(xp, bounds, at, reach)
 
-    monkeypatch.setattr(numpy_roots, "refuted", counted)
+    monkeypatch.setattr(location, "refuted", counted)
     f = teg.compile(teg.integral(teg.bracket((v * v + u * u + a) ** 2 < v * v + u * u), (v, -1, 1), (u, -1, 1)), [a], backend="numpy")
     inner, outer = (0.5 + s * math.sqrt(0.25 - 0.2138) for s in (-1, 1))
     assert f(0.2138) == pytest.approx(math.pi * (outer**2 - inner**2), rel=1e-11)

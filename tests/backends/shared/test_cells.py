@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from teg.backends.shared.cells import integrals_of_lanes, line_count, most_candidates
-from teg.numerics.cells import Layout, integrals
+from teg.numerics.cell_integrals import integrals
+from teg.numerics.cells import Layout
 
 TRIANGLES = Layout(1, 3, 1)
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import teg
-from teg.ir.expr import And, Compare, Cond, Const, Expr, Not, conjunction
+from teg.ir.expr import And, Compare, Cond, Const, Expr, Not
 from teg.ir.integral import Integral
+from teg.ir.simplify import conjunction
 from teg.ir.traverse import fresh
 from teg.passes.eliminate.barycentric import Along, Inside
 from teg.passes.eliminate.vertices import match_side, match_triangle

@@ -17,8 +17,9 @@ from teg.analysis.staircase import Box, Range, count_steps, is_step
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
 from teg.evaluator.accuracy import AccuracyWarning
-from teg.ir.expr import UncountedFloor, call
+from teg.ir.expr import UncountedFloor
 from teg.ir.node import postorder
+from teg.ir.simplify import call
 from teg.passes.differentiate.estimators.exact import Exact
 from teg.passes.normalise.steps import enumerate_steps
 from teg.pipeline import compiled_outputs, normal_form

@@ -20,8 +20,9 @@ from typing import cast
 
 from teg.errors import EstimatorError
 from teg.ir.choices import NOTHING, Nearest
-from teg.ir.expr import Expr, add, call, const, div, mul, sub
+from teg.ir.expr import Expr, const
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, div, mul, sub
 from teg.ir.traverse import rebuild
 from teg.passes.differentiate.estimators.coverage import coverage
 from teg.passes.normalise.choices import candidates_of

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, And, Compare, Cond, Expr, Not, Or, Truth, Var, add, call, const, div, mul, sub, where
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, And, Compare, Cond, Expr, Not, Or, Truth, Var, const
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, call, div, mul, sub, where
 from teg.passes.differentiate.estimators.nests import squared_slopes
 
 

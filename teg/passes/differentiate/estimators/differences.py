@@ -17,7 +17,8 @@ from typing import ClassVar, cast
 
 from teg.analysis.settings import Integration
 from teg.errors import EstimatorError, OptionError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Param, add, call, const, div, mul, sub
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Param, const
+from teg.ir.simplify import add, call, div, mul, sub
 from teg.ir.traverse import parameters, replace_node
 from teg.passes.differentiate.estimators.estimator import SAMPLES, Estimator, check_positive
 from teg.passes.differentiate.estimators.nests import slopes_through_nests

@@ -1,6 +1,6 @@
 """What all estimators of discontinuous derivatives share: a name, options that are checked, and the gradient of a program.
 
-An estimator answers one question: what becomes of the jumps when a program is differentiated. Each is a pass over the normal form of the
+An estimator answers one question: the treatment of jumps when a program is differentiated. Each is a pass over the normal form of the
 program, and gives an ordinary program without δ, which every backend integrates by the rule that the user chose.
 """
 
@@ -13,7 +13,8 @@ from typing import Any, ClassVar
 
 from teg.analysis.settings import Integration
 from teg.errors import OptionError
-from teg.ir.expr import Expr, Param, Tuple, tuple_of
+from teg.ir.expr import Expr, Param, Tuple
+from teg.ir.simplify import tuple_of
 from teg.passes.normalise.choices import has_choices
 
 SAMPLES = 2**14

@@ -1,9 +1,9 @@
-"""Boundary integrals: what this compiler does unless it is told otherwise.
+"""Boundary integrals: the default of this compiler.
 
 rule       ∂I = ∫ (∂f)ₐₑ + Σ_j ∫_{g_j=0} jump_j·∂g_j/|∇g_j|, the second sum by elimination of δ and integrated between its breaks
 bias       none; the error is that of deterministic integration, below the tolerance
 variance   none
-source     Bangaru et al. 2021, and `teg.passes.eliminate` for what is different here
+source     Bangaru et al. 2021, and `teg.passes.eliminate` for the differences
 """
 
 from __future__ import annotations

@@ -19,9 +19,10 @@ from teg.analysis.nest import Binder, Chain, nest
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import finite_place, infinite_ends, is_unbounded
 from teg.errors import EstimatorError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Expr, Mul, Param, Var, Where, add, mul, sub, where
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Expr, Mul, Param, Var, Where
 from teg.ir.integral import Integral, integral_over, masses_of
 from teg.ir.node import Node
+from teg.ir.simplify import add, mul, sub, where
 from teg.ir.traverse import parameters, replace_node, substitute
 from teg.passes.differentiate.reverse import gradient_of
 
@@ -162,11 +163,15 @@ def _place(lo: Expr, hi: Expr, u: Var) -> tuple[Expr, Expr]:
     return add(lo, mul(extent, u)), extent
 
 
-def check_dimensions(cube: Cube, name: str, most: int = 3) -> None:
+MOST_VARIABLES = 3
+"""The largest number of variables of a nest for estimators that need a field in them."""
+
+
+def check_dimensions(cube: Cube, name: str) -> None:
     """Raises EstimatorError for a nest of more variables than an estimator takes."""
-    if len(cube.variables) > most:
+    if len(cube.variables) > MOST_VARIABLES:
         hint = 'discontinuities="differences" and "smooth" take any number'
-        raise EstimatorError(f"{name!r} takes nests of up to {most} integrals, here are {len(cube.variables)}", cube.body, hint)
+        raise EstimatorError(f"{name!r} takes nests of up to {MOST_VARIABLES} integrals, here are {len(cube.variables)}", cube.body, hint)
 
 
 def squared_slopes(g: Expr, variables: Sequence[Var]) -> tuple[list[Expr], Expr]:

@@ -25,9 +25,10 @@ from typing import ClassVar, cast
 from teg.analysis.jumps import surface_terms
 from teg.analysis.surfaces import owned_surfaces
 from teg.errors import OptionError
-from teg.ir.expr import ONE, Compare, Cond, Expr, Param, Where, add, mul, sub
+from teg.ir.expr import ONE, Compare, Cond, Expr, Param, Where
 from teg.ir.integral import Integral
 from teg.ir.node import Node, postorder
+from teg.ir.simplify import add, mul, sub
 from teg.ir.traverse import rebuild
 from teg.passes.differentiate.estimators.aggregate import aggregated
 from teg.passes.differentiate.estimators.coverage import plain, scale_of, truth_of

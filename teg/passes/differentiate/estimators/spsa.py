@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, cast
 
 from teg.analysis.settings import Integration
-from teg.ir.expr import MINUS_ONE, ONE, Expr, Param, Var, add, const, div, mul, positive, sub, where
+from teg.ir.expr import MINUS_ONE, ONE, Expr, Param, Var, const
+from teg.ir.simplify import add, div, mul, positive, sub, where
 from teg.ir.traverse import replace_node
 from teg.passes.differentiate.estimators.differences import balanced_step, length
 from teg.passes.differentiate.estimators.estimator import Estimator, check_positive

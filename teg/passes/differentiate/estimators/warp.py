@@ -24,26 +24,8 @@ from typing import ClassVar, cast
 
 from teg.analysis.calculus import slope
 from teg.errors import OptionError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Cond,
-    Expr,
-    Param,
-    Var,
-    add,
-    call,
-    conjunction,
-    const,
-    div,
-    integer_power,
-    mul,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Cond, Expr, Param, Var, const
+from teg.ir.simplify import add, call, conjunction, div, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.passes.differentiate.estimators.estimator import Estimator, check_count
 from teg.passes.differentiate.estimators.nests import Cube, along, check_dimensions, divergence, slopes_through_nests, squared_slopes

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from typing import ClassVar, cast
 
 from teg.errors import OptionError
-from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Param, Var, add, call, const, div, integer_power, mul, positive, sub, where
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Expr, Param, Var, const
+from teg.ir.simplify import add, call, div, integer_power, mul, positive, sub, where
 from teg.ir.traverse import substitute
 from teg.passes.differentiate.estimators.estimator import Estimator, check_count, check_positive
 from teg.passes.differentiate.estimators.nests import Cube, along, check_dimensions, slopes_through_nests, squared_slopes

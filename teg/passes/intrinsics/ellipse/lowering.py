@@ -10,8 +10,9 @@ from teg.analysis.boxes import Coefficients
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.node import Node
 from teg.passes.intrinsics.ellipse.match import Arcs, Curve, Cut, Sides, match_ellipse
-from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.emit import Emitter
 from teg.passes.lower.intrinsic import Lowering
+from teg.passes.lower.levels import Level
 from teg.program import Arg, Ellipse, HalfPlane, Moments
 
 
@@ -92,7 +93,7 @@ class EllipseLowering(Lowering):
             home.block.append(Ellipse(axes, place, tuple(moments), tuple(names), None, planes))
         for known in dict.fromkeys(node for node, _, _ in wanted):
             mine = parts.get(known, [])
-            home.names[known] = 0.0 if not mine else mine[0] if len(mine) == 1 else self.out.assign(home, "v", "add", *mine)
+            home.names[known] = 0.0 if not mine else mine[0] if len(mine) == 1 else self.out.assign(home, "add", *mine)
 
     def _half_plane(self, cut: Cut, home: Level) -> HalfPlane:
         a, b, c = (self.out.number(e, home) for e in cut.line)

@@ -21,33 +21,16 @@ from typing import cast
 
 from teg.analysis.boxes import Coefficients, coefficients, nest_of_two
 from teg.analysis.calculus import slope
+from teg.analysis.expanded import distance
 from teg.analysis.nest import Binder, Chain, nest
-from teg.analysis.polynomial import Shadow, distance
+from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    FALSE,
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Compare,
-    Cond,
-    Const,
-    Expr,
-    Var,
-    add,
-    call,
-    const,
-    div,
-    integer_power,
-    mul,
-    sub,
-    where,
-)
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Compare, Cond, Const, Expr, Var, const
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.node import digest
+from teg.ir.simplify import add, call, div, integer_power, mul, sub, where
 from teg.ir.traverse import replace_node, substitute
 from teg.passes.eliminate.conic import Conic, born, match_conic, place_of, squares_of
 from teg.program import MAX_CUTS

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from teg.passes.lower.intrinsic import LEAST, ROUNDINGS, Errors
 from teg.program import Arg, Hyperbola, Moments, Stmt
+from teg.program.names import is_parameter
 
 STEP = 2.0**-42
 """How far corners are moved, relative to their sizes: far enough that the roundings of the border itself do not count."""
@@ -47,7 +48,7 @@ def with_errors(errors: Errors, stmt: Hyperbola, out: list[Stmt]) -> None:
 def _moved_borders(errors: Errors, stmt: Hyperbola, kinds: dict[tuple[str, int, int], str], out: list[Stmt]) -> dict[tuple[int, int], Arg]:
     """Returns how far each moment of the border moves with the corners."""
     borders = {(j, k): name for (kind, j, k), name in kinds.items() if kind == "border"}
-    computed = [isinstance(c, str) and c[0] != "p" for c in stmt.corners]
+    computed = [isinstance(c, str) and not is_parameter(c) for c in stmt.corners]
     if not borders or not any(computed):
         return {}
     factors = [1.0 + (-STEP if i % 2 else STEP) for i in range(4)]

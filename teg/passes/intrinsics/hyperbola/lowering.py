@@ -8,13 +8,15 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from teg.analysis.boxes import Coefficients
-from teg.analysis.polynomial import expanded
-from teg.ir.expr import Add, Const, Expr, Mul, Param, mul, sub
+from teg.analysis.expanded import expanded
+from teg.ir.expr import Add, Const, Expr, Mul, Param
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.node import Node
+from teg.ir.simplify import mul, sub
 from teg.passes.intrinsics.hyperbola.match import Border, Corners, Sides, match_hyperbola
-from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.emit import Emitter
 from teg.passes.lower.intrinsic import Lowering
+from teg.passes.lower.levels import Level
 from teg.program import Arg, Hyperbola, Moments
 
 
@@ -83,16 +85,16 @@ class HyperbolaLowering(Lowering):
         ties: tuple[int, ...] = ()
         scales: tuple[Arg, ...] = ()
         if together.borders:  # a region does not change where its border does
-            scales = tuple(self.out.tie_scale(e, home) for e in corners)
+            scales = tuple(self.out.rounding.tie_scale(e, home) for e in corners)
             ties = tuple(self.out.ties.setdefault(pair, len(self.out.ties)) for pair in together.borders[0].rivals)
         exact = expanded(sub(mul(corners[0], corners[2]), mul(corners[1], corners[3])), 2)
         turn = self.out.number(exact, home) if exact is not None and _keeps_digits(exact) else math.nan
         home.block.append(Hyperbola(values, (), scales, ties, tuple(moments), tuple(names), turn=turn))
         for node, sides in together.regions:
             mine = parts.get(node, [])
-            total: Arg = 0.0 if not mine else mine[0] if len(mine) == 1 else self.out.assign(home, "v", "add", *mine)
+            total: Arg = 0.0 if not mine else mine[0] if len(mine) == 1 else self.out.assign(home, "add", *mine)
             area = self.out.number(sides.area, home)
-            home.names[node] = total if area == 1.0 or not mine else self.out.assign(home, "v", "mul", total, area)
+            home.names[node] = total if area == 1.0 or not mine else self.out.assign(home, "mul", total, area)
         for border in together.borders:
             home.names[border] = parts[border][0] if border in parts else 0.0
 

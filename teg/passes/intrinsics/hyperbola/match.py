@@ -17,13 +17,15 @@ from dataclasses import dataclass
 from typing import cast
 
 from teg.analysis.boxes import Coefficients, coefficients, nest_of_two
+from teg.analysis.expanded import distance
 from teg.analysis.nest import Chain
-from teg.analysis.polynomial import Shadow, distance
+from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
-from teg.ir.expr import FALSE, TRUE, ZERO, Const, Expr, mul
+from teg.ir.expr import FALSE, TRUE, ZERO, Const, Expr
 from teg.ir.integral import ClosedForm, Integral
 from teg.ir.show import show
+from teg.ir.simplify import mul
 from teg.ir.traverse import replace_node, substitute
 
 MAX_BORDER, MAX_INSIDE = 3, 2

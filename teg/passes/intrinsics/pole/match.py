@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from teg.analysis.breaks import BreakAnalysis, Turn
-from teg.analysis.polynomial import P, Poly, divided
+from teg.analysis.breaks import BreakAnalysis
+from teg.analysis.polynomial import Poly
+from teg.analysis.projection import Turn
 from teg.ir.integral import Integral
+from teg.numerics.field import P, divided
 
 MAX_NUMERATOR, MAX_POWER = 4, 3
 """Degree of the numerator, power in the denominator."""
@@ -46,7 +48,7 @@ def match_pole(node: Integral, analysis: BreakAnalysis) -> Pole | None:
 
 
 def _without_zero(poly: Poly, at: int) -> tuple[int, Poly]:
-    """How often a polynomial in one variable has a zero there, and what is left without it."""
+    """Returns how often a polynomial in one variable has a zero there, and the quotient without it."""
     times, coefficients = 0, [poly.get((i,), 0) for i in range(max((i for (i,) in poly), default=0), -1, -1)]
     while len(coefficients) > 1:
         quotient = [coefficients[0]]

@@ -1,4 +1,5 @@
-"""Clipped polygons and segments: `match` recognises integrals, `lowering` makes the statements, `errors` their estimates.
+"""Clipped polygons and segments: `match` recognises integrals, `lowering` makes the statements, `errors` their estimates;
+`adjoints` has their moments in loops.
 
 operands    the box (width, height) or the unit interval; half-planes or half-lines; a polynomial body
 results     factors · ∫∫ of each value over the domain that the half-planes leave
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 from teg.ir.integral import Integral, masses_of
 from teg.numerics.quadrature import triangle_rule
+from teg.passes.intrinsics.polygon.adjoints import with_adjoints
 from teg.passes.intrinsics.polygon.errors import with_errors
 from teg.passes.intrinsics.polygon.lowering import PolygonLowering
 from teg.passes.intrinsics.polygon.match import match_clipped
@@ -52,5 +54,6 @@ POLYGON = Intrinsic(
     "polygon",
     PolygonLowering,
     describe=describe,
+    loops=with_adjoints,
     statements={Polygon: Statement(with_errors, of_polygon, of_triangle), Segment: Statement(with_errors, of_segment, of_segment)},
 )

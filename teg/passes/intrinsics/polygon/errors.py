@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from teg.passes.lower.intrinsic import LEAST, Errors
 from teg.program import EDGE, ROUNDING, Arg, Polygon, Segment, Stmt, clipped_by
+from teg.program.names import is_condition
 
 
 def with_errors(errors: Errors, stmt: Polygon | Segment, out: list[Stmt]) -> None:
@@ -30,7 +31,7 @@ def with_errors(errors: Errors, stmt: Polygon | Segment, out: list[Stmt]) -> Non
     thin = errors.op(out, "div", box, errors.op(out, "max", errors.op(out, "abs", extent), LEAST))
     relative = errors.op(out, "add", 0.5 * ROUNDING, errors.op(out, "mul", EDGE, thin))
     for arg in clipped_by(stmt):
-        if isinstance(arg, str) and arg[0] != "b" and errors.error(arg) != 0.0:
+        if isinstance(arg, str) and not is_condition(arg) and errors.error(arg) != 0.0:
             size = errors.op(out, "max", errors.op(out, "abs", arg), LEAST)
             relative = errors.op(out, "add", relative, errors.op(out, "div", errors.error(arg), size))
     for i, (result, value, factor) in enumerate(zip(stmt.results, stmt.values, stmt.factors, strict=True)):

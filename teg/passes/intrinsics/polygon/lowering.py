@@ -14,34 +14,20 @@ from dataclasses import replace
 from typing import cast
 
 from teg.analysis.calculus import slope
+from teg.analysis.expanded import distance
 from teg.analysis.guards import middle_and_reach
-from teg.analysis.polynomial import Shadow, distance
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    ZERO,
-    Add,
-    Const,
-    Expr,
-    Mul,
-    Param,
-    Var,
-    Where,
-    add,
-    conjunction,
-    mul,
-    negation,
-    positive,
-    sub,
-)
+from teg.analysis.polynomial import Shadow
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Add, Const, Expr, Mul, Param, Var, Where
 from teg.ir.integral import Integral
 from teg.ir.node import Node
+from teg.ir.simplify import add, conjunction, mul, negation, positive, sub
 from teg.ir.traverse import fresh, rebuild, rewrite, substitute
 from teg.passes.eliminate.barycentric import Inside
 from teg.passes.eliminate.vertices import match_triangle
 from teg.passes.intrinsics.polygon.match import Clipped, Half, match_clipped
-from teg.passes.lower.emit import Emitter, Level
+from teg.passes.lower.emit import Emitter
 from teg.passes.lower.intrinsic import Lowering
+from teg.passes.lower.levels import Level
 from teg.program import Arg, HalfLine, HalfPlane, Polygon, Segment
 
 
@@ -133,7 +119,7 @@ class PolygonLowering(Lowering):
             middle, reach = middle_and_reach(half.atom.g, corner, extents)
             parts.append(positive(add(mul(MINUS_ONE, middle) if half.negated else middle, reach), strict=False))
         fails = self.out.truths(conjunction(*parts), home)[1]
-        return self.out.assign(home, "b", "not", fails) if isinstance(fails, str) else True
+        return self.out.assign(home, "not", fails) if isinstance(fails, str) else True
 
     def _segment(self, group: Sequence[Clipped], home: Level, when: str | None) -> tuple[str, ...]:
         (node,) = group[0].boxes
@@ -167,14 +153,14 @@ class PolygonLowering(Lowering):
             return HalfLine(first, last, half.closed)
         holds = self.out.truths(negation(atom.resolution) if half.negated else atom.resolution, home)[0]
         k = self.out.ties.setdefault(cast("tuple[str, str]", atom.rivals), len(self.out.ties))
-        scales = [self.out.tie_scale(cast(Expr, substitute(atom.g, {x: end})), home) for end in bounds]
+        scales = [self.out.rounding.tie_scale(cast(Expr, substitute(atom.g, {x: end})), home) for end in bounds]
         return HalfLine(first, last, half.closed, k, holds, self._size_of_terms(atom.g, x, bounds, home), self._larger(scales, home))
 
     def _larger(self, sizes: Sequence[Arg], home: Level) -> Arg:
         a, b = sizes
         if isinstance(a, float) and isinstance(b, float):
             return max(a, b)
-        return a if a == b else self.out.assign(home, "v", "max", a, b)
+        return a if a == b else self.out.assign(home, "max", a, b)
 
     def _size_of_terms(self, g: Expr, x: Var, bounds: tuple[Expr, Expr], home: Level) -> Arg:
         """Returns a bound of the terms of an affine function between the bounds, before anything cancels."""
@@ -200,7 +186,7 @@ class PolygonLowering(Lowering):
             stack.pop()
             sizes = [known[p] for p in parts]
             if isinstance(e, Add):
-                known[e] = self.out.assign(home, "v", "add", *sizes)
+                known[e] = self.out.assign(home, "add", *sizes)
             elif e is x:
                 known[e] = most
             elif x not in e.free:
@@ -208,11 +194,11 @@ class PolygonLowering(Lowering):
             elif isinstance(e, Mul):
                 sizes += [self.out.size(c, home) for c in cast("Sequence[Expr]", e.children) if x not in c.free]
                 sizes = [s for s in sizes if s != 1.0] or [1.0]
-                known[e] = sizes[0] if len(sizes) == 1 else self.out.assign(home, "v", "mul", *sizes)
+                known[e] = sizes[0] if len(sizes) == 1 else self.out.assign(home, "mul", *sizes)
             elif isinstance(e, Where):
-                known[e] = self.out.assign(home, "v", "select", self.out.truths(e.condition, home)[0], *sizes)
+                known[e] = self.out.assign(home, "select", self.out.truths(e.condition, home)[0], *sizes)
             else:
-                known[e] = self.out.assign(home, "v", "add", *(self.out.size(cast(Expr, substitute(e, {x: b})), home) for b in bounds))
+                known[e] = self.out.assign(home, "add", *(self.out.size(cast(Expr, substitute(e, {x: b})), home) for b in bounds))
         return known[g]
 
     # -- integrands ----------------------------------------------------------------------------------------------------

@@ -23,31 +23,10 @@ from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
 from teg.analysis.tails import is_unbounded
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import (
-    MINUS_ONE,
-    ONE,
-    TRUE,
-    ZERO,
-    Add,
-    And,
-    Compare,
-    Cond,
-    Expr,
-    Mul,
-    Not,
-    Or,
-    Var,
-    add,
-    conjunction,
-    disjunction,
-    mul,
-    negation,
-    positive,
-    sub,
-    where,
-)
+from teg.ir.expr import MINUS_ONE, ONE, TRUE, ZERO, Add, And, Compare, Cond, Expr, Mul, Not, Or, Var
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import Node
+from teg.ir.simplify import add, conjunction, disjunction, mul, negation, positive, sub, where
 from teg.ir.traverse import replace_node, substitute
 from teg.program import MAX_HALF_PLANES
 

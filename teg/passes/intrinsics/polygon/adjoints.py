@@ -1,4 +1,4 @@
-"""Derivatives by what a loop is given, and the chain rule once behind it.
+"""Derivatives by the inputs of a loop, and the chain rule once behind it.
 
     Σ over boxes of  outputs of a flat program    →    Σ over boxes of *moments*;   outputs = matrix · sums of moments
 
@@ -7,7 +7,7 @@ coefficients are the same for all of them, but for the data of a box. So every o
 that the loop does not change: the moments are added up, and the coefficients are applied once, behind the loop.
 
     coordinates    the barycentric ones of a polygon with corners; else its offsets from one point of the plane
-    residuals      sums with data of a box in them, not expanded: what is small stays small
+    residuals      sums with data of a box in them, not expanded: small numbers stay small
     moments        products of residuals and coordinates under the integral; results of segments; other numbers, as they are
 
 Whether a coefficient is 0 is decided in a finite field (`teg.program.residues`).
@@ -19,12 +19,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import count
 
-from teg.passes.program.polynomials import ONE, POINTS, Coefficient, Monomial, Poly, Polynomials, Steady, derivative
+from teg.passes.intrinsics.polygon.polynomials import ONE, POINTS, Coefficient, Monomial, Poly, Polynomials, Steady, derivative
 from teg.program import Arg, Assign, Polygon, Program, Segment, Stmt, assigned, statements
 from teg.program.arrays import ArrayProgram, Loop, Number, Run, Step, steps
 from teg.program.dce import without_dead_code
 from teg.program.fields import result_names
 from teg.program.joined import input_residues, joined
+from teg.program.names import unused_numbers
 from teg.program.residues import Residues
 from teg.program.summed import Summed, summed, with_enclosing
 from teg.program.walk import blocks, free_in
@@ -323,7 +324,7 @@ class _Moments:
 
 def with_adjoints(program: ArrayProgram) -> ArrayProgram:
     """Returns the program in which loops over boxes add up moments, where all that they give is combinations of not many more."""
-    numbers = count(1 + max((int(n[1:]) for s in steps(program.body) for n in result_names(s) if n[1:].isdigit()), default=0))
+    numbers = unused_numbers(n for s in steps(program.body) for n in result_names(s))
     candidates: list[tuple[Summed, Run]] = []
     for loop, around in with_enclosing(program.body):
         runs = [s for s in loop.body if isinstance(s, Run)]
@@ -360,7 +361,7 @@ def _split(found: Summed, run: Run, residues: Sequence[Residues], numbers: count
     block = list(statements(run.program.body))
     for r in residues:
         r.follow(block)
-    inner = count(1 + max((int(n[1:]) for s in block for n in assigned(s) if n[1:].isdigit()), default=0))
+    inner = unused_numbers(n for s in block for n in assigned(s))
     moments = _Moments(run, varying, indices, residues, inner)
     if not moments.through():
         return None

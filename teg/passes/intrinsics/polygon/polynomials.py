@@ -12,6 +12,7 @@ from itertools import count
 from typing import NamedTuple
 
 from teg.program import Arg, Assign, Stmt
+from teg.program.names import is_number
 from teg.program.residues import P, Residues, random_residue, residue_of
 
 POINTS = 2
@@ -140,7 +141,7 @@ class Polynomials:
     def follow(self, block: Iterable[Stmt], in_polygon: bool = False) -> None:
         """Notes the polynomials of assignments. In a polygon, a sum with data in it becomes a variable: a residual."""
         for s in block:
-            if not isinstance(s, Assign) or s.name[0] != "v" or self.varying.isdisjoint(s.args):
+            if not isinstance(s, Assign) or not is_number(s.name) or self.varying.isdisjoint(s.args):
                 continue
             self.varying.add(s.name)
             found = self._result(s)

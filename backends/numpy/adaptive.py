@@ -1,0 +1,187 @@
+"""Adaptive integrals over lanes: Gauss-Legendre with bisection."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from teg.backends.numpy.arrays import places_of
+from teg.backends.numpy.guard import Guard
+from teg.backends.numpy.integrals import Integral
+from teg.backends.numpy.lanes import Array, Run, Value, gather, parts, scatter
+from teg.backends.shared.bends import POWER, Bend, Substitution
+from teg.backends.shared.rules import null_rule_error, rounding, tolerated
+from teg.numerics.quadrature import gauss_legendre, null_rules
+from teg.program import DEEP, DIVERGENT, MAX_DEPTH, MAX_INTERVALS, SPENT, WATCH_WIDTH
+
+
+def keep_largest(rows: Array, lane: Array, values: Array) -> None:
+    """Raise each row, (lanes,), to the largest of its values in each lane; NaN is left out."""
+    for i in range(len(rows)):
+        np.fmax.at(rows[i], lane, values[i])
+
+
+def measure(values: Array, nodes: int, smooth: Array | bool = True) -> tuple[Array, Array, Array]:
+    """Returns sum, sum of sizes, and error (see `teg.program`) of the values at Gauss nodes, (nodes, lanes), each (lanes,); where they are
+    not known to be `smooth` no decay is counted on."""
+    weights = np.array(gauss_legendre(nodes)[1])
+    total, size = weights @ values, weights @ np.abs(values)
+    return total, size, null_rule_error(np, nodes, np.array(null_rules(nodes)) @ values, size, smooth)
+
+
+@dataclass(slots=True)
+class Measured:
+    """K of every value, (values, intervals), A and E of those tested, (tested, intervals); where a watched sign changes, and where one
+    is 0, (intervals,); sharp values at the nodes, (sharp, nodes, intervals)."""
+
+    total: Array
+    size: Array
+    error: Array
+    changed: Array
+    hidden: Array
+    seen: Array
+
+
+@dataclass(frozen=True, slots=True)
+class AdaptiveIntegral(Integral):
+    """Gauss-Legendre with bisection: at a time, all intervals of one depth, over all pieces.
+
+    Behind the values, `body` returns `watched` signs (an interval on which one changes is halved), and the sharp values of the
+    `guard`.
+    """
+
+    tol: float = 0.0
+    first: int = 10
+    order: int = 18
+    cubic: bool = False
+    watched: int = 0
+    guard: Guard | None = None
+
+    @property
+    def is_cubic(self) -> bool:
+        return self.cubic
+
+    def _rule(self, run: Run, places: Substitution, _: tuple[Value, Sequence[Bend]], values: Sequence[Value]) -> Array:
+        pieces = places.p.size
+        sums = np.zeros((self.results, pieces))
+        piece, left, width = np.arange(pieces), np.zeros(pieces), 1.0
+        used = np.zeros(pieces, dtype=np.int64)
+        whole = np.empty(0)
+        spent = np.zeros((self.tested, pieces))
+        above = np.zeros((self.tested, pieces))  # the largest A of what an interval came from
+        depth, first = 0, not self.watched
+        while True:
+            nodes = self.first if first else self.order
+            found = self._measure(run, places, values, piece, left, width, nodes)
+            total, size, error, changed = found.total, found.size, found.error, found.changed
+            if not whole.size:
+                whole = size if self.guard is None else size.copy()
+            if self.guard is not None:
+                above = np.fmax(above, size)
+                keep_largest(whole, piece, size)
+            largest = whole[:, piece] if self.guard is None else above
+            used += np.bincount(piece, minlength=pieces)
+            enough = tolerated(np, self.tol, largest, size)
+            fine = (error <= enough) | ~np.isfinite(error)
+            accepted = np.where(changed, width <= WATCH_WIDTH, fine.all(axis=0))
+            if self.guard is not None:
+                self._search(run, places, values, piece, (left, left + width), found, accepted, enough, depth)
+            late = run.evaluations + run.searched > run.most
+            again = ~accepted & ((used[piece] < MAX_INTERVALS) & (depth < MAX_DEPTH) & (not late))
+            missed = ~accepted & ~again
+            run.ended |= late and bool(missed.any())
+            if missed.any():
+                run.missed = True
+                if depth >= DEEP:
+                    endless = missed & ~changed & ~found.hidden & np.isfinite(error) & (size > DIVERGENT * largest)
+                    total[: self.tested][endless] = np.copysign(np.inf, total[: self.tested][endless])
+            done = np.flatnonzero(~again)
+            run.missed |= bool(np.isinf(total[: self.tested, done]).any())
+            spent += scatter(np.where(changed, 0.0, error)[:, done], piece[done], pieces)
+            sums[: self.values] += scatter(total[:, done], piece[done], pieces)
+            if self.estimated:
+                estimate = error[:, done] + rounding(np, places.p, places.q)[piece[done]] * size[:, done]
+                sums[self.values :] += scatter(estimate, piece[done], pieces)
+            if not again.any():
+                run.missed |= bool((spent > SPENT * tolerated(np, self.tol, whole, whole)).any())
+                return sums
+            if first:
+                piece, left, above, first = piece[again], left[again], above[:, again], False
+                continue
+            depth += 1
+            width *= 0.5
+            piece, left, above = np.repeat(piece[again], 2), np.repeat(left[again], 2), np.repeat(above[:, again], 2, axis=1)
+            left[1::2] += width
+
+    def _search(
+        self,
+        run: Run,
+        places: Substitution,
+        values: Sequence[Value],
+        piece: Array,
+        ends: tuple[Array, Array],
+        found: Measured,
+        accepted: Array,
+        enough: Array,
+        depth: int,
+    ) -> None:
+        """Take back that intervals are `accepted` in which something is hidden between the nodes."""
+        assert self.guard is not None
+        at = np.array(gauss_legendre(found.seen.shape[1])[0])
+        sure = np.flatnonzero(accepted & ~found.changed & np.isfinite(found.error).all(axis=0))
+        for some in parts(sure.size, run.chunk(self.node_width, at.size)):
+            chosen = sure[some]
+            left, right = (e[chosen] for e in ends)
+            nodes = left + (0.5 * (right - left)) * (1.0 + at[:, None])
+            given = [gather(v, piece[chosen]) for v in values]
+            part = places.part(piece[chosen])
+            accepted[chosen] = ~self.guard.hides(run, part, given, (left, right), nodes, found.seen[:, :, chosen], enough[:, chosen], depth)
+
+    def _measure(
+        self,
+        run: Run,
+        places: Substitution,
+        values: Sequence[Value],
+        piece: Array,
+        left: Array,
+        width: float,
+        nodes: int,
+    ) -> Measured:
+        """Returns the measurements of the intervals (left, left + width) of each `piece`."""
+        n, tested = piece.size, self.tested
+        changed, hidden = np.zeros((2, n), dtype=np.bool_)
+        sharp = self.guard.sharp if self.guard is not None else 0
+        total, size, error = (np.empty((rows, n)) for rows in (self.values, tested, tested))
+        result = Measured(total, size, error, changed, hidden, np.empty((sharp, nodes, n)))
+        at, weights = (np.array(column) for column in gauss_legendre(nodes))
+        self._count(run, piece.size * (nodes + 2 * (self.watched > 0)))
+        for part in parts(piece.size, run.chunk(self.node_width, nodes)):
+            index = piece[part]
+            given = [gather(v, index) for v in values]
+            here = places.part(index)
+            x, rate = places_of(here, left[part] + (0.5 * width) * (1.0 + at[:, None]))
+            rate *= 0.5 * width
+            found = self.body(run, x, *given)
+            for i, value in enumerate(found[: self.values]):
+                weighted = np.broadcast_to(value * rate, x.shape)
+                if i < self.tested:
+                    result.total[i, part], result.size[i, part], result.error[i, part] = measure(weighted, nodes, here.kind != POWER)
+                else:
+                    result.total[i, part] = weights @ weighted
+            behind = self.values + self.watched
+            for row, value in zip(result.seen, found[behind : behind + sharp], strict=True):
+                row[:, part] = value
+            if self.watched:
+                aside = Run(run.order, run.room)  # ties at the ends do not count
+                ends = places_of(here, np.array([left[part], left[part] + width]))[0]
+                at_ends = self.body(aside, ends, *given)
+                run.evaluations += aside.evaluations
+                run.searched += aside.searched
+                watched = slice(self.values, behind)
+                for inner, outer in zip(found[watched], at_ends[watched], strict=True):
+                    both = np.concatenate([np.broadcast_to(inner, x.shape), np.broadcast_to(outer, ends.shape)])
+                    changed[part] |= (both > 0.0).any(axis=0) & (both < 0.0).any(axis=0)
+                    hidden[part] |= (both == 0.0).any(axis=0)
+        return result

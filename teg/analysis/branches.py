@@ -1,0 +1,44 @@
+"""Functions without branches: both values of every `where` on variables."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from teg.ir.expr import Add, Call, Expr, Mul, Pow, Where
+from teg.ir.traverse import replace_node
+
+MAX_BRANCHES = 16
+
+
+def branches_of(f: Expr) -> list[Expr] | None:
+    """Returns f with every `where` on variables replaced by either branch; None if there are too many combinations."""
+    result = [f]
+    done: list[Expr] = []
+    while result:
+        e = result.pop()
+        outer = _variable_where(e)
+        if outer is None:
+            done.append(e)
+        elif len(result) + len(done) >= MAX_BRANCHES:
+            return None
+        else:
+            for branch in (outer.then, outer.otherwise):
+                result.append(cast(Expr, replace_node(e, outer, branch)))
+    return done
+
+
+def _variable_where(e: Expr) -> Where | None:
+    stack: list[Expr] = [e]
+    seen: set[Expr] = set()
+    while stack:
+        node = stack.pop()
+        if node in seen or not node.free:
+            continue
+        seen.add(node)
+        if isinstance(node, Where) and node.condition.free:
+            return node
+        if isinstance(node, Where):
+            stack += [node.then, node.otherwise]
+        elif isinstance(node, Add | Mul | Pow | Call):
+            stack.extend(cast("tuple[Expr, ...]", node.children))
+    return None

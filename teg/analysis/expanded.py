@@ -1,0 +1,239 @@
+"""Expressions as sums of monomials with exact rational coefficients: expanded, shorter, perfect powers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from fractions import Fraction
+from typing import cast
+
+from teg.ir.expr import Add, Const, Expr, Mul, Param, Pow, const
+from teg.ir.node import postorder
+from teg.ir.simplify import add, mul, sub
+from teg.ir.traverse import parameters
+
+MOST_TERMS = 48
+"""Longer sums of monomials are not written out."""
+
+Powers = tuple[tuple[int, int], ...]
+"""A monomial: pairs (number of the generator, exponent), sorted."""
+
+Form = dict[Powers, Fraction]
+"""A polynomial with exact coefficients."""
+
+
+def shorter_form(e: Expr) -> Expr | None:
+    """Returns the shorter of two normal forms of e: in parameters, or in parameters and differences of two parameters.
+
+    Differences of parameters do not cancel where far coordinates are squared. If both are equally long: `expanded(e)`, unless such
+    parameters are multiplied in it. If e does not change when all parameters that are multiplied are moved together: a form in which
+    they stand as differences.
+    """
+    plain = expanded(e)
+    differences = [n for n in postorder([e]) if isinstance(n, Expr) and _is_difference(n)]
+    local = expanded(e, whole=differences) if differences else None
+    relative = None if plain is None else _relative(plain)
+    best = plain if local is None else local
+    if local is not None and plain is not None:
+        cancels = _multiplies(plain, {p for d in differences for p in parameters(d)})
+        best = plain if _length(plain) + cancels <= _length(local) else local
+    return relative if relative is not None and best is not None and _length(relative) <= _length(best) else best
+
+
+def _relative(e: Expr) -> Expr | None:
+    """Returns a sum of monomials in differences of the parameters that are squared in e; None if e depends on more than these."""
+    form, generators = _normal_form(e, MOST_TERMS)
+    if not form:
+        return None
+    number = len(generators)
+    for origin in range(number):
+        is_coordinate = isinstance(generators[origin], Param) and any((origin, 2) in m for m in form)
+        factors = {i for m in form if any(g == origin for g, _ in m) for i, _ in m} if is_coordinate else set()
+        others = [i for i in sorted(factors) if i != origin and isinstance(generators[i], Param)]
+        moved = form
+        for k, i in enumerate(others):
+            moved = _shifted(moved, i, origin, len(generators) + k)
+        if others and len(moved) <= len(form) and not any(g == origin for m in moved for g, _ in m):
+            form = moved
+            generators += [add(generators[i], mul(const(-1.0), generators[origin])) for i in others]
+    return _from_form(form, generators) if len(generators) > number else None
+
+
+def _shifted(form: Form, i: int, origin: int, difference: int) -> Form:
+    """Returns a form in which generator i is the sum of two others."""
+    result: Form = {}
+    for m, weight in form.items():
+        powers = dict(m)
+        k = powers.pop(i, 0)
+        for s in range(k + 1):
+            new = {**powers, origin: powers.get(origin, 0) + k - s, difference: powers.get(difference, 0) + s}
+            key = tuple(sorted((g, n) for g, n in new.items() if n))
+            result[key] = result.get(key, Fraction(0)) + weight * math.comb(k, s)
+    return {m: weight for m, weight in result.items() if weight}
+
+
+def _multiplies(e: Expr, factors: Collection[Expr]) -> bool:
+    """Returns whether two of these factors, or one and itself, are multiplied in a sum of monomials."""
+    for n in postorder([e]):
+        if isinstance(n, Pow) and n.exponent > 1 and n.base in factors:
+            return True
+        if isinstance(n, Mul) and sum(c in factors for c in n.children) > 1:
+            return True
+    return False
+
+
+def _length(e: Expr) -> int:
+    return len(e.children) if isinstance(e, Add) else 1
+
+
+def _is_difference(e: Expr) -> bool:
+    """Returns whether e is p - q of two parameters."""
+    if not isinstance(e, Add) or len(e.children) != 2:
+        return False
+    p, q = e.children
+    minus = isinstance(q, Mul) and len(q.children) == 2 and isinstance(q.children[0], Const) and q.children[0].data == -1.0
+    return isinstance(p, Param) and minus and isinstance(q.children[1], Param)
+
+
+def expanded(e: Expr, limit: int = MOST_TERMS, whole: Collection[Expr] = ()) -> Expr | None:
+    """Returns e as a sum of monomials, with exact cancellation.
+
+    The generators are the nodes that are not sums, products or integer powers, and the expressions of `whole`. None if the sum is longer
+    than `limit` terms, or a number in it is not exact as float64.
+    """
+    form, generators = _normal_form(e, limit, frozenset(whole))
+    return None if form is None else _from_form(form, generators)
+
+
+def distance(lo: Expr, hi: Expr) -> Expr:
+    """Returns hi - lo; without what both have, if that makes it shorter: 1 for bounds p and p + 1."""
+    difference = sub(hi, lo)
+    short = expanded(difference, limit=8) if lo.children or hi.children else None
+    return difference if short is None or _length(short) >= _length(difference) else short
+
+
+def perfect_power(e: Expr) -> tuple[int, Expr, int] | None:
+    """Returns (sign of c, h, k) with e = c·hᵏ, c a number and k > 1 as large as possible; None if e is no such power."""
+    form, generators = _normal_form(e, MOST_TERMS)
+    if not form:
+        return None
+    lead = max(form, key=lambda m: _dense(m, len(generators)))
+    shared = math.gcd(*(k for _, k in lead)) if lead else 0
+    for k in range(shared, 1, -1):
+        base = _root(form, lead, k, len(generators)) if shared % k == 0 else None
+        if base is not None:
+            scale = math.lcm(*(c.denominator for c in base.values()))
+            h = _from_form({m: c * scale for m, c in base.items()}, generators)
+            return None if h is None else (1 if form[lead] > 0 else -1, h, k)
+    return None
+
+
+def _root(form: Form, lead: Powers, k: int, size: int) -> Form | None:
+    """Returns the monic polynomial whose k-th power is proportional to `form`; its terms are found from the highest
+    missing one downwards."""
+    top: Powers = tuple((i, j // k) for i, j in lead)
+    root: Form = {top: Fraction(1)}
+    slope = {i: (k - 1) * j for i, j in top}
+    while len(root) <= len(form):
+        power: Form | None = {(): form[lead]}
+        for _ in range(k):
+            power = None if power is None else _product(power, root, 4 * len(form))
+        if power is None:
+            return None
+        missing = {m: form.get(m, Fraction(0)) - power.get(m, Fraction(0)) for m in {**form, **power}}
+        missing = {m: c for m, c in missing.items() if c}
+        if not missing:
+            return root
+        highest = max(missing, key=lambda m: _dense(m, size))
+        term = {i: j - slope.get(i, 0) for i, j in {**dict.fromkeys(slope, 0), **dict(highest)}.items()}
+        name = tuple(sorted((i, j) for i, j in term.items() if j))
+        if any(j < 0 for j in term.values()) or name in root:
+            return None
+        root[name] = missing[highest] / (k * form[lead])
+    return None
+
+
+def _dense(m: Powers, size: int) -> tuple[int, ...]:
+    """Returns all exponents of a monomial. Their lexicographic order is an order of monomials."""
+    powers = dict(m)
+    return tuple(powers.get(i, 0) for i in range(size))
+
+
+def _product(a: Form, b: Form, limit: int) -> Form | None:
+    """Returns the product of two forms; None if it is longer than `limit` terms."""
+    if len(a) * len(b) > 10 * limit:
+        return None
+    out: Form = {}
+    for m1, c1 in a.items():
+        for m2, c2 in b.items():
+            powers = dict(m1)
+            for i, k in m2:
+                powers[i] = powers.get(i, 0) + k
+            m = tuple(sorted((i, k) for i, k in powers.items() if k))
+            out[m] = out.get(m, Fraction(0)) + c1 * c2
+    return {m: c for m, c in out.items() if c} if len(out) <= limit else None
+
+
+def _is_float(number: Fraction) -> bool:
+    try:
+        return Fraction(float(number)) == number
+    except OverflowError:
+        return False
+
+
+def _from_form(form: Form, generators: Sequence[Expr]) -> Expr | None:
+    """Returns a form as an expression; None if a number in it is not exact as float64."""
+    terms = []
+    for m, coefficient in form.items():
+        if not _is_float(coefficient):
+            return None
+        terms.append(mul(const(float(coefficient)), *(generators[i] ** k for i, k in m)))
+    return add(*terms)
+
+
+def _normal_form(e: Expr, limit: int, kept: frozenset[Expr] = frozenset()) -> tuple[Form | None, list[Expr]]:
+    """Returns an expression as a polynomial of generators, and these generators; (None, …) if it is too long.
+
+    Generators are the nodes that are not sums, products or integer powers, and the nodes in `kept`.
+    """
+    forms: dict[Expr, Form | None] = {}
+    atoms: list[Expr] = []
+    number: dict[Expr, int] = {}
+    stack: list[Expr] = [e]
+    while stack:
+        node = stack[-1]
+        inside = cast("tuple[Expr, ...]", node.children) if isinstance(node, Add | Mul | Pow) and node not in kept else ()
+        missing = [c for c in inside if c not in forms]
+        if missing:
+            stack.extend(missing)
+            continue
+        stack.pop()
+        if node in forms:
+            continue
+        form: Form | None
+        if isinstance(node, Const):
+            form = {(): Fraction(node.data)} if math.isfinite(node.data) and node.data else ({} if node.data == 0 else None)
+        elif isinstance(node, Add) and node not in kept:
+            form = {}
+            for c in node.children:
+                part = forms[c]
+                if part is None or form is None:
+                    form = None
+                    break
+                for m, weight in part.items():
+                    form[m] = form.get(m, Fraction(0)) + weight
+            if form is not None:
+                form = {m: k for m, k in form.items() if k}
+        elif isinstance(node, Mul) or (isinstance(node, Pow) and 0 < node.exponent <= 8):
+            form = {(): Fraction(1)}
+            for c in node.children if isinstance(node, Mul) else (node.base,) * node.exponent:
+                part = forms[c]
+                form = None if form is None or part is None else _product(form, part, 4 * limit)
+        else:
+            base, k = (node.base, node.exponent) if isinstance(node, Pow) and len(forms.get(node.base) or {}) != 1 else (node, 1)
+            form = {((number.setdefault(base, len(number)), k),): Fraction(1)}
+            if len(number) > len(atoms):
+                atoms.append(base)
+        forms[node] = form
+    result = forms[e]
+    return (None if result is None or len(result) > limit else result), atoms

@@ -1,0 +1,54 @@
+"""The directions of products with second derivatives: named parameters, with a number or an array for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from teg.errors import ParameterError
+from teg.evaluator.arguments import as_entries, name_of
+from teg.evaluator.plan import Wanted, directions_of
+from teg.ir.arrays import Array
+from teg.ir.expr import Param
+from teg.ir.index import ArrayName
+from teg.passes.differentiate.through_sums import Parameter
+
+
+def shape_of(p: Parameter, given: Mapping[str, Any]) -> tuple[int, ...]:
+    """Returns the shape of a parameter among the values of a call, without a batch."""
+    return as_entries(p, given[p.name], "float64").shape[-p.dimensions :] if isinstance(p, Array) else ()
+
+
+def units(p: Parameter, given: Mapping[str, Any]) -> Iterator[Any]:
+    """Yields a direction for each of the entries of a parameter."""
+    import numpy as np
+
+    shape = shape_of(p, given)
+    for place in np.ndindex(*shape):
+        direction = np.zeros(shape)
+        direction[place] = 1.0
+        yield direction
+
+
+@dataclass(frozen=True)
+class Directions:
+    """The directions along which a program is differentiated: by the parameters `wrt`, among all its parameters `leaves`."""
+
+    wrt: Sequence[Parameter]
+    leaves: Sequence[Param | ArrayName]
+
+    def named(self, direction: Mapping[Any, Any]) -> dict[str, Any]:
+        """Returns a direction by name. Raises ParameterError for a parameter by which no derivative is taken."""
+        moved, names = {name_of(k): v for k, v in direction.items()}, [p.name for p in self.wrt]
+        if unknown := sorted(moved.keys() - set(names)):
+            raise ParameterError(f"no derivative is taken by {unknown[0]!r}", None, "derivatives are taken by " + ", ".join(names))
+        return moved
+
+    def moved(self, given: dict[str, Any], direction: Mapping[str, Any]) -> tuple[Wanted, dict[str, Any]]:
+        """Returns the product with a direction, and the values with the components of the direction added."""
+        moved = self.named(direction)
+        which = tuple(p for p in self.wrt if p.name in moved)
+        wanted = Wanted(False, 1, (which,))
+        (components,) = directions_of(wanted, self.leaves)
+        return wanted, {**given, **{components[p].name: moved[p.name] for p in which}}
