@@ -206,14 +206,17 @@ class IterationPrinter(StepPrinter):
         routine = self.printer.once("spans", function(narrow.name, narrow.known, indices, set(moving)))
         given = [f"q{i}" if i in moving else spelled(run.inputs[i]) for i in narrow.inputs if i not in indices]
         wanted = {*(run.inputs[i] for i in moving), row.lo, row.hi}
-        gathered = [f"{row.index}_lo[k] = (double){spelled(row.lo)};", f"{row.index}_hi[k] = (double){spelled(row.hi)};"]
+        gathered = [
+            f"{row.index}_lo[k] = (double){spelled(row.lo)};",
+            f"{row.index}_length[k] = (double)({spelled(row.hi)} - {spelled(row.lo)});",
+        ]
         gathered += [f"q{i}[k] = {spelled(run.inputs[i])};" for i in moving]
-        ends = [f"const int64_t {row.index}_{end} = (int64_t){spans}[{m}][k];" for m, end in enumerate(PLACES)]
+        ends = [f"const int64_t {row.index}_{end} = {spelled(row.lo)} + (int64_t){spans}[{m}][k];" for m, end in enumerate(PLACES)]
         ahead = prefetched(row, run)
-        each = [f"const int64_t {step.index} = {at} + k;", *ends]
+        each = [f"const int64_t {step.index} = {at} + k;", *self._block(rows.before, depth), *ends]
         names = [
             f"{row.index}_lo[{SIDE}]",
-            f"{row.index}_hi[{SIDE}]",
+            f"{row.index}_length[{SIDE}]",
             f"{spans}[{len(PLACES)}][{SIDE}]",
             *(f"q{i}[{SIDE}]" for i in moving),
         ]
@@ -230,14 +233,10 @@ class IterationPrinter(StepPrinter):
                     *packed(gathered),
                 ),
                 "}",
-                f"{routine.name}({', '.join([*given, f'{row.index}_lo', f'{row.index}_hi', spans])});",
-                *(
-                    [f"for (int k = 0; k < {count}; k++) {{", *indent(*each, *self._block(rows.before, depth), *ahead), "}"]
-                    if ahead
-                    else []
-                ),
+                f"{routine.name}({', '.join([*given, f'{row.index}_lo', f'{row.index}_length', spans])});",
+                *([f"for (int k = 0; k < {count}; k++) {{", *indent(*each, *ahead), "}"] if ahead else []),
                 f"for (int k = 0; k < {count}; k++) {{",
-                *indent(*each, *self._block(rows.before, depth), *self._span(row, run, depth + 1)),
+                *indent(*each, *self._span(row, run, depth + 1)),
                 "}",
             ),
             "}",

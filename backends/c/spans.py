@@ -55,8 +55,9 @@ def function(narrow: str, known: Narrowing, indices: Container[int], varying: Co
     heights, count = len(known.heights), len(known.heights) + len(known.covers)
     inside = [
         f"double first[{count}], last[{count}];",
-        f"const int told = {call('lo[k]', 'first')} | {call('hi[k] - 1.0', 'last')};",
-        "const double steps = hi[k] - 1.0 - lo[k], near = 1e-6 + 1e-14 * steps;",
+        "const double steps = length[k] - 1.0;",
+        f"const int told = {call('lo[k]', 'first')} | {call('lo[k] + steps', 'last')};",
+        "const double near = 1e-6 + 1e-14 * steps;",
         "double start = 0.0, stop = steps, since = -1.0, until = (told & 2) ? -1.0 : steps + 1.0;",
         "double fall, place;",
         "int known;",
@@ -81,11 +82,11 @@ def function(narrow: str, known: Narrowing, indices: Container[int], varying: Co
         "start = ceil(start), stop = floor(stop) + 1.0, since = floor(since) + 1.0, until = ceil(until);",
         "since = since > start ? since : start, until = until < stop ? until : stop;",
         "start = start < stop ? start : stop;",
-        "spans[0][k] = lo[k] + start, spans[1][k] = lo[k] + stop;",
-        "spans[2][k] = lo[k] + (since < until ? since : stop), spans[3][k] = lo[k] + (since < until ? until : stop);",
+        "spans[0][k] = start, spans[1][k] = stop;",
+        "spans[2][k] = since < until ? since : stop, spans[3][k] = since < until ? until : stop;",
     ]
     inputs = [i for i in known.inputs if i not in indices]
-    given = signature(inputs, varying, "const double *lo", "const double *hi", f"double (*restrict spans)[{SIDE}]")
+    given = signature(inputs, varying, "const double *lo", "const double *length", f"double (*restrict spans)[{SIDE}]")
     return wrapped([f"TEG_APART void @({given})", "{", *indent(f"for (int k = 0; k < {SIDE}; k++) {{", *indent(*inside), "}"), "}"])
 
 
@@ -105,5 +106,5 @@ def prefetched(row: Loop, run: Run) -> list[str]:
             f"a{load.array} + {place_of(load.array, [at if a == row.index else a for a in load.subscripts])}"
             for at in (start, f"({stop} - 1)")
         )
-        lines.append(f"teg_prefetch({first}, {last}, {stop} - {start});")
+        lines.append(f"if ({start} < {stop}) teg_prefetch({first}, {last}, {stop} - {start});")
     return lines
