@@ -23,12 +23,14 @@ from teg.ir.node import Node, postorder
 from teg.ir.traverse import parameters
 from teg.ir.traverse import size as nodes
 from teg.passes.differentiate.estimators.estimator import Estimator
+from teg.passes.differentiate.estimators.exact import Exact
 from teg.passes.differentiate.estimators.ignore import Ignore
 from teg.passes.differentiate.through_sums import Parameter
 from teg.passes.eliminate.families import closing, families_with
 from teg.passes.intrinsics import boundary_terms
 from teg.passes.normalise.canonicalise import canonicalise
 from teg.passes.normalise.inline import reasons, write_out
+from teg.passes.normalise.runs import listed_sums
 from teg.passes.normalise.steps import enumerate_steps
 from teg.pipeline import Maps, compiled_outputs, flatten, normal_form, program_for
 from teg.program import size
@@ -204,8 +206,8 @@ def explain_loops(
 
     `plain` is the program with its sums outside of integrals. `data` has the keys of a scalar program's, in which each surface and
     integral has its "cell", the number of an entry of data["cells"]; data["loops"] are the loops of both programs, data["choices"] has
-    the most candidates of a box that XLA takes, by their index. A sum inside an integral that has to be written out is written out for
-    arrays of length 2.
+    the most candidates of a box that XLA takes, by their index, data["lists"] the entries of lists that are looked up for runs, by the
+    index of their sum. A sum inside an integral that has to be written out is written out for arrays of length 2.
     """
     data: dict[str, Any] = {
         "expression": text_of(e),
@@ -216,6 +218,7 @@ def explain_loops(
         "cells": [],
         "loops": {},
         "choices": {},
+        "lists": {},
         "cost": {},
         "value_statements": None,
         "gradient_statements": None,
@@ -227,6 +230,8 @@ def explain_loops(
         _explain_cell(data, path, cell, wrt, asked)
     if data["value_error"]:
         return ArrayExplanation(data)
+    if asked.integration.closed_forms and isinstance(asked.estimator, Exact) and not asked.maps:
+        data["lists"] = {listed.title: listed.written for listed in listed_sums(plain)}
     data["value_statements"] = _add_program(data, "value", program_of(0))
     if wrt and not data["gradient_error"]:
         try:

@@ -109,7 +109,8 @@ class ArrayExplanation(Explanation):
 
     Surfaces and integrals have a "cell", the number of an entry of data["cells"], which names its sums. data["loops"] has the loops of
     the value, and those of value and gradient: the contents of an iteration, without inner loops; the first row is done once a call.
-    data["choices"] has, for the index of each integral of a choice, how many candidates of a box programs of XLA take.
+    data["choices"] has, for the index of each integral of a choice, how many candidates of a box programs of XLA take; data["lists"], for
+    the index of each sum over a list, the entries that may have runs.
     """
 
     def _tables(self) -> list[Table]:
@@ -147,6 +148,11 @@ class ArrayExplanation(Explanation):
             lines.append("There is no surface: no integrand jumps.")
         if any(row["depth"] == 1 for rows in data["loops"].values() for row in rows):
             lines.append("Iterations of outermost loops are cut into chunks, which threads share; results do not depend on how many do.")
+        for index, entries in data["lists"].items():
+            lines.append(
+                f"Lists of {index}: where neighbours have equal {' or '.join(entries)}, C and NumPy compute what depends on "
+                "these alone once for each run."
+            )
         for index, most in data["choices"].items():
             lines.append(
                 f"Cells of {index}: teg.jax_function(…, kernel='xla') computes boxes of at most {most} candidates by operations of XLA, "

@@ -151,6 +151,13 @@ def test_an_index_that_is_out_of_range_is_named(backend: str) -> None:
         teg.compile(pixels(), [lines, shades], backend=backend).value_and_grad(data)
 
 
+def test_explain_names_lists() -> None:
+    found = teg.compile(pixels(), [lines, shades]).explain()
+    assert found.data["lists"] == {"n": ["P[n, 0]"]}
+    assert "Lists of n: where neighbours have equal P[n, 0]" in str(found)
+    assert teg.compile(pixels(), [lines, shades], intrinsics=False).explain().data["lists"] == {}
+
+
 def test_names_of_the_users_are_not_taken() -> None:
     f = teg.compile(pixels(), [lines, shades], backend="numpy")
     f.value_and_grad(given("by face"))

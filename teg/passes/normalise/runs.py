@@ -40,11 +40,17 @@ class Entry(NamedTuple):
 
 class Listed(NamedTuple):
     """The range of a sum that stands in no other sum, and the entries of index arrays that its index alone chooses, as far as they alone
-    choose numbers."""
+    choose numbers; `title` is what the index is called."""
 
     lo: Index
     hi: Index
     entries: tuple[Entry, ...]
+    title: str = ""
+
+    @property
+    def written(self) -> list[str]:
+        """Returns the entries as they are written, with the index of the sum."""
+        return [f"{a.name}[{', '.join(self.title if p is None else str(p) for p in places)}]" for a, places in self.entries]
 
 
 class Runs(NamedTuple):
@@ -56,13 +62,13 @@ class Runs(NamedTuple):
 
 def listed_sums(root: Expr) -> list[Listed]:
     """Returns the ranges of sums over lists; both ends are numbers, lengths or parameters."""
-    found: dict[tuple[Index, Index], dict[Entry, None]] = {}
+    found: dict[tuple[Index, Index], tuple[dict[Entry, None], str]] = {}
     for node in _outermost(root):
         if all(isinstance(end, IndexConst | Length | IndexParam) for end in (node.lo, node.hi)):
             entries = dict.fromkeys(e for n in postorder([node.body]) if (e := _chosen_by(n, node.index)) is not None)
             if entries:
-                found.setdefault((node.lo, node.hi), {}).update(entries)
-    return [Listed(lo, hi, tuple(entries)) for (lo, hi), entries in found.items()]
+                found.setdefault((node.lo, node.hi), ({}, node.index.name.split(APART)[0]))[0].update(entries)
+    return [Listed(lo, hi, tuple(entries), title) for (lo, hi), (entries, title) in found.items()]
 
 
 def _chosen_by(node: Node, index: IndexVar) -> Entry | None:

@@ -21,8 +21,12 @@ def listed(body: teg.Expr, hi: object = LENGTH) -> list[Listed]:
 
 
 def test_entries_that_choose_numbers_alone() -> None:
-    assert listed(values[first] * weights[first, 2]) == [Listed(index_const(0), LENGTH, (FIRST,))]
+    assert listed(values[first] * weights[first, 2]) == [Listed(index_const(0), LENGTH, (FIRST,), "n")]
     assert listed(values[first] * values[second])[0].entries == (FIRST, SECOND)
+
+
+def test_entries_as_they_are_written() -> None:
+    assert listed(values[first] * values[second])[0].written == ["P[n, 0]", "P[n, 1]"]
 
 
 def test_entries_behind_entries() -> None:
