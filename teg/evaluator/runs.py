@@ -88,11 +88,13 @@ class RunsKernel:
         return str(kernel.source)
 
     def _kernel(self, chosen: Chosen) -> Any:
+        by_runs = chosen if any(chosen) else ()
+
         def made() -> Any:
-            program = self.lists.program(chosen, self.wanted, self.how) if any(chosen) else self.program
+            program = self.lists.program(by_runs, self.wanted, self.how) if by_runs else self.program
             return self.build(program or self.program)
 
-        return self._kernels.get(chosen, made)
+        return self._kernels.get(by_runs, made)
 
     def results(self, columns: Sequence[np.ndarray], arrays: Sequence[np.ndarray], n: int) -> Any:
         """Returns the outputs of a batch of n, as the kernel of the program does."""
@@ -131,7 +133,7 @@ class RunsKernel:
         for entry in chosen[1:]:
             borders |= lists[entry][1:] != lists[entry][:-1]
         borders[PIECE - 1 :: PIECE] = True
-        return tuple(chosen), np.concatenate([[lo], np.flatnonzero(borders) + (lo + 1), [hi]])
+        return tuple(e for e in listed.entries if e in chosen), np.concatenate([[lo], np.flatnonzero(borders) + (lo + 1), [hi]])
 
     def _end(self, end: Index, columns: Sequence[np.ndarray], arrays: Sequence[np.ndarray]) -> int | None:
         """Returns an end of a range; None if it differs between elements of the batch."""
