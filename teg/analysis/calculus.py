@@ -105,7 +105,7 @@ def factor_cofactors(node: Mul) -> list[Expr]:
 def slope(e: Expr, by: Var | Param) -> Expr:
     """Returns ∂e/∂by with conditions held constant. For atoms.
 
-    Raises NotDifferentiableError if an integral in e depends on `by`.
+    Raises NotDifferentiableError if an integral in e depends on a variable `by`; with a parameter `by` integrals are held constant too.
     """
     tangent: dict[Expr, Expr] = defaultdict(lambda: ZERO)
     for node in postorder_through(e, (by,), _value_nodes) if isinstance(by, Var) else _in_value_position(e):

@@ -1,0 +1,55 @@
+"""Derivatives of smooth nodes, against differences in 40 digits."""
+
+from __future__ import annotations
+
+import mpmath
+import pytest
+
+import teg
+from teg.analysis.calculus import factor_cofactors, partials, slope, value_children
+from teg.analysis.evaluate import values_of
+from teg.errors import NotDifferentiableError
+from teg.ir.expr import ZERO, Call, Mul
+
+x, y = teg.vars("x y")
+a, b, t = teg.params("a b t")
+ONE_ARGUMENT = ["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "expm1", "log", "log1p", "erf", "erfc", "sqrt"]
+
+
+@pytest.mark.parametrize("name", ONE_ARGUMENT)
+@pytest.mark.parametrize("at", [0.3, 0.85])
+def test_functions_of_one_number(name: str, at: float) -> None:
+    node = getattr(teg, name)(t)
+    assert isinstance(node, Call)
+    (rate,) = partials(node)
+    exact = mpmath.diff(getattr(mpmath, name), at)
+    assert float(values_of([rate], {t: at})[0]) == pytest.approx(float(exact), rel=1e-13)
+
+
+@pytest.mark.parametrize(("e", "f"), [(teg.atan2(a, b), mpmath.atan2), (a**b, mpmath.power)])
+def test_functions_of_two_numbers(e: teg.Expr, f: object) -> None:
+    assert isinstance(e, Call)
+    first, second = (float(v) for v in values_of(partials(e), {a: 0.7, b: 1.9}))
+    assert first == pytest.approx(float(mpmath.diff(f, (0.7, 1.9), (1, 0))), rel=1e-13)
+    assert second == pytest.approx(float(mpmath.diff(f, (0.7, 1.9), (0, 1))), rel=1e-13)
+
+
+def test_cofactors_are_the_products_of_the_others() -> None:
+    product = a * b * t
+    assert isinstance(product, Mul)
+    assert factor_cofactors(product) == [b * t, a * t, a * b]
+
+
+def test_slopes_hold_conditions_constant() -> None:
+    e = teg.where(x < t, x * t, x**3)
+    assert slope(e, x) is teg.where(x < t, t, 3 * x**2)
+    assert slope(e, a) is ZERO
+
+
+def test_the_slope_of_an_integral_is_refused() -> None:
+    with pytest.raises(NotDifferentiableError):
+        slope(teg.integral(y * x, (y, 0, 1)), x)
+
+
+def test_conditions_are_in_no_value_position() -> None:
+    assert value_children(teg.where(x < t, a, b)) == (a, b)
