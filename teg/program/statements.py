@@ -11,82 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from teg.program.fields import CONDITION, NUMBER, Block, Operand, Part, Result, Variable
 from teg.program.limits import ISOLATE_WIDTH
+from teg.program.rules import Adaptive, Rule
 
 if TYPE_CHECKING:
     import numpy as np
 
+
 Arg = str | float | int | bool
-
-
-@dataclass(frozen=True, slots=True)
-class Gauss:
-    """Gauss-Legendre with `nodes` nodes on each piece, in v, of a finite piece: exact to degree 2·nodes - 1, and chosen where it is
-    exact.
-
-    The estimate is that of roundings: (½·ROUNDING + EDGE·M/L)·A, with L the length of a piece (p, q), M = max(|p|, |q|), and A the
-    integral of |value| by the rule.
-    """
-
-    nodes: int
-
-
-@dataclass(frozen=True, slots=True)
-class Rational:
-    """Gauss-Legendre in v with weights that know a pole: exact for polynomials of degree < `nodes` over D^`power`, D the linear function
-    of the only bend, which has the kind "pole", where that counts; for polynomials of degree < `nodes` elsewhere.
-
-    With u in (-1, 1) the nodes of a piece, D₋ and D₊ the values of D at its ends, M as for `Gauss` and z = (D₊ - D₋)/(D₊ + D₋): where the
-    bend counts and D₋·D₊ > 0 and min(|D₋|, |D₊|) > POLE·M·|c₁| the weights are (1 + z·u)^power·∫ ℓ(t)/(1 + z·t)^power dt over (-1, 1), ℓ
-    the Lagrange polynomials of the nodes, and power·EDGE·(|c₀| + |c₁|·W)/min(|D₋|, |D₊|) times A is added to the estimate, W the larger
-    of |p| and |q| as w. If the bend counts and this does not hold, the pole is on the piece, and a value diverges if the first null rule
-    gives more than RESIDUE·Σ w|f|: then it is an infinity of its sign, and the tolerance was missed.
-    """
-
-    nodes: int
-    power: int
-
-
-@dataclass(frozen=True, slots=True)
-class Adaptive:
-    """Gauss-Legendre with bisection on each piece, in a coordinate u in (0, 1), whose place is that of `Bend`.
-
-    The whole of (0, 1) is measured with `first` nodes (not if there is something to watch); then, if it was not accepted, with `order`
-    nodes, and so is every interval that comes of halving one. Measuring gives for every value K, the sum, A, the sum of |value|, and an
-    error E by the null rules of `teg.numerics.quadrature`; A₀ is the first A of the piece. An interval is accepted if for each of the
-    `tested` first values
-
-        E <= max(tol·(A₀ + ABSOLUTE_FLOOR), ROUNDING·A), or E is not finite
-
-    and if it was bisected MAX_DEPTH times, or the piece has used MAX_INTERVALS measurements. But then the tolerance was *missed*, as it
-    is where K is infinite, or where the errors of a piece (but for intervals in which a watched sign changes) add up to more than
-    SPENT times what one of them may be. After DEEP bisections a value with A > DIVERGENT·A₀ diverges, where no
-    watched sign is 0: its K is an infinity of its sign.
-
-    The error is 4·t·min(1, max(r, (15·r - 2)/7))^decay_power, t the largest coefficients that the null rules give and r the decay from
-    one pair of them to the next; no decay is counted on where r is NaN, and at an "end". It is 0 if t <= NOISE·A. The estimate is E plus
-    that of `Gauss`.
-
-    Once the intervals of a run have been measured with more than MAX_EVALUATIONS nodes a point of the batch, or an iteration of a loop,
-    each that is still to be measured is accepted, and the tolerance was missed. A box in which roots are isolated counts as
-    BOX_COST nodes. Which these are, and which nodes count, is for a backend to say; JAX and the interpreter have no such limit.
-    """
-
-    tol: float
-    first: int = 10
-    order: int = 18
-    cubic: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Midpoint:
-    """The composite midpoint rule with `nodes` nodes on each piece, a finite one. The estimate is ½·(q - p)/nodes times Σ|fₖ₊₁ - fₖ|,
-    what a function of that total variation can be off by, plus ½·ROUNDING·A.
-    """
-
-    nodes: int
-
-
-Rule = Gauss | Rational | Adaptive | Midpoint
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,22 +15,8 @@ from teg.program.fields import Kind, Operand, Part, Result, Variable, declared, 
 from teg.program.limits import MAX_CUTS
 from teg.program.names import is_condition
 from teg.program.operations import INTEGER_OPERATIONS, OPERATIONS
-from teg.program.statements import (
-    Adaptive,
-    Assign,
-    Ellipse,
-    Hyperbola,
-    Integrate,
-    Isolate,
-    Locate,
-    Polygon,
-    Program,
-    Rational,
-    Sample,
-    Segment,
-    Stmt,
-    When,
-)
+from teg.program.rules import Adaptive, Rational
+from teg.program.statements import Assign, Ellipse, Hyperbola, Integrate, Isolate, Locate, Polygon, Program, Sample, Segment, Stmt, When
 
 Known = dict[str, Kind]
 """The names that are known at a place, and what each stands for."""

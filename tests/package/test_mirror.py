@@ -122,6 +122,7 @@ ELSEWHERE = {
     "teg/program": {
         "arrays": "tests/program/test_interpreter.py",
         "limits": "tests/program/test_interpreter.py",
+        "rules": "tests/program/test_interpreter.py",
         "statements": "tests/program/test_fields.py",
         "summed": "tests/passes/intrinsics/test_adjoints.py",
         "tabled": "tests/end_to_end/test_alike_terms.py",

@@ -31,7 +31,8 @@ from teg.program.limits import (
     WATCH_WIDTH,
 )
 from teg.program.operations import divide, largest, power
-from teg.program.statements import Adaptive, Gauss, Guard, Integrate, Midpoint, Polygon, Rational, Sample, Segment
+from teg.program.rules import Adaptive, Gauss, Midpoint, Rational
+from teg.program.statements import Guard, Integrate, Polygon, Sample, Segment
 from teg.program.walk import compound
 
 if TYPE_CHECKING:
