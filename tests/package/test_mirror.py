@@ -152,6 +152,7 @@ ELSEWHERE = {
         "iterations": "tests/backends/c/test_pixels.py",
         "printer": "tests/backends/c/test_kernel.py",
         "quadrature": "tests/backends/c/test_kernel.py",
+        "spans": "tests/backends/c/test_ranges.py",
         "steps": "tests/backends/test_arrays.py",
         "straights": "tests/backends/c/test_lanes.py",
         "tabled_kernel": "tests/end_to_end/test_alike_terms.py",
