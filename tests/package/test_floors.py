@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from teg.passes.intrinsics import STATEMENTS
+
 ROOT = Path(__file__).resolve().parents[2]
 
 FLOORS = (
@@ -92,6 +94,19 @@ def test_intrinsics_are_known_by_their_list_only() -> None:
         for other in (o for o in imports(path) if o.startswith("teg.passes.intrinsics.")):
             folder = ".".join(other.split(".")[:4])
             assert module == "teg.passes.intrinsics" or module.startswith(folder), f"{module} imports {other}"
+
+
+def test_statements_of_intrinsics_are_named_by_intrinsics_only() -> None:
+    """No other pass, report or evaluator asks for the class of such a statement."""
+    of_intrinsics = {kind.__name__ for kind in STATEMENTS}
+    assert {"Polygon", "Hyperbola"} <= of_intrinsics
+    for module, path in MODULES.items():
+        if module.startswith("teg.") and not module.startswith(("teg.program", "teg.backends", "teg.examples", "teg.passes.intrinsics")):
+            nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            named = {
+                a.name for n in nodes if isinstance(n, ast.ImportFrom) and n.module and n.module.startswith("teg.program") for a in n.names
+            }
+            assert named.isdisjoint(of_intrinsics), module
 
 
 def test_backends_know_the_lowered_program_only() -> None:
