@@ -83,7 +83,7 @@ def packed(program: Program) -> Packed | None:
     branch = decisive_branch(program)
     if len(program.body) > MOST or (branch is None and any(map(_is_hard, program.body))):
         return None
-    line = _Line(program)
+    line = _Line(program, settles=not _has_functions(program))
     live, settling = _settled(program, branch, line)
     fast = line.through([s for s in program.body if s is not branch])
     if branch is not None:
@@ -165,10 +165,17 @@ def _is_hard(stmt: Stmt) -> bool:
     return not isinstance(stmt, Assign | Polygon | Hyperbola | When) and stmt.when is None
 
 
-class _Line:
-    """The statements of the straight line, and the conditions under which it is the program."""
+def _has_functions(program: Program) -> bool:
+    """Returns whether a program is operations of scalars only, with functions among them."""
+    return all(isinstance(s, Assign) for s in program.body) and any(s.op in FUNCTIONS for s in program.body if isinstance(s, Assign))
 
-    def __init__(self, program: Program) -> None:
+
+class _Line:
+    """The statements of the straight line, and the conditions under which it is the program. It `settles` what is chosen where it can; else
+    choices are made at each of the points, which a value that is undefined on one side needs if others choose the other side."""
+
+    def __init__(self, program: Program, settles: bool) -> None:
+        self.settles = settles
         self.steps: list[Stmt] = []
         self.conditions: list[Arg] = []
         self.known: dict[Arg, Arg] = {}  # results of what is not run, and of choices that are settled
@@ -196,7 +203,7 @@ class _Line:
             match stmt:
                 case Assign(op="tie"):
                     self._tie(stmt)
-                case Assign(op="select") if self._settles(stmt):
+                case Assign(op="select") if self.settles and self._settles(stmt):
                     pass
                 case Assign():
                     self.steps += self.plain(stmt)

@@ -12,6 +12,7 @@ from teg.backends.c.chunks import Target
 from teg.backends.c.frame import Routine
 from teg.backends.c.printer import Printer
 from teg.backends.c.text import indent, literal, packed
+from teg.numerics.cells import monomials
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import Integrate, compound, has_ties
 from teg.program.arrays import (
@@ -196,6 +197,8 @@ class StepPrinter(ABC):
         ]
         sizes = f"{at}_sizes" if step.sizes else "NULL"
         call = f"teg_cells(&{self._shape(step)}, {at}_n, {at}_rows, {at}_otherwise, {at}_values, {sizes}, {table})"
+        if is_straight(step):
+            call = f"(!teg_envelope(&{self._shape(step)}, {at}_n, {at}_rows, {at}_values, {sizes}, {table}) && {call})"
         lines += [f"if (!{at}_rows || {call}) {{", *indent(f"note |= {NO_MEMORY};", f"teg_fill({at}_values, {count}, NAN);"), "}"]
         lines += packed([f"{r} = {at}_values[{j}]" for j, r in enumerate(step.results)], "const double ", ", ", ";")
         lines += packed([f"{r} = {at}_sizes[{j}]" for j, r in enumerate(step.sizes)], "const double ", ", ", ";") if step.sizes else []
@@ -273,6 +276,14 @@ class StepPrinter(ABC):
                 ]
             )
         return name
+
+
+def is_straight(step: Cells) -> bool:
+    """Returns whether no number of a candidate belongs to the second variable of a square: its cells are intervals."""
+    shape = step.shape
+    exponents = monomials(shape.degree) * len(step.results)
+    of_second = [*range(2, shape.forms, 3), *(shape.forms + j for j, (_, v) in enumerate(exponents) if v)]
+    return shape.parts == 1 and not shape.order and all(step.values[j] == 0.0 for j in of_second)
 
 
 def target_of(to: int | str) -> Target:

@@ -26,7 +26,7 @@ from teg.analysis.surfaces import atoms_of, binders_inside
 from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Pow, Var, const
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, digest, postorder
-from teg.ir.simplify import conjunction, disjunction, where
+from teg.ir.simplify import conjunction, disjunction, mul, sub, where
 from teg.ir.traverse import substitute
 from teg.numerics.field import divided, residue
 
@@ -125,14 +125,17 @@ class BreakAnalysis:
         at_run_time = tuple(i for i in isolated.values() if i is not None)
         located = [locate(f, g, z, low, high, x) for f, g, z, low, high in list(projection.meetings)[:MAX_LOCATED]]
         together = tuple(m for m in located if m is not None)
-        bends = self._bends(projection, x)
+        bends = self._bends(projection, node)
         return Breaks(distinct, tuple(points), at_run_time, together, frozenset(handled), complete, projection.rooted, bends, matters)
 
-    def _bends(self, projection: Contribution, x: Var) -> tuple[Turn, ...]:
-        """Returns the distinct turns that are quadratic in the variable. Other turns only set `rooted`: the integrand may be a root at a
-        piece's end."""
+    def _bends(self, projection: Contribution, node: Integral) -> tuple[Turn, ...]:
+        """Returns the distinct turns that are quadratic in the variable, or have two roots by formula. Other turns only set `rooted`: the
+        integrand may be a root at a piece's end."""
+        x = node.var
         bends: dict[object, Turn] = {}
         for turn in projection.turns:
+            if turn.kind == "flat":
+                turn = self._by_roots(turn, node)
             degree = self.degrees.of(turn.function, x)
             if degree == 0:
                 continue
@@ -145,6 +148,14 @@ class BreakAnalysis:
             elif turn.kind != "pole":
                 projection.rooted = True
         return tuple(bends.values())
+
+    def _by_roots(self, turn: Turn, node: Integral) -> Turn:
+        """Returns a turn at the end of a piece, by the quadratic function with the same two roots where one by formula has them."""
+        formula = None if self.degrees.of(turn.function, node.var) in (1, 2) else self.solve(turn.function, node.var, node.lo, node.hi)
+        if formula is None or not formula.certain or len(formula.found) != 2:
+            return replace(turn, kind="end")
+        function = mul(*(sub(node.var, r.point) for r in formula.found))
+        return Turn("end", function, conjunction(turn.when, *(r.exists for r in formula.found)))
 
     def _collect(self, body: Expr, x: Var, inner: frozenset[Var], collected: Contribution) -> None:
         """Collects functions that are not atoms: arguments of |·| and √, and the projections of inner integrals."""

@@ -42,7 +42,8 @@ MAX_FUNCTIONS = 4000
 
 @dataclass(frozen=True)
 class Turn:
-    """A function whose zeros are branch points ("root"), poles ("pole") or singular ends ("end") of an integrand.
+    """A function whose zeros are branch points ("root"), poles ("pole") or singular ends ("end") of an integrand; of an outer one ends by
+    a function with the same zeros ("flat").
 
     The function counts on a piece if the condition `when` holds in the middle of the piece.
     """
@@ -88,6 +89,7 @@ class Projection:
         for function in self.breaks.functions:
             for f in branches_of(function) or ():
                 self._sort(f)
+        self._turns_at_bounds()
         self._affine_meet()
         self._quadratics_meet()
         self._others_meet()
@@ -140,6 +142,25 @@ class Projection:
                 self.out.rooted = True
                 for g in _borders_of_existence(self.analysis.solve(f, z, lo, hi), z):
                     self._put(g)
+                self._flat_roots(f)
+
+    def _flat_roots(self, f: Expr) -> None:
+        """Adds where both roots of c·zⁿ + r, n even, vanish together: they go with the power 1/n of r there."""
+        z = self.node.var
+        terms = self.analysis.shadow((z,)).polynomial(f) if self.surface is None else None
+        exponents = sorted(m[0] for m in terms) if terms is not None else []
+        if len(exponents) == 2 and exponents[0] == 0 and exponents[1] % 2 == 0:
+            self.out.turns[Turn("flat", cast(Expr, substitute(f, {z: ZERO})))] = None
+
+    def _turns_at_bounds(self) -> None:
+        """Adds where the integrand turns into another branch at a bound: a root that leaves the range takes a power 3/2 with it."""
+        for turn in self.breaks.bends:
+            if turn.kind != "root" or self.surface is not None:
+                continue
+            for bound in (self.node.lo, self.node.hi):
+                if not (isinstance(bound, Const) and math.isinf(bound.data)):
+                    at = {self.node.var: bound}
+                    self.out.turns[Turn("root", cast(Expr, substitute(turn.function, at)), cast(Cond, substitute(turn.when, at)))] = None
 
     def _level(self, f: Expr) -> None:
         """Adds where a function vanishes that is the same for all values of the inner variable at some parameters: c·x + d·z with d = 0

@@ -152,7 +152,7 @@ def refuse_uncertain(names: Sequence[str], certain: int, args: tuple[Any, ...], 
 def refuse_nested(given: Mapping[str, Any], names: Sequence[str]) -> None:
     """Raises ParameterError for a value that is itself a dict: arguments are one flat dict."""
     for k, v in given.items():
-        if isinstance(v, Mapping):
+        if type(v) is not float and isinstance(v, Mapping):
             hint = f"the parameters are {', '.join(names) or 'none'}"
             if any(name_of(inner) in names for inner in v):
                 hint += f"; values[{k!r}] holds some of them: take it out, {{**values, **values[{k!r}]}}"
@@ -209,6 +209,8 @@ def as_floats(name: str, value: Any, dtype: str = "float64") -> np.ndarray:
 
     if type(value) is np.ndarray and value.dtype == dtype:  # no subclass, such as a masked array
         return value
+    if type(value) is float and dtype == "float64":
+        return np.array(value)
     refuse_masked(name, value)
     try:
         if isinstance(value, Real | Decimal):

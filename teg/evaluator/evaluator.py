@@ -28,7 +28,7 @@ from teg.evaluator.plan import GRADIENT, GRADIENT_ALONE, HESSIAN, ORDERS, VALUE,
 from teg.evaluator.results import along_direction, in_shape, in_structure, nested, places, stacked, weighted
 from teg.ir.arrays import Array, Gather, arrays_of, has_arrays, integer_parameters
 from teg.ir.cells import check_indices, with_lengths
-from teg.ir.expr import Expr, Param
+from teg.ir.expr import Expr, Param, Tuple
 from teg.ir.index import ArrayName
 from teg.ir.traverse import parameters
 from teg.passes.differentiate.through_sums import Parameter, on_cells, outlined
@@ -514,6 +514,8 @@ class Evaluator:
         return [*values, *gradient, *(["the Hessian"] * (many * many * self._entries) if wanted is HESSIAN else [])]
 
     def _by_name(self, rows: Iterator[Any], shape: tuple[int, ...]) -> dict[str, Any]:
+        if not isinstance(self.expression, Tuple):
+            return {p.name: in_shape(row, shape) for p, row in zip(self.wrt, rows, strict=False)}
         parts = [[in_shape(next(rows), shape) for _ in self.wrt] for _ in range(self._entries)]
         return {p.name: in_structure(self.expression, iter([part[i] for part in parts])) for i, p in enumerate(self.wrt)}
 

@@ -264,9 +264,10 @@ def build_kernel(program: Program | ArrayProgram | TabledProgram, options: Optio
 
         return TabledKernel(program, build_kernel(program.program, options))
     from teg.backends.numpy.kernel import compile_numpy
+    from teg.backends.numpy.side_by_side import compile_side_by_side
 
-    by_numpy: Callable[[Program], Any] = partial(compile_numpy, memory=options.memory)
-    flat: Callable[[Program], Any] = by_numpy
+    by_numpy: Callable[..., Any] = compile_numpy if counted else compile_side_by_side
+    flat: Callable[[Program], Any] = partial(by_numpy, memory=options.memory)
     if options.backend == "jax" and not counted:
         from teg.backends.jax.kernel import compile_jax
         from teg.backends.jax.precision import InDoublePrecision

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
 from typing import Any
 
 import mpmath
+import numpy as np
 import pytest
 
 import teg
@@ -154,3 +157,64 @@ def test_a_line_that_does_not_depend_on_the_inner_variable(backend: str, level: 
     given = {name: v for name, v in {"c": 0.75, "d": zero, "e": 1.0, "s": 0.26, "r": 0.6}.items() if name in f.parameters}
     exact = float(mpmath.quad(lambda at: 1 / (2 * mpmath.sqrt(mpmath.mpf("0.6") - at**3)), [0, 0.26 / 0.75]))
     assert f.grad(given)["r"] == pytest.approx(exact, rel=1e-9)
+
+
+def test_roots_that_leave_the_range_are_bends() -> None:
+    """A ball that sides of its cube cut: a slice that passes a side takes a power 3/2 with it. Against 40 nodes in every piece."""
+    z, r = teg.var("z"), teg.param("r")
+    e = teg.integral(teg.bracket(x * x + (y - 0.13) ** 2 + z * z < r), (x, 0, 1), (y, 0, 1), (z, 0, 1))
+    f = teg.compile(e, [r])
+    (outer, *_) = [s for s in statements(f.program(0).body) if isinstance(s, Integrate)]
+    assert [b.kind for b in outer.bends] == ["root"] * 4  # through x = 1, over the middle, through y = 0 and y = 1
+    for square in (0.3, 0.8, 1.3):
+        radius = math.sqrt(square)
+        ends = [0.0, 1.0, radius]
+        ends += [math.sqrt(v) for d in (1.0, 0.13**2, 0.87**2, 1.0 + 0.13**2, 1.0 + 0.87**2) if (v := square - d) > 0.0]
+        places = sorted({min(p, 1.0) for p in ends})
+        assert f(r=square) == pytest.approx(sum(_slices(p, q, square) for p, q in pairwise(places)), rel=1e-10)
+        assert f.evaluations(r=square) <= 140
+
+
+def _slices(p: float, q: float, square: float) -> float:
+    """Returns the part of the ball between z = p and z = q, its ends smooth."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    total = 0.0
+    for u, w in zip(0.5 + 0.5 * nodes, 0.5 * weights, strict=True):
+        s = square - (p + (q - p) * u * u * (3.0 - 2.0 * u)) ** 2
+        total += w * 6.0 * u * (1.0 - u) * (q - p) * (_area(0.87, s) + _area(0.13, s) if s > 0.0 else 0.0)
+    return total
+
+
+def _area(height: float, square: float) -> float:
+    """Returns the area of 0 < x < 1, 0 < y < height in a disk around 0."""
+    radius = math.sqrt(square)
+
+    def below(u: float) -> float:
+        v = math.sqrt(max(square - u * u, 0.0))
+        return 0.5 * (u * v + square * math.atan2(u, v))
+
+    width, top = min(1.0, radius), min(height, radius)
+    corner = math.sqrt(max(square - top * top, 0.0))  # up to here the height counts
+    return top * width if corner >= width else top * corner + below(width) - below(corner)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c", "jax"])
+def test_ends_where_all_roots_vanish_together(backend: Any, x64: None) -> None:
+    """Lengths that go with a power 1/4 or 1/6 of the distance from their end, exact at once: against closed forms."""
+    a = teg.param("a")
+    fourth = teg.integral(teg.bracket(x**4 + a * y**4 < t), (x, -1, 1), (y, -1, 1))
+    sixth = teg.integral(teg.bracket(x**6 + a * y < t), (x, -1, 1), (y, -1, 1))
+    at = {"a": 1.3, "t": 0.4}
+    area = 4.0 * math.gamma(1.25) ** 2 / math.gamma(1.5) * math.sqrt(0.4 / math.sqrt(1.3))
+    wide = 2.0 * (1.0 - 0.6 / 1.3)  # where t - a·y > 1; behind it the length is 2·(t - a·y)^(1/6)
+    assert teg.evaluate(fourth, **at, backend=backend) == pytest.approx(area, rel=1e-14)
+    assert teg.evaluate(sixth, **at, backend=backend) == pytest.approx(wide + 12.0 / 7.0 / 1.3, rel=1e-14)
+
+
+def test_they_are_bends() -> None:
+    a = teg.param("a")
+    e = teg.integral(teg.bracket(x**4 + a * y**4 < t), (x, -1, 1), (y, -1, 1))
+    value, gradient = (teg.compile(e, [t, a]).program(order) for order in (0, 1))
+    kinds = [[b.kind for b in s.bends] for p in (value, gradient) for s in statements(p.body) if isinstance(s, Integrate)]
+    assert kinds[0] == ["end"]
+    assert kinds[1:] == [["end"], [], []]  # along the curve nothing vanishes

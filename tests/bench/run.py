@@ -45,6 +45,8 @@ from tests.bench.rows import (
     triangle_pairs,
 )
 from tests.bench.scenes import (
+    TETRAHEDRON,
+    ball_across_sides,
     ball_in_four,
     bilinear_pixel,
     disk,
@@ -56,6 +58,7 @@ from tests.bench.scenes import (
     sphere,
     squares,
     superellipse,
+    tetrahedron,
     triangle_pixel,
 )
 from tests.bench.speed import bilinear_rows, call_rows, compile_time_row, crossed_rows, image_rows, triangle_rows
@@ -121,6 +124,8 @@ def curved() -> list[Row]:
         curved_row("superellipse", *superellipse(), {"t": 0.4, "a": 1.3}, 1_000, True),
         curved_row("heart", *heart(), {"t": 1.0}, 100, False),
         curved_row("sphere", *sphere(), {"t": 0.5}, 100, True),
+        curved_row("ball across sides", *ball_across_sides(), {"t": 0.86, "a": -0.29, "b": 0.13}, 100, False),
+        curved_row("tetrahedron in a box", *tetrahedron(), TETRAHEDRON, 100, False),
         curved_row("ball in four variables", *ball_in_four(), {"t": 0.5}, 1, False),
     ]
 
@@ -172,7 +177,7 @@ TABLES: dict[str, tuple[Measurement, str]] = {
         "Value and gradient of polynomials on half-planes, eight boxes at once, beside one at a time.",
     ),
     "bilinear pixel": (bilinear_rows, "A thresholded bilinear pixel, by the number of branches of its hyperbola inside."),
-    "curved": (curved, "Surfaces that are no lines, in C; second derivatives where they are asked for."),
+    "curved": (curved, "Surfaces that are no lines, and a tetrahedron, in C; second derivatives where they are asked for."),
     "disks and lines": (
         cut_disk_rows,
         "The area of a disk that lines cut, in a square: moments in closed form, and the same with `intrinsics=False`.",

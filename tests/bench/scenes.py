@@ -144,6 +144,33 @@ def sphere() -> tuple[Expr, list[Param]]:
     return teg.integral(teg.bracket(x * x + y * y + z * z < t), (x, -1, 1), (y, -1, 1), (z, -1, 1)), [t]
 
 
+def ball_across_sides() -> tuple[Expr, list[Param]]:
+    """The volume of a ball in a cube, some sides of which cut it."""
+    x, y, z = teg.vars("x y z")
+    t, a, b = teg.params("t a b")
+    return teg.integral(teg.bracket((x - a) ** 2 + (y - b) ** 2 + z * z < t), (x, -1, 1), (y, -1, 1), (z, -1, 1)), [t, a, b]
+
+
+TETRAHEDRON = {"v0x": -0.3, "v0y": -0.2, "v0z": -0.1, "v1x": 1.3, "v1y": 0.2, "v1z": 0.1}
+TETRAHEDRON |= {"v2x": 0.2, "v2y": 1.4, "v2z": 0.05, "v3x": 0.3, "v3y": 0.2, "v3z": 1.2}
+"""A tetrahedron that all sides of the unit cube cut but one."""
+
+
+def tetrahedron() -> tuple[Expr, list[Param]]:
+    """The volume of a tetrahedron in the unit cube, by its vertices."""
+    x, y, z = teg.vars("x y z")
+    vertices = [[teg.param(f"v{i}{axis}") for axis in "xyz"] for i in range(4)]
+
+    def above(i: int, j: int, k: int) -> Expr:
+        p, q, r = vertices[i], vertices[j], vertices[k]
+        u, v = ([b - a for a, b in zip(p, other, strict=True)] for other in (q, r))
+        normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+        return normal[0] * (x - p[0]) + normal[1] * (y - p[1]) + normal[2] * (z - p[2])
+
+    inside = (above(0, 1, 2) > 0) & (above(0, 3, 1) > 0) & (above(0, 2, 3) > 0) & (above(1, 3, 2) > 0)
+    return teg.integral(teg.bracket(inside), (x, 0, 1), (y, 0, 1), (z, 0, 1)), [p for vertex in vertices for p in vertex]
+
+
 def distances(n: int) -> tuple[Expr, list[Param]]:
     """∫₀¹ [Σᵢ |x - cᵢ| < r] dx: one condition with n kinks, n + 1 parameters."""
     x, r = teg.var("x"), teg.param("r")

@@ -67,6 +67,8 @@ MANY_CELLS = 24
 """The number of cells of one square from which on those beside a candidate are found by the cuts that made them."""
 FEW = 16
 """The number of regions, or of lines, up to which they are sorted by insertion."""
+SOME = 64
+"""The number of keys of an interval up to which they are sorted by comparing all of them, side by side."""
 LIMITS = {
     "TEG_BLOCK": BLOCK,
     "TEG_CHUNKS": CHUNKS,
@@ -122,6 +124,7 @@ LIMITS = {
     "TEG_KEY_ROUNDING": KEY_ROUNDING,
     "TEG_BESIDE": BESIDE,
     "TEG_FEW": FEW,
+    "TEG_SOME": SOME,
     "TEG_MARKED": MARKED,
     "TEG_MANY_CELLS": MANY_CELLS,
     "TEG_MANY_IN_TILE": MANY_IN_TILE,
@@ -151,6 +154,7 @@ TOPICS = (
     "samples",
     "arrangement",
     "cells",
+    "envelope",
 )
 """The headers, in the order in which they build on one another."""
 UNIT = "//: "

@@ -50,6 +50,7 @@ class Gaussian:
         self.least = cast(Expr, substitute(mul(const(-0.5), slope(self.slope, x)), {x: ZERO}))
         self.curvature = call("max", self.least, const(FLAT))
         self.width = call("sqrt", self.curvature)
+        self.scale = div(ONE, self.width)
 
     def at(self, e: Expr, place: Expr) -> Expr:
         """Returns an expression at a place."""
@@ -68,7 +69,7 @@ class Gaussian:
 
     def mean(self, polynomial: Expr, degree: int, p: Expr, q: Expr) -> Expr:
         """Returns the mean times a polynomial over (p, q)."""
-        alpha, beta = (div(mul(const(-0.5), self.at(self.slope, end)), self.width) for end in (p, q))
+        alpha, beta = (mul(const(-0.5), self.at(self.slope, end), self.scale) for end in (p, q))
         length = mul(self.width, sub(q, p))
         integrand = mul(polynomial, call("exp", self.exponent))
         change = mul(const(0.5), length, call("max", ONE, call("magnitude", mul(const(0.5), add(alpha, beta)))))
@@ -146,14 +147,17 @@ def scaled_erfc(x: Expr) -> Expr:
 
 
 def _polynomial(coefficients: Sequence[float], t: Expr) -> Expr:
-    """Returns Σ cₖ·tᵏ by halves, of even and odd powers: few steps wait for each other (Estrin 1960)."""
+    """Returns Σ cₖ·tᵏ by halves, of even and odd powers, up to t⁸, and by steps of t⁸: few of them wait for each other (Estrin 1960), and
+    no power is so large that it would be written by its exponent (`scaled`)."""
     if len(coefficients) == 1:
         return const(coefficients[0])
     if len(coefficients) == 2:
         return add(const(coefficients[0]), mul(const(coefficients[1]), t))
-    pairs = [_polynomial(coefficients[i : i + 2], t) for i in range(0, len(coefficients), 2)]
-    square = t
-    while len(pairs) > 1:
-        square = mul(square, square) if isinstance(square, Pow) else integer_power(square, 2)
-        pairs = [add(pairs[i], mul(square, pairs[i + 1])) if i + 1 < len(pairs) else pairs[i] for i in range(0, len(pairs), 2)]
-    return pairs[0]
+    parts = [_polynomial(coefficients[i : i + 2], t) for i in range(0, len(coefficients), 2)]
+    for power in (2, 4):
+        square = integer_power(t, power)
+        parts = [add(parts[i], mul(square, parts[i + 1])) if i + 1 < len(parts) else parts[i] for i in range(0, len(parts), 2)]
+    total, step = parts[-1], integer_power(t, 8)
+    for part in parts[-2::-1]:
+        total = add(part, mul(step, total))
+    return total

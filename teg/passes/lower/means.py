@@ -197,7 +197,7 @@ class _Means:
             return self._damped(waves[0], add(*exponent), polynomial, degree)
         if waves:
             return self._wave(waves[0], polynomial, degree)
-        whole = add(*exponent)
+        whole = add(*sorted(exponent, key=lambda e: self._degree(e) or 0))  # in an order of its own: equal Gaussians are one
         if self._degree(whole) == 2 and is_gaussian(whole, self.x) and degree <= MOST_DEGREE:
             gaussian = Gaussian(whole, self.x)
             self.gaussians.append(gaussian)

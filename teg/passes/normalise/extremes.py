@@ -26,7 +26,7 @@ from teg.ir.traverse import substitute
 from teg.passes.normalise.partitions import Refused, partitioned
 from teg.passes.normalise.rows import ROW, Row, Tables, shape_of, template_of
 
-FEWEST = 5
+FEWEST = 4
 """Of so many operands a maximum is a partition."""
 
 

@@ -326,3 +326,27 @@ def test_pictures_of_any_width(wide: int) -> None:
     assert value == pytest.approx(expected, rel=1e-13)
     for name, slope in slopes.items():
         np.testing.assert_allclose(slope, others[name], rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize("a_from", [0.2, -2.0], ids=["growing", "both signs"])
+def test_choices_that_only_some_points_make(a_from: float) -> None:
+    """Exponentials whose rates are positive, negative, 0 and no number: each point makes its own choice on the straight line."""
+    t = teg.param("t")
+    e = teg.integral(teg.bracket(x < t) * teg.exp(a * x), (x, 0, 1))
+    f, plain = (teg.compile(e, [t, a], backend=backend) for backend in ("c", "numpy"))
+    found = packed(with_branches(f.kernel(1).program))
+    assert found is not None
+    assert found.wide
+    rng = np.random.default_rng(4)
+    at = {"t": rng.uniform(-0.2, 1.2, 400), "a": rng.uniform(a_from, 2.0, 400)}
+    at["a"][::50], at["t"][7::90] = 0.0, 1.0  # no change, and a tie
+    _, fast = decided(found, with_branches(f.kernel(1).program), [at["t"], at["a"]])
+    assert fast.sum() == 400 - len(at["t"][7::90])
+    value, slopes = f.value_and_grad(at)
+    expected, others = plain.value_and_grad(at)
+    np.testing.assert_allclose(value, expected, rtol=1e-14, atol=1e-15)
+    for name, slope in slopes.items():
+        np.testing.assert_allclose(slope, others[name], rtol=1e-13, atol=1e-14)
+    rates = np.where(at["a"] == 0.0, 1.0, at["a"])
+    clipped = np.clip(at["t"], 0.0, 1.0)
+    np.testing.assert_allclose(value, np.where(at["a"] == 0.0, clipped, np.expm1(rates * clipped) / rates), rtol=1e-13)
