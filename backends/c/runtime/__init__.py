@@ -151,6 +151,7 @@ TOPICS = (
     "samples",
     "arrangement",
     "cells",
+    "kept",
 )
 """The headers, in the order in which they build on one another."""
 UNIT = "//: "
