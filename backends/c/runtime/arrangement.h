@@ -503,11 +503,12 @@ static void teg_draw(teg_arrangement *r, teg_region *region)
     for (unsigned cuts = region->cuts; cuts; cuts &= cuts - 1) region->end++;
     for (int q = 0; q < s->guards; q++) {
         const int column = 3 * ((int)(region->region % s->parts) * s->guards + q);
-        double g[3], size;
+        double g[3], size, inverse;
         if (!(region->cuts >> q & 1)) continue;
         teg_form(r, candidate, column, g);
-        size = sqrt(g[1] * g[1] + g[2] * g[2]);
-        const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, candidate, -1, column, region->first, region->end, -1};
+        size = sqrt(g[1] * g[1] + g[2] * g[2]), inverse = 1.0 / size;
+        const teg_line line = {
+            inverse * g[0], inverse * g[1], inverse * g[2], size, candidate, -1, column, region->first, region->end, -1};
         teg_add_line(r, line);
     }
 }
@@ -549,8 +550,8 @@ static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
     r->line_count = 4;
     for (int64_t k = 0; k < regions && !r->undefined && !r->failed; k++) {
         teg_region region = {0.0, list ? list[k] : k, 0, 0, 0};
-        double g[3];
-        if (!teg_present(r, &region)) continue;
+        double g[3], highest;
+        int present, better;
         if (r->region_count == r->region_room) {
             r->regions =
                 teg_grown(r->regions, r->own_regions, r->region_count * sizeof region, 2 * r->region_room * sizeof region, &r->failed);
@@ -558,19 +559,22 @@ static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
             r->own_regions = 1;
             r->region_room *= 2;
         }
+        present = teg_present(r, &region);
         teg_form(r, region.region / s->parts, teg_forms(s) - 3, g);
-        r->undefined |= !isfinite(g[0]) || !isfinite(g[1]) || !isfinite(g[2]);
+        r->undefined |= present & !((fabs(g[0]) < INFINITY) & (fabs(g[1]) < INFINITY) & (fabs(g[2]) < INFINITY));
         region.middle = g[0] + 0.5 * (r->u[0] + r->u[1]) * g[1] + 0.5 * (r->v[0] + r->v[1]) * g[2];
-        if (!region.cuts && (base < 0 || teg_highest(r, g) < nearest)) base = region.region, nearest = teg_highest(r, g);
-        r->regions[r->region_count++] = region;
+        highest = teg_highest(r, g);
+        better = present & !region.cuts & ((base < 0) | (highest < nearest));
+        base = better ? region.region : base, nearest = better ? highest : nearest;
+        r->regions[r->region_count] = region, r->region_count += (size_t)present;
     }
     r->base = base;
     for (size_t k = 0; k < r->region_count && base >= 0 && !r->undefined; k++) {
+        const teg_region region = r->regions[k];
         double g[3];
-        if (r->regions[k].region == base) continue;
-        const double size = teg_key_difference(r, r->regions[k].region / s->parts, base / s->parts, g), lowest = teg_lowest(r, g);
-        if (lowest > TEG_ON_LINE * (fabs(g[1]) + fabs(g[2])) + TEG_KEY_ROUNDING * size) continue;
-        r->regions[kept++] = r->regions[k];
+        const double size = teg_key_difference(r, region.region / s->parts, base / s->parts, g), lowest = teg_lowest(r, g);
+        const int hidden = (region.region == base) | (lowest > TEG_ON_LINE * (fabs(g[1]) + fabs(g[2])) + TEG_KEY_ROUNDING * size);
+        r->regions[kept] = region, kept += (size_t)!hidden;
     }
     if (base >= 0) r->region_count = kept;
     for (size_t k = 0; k < r->region_count && !r->undefined && !r->failed; k++) teg_draw(r, r->regions + k);
@@ -611,6 +615,24 @@ static void teg_sort_twins(teg_twin *twins, size_t count)
         }
 }
 
+//: teg_may_have_twins
+/* Whether lines of two regions may be one: there are few, and none of them has another one's direction and distance, to more than what
+   counts as the same. */
+static int teg_may_have_twins(const teg_arrangement *r)
+{
+    const size_t count = r->line_count;
+    int found = count > TEG_FEW;
+    for (size_t k = 0; k + 1 < r->region_count && !found; k++)
+        for (int i = r->regions[k].first; i < r->regions[k].end; i++)
+            for (size_t m = k + 1; m < r->region_count; m++)
+                for (int j = r->regions[m].first; j < r->regions[m].end; j++) {
+                    const teg_line *const g = r->lines + i, *const h = r->lines + j;
+                    const double across = g->a * h->b - g->b * h->a, along = g->a * h->a + g->b * h->b;
+                    found |= (fabs(across) < 8.0 / TEG_ANGLES) & (fabs(along < 0.0 ? g->c + h->c : g->c - h->c) < 2.0 * TEG_SAME);
+                }
+    return found;
+}
+
 //: teg_find_twins
 /* Find guards of different regions whose lines are one: a line's `twin` is where it is among them, or -1 if it is alone. */
 static void teg_find_twins(teg_arrangement *r)
@@ -619,7 +641,7 @@ static void teg_find_twins(teg_arrangement *r)
     int alike = 0;
     double last;
     r->twin_count = 0;
-    if (r->region_count < 2) return;
+    if (r->region_count < 2 || !teg_may_have_twins(r)) return;
     if (r->line_count > r->twin_room) {
         r->twins = teg_grown(r->twins, 1, 0, 2 * r->line_count * sizeof *r->twins, &r->failed);
         if (r->failed) return;
