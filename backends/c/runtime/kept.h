@@ -1,11 +1,13 @@
 /* Cells that are kept: values first, then derivatives of sums of values with weights that are known by then. */
 
 //: teg_kept
-/* Cells, and what has become of them. TEG_NO_CELLS: the square has one owner, or there are none. TEG_CELLS: they are there. TEG_TABLES: the
-   tables of all results are there, since the square was cut into tiles, or something lies on a side. TEG_UNDEFINED: all is NaN. */
+/* Cells, and what has become of them. TEG_NO_CELLS: the square has one owner, or there are none. TEG_CELLS: they are there. TEG_TWO_PARTS: one
+   cell is there, and `other` owns the rest of the square. TEG_TABLES: the tables of all results are there, since the square was cut into tiles,
+   or something lies on a side. TEG_UNDEFINED: all is NaN. */
 typedef struct {
     teg_room room;
-    enum { TEG_NO_CELLS, TEG_CELLS, TEG_TABLES, TEG_UNDEFINED } state;
+    enum { TEG_NO_CELLS, TEG_CELLS, TEG_TWO_PARTS, TEG_TABLES, TEG_UNDEFINED } state;
+    int64_t other;
     double *tables;
 } teg_kept;
 
@@ -50,19 +52,20 @@ static inline const double *teg_polynomials(const teg_arrangement *r, int64_t ow
 
 //: teg_values
 /* Values and moments of an arrangement. Those of the base are what the other cells leave. */
-static void teg_values(const teg_arrangement *r, const double *otherwise, double *values, double *moments, unsigned char *seen)
+static void teg_values(
+    const teg_arrangement *r, int64_t base, const double *otherwise, double *values, double *moments, unsigned char *seen)
 {
     const teg_shape *const s = TEG_SHAPE(r->shape);
-    const int count = teg_coefficients(s), whole = !r->region_count || (r->cell_count == 1 && r->cells[0].owner == r->base);
-    const int64_t base_row = r->base < 0 ? r->n : r->base / s->parts;
-    const double *const f = teg_polynomials(r, r->base, otherwise);
+    const int count = teg_coefficients(s), whole = !r->region_count || (r->cell_count == 1 && r->cells[0].owner == base);
+    const int64_t base_row = base < 0 ? r->n : base / s->parts;
+    const double *const f = teg_polynomials(r, base, otherwise);
     const int known = whole || teg_is_known(s, f);
     double m[TEG_MONOMIALS], rest[TEG_MONOMIALS];
     teg_square_moments(s, rest);
     for (size_t k = 0; k < r->cell_count && !whole; k++) {
         const teg_cell *const cell = r->cells + k;
         const int64_t row = cell->owner < 0 ? r->n : cell->owner / s->parts;
-        if (known && cell->owner == r->base) continue;
+        if (known && cell->owner == base) continue;
         for (int j = 0; j < count; j++) m[j] = 0.0;
         teg_cell_moments(r, cell, NULL, NULL, m, NULL);
         for (int j = 0; j < count; j++) rest[j] -= m[j];
@@ -73,6 +76,61 @@ static void teg_values(const teg_arrangement *r, const double *otherwise, double
         teg_owned(s, f, rest, values, moments + base_row * count);
         seen[base_row] = 1;
     }
+}
+
+//: teg_is_opposite
+/* Whether line h separates the same two polygons as line g, whose values at the corners of the square are d, but the other way round: what
+   cutting them by h would find. */
+static int teg_is_opposite(const teg_line *h, const double *d, int n, const double *x, const double *y, int m, const double *u, const double *v)
+{
+    const double corners[4] = {h->c, h->c + h->a, h->c + h->a + h->b, h->c + h->b};
+    for (int k = 0; k < 4; k++) {
+        const double e = fabs(corners[k]) < TEG_ON_LINE ? 0.0 : corners[k];
+        if ((d[k] > 0.0) != (e < 0.0) || (d[k] < 0.0) != (e > 0.0)) return 0;
+    }
+    for (int i = 0; i < n; i++)
+        if (h->c + h->a * x[i] + h->b * y[i] >= TEG_ON_LINE) return 0;
+    for (int i = 0; i < m; i++)
+        if (h->c + h->a * u[i] + h->b * v[i] <= -TEG_ON_LINE) return 0;
+    return 1;
+}
+
+//: teg_two_parts
+/* Make the cell of a square that one line cuts into two owners' parts: that of a region with one line, in front of the base or of nothing; or
+   two regions side by side. This is what most squares with an edge are. Returns 0 where it is anything else. */
+static int teg_two_parts(teg_kept *kept, const double *otherwise)
+{
+    static const double x[4] = {0.0, 1.0, 1.0, 0.0}, y[4] = {0.0, 0.0, 1.0, 1.0};
+    static const int label[4] = {4, 2, 6, 0};
+    teg_arrangement *const r = &kept->room.r;
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const int two = r->region_count == 2;
+    const teg_line *g;
+    double d[4];
+    int above = 0, below = 0, n, m;
+    if (r->region_count < 1 || r->region_count > 2 || r->line_count != 4 + r->region_count || (two && r->base >= 0)) return 0;
+    if (r->regions[0].end - r->regions[0].first != 1) return 0;
+    teg_sort_regions(r->regions, r->region_count);
+    kept->other = two ? r->regions[1].region : r->base;
+    if (kept->other >= 0 && kept->other / s->parts == r->regions[0].region / s->parts) return 0;
+    if (!two && r->base >= 0) {
+        double key[3];
+        const double size = teg_key_difference(r, r->base / s->parts, r->regions[0].region / s->parts, key);
+        if (!(teg_lowest(r, key) > 2.0 * teg_key_tolerance(key, size))) return 0;
+    }
+    if (!teg_is_known(s, teg_polynomials(r, kept->other, otherwise))) return 0;
+    g = r->lines + r->regions[0].first;
+    for (int i = 0; i < 4; i++) {
+        d[i] = g->c + g->a * x[i] + g->b * y[i];
+        d[i] = fabs(d[i]) < TEG_ON_LINE ? 0.0 : d[i];
+        above += d[i] > 0.0, below += d[i] < 0.0;
+    }
+    if (!above || !below) return 0;
+    n = teg_split(4, x, y, label, d, r->regions[0].first, r->x, r->y, r->label, r->px, r->py, r->pl, &m);
+    if (two && !teg_is_opposite(r->lines + r->regions[1].first, d, n, r->x, r->y, m, r->px, r->py)) return 0;
+    teg_new_cell(r, r->regions[0].region, 0, n);
+    kept->state = TEG_TWO_PARTS;
+    return 1;
 }
 
 //: teg_keep_tables
@@ -121,9 +179,10 @@ static int teg_keep_cells(teg_kept *kept, const teg_shape *shape, int64_t n, con
     teg_select(r, NULL, n * s->parts);
     if (!r->undefined && !r->failed) {
         if (teg_is_tiled(r, 0, r->region_count)) teg_keep_tables(kept, otherwise, values, moments, seen);
+        else if (teg_two_parts(kept, otherwise)) teg_values(r, kept->other, otherwise, values, moments, seen);
         else {
             if (r->region_count) teg_arrange(r);
-            if (!r->failed) teg_values(r, otherwise, values, moments, seen);
+            if (!r->failed) teg_values(r, r->base, otherwise, values, moments, seen);
             if (!r->failed && r->touching) teg_keep_tables(kept, otherwise, values, moments, seen);
         }
     }
@@ -210,6 +269,7 @@ static int teg_pull_back(teg_kept *kept, const double *otherwise, const double *
     teg_arrangement *const r = &kept->room.r;
     const teg_shape *const s = TEG_SHAPE(r->shape);
     const int forms = teg_forms(s), count = teg_coefficients(s);
+    const int64_t other = kept->state == TEG_TWO_PARTS ? kept->other : r->base;
     const double *base;
     int known;
     for (int64_t k = 0; k < (r->n + 1) * forms; k++) table[k] = kept->state == TEG_UNDEFINED ? NAN : 0.0;
@@ -223,14 +283,14 @@ static int teg_pull_back(teg_kept *kept, const double *otherwise, const double *
         return 0;
     }
     if (!r->region_count || (r->cell_count == 1 && r->cells[0].owner == r->base)) return 0;
-    teg_find_twins(r);
+    if (kept->state == TEG_CELLS) teg_find_twins(r);
     if (r->failed) return 1;
-    base = teg_polynomials(r, r->base, otherwise), known = teg_is_known(s, base);
+    base = teg_polynomials(r, other, otherwise), known = teg_is_known(s, base);
     for (size_t k = 0; k < r->cell_count; k++) {
         const teg_cell *const cell = r->cells + k;
         const double *const own = teg_polynomials(r, cell->owner, otherwise);
         double f[TEG_MONOMIALS];
-        if (known && cell->owner == r->base) continue;
+        if (known && cell->owner == other) continue;
         for (int j = 0; j < count; j++) f[j] = 0.0;
         for (int body = 0; body < s->bodies; body++)
             for (int j = 0; j < count; j++) {
