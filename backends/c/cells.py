@@ -87,11 +87,12 @@ class CellPrinter(ABC):
         for j, name in enumerate(() if kept else step.tables):
             self.sources[name] = Source(step, columns, False)
             lines.append(f"const double *const {name} = {at}_rows ? {at}_tables + {j} * ({at}_n + 1) * {columns} : NULL;")
-        for j, reader in enumerate(self._readers(step)):
-            before, own = (step.shape.coefficients, step.shape.forms) if kept else (count * columns, reader.shape.columns)
+        before = step.shape.coefficients if kept else count * columns
+        for reader in self._readers(step):
+            own = step.shape.forms if kept else reader.shape.columns
             self.sources[reader.table] = Source(step, own, kept)
-            place = f"{at}_tables + {before + j * own} * ({at}_n + 1)"
-            lines.append(f"double *const {reader.table} = {at}_rows ? {place} : NULL;")
+            lines.append(f"double *const {reader.table} = {at}_rows ? {at}_tables + {before} * ({at}_n + 1) : NULL;")
+            before += own
         return lines
 
     def _places(self, step: Cells, kept: bool) -> str:

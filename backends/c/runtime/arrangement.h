@@ -503,12 +503,11 @@ static void teg_draw(teg_arrangement *r, teg_region *region)
     for (unsigned cuts = region->cuts; cuts; cuts &= cuts - 1) region->end++;
     for (int q = 0; q < s->guards; q++) {
         const int column = 3 * ((int)(region->region % s->parts) * s->guards + q);
-        double g[3], size, inverse;
+        double g[3], size;
         if (!(region->cuts >> q & 1)) continue;
         teg_form(r, candidate, column, g);
-        size = sqrt(g[1] * g[1] + g[2] * g[2]), inverse = 1.0 / size;
-        const teg_line line = {
-            inverse * g[0], inverse * g[1], inverse * g[2], size, candidate, -1, column, region->first, region->end, -1};
+        size = sqrt(g[1] * g[1] + g[2] * g[2]);
+        const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, candidate, -1, column, region->first, region->end, -1};
         teg_add_line(r, line);
     }
 }

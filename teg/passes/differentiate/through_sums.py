@@ -99,7 +99,7 @@ class _Gradient:
                 continue
             if isinstance(node, Partition):
                 weights = {node: weight}
-                while waiting and _is_beside(waiting[0][1], node) and (bound is None or bound in self.open[waiting[0][1]]):
+                while waiting and _is_beside(waiting[0][1], node, self.last) and (bound is None or bound in self.open[waiting[0][1]]):
                     other = cast(Partition, heappop(waiting)[1])
                     weights[other] = add(*parts.pop(other))
                 found = self._inside_partitions(weights, bound)
@@ -140,7 +140,8 @@ class _Gradient:
         node = next(iter(weights))
         whole: Partition | Pullback = node
         if self.last and not node.layout.order:
-            whole = Pullback.make(node.data, (*weights, *weights.values()))
+            layout = max((p.layout for p in weights), key=lambda layout: layout.degree)
+            whole = Pullback.make((node.index, node.lo, node.hi, layout), (*weights, *weights.values()))
         terms = _together(whole, self.boundaries) if isinstance(whole, Pullback) else _apart(weights, self.boundaries)
         slopes: list[Expr] = []
         candidate: dict[Expr, list[Expr]] = {}  # a number to its adjoints
@@ -279,9 +280,13 @@ def _together(whole: Pullback, boundaries: bool) -> Iterator[tuple[Expr, Expr, E
                 yield number, ONE if is_form else weight, Slope.make(slope.data, (whole,)), repeated
 
 
-def _is_beside(other: Ranged, node: Partition) -> bool:
-    """Returns whether a node is a partition with the same candidates and forms, and not inside of the first one."""
-    if not isinstance(other, Partition) or (other.index, other.lo, other.hi, other.layout) != (node.index, node.lo, node.hi, node.layout):
+def _is_beside(other: Ranged, node: Partition, last: bool) -> bool:
+    """Returns whether a node is a partition with the same candidates and forms, and not inside of the first one. Degrees may differ in
+    the last derivative of values."""
+    if not isinstance(other, Partition) or (other.index, other.lo, other.hi) != (node.index, node.lo, node.hi):
+        return False
+    degree = node.layout.degree if last and not node.layout.order else other.layout.degree
+    if other.layout._replace(degree=degree) != node.layout:
         return False
     columns, forms = node.layout.columns, node.layout.forms
     ranges = [(k * columns, k * columns + forms) for k in range(1 + node.layout.order)]
