@@ -79,56 +79,85 @@ static void teg_values(
 }
 
 //: teg_is_opposite
-/* Whether line h separates the same two polygons as line g, whose values at the corners of the square are d, but the other way round: what
-   cutting them by h would find. */
-static int teg_is_opposite(const teg_line *h, const double *d, int n, const double *x, const double *y, int m, const double *u, const double *v)
+/* Whether line h, whose form is at most 0 on a polygon, separates it from the rest of the square as line g does, whose values at the corners of
+   the square are d: what cutting both parts by h would find. */
+static int teg_is_opposite(const teg_line *h, const double *d, int n, const double *x, const double *y)
 {
     const double corners[4] = {h->c, h->c + h->a, h->c + h->a + h->b, h->c + h->b};
+    int ends = 0;
     for (int k = 0; k < 4; k++) {
         const double e = fabs(corners[k]) < TEG_ON_LINE ? 0.0 : corners[k];
         if ((d[k] > 0.0) != (e < 0.0) || (d[k] < 0.0) != (e > 0.0)) return 0;
     }
-    for (int i = 0; i < n; i++)
-        if (h->c + h->a * x[i] + h->b * y[i] >= TEG_ON_LINE) return 0;
-    for (int i = 0; i < m; i++)
-        if (h->c + h->a * u[i] + h->b * v[i] <= -TEG_ON_LINE) return 0;
-    return 1;
+    for (int i = 0; i < n; i++) {
+        const double e = h->c + h->a * x[i] + h->b * y[i];
+        if (e >= TEG_ON_LINE) return 0;
+        ends += e > -TEG_ON_LINE;
+    }
+    return ends > 1;
 }
 
-//: teg_two_parts
-/* Make the cell of a square that one line cuts into two owners' parts: that of a region with one line, in front of the base or of nothing; or
-   two regions side by side. This is what most squares with an edge are. Returns 0 where it is anything else. */
-static int teg_two_parts(teg_kept *kept, const double *otherwise)
+//: teg_in_front
+/* Whether a region is nearer than the base on all of the square, with a margin, or there is no base. */
+static int teg_in_front(const teg_arrangement *r, const teg_region *region)
+{
+    const int parts = TEG_SHAPE(r->shape)->parts;
+    double key[3], size;
+    if (r->base < 0) return 1;
+    if (r->base / parts == region->region / parts) return 0;
+    size = teg_key_difference(r, r->base / parts, region->region / parts, key);
+    return teg_lowest(r, key) > 2.0 * teg_key_tolerance(key, size);
+}
+
+//: teg_one_part
+/* Clip the square, which is in the pool, by the lines of a region; returns the number of corners, 0 where nothing is cut off, nothing is left,
+   or something may lie on a side. `d` has the values of its corners on the first line. */
+static int teg_one_part(teg_arrangement *r, const teg_region *region, double *d)
 {
     static const double x[4] = {0.0, 1.0, 1.0, 0.0}, y[4] = {0.0, 0.0, 1.0, 1.0};
     static const int label[4] = {4, 2, 6, 0};
+    int n = 4, cut = 0;
+    for (int i = 0; i < 4; i++) r->x[i] = x[i], r->y[i] = y[i], r->label[i] = label[i];
+    for (int line = region->first; line < region->end; line++) {
+        const teg_line *const g = r->lines + line;
+        int above = 0, below = 0;
+        if (!teg_room_in_scratch(r, (size_t)n + 2)) return 0;
+        for (int i = 0; i < n; i++) {
+            const double e = g->c + g->a * r->x[i] + g->b * r->y[i];
+            r->d[i] = fabs(e) < TEG_ON_LINE ? 0.0 : e;
+            above += r->d[i] > 0.0, below += r->d[i] < 0.0;
+        }
+        if (line == region->first)
+            for (int i = 0; i < 4; i++) d[i] = r->d[i];
+        if (!above || (!below && n - above > 1)) return 0;
+        if (!below) continue;
+        n = teg_half(n, r->x, r->y, r->label, r->d, 1.0, 2 * line, r->px, r->py, r->pl);
+        for (int i = 0; i < n; i++) r->x[i] = r->px[i], r->y[i] = r->py[i], r->label[i] = r->pl[i];
+        cut = 1;
+    }
+    return cut ? n : 0;
+}
+
+//: teg_two_parts
+/* Make the cell of a square that has two parts: a region in front of the base or of nothing, and the rest; or two regions on both sides of one
+   line. This is what most squares with an edge are. Returns 0 where it is anything else. */
+static int teg_two_parts(teg_kept *kept, const double *otherwise)
+{
     teg_arrangement *const r = &kept->room.r;
     const teg_shape *const s = TEG_SHAPE(r->shape);
+    const teg_region *const first = r->regions;
     const int two = r->region_count == 2;
-    const teg_line *g;
     double d[4];
-    int above = 0, below = 0, n, m;
-    if (r->region_count < 1 || r->region_count > 2 || r->line_count != 4 + r->region_count || (two && r->base >= 0)) return 0;
-    if (r->regions[0].end - r->regions[0].first != 1) return 0;
+    int n;
+    if (r->region_count < 1 || r->region_count > 2 || first->end - first->first > 8 || (two && (r->base >= 0 || r->line_count != 6))) return 0;
+    if (two && first->end - first->first != 1) return 0;
     teg_sort_regions(r->regions, r->region_count);
     kept->other = two ? r->regions[1].region : r->base;
-    if (kept->other >= 0 && kept->other / s->parts == r->regions[0].region / s->parts) return 0;
-    if (!two && r->base >= 0) {
-        double key[3];
-        const double size = teg_key_difference(r, r->base / s->parts, r->regions[0].region / s->parts, key);
-        if (!(teg_lowest(r, key) > 2.0 * teg_key_tolerance(key, size))) return 0;
-    }
-    if (!teg_is_known(s, teg_polynomials(r, kept->other, otherwise))) return 0;
-    g = r->lines + r->regions[0].first;
-    for (int i = 0; i < 4; i++) {
-        d[i] = g->c + g->a * x[i] + g->b * y[i];
-        d[i] = fabs(d[i]) < TEG_ON_LINE ? 0.0 : d[i];
-        above += d[i] > 0.0, below += d[i] < 0.0;
-    }
-    if (!above || !below) return 0;
-    n = teg_split(4, x, y, label, d, r->regions[0].first, r->x, r->y, r->label, r->px, r->py, r->pl, &m);
-    if (two && !teg_is_opposite(r->lines + r->regions[1].first, d, n, r->x, r->y, m, r->px, r->py)) return 0;
-    teg_new_cell(r, r->regions[0].region, 0, n);
+    if (two && kept->other / s->parts == first->region / s->parts) return 0;
+    if (!teg_in_front(r, first) || !teg_is_known(s, teg_polynomials(r, kept->other, otherwise))) return 0;
+    n = teg_one_part(r, first, d);
+    if (!n || (two && !teg_is_opposite(r->lines + r->regions[1].first, d, n, r->x, r->y))) return 0;
+    teg_new_cell(r, first->region, 0, n);
     kept->state = TEG_TWO_PARTS;
     return 1;
 }
