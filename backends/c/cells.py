@@ -3,7 +3,7 @@
     plain    a table of derivatives for each result, by `teg_cells`
     kept     the cells themselves, by `teg_keep_cells`, from which `teg_pull_back` makes one table when the weights of the results are known
 
-Cells are kept if `Combined` steps are all that read their tables, and read all of these.
+Cells are kept if `Combined` steps are all that read their tables, and read all of these, or if there are none.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class CellPrinter(ABC):
         """Returns whether cells are kept in the place of their tables."""
         readers = [c.of for c in self._combined if not set(c.of).isdisjoint(step.tables)]
         alone = self._read.isdisjoint(step.tables) and all(sorted(of) == sorted(step.tables) for of in readers)
-        return bool(step.tables) and not step.sizes and not step.shape.order and alone
+        return not step.sizes and not step.shape.order and alone
 
     def _cells(self, step: Cells, depth: int) -> list[str]:
         """Returns the numbers of all candidates, and the cells that are made of them."""
@@ -69,7 +69,7 @@ class CellPrinter(ABC):
             f"const size_t {at}_bytes = ({at}_wide + {at}_size) * sizeof(double);",
             f"double {at}_here[{CELLS_ON_STACK}], {at}_values[{count}]{f', {at}_sizes[{count}]' if step.sizes else ''};",
             f"double *const {at}_rows = {at}_bytes <= sizeof {at}_here ? {at}_here : malloc({at}_bytes);",
-            *([f"double *const {at}_tables = {at}_rows + {at}_wide;"] if step.tables else []),
+            *([f"double *const {at}_tables = {at}_rows + {at}_wide;"] if step.tables or kept else []),
             *([f"unsigned char *const {at}_seen = (unsigned char *)({at}_tables + {at}_size) - {at}_n - 1;"] if kept else []),
             *([f"teg_kept {at}_kept;", f"{at}_kept.state = TEG_NO_CELLS;"] if kept else []),
             f"const double {at}_otherwise[{len(step.otherwise)}] = {{{given}}};",

@@ -303,6 +303,7 @@ static int teg_pull_back(teg_kept *kept, const double *otherwise, const double *
     int known;
     for (int64_t k = 0; k < (r->n + 1) * forms; k++) table[k] = kept->state == TEG_UNDEFINED ? NAN : 0.0;
     if (kept->state == TEG_NO_CELLS || kept->state == TEG_UNDEFINED) return 0;
+    if (r->failed) return 1;
     if (kept->state == TEG_TABLES) {
         for (int body = 0; body < s->bodies; body++)
             for (int64_t k = 0; k < (r->n + 1) * forms; k++) {
