@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from teg.backends.c.lanes import SIDE, decisive_branch
 from teg.backends.c.queues import Queue
 from teg.backends.c.spans import PLACES, Rows, function, prefetched, rows_of
-from teg.backends.c.steps import StepPrinter, array_of, named, skipped, spelled
+from teg.backends.c.steps import StepPrinter, array_of, named
 from teg.backends.c.straights import Staged, Straight
-from teg.backends.c.text import indent, packed
+from teg.backends.c.text import indent, packed, spelled
 from teg.program.arrays import Arg, ArrayProgram, Cells, Loop, Number, Run, Scatter, Step
 from teg.program.fields import operands, result_names
 
@@ -122,7 +122,7 @@ class IterationPrinter(StepPrinter):
             return self._side_by_side(step, only, lo, hi, depth)
         if (rows := rows_of(step, self.idle)) and (run := self._spanned(step, rows.row)):
             return self._rows_side_by_side(step, rows, run, lo, hi, depth)
-        inside = [*skipped(step), "if (teg_stopped(pace)) break;"]
+        inside = [*self._skipped(step), "if (teg_stopped(pace)) break;"]
         inside += [*self._block(step.body, depth, decisive(step)), *self._added(step)]
         return [f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
 

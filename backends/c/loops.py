@@ -21,6 +21,7 @@ import numpy.typing as npt
 from teg.backends.branches import with_branches_in_loops
 from teg.backends.c.batch import ABI, exported, unwatched
 from teg.backends.c.build import load_library
+from teg.backends.c.cells import NO_MEMORY
 from teg.backends.c.chunks import Chunked
 from teg.backends.c.crossed import POINTS
 from teg.backends.c.iterations import IterationPrinter, only_run
@@ -29,11 +30,11 @@ from teg.backends.c.lanes import SIDE, decisive_branch
 from teg.backends.c.queues import Queue, queue_of
 from teg.backends.c.runtime import runtime
 from teg.backends.c.signals import Caller
-from teg.backends.c.steps import NO_MEMORY, spelled, target_of
+from teg.backends.c.steps import target_of
 from teg.backends.c.straights import Waiting, side_by_side
 from teg.backends.c.tabled import tabled_entry
 from teg.backends.c.team import shared
-from teg.backends.c.text import indent, wrapped
+from teg.backends.c.text import indent, spelled, wrapped
 from teg.backends.c.threads import team_size
 from teg.backends.numpy.loops import Results
 from teg.errors import BackendError

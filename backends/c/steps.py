@@ -5,15 +5,14 @@ StepPrinter       what is common to all steps; how loops are printed is up to `i
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 
+from teg.backends.c.cells import NO_MEMORY, CellPrinter
 from teg.backends.c.chunks import Target
 from teg.backends.c.frame import Routine
 from teg.backends.c.printer import Printer
-from teg.backends.c.text import indent, literal, packed
-from teg.numerics.cells import monomials
-from teg.numerics.quadrature import gauss_legendre, triangle_rule
+from teg.backends.c.text import indent, literal, packed, spelled
 from teg.program import Integrate, compound, has_ties
 from teg.program.arrays import (
     AddTo,
@@ -21,6 +20,7 @@ from teg.program.arrays import (
     ArrayProgram,
     Blank,
     Cells,
+    Combined,
     Factors,
     Integers,
     Least,
@@ -30,26 +30,21 @@ from teg.program.arrays import (
     Rows,
     Run,
     Scatter,
+    SeenLoop,
     Step,
     Take,
 )
 
-NO_MEMORY = 16
-"""The bit of a note that says that there was no memory for cells."""
-CELLS_ON_STACK = 1024
-"""Numbers of candidates and tables that are on the C stack."""
 
-
-class StepPrinter(ABC):
+class StepPrinter(CellPrinter):
     """Prints steps in the scope of one element of the batch."""
 
     def __init__(self, program: ArrayProgram) -> None:
+        super().__init__(program)
         self.program = program
         self.printer = Printer()
         self.routines: dict[int, Routine] = {}
-        self.tables: dict[str, Cells] = {}
         self.widths: dict[str, int] = {}  # the columns of tables of rows
-        self.shapes: dict[str, str] = {}  # the rules of the shapes of cells, by name
         self.copied: frozenset[int | str] = frozenset()  # the outputs and tables of which the chunk that is printed has a copy
         self.idle: set[int] = set()  # the flat programs that only points in queues needed, which compute them again
         self.telling: set[int] = set()  # the flat programs that return whether their branch is taken
@@ -65,7 +60,6 @@ class StepPrinter(ABC):
     def _block(self, block: Sequence[Step], depth: int, decisive: Run | None = None) -> list[str]:
         """Returns the lines of a block, in which a decisive flat program may end the iteration. Recursion is as deep as loops are."""
         lines: list[str] = []
-        held = [s for s in block if isinstance(s, Cells)]
         for step in block:
             match step:
                 case Integers():
@@ -94,13 +88,15 @@ class StepPrinter(ABC):
                     lines += self._fold(step, depth)
                 case Cells():
                     lines += self._cells(step, depth)
+                case Combined():
+                    lines += self._combine(step)
                 case Take():
                     lines.append(f"const double {step.name} = {self._taken(step)};")
                 case Loop() if depth:
                     lines += self._loop(step, depth)
                 case Loop():
                     lines += self._chunks(step)
-        return [*lines, *(f"if ({s.results[0]}_rows != {s.results[0]}_here) free({s.results[0]}_rows);" for s in held)]
+        return [*lines, *self._held(block)]
 
     def _integers(self, step: Integers) -> str:
         args = [spelled(a) for a in step.args]
@@ -172,48 +168,11 @@ class StepPrinter(ABC):
         lo, hi = spelled(step.lo), spelled(step.hi)
         return [*start, f"for (int64_t {step.index} = {lo}; {step.index} < {hi}; {step.index}++) {{", *indent(*inside), "}"]
 
-    def _cells(self, step: Cells, depth: int) -> list[str]:
-        """Returns the numbers of all candidates, and the cells that are made of them."""
-        shape, wide = step.shape, len(step.values)
-        at, count = step.results[0], len(step.results)
-        lo, hi = spelled(step.lo), spelled(step.hi)
-        columns = shape.columns * (1 + shape.order)
-        stored = [f"{at}_rows[({step.index} - {lo}) * {wide} + {j}] = {spelled(v)};" for j, v in enumerate(step.values)]
-        inside = ["if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *packed(stored)]
-        given = ", ".join(spelled(v) if isinstance(v, str) else literal(float(v)) for v in step.otherwise)
-        table = f"{at}_tables" if step.tables else "NULL"
-        lines = [
-            f"const int64_t {at}_n = {hi} - {lo};",
-            f"const size_t {at}_wide = (size_t){at}_n * {wide};",
-            f"const size_t {at}_size = {f'{count} * (size_t)({at}_n + 1) * {columns}' if step.tables else '0'};",
-            f"const size_t {at}_bytes = ({at}_wide + {at}_size) * sizeof(double);",
-            f"double {at}_here[{CELLS_ON_STACK}], {at}_values[{count}]{f', {at}_sizes[{count}]' if step.sizes else ''};",
-            f"double *const {at}_rows = {at}_bytes <= sizeof {at}_here ? {at}_here : malloc({at}_bytes);",
-            *([f"double *const {at}_tables = {at}_rows + {at}_wide;"] if step.tables else []),
-            f"const double {at}_otherwise[{len(step.otherwise)}] = {{{given}}};",
-            f"for (int64_t {step.index} = {lo}; {at}_rows && {step.index} < {hi}; {step.index}++) {{",
-            *indent(*inside),
-            "}",
-        ]
-        sizes = f"{at}_sizes" if step.sizes else "NULL"
-        call = f"teg_cells(&{self._shape(step)}, {at}_n, {at}_rows, {at}_otherwise, {at}_values, {sizes}, {table})"
-        if is_straight(step):
-            call = f"(!teg_envelope(&{self._shape(step)}, {at}_n, {at}_rows, {at}_values, {sizes}, {table}) && {call})"
-        lines += [f"if (!{at}_rows || {call}) {{", *indent(f"note |= {NO_MEMORY};", f"teg_fill({at}_values, {count}, NAN);"), "}"]
-        lines += packed([f"{r} = {at}_values[{j}]" for j, r in enumerate(step.results)], "const double ", ", ", ";")
-        lines += packed([f"{r} = {at}_sizes[{j}]" for j, r in enumerate(step.sizes)], "const double ", ", ", ";") if step.sizes else []
-        for j, name in enumerate(step.tables):
-            self.tables[name] = step
-            lines.append(f"const double *const {name} = {at}_rows ? {at}_tables + {j} * ({at}_n + 1) * {columns} : NULL;")
-        return lines
-
     def _taken(self, step: Take) -> str:
         """Returns a number of a table."""
-        if step.table in self.widths:
-            return f"{step.table}[{spelled(step.row)} * {self.widths[step.table]} + {step.column}]"
-        cells = self.tables[step.table]
-        width = cells.shape.columns * (1 + cells.shape.order)
-        return f"{step.table} ? {step.table}[({spelled(step.row)} - {spelled(cells.lo)}) * {width} + {step.column}] : NAN"
+        if step.table not in self.widths:
+            return self._derivative(step)
+        return f"{step.table}[{spelled(step.row)} * {self.widths[step.table]} + {step.column}]"
 
     def _new_table(self, name: str, rows: str, columns: int) -> list[str]:
         """Returns the declaration of a table of zeros, which is freed at the end of the function."""
@@ -231,7 +190,7 @@ class StepPrinter(ABC):
         """Returns the rows of a table."""
         name, width = step.table, len(step.values)
         stored = packed(f"{name}[{step.index} * {width} + {j}] = {spelled(v)};" for j, v in enumerate(step.values))
-        inside = [*skipped(step), "if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *stored]
+        inside = [*self._skipped(step), "if (teg_stopped(pace)) break;", *self._block(step.body, depth + 1), *stored]
         head = f"for (int64_t {step.index} = 0; {step.index} < {spelled(step.hi)}; {step.index}++) {{"
         return self._with_list(step, [*self._new_table(name, spelled(step.hi), width), head, *indent(*inside), "}"])
 
@@ -257,43 +216,16 @@ class StepPrinter(ABC):
         marks = target.marked(row, width) if first and copied else []
         return [*marks, target.added(f"{row} + {step.column}", spelled(step.value), copied)]
 
-    def _shape(self, step: Cells) -> str:
-        """Returns the name of a shape, of which a table is printed."""
-        shape = step.shape
-        name = f"cells_{shape.parts}_{shape.guards}_{shape.degree}_{shape.order}_{len(step.results)}"
-        if name not in self.shapes:
-            rule = [literal(v) for node in triangle_rule(shape.degree) for v in node]
-            nodes, weights = gauss_legendre((shape.degree + 1) // 2 + 1)
-            gauss = [literal(v) for x, w in zip(nodes, weights, strict=True) for v in (0.5 + 0.5 * x, 0.5 * w)]
-            numbers = (
-                f"{shape.parts}, {shape.guards}, {shape.degree}, {shape.order}, {len(step.results)}, {len(rule) // 3}, {len(gauss) // 2}"
-            )
-            self.shapes[name] = "\n".join(
-                [
-                    f"static const double {name}_rule[] = {{{', '.join(rule)}}};",
-                    f"static const double {name}_gauss[] = {{{', '.join(gauss)}}};",
-                    f"static const teg_shape {name} = {{{numbers}, {name}_rule, {name}_gauss}};",
-                ]
-            )
-        return name
-
-
-def is_straight(step: Cells) -> bool:
-    """Returns whether no number of a candidate belongs to the second variable of a square: its cells are intervals."""
-    shape = step.shape
-    exponents = monomials(shape.degree) * len(step.results)
-    of_second = [*range(2, shape.forms, 3), *(shape.forms + j for j, (_, v) in enumerate(exponents) if v)]
-    return shape.parts == 1 and not shape.order and all(step.values[j] == 0.0 for j in of_second)
+    def _skipped(self, loop: Loop) -> list[str]:
+        """Returns lines that leave out what is not listed, or adds nothing."""
+        if isinstance(loop, SeenLoop):
+            return self._unseen(loop.table, loop.index)
+        return [f"if (!{loop.index}_listed || !{loop.index}_listed[{loop.index}]) continue;"] if loop.listed >= 0 else []
 
 
 def target_of(to: int | str) -> Target:
     """Returns an output, or a table."""
     return Target(to, f"{to}_size") if isinstance(to, str) else Target(f"t{to}", f"n{to}")
-
-
-def skipped(loop: Loop) -> list[str]:
-    """Returns lines that leave out what is not listed."""
-    return [f"if (!{loop.index}_listed || !{loop.index}_listed[{loop.index}]) continue;"] if loop.listed >= 0 else []
 
 
 def named(step: Run) -> list[str]:
@@ -304,15 +236,6 @@ def named(step: Run) -> list[str]:
 def array_of(step: Run) -> str:
     """Returns the results of a flat program in C."""
     return f"r{step.results[0][1:]}"
-
-
-def spelled(arg: Arg) -> str:
-    """Returns a name, or a literal."""
-    if isinstance(arg, str):
-        return arg
-    if isinstance(arg, float):
-        return literal(arg)
-    return f"INT64_C({arg})" if arg >= 0 else f"(-INT64_C({-arg}))"
 
 
 def place_of(array: int, subscripts: Sequence[Arg]) -> str:

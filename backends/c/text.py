@@ -152,3 +152,12 @@ def wrapped(lines: Iterable[str]) -> str:
 def _broken(line: str) -> str:
     within = line[: len(line) - len(line.lstrip())] + "    "
     return "\n".join(textwrap.wrap(line, WIDTH, subsequent_indent=within, break_long_words=False, break_on_hyphens=False))
+
+
+def spelled(arg: str | int | float) -> str:
+    """Returns a name, or a literal."""
+    if isinstance(arg, str):
+        return arg
+    if isinstance(arg, float):
+        return literal(arg)
+    return f"INT64_C({arg})" if arg >= 0 else f"(-INT64_C({-arg}))"

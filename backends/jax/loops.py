@@ -34,6 +34,7 @@ from teg.program.arrays import (
     ArrayProgram,
     Blank,
     Cells,
+    Combined,
     Factors,
     Integers,
     Least,
@@ -111,6 +112,7 @@ class _Trace:
     def __init__(self, function: ArrayFunction, arrays: Sequence[Any], extents: Extents) -> None:
         self.function, self.arrays, self.lengths, self.widest = function, arrays, extents.lengths, extents.widest
         self.tables: dict[str, Any] = {}
+        self.lanes: dict[str, Any] = {}  # the lane of each row of a table that Cells have left
 
     def block(self, block: Sequence[Step], lanes: _Lanes, targets: Targets, note: Any) -> tuple[Targets, Any]:
         """The steps of a block on lanes, which get their values; targets of scatters, and the note. Recursion is as deep as loops are."""
@@ -132,6 +134,8 @@ class _Trace:
                     note = self._fold(step, lanes, note)
                 case Loop():
                     targets, note = self._loop(step, lanes, targets, note)
+                case Combined():
+                    self._combined(step, lanes)
                 case Blank():
                     targets[step.table] = jnp.zeros((_of(step.rows, lanes), step.columns))
                     lanes.values[step.table] = 0
@@ -230,13 +234,27 @@ class _Trace:
         if most <= most_candidates(step.shape):
             values, tables = cells_with_most(step.shape, rows, counts, others, most)
             first = jnp.arange(lanes.size) * (most + 1)
+            lane = jnp.repeat(jnp.arange(lanes.size), most + 1)
         else:
             values, tables = cells_on_host(step.shape, rows, counts, others, bool(step.tables))
-            first = jnp.cumsum(counts + 1) - (counts + 1)
+            ends = jnp.cumsum(counts + 1)
+            first = ends - (counts + 1)
+            lane = jnp.searchsorted(ends, jnp.arange(len(rows) + lanes.size), side="right")
         for name, table in zip(step.tables, tables, strict=False):
-            self.tables[name] = table
+            self.tables[name], self.lanes[name] = table, lane
             lanes.values[name] = first - _of(step.lo, lanes)
         return list(values)
+
+    def _combined(self, step: Combined, lanes: _Lanes) -> None:
+        forms, lane = step.shape.forms, self.lanes[step.of[0]]
+        moments = self.tables[step.of[0]][:, forms : step.shape.columns]
+        by_form = jnp.zeros((len(moments), forms))
+        for name, weight in zip(step.of, step.weights, strict=True):
+            slopes = self.tables[name][:, :forms]
+            weights = jnp.broadcast_to(jnp.asarray(_of(weight, lanes), jnp.float64), (lanes.size,))
+            by_form += jnp.where(slopes != 0.0, weights.at[lane].get(mode="fill", fill_value=0.0)[:, None] * slopes, 0.0)
+        self.tables[step.table] = jnp.concatenate([by_form, moments], axis=1)
+        lanes.values[step.table] = lanes.values[step.of[0]]
 
     def _loop(self, step: Loop, lanes: _Lanes, targets: Targets, note: Any) -> tuple[Targets, Any]:
         total = self.lengths[id(step)]

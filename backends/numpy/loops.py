@@ -23,6 +23,7 @@ from teg.program.arrays import (
     ArrayProgram,
     Blank,
     Cells,
+    Combined,
     Factors,
     Integers,
     Least,
@@ -106,6 +107,7 @@ class Running:
         self.n = n
         self.targets: dict[int, Array] = {}
         self.tables: dict[str, Array] = {}  # of all lanes, one below the other
+        self.lanes: dict[str, Array] = {}  # the lane of each row of a table that Cells have left
         self.missed = self.crowded = False
         self.evaluations = 0
 
@@ -131,6 +133,8 @@ class Running:
                     self._rows(step, lanes)
                 case Loop():
                     self._loop(step, lanes)
+                case Combined():
+                    self._combined(step, lanes)
                 case Blank():
                     self._keep(step.table, np.zeros((lanes.size * int(lane_values(step.rows, lanes)), step.columns)), lanes)
                 case AddTo():
@@ -223,7 +227,19 @@ class Running:
         lanes.values.update(zip(step.sizes, sizes, strict=False))
         for name, table in zip(step.tables, tables, strict=False):
             self.tables[name] = table
+            self.lanes[name] = np.repeat(np.arange(lanes.size), hi - lo + 1)
             lanes.values[name] = np.cumsum(hi - lo + 1) - (hi - lo + 1) - lo  # the row of index 0
+
+    def _combined(self, step: Combined, lanes: Lanes) -> None:
+        forms, lane = step.shape.forms, self.lanes[step.of[0]]
+        whole = self.tables[step.of[0]][:, : step.shape.columns].copy()
+        whole[:, :forms] = 0.0
+        for name, weight in zip(step.of, step.weights, strict=True):
+            slopes = self.tables[name][:, :forms]
+            weights = np.broadcast_to(_numbers(weight, lanes)[lane, None], slopes.shape)
+            whole[:, :forms] += np.multiply(weights, slopes, where=slopes != 0.0, out=np.zeros_like(slopes))
+        self.tables[step.table] = whole
+        lanes.values[step.table] = lanes.values[step.of[0]]
 
     def _rows(self, step: Rows, lanes: Lanes) -> None:
         rows = int(lane_values(step.hi, lanes))

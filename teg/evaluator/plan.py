@@ -258,8 +258,9 @@ class Derivation:
         found: list[Output] = [output_of(on_cells(leaf, normal)) for leaf in entries] if wanted.values else []
         sources = list(moved) if wanted.orders and (wanted.values or not wanted.along) else []
         sources += [self._tangent(leaf, wanted) for leaf in entries] if wanted.along else []
+        exact = task.estimator.name == "exact"
         for source in sources:
-            for p, slope in zip(task.wrt, gradient(source, task.wrt, derive, task.estimator.name == "exact"), strict=True):
+            for p, slope in zip(task.wrt, gradient(source, task.wrt, derive, exact, last=tables), strict=True):
                 if slope.has_delta:  # a tangent is also a value, as a factor of another derivative
                     slope = on_cells(slope, normal)
                 found.append((p, slope) if isinstance(p, Array) else slope)

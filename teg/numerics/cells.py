@@ -49,6 +49,8 @@ TILE_AT = (0.4871, 0.5119)
 NO_OWNER = -1
 MOST_DEGREE = 8
 """The largest degree of a polynomial."""
+MOST_GUARDS = 16
+"""The largest number of guards of a part."""
 BOX = 4
 """Lines 0 to 3 are the sides of the square: u = 0, u = 1, v = 0, v = 1."""
 SIDES = ((0.0, 1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, -1.0))

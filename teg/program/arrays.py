@@ -9,9 +9,10 @@
            | names = Π i in [lo, hi): steps         Factors: each result is the product of its values
            | names = ∫∫ nearest i in [lo, hi): steps    Cells: each result is the integral of the polynomial of the nearest candidate
            | table = rows i in [lo, hi): steps      Rows: a table with the values of each iteration
+           | table = Σ weight·table                 Combined: the derivatives of a weighted sum of results of Cells
            | table = zeros                          Blank: a table that is added to
            | table[i, column] += name               AddTo
-           | name = table[i, column]                Take: from a table of Rows or Blank, or a derivative that a Cells has left
+           | name = table[i, column]                Take: from a table of Rows, Blank or Combined, or a derivative that a Cells has left
            | output[i, …] += name                   Scatter: into an output that is an array
 
 Names are given once in the whole program; a step uses those of its own block before it, of the enclosing blocks, and the parameters.
@@ -137,6 +138,28 @@ class Cells(Loop):
 
 
 @dataclass(frozen=True, slots=True)
+class Combined:
+    """table = the derivatives of Σ weights·results by the numbers of a candidate: `of` are the tables that `Cells` have left for these
+    results, all for the same candidates and forms.
+
+    In the columns of forms it is the sum of weights times tables; an entry of 0 counts as 0 whatever its weight is. In those of
+    coefficients, which are moments, it is the first of the tables. `shape` has the columns.
+    """
+
+    table: Annotated[str, Result("integer")]
+    of: Annotated[tuple[str, ...], INTEGER]
+    weights: Annotated[tuple[Arg, ...], NUMBER]
+    shape: Layout
+
+
+@dataclass(frozen=True, slots=True)
+class SeenLoop(Loop):
+    """A loop over candidates; iterations for which all of the row of a table of `Combined` is 0 add nothing, and may be left out."""
+
+    table: Annotated[str, INTEGER] = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Rows(Loop):
     """table = the values of each iteration, from lo = 0 on, in a row of their own; rows belong to the first axes of `arrays`."""
 
@@ -193,7 +216,7 @@ class Like:
     array: int
 
 
-Step = Integers | Load | Number | Run | Loop | Blank | AddTo | Take | Scatter
+Step = Integers | Load | Number | Run | Loop | Combined | Blank | AddTo | Take | Scatter
 
 
 @dataclass(frozen=True, slots=True)

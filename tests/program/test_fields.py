@@ -34,7 +34,7 @@ from teg.program import (
     free_names,
     statements,
 )
-from teg.program.arrays import AddTo, Blank, Integers, Load, Loop, Number, Rows, Run, Scatter
+from teg.program.arrays import AddTo, Blank, Combined, Integers, Load, Loop, Number, Rows, Run, Scatter
 from teg.program.dce import without_dead_code
 from teg.program.fields import (
     CONDITION,
@@ -166,10 +166,12 @@ def test_every_field_that_may_hold_a_name_has_a_role(cls: type) -> None:
     assert plain <= settings
 
 
-@pytest.mark.parametrize("cls", [Bend, Guard, HalfPlane, HalfLine, Moments, Integers, Load, Number, Run, Loop, Rows, Blank, AddTo, Scatter])
+@pytest.mark.parametrize(
+    "cls", [Bend, Guard, HalfPlane, HalfLine, Moments, Integers, Load, Number, Run, Loop, Rows, Blank, AddTo, Combined, Scatter]
+)
 def test_so_has_every_field_of_parts_and_steps(cls: type) -> None:
     plain = {f.name for f in fields(cls)} - {f.name for f in declared(cls)}
-    assert plain <= {"kind", "closed", "k", "op", "array", "program", "title", "output", "listed", "arrays", "columns", "column"}
+    assert plain <= {"kind", "closed", "k", "op", "array", "program", "title", "output", "listed", "arrays", "columns", "column", "shape"}
 
 
 def test_results_are_absent_where_the_condition_fails() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from teg.backends.c.chunks import MARKED
 from teg.backends.c.text import identifiers
-from teg.numerics.cells import BESIDE, EPSILON, MOST_DEGREE, PLACES, SAME, SHIFT, SKEW, TILE_AT, monomials
+from teg.numerics.cells import BESIDE, EPSILON, MOST_DEGREE, MOST_GUARDS, PLACES, SAME, SHIFT, SKEW, TILE_AT, monomials
 from teg.numerics.cells import ROUNDING as KEY_ROUNDING
 from teg.program import (
     ABSOLUTE_FLOOR,
@@ -132,6 +132,7 @@ LIMITS = {
     "TEG_TILE_V": TILE_AT[1],
     "TEG_SAME": SAME,
     "TEG_ANGLES": 10.0**PLACES,
+    "TEG_GUARDS": MOST_GUARDS,
     "TEG_SHIFT": SHIFT,
     "TEG_SKEW": SKEW,
     "TEG_MONOMIALS": len(monomials(MOST_DEGREE)),
@@ -155,6 +156,7 @@ TOPICS = (
     "arrangement",
     "cells",
     "envelope",
+    "kept",
 )
 """The headers, in the order in which they build on one another."""
 UNIT = "//: "

@@ -69,11 +69,13 @@ typedef struct {
 } teg_twin;
 
 //: teg_region
-/* A part of a candidate that is inserted: its key in the middle, and its cutting lines, the first and one behind the last. */
+/* A part of a candidate that is inserted: its key in the middle, which guards have lines that cut the tile, as bits, and these lines, the
+   first and one behind the last. */
 typedef struct {
     double middle;
     int64_t region;
     int first, end;
+    unsigned cuts;
 } teg_region;
 
 //: teg_arrangement
@@ -169,22 +171,18 @@ static int teg_add_line(teg_arrangement *r, teg_line line)
     return (int)r->line_count++;
 }
 
-//: teg_add_cell
-/* One more cell, the polygon in these arrays. */
-static void teg_add_cell(teg_arrangement *r, int64_t owner, int line, int n, const double *x, const double *y, const int *label)
+//: teg_new_cell
+/* One more cell, whose corners are the next n of the pool. */
+static void teg_new_cell(teg_arrangement *r, int64_t owner, int line, int n)
 {
     const int number = (int)r->cell_count;
     const teg_cell cell = {owner, r->used, n, n, line, 2 * number + 1, {0, ~number}};
-    if (!teg_room_in_pool(r, (size_t)n)) return;
     if (r->cell_count == r->cell_room) {
         r->cells = teg_grown(r->cells, r->own_cells, r->cell_count * sizeof cell, 2 * r->cell_room * sizeof cell, &r->failed);
         if (r->failed) return;
         r->own_cells = 1;
         r->cell_room *= 2;
     }
-    memcpy(r->x + r->used, x, (size_t)n * sizeof *x);
-    memcpy(r->y + r->used, y, (size_t)n * sizeof *y);
-    memcpy(r->label + r->used, label, (size_t)n * sizeof *label);
     r->used += (size_t)n;
     r->cells[r->cell_count++] = cell;
 }
@@ -240,6 +238,28 @@ static int teg_half(int n, const double *x, const double *y, const int *label, c
     return q;
 }
 
+//: teg_split
+/* Cut a polygon by line k, on which its corners have the values d: into the part where the line's form is >= 0, which goes to u, v, l, and the
+   part where it is <= 0. Returns the number of corners of the first; *below that of the other. Both have the same points on the line. */
+static inline int teg_split(int n, const double *x, const double *y, const int *label, const double *d, int k, double *u, double *v, int *l,
+    double *p, double *q, int *m, int *below)
+{
+    int a = 0, b = 0;
+    for (int i = 0; i < n; i++) {
+        const int j = i + 1 == n ? 0 : i + 1;
+        const double di = d[i], dj = d[j];
+        if (di >= 0.0) u[a] = x[i], v[a] = y[i], l[a++] = di == 0.0 && dj < 0.0 ? 2 * k : label[i];
+        if (di <= 0.0) p[b] = x[i], q[b] = y[i], m[b++] = di == 0.0 && dj > 0.0 ? 2 * k + 1 : label[i];
+        if (di * dj < 0.0) {
+            const double t = di / (di - dj), s = x[i] + t * (x[j] - x[i]), w = y[i] + t * (y[j] - y[i]);
+            u[a] = s, v[a] = w, l[a++] = di > 0.0 ? 2 * k : label[i];
+            p[b] = s, q[b] = w, m[b++] = di < 0.0 ? 2 * k + 1 : label[i];
+        }
+    }
+    *below = b;
+    return a;
+}
+
 //: teg_is_at
 /* Whether a region is at a straight line from (x, y) to (u, v), or not farther than TEG_BESIDE from it. */
 static int teg_is_at(const teg_arrangement *r, const teg_region *region, double x, double y, double u, double v)
@@ -273,37 +293,39 @@ static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *r
 {
     const teg_cell cell = r->cells[number];
     const size_t cells = r->cell_count, used = r->used;
-    int n = cell.n;
-    if (!teg_room_in_scratch(r, (size_t)n + 2)) return;
-    memcpy(r->px, r->x + cell.at, (size_t)n * sizeof(double));
-    memcpy(r->py, r->y + cell.at, (size_t)n * sizeof(double));
-    memcpy(r->pl, r->label + cell.at, (size_t)n * sizeof(int));
+    size_t at = cell.at;
+    int n = cell.n, cut = 0;
     for (int line = region->first; line < region->end + (extra >= 0); line++) {
         const int k = line < region->end ? line : extra;
-        const teg_line g = r->lines[k];
-        int above = 0, below = 0, m;
+        const teg_line *const g = r->lines + k;
+        const double *x, *y;
+        const int *label;
+        int above = 0, below = 0, rest;
         double *swap;
         int *labels;
-        if (!teg_room_in_scratch(r, (size_t)n + 2)) return;
+        if (!teg_room_in_scratch(r, (size_t)n + 2) || !teg_room_in_pool(r, (size_t)n + 2)) return;
+        x = cut ? r->px : r->x + at, y = cut ? r->py : r->y + at, label = cut ? r->pl : r->label + at;
         for (int i = 0; i < n; i++) {
-            const double d = g.c + g.a * r->px[i] + g.b * r->py[i];
+            const double d = g->c + g->a * x[i] + g->b * y[i];
             r->d[i] = fabs(d) < TEG_ON_LINE ? 0.0 : d;
             above += r->d[i] > 0.0, below += r->d[i] < 0.0;
         }
         if (!above || !below) {
-            teg_touch(r, region, n, r->px, r->py, r->pl, 0.0);
+            if (n - above - below > 1) teg_touch(r, region, n, x, y, label, 0.0);
             if (above) continue;
             r->cell_count = cells, r->used = used;
             return;
         }
-        m = teg_half(n, r->px, r->py, r->pl, r->d, -1.0, 2 * k + 1, r->qx, r->qy, r->ql);
-        teg_add_cell(r, cell.owner, k, m, r->qx, r->qy, r->ql);
-        n = teg_half(n, r->px, r->py, r->pl, r->d, 1.0, 2 * k, r->qx, r->qy, r->ql);
+        n = teg_split(n, x, y, label, r->d, k, r->qx, r->qy, r->ql, r->x + r->used, r->y + r->used, r->label + r->used, &rest);
+        teg_new_cell(r, cell.owner, k, rest);
         if (r->failed) return;
         swap = r->px, r->px = r->qx, r->qx = swap;
         swap = r->py, r->py = r->qy, r->qy = swap;
         labels = r->pl, r->pl = r->ql, r->ql = labels;
+        cut = 1;
     }
+    r->cells[number].owner = region->region;
+    if (!cut) return;
     for (size_t k = cells; k < r->cell_count; k++) {
         const int up = r->cells[number].up;
         r->cells[up >> 1].sides[up & 1] = (int)k;
@@ -312,13 +334,12 @@ static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *r
     }
     if (n > cell.room) {
         if (!teg_room_in_pool(r, (size_t)n)) return;
-        r->cells[number].at = r->used, r->cells[number].room = n;
+        at = r->used;
+        r->cells[number].at = at, r->cells[number].room = n;
         r->used += (size_t)n;
     }
-    r->cells[number].owner = region->region, r->cells[number].n = n;
-    memcpy(r->x + r->cells[number].at, r->px, (size_t)n * sizeof(double));
-    memcpy(r->y + r->cells[number].at, r->py, (size_t)n * sizeof(double));
-    memcpy(r->label + r->cells[number].at, r->pl, (size_t)n * sizeof(int));
+    r->cells[number].n = n;
+    for (int i = 0; i < n; i++) r->x[at + i] = r->px[i], r->y[at + i] = r->py[i], r->label[at + i] = r->pl[i];
 }
 
 //: teg_key_line
@@ -369,7 +390,7 @@ static void teg_insert_in_cell(teg_arrangement *r, const teg_region *region, siz
             const double d = r->d[i] = g[0] + g[1] * r->x[cell.at + i] + g[2] * r->y[cell.at + i];
             most = teg_most_of(d, most), least = teg_least_of(d, least);
         }
-        if ((most > tolerance) != (least < -tolerance))
+        if ((most > tolerance) != (least < -tolerance) && (most > tolerance ? least <= tolerance : most >= -tolerance))
             teg_touch(r, region, cell.n, r->x + cell.at, r->y + cell.at, r->label + cell.at, tolerance);
         if (most <= tolerance && (least < -tolerance || region->region > cell.owner)) return;
         if (most > tolerance && least < -tolerance) extra = teg_key_line(r, cell.owner / parts, region->region / parts, g);
@@ -448,34 +469,47 @@ static void teg_insert(teg_arrangement *r, const teg_region *region)
 }
 
 //: teg_present
-/* Whether a region may be in the tile; if so its cutting lines are added. */
-static int teg_present(teg_arrangement *r, teg_region *region)
+/* Whether a region may be in the tile; if so its guards with cutting lines are noted. Which guards cut is at random: there are no branches,
+   and gcc makes vector code of selections among numbers of 64 bits. */
+static inline int teg_present(teg_arrangement *r, teg_region *region)
+{
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const double *const f = r->rows + region->region / s->parts * teg_row(s) + 3 * (int)(region->region % s->parts) * s->guards;
+    const double u0 = r->u[0], u1 = r->u[1], v0 = r->v[0], v1 = r->v[1], su = r->su, sv = r->sv;
+    int64_t cuts[TEG_GUARDS], absent[TEG_GUARDS], infinite[TEG_GUARDS], any[3] = {0, 0, 0};
+    for (int q = 0; q < s->guards; q++) {
+        const double a = f[3 * q + 1], b = f[3 * q + 2], c = f[3 * q] + a * su + b * sv;
+        const double square = a * a + b * b, margin = TEG_ON_LINE * TEG_ON_LINE * square;
+        const double highest = c + teg_most_of(a * u0, a * u1) + teg_most_of(b * v0, b * v1);
+        const double lowest = c + teg_least_of(a * u0, a * u1) + teg_least_of(b * v0, b * v1);
+        absent[q] = highest < 0.0 ? 1 : 0, absent[q] = highest * highest > margin ? absent[q] : 0;
+        infinite[q] = fabs(c) < INFINITY ? 0 : 1, infinite[q] = square < INFINITY ? infinite[q] : 1;
+        cuts[q] = lowest * lowest <= margin ? (int64_t)1 << q : 0, cuts[q] = lowest <= 0.0 ? (int64_t)1 << q : cuts[q];
+        cuts[q] = square > 0.0 ? cuts[q] : 0;
+    }
+    for (int q = 0; q < s->guards; q++) any[0] |= cuts[q], any[1] |= absent[q], any[2] |= infinite[q];
+    region->cuts = (unsigned)any[0];
+    r->undefined |= !any[1] & (any[2] != 0);
+    return !any[1];
+}
+
+//: teg_draw
+/* Add the cutting lines of a region. */
+static void teg_draw(teg_arrangement *r, teg_region *region)
 {
     const teg_shape *const s = TEG_SHAPE(r->shape);
     const int64_t candidate = region->region / s->parts;
-    const size_t before = r->line_count;
-    int finite = 1;
-    region->first = (int)before;
+    region->first = (int)r->line_count, region->end = region->first;
+    for (unsigned cuts = region->cuts; cuts; cuts &= cuts - 1) region->end++;
     for (int q = 0; q < s->guards; q++) {
         const int column = 3 * ((int)(region->region % s->parts) * s->guards + q);
-        double g[3], square, highest, lowest;
+        double g[3], size;
+        if (!(region->cuts >> q & 1)) continue;
         teg_form(r, candidate, column, g);
-        square = g[1] * g[1] + g[2] * g[2], highest = teg_highest(r, g), lowest = teg_lowest(r, g);
-        if (highest < 0.0 && highest * highest > TEG_ON_LINE * TEG_ON_LINE * square) {
-            r->line_count = before;
-            return 0;
-        }
-        finite &= isfinite(g[0]) && isfinite(square);
-        if (finite && square > 0.0 && (lowest <= 0.0 || lowest * lowest <= TEG_ON_LINE * TEG_ON_LINE * square)) {
-            const double size = sqrt(square);
-            const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, candidate, -1, column, 0, 0, -1};
-            teg_add_line(r, line);
-        }
+        size = sqrt(g[1] * g[1] + g[2] * g[2]);
+        const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, candidate, -1, column, region->first, region->end, -1};
+        teg_add_line(r, line);
     }
-    region->end = (int)r->line_count;
-    for (size_t k = before; k < r->line_count; k++) r->lines[k].first = region->first, r->lines[k].end = region->end;
-    r->undefined |= !finite;
-    return 1;
 }
 
 //: teg_by_middle
@@ -510,12 +544,13 @@ static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
     double nearest = INFINITY;
     size_t kept = 0;
     r->undefined = 0;
-    r->cell_count = r->line_count = r->region_count = r->used = 0;
-    for (int k = 0; k < 4; k++) teg_add_line(r, sides[k]);
+    r->cell_count = r->region_count = r->used = 0;
+    memcpy(r->lines, sides, sizeof sides);
+    r->line_count = 4;
     for (int64_t k = 0; k < regions && !r->undefined && !r->failed; k++) {
-        teg_region region = {0.0, list ? list[k] : k, 0, 0};
-        double g[3];
-        if (!teg_present(r, &region)) continue;
+        teg_region region = {0.0, list ? list[k] : k, 0, 0, 0};
+        double g[3], highest;
+        int present, better;
         if (r->region_count == r->region_room) {
             r->regions =
                 teg_grown(r->regions, r->own_regions, r->region_count * sizeof region, 2 * r->region_room * sizeof region, &r->failed);
@@ -523,21 +558,25 @@ static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
             r->own_regions = 1;
             r->region_room *= 2;
         }
+        present = teg_present(r, &region);
         teg_form(r, region.region / s->parts, teg_forms(s) - 3, g);
-        r->undefined |= !isfinite(g[0]) || !isfinite(g[1]) || !isfinite(g[2]);
+        r->undefined |= present & !((fabs(g[0]) < INFINITY) & (fabs(g[1]) < INFINITY) & (fabs(g[2]) < INFINITY));
         region.middle = g[0] + 0.5 * (r->u[0] + r->u[1]) * g[1] + 0.5 * (r->v[0] + r->v[1]) * g[2];
-        if (region.first == region.end && (base < 0 || teg_highest(r, g) < nearest)) base = region.region, nearest = teg_highest(r, g);
-        r->regions[r->region_count++] = region;
+        highest = teg_highest(r, g);
+        better = present & !region.cuts & ((base < 0) | (highest < nearest));
+        base = better ? region.region : base, nearest = better ? highest : nearest;
+        r->regions[r->region_count] = region, r->region_count += (size_t)present;
     }
     r->base = base;
     for (size_t k = 0; k < r->region_count && base >= 0 && !r->undefined; k++) {
+        const teg_region region = r->regions[k];
         double g[3];
-        if (r->regions[k].region == base) continue;
-        const double size = teg_key_difference(r, r->regions[k].region / s->parts, base / s->parts, g), lowest = teg_lowest(r, g);
-        if (lowest > TEG_ON_LINE * (fabs(g[1]) + fabs(g[2])) + TEG_KEY_ROUNDING * size) continue;
-        r->regions[kept++] = r->regions[k];
+        const double size = teg_key_difference(r, region.region / s->parts, base / s->parts, g), lowest = teg_lowest(r, g);
+        const int hidden = (region.region == base) | (lowest > TEG_ON_LINE * (fabs(g[1]) + fabs(g[2])) + TEG_KEY_ROUNDING * size);
+        r->regions[kept] = region, kept += (size_t)!hidden;
     }
     if (base >= 0) r->region_count = kept;
+    for (size_t k = 0; k < r->region_count && !r->undefined && !r->failed; k++) teg_draw(r, r->regions + k);
 }
 
 //: teg_arrange
@@ -546,7 +585,8 @@ static void teg_arrange(teg_arrangement *r)
 {
     const double x[4] = {r->u[0], r->u[1], r->u[1], r->u[0]}, y[4] = {r->v[0], r->v[0], r->v[1], r->v[1]};
     static const int label[4] = {4, 2, 6, 0};
-    teg_add_cell(r, r->base, 0, 4, x, y, label);
+    for (int i = 0; i < 4; i++) r->x[i] = x[i], r->y[i] = y[i], r->label[i] = label[i];
+    teg_new_cell(r, r->base, 0, 4);
     r->cells[0].sides[0] = ~0, r->cells[0].up = 0;
     teg_sort_regions(r->regions, r->region_count);
     for (size_t k = 0; k < r->region_count && !r->failed; k++) teg_insert(r, r->regions + k);
@@ -574,6 +614,24 @@ static void teg_sort_twins(teg_twin *twins, size_t count)
         }
 }
 
+//: teg_may_have_twins
+/* Whether lines of two regions may be one: there are few, and none of them has another one's direction and distance, to more than what
+   counts as the same. */
+static int teg_may_have_twins(const teg_arrangement *r)
+{
+    const size_t count = r->line_count;
+    int found = count > TEG_FEW;
+    for (size_t k = 0; k + 1 < r->region_count && !found; k++)
+        for (int i = r->regions[k].first; i < r->regions[k].end; i++)
+            for (size_t m = k + 1; m < r->region_count; m++)
+                for (int j = r->regions[m].first; j < r->regions[m].end; j++) {
+                    const teg_line *const g = r->lines + i, *const h = r->lines + j;
+                    const double across = g->a * h->b - g->b * h->a, along = g->a * h->a + g->b * h->b;
+                    found |= (fabs(across) < 8.0 / TEG_ANGLES) & (fabs(along < 0.0 ? g->c + h->c : g->c - h->c) < 2.0 * TEG_SAME);
+                }
+    return found;
+}
+
 //: teg_find_twins
 /* Find guards of different regions whose lines are one: a line's `twin` is where it is among them, or -1 if it is alone. */
 static void teg_find_twins(teg_arrangement *r)
@@ -582,7 +640,7 @@ static void teg_find_twins(teg_arrangement *r)
     int alike = 0;
     double last;
     r->twin_count = 0;
-    if (r->region_count < 2) return;
+    if (r->region_count < 2 || !teg_may_have_twins(r)) return;
     if (r->line_count > r->twin_room) {
         r->twins = teg_grown(r->twins, 1, 0, 2 * r->line_count * sizeof *r->twins, &r->failed);
         if (r->failed) return;

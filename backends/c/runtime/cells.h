@@ -160,6 +160,14 @@ static void teg_from_moments(
     }
 }
 
+//: teg_square_moments
+/* The moments of the unit square. */
+static inline void teg_square_moments(const teg_shape *s, double *m)
+{
+    for (int total = 0, at = 0; total <= s->degree; total++)
+        for (int j = 0; j <= total; j++, at++) m[at] = 1.0 / ((total - j + 1) * (j + 1));
+}
+
 //: teg_power
 /* The integral of the power k - 1 of a coordinate along a side of a tile. */
 static inline double teg_power(const double *ends, int k)
@@ -228,9 +236,17 @@ static double teg_along_direction(const teg_arrangement *r, int body, const doub
     return total;
 }
 
+//: teg_is_tiled
+/* Whether a tile is cut into four: one of many regions, most of which have no border of their own, as long as there are fewer tiles than
+   regions in all of the square. */
+static inline int teg_is_tiled(const teg_arrangement *r, int level, size_t all)
+{
+    return r->region_count > TEG_MANY_IN_TILE && r->line_count < r->region_count && (size_t)4 << (2 * level) <= all;
+}
+
 //: teg_tile
-/* Add values, sizes and tables (`wanted`, each NULL if it is not) of a tile with the regions of a list; one with many regions is cut into four
-   if most have no border of their own, but one with each other, and as long as there are fewer tiles than regions in the square. Where something touches a side tables are left to the moved squares. */
+/* Add values, sizes and tables (`wanted`, each NULL if it is not) of a tile with the regions of a list. Where something touches a side
+   tables are left to the moved squares. */
 static void teg_tile(teg_arrangement *r, const int64_t *list, int64_t regions, int level, size_t all, const double *otherwise,
     double *const *wanted)
 {
@@ -240,7 +256,7 @@ static void teg_tile(teg_arrangement *r, const int64_t *list, int64_t regions, i
     teg_select(r, list, regions);
     if (r->undefined || r->failed) return;
     if (level == 0) all = r->region_count;
-    if (r->region_count <= TEG_MANY_IN_TILE || r->line_count >= r->region_count || (size_t)4 << (2 * level) > all) {
+    if (!teg_is_tiled(r, level, all)) {
         if (r->region_count) teg_arrange(r);
         if (!r->failed) teg_measure(r, otherwise, wanted[0], wanted[1], r->touching && r->su == 0.0 ? NULL : wanted[2]);
         return;
@@ -286,8 +302,7 @@ static void teg_one_owner(
     double m[TEG_MONOMIALS], *const wanted[3] = {values, sizes, tables};
     teg_arrangement r;
     r.shape = s, r.n = n;
-    for (int total = 0, at = 0; total <= s->degree; total++)
-        for (int j = 0; j <= total; j++, at++) m[at] = 1.0 / ((total - j + 1) * (j + 1));
+    teg_square_moments(s, m);
     for (int body = 0; body < s->bodies; body++) {
         values[body] = 0.0;
         if (sizes) sizes[body] = 0.0;
@@ -296,65 +311,101 @@ static void teg_one_owner(
     teg_from_moments(&r, row, f, m, NULL, wanted);
 }
 
+//: teg_table_size
+/* The numbers of all tables. */
+static inline size_t teg_table_size(const teg_shape *s, int64_t n)
+{
+    return (size_t)s->bodies * (size_t)(n + 1) * (size_t)(teg_forms(s) + teg_coefficients(s)) * (size_t)(1 + s->order);
+}
+
+//: teg_room
+/* An arrangement, and the arrays that it begins with. */
+typedef struct {
+    teg_arrangement r;
+    teg_cell cells[16];
+    teg_line lines[48];
+    teg_region regions[32];
+    double x[128], y[128], px[16], py[16], qx[16], qy[16], d[16];
+    int label[128], pl[16], ql[16];
+} teg_room;
+
+//: teg_begin
+/* Begin with the square and n candidates. */
+static void teg_begin(teg_room *w, const teg_shape *shape, int64_t n, const double *rows)
+{
+    teg_arrangement *const r = &w->r;
+    memset(r, 0, sizeof *r);
+    r->shape = shape, r->rows = rows, r->n = n;
+    r->cells = w->cells, r->cell_room = 16, r->lines = w->lines, r->line_room = 48, r->regions = w->regions, r->region_room = 32;
+    r->x = w->x, r->y = w->y, r->label = w->label, r->pool_room = 128;
+    r->px = w->px, r->py = w->py, r->qx = w->qx, r->qy = w->qy, r->d = w->d, r->pl = w->pl, r->ql = w->ql, r->scratch_room = 16;
+    r->u[1] = r->v[1] = 1.0;
+}
+
+//: teg_end
+/* Give back what has moved to the heap. */
+static void teg_end(teg_arrangement *r)
+{
+    free(r->bound);
+    free(r->pending);
+    free(r->twins);
+    if (r->own_cells) free(r->cells);
+    if (r->own_lines) free(r->lines);
+    if (r->own_regions) free(r->regions);
+    if (r->own_pool) free(r->x), free(r->y), free(r->label);
+    if (r->own_scratch) free(r->px), free(r->py), free(r->qx), free(r->qy), free(r->d), free(r->pl), free(r->ql);
+}
+
+//: teg_moved_tables
+/* The tables of a square with something on its sides: the means of those of two squares that are moved a little. */
+static void teg_moved_tables(teg_arrangement *r, const double *otherwise, double *tables)
+{
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const size_t size = teg_table_size(s, r->n);
+    for (size_t k = 0; k < size; k++) tables[k] = 0.0;
+    for (int k = 0; k < 2 && !r->failed; k++) {
+        r->su = k ? -TEG_SHIFT : TEG_SHIFT, r->sv = TEG_SKEW * r->su;
+        teg_tile(r, NULL, r->n * s->parts, 0, 0, otherwise, (double *const[]){NULL, NULL, tables});
+    }
+    for (size_t k = 0; k < size; k++) tables[k] *= 0.5;
+}
+
 //: teg_cells
 /* Values, sizes (or NULL) and tables (or NULL) of n candidates. Returns 1 without memory, else 0. */
 static int teg_cells(
     const teg_shape *shape, int64_t n, const double *rows, const double *otherwise, double *values, double *sizes, double *tables)
 {
     const teg_shape *const s = TEG_SHAPE(shape);
-    teg_cell cells[16];
-    teg_line lines[48];
-    teg_region regions[32];
-    double x[128], y[128], px[16], py[16], qx[16], qy[16], d[16];
-    int label[128], pl[16], ql[16];
-    teg_arrangement r;
-    const size_t size = (size_t)s->bodies * (size_t)(n + 1) * (size_t)(teg_forms(s) + teg_coefficients(s)) * (size_t)(1 + s->order);
+    const size_t size = teg_table_size(s, n);
+    teg_room room;
+    teg_arrangement *const r = &room.r;
     double *own = NULL;
     if (!s->order && (!n || (n == 1 && teg_covers(s, rows)))) {
         teg_one_owner(s, n, 0, n ? rows + teg_forms(s) : otherwise, values, sizes, tables);
         return 0;
     }
-    memset(&r, 0, sizeof r);
-    r.shape = s, r.rows = rows, r.n = n;
-    r.cells = cells, r.cell_room = 16, r.lines = lines, r.line_room = 48, r.regions = regions, r.region_room = 32;
-    r.x = x, r.y = y, r.label = label, r.pool_room = 128;
-    r.px = px, r.py = py, r.qx = qx, r.qy = qy, r.d = d, r.pl = pl, r.ql = ql, r.scratch_room = 16;
-    r.u[1] = r.v[1] = 1.0;
+    teg_begin(&room, s, n, rows);
     for (int body = 0; body < s->bodies; body++) {
         values[body] = 0.0;
         if (sizes) sizes[body] = 0.0;
     }
     if (s->order && !tables) {
         own = tables = malloc(size * sizeof *own);
-        if (!own) r.failed = 1;
+        if (!own) r->failed = 1;
     }
-    if (!r.failed) {
+    if (!r->failed) {
         for (size_t k = 0; tables && k < size; k++) tables[k] = 0.0;
-        teg_tile(&r, NULL, n * s->parts, 0, 0, otherwise, (double *const[]){values, sizes, tables});
-        if (tables && r.touching) {
-            for (size_t k = 0; k < size; k++) tables[k] = 0.0;
-            for (int k = 0; k < 2 && !r.failed; k++) {
-                r.su = k ? -TEG_SHIFT : TEG_SHIFT, r.sv = TEG_SKEW * r.su;
-                teg_tile(&r, NULL, n * s->parts, 0, 0, otherwise, (double *const[]){NULL, NULL, tables});
-            }
-            for (size_t k = 0; k < size; k++) tables[k] *= 0.5;
-        }
-        for (size_t k = 0; tables && r.undefined && k < size; k++) tables[k] = NAN;
+        teg_tile(r, NULL, n * s->parts, 0, 0, otherwise, (double *const[]){values, sizes, tables});
+        if (tables && r->touching) teg_moved_tables(r, otherwise, tables);
+        for (size_t k = 0; tables && r->undefined && k < size; k++) tables[k] = NAN;
         for (int body = 0; body < s->bodies; body++) {
-            if (r.undefined) values[body] = NAN;
-            else if (s->order) values[body] = teg_along_direction(&r, body, otherwise, tables + (size_t)body * size / (size_t)s->bodies);
+            if (r->undefined) values[body] = NAN;
+            else if (s->order) values[body] = teg_along_direction(r, body, otherwise, tables + (size_t)body * size / (size_t)s->bodies);
         }
     }
     free(own);
-    free(r.bound);
-    free(r.pending);
-    free(r.twins);
-    if (r.own_cells) free(r.cells);
-    if (r.own_lines) free(r.lines);
-    if (r.own_regions) free(r.regions);
-    if (r.own_pool) free(r.x), free(r.y), free(r.label);
-    if (r.own_scratch) free(r.px), free(r.py), free(r.qx), free(r.qy), free(r.d), free(r.pl), free(r.ql);
-    return r.failed;
+    teg_end(r);
+    return r->failed;
 }
 
 //: teg_least

@@ -24,7 +24,7 @@ from teg.ir.choices import Product, Winner
 from teg.ir.expr import ONE, ZERO, Expr, Param, Var
 from teg.ir.index import ArrayName, IndexVar, index_leaves
 from teg.ir.node import Node, postorder
-from teg.ir.partition import Partition
+from teg.ir.partition import Partition, Pullback, SeenSum
 from teg.ir.show import show
 from teg.ir.simplify import add, mul, positive, sub, where
 from teg.ir.tables import Collected, RowSum, Table, TableEntry, TableUnit
@@ -51,20 +51,21 @@ def on_cells(e: Expr, step: Callable[[Expr], Expr]) -> Expr:
     return cellwise(e, step) if has_arrays(e) else step(e)
 
 
-def gradient(e: Expr, wrt: Sequence[Parameter], derive: Derive, boundaries: bool = True) -> list[Expr]:
+def gradient(e: Expr, wrt: Sequence[Parameter], derive: Derive, boundaries: bool = True, last: bool = False) -> list[Expr]:
     """Returns the derivatives of an outlined expression by parameters and arrays. The derivative by an array holds `Unit`s.
 
-    Without `boundaries` the regions of partitions do not move, which is plain automatic differentiation.
+    Without `boundaries` the regions of partitions do not move, which is plain automatic differentiation. The `last` derivative, which is
+    not differentiated again, has `Pullback`s.
     """
-    derivatives = _Gradient(e, frozenset(wrt), derive, boundaries).of(e, None)
+    derivatives = _Gradient(e, frozenset(wrt), derive, boundaries, last).of(e, None)
     return [derivatives.get(p, ZERO) for p in wrt]
 
 
 class _Gradient:
     """One gradient. The order of the nodes, and the parameters and indices that each depends on, are determined once."""
 
-    def __init__(self, root: Expr, wrt: frozenset[Parameter], derive: Derive, boundaries: bool) -> None:
-        self.derive, self.boundaries = derive, boundaries
+    def __init__(self, root: Expr, wrt: frozenset[Parameter], derive: Derive, boundaries: bool, last: bool) -> None:
+        self.derive, self.boundaries, self.last = derive, boundaries, last
         self.wrt = wrt
         self.order = {node: i for i, node in enumerate(postorder([root]))}
         self.open = open_indices(root)
@@ -98,7 +99,7 @@ class _Gradient:
                 continue
             if isinstance(node, Partition):
                 weights = {node: weight}
-                while waiting and _is_beside(waiting[0][1], node) and (bound is None or bound in self.open[waiting[0][1]]):
+                while waiting and _is_beside(waiting[0][1], node, self.last) and (bound is None or bound in self.open[waiting[0][1]]):
                     other = cast(Partition, heappop(waiting)[1])
                     weights[other] = add(*parts.pop(other))
                 found = self._inside_partitions(weights, bound)
@@ -137,18 +138,25 @@ class _Gradient:
         The weights of all of them come together at the numbers of a candidate, and one sweep goes on from there.
         """
         node = next(iter(weights))
+        whole: Partition | Pullback = node
+        if self.last and not node.layout.order:
+            layout = max((p.layout for p in weights), key=lambda layout: layout.degree)
+            whole = Pullback.make((node.index, node.lo, node.hi, layout), (*weights, *weights.values()))
+        terms = _together(whole, self.boundaries) if isinstance(whole, Pullback) else _apart(weights, self.boundaries)
         slopes: list[Expr] = []
         candidate: dict[Expr, list[Expr]] = {}  # a number to its adjoints
         otherwise: dict[Expr, list[Expr]] = {}
-        for partition, weight in weights.items():
-            for number, slope, repeated in numbers_of(partition, self.boundaries):
-                if number in self.active:
-                    slopes += [slope] if repeated else []
-                    (candidate if repeated else otherwise).setdefault(number, []).append(mul(weight, slope))
+        for number, weight, slope, repeated in terms:
+            if number in self.active:
+                slopes += [slope] if repeated else []
+                (candidate if repeated else otherwise).setdefault(number, []).append(mul(weight, slope))
         around: dict[Node, list[Expr]] = {}
         for leaf, slope in self._swept(candidate, node.index).items():
-            seen = where(_is_seen(node, slopes), slope, ZERO)
-            around.setdefault(leaf, []).append(sum_over(seen, node.index, node.lo, node.hi))
+            seen = where(_is_seen(whole, slopes), slope, ZERO)
+            total = sum_over(seen, node.index, node.lo, node.hi)
+            if isinstance(whole, Pullback) and total is not ZERO:
+                total = SeenSum.make((node.index, node.lo, node.hi), (seen, whole))
+            around.setdefault(leaf, []).append(total)
         for leaf, slope in self._swept(otherwise, bound).items():
             around.setdefault(leaf, []).append(slope)
         return {leaf: add(*terms) for leaf, terms in around.items()}
@@ -254,9 +262,31 @@ def numbers_of(node: Partition, boundaries: bool) -> Iterator[tuple[Expr, Expr, 
         yield number, Slope.make((node.hi, columns * (k // count) + forms + k % count), (node,)), False
 
 
-def _is_beside(other: Ranged, node: Partition) -> bool:
-    """Returns whether a node is a partition with the same candidates and forms, and not inside of the first one."""
-    if not isinstance(other, Partition) or (other.index, other.lo, other.hi, other.layout) != (node.index, node.lo, node.hi, node.layout):
+def _apart(weights: Mapping[Partition, Expr], boundaries: bool) -> Iterator[tuple[Expr, Expr, Expr, bool]]:
+    """Yields what `numbers_of` does for partitions, with the weight of the partition behind each number."""
+    for partition, weight in weights.items():
+        for number, slope, repeated in numbers_of(partition, boundaries):
+            yield number, weight, slope, repeated
+
+
+def _together(whole: Pullback, boundaries: bool) -> Iterator[tuple[Expr, Expr, Expr, bool]]:
+    """Yields the same for a pullback: forms, which all partitions share, come once, and their weights are in the slopes."""
+    forms = whole.layout.forms
+    for k, (partition, weight) in enumerate(zip(whole.partitions, whole.weights, strict=True)):
+        for number, slope, repeated in numbers_of(partition, boundaries):
+            assert isinstance(slope, Slope)
+            is_form = slope.column < forms
+            if not is_form or k == 0:
+                yield number, ONE if is_form else weight, Slope.make(slope.data, (whole,)), repeated
+
+
+def _is_beside(other: Ranged, node: Partition, last: bool) -> bool:
+    """Returns whether a node is a partition with the same candidates and forms, and not inside of the first one. Degrees may differ in
+    the last derivative of values."""
+    if not isinstance(other, Partition) or (other.index, other.lo, other.hi) != (node.index, node.lo, node.hi):
+        return False
+    degree = node.layout.degree if last and not node.layout.order else other.layout.degree
+    if other.layout._replace(degree=degree) != node.layout:
         return False
     columns, forms = node.layout.columns, node.layout.forms
     ranges = [(k * columns, k * columns + forms) for k in range(1 + node.layout.order)]
@@ -288,7 +318,7 @@ def _moved_slope(node: Slope, along: Expr) -> Expr:
     return Slope.make(node.data, (along,))
 
 
-def _is_seen(node: Partition, slopes: Iterable[Expr]) -> ex.Cond:
+def _is_seen(node: Partition | Pullback, slopes: Iterable[Expr]) -> ex.Cond:
     """Returns whether a candidate has an area, or an edge, by the slopes of its forms: else nothing of it matters, even if infinite.
 
     One without area has edges where another one in front of it ends on the same lines.

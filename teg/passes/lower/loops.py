@@ -34,7 +34,7 @@ from teg.ir.index import (
     index_leaves,
 )
 from teg.ir.node import Node, postorder
-from teg.ir.partition import Partition
+from teg.ir.partition import Partition, Pullback, SeenSum
 from teg.ir.tables import RowSum, Table, TableUnit
 from teg.numerics.cells import Layout
 from teg.passes.lower.linear import has_units, outside_of, stages, taken_apart
@@ -46,6 +46,7 @@ from teg.program.arrays import (
     ArraySpec,
     Blank,
     Cells,
+    Combined,
     Factors,
     Integers,
     Least,
@@ -56,6 +57,7 @@ from teg.program.arrays import (
     Rows,
     Run,
     Scatter,
+    SeenLoop,
     Step,
     Take,
 )
@@ -108,7 +110,7 @@ class _ArrayScheduler:
         self._count = 0
         self._depth: dict[Arg, int] = {}  # by name: the level where it is defined
         self._open: dict[Node, frozenset[IndexVar]] = {}
-        self._sloped: set[Expr] = set()  # partitions of which derivatives are used
+        self._sloped: set[Node] = set()  # partitions of which derivatives are used
         self._tables: dict[Expr, tuple[str, Layout]] = {}
         self._rows: dict[Node, str] = {}  # by a table, or by a derivative by one
 
@@ -120,7 +122,9 @@ class _ArrayScheduler:
         derivatives = [(k, e[1], ONE) for k, e in enumerate(outputs) if not isinstance(e, Expr)]
         whole = simplify.tuple_of(*scalars, *(e for _, e, _ in derivatives))
         self._open = open_indices(whole)
-        self._sloped = {n.table for n in postorder([whole]) if isinstance(n, Slope)}
+        every = postorder([whole])
+        self._sloped = {n.table for n in every if isinstance(n, Slope)}
+        self._sloped.update(p for n in every if isinstance(n, Pullback) for p in n.partitions)
         names: dict[Expr, Arg] = {}
         for numbers, added in stages(scalars, derivatives):
             places: list[_Place] = []
@@ -185,18 +189,22 @@ class _ArrayScheduler:
             if isinstance(node, Ranged) and self._open[node] <= within and not has_units(node):
                 height[node] += 1
                 mine.append(node)
-        groups: dict[tuple[int, IndexVar, Index, Index, int], tuple[list[Node], list[_Place]]] = {}
+        groups: dict[tuple[int, IndexVar, Index, Index, int | Pullback], tuple[list[Node], list[_Place]]] = {}
         for node in mine:
-            groups.setdefault((height[node], node.index, node.lo, node.hi, self._listed(node)), ([], []))[0].append(node)
+            groups.setdefault((height[node], node.index, node.lo, node.hi, self._only(node)), ([], []))[0].append(node)
         for output, node, weight in linear:
             after = 1 + max(height.get(weight, 0), height.get(node.body, 0))
-            groups.setdefault((after, node.index, node.lo, node.hi, self._listed(node)), ([], []))[1].append((output, node.body, weight))
-        for (_, k, lo, hi, listed), (nodes, places) in sorted(groups.items(), key=lambda item: item[0][0]):
+            groups.setdefault((after, node.index, node.lo, node.hi, self._only(node)), ([], []))[1].append((output, node.body, weight))
+        for (_, k, lo, hi, only), (nodes, places) in sorted(groups.items(), key=lambda item: item[0][0]):
             sums = [n for n in nodes if isinstance(n, Sum)]
             if sums or places:
                 loop, values = self._around(k, lo, hi, level, [s.body for s in sums], places)
                 results = tuple(self._fresh("v", level) for _ in sums)
-                level.steps.append(Loop(*loop, values, results, k.name.split(APART)[0], listed))
+                title = k.name.split(APART)[0]
+                if isinstance(only, Pullback):
+                    level.steps.append(SeenLoop(*loop, values, results, title, -1, self._tables[only][0]))
+                else:
+                    level.steps.append(Loop(*loop, values, results, title, only))
                 level.names.update(zip(sums, results, strict=True))
             products = [n for n in nodes if isinstance(n, Product)]
             if products:
@@ -215,6 +223,8 @@ class _ArrayScheduler:
             for node in nodes:
                 if isinstance(node, Table):
                     self._rows[node] = self._table(node, level)
+                elif isinstance(node, Pullback):
+                    self._pullback(node, level)
 
     def _around(
         self,
@@ -236,6 +246,18 @@ class _ArrayScheduler:
     def _listed(self, node: Ranged) -> int:
         """Returns the array of indices whose entries are the only iterations, or -1."""
         return self._number[node.listed] if isinstance(node, Table | RowSum) else -1
+
+    def _only(self, node: Ranged) -> int | Pullback:
+        """Returns what says which iterations matter: a pullback, or the array of indices of `_listed`."""
+        return node.pullback if isinstance(node, SeenSum) else self._listed(node)
+
+    def _pullback(self, node: Pullback, level: _Level) -> None:
+        """Emits the table of a weighted sum of partitions."""
+        name = self._fresh("i", level)
+        weights = tuple(self._cell(level, node.weights))
+        level.steps.append(Combined(name, tuple(self._tables[p][0] for p in node.partitions), weights, node.layout))
+        level.names[node] = name
+        self._tables[node] = name, node.layout
 
     def _table(self, node: Table, level: _Level) -> str:
         """Emits the rows of a table; returns its name."""
@@ -352,7 +374,7 @@ class _ArrayScheduler:
             case Gather():
                 home.steps.append(Load(name, self._number[leaf.array], places))
             case Slope():
-                columns = cast(Partition, leaf.table).layout.columns
+                columns = cast("Partition | Pullback", leaf.table).layout.columns
                 column = leaf.column % columns + shape.columns * (leaf.column // columns)
                 home.steps.append(Take(name, table, places[0], column))
             case Placed():

@@ -28,10 +28,9 @@ from teg.ir.node import Node, postorder
 from teg.ir.partition import Partition
 from teg.ir.simplify import add, integer_power, mul, where
 from teg.ir.traverse import substitute
-from teg.numerics.cells import MOST_DEGREE, Layout
+from teg.numerics.cells import MOST_DEGREE, MOST_GUARDS, Layout
 
 MOST_PARTS = 16
-MOST_GUARDS = 16
 KEY_DEGREE = 4
 
 

@@ -16,6 +16,7 @@ from teg.program.arrays import (
     ArrayProgram,
     Blank,
     Cells,
+    Combined,
     Factors,
     Integers,
     Least,
@@ -94,6 +95,8 @@ class ArrayMachine:
                     self._rows(step)
                 case Loop():
                     self._loop(step)
+                case Combined():
+                    self._combined(step)
                 case Blank():
                     rows = [[0.0] * step.columns for _ in range(self.of(step.rows))]
                     self.tables[step.table] = rows, 0
@@ -164,6 +167,16 @@ class ArrayMachine:
         self.values.update(zip(step.sizes, found.sizes, strict=False))
         first = self.of(step.lo)
         self.tables.update((name, (table, first)) for name, table in zip(step.tables, found.tables, strict=False))
+
+    def _combined(self, step: Combined) -> None:
+        tables, first = [self.tables[name][0] for name in step.of], self.tables[step.of[0]][1]
+        weights = [self.number(w) for w in step.weights]
+        forms, columns = step.shape.forms, step.shape.columns
+        rows = []
+        for several in zip(*tables, strict=True):
+            by_form = [sum(w * row[c] for w, row in zip(weights, several, strict=True) if row[c] != 0.0) for c in range(forms)]
+            rows.append([*by_form, *several[0][forms:columns]])
+        self.tables[step.table] = rows, first
 
     def _rows(self, step: Rows) -> None:
         table = [[math.nan] * len(step.values) for _ in range(self.of(step.hi))]

@@ -1,0 +1,333 @@
+/* Cells that are kept: values first, then derivatives of sums of values with weights that are known by then. */
+
+//: teg_kept
+/* Cells, and what has become of them. TEG_NO_CELLS: the square has one owner, or there are none. TEG_CELLS: they are there. TEG_TWO_PARTS: one
+   cell is there, and `other` owns the rest of the square. TEG_TABLES: the tables of all results are there, since the square was cut into tiles,
+   or something lies on a side. TEG_UNDEFINED: all is NaN. */
+typedef struct {
+    teg_room room;
+    enum { TEG_NO_CELLS, TEG_CELLS, TEG_TWO_PARTS, TEG_TABLES, TEG_UNDEFINED } state;
+    int64_t other;
+    double *tables;
+} teg_kept;
+
+//: teg_let_go
+/* Give back what cells hold. */
+static void teg_let_go(teg_kept *kept)
+{
+    if (kept->state == TEG_NO_CELLS) return;
+    teg_end(&kept->room.r);
+    free(kept->tables);
+}
+
+//: teg_owned
+/* Add what an owner's moments give to values, and these to its moments. */
+static inline void teg_owned(const teg_shape *s, const double *f, const double *m, double *values, double *moments)
+{
+    const int count = teg_coefficients(s);
+    for (int body = 0; body < s->bodies; body++) {
+        double value = 0.0;
+        for (int j = 0; j < count; j++) value += f[body * count + j] * m[j];
+        values[body] += value;
+    }
+    for (int j = 0; j < count; j++) moments[j] += m[j];
+}
+
+//: teg_is_known
+/* Whether the polynomials of the owner of the first cell are finite. */
+static int teg_is_known(const teg_shape *s, const double *f)
+{
+    int known = 1;
+    for (int j = 0; j < s->bodies * teg_coefficients(s); j++) known &= isfinite(f[j]);
+    return known;
+}
+
+//: teg_polynomials
+/* The polynomials of an owner, or of the square outside of all candidates. */
+static inline const double *teg_polynomials(const teg_arrangement *r, int64_t owner, const double *otherwise)
+{
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    return owner < 0 ? otherwise : r->rows + owner / s->parts * teg_row(s) + teg_forms(s);
+}
+
+//: teg_values
+/* Values and moments of an arrangement. Those of the base are what the other cells leave. */
+static void teg_values(
+    const teg_arrangement *r, int64_t base, const double *otherwise, double *values, double *moments, unsigned char *seen)
+{
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const int count = teg_coefficients(s), whole = !r->region_count || (r->cell_count == 1 && r->cells[0].owner == base);
+    const int64_t base_row = base < 0 ? r->n : base / s->parts;
+    const double *const f = teg_polynomials(r, base, otherwise);
+    const int known = whole || teg_is_known(s, f);
+    double m[TEG_MONOMIALS], rest[TEG_MONOMIALS];
+    teg_square_moments(s, rest);
+    for (size_t k = 0; k < r->cell_count && !whole; k++) {
+        const teg_cell *const cell = r->cells + k;
+        const int64_t row = cell->owner < 0 ? r->n : cell->owner / s->parts;
+        if (known && cell->owner == base) continue;
+        for (int j = 0; j < count; j++) m[j] = 0.0;
+        teg_cell_moments(r, cell, NULL, NULL, m, NULL);
+        for (int j = 0; j < count; j++) rest[j] -= m[j];
+        teg_owned(s, teg_polynomials(r, cell->owner, otherwise), m, values, moments + row * count);
+        seen[row] = 1;
+    }
+    if (known) {
+        teg_owned(s, f, rest, values, moments + base_row * count);
+        seen[base_row] = 1;
+    }
+}
+
+//: teg_is_opposite
+/* Whether line h, whose form is at most 0 on a polygon, separates it from the rest of the square as line g does, whose values at the corners of
+   the square are d: what cutting both parts by h would find. */
+static int teg_is_opposite(const teg_line *h, const double *d, int n, const double *x, const double *y)
+{
+    const double corners[4] = {h->c, h->c + h->a, h->c + h->a + h->b, h->c + h->b};
+    int ends = 0;
+    for (int k = 0; k < 4; k++) {
+        const double e = fabs(corners[k]) < TEG_ON_LINE ? 0.0 : corners[k];
+        if ((d[k] > 0.0) != (e < 0.0) || (d[k] < 0.0) != (e > 0.0)) return 0;
+    }
+    for (int i = 0; i < n; i++) {
+        const double e = h->c + h->a * x[i] + h->b * y[i];
+        if (e >= TEG_ON_LINE) return 0;
+        ends += e > -TEG_ON_LINE;
+    }
+    return ends > 1;
+}
+
+//: teg_in_front
+/* Whether a region is nearer than the base on all of the square, with a margin, or there is no base. */
+static int teg_in_front(const teg_arrangement *r, const teg_region *region)
+{
+    const int parts = TEG_SHAPE(r->shape)->parts;
+    double key[3], size;
+    if (r->base < 0) return 1;
+    if (r->base / parts == region->region / parts) return 0;
+    size = teg_key_difference(r, r->base / parts, region->region / parts, key);
+    return teg_lowest(r, key) > 2.0 * teg_key_tolerance(key, size);
+}
+
+//: teg_one_part
+/* Clip the square, which is in the pool, by the lines of a region; returns the number of corners, 0 where nothing is cut off, nothing is left,
+   or something may lie on a side. `d` has the values of its corners on the first line. */
+static int teg_one_part(teg_arrangement *r, const teg_region *region, double *d)
+{
+    static const double x[4] = {0.0, 1.0, 1.0, 0.0}, y[4] = {0.0, 0.0, 1.0, 1.0};
+    static const int label[4] = {4, 2, 6, 0};
+    int n = 4, cut = 0;
+    for (int i = 0; i < 4; i++) r->x[i] = x[i], r->y[i] = y[i], r->label[i] = label[i];
+    for (int line = region->first; line < region->end; line++) {
+        const teg_line *const g = r->lines + line;
+        int above = 0, below = 0;
+        if (!teg_room_in_scratch(r, (size_t)n + 2)) return 0;
+        for (int i = 0; i < n; i++) {
+            const double e = g->c + g->a * r->x[i] + g->b * r->y[i];
+            r->d[i] = fabs(e) < TEG_ON_LINE ? 0.0 : e;
+            above += r->d[i] > 0.0, below += r->d[i] < 0.0;
+        }
+        if (line == region->first)
+            for (int i = 0; i < 4; i++) d[i] = r->d[i];
+        if (!above || (!below && n - above > 1)) return 0;
+        if (!below) continue;
+        n = teg_half(n, r->x, r->y, r->label, r->d, 1.0, 2 * line, r->px, r->py, r->pl);
+        for (int i = 0; i < n; i++) r->x[i] = r->px[i], r->y[i] = r->py[i], r->label[i] = r->pl[i];
+        cut = 1;
+    }
+    return cut ? n : 0;
+}
+
+//: teg_two_parts
+/* Make the cell of a square that has two parts: a region in front of the base or of nothing, and the rest; or two regions on both sides of one
+   line. This is what most squares with an edge are. Returns 0 where it is anything else. */
+static int teg_two_parts(teg_kept *kept, const double *otherwise)
+{
+    teg_arrangement *const r = &kept->room.r;
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const teg_region *const first = r->regions;
+    const int two = r->region_count == 2;
+    double d[4];
+    int n;
+    if (r->region_count < 1 || r->region_count > 2 || first->end - first->first > 8 || (two && (r->base >= 0 || r->line_count != 6))) return 0;
+    if (two && first->end - first->first != 1) return 0;
+    teg_sort_regions(r->regions, r->region_count);
+    kept->other = two ? r->regions[1].region : r->base;
+    if (two && kept->other / s->parts == first->region / s->parts) return 0;
+    if (!teg_in_front(r, first) || !teg_is_known(s, teg_polynomials(r, kept->other, otherwise))) return 0;
+    n = teg_one_part(r, first, d);
+    if (!n || (two && !teg_is_opposite(r->lines + r->regions[1].first, d, n, r->x, r->y))) return 0;
+    teg_new_cell(r, first->region, 0, n);
+    kept->state = TEG_TWO_PARTS;
+    return 1;
+}
+
+//: teg_keep_tables
+/* The tables of all results, and the moments in them. */
+static void teg_keep_tables(teg_kept *kept, const double *otherwise, double *values, double *moments, unsigned char *seen)
+{
+    teg_arrangement *const r = &kept->room.r;
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const int count = teg_coefficients(s), forms = teg_forms(s);
+    const size_t size = teg_table_size(s, r->n);
+    kept->state = TEG_TABLES;
+    kept->tables = calloc(size, sizeof *kept->tables);
+    if (!kept->tables) {
+        r->failed = 1;
+        return;
+    }
+    if (!r->touching) teg_tile(r, NULL, r->n * s->parts, 0, 0, otherwise, (double *const[]){values, NULL, kept->tables});
+    if (r->touching) teg_moved_tables(r, otherwise, kept->tables);
+    for (int64_t row = 0; row <= r->n; row++) {
+        for (int j = 0; j < count; j++) moments[row * count + j] = kept->tables[row * (forms + count) + forms + j];
+        seen[row] = 1;
+    }
+}
+
+//: teg_keep_cells
+/* Values of n candidates, moments of these and of what is outside of all, and which of both are seen. Returns 1 without memory, else 0. */
+static int teg_keep_cells(teg_kept *kept, const teg_shape *shape, int64_t n, const double *rows, const double *otherwise, double *values,
+    double *moments, unsigned char *seen)
+{
+    const teg_shape *const s = TEG_SHAPE(shape);
+    const int count = teg_coefficients(s);
+    teg_arrangement *const r = &kept->room.r;
+    r->shape = shape, r->n = n;
+    for (int body = 0; body < s->bodies; body++) values[body] = 0.0;
+    for (int64_t k = 0; k < (n + 1) * count; k++) moments[k] = 0.0;
+    for (int64_t k = 0; k <= n; k++) seen[k] = 0;
+    if (!n || (n == 1 && teg_covers(s, rows))) {
+        double m[TEG_MONOMIALS];
+        teg_square_moments(s, m);
+        teg_owned(s, n ? rows + teg_forms(s) : otherwise, m, values, moments);
+        seen[0] = 1;
+        return 0;
+    }
+    teg_begin(&kept->room, s, n, rows);
+    kept->state = TEG_CELLS, kept->tables = NULL;
+    teg_select(r, NULL, n * s->parts);
+    if (!r->undefined && !r->failed) {
+        if (teg_is_tiled(r, 0, r->region_count)) teg_keep_tables(kept, otherwise, values, moments, seen);
+        else if (teg_two_parts(kept, otherwise)) teg_values(r, kept->other, otherwise, values, moments, seen);
+        else {
+            if (r->region_count) teg_arrange(r);
+            if (!r->failed) teg_values(r, r->base, otherwise, values, moments, seen);
+            if (!r->failed && r->touching) teg_keep_tables(kept, otherwise, values, moments, seen);
+        }
+    }
+    if (!r->undefined) return r->failed;
+    kept->state = TEG_UNDEFINED;
+    teg_fill(values, s->bodies, NAN);
+    for (int64_t k = 0; k < (n + 1) * count; k++) moments[k] = NAN;
+    for (int64_t k = 0; k <= n; k++) seen[k] = 1;
+    return r->failed;
+}
+
+//: teg_combined
+/* The weighted sum of tables of so many rows, in the columns of forms, and the moments of the first one. */
+static void teg_combined(int64_t rows, int tables, const double *const *of, const int *widths, const double *weights, int forms, int columns,
+    double *to)
+{
+    for (int64_t row = 0; row < rows; row++)
+        for (int c = 0; c < columns; c++) {
+            double sum = c < forms ? 0.0 : of[0][row * widths[0] + c];
+            for (int k = 0; k < tables && c < forms; k++) {
+                const double slope = of[k][row * widths[k] + c];
+                if (slope != 0.0) sum += weights[k] * slope;
+            }
+            to[row * columns + c] = sum;
+        }
+}
+
+//: teg_along_edge
+/* Add the integral of a polynomial times 1, u, v along a part of an edge (x, y) + t (dx, dy) to the derivatives by the forms of its line. */
+static inline void teg_along_edge(const teg_arrangement *r, const teg_line *line, const double *edge, const double *part, double scale,
+    const double *f, double *table, unsigned char *seen)
+{
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const int count = teg_coefficients(s), forms = teg_forms(s);
+    double sums[3] = {0.0, 0.0, 0.0}, at[TEG_MONOMIALS];
+    for (int point = 0; point < s->points; point++) {
+        const double t = part[0] + s->gauss[2 * point] * (part[1] - part[0]), x = edge[0] + t * edge[2], y = edge[1] + t * edge[3];
+        double value = 0.0;
+        teg_monomials(x, y, 0.0, 0.0, s->degree, at, NULL);
+        for (int k = 0; k < count; k++) value += f[k] * at[k];
+        value *= scale * s->gauss[2 * point + 1];
+        sums[0] += value, sums[1] += value * x, sums[2] += value * y;
+    }
+    if (line->plus >= 0) {
+        double *const to = table + line->plus * forms + line->column;
+        to[0] += sums[0], to[1] += sums[1], to[2] += sums[2];
+        seen[line->plus] = 1;
+    }
+    if (line->minus >= 0) {
+        double *const to = table + line->minus * forms + line->column;
+        to[0] -= sums[0], to[1] -= sums[1], to[2] -= sums[2];
+        seen[line->minus] = 1;
+    }
+}
+
+//: teg_around
+/* Add what the edges of a cell give to the derivatives by forms, f being the difference of the polynomials on both sides. */
+static void teg_around(const teg_arrangement *r, const teg_cell *cell, const double *f, double *table, unsigned char *seen)
+{
+    for (int i = 0; i < cell->n; i++) {
+        const int label = r->label[cell->at + i], j = i + 1 == cell->n ? 0 : i + 1;
+        const double x = r->x[cell->at + i], y = r->y[cell->at + i];
+        const double edge[4] = {x, y, r->x[cell->at + j] - x, r->y[cell->at + j] - y};
+        double part[2] = {0.0, 1.0}, sign, length;
+        int share;
+        if (label < 8) continue;
+        length = sqrt(edge[2] * edge[2] + edge[3] * edge[3]) * (label & 1 ? -1.0 : 1.0);
+        if (r->lines[label >> 1].twin < 0) {
+            teg_along_edge(r, r->lines + (label >> 1), edge, part, length / r->lines[label >> 1].size, f, table, seen);
+            continue;
+        }
+        part[0] = part[1] = -1.0;
+        while (teg_next_share(r, label >> 1, edge, part, &share, &sign)) {
+            const teg_line *const line = r->lines + share;
+            teg_along_edge(r, line, edge, part, sign * length * (part[1] - part[0]) / line->size, f, table, seen);
+        }
+    }
+}
+
+//: teg_pull_back
+/* The derivatives of the weighted sum of all values by the forms of candidates; marks those that are seen by these. Returns 1 without memory. */
+static int teg_pull_back(teg_kept *kept, const double *otherwise, const double *weights, double *table, unsigned char *seen)
+{
+    teg_arrangement *const r = &kept->room.r;
+    const teg_shape *const s = TEG_SHAPE(r->shape);
+    const int forms = teg_forms(s), count = teg_coefficients(s);
+    const int64_t other = kept->state == TEG_TWO_PARTS ? kept->other : r->base;
+    const double *base;
+    int known;
+    for (int64_t k = 0; k < (r->n + 1) * forms; k++) table[k] = kept->state == TEG_UNDEFINED ? NAN : 0.0;
+    if (kept->state == TEG_NO_CELLS || kept->state == TEG_UNDEFINED) return 0;
+    if (r->failed) return 1;
+    if (kept->state == TEG_TABLES) {
+        for (int body = 0; body < s->bodies; body++)
+            for (int64_t k = 0; k < (r->n + 1) * forms; k++) {
+                const double slope = kept->tables[(body * (r->n + 1) + k / forms) * (forms + count) + k % forms];
+                if (slope != 0.0) table[k] += weights[body] * slope;
+            }
+        return 0;
+    }
+    if (!r->region_count || (r->cell_count == 1 && r->cells[0].owner == r->base)) return 0;
+    if (kept->state == TEG_CELLS) teg_find_twins(r);
+    if (r->failed) return 1;
+    base = teg_polynomials(r, other, otherwise), known = teg_is_known(s, base);
+    for (size_t k = 0; k < r->cell_count; k++) {
+        const teg_cell *const cell = r->cells + k;
+        const double *const own = teg_polynomials(r, cell->owner, otherwise);
+        double f[TEG_MONOMIALS];
+        if (known && cell->owner == other) continue;
+        for (int j = 0; j < count; j++) f[j] = 0.0;
+        for (int body = 0; body < s->bodies; body++)
+            for (int j = 0; j < count; j++) {
+                const double jump = own[body * count + j] - (known ? base[body * count + j] : 0.0);
+                if (jump != 0.0) f[j] += weights[body] * jump;
+            }
+        teg_around(r, cell, f, table, seen);
+    }
+    return 0;
+}
