@@ -12,7 +12,8 @@ import pytest
 import teg
 from teg.backends.c.build import load_library
 from teg.backends.c.runtime import runtime
-from teg.numerics.cells import Layout, integrals, monomials
+from teg.numerics.cell_integrals import integrals
+from teg.numerics.cells import Layout, monomials
 from tests.backends.c_checks import in_c
 
 pytestmark = in_c
