@@ -38,6 +38,8 @@ STOUT = (2.0**-3, 2.0**-3, 2.0**-3, 2.0**-2, 2.0**-2)
 """A triangle is stout if its value opposite to an edge is at least this part of the change of its half-planes over the box, by degree."""
 SPECK = 2.0**-14
 """A smaller part of the box is clipped corner by corner: the weights have errors relative to the box."""
+WIDEST = 2.0**20
+"""A box is of an ordinary size below this: a corner of it that rounds to nothing has an area of less than 2⁻⁶⁴."""
 LARGEST = 1.7976931348623157e308
 FRACTIONS = (Fraction(0), Fraction(1), Fraction(-1), Fraction(1, 2), Fraction(-1, 2))
 
@@ -179,8 +181,18 @@ def crossing(w: Writer, planes: Sequence[HalfPlane], width: Arg, height: Arg, de
     chords = [_chord(w, *g) for g in zip(lines, cuts, strict=True)]
     total = _moments(w, lines, chords, degree)
     area = total[0, 0]
-    conditions.append(w.any(w.positive(w.sub(area, 4.0 * SPECK)), w.put("b", "le0", w.abs(area))))
+    conditions.append(w.any(w.positive(w.sub(area, 4.0 * SPECK)), *_nothing_left(w, area, width, height)))
     return Crossing(total, scaled, lines, chords, conditions)
+
+
+def _nothing_left(w: Writer, area: Arg, width: Arg, height: Arg) -> list[Arg]:
+    """Returns conditions, one of which holds if the half-planes leave nothing of the box: an area of 0 in a box of an ordinary size. In a
+    larger one a corner that rounds to nothing may matter."""
+    empty = w.put("b", "le0", w.abs(area))
+    large = w.upper(width, height) if isinstance(width, str) or isinstance(height, str) else max(width, height)
+    if isinstance(large, str):
+        return [w.put("b", "and", empty, w.positive(w.sub(WIDEST, large)))]
+    return [empty] if large < WIDEST else []
 
 
 def _line(w: Writer, a: Arg, b: Arg, c: Arg, conditions: list[Arg]) -> _Line:

@@ -7,6 +7,7 @@ from itertools import count, pairwise
 import numpy as np
 import pytest
 
+import teg
 from teg.backends.c import crossing as c_crossing
 from teg.backends.c.crossing import MOST_DEGREE, MOST_LINES, Writer, crossing, nodes_of, weights_of
 from teg.program import Arg, HalfPlane
@@ -140,3 +141,14 @@ def test_a_speck_is_left_out() -> None:
     """Errors are relative to the box, so what is much smaller is clipped corner by corner."""
     for size, expected in ((0.1, True), (1e-4, False)):
         assert weights([(-1.0, -1.0, size)], 1.0, 1.0, 1)[1] is expected
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_a_corner_of_a_huge_box(backend: str) -> None:
+    """A half-plane leaves a triangle at the corner of boxes of all sizes; relative to the largest it rounds to nothing. By hand."""
+    x, y = teg.vars("x y")
+    c, w = teg.params("c w")
+    f = teg.compile(teg.integral(teg.bracket(x + 1.5 * y < c), (x, 0, w), (y, 0, w)), [c], backend=backend)
+    value, slopes = f.value_and_grad(c=1.8, w=np.resize([1e3, 1e8, 1e15, 1e17, 1e50, 1e100, 1e150], 140))
+    np.testing.assert_allclose(value, 1.08, rtol=1e-14)
+    np.testing.assert_allclose(slopes["c"], 1.2, rtol=1e-14)
