@@ -163,7 +163,7 @@ def adaptive_piece(
             ),
             "}",
             *_judged(tested, watched, good, None if guard is None else _searched(guard, place, tested, whole, literal(rule.tol))),
-            *_halved_or_accepted(tested, watched, "whole[j]" if guard is None else f"({whole})[j]"),
+            *_halved_or_accepted(tested, watched, "whole[j]" if guard is None else f"({whole})[j]", guard is not None),
             *_taken(count, tested, estimated),
         ),
         "}",
@@ -218,20 +218,22 @@ def _judged(tested: int, watched: int, good: str, searched: Sequence[str] | None
         return [f"if (used == 1) {_each(tested, 'whole[j] = measured[8 * j + 7];')}", f"const int good = {good};"]
     return [
         f"teg_largest({tested}, measured, whole, above, here.depth, used);",
-        f"int good = {good};",
+        f"int good = {good}, hides = 0;",
+        f"double hidden_size[{tested}];",
         f"if (good && {'!changed && ' if watched else ''}teg_settled({tested}, measured)) {{",
         *indent(*searched),
         "}",
     ]
 
 
-def _halved_or_accepted(tested: int, watched: int, whole: str) -> list[str]:
+def _halved_or_accepted(tested: int, watched: int, whole: str, guarded: bool) -> list[str]:
     """Returns lines that put both halves of an interval that is not good on the stack, or note what is missed if it is the last one.
 
     The first look at a piece, which has fewer nodes, is followed by another one at all of it, unless signs are watched.
     """
     again = [] if watched else ["if (used == 1) {", *indent("waiting[n++] = here;", "continue;"), "}"]
     unchanged = "!changed && !hidden && " if watched else ""
+    hidden = "if (!(hidden_size[j] <= measured[8 * j + 1])) measured[8 * j + 1] = isnan(hidden_size[j]) ? INFINITY : hidden_size[j];"
     diverges = f"{unchanged}isfinite(measured[8 * j + 1]) && measured[8 * j + 7] > TEG_DIVERGENT * {whole}"
     return [
         "if (!good && !last) {",
@@ -248,6 +250,7 @@ def _halved_or_accepted(tested: int, watched: int, whole: str) -> list[str]:
             "if (here.depth >= TEG_DEEP) {",
             *indent(_each(tested, f"if ({diverges}) measured[8 * j] = copysign(INFINITY, measured[8 * j]);")),
             "}",
+            *([f"if (hides) {_each(tested, hidden)}"] if guarded else []),
         ),
         "}",
         ("if (!changed) " if watched else "") + _each(tested, "spent[j] += measured[8 * j + 1];"),
@@ -282,8 +285,9 @@ def _searched(guard: GuardText, place: Sequence[str], tested: int, above: str, t
             "const int inside = (endless || (first > 0.0 && second < 1.0)) && here.depth < TEG_GUARD_DEPTH;",
             f"const int unseen = teg_matters({tested}, f, right - left, measured, {above}, {tol})",
             f"    && teg_unseen({guard.sharp}, f + {tested}, seen_at, nodes, gap, inside, endless);",
+            f"if (gap < 0) {_each(tested, 'hidden_size[j] = f[j] * (right - left);')}",
             "if (gap < 0 && !unseen) break;",
-            "if (gap >= 0 && unseen) good = 0;",
+            "if (gap >= 0 && unseen) good = 0, hides = 1;",
         ),
         "}",
     ]

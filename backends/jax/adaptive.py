@@ -150,9 +150,10 @@ def _turned(how: _How, places: Substitution, values: OnPiece, at: _Progress) -> 
     seen = jnp.concatenate([at.seen[nodes.width :], jnp.concatenate([weighted, found[:, pieces.values :]], axis=1)])
     full = looks | (at.turn + 1 == nodes.turns)
     measured = _measured(how, looks, seen, places.kind != POWER)
-    good, above, reference, whole = _judged(how, places, values.flagged, at, measured, (looks, seen))
+    good, above, reference, whole, hidden = _judged(how, places, values.flagged, at, measured, (looks, seen))
     changed, deepest = measured.changed, at.width == 1
     done = full & (good | (~looks & (deepest | (at.used + 1 >= MAX_INTERVALS))))
+    measured = measured._replace(error=jnp.where(done & ~good, jnp.fmax(measured.error, hidden), measured.error))
     large = jnp.isfinite(measured.error) & (measured.size > DIVERGENT * reference)
     endless = done & (at.width <= END >> DEEP) & ~good & ~changed & ~measured.hidden & large
     tested = measured.total[: pieces.tested]
@@ -178,15 +179,16 @@ def _turned(how: _How, places: Substitution, values: OnPiece, at: _Progress) -> 
 
 def _judged(
     how: _How, places: Substitution, flagged: tuple[Scalar, ...], at: _Progress, found: _Measured, nodes: tuple[Scalar, Any]
-) -> tuple[Scalar, Any, Any, Any]:
-    """Whether an interval is accepted, `above` with it, the A that its error is compared with, and the A of the whole piece."""
+) -> tuple[Scalar, Any, Any, Any, Any]:
+    """Whether an interval is accepted, `above` with it, the A that its error is compared with, the A of the whole piece, and what its error
+    is at least if it is accepted although a guard says no."""
     looks, seen = nodes
     tol, guard, narrow = how.tol, how.guard, at.width / END <= WATCH_WIDTH
     whole = jnp.where(at.used == 0, found.size, at.whole)
     if guard is None:
         enough = rules.tolerated(jnp, tol, whole, found.size)
         good = jnp.all((found.error <= enough) | ~jnp.isfinite(found.error))
-        return jnp.where(found.changed, narrow, good), at.above, whole, whole
+        return jnp.where(found.changed, narrow, good), at.above, whole, whole, jnp.zeros_like(found.error)
     depth, rows = MAX_DEPTH - lax.population_count(at.width - 1), jnp.arange(MAX_DEPTH + 1)[:, None]
     reference = jnp.fmax(jnp.max(jnp.where(rows == jnp.maximum(depth - 1, 0), at.above, 0.0), axis=0), found.size)
     enough = rules.tolerated(jnp, tol, reference, found.size)
@@ -195,10 +197,11 @@ def _judged(
     interval = at.start / END, (at.start + at.width) / END
     inner = interval[0] + 0.5 * (at.width / END) * (1.0 + _one_of(looks, how.nodes.at))
     known = _without_gaps(how.nodes, looks, seen[:, how.pieces.values + how.watched :])
-    hidden = guard.hides(places, flagged, how.pieces.ways, interval, inner[how.ends :], known[how.ends :], enough, depth)
-    good &= ~(asked & hidden)
+    hides, hidden = guard.hides(places, flagged, how.pieces.ways, interval, inner[how.ends :], known[how.ends :], enough, depth)
+    hidden = jnp.where(good & asked & hides, hidden, 0.0)
+    good &= ~(asked & hides)
     above = jnp.where(rows == depth, reference, at.above)
-    return jnp.where(found.changed, narrow, good), above, reference, jnp.fmax(whole, found.size)
+    return jnp.where(found.changed, narrow, good), above, reference, jnp.fmax(whole, found.size), hidden
 
 
 def _of_turn(nodes: _Nodes, turn: Scalar) -> Any:

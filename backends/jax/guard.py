@@ -33,9 +33,9 @@ class Guard(NamedTuple):
         seen: Any,
         enough: Any,
         depth: Scalar,
-    ) -> Scalar:
+    ) -> tuple[Scalar, Any]:
         """Whether something is hidden in the interval (u0, u1) = `ends`: `at` are the nodes in u, `seen` the sharp values there, (nodes,
-        sharp), `enough` what does not matter, (tested,)."""
+        sharp), `enough` what does not matter, (tested,). And bounds of the integrals of |tested value|."""
         u = jnp.concatenate([jnp.stack([ends[0]]), at, jnp.stack([ends[1]])])
         x = place(JAX, places, possible, u)[0]
         x = jnp.where(u <= 0.0, places.p, jnp.where(u >= 1.0, places.q, x))
@@ -54,7 +54,8 @@ class Guard(NamedTuple):
         inside = (~finite | ((jnp.concatenate([u[:1], u[:-1]]) > 0.0) & (u < 1.0))) & (depth < GUARD_DEPTH)
         counts = ~jnp.isposinf(upper) | (inside | whole)[:, None]
         unseen = jnp.any(large & counts, axis=1) & matters
-        return unseen[0] & jnp.any(unseen[1:])
+        hidden = sizes[0] * length[0]
+        return unseen[0] & jnp.any(unseen[1:]), jnp.where(jnp.isnan(hidden), jnp.inf, hidden)
 
 
 def _least(seen: Any) -> Any:

@@ -94,6 +94,10 @@ class AdaptiveIntegral(Integral):
             run.ended |= late and bool(missed.any())
             if missed.any():
                 run.missed = True
+                if self.guard is not None and (lost := np.flatnonzero(missed & fine.all(axis=0) & ~changed)).size:
+                    given, ends = [gather(v, piece[lost]) for v in values], (left[lost], left[lost] + width)
+                    hidden = self.guard.hidden(run, places.part(piece[lost]), given, ends, self.tested)
+                    error[:, lost] = np.fmax(error[:, lost], hidden)
                 if depth >= DEEP:
                     endless = missed & ~changed & ~found.hidden & np.isfinite(error) & (size > DIVERGENT * largest)
                     total[: self.tested][endless] = np.copysign(np.inf, total[: self.tested][endless])

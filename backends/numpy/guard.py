@@ -64,6 +64,13 @@ class Guard:
         hidden[asked] = (found | endless).any(axis=0)
         return hidden
 
+    def hidden(self, run: Any, places: Substitution, values: Sequence[Any], ends: tuple[Array, Array], tested: int) -> Array:
+        """Returns bounds of the integrals of |tested value| over intervals, (tested, intervals)."""
+        left, right = (self._place(places, u) for u in ends)
+        sizes = self.block(run, left, right, *values)[:tested]
+        bounds = np.stack([np.broadcast_to(size * (right - left), left.shape) for size in sizes])
+        return np.where(np.isnan(bounds), np.inf, bounds)
+
     def _place(self, places: Substitution, u: Array) -> Array:
         """Returns the place of u; the ends of a piece are its own."""
         inside = places_of(places, u[None])[0][0]

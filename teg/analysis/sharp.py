@@ -10,15 +10,17 @@ A narrow smooth feature of an integrand comes from few kinds of nodes. The size 
 
 For tanh, atan and erf the slope counts, because the steps themselves are seen. A sharp value is *tame* if it cannot change much between
 neighbouring nodes: its bounds over the whole domain are near each other, or the bounds of its logarithm's slope are small. This is
-decided at compile time if the domain is known in numbers. Bounds over a box are those of `teg.analysis.intervals`. An inner integral is
-bounded by the largest size of its integrand times the largest extent of its range. Linear in the size of the integrands.
+decided at compile time if the domain is known in numbers. Bounds over a box are those of `teg.analysis.intervals`. The size of an inner
+integral is bounded by the largest size of its integrand times the largest extent of its range. That bound stays wide on a narrow box, so a
+function of an integral, as exp(-10⁴·(∫ … dy - c)²), is bounded by a model of the integral on the box: a parabola in each variable, through
+three values. Linear in the size of the integrands.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import cast
 
 from teg.analysis.calculus import slope
@@ -26,7 +28,7 @@ from teg.analysis.evaluate import folded, values_of
 from teg.analysis.intervals import Enclosure, Interval
 from teg.analysis.polynomial import Degrees
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import MINUS_ONE, ONE, Call, Compare, Const, Expr, Param, Pow, Var, const
+from teg.ir.expr import MINUS_ONE, ONE, ZERO, Call, Compare, Const, Expr, Param, Pow, Var, const
 from teg.ir.function import Apply
 from teg.ir.integral import Integral, PointMasses
 from teg.ir.node import Node, postorder
@@ -45,6 +47,8 @@ FAR_ARGUMENT = 3.0
 """The largest change of a wave's argument between two nodes."""
 MAX_NODES = 4000
 """The largest number of nodes of a guard's bounds. Beyond it every box matters."""
+BESIDE_ENDS = 1 / 16
+"""How far from the ends of a box, as a fraction of it, an integral is evaluated: pieces end at breaks, where ties are met."""
 LARGEST = 1e300
 """A bound beyond this is infinite, unless it is known to overflow only."""
 _INFINITY = const(math.inf)
@@ -154,15 +158,26 @@ def bounds(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr] | None:
     """Returns the upper and the lower bound of a sharp value over a box; None if none are known.
 
     What only overflows, because its argument is finite, is no singularity: its bound is finite. A function whose body is hidden is bounded
-    by its values at both ends and in the middle.
+    by its values at both ends and in the middle, and integrals and such functions inside of a sharp value by models.
     """
     try:
-        if not sharp.wave:
-            lo, hi = boxed.of(sharp.value)
-            return _unless_singular(hi, sharp, boxed), lo
-        first, last = boxed.of(sharp.argument)
+        return _enclosed(sharp, boxed)
     except NotDifferentiableError:
-        return None if sharp.wave else _at_points(sharp.value, boxed.box)
+        if isinstance(sharp.node, Apply):
+            return _at_points(sharp.value, boxed.box)
+    try:
+        (value, argument), larger = _without_integrals([sharp.value, sharp.argument], boxed.box, _model_of)
+        return _enclosed(replace(sharp, value=value, argument=argument), Enclosure(larger))
+    except NotDifferentiableError:
+        return None
+
+
+def _enclosed(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr]:
+    """Returns the bounds that an enclosure gives."""
+    if not sharp.wave:
+        lo, hi = boxed.of(sharp.value)
+        return _unless_singular(hi, sharp, boxed), lo
+    first, last = boxed.of(sharp.argument)
     return call("max", ONE, mul(const(UNSEEN / FAR_ARGUMENT), sub(last, first))), ONE
 
 
@@ -201,7 +216,7 @@ def sizes(bodies: Sequence[Expr], boxed: Enclosure) -> list[Expr]:
 
 def size_of(body: Expr, boxed: Enclosure) -> Expr:
     """Returns a bound of |body| over a box."""
-    plain, box = _without_integrals(body, boxed.box)
+    (plain,), box = _without_integrals([body], boxed.box, _extents)
     try:
         lo, hi = (boxed if plain is body else Enclosure(box)).of(plain)
     except NotDifferentiableError:
@@ -209,8 +224,10 @@ def size_of(body: Expr, boxed: Enclosure) -> Expr:
     return call("magnitude", lo) if lo is hi else call("max", hi, mul(MINUS_ONE, lo))
 
 
-def _without_integrals(body: Expr, box: Mapping[Var, Interval]) -> tuple[Expr, dict[Var, Interval]]:
-    """Returns the expression with variables in the place of integrals and functions that depend on the box, and the box with their bounds.
+def _without_integrals(
+    bodies: Sequence[Expr], box: Mapping[Var, Interval], bounds_of: Callable[[Expr, Mapping[Var, Interval]], Interval]
+) -> tuple[list[Expr], dict[Var, Interval]]:
+    """Returns the expressions with variables in the place of integrals and functions that depend on the box, and the box with their bounds.
 
     The recursion is as deep as integrals are nested.
     """
@@ -223,11 +240,39 @@ def _without_integrals(body: Expr, box: Mapping[Var, Interval]) -> tuple[Expr, d
         if not isinstance(node, Integral | Apply | PointMasses):
             return None
         name = fresh("∫", larger)
-        size = extent_of(node, box) if isinstance(node, Integral) else _INFINITY
-        larger[name] = mul(MINUS_ONE, size), size
+        larger[name] = bounds_of(node, box)
         return name
 
-    return cast(Expr, rewrite_below([body], replacement)[body]), larger
+    new = rewrite_below(bodies, replacement)
+    return [cast(Expr, new[body]) for body in bodies], larger
+
+
+def _extents(node: Expr, box: Mapping[Var, Interval]) -> Interval:
+    """Returns bounds of an integral by its size; the values of a function are not known."""
+    size = extent_of(node, box) if isinstance(node, Integral) else _INFINITY
+    return mul(MINUS_ONE, size), size
+
+
+def _model_of(node: Expr, box: Mapping[Var, Interval]) -> Interval:
+    """Returns bounds of a model of an integral or a function on a box: the value in the middle, plus a parabola in each variable.
+
+    With three values, the excess of a parabola over them is at most an eighth of its second difference d; beyond the outer places it
+    goes on by at most BESIDE_ENDS/(1 - 2·BESIDE_ENDS) of the step between them, and a tenth of d. Twice as much is allowed for.
+    """
+    half = const(0.5)
+    middle = {v: mul(half, add(lo, hi)) for v, (lo, hi) in box.items() if v in node.free and lo is not hi}
+    centre = cast(Expr, substitute(node, middle | {v: lo for v, (lo, hi) in box.items() if lo is hi}))
+    low = high = centre
+    for v in middle:
+        lo, hi = box[v]
+        near, far = const(BESIDE_ENDS), const(1.0 - BESIDE_ENDS)
+        places = add(mul(far, lo), mul(near, hi)), add(mul(near, lo), mul(far, hi))
+        first, last = (sub(cast(Expr, substitute(node, {**middle, v: place})), centre) for place in places)
+        step = mul(const(2.0 * BESIDE_ENDS / (1.0 - 2.0 * BESIDE_ENDS)), call("magnitude", sub(last, first)))
+        beyond = add(step, mul(const(0.25), call("magnitude", add(first, last))))
+        low = add(low, sub(call("min", ZERO, call("min", first, last)), beyond))
+        high = add(high, call("max", ZERO, call("max", first, last)), beyond)
+    return low, high
 
 
 def extent_of(node: Integral, box: Mapping[Var, Interval]) -> Expr:
@@ -267,7 +312,7 @@ def tame_ones(known: Sequence[Sharp], ranges: Mapping[Var, Interval], x: Var, ga
         return [False] * len(known)
     boxed = Enclosure(ranges)
     nothing = (_NO_NUMBER, _NO_NUMBER)
-    ends = _numbers([b for s in known for b in bounds(s, boxed) or nothing])
+    ends = _numbers([b for s in known for b in _certain(s, boxed) or nothing])
     tame = [lower > 0.0 and upper <= UNSEEN * lower < math.inf for upper, lower in zip(ends[::2], ends[1::2], strict=True)]
     undecided = [i for i, settled in enumerate(tame) if not settled and known[i].factor is not None]
     if gap is None or not undecided:
@@ -278,6 +323,15 @@ def tame_ones(known: Sequence[Sharp], ranges: Mapping[Var, Interval], x: Var, ga
         change = max(abs(slowest), abs(fastest)) * (hi - lo) * gap
         tame[i] = not math.isnan(slowest + fastest) and change <= math.log(UNSEEN)
     return tame
+
+
+def _certain(sharp: Sharp, boxed: Enclosure) -> tuple[Expr, Expr] | None:
+    """Returns bounds of a sharp value for which no integral and no function is evaluated."""
+    try:
+        (value, argument), larger = _without_integrals([sharp.value, sharp.argument], boxed.box, _extents)
+        return _enclosed(replace(sharp, value=value, argument=argument), Enclosure(larger))
+    except NotDifferentiableError:
+        return None
 
 
 def _rate(sharp: Sharp, x: Var, boxed: Enclosure) -> Interval | None:

@@ -328,3 +328,29 @@ def test_a_root_beside_the_border_of_its_condition_is_no_nan(name: str, backend:
     got, gradient = teg.compile(e, [r], backend=backend).value_and_grad(r=q)
     assert got == pytest.approx(value, rel=1e-9)
     assert gradient["r"] == pytest.approx(slope, rel=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("least", [1e-160, 1e-200, 1e-300])
+def test_a_root_that_is_very_far_away_is_no_tie_with_a_bound(backend: str, least: float) -> None:
+    """The bound of a root's rounding error overflowed, so that every bound was a tie with the root."""
+    surfaces = [t - a * x**2, t - a * x**2 - b * x, t - a * x**4, t - b * x**2]
+    for g in surfaces:
+        f = teg.compile(INT(B(g > 0) * teg.exp(x), (x, -1, 1)), [t, a, b], backend=backend)
+        value, slopes = f.value_and_grad(t=0.3, a=least, b=least)
+        assert value == pytest.approx(2 * math.sinh(1), rel=1e-14)
+        assert list(slopes.values()) == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_region_that_is_born_at_a_bound(backend: str) -> None:
+    """The root of an exact 0 is exact: the scale of its tie with a bound was 0/0, and the derivative 0 at upper bounds."""
+    for low, high in ((-1, 0), (0, 1), (0, -1), (1, 0)):
+        f = teg.compile(INT(B(b - x**2 > 0), (x, low, high)), backend=backend)
+        assert f.grad(b=0.0)["b"] == (math.inf if low < high else -math.inf)
+    for low, high in ((-1, a), (a, 1)):
+        f = teg.compile(INT(B(b - (x - a) ** 2 > 0), (x, low, high)), [a, b], backend=backend)
+        with pytest.warns(teg.AccuracyWarning):
+            slopes = f.grad(a=0.3, b=0.0)
+        assert slopes["b"] == math.inf
+        assert math.isnan(slopes["a"])

@@ -24,6 +24,7 @@ SHORT = 4
 CLEAR = 2.0**10 * TIE_EPS
 """A function larger than this, relative to its scale, is certainly not 0."""
 _EPSILON = 2.0**-52
+_TINY = 2.0**-1022
 _SLACK = 8.0
 """So many roundings of a product are within the factor 4 of `TIE_EPS`."""
 
@@ -147,6 +148,8 @@ class Rounding:
                 own = self._weighted(max(1.0, abs(e.exponent) / _SLACK), size(e), home)  # as many roundings as there are products
                 if errors[0] == 0.0:
                     return own
+                if e.exponent < 0:  # base^(k - 1) may overflow where the relative error and the power are finite
+                    return total(own, put("mul", float(abs(e.exponent)), put("div", errors[0], size(e.base)), size(e)))
                 return total(own, put("mul", float(abs(e.exponent)), errors[0], put("powi", size(e.base), e.exponent - 1)))
             case Where():
                 return errors[0] if errors[0] == errors[1] else put("select", self.out.truths(e.condition, home)[0], *errors)
@@ -174,6 +177,10 @@ class Rounding:
         def put(op: str, *args: Arg) -> Arg:
             return self.out.assign(home, op, *args)
 
+        def over(error: Arg, size: Arg) -> Arg:
+            """Returns error/size, 0 where both are 0: √0 of an exact 0 is exact."""
+            return put("div", error, put("max", size, _TINY))
+
         first, u, error = self.out.size(e, home), self.out.size(e.children[0], home), errors[0]
         match e.name:
             case "exp" | "cosh":
@@ -187,7 +194,7 @@ class Rounding:
             case "erf" | "erfc":
                 return [put("mul", 1.13, error)]  # the slope is at most 2/√π
             case "sqrt" | "root":
-                return [put("div", error, put("add", first, put("sqrt", put("mul", _EPSILON, error))))]
+                return [over(error, put("add", first, put("sqrt", put("mul", _EPSILON, error))))]
             case "tan":
                 return [put("mul", error, put("add", 1.0, put("mul", first, first)))]
             case "tanh":
@@ -198,13 +205,13 @@ class Rounding:
                 return [put("div", error, put("add", 1.0, put("mul", u, u)))]
             case "asin" | "acos":
                 away = put("abs", put("sub", 1.0, put("mul", u, u)))
-                return [put("div", error, put("sqrt", put("add", away, put("mul", _EPSILON, error))))]
+                return [over(error, put("sqrt", put("add", away, put("mul", _EPSILON, error))))]
             case "pow":
                 return self._carried_by_power(e, errors, home)
             case "atan2":
                 v = self.out.size(e.children[1], home)
                 square = put("add", put("mul", u, u), put("mul", v, v))
-                return [put("div", put("add", put("mul", v, error), put("mul", u, errors[1])), square)]
+                return [over(put("add", put("mul", v, error), put("mul", u, errors[1])), square)]
             case _:  # sin, cos: slopes of at most 1; floor and mod between their steps
                 return errors
 
@@ -217,7 +224,7 @@ class Rounding:
         base, exponent = self.out.size(e.children[0], home), self.out.number(e.children[1], home)
         parts: list[Arg] = []
         if errors[0] != 0.0:
-            away = put("add", base, put("mul", _EPSILON, errors[0]))
+            away = put("max", put("add", base, put("mul", _EPSILON, errors[0])), _TINY)
             steep = put("max", 1.0, put("abs", exponent)) if isinstance(exponent, str) else max(1.0, abs(exponent))
             parts.append(put("mul", errors[0], put("div", put("mul", steep, self.out.power(away, exponent, home)), away)))
         if errors[1] != 0.0:

@@ -171,8 +171,10 @@ class _Piece:
             wanted = [max(rule.tol * (known[j] + ABSOLUTE_FLOOR), ROUNDING * found.size[j]) for j in tested]
             fine = all(e <= w or not math.isfinite(e) for e, w in zip(found.error, wanted, strict=True))
             good = right - left <= WATCH_WIDTH if found.changed else fine
+            hides = False
             if good and stmt.guard is not None and not found.changed and all(map(math.isfinite, found.error)):
-                good = not self._hides(stmt.guard, way, (left, right, depth), found.seen, wanted)
+                hides = self._hides(stmt.guard, way, (left, right, depth), found.seen, wanted)
+                good = not hides
             if not good and depth < MAX_DEPTH and used < MAX_INTERVALS:
                 middle = 0.5 * (left + right)
                 if first:
@@ -185,6 +187,8 @@ class _Piece:
                 for j in tested if depth >= DEEP and not found.changed and not found.hidden else ():
                     if math.isfinite(found.error[j]) and found.size[j] > DIVERGENT * known[j]:
                         found.total[j] = math.copysign(math.inf, found.total[j])
+                if hides and stmt.guard is not None:
+                    found.error = [_larger(e, h) for e, h in zip(found.error, self._hidden(stmt.guard, way, left, right), strict=True)]
             m.missed |= any(math.isinf(found.total[j]) for j in tested)
             if not found.changed:
                 spent = [s + e for s, e in zip(spent, found.error, strict=True)]
@@ -220,6 +224,12 @@ class _Piece:
                 errors.append(error)
         return _Measured(totals, sizes, errors, changed, hidden, seen)
 
+    def _hidden(self, guard: Guard, way: Substitution, start: float, stop: float) -> list[float]:
+        """Returns bounds of the integrals of |tested value| over an interval."""
+        left, right = _place(way, start), _place(way, stop)
+        sizes = self.machine.at(guard.block, guard.sizes, **{guard.left: left, guard.right: right})
+        return [bound if (bound := size * (right - left)) >= 0.0 else math.inf for size in sizes]
+
     def _hides(
         self, guard: Guard, way: Substitution, interval: tuple[float, float, int], seen: list[list[float]], wanted: list[float]
     ) -> bool:
@@ -227,7 +237,7 @@ class _Piece:
         there, `wanted` what the error of each tested value may be."""
         (start, stop, depth), n, sharp = interval, len(seen), range(len(guard.seen))
         at = [start, *(start + 0.5 * (stop - start) * (1.0 + node) for node in gauss_legendre(n)[0]), stop]
-        points = [way.p if u <= 0.0 else way.q if u >= 1.0 else way(u)[0] for u in at]
+        points = [_place(way, u) for u in at]
 
         def unseen(left: float, right: float, largest_seen: list[float], endless_counts: bool, gap: bool) -> bool:
             bounds = self.machine.at(guard.block, (*guard.sizes, *guard.upper, *guard.lower), **{guard.left: left, guard.right: right})
@@ -252,6 +262,11 @@ class _Piece:
             if unseen(left, right, most, not at_end and depth < GUARD_DEPTH, True):
                 return True
         return False
+
+
+def _place(way: Substitution, u: float) -> float:
+    """Returns the place of u; the ends of a piece are its own."""
+    return way.p if u <= 0.0 else way.q if u >= 1.0 else way(u)[0]
 
 
 def is_leaf(stmt: Integrate | Sample) -> bool:

@@ -239,6 +239,48 @@ def test_features_of_functions(backend: str) -> None:
         assert teg.compile(integral(f(x), (x, 0, 1)), [k], backend=backend)(k=2000.0) == pytest.approx(exact, rel=1e-9)
 
 
+def sine(u: Expr) -> Expr:
+    """sin u, as an integral."""
+    return integral(u * cos(u * y), (y, 0, 1))
+
+
+def of_bump(u: Expr) -> Expr:
+    return exp(-((k * u) ** 2))
+
+
+z = teg.var("z")
+SPAN = math.atan(3e4 * (math.sin(1) - 0.3)) + math.atan(3e4 * 0.3)
+OF_INTEGRALS: dict[str, tuple[Expr, float]] = {
+    "Gaussian": (integral(of_bump(sine(x) - 0.3) * cos(x), (x, 0, 1)), ROOT_PI / 3e4),
+    "Lorentz": (integral(cos(x) / (1 + (k * (sine(x) - 0.3)) ** 2), (x, 0, 1)), SPAN / 3e4),
+    "of an adaptive one": (integral(of_bump(integral(exp(sin(y)), (y, 0, x)) - 0.3) * exp(sin(x)), (x, 0, 1)), ROOT_PI / 3e4),
+    "of an area": (integral(of_bump(integral(bracket(y < x * x), (y, 0, 1)) - 0.3) * 2 * x, (x, 0, 1)), ROOT_PI / 3e4),
+    "at the least value": (integral(exp(k**2 * (0.5 - integral(2 * y * (x - 0.4321) ** 2 + y, (y, 0, 1)))), (x, 0, 1)), ROOT_PI / 3e4),
+    "wave": (integral(cos(k * sine(x) / 100) * cos(x), (x, 0, 1)), math.sin(300 * math.sin(1)) / 300),
+    "ridge": (integral(of_bump(sine(x + z / 3) - 0.5) * cos(x + z / 3), (x, 0, 1), (z, 0, 0.5)), 0.5 * ROOT_PI / 3e4),
+    "ridge, in the other order": (integral(of_bump(sine(x + z / 3) - 0.5) * cos(x + z / 3), (z, 0, 0.5), (x, 0, 1)), 0.5 * ROOT_PI / 3e4),
+}
+
+
+@pytest.mark.parametrize("backend", [*BACKENDS, pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", OF_INTEGRALS)
+def test_features_of_a_function_of_an_integral(name: str, backend: str, x64: None) -> None:
+    program, exact = OF_INTEGRALS[name]
+    f = teg.compile(program, backend=backend, inaccurate="ignore")
+    value, slopes = f.value_and_grad(k=3e4)
+    assert value == pytest.approx(exact, rel=1e-8)
+    if name != "wave":
+        assert slopes["k"] == pytest.approx(-exact / 3e4, rel=2e-4 if name == "Lorentz" else 1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_features_of_a_function_of_a_function(backend: str) -> None:
+    u = teg.param("u")
+    hidden = teg.function("hidden", [u], teg.sinh(u) * a)
+    f = teg.compile(integral(of_bump(hidden(x) - 0.3) * cosh(x), (x, 0, 1)), backend=backend)
+    assert f(k=3e4, a=1.0) == pytest.approx(ROOT_PI / 3e4, rel=1e-8)
+
+
 def test_tame_functions_stay_functions() -> None:
     u = teg.param("u")
     f = teg.function("f", [u], exp(-3 * u) * (1 + tanh(2 * u)))
@@ -312,3 +354,15 @@ def test_a_feature_that_is_never_seen_is_a_missed_tolerance(compiled: Callable[[
     outcome = compiled(undecided()).outcome([], 1)  # type: ignore[attr-defined]
     assert outcome.missed
     assert outcome.values[0, 0] == pytest.approx(1 / 3, rel=1e-10)
+
+
+@pytest.mark.parametrize("backend", [*BACKENDS, pytest.param("jax", marks=pytest.mark.slow)])
+def test_the_estimate_holds_what_is_hidden(backend: str, x64: None) -> None:
+    """A peak between neighbouring numbers has no node, and bisection ends: the bound of the integrand counts as an error."""
+    narrow = [k * exp(-k * abs(x - 0.3)), k / cosh(k * (x - 0.3)), k * exp(-k * (x - 0.3)) / (1 + exp(-k * (x - 0.3))) ** 2]
+    for body, exact in zip(narrow, (2.0, math.pi, 1.0), strict=True):
+        f = teg.compile(integral(body, (x, 0, 1)), backend=backend)
+        value, error = f.value_and_error(k=1e20)
+        assert np.abs(value - exact) <= error
+        with pytest.warns(teg.AccuracyWarning):
+            f(k=1e20)
