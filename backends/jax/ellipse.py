@@ -7,7 +7,9 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from teg.backends.jax.polygon import Plane, clipped, meets
+from teg.backends.jax import entries
+from teg.backends.jax.corners import Cut
+from teg.backends.jax.polygon import Plane, clip, meets
 from teg.backends.jax.runtime import Scalar
 from teg.backends.shared.ellipses import box_domain, corners_of_box, polygon_domain, totals
 from teg.backends.shared.moments import Kind
@@ -27,10 +29,11 @@ def polygon(width: Scalar, height: Scalar, planes: Sequence[Plane], zero: Scalar
     width, height = (jnp.asarray(v, jnp.float64) for v in (width, height))
     fails, known, least, _ = meets(width, height, planes, zero)
     left = ~fails & known
-    places = jnp.stack(corners_of_box(jnp, width, height))
-    for (a, b, c, _), low in zip(planes, least, strict=True):
-        places, left = clipped(places, left, left & (low < 0.0), a, b, c, zero)
-    return Polygon((places[0], places[1]), [plane[:3] for plane in planes], left, jnp.where(fails | known, 0.0, jnp.nan))
+    cuts = [Cut(left & (low < 0.0), *plane[:3]) for low, plane in zip(least, planes, strict=True)]
+    corners = list(zip(*map(tuple, corners_of_box(jnp, width, height)), strict=True))
+    corners, left = clip(corners, left, cuts, zero)
+    u, v = (entries.stacked(row) for row in zip(*corners, strict=True))
+    return Polygon((u, v), [plane[:3] for plane in planes], left, jnp.where(fails | known, 0.0, jnp.nan))
 
 
 def moments(

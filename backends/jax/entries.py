@@ -16,6 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+AT_A_TIME = 8
+"""Numbers that XLA joins in the kernel that computes them; more have a kernel each, and one that joins them."""
+
 
 class Entry(NamedTuple):
     """A place in an array; `number` is a weak reference to what stands there."""
@@ -56,7 +59,7 @@ def stacked(numbers: Sequence[Any]) -> Any:
         if first is None:
             while end < len(numbers) and entry(numbers[end]) is None:
                 end += 1
-            parts.append(jnp.stack([jnp.asarray(v, jnp.float64) for v in numbers[start:end]]))
+            parts.append(_together([jnp.asarray(v, jnp.float64) for v in numbers[start:end]]))
         else:
             while end < len(numbers) and _follows(first, entry(numbers[end]), end - start):
                 end += 1
@@ -67,21 +70,31 @@ def stacked(numbers: Sequence[Any]) -> Any:
     return parts[0] if len(parts) == 1 else jnp.concatenate(parts)
 
 
+def _together(numbers: Sequence[Any]) -> Any:
+    """The array of some scalars of one type, (n,); so many at a time as XLA computes in one kernel."""
+    if len(numbers) <= AT_A_TIME:
+        return jnp.stack(numbers)
+    filled = [*numbers, *[numbers[-1]] * (-len(numbers) % AT_A_TIME)]
+    parts = [jnp.stack(filled[i : i + AT_A_TIME]) for i in range(0, len(filled), AT_A_TIME)]
+    return jnp.stack(parts).reshape(-1)[: len(numbers)]
+
+
 def _follows(first: Entry, other: Entry | None, distance: int) -> bool:
     return other is not None and other.array is first.array and other.place == first.place + distance
 
 
 class Columns(NamedTuple):
-    """Columns of numbers, as arrays of their rows: those with these `numbers`, (rows, columns), or (rows,) for a column alone."""
+    """Columns of numbers: those with these `numbers`, (rows, columns)."""
 
     numbers: tuple[int, ...]
     rows: Any
 
 
 def columns(of: Sequence[Sequence[Any]]) -> list[Columns]:
-    """The arrays that some columns are made of; those whose numbers all come from one array are read from it together."""
+    """The arrays that some columns are made of; those whose numbers all come from one array are read from it together, and others of one
+    type are stacked together."""
     together: dict[int, tuple[Any, list[int], list[list[int]]]] = {}
-    found = []
+    others: dict[Any, tuple[list[int], list[list[Any]]]] = {}
     for k, column in enumerate(of):
         known = [entry(v) for v in column]
         first = known[0]
@@ -90,7 +103,15 @@ def columns(of: Sequence[Sequence[Any]]) -> list[Columns]:
             numbers.append(k)
             places.append([e.place for e in known if e is not None])
         else:
-            found.append(Columns((k,), jnp.stack([jnp.asarray(v) for v in column])))
+            values = [jnp.asarray(v) for v in column]
+            kind = jnp.result_type(*values)
+            numbers, stacks = others.setdefault(kind, ([], []))
+            numbers.append(k)
+            stacks.append([v.astype(kind) for v in values])
+    found = [
+        Columns(tuple(numbers), _together([v for row in zip(*stacks, strict=True) for v in row]).reshape(-1, len(numbers)))
+        for numbers, stacks in others.values()
+    ]
     for array, numbers, places in together.values():
         found.append(Columns(tuple(numbers), array.at[np.array(places).T].get(mode="promise_in_bounds")))
     return found

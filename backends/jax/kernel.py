@@ -102,10 +102,12 @@ class JaxKernel:
 
     def function(self, arguments: Sequence[Any]) -> Any:
         """The outputs, a JAX array (outputs,), from one scalar a parameter: pure, for jit and vmap."""
-        return self.run(*arguments)[0]
+        return _import_jax().numpy.stack(self.run(*arguments)[0])
 
-    def run(self, *arguments: Any) -> tuple[Any, Any]:
-        """The outputs, (outputs,), and the note: were there ties, was a tolerance missed.
+    def run(self, *arguments: Any) -> tuple[tuple[Any, ...], Any]:
+        """The outputs and the note: were there ties, was a tolerance missed.
+
+        Outputs are numbers, not an array: XLA would compute the array in one kernel, each entry of it in a branch of its own.
 
         The two orders of a tie are turns of a loop, so that the program stands once in what XLA compiles. The second turn is made if the
         first one met a tie; of a batch (a mapped loop goes on while one of its lanes does) if it was met anywhere. Parameters depend on
@@ -123,9 +125,10 @@ class JaxKernel:
             number, outputs, note = at
             _, *held = barrier(number, *given)
             found, noted = self._once(1 - 2 * number, held)
-            return number + 1, jnp.where(number == 0, found, 0.5 * outputs + 0.5 * found), note | noted
+            both = tuple(jnp.where(number == 0, new, 0.5 * old + 0.5 * new) for old, new in zip(outputs, found, strict=True))
+            return number + 1, both, note | noted
 
-        beginning = jnp.int32(0), jnp.zeros(len(self.program.outputs)), jnp.int32(0)
+        beginning = jnp.int32(0), (jnp.float64(0.0),) * len(self.program.outputs), jnp.int32(0)
         _, outputs, note = jax.lax.while_loop(lambda at: (at[0] == 0) | ((at[0] == 1) & (at[2] % 2 == 1)), turn, beginning)
         return outputs, note
 
@@ -166,22 +169,20 @@ class JaxKernel:
         axes = tuple(0 if m else None for m in mapped)
 
         def batched(*arguments: Any) -> tuple[Any, Any]:
-            if not any(mapped):
-                return self.run(*arguments)
-            out, notes = jax.vmap(self.run, in_axes=axes, out_axes=(1, 0))(*arguments)
-            return out, union(notes)
+            out, notes = (jax.vmap(self.run, in_axes=axes) if any(mapped) else self.run)(*arguments)
+            return jax.numpy.stack(out), union(notes)
 
         jitted: Callable[..., Any] = jax.jit(once(batched))
         return jitted
 
-    def _once(self, order: Any, arguments: Sequence[Any]) -> tuple[Any, Any]:
-        """The outputs with ties resolved by `order`, (outputs,), and the note."""
+    def _once(self, order: Any, arguments: Sequence[Any]) -> tuple[tuple[Any, ...], Any]:
+        """The outputs with ties resolved by `order`, and the note."""
         jnp = _import_jax().numpy
         scalars = [jnp.asarray(argument, jnp.float64) for argument in arguments]
         # always -0.0, which the compiler cannot know (see python_text)
         zero = jnp.where(scalars[0] == ODD, TINY, -0.0) if scalars else jnp.float64(-0.0)
         outputs, note = self._kernel(order, zero, *scalars)
-        return jnp.array([jnp.asarray(o, jnp.float64) for o in outputs]), jnp.asarray(note, jnp.int32)
+        return tuple(jnp.asarray(o, jnp.float64) for o in outputs), jnp.asarray(note, jnp.int32)
 
 
 def _printed(program: Program) -> str:

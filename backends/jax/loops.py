@@ -190,7 +190,7 @@ class _Trace:
             found, note = run(*columns)
             lanes.values.update(zip(step.results, found, strict=True))
             return note
-        found, notes = jax.vmap(run, in_axes=axes, out_axes=(1, 0))(*columns)
+        found, notes = jax.vmap(run, in_axes=axes)(*columns)
         lanes.values.update(zip(step.results, found, strict=True))
         return union(notes)
 

@@ -1,22 +1,31 @@
 """Clipped polygons and segments with static shapes, which the printed JAX programs call as `polygons`.
 
 A polygon gains one corner with each half-plane, whatever that cuts off: where fewer are left, some stand twice, and their triangles have no
-area. Nothing is moved by index: a scatter for each cut would take long. `setup` and `scales` stand in the program before the call.
+area. Nothing is moved by index: a scatter for each cut would take long. Few corners, and few nodes, are written out one by one (`corners`).
+`setup` and `scales` stand in the program before the call.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
+from teg.backends.jax import corners as written_out
+from teg.backends.jax import entries
+from teg.backends.jax.corners import Corner, Cut
 from teg.backends.jax.runtime import TIED, Note, Scalar, union, where
 from teg.backends.shared import polygons as half_planes
 from teg.numerics.quadrature import gauss_legendre, triangle_rule
 from teg.program import NEARLY, THIN, TIE_EPS
 
+FEW = 9
+"""Corners of a clipped polygon up to which they are written out one by one: XLA computes few in few kernels, and compiles many slowly."""
+MANY = 24
+"""Nodes of a polygon beyond which they are computed as an array."""
 Body = Callable[..., tuple[tuple[Scalar, ...], Note]]
 Plane = tuple[Scalar, Scalar, Scalar, bool]
 Line = tuple[Scalar, Scalar, bool, bool, Scalar, Scalar, Scalar]
@@ -46,25 +55,45 @@ def polygon(
         thin = across < THIN * swing
     there = when & ~fails & known
     width, height = (jnp.where(there, x, 0.0) for x in (width, height))
-    none = jnp.zeros_like(width)
-    places = jnp.stack([jnp.stack([none, width, width, none]), jnp.stack([none, none, height, height])])
-    places = jnp.concatenate([places, jnp.zeros((2, 4))]) if corners else places
-    left = there
-    for (a, b, c, _), low in zip(planes, least, strict=True):
-        places, left = clipped(places, left, there & ~thin & (low < 0.0), a, b, c, zero)
+    cuts = [Cut(there & ~thin & (low < 0.0), *plane[:3]) for low, plane in zip(least, planes, strict=True)]
+    clipped, left = clip(box(width, height), there, cuts, zero)
     if corners:
-        places, left = _with_coordinates(places, left, there & thin, width, height, planes, corners, across, zero)
+        clipped, left = _with_coordinates(clipped, left, there & thin, (width, height), planes, (corners, across), zero)
+    rule = triangle_rule(degree)
+    fan = _fan_written_out if (len(clipped) - 2) * len(rule) <= MANY else _fan
+    sums, note = fan(clipped, left, rule, body, zero)
+    nothing = jnp.where(when & ~fails & ~known, jnp.nan, 0.0)
+    return tuple(jnp.where(left, v * factor, nothing) for v, factor in zip(sums, factors, strict=True)), note
+
+
+def _fan(corners: Sequence[Corner], left: Scalar, rule: Any, body: Body, zero: Scalar) -> tuple[Sequence[Scalar], Note]:
+    """The sums over the nodes of the triangles between the first corner and the others, and the note."""
+    places = [entries.stacked(row) for row in zip(*corners, strict=True)]
     px, py = places[0], places[1]
-    r, s, w = (jnp.array(column) for column in zip(*triangle_rule(degree), strict=True))
+    r, s, w = (jnp.array(column) for column in zip(*rule, strict=True))
     ux, uy, vx, vy = px[1:-1] - px[0], py[1:-1] - py[0], px[2:] - px[0], py[2:] - py[0]
     area = jnp.where(left, 0.5 * ((ux * vy + zero) - (vx * uy + zero)), 0.0)
     nodes = [p[0] + (r * (p[1:-1] - p[0])[:, None] + zero) + (s * (p[2:] - p[0])[:, None] + zero) for p in places]
     found, note = jax.vmap(jax.vmap(lambda *at: _vector(body(*at))))(*nodes)
     weights = area[:, None] * w
     values = jnp.where((weights != 0.0)[..., None], weights[..., None] * found, 0.0)
-    sums = jnp.sum(values, axis=(0, 1)) * jnp.stack([jnp.asarray(f, jnp.float64) for f in factors])
-    sums = jnp.where(left, sums, jnp.where(when & ~fails & ~known, jnp.nan, 0.0))
-    return tuple(sums[i] for i in range(len(factors))), union(where(left & (area != 0.0), jnp.max(jnp.asarray(note), axis=1)))
+    return entries.entries(jnp.sum(values, axis=(0, 1))), union(where(left & (area != 0.0), jnp.max(jnp.asarray(note), axis=1)))
+
+
+def _fan_written_out(corners: Sequence[Corner], left: Scalar, rule: Any, body: Body, zero: Scalar) -> tuple[Sequence[Scalar], Note]:
+    """The same, node by node: few."""
+    first, sums, noted = corners[0], None, jnp.int32(0)
+    for one, other in pairwise(corners[1:]):
+        u, v = ([p - q for p, q in zip(corner, first, strict=True)] for corner in (one, other))
+        area = jnp.where(left, 0.5 * ((u[0] * v[1] + zero) - (v[0] * u[1] + zero)), 0.0)
+        for r, s, w in rule:
+            values, note = body(*(p + (r * du + zero) + (s * dv + zero) for p, du, dv in zip(first, u, v, strict=True)))
+            weight = area * w
+            terms = [jnp.where(weight != 0.0, weight * value, 0.0) for value in values]
+            sums = terms if sums is None else [total + term for total, term in zip(sums, terms, strict=True)]
+            noted = noted | where(left & (area != 0.0), note)
+    assert sums is not None
+    return sums, noted
 
 
 def meets(width: Scalar, height: Scalar, planes: Sequence[Plane], zero: Scalar) -> tuple[Scalar, Scalar, list[Scalar], list[Scalar]]:
@@ -86,15 +115,32 @@ def _vector(found: tuple[tuple[Scalar, ...], Note]) -> tuple[Any, Any]:
     return jnp.stack([jnp.asarray(v, jnp.float64) for v in values]), jnp.asarray(note, jnp.int32)
 
 
-def clipped(
-    places: Any, left: Scalar, cuts: Scalar, a: Scalar, b: Scalar, c: Scalar, zero: Scalar, side: tuple[int, Scalar] | None = None
-) -> tuple[Any, Any]:
-    """A convex polygon cut by a half-plane, if it `cuts`: what its corners have, (coordinates, n + 1) for (coordinates, n), their place
-    first, and whether anything is left. `side` is the number of a coordinate and what it is on the border.
+def box(width: Scalar, height: Scalar) -> list[Corner]:
+    """The corners of a box from (0, 0)."""
+    none = jnp.zeros_like(width)
+    return [(none, none), (width, none), (width, height), (none, height)]
+
+
+def clip(corners: Sequence[Corner], left: Scalar, cuts: Sequence[Cut], zero: Scalar) -> tuple[list[Corner], Scalar]:
+    """A convex polygon cut by half-planes, one corner more for each, and whether anything is left."""
+    if len(corners) + len(cuts) <= FEW:
+        for cut in cuts:
+            corners, left = written_out.clipped(corners, left, cut, zero)
+        return list(corners), left
+    places = jnp.stack([entries.stacked(row) for row in zip(*corners, strict=True)])
+    for cut in cuts:
+        places, left = clipped(places, left, cut, zero)
+    return list(zip(*map(entries.entries, places), strict=True)), left
+
+
+def clipped(places: Any, left: Scalar, by: Cut, zero: Scalar) -> tuple[Any, Any]:
+    """What the corners of a cut polygon have, (coordinates, n + 1) for (coordinates, n), and whether anything is left: that of
+    `corners.clipped`, for many corners.
 
     The corners from the one behind `before` to the one in front of `after` are cut off, and two come instead, the second one at `place`.
     Other corners that seem to be outside are on the border, but for rounding, and stay.
     """
+    cuts, a, b, c, side = by
     n = places.shape[1]
     number = jnp.arange(n + 1)
     d = jnp.where(cuts, c + (a * places[0] + zero) + (b * places[1] + zero), 1.0)
@@ -127,32 +173,29 @@ def _corner(values: Any, number: Scalar) -> Any:
 
 
 def _with_coordinates(
-    places: Any,
+    clipped: Sequence[Corner],
     left: Scalar,
     thin: Scalar,
-    width: Scalar,
-    height: Scalar,
+    extents: tuple[Scalar, Scalar],
     planes: Sequence[Plane],
-    corners: Sequence[tuple[Scalar, Scalar]],
-    across: Scalar,
+    triangle: tuple[Sequence[tuple[Scalar, Scalar]], Scalar],
     zero: Scalar,
-) -> tuple[Any, Any]:
-    """The corners of a polygon with barycentric coordinates, of a thin triangle those that the box leaves; and whether anything is left."""
+) -> tuple[list[Corner], Scalar]:
+    """The corners of a polygon with barycentric coordinates, of a thin triangle those that the box leaves; and whether anything is left.
+    `triangle`: its corners, and twice its area."""
+    (width, height), (places, across) = extents, triangle
     inverse = 1.0 / jnp.where(jnp.asarray(across, jnp.float64) == 0.0, 1.0, across)
-    own = [(g[2] + (g[0] * places[0] + zero) + (g[1] * places[1] + zero)) * inverse for g in planes[1:3]]
-    places = jnp.concatenate([places[:2], jnp.stack(own)])
-    at = jnp.array([[jnp.asarray(x, jnp.float64) for x in p] for p in corners])
+    plain = [(x, y, *((g[2] + (g[0] * x + zero) + (g[1] * y + zero)) * inverse for g in planes[1:3])) for x, y in clipped]
+    at = [tuple(jnp.asarray(v, jnp.float64) for v in p) for p in places]
     su, sv = jnp.where(width < 0.0, -1.0, 1.0), jnp.where(height < 0.0, -1.0, 1.0)
-    (ux, uy), (vx, vy) = at[1] - at[0], at[2] - at[0]
+    (ux, uy), (vx, vy) = ((p[0] - at[0][0], p[1] - at[0][1]) for p in at[1:])
     turns = ((ux * vy + zero) - (vx * uy + zero)) * su * sv < 0.0
-    at = jnp.concatenate([at.T, jnp.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])])
-    cut, remains = jnp.where(turns, jnp.concatenate([at[:, :1], at[:, 2:], at[:, 1:2]], axis=1), at), thin
-    left_and_right: list[tuple[Any, ...]] = [(su, 0.0, 0.0, (0, 0.0)), (-su, 0.0, su * width, (0, width))]
-    for a, b, c, side in [*left_and_right, (0.0, sv, 0.0, (1, 0.0)), (0.0, -sv, sv * height, (1, height))]:
-        cut, remains = clipped(cut, remains, thin, a, b, c, zero, side)
-    for a, b, c, _ in planes[3:]:
-        cut, remains = clipped(cut, remains, thin, a, b, c, zero)
-    return jnp.where(thin, cut, places), jnp.where(thin, remains, left)
+    first, second, third = ((*p, *map(jnp.float64, c)) for p, c in zip(at, ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), strict=True))
+    turned = [first, written_out.where(turns, third, second), written_out.where(turns, second, third)]
+    sides = [(su, 0.0, 0.0, (0, 0.0)), (-su, 0.0, su * width, (0, width)), (0.0, sv, 0.0, (1, 0.0)), (0.0, -sv, sv * height, (1, height))]
+    cuts = [*(Cut(thin, *side) for side in sides), *(Cut(thin, *plane[:3]) for plane in planes[3:])]
+    cut, remains = clip(turned, thin, cuts, zero)
+    return [written_out.where(thin, p, q) for p, q in zip(cut, plain, strict=True)], jnp.where(thin, remains, left)
 
 
 def segment(
@@ -174,12 +217,31 @@ def segment(
         undefined |= ~known & ~ties
         start, stop = half_planes.cut(jnp, start, stop, first, last, ties)
     there = when & ~outside & ~undefined & (start < stop)
-    at, weights = (0.5 * jnp.array(column) for column in gauss_legendre(nodes))
     length = jnp.where(there, stop - start, 0.0)
+    sums, note = (_along_written_out if nodes <= MANY else _along)((start, length), there, nodes, body, zero)
+    nothing = jnp.where(when & undefined & ~outside, jnp.nan, 0.0)
+    sums = [jnp.where(there, v * factor, nothing) for v, factor in zip(sums, factors, strict=True)]
+    tied = where(when & met, jnp.int32(TIED))
+    return tuple(sums), tied | where(there, note)
+
+
+def _along(part: tuple[Scalar, Scalar], there: Scalar, nodes: int, body: Body, zero: Scalar) -> tuple[Sequence[Scalar], Note]:
+    """The integrals along a part of a segment, with its start and its length, and the note."""
+    start, length = part
+    at, weights = (0.5 * jnp.array(column) for column in gauss_legendre(nodes))
     t = jnp.where(there, start + (length * (0.5 + at) + zero), 0.5)
     found, note = jax.vmap(lambda x: _vector(body(x)))(t)
-    sums = jnp.sum(jnp.where(there, (length * weights)[:, None] * found, 0.0), axis=0)
-    sums *= jnp.stack([jnp.asarray(f, jnp.float64) for f in factors])
-    sums = jnp.where(there, sums, jnp.where(when & undefined & ~outside, jnp.nan, 0.0))
-    tied = where(when & met, jnp.int32(TIED))
-    return tuple(sums[i] for i in range(len(factors))), tied | union(where(there, note))
+    return entries.entries(jnp.sum((length * weights)[:, None] * found, axis=0)), union(note)
+
+
+def _along_written_out(part: tuple[Scalar, Scalar], there: Scalar, nodes: int, body: Body, zero: Scalar) -> tuple[Sequence[Scalar], Note]:
+    """The same, node by node: few."""
+    start, length = part
+    sums: list[Scalar] = []
+    noted = jnp.int32(0)
+    for at, weight in zip(*gauss_legendre(nodes), strict=True):
+        values, note = body(jnp.where(there, start + (length * (0.5 + 0.5 * float(at)) + zero), 0.5))
+        terms = [(length * (0.5 * float(weight))) * value for value in values]
+        sums = [total + term for total, term in zip(sums, terms, strict=True)] if sums else terms
+        noted = noted | note
+    return sums, noted

@@ -82,7 +82,7 @@ def rows(body: Callable[..., tuple[tuple[Scalar, ...], Note]], columns: Sequence
     def row(*given: Any) -> tuple[Any, Any]:
         numbers: dict[int, Any] = {}
         for part, values in zip(parts, given, strict=True):
-            numbers.update(zip(part.numbers, entries.entries(values) if values.ndim else (values,), strict=True))
+            numbers.update(zip(part.numbers, entries.entries(values), strict=True))
         return vector(body(*(numbers[k] for k in range(len(columns)))))
 
     found, notes = jax.vmap(row)(*(part.rows for part in parts))

@@ -42,7 +42,6 @@ TOO_MANY_PARAMETERS = {
     "backends/jax/guard.py Guard.hides",
     "backends/jax/hyperbola.py moments",
     "backends/jax/loops.py _Trace._inside",
-    "backends/jax/polygon.py clipped",
     "backends/jax/polygon.py _with_coordinates",
     "backends/jax/polygon.py polygon",
     "backends/jax/polygon.py segment",
