@@ -78,7 +78,7 @@ def crossed(program: Program, inputs: Sequence[Mapping[str, int | None]] | None 
         return None
     w = line.writer
     outputs = tuple(map(line.value, program.outputs))
-    numbers = [o for o in dict.fromkeys((*outputs, *sorted(line.defined))) if isinstance(o, str)]
+    numbers = [o for o in dict.fromkeys((*outputs, *sorted(name for name in line.defined if isinstance(name, str)))) if isinstance(o, str)]
     good: Arg = True
     for condition in (*dict.fromkeys(line.conditions), w.finite(*numbers)):
         good = condition if good is True else w.put("b", "and", good, condition)

@@ -219,7 +219,7 @@ def _judged(tested: int, watched: int, good: str, searched: Sequence[str] | None
     return [
         f"teg_largest({tested}, measured, whole, above, here.depth, used);",
         f"int good = {good}, hides = 0;",
-        f"double hidden_size[{tested}];",
+        f"double hidden_size[{tested}] = {{0.0}};",
         f"if (good && {'!changed && ' if watched else ''}teg_settled({tested}, measured)) {{",
         *indent(*searched),
         "}",
@@ -233,7 +233,8 @@ def _halved_or_accepted(tested: int, watched: int, whole: str, guarded: bool) ->
     """
     again = [] if watched else ["if (used == 1) {", *indent("waiting[n++] = here;", "continue;"), "}"]
     unchanged = "!changed && !hidden && " if watched else ""
-    hidden = "if (!(hidden_size[j] <= measured[8 * j + 1])) measured[8 * j + 1] = isnan(hidden_size[j]) ? INFINITY : hidden_size[j];"
+    larger = "hidden_size[j] > measured[8 * j + 1] && hidden_size[j] < INFINITY"
+    hidden = f"if (isnan(hidden_size[j]) || ({larger})) measured[8 * j + 1] = isnan(hidden_size[j]) ? INFINITY : hidden_size[j];"
     diverges = f"{unchanged}isfinite(measured[8 * j + 1]) && measured[8 * j + 7] > TEG_DIVERGENT * {whole}"
     return [
         "if (!good && !last) {",

@@ -65,11 +65,12 @@ class Guard:
         return hidden
 
     def hidden(self, run: Any, places: Substitution, values: Sequence[Any], ends: tuple[Array, Array], tested: int) -> Array:
-        """Returns bounds of the integrals of |tested value| over intervals, (tested, intervals)."""
+        """Returns bounds of the integrals of |tested value| over intervals, (tested, intervals): 0 where they are infinite, as they are
+        beside integrable singularities, infinite where they are not known."""
         left, right = (self._place(places, u) for u in ends)
         sizes = self.block(run, left, right, *values)[:tested]
         bounds = np.stack([np.broadcast_to(size * (right - left), left.shape) for size in sizes])
-        return np.where(np.isnan(bounds), np.inf, bounds)
+        return np.where(np.isinf(bounds), 0.0, np.where(np.isnan(bounds), np.inf, bounds))
 
     def _place(self, places: Substitution, u: Array) -> Array:
         """Returns the place of u; the ends of a piece are its own."""

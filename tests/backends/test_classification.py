@@ -208,7 +208,7 @@ def scene(rng: np.random.Generator) -> dict[str, Any]:
 def test_a_picture_skips_pixels_and_is_the_sum_of_its_pairs() -> None:
     at = scene(np.random.default_rng(2))
     compiled = {backend: teg.compile(*picture(), backend=backend) for backend in ("numpy", "c")}
-    assert "teg_cover(" in compiled["c"].source
+    assert "spans_" in compiled["c"].source
     pixel = teg.compile(*triangle_pixel(1), backend="c")
     total, by_vertex = 0.0, np.zeros((6, 2))
     for face, (first, last, low, high), colour in zip(at["F"], at["B"], at["C"], strict=True):

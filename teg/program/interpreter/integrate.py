@@ -225,10 +225,12 @@ class _Piece:
         return _Measured(totals, sizes, errors, changed, hidden, seen)
 
     def _hidden(self, guard: Guard, way: Substitution, start: float, stop: float) -> list[float]:
-        """Returns bounds of the integrals of |tested value| over an interval."""
+        """Returns bounds of the integrals of |tested value| over an interval: 0 where they are infinite, as they are beside integrable
+        singularities, infinite where they are not known."""
         left, right = _place(way, start), _place(way, stop)
         sizes = self.machine.at(guard.block, guard.sizes, **{guard.left: left, guard.right: right})
-        return [bound if (bound := size * (right - left)) >= 0.0 else math.inf for size in sizes]
+        bounds = [size * (right - left) for size in sizes]
+        return [0.0 if math.isinf(bound) else math.inf if math.isnan(bound) else bound for bound in bounds]
 
     def _hides(
         self, guard: Guard, way: Substitution, interval: tuple[float, float, int], seen: list[list[float]], wanted: list[float]
