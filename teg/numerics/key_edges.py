@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def assign_key_edges(arrangement: Arrangement, present: list[tuple[int, list[int]]]) -> None:
     """Gives edges on lines of equal keys the lines of the candidates on their two sides. `present` are regions and their guards' lines.
 
-    Sets `ambiguous` where more than two candidates take part in an edge, or a guard has the same line.
+    Sets `ambiguous` where the keys of more than two candidates are equal along an edge. Regions with a guard on it are passed by.
     """
     for cell in arrangement.cells:
         for i, label in enumerate(cell.labels):
@@ -27,15 +27,21 @@ def assign_key_edges(arrangement: Arrangement, present: list[tuple[int, list[int
                 continue
             ends = cell.corners[i], cell.corners[(i + 1) % len(cell.corners)]
             owner = cell.owner // arrangement.shape.parts
-            beyond = _neighbour(arrangement, cell, ends, present)
             pair = {candidate for _, candidate, _ in arrangement.lines[label >> 1].of}
+            if owner not in pair:
+                pair = set()
+            beyond = _neighbour(arrangement, cell, (ends, pair), present)
             if beyond is not None and {owner, beyond} != pair:
                 g, _ = arrangement.difference(cell.owner, beyond * arrangement.shape.parts)
                 cell.labels[i] = 2 * arrangement.late_line(owner, beyond, g) + 1
 
 
-def _neighbour(arrangement: Arrangement, cell: Cell, ends: tuple[Point, Point], present: list[tuple[int, list[int]]]) -> int | None:
-    """Returns the candidate beyond an edge whose key is equal to the owner's there; None if there is none."""
+def _neighbour(
+    arrangement: Arrangement, cell: Cell, edge: tuple[tuple[Point, Point], set[int]], present: list[tuple[int, list[int]]]
+) -> int | None:
+    """Returns the candidate beyond an edge whose key is equal to the owner's there; None if there is none. The pair that made the edge, if
+    the owner is one of it, may be there in several parts."""
+    ends, pair = edge
     (x, y), (u, v) = ends
     length = math.hypot(u - x, v - y)
     if length <= EPSILON:
@@ -44,17 +50,14 @@ def _neighbour(arrangement: Arrangement, cell: Cell, ends: tuple[Point, Point], 
     steepest, nearest = 0.0, None
     for region, guards in present:
         first, last, coincides = _range(arrangement, guards, ends)
-        if (last - first) * length <= EPSILON:
+        if coincides or (last - first) * length <= EPSILON:
             continue
         g, tolerance = arrangement.difference(cell.owner, region)
         values = [g[0] + g[1] * p + g[2] * q for p, q in ends]
-        if coincides:
-            arrangement.ambiguous |= max(values) >= -tolerance
-            continue
         slope = g[1] * outward[0] + g[2] * outward[1]
         if max(map(abs, values)) > tolerance or slope <= arrangement.flat(cell.owner, region):
             continue
-        arrangement.ambiguous |= (last - first) * length < length - EPSILON
+        arrangement.ambiguous |= region // arrangement.shape.parts not in pair and (last - first) * length < length - EPSILON
         if nearest is not None:
             arrangement.ambiguous |= abs(slope - steepest) > arrangement.flat(cell.owner, region)
         if slope > steepest + arrangement.flat(cell.owner, region):

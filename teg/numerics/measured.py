@@ -123,6 +123,8 @@ class Measured:
                 owner = self._owner(cell)
                 own = slice(body * width, (body + 1) * width)
                 self._edges(cell, self.coefficients[owner][own], self.changes[owner][own], table)
+        if self.moving and self.arrangement.ambiguous:
+            return [[[math.nan] * len(row) for row in table] for table in tables]
         return tables
 
     def _edges(self, cell: Cell, own: Sequence[float], moving: Sequence[float], table: list[list[float]]) -> None:

@@ -1,7 +1,7 @@
 """Derivatives of cells of regular sites, where many pairs of sites have one bisector, against half-planes.
 
-The reference cuts every cell by all bisectors and shares nothing with the compiler. All derivatives by the places of sites are compared with central differences of
-it; values that jump from cell to cell make every wrong owner of an edge visible.
+The reference cuts every cell by all bisectors and shares nothing with the compiler. Derivatives along random directions are compared with
+central differences of it; values that jump from cell to cell make every wrong owner of an edge visible.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SITES = {
     "one line": np.stack([np.array([0.1, 0.7, 0.3, 0.9]), np.full(4, 0.4)], axis=1),
     "turned grid": turned(grid(3, 1), 30.0),
     "turned hexagons": turned(hexagonal(), 30.0),
-    "borders on the box": grid(3, 2) + [1 / 6, 0.0],
+    "borders on the box": grid(3, 2) + np.array([1 / 6, 0.0]),
     "wide": (grid(4, 3) - 0.5) * 1.7 + 0.5,
 }
 WEIGHTED = {"alternating": lambda n: 0.01 * (np.arange(n) % 2), "equal": lambda n: np.full(n, 0.3)}

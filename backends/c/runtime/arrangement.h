@@ -611,8 +611,8 @@ static int teg_held(const teg_arrangement *r, const teg_region *region, const do
 
 //: teg_beyond
 /* The region beyond an edge (x, y, dx, dy) whose key is equal to the owner's along it, or -1: of those whose keys are equal there the one with
-   the least key beyond. The last one that is looked at is the base. */
-static int64_t teg_beyond(teg_arrangement *r, int64_t owner, const double *edge)
+   the least key beyond. `partner` (or -1), which made the edge with the owner, may be there in several parts. */
+static int64_t teg_beyond(teg_arrangement *r, int64_t owner, int64_t partner, const double *edge)
 {
     const int parts = TEG_SHAPE(r->shape)->parts, column = teg_forms(TEG_SHAPE(r->shape)) - 3;
     const double length = sqrt(edge[2] * edge[2] + edge[3] * edge[3]);
@@ -625,20 +625,16 @@ static int64_t teg_beyond(teg_arrangement *r, int64_t owner, const double *edge)
         const teg_region *const region = k < r->region_count ? r->regions + k : &base;
         double part[2], g[3], d, e, slope, flat, tolerance;
         const int coincides = teg_held(r, region, edge, part);
-        if ((part[1] - part[0]) * length <= TEG_ON_LINE) continue;
+        if (coincides || (part[1] - part[0]) * length <= TEG_ON_LINE) continue;
         tolerance = teg_key_difference(r, owner / parts, region->region / parts, g);
         tolerance = teg_key_tolerance(g, tolerance);
         d = g[0] + g[1] * edge[0] + g[2] * edge[1], e = d + g[1] * edge[2] + g[2] * edge[3];
-        if (coincides) {
-            r->ambiguous |= fmax(d, e) >= -tolerance;
-            continue;
-        }
         slope = (g[1] * edge[3] - g[2] * edge[2]) / length; /* corners go round anticlockwise */
         flat = 0.0;
         for (int i = 0; i < 3; i++) flat += fabs(own[i]) + fabs(own[i] - g[i]);
         flat *= TEG_KEY_ROUNDING;
         if (fmax(fabs(d), fabs(e)) > tolerance || slope <= flat) continue;
-        r->ambiguous |= (part[1] - part[0]) * length < length - TEG_ON_LINE;
+        r->ambiguous |= region->region / parts != partner && (part[1] - part[0]) * length < length - TEG_ON_LINE;
         r->ambiguous |= nearest >= 0 && fabs(slope - steepest) > flat;
         if (nearest < 0 || slope > steepest + flat || (slope >= steepest - flat && region->region < nearest))
             steepest = slope, nearest = region->region;
@@ -660,13 +656,13 @@ static void teg_assign_key_edges(teg_arrangement *r)
             const double edge[4] = {x, y, r->x[cell.at + j] - x, r->y[cell.at + j] - y};
             const teg_line line = r->lines[label >> 1];
             const int64_t owner = cell.owner / parts;
+            const int64_t partner = line.plus == owner ? line.minus : line.minus == owner ? line.plus : -1;
             int64_t beyond;
             double g[3];
             if (label < 8 || line.minus < 0) continue;
-            beyond = teg_beyond(r, cell.owner, edge);
-            if (beyond < 0) continue;
+            beyond = teg_beyond(r, cell.owner, partner, edge);
+            if (beyond < 0 || beyond / parts == partner) continue;
             beyond /= parts;
-            if ((line.plus == owner && line.minus == beyond) || (line.plus == beyond && line.minus == owner)) continue;
             teg_key_difference(r, owner, beyond, g);
             r->label[cell.at + i] = 2 * teg_late_line(r, owner, beyond, g) + 1;
         }
