@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from teg.backends.numpy.key_edges import late_edges
 from teg.numerics.cells import BESIDE, BOX, EPSILON, NO_OWNER, ROUNDING, SIDES, Layout
 
 Array = npt.NDArray[Any]
@@ -54,14 +55,14 @@ def _widened(p: Polygons, places: int) -> Polygons:
 
 
 class Halves(NamedTuple):
-    """Which polygons are on the positive side, which are cut, both parts of these, and which edges of the others are on the line and on a
-    side of the square, (n, places)."""
+    """Which polygons are on the positive side, which are cut, both parts of these, and which edges of the others are on the line,
+    (n, places)."""
 
     inside: Array
     cut: Array
     positive: Polygons
     negative: Polygons
-    touching: Array
+    on: Array
 
 
 def split(p: Polygons, lines: Array, units: Array) -> Halves:
@@ -71,11 +72,11 @@ def split(p: Polygons, lines: Array, units: Array) -> Halves:
     most, least = d.max(axis=1), d.min(axis=1)
     whole = (most <= 0.0) | (least >= 0.0)
     behind = np.take_along_axis(d, p.following(), axis=1)
-    touching = whole[:, None] & p.used() & (p.labels < 2 * BOX) & (d == 0.0) & (behind == 0.0)
+    on = whole[:, None] & p.used() & (d == 0.0) & (behind == 0.0)
     cut = np.flatnonzero(~whole)
     q, d, behind = p.take(cut), d[cut], behind[cut]
     positive = _half(q, d, behind, 2 * lines[cut], 1.0)
-    return Halves(most > 0.0, ~whole, positive, _half(q, d, behind, 2 * lines[cut] + 1, -1.0), touching)
+    return Halves(most > 0.0, ~whole, positive, _half(q, d, behind, 2 * lines[cut] + 1, -1.0), on)
 
 
 def _half(p: Polygons, d: Array, behind: Array, label: Array, side: float) -> Polygons:
@@ -101,12 +102,13 @@ def _half(p: Polygons, d: Array, behind: Array, label: Array, side: float) -> Po
 
 class Lines(NamedTuple):
     """Lines of forms divided by |(a, b)|: units (n, 3), sizes (n,), and the rows and columns of the form's one or two parts, (n, 2); the
-    second part counts negatively, a row of -1 is none."""
+    second part counts negatively, a row of -1 is none. How the ends of edges move that had another line before (`late`) is not known."""
 
     units: Array
     sizes: Array
     rows: Array
     columns: Array
+    late: Array
 
 
 class Regions(NamedTuple):
@@ -186,7 +188,8 @@ def tolerances(difference: Array, key: Array, other: Array) -> Array:
 class Arrangements:
     """The cells of squares: `polygons`, the `owner` region of each (NO_OWNER for none) and its square `lane`; `lines` of all their edges.
 
-    `touching` are the squares with a line on a side. `boxes` are tiles of squares in their place.
+    `touching` are the squares with a line on a side, `ambiguous` those with an edge of equal keys that has no derivative.
+    `boxes` are tiles of squares in their place.
     """
 
     def __init__(self, shape: Layout, regions: Regions, known: Inserted, boxes: Array = UNIT) -> None:
@@ -196,17 +199,20 @@ class Arrangements:
         corners = np.stack([sides[:, 0, [0, 1, 1, 0]], sides[:, 1, [0, 0, 1, 1]]], axis=2)
         self.polygons = Polygons(corners, np.broadcast_to(np.array([4, 2, 6, 0]), (lanes, 4)), np.full(lanes, 4))
         self.owner, self.lane = known.base.copy(), np.arange(lanes)
-        self.touching = np.zeros(lanes, dtype=bool)
+        self.touching, self.ambiguous = np.zeros(lanes, dtype=bool), np.zeros(lanes, dtype=bool)
+        self._tied = np.zeros(lanes, dtype=bool)  # something else has the line of an edge on which two keys are equal
         self._count = BOX + known.cutting.size
         self._keys: list[Lines] = []
         with np.errstate(all="ignore"):
-            self._units = regions.guards / np.hypot(regions.guards[..., 1], regions.guards[..., 2])[..., None]
+            self.units = regions.guards / np.hypot(regions.guards[..., 1], regions.guards[..., 2])[..., None]
         in_lane = regions.lane[known.order]
         starts = np.searchsorted(in_lane, np.arange(lanes))
         numbers = np.bincount(in_lane, minlength=lanes)
         for turn in range(int(numbers.max(initial=0))):
             chosen = np.where(numbers > turn, known.order[np.minimum(starts + turn, len(known.order) - 1)], NO_OWNER)
             self._insert(chosen)
+        if self._tied.any():
+            self._assign_key_edges()
         self.lines = self._all_lines()
 
     def _insert(self, chosen: Array) -> None:
@@ -216,8 +222,8 @@ class Arrangements:
         if not at.size:
             return
         owner, region, cells = self.owner[at], region[at], self.polygons.take(at)
-        difference, touching, kept, needed = self._compared(owner, region, cells)
-        self.touching[self.lane[at[self._are_at(cells, np.arange(len(at)), touching, region)]]] = True
+        difference, on, kept, needed = self._compared(owner, region, cells)
+        self._note(cells, (at, np.arange(len(at))), on, region)
         alive = np.flatnonzero(~kept)
         at, region, needed = at[alive], region[alive], needed[alive]
         lines = np.full(len(at), -1)
@@ -232,7 +238,7 @@ class Arrangements:
         return np.where(region == NO_OWNER, NO_OWNER, self.regions.row[region])
 
     def _compared(self, owner: Array, region: Array, cells: Polygons) -> tuple[Array, Array, Array, Array]:
-        """Returns the differences of the keys, edges on sides where they are 0, which cells stay as they are, and which the line cuts."""
+        """Returns the differences of the keys, edges where they are 0, which cells stay as they are, and which the line cuts."""
         key, other = self.regions.key[owner], self.regions.key[region]
         difference = key - other
         tolerance = tolerances(difference, key, other)[:, None]
@@ -240,15 +246,36 @@ class Arrangements:
         above, below = (d > tolerance).any(axis=1), (d < -tolerance).any(axis=1)
         owned = owner != NO_OWNER
         on = np.abs(d) <= tolerance
-        on &= cells.used() & (cells.labels < 2 * BOX) & np.take_along_axis(on, cells.following(), axis=1)
-        touching = on & (owned & (above != below))[:, None]
-        return difference, touching, owned & ~above & (below | (region > owner)), owned & above & below
+        on &= cells.used() & np.take_along_axis(on, cells.following(), axis=1)
+        on &= (owned & (above != below))[:, None]
+        return difference, on, owned & ~above & (below | (region > owner)), owned & above & below
+
+    def _note(self, cells: Polygons, which: tuple[Array, Array], on: Array, region: Array) -> None:
+        """Notes squares where regions have lines on edges: on sides, or where two keys are equal. `which` cells of all and of these."""
+        at, some = which
+        labels = cells.labels[some]
+        touched = self._are_at(cells, some, on & (labels < 2 * BOX), region)
+        self.touching[self.lane[at[touched]]] = True
+        tied = (on & (labels >= 2 * (BOX + self.known.cutting.size))).any(axis=1)
+        self._tied[self.lane[at[some[tied]]]] = True
+
+    def _assign_key_edges(self) -> None:
+        """Gives edges on lines of equal keys the lines of the owners of their two sides."""
+        rows = np.concatenate([lines.rows for lines in self._keys]) if self._keys else np.zeros((0, 2), dtype=np.int64)
+        late = late_edges(self, rows, self._tied)
+        self.ambiguous[late.ambiguous] = True
+        if late.cell.size:
+            difference = self.regions.key[late.owner] - self.regions.key[late.beyond]
+            labels = self.polygons.labels.copy()
+            labels[late.cell, late.place] = 2 * self._key_lines(late.owner, late.beyond, difference) + 1
+            self._keys[-1] = self._keys[-1]._replace(late=np.ones(len(late.cell), dtype=bool))
+            self.polygons = self.polygons._replace(labels=labels)
 
     def _are_at(self, cells: Polygons, which: Array, edges: Array, region: Array) -> Array:
         """Returns those of some cells, given by their numbers, whose region is at one of these edges, (some, places)."""
         some, place = np.nonzero(edges)
         cell = which[some]
-        guards, cutting = self._units[region[cell]], self.known.cutting[region[cell]]
+        guards, cutting = self.units[region[cell]], self.known.cutting[region[cell]]
         if not cell.size:
             return np.arange(0)
         ends = cells.corners[cell, place], cells.corners[cell, cells.following()[cell, place]]
@@ -264,7 +291,9 @@ class Arrangements:
         """Returns the labels of new lines on which the keys of two regions are equal."""
         size = np.hypot(difference[:, 1], difference[:, 2])
         rows = np.stack([self.regions.row[owner], self.regions.row[region]], axis=1)
-        self._keys.append(Lines(difference / size[:, None], size, rows, np.full(rows.shape, self.shape.forms - 3)))
+        self._keys.append(
+            Lines(difference / size[:, None], size, rows, np.full(rows.shape, self.shape.forms - 3), np.zeros(len(rows), dtype=bool))
+        )
         self._count += len(owner)
         return np.arange(self._count - len(owner), self._count)
 
@@ -276,15 +305,14 @@ class Arrangements:
         for turn in range(self.shape.guards + 1):
             if turn < self.shape.guards:
                 asked = alive & self.known.cutting[region, turn]
-                lines, units = BOX + region * self.shape.guards + turn, self._units[region, turn]
+                lines, units = BOX + region * self.shape.guards + turn, self.units[region, turn]
             else:
                 (lines, units), asked = last, alive & (last[0] >= 0)
             which = np.flatnonzero(asked)
             if not which.size:
                 continue
             halves = split(inner.take(which), lines[which], units[which])
-            touched = self._are_at(inner, which, halves.touching, region)
-            self.touching[self.lane[at[touched]]] = True
+            self._note(inner, (at, which), halves.on, region)
             alive[which[~halves.inside]] = False
             cut = which[halves.cut]
             pieces.append((cut, halves.negative))
@@ -311,8 +339,14 @@ class Arrangements:
         none, sides = np.full(n, -1), np.full((BOX, 2), -1)
         sizes = np.where(self.known.cutting, np.hypot(r.guards[..., 1], r.guards[..., 2]), 1.0).reshape(n)
         known = [
-            Lines(np.array(SIDES), np.ones(BOX), sides, sides),
-            Lines(self._units.reshape(n, 3), sizes, np.stack([np.repeat(r.row, guards), none], axis=1), np.stack([columns, none], axis=1)),
+            Lines(np.array(SIDES), np.ones(BOX), sides, sides, np.zeros(BOX, dtype=bool)),
+            Lines(
+                self.units.reshape(n, 3),
+                sizes,
+                np.stack([np.repeat(r.row, guards), none], axis=1),
+                np.stack([columns, none], axis=1),
+                np.zeros(n, dtype=bool),
+            ),
             *self._keys,
         ]
         return Lines(*(np.concatenate(fields) for fields in zip(*known, strict=True)))

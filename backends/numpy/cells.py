@@ -130,7 +130,7 @@ def _numbers(shape: Layout, given: Lanes) -> Numbers:
         polynomials[place] = given.rows[:, order * wide + shape.forms : (order + 1) * wide]
         polynomials[beyond] = given.otherwise[:, order * half : (order + 1) * half]
         both.append(polynomials)
-    return Numbers(given.rows, both[0], both[-1], place, beyond)
+    return Numbers(given.rows, both[0], both[-1], place, beyond, np.repeat(np.arange(len(counts)), counts + 1))
 
 
 def _along(shape: Layout, table: Array, body: int, given: tuple[Lanes, Numbers]) -> Array:

@@ -23,13 +23,14 @@ Point = tuple[Array, Array]
 class Numbers(NamedTuple):
     """What the candidates of squares are: `forms` (rows, numbers); polynomials (owners, bodies · coefficients) and how these change along
     the direction. Owners are the rows of candidates and behind the last of each square the row of `otherwise`; `place` has the owner of a
-    row, `beyond` that of the `otherwise` of a square."""
+    row, `beyond` that of the `otherwise` of a square, `square` the square of each owner."""
 
     forms: Array
     polynomials: Array
     changes: Array
     place: Array
     beyond: Array
+    square: Array
 
 
 class Line(NamedTuple):
@@ -84,12 +85,16 @@ class Measured:
         columns, forms = self.shape.columns, self.shape.forms
         tables = []
         edges = self._all_edges()
+        ambiguous = np.zeros(len(self.numbers.beyond), dtype=bool)
+        ambiguous[self.square[self.cells.ambiguous[self.cells.lane]]] = True
         for body in range(self.bodies):
             table = np.zeros((len(self.numbers.polynomials), columns * (1 + self.shape.order)))
             _add(table, self.owner, forms, self.growths if self.moving else self.moments)
             if self.moving:
                 _add(table, self.owner, columns + forms, self.moments)
             self._edges(edges, slice(body * self.width, (body + 1) * self.width), table)
+            if ambiguous.any():
+                table[ambiguous[self.numbers.square], : None if self.moving else forms] = np.nan
             tables.append(table)
         return tables
 
@@ -102,6 +107,7 @@ class Measured:
             columns = self.wide + lines.columns[which, part, None] + np.arange(3)[None, :]
             total[which] += sign * self.numbers.forms[lines.rows[which, part, None], columns]
         total[:, 0] += total[:, 1] * self.shift[0] + total[:, 2] * self.shift[1]
+        total[lines.late] = np.nan
         return total / lines.sizes[:, None]
 
     def _velocities(self) -> Array:

@@ -7,14 +7,19 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from teg.numerics.cells import BESIDE, BOX, EPSILON, NO_OWNER, ROUNDING, SIDES, Form, Layout, Point, Row
+from teg.numerics.key_edges import assign_key_edges, flat
 
 
 class Line(NamedTuple):
-    """The line of a form, divided by |(a, b)|; which numbers the form consists of: (+1 or -1, candidate, first column)."""
+    """The line of a form, divided by |(a, b)|; which numbers the form consists of: (+1 or -1, candidate, first column).
+
+    An edge is `late` that got this line after another one: how its ends move is not known.
+    """
 
     unit: Form
     size: float
     of: tuple[tuple[int, int, int], ...]
+    late: bool = False
 
 
 class Cell(NamedTuple):
@@ -64,6 +69,8 @@ class Arrangement:
         self.guards: dict[int, list[int]] = {}  # of a line that is one: all lines of its region
         self.touching = False
         self.undefined = False
+        self.tied = False  # whether something else has the line of an edge on which two keys are equal
+        self.ambiguous = False  # whether such an edge has no derivative
         present: list[tuple[int, list[int]]] = []
         for region in range(len(candidates) * shape.parts):
             cutting = self._cutting(region)
@@ -81,6 +88,8 @@ class Arrangement:
         for _, region, cutting in sorted(rest, key=lambda entry: entry[:2]):
             self.inserted += cutting
             self._insert(region, cutting)
+        if self.tied:
+            assign_key_edges(self, present)
 
     def form(self, candidate: int, column: int) -> Form:
         """Returns a form of a candidate in the coordinates of the square."""
@@ -118,17 +127,25 @@ class Arrangement:
         c, a, b = self._key(region)
         return c + 0.5 * a + 0.5 * b
 
-    def _difference(self, behind: int, before: int) -> tuple[Form, float]:
+    def difference(self, behind: int, before: int) -> tuple[Form, float]:
         """Returns key - key, and the value below which it counts as 0."""
         (c, a, b), (d, e, f) = self._key(behind), self._key(before)
         g = (c - d, a - e, b - f)
         return g, EPSILON * math.hypot(g[1], g[2]) + ROUNDING * max(abs(c), abs(d))
 
+    def flat(self, one: int, other: int) -> float:
+        """Returns the slope below which two keys, equal at an edge, are equal on both sides of it."""
+        return flat(self._key(one), self._key(other))
+
+    def is_key_line(self, line: int) -> bool:
+        """Returns whether two keys are equal on a line."""
+        return len(self.lines[line].of) == 2
+
     def _is_hidden(self, region: int, base: int) -> bool:
         """Returns whether the base is nearer than a region everywhere."""
         if base == NO_OWNER:
             return False
-        (c, a, b), tolerance = self._difference(region, base)
+        (c, a, b), tolerance = self.difference(region, base)
         return c + min(a, 0.0) + min(b, 0.0) > tolerance
 
     def _insert(self, region: int, cutting: Sequence[int]) -> None:
@@ -138,16 +155,22 @@ class Arrangement:
             if cell.owner != NO_OWNER:
                 if cell.owner // self.shape.parts == region // self.shape.parts:
                     continue  # another part of the same candidate
-                g, tolerance = self._difference(cell.owner, region)
+                g, tolerance = self.difference(cell.owner, region)
                 d = [g[0] + g[1] * x + g[2] * y for x, y in cell.corners]
                 most, least = max(d), min(d)
-                if not (most > tolerance and least < -tolerance) and (most > tolerance or least < -tolerance):
-                    self.touching |= self._is_touching(cell, [abs(v) <= tolerance for v in d], cutting)
+                if (most > tolerance) != (least < -tolerance):
+                    self._note(cell, [abs(v) <= tolerance for v in d], cutting)
                 if most <= tolerance and (least < -tolerance or region > cell.owner):
                     continue
                 if most > tolerance and least < -tolerance:
                     needed = self._key_line(cell.owner, region, g)
             self._clip(number, region, cutting, needed)
+
+    def _note(self, cell: Cell, on: Sequence[bool], lines: Sequence[int]) -> None:
+        """Notes whether a region has a line on an edge, both ends of which are `on` it: a side of the square, or a line of equal keys."""
+        self.touching |= self._is_touching(cell, on, lines)
+        n = len(on)
+        self.tied |= any(on[i] and on[(i + 1) % n] and self.is_key_line(label >> 1) for i, label in enumerate(cell.labels))
 
     def _is_touching(self, cell: Cell, on: Sequence[bool], lines: Sequence[int]) -> bool:
         """Returns whether a region is at an edge of a cell on a side of the square, both ends of which are `on` a line."""
@@ -177,12 +200,19 @@ class Arrangement:
             self.lines.append(Line(unit, size, ((1, pair[0], column), (-1, pair[1], column))))
         return self.key_lines[pair]
 
+    def late_line(self, owner: int, other: int, g: Form) -> int:
+        """Returns a line like `_key_line`, for edges that had another one."""
+        size, column = math.hypot(g[1], g[2]), self.shape.forms - 3
+        unit = (g[0] / size, g[1] / size, g[2] / size)
+        self.lines.append(Line(unit, size, ((1, owner, column), (-1, other, column)), True))
+        return len(self.lines) - 1
+
     def _clip(self, number: int, region: int, cutting: Sequence[int], needed: int | None) -> None:
         """Gives a region its part of a cell; what is cut off stays with the owner."""
         cell, outside = self.cells[number], []
         for line in [*cutting, *([] if needed is None else [needed])]:
             inside, other, on = split(cell, line, self.lines[line].unit)
-            self.touching |= self._is_touching(cell, on, cutting)
+            self._note(cell, on, cutting)
             if inside is None:
                 return
             if other is not None:

@@ -13,7 +13,9 @@ cells tile the square. Every edge knows the line it lies on.
 The jump across an edge is never looked up: the cells on both sides give their shares, and cuts that separate nothing cancel. Where an edge
 of another region lies on such a cut, as in a regular mesh, what is there is that region's, the nearest one's of several (second derivatives
 there are NaN). Edges of several candidates that lie on each other have the derivative of moving together. The line of
-two keys belongs to the key of one with + and to that of the other with -. Along a direction (`order` 1) the corners of the cells move as
+two keys belongs to the key of one with + and to that of the other with -; where several pairs have one line, each edge to the owners of its
+two sides (`key_edges.py`; second derivatives are NaN there, and all are where a third key is equal to theirs along an
+edge). Along a direction (`order` 1) the corners of the cells move as
 the intersections of the lines of their edges do, and with them everything above, by the product rule.
 
 A candidate is absent where one of its guards is below 0 on all of the square, whatever its other numbers are; a guard or a key of another

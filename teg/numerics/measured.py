@@ -58,7 +58,7 @@ class Measured:
 
     def _rate(self, line: int) -> Form:
         """Returns the derivative of a line's form along the direction, divided by |(a, b)|."""
-        c = a = b = 0.0
+        c = a = b = math.nan if self.arrangement.lines[line].late else 0.0
         x, y = self.arrangement.shift
         for sign, candidate, column in self.arrangement.lines[line].of:
             p, q, r = self.forms[candidate][self.wide + column : self.wide + column + 3]
@@ -112,7 +112,7 @@ class Measured:
     def tables(self) -> list[list[list[float]]]:
         """Returns the derivatives by every number of every candidate; at order 1 those of the derivative along the direction first."""
         columns, forms, width = self.shape.columns, self.shape.forms, len(self.exponents)
-        blank = math.nan if self.arrangement.undefined else 0.0
+        blank = math.nan if self.arrangement.undefined or self.arrangement.ambiguous else 0.0
         tables = [[[blank] * (columns * (1 + self.shape.order)) for _ in range(self.count + 1)] for _ in range(self.bodies)]
         for body, table in enumerate(tables):
             for owner, (moments, changes) in self.moments.items():
@@ -123,6 +123,8 @@ class Measured:
                 owner = self._owner(cell)
                 own = slice(body * width, (body + 1) * width)
                 self._edges(cell, self.coefficients[owner][own], self.changes[owner][own], table)
+        if self.moving and self.arrangement.ambiguous:
+            return [[[math.nan] * len(row) for row in table] for table in tables]
         return tables
 
     def _edges(self, cell: Cell, own: Sequence[float], moving: Sequence[float], table: list[list[float]]) -> None:

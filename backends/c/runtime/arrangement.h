@@ -53,11 +53,12 @@ typedef struct {
 
 //: teg_line
 /* A line: its form divided by `size`; the candidates and the column of the numbers that it consists of (minus: -1 for none); for a guard
-   the lines of its region, the first and one behind the last; and where it is among the twins, or -1. */
+   the lines of its region, the first and one behind the last; where it is among the twins, or -1; and whether its edges had another line
+   before (`late`), so that it is not known how their ends move. */
 typedef struct {
     double c, a, b, size;
     int64_t plus, minus;
-    int column, first, end, twin;
+    int column, first, end, twin, late;
 } teg_line;
 
 //: teg_twin
@@ -80,13 +81,14 @@ typedef struct {
 
 //: teg_arrangement
 /* The cells of a tile of the square, from (u[0], v[0]) to (u[1], v[1]), moved by (su, sv), and all that they are made of. Arrays begin on the
-   stack, and move to the heap as they grow. */
+   stack, and move to the heap as they grow. `tied`: something else has the line of an edge on which two keys are equal; `ambiguous`: such an
+   edge has no derivative. */
 typedef struct {
     const teg_shape *shape;
     const double *rows;
     int64_t n;
     double su, sv, u[2], v[2];
-    int touching, undefined, failed;
+    int touching, undefined, failed, tied, ambiguous;
     int64_t base;
     teg_cell *cells;
     size_t cell_count, cell_room;
@@ -276,14 +278,16 @@ static int teg_is_at(const teg_arrangement *r, const teg_region *region, double 
 }
 
 //: teg_touch
-/* Note whether a region is at an edge of a polygon on a side of the square where d is 0 (to a tolerance) at both ends. */
+/* Note whether a region is at an edge of a polygon on a side of the square where d is 0 (to a tolerance) at both ends, and whether an edge on
+   which two keys are equal is there. */
 static void teg_touch(
     teg_arrangement *r, const teg_region *region, int n, const double *x, const double *y, const int *label, double tolerance)
 {
-    for (int i = 0; i < n && !r->touching; i++) {
+    for (int i = 0; i < n; i++) {
         const int j = i + 1 == n ? 0 : i + 1;
-        if (label[i] < 8 && fabs(r->d[i]) <= tolerance && fabs(r->d[j]) <= tolerance)
-            r->touching = teg_is_at(r, region, x[i], y[i], x[j], y[j]);
+        if (fabs(r->d[i]) > tolerance || fabs(r->d[j]) > tolerance) continue;
+        if (label[i] < 8) r->touching = r->touching || teg_is_at(r, region, x[i], y[i], x[j], y[j]);
+        else r->tied |= r->lines[label[i] >> 1].minus >= 0;
     }
 }
 
@@ -347,9 +351,18 @@ static void teg_clip_cell(teg_arrangement *r, size_t number, const teg_region *r
 static int teg_key_line(teg_arrangement *r, int64_t owner, int64_t candidate, const double *g)
 {
     const double size = sqrt(g[1] * g[1] + g[2] * g[2]);
-    const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, owner, candidate, teg_forms(TEG_SHAPE(r->shape)) - 3, 0, 0, -1};
+    const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, owner, candidate, teg_forms(TEG_SHAPE(r->shape)) - 3, 0, 0, -1, 0};
     for (size_t k = r->line_count; k-- > 4 && r->lines[k].minus == candidate;)
         if (r->lines[k].plus == owner) return (int)k;
+    return teg_add_line(r, line);
+}
+
+//: teg_late_line
+/* One more line on which the keys of two candidates are equal, for an edge that had another line. */
+static int teg_late_line(teg_arrangement *r, int64_t owner, int64_t candidate, const double *g)
+{
+    const double size = sqrt(g[1] * g[1] + g[2] * g[2]);
+    const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, owner, candidate, teg_forms(TEG_SHAPE(r->shape)) - 3, 0, 0, -1, 1};
     return teg_add_line(r, line);
 }
 
@@ -507,7 +520,7 @@ static void teg_draw(teg_arrangement *r, teg_region *region)
         if (!(region->cuts >> q & 1)) continue;
         teg_form(r, candidate, column, g);
         size = sqrt(g[1] * g[1] + g[2] * g[2]);
-        const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, candidate, -1, column, region->first, region->end, -1};
+        const teg_line line = {g[0] / size, g[1] / size, g[2] / size, size, candidate, -1, column, region->first, region->end, -1, 0};
         teg_add_line(r, line);
     }
 }
@@ -537,8 +550,8 @@ static void teg_sort_regions(teg_region *regions, size_t count)
 /* Find the regions that may be seen in the tile, in their order, among those of a list (NULL: all); and the base, which covers it. */
 static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
 {
-    static const teg_line sides[4] = {{0, 1, 0, 1, -1, -1, 0, 0, 0, -1}, {1, -1, 0, 1, -1, -1, 0, 0, 0, -1},
-        {0, 0, 1, 1, -1, -1, 0, 0, 0, -1}, {1, 0, -1, 1, -1, -1, 0, 0, 0, -1}};
+    static const teg_line sides[4] = {{0, 1, 0, 1, -1, -1, 0, 0, 0, -1, 0}, {1, -1, 0, 1, -1, -1, 0, 0, 0, -1, 0},
+        {0, 0, 1, 1, -1, -1, 0, 0, 0, -1, 0}, {1, 0, -1, 1, -1, -1, 0, 0, 0, -1, 0}};
     const teg_shape *const s = TEG_SHAPE(r->shape);
     int64_t base = -1;
     double nearest = INFINITY;
@@ -579,6 +592,83 @@ static void teg_select(teg_arrangement *r, const int64_t *list, int64_t regions)
     for (size_t k = 0; k < r->region_count && !r->undefined && !r->failed; k++) teg_draw(r, r->regions + k);
 }
 
+//: teg_held
+/* The part of an edge where the guards of a region hold; returns whether one of them has the line of the edge. */
+static int teg_held(const teg_arrangement *r, const teg_region *region, const double *edge, double *part)
+{
+    int coincides = 0;
+    part[0] = 0.0, part[1] = 1.0;
+    for (int k = region->first; k < region->end; k++) {
+        const teg_line *const g = r->lines + k;
+        const double d = g->c + g->a * edge[0] + g->b * edge[1], e = d + g->a * edge[2] + g->b * edge[3];
+        if (fabs(d) < TEG_ON_LINE && fabs(e) < TEG_ON_LINE) coincides = 1;
+        else if (d < TEG_ON_LINE && e < TEG_ON_LINE) part[1] = -1.0;
+        else if (d < 0.0) part[0] = fmax(part[0], d / (d - e));
+        else if (e < 0.0) part[1] = fmin(part[1], d / (d - e));
+    }
+    return coincides;
+}
+
+//: teg_beyond
+/* The region beyond an edge (x, y, dx, dy) whose key is equal to the owner's along it, or -1: of those whose keys are equal there the one with
+   the least key beyond. `partner` (or -1), which made the edge with the owner, may be there in several parts. */
+static int64_t teg_beyond(teg_arrangement *r, int64_t owner, int64_t partner, const double *edge)
+{
+    const int parts = TEG_SHAPE(r->shape)->parts, column = teg_forms(TEG_SHAPE(r->shape)) - 3;
+    const double length = sqrt(edge[2] * edge[2] + edge[3] * edge[3]);
+    const teg_region base = {0.0, r->base, 0, 0, 0};
+    double steepest = 0.0, own[3];
+    int64_t nearest = -1;
+    if (length <= TEG_ON_LINE) return -1;
+    teg_form(r, owner / parts, column, own);
+    for (size_t k = 0; k < r->region_count + (r->base >= 0); k++) {
+        const teg_region *const region = k < r->region_count ? r->regions + k : &base;
+        double part[2], g[3], d, e, slope, flat, tolerance;
+        const int coincides = teg_held(r, region, edge, part);
+        if (coincides || (part[1] - part[0]) * length <= TEG_ON_LINE) continue;
+        tolerance = teg_key_difference(r, owner / parts, region->region / parts, g);
+        tolerance = teg_key_tolerance(g, tolerance);
+        d = g[0] + g[1] * edge[0] + g[2] * edge[1], e = d + g[1] * edge[2] + g[2] * edge[3];
+        slope = (g[1] * edge[3] - g[2] * edge[2]) / length; /* corners go round anticlockwise */
+        flat = 0.0;
+        for (int i = 0; i < 3; i++) flat += fabs(own[i]) + fabs(own[i] - g[i]);
+        flat *= TEG_KEY_ROUNDING;
+        if (fmax(fabs(d), fabs(e)) > tolerance || slope <= flat) continue;
+        r->ambiguous |= region->region / parts != partner && (part[1] - part[0]) * length < length - TEG_ON_LINE;
+        r->ambiguous |= nearest >= 0 && fabs(slope - steepest) > flat;
+        if (nearest < 0 || slope > steepest + flat || (slope >= steepest - flat && region->region < nearest))
+            steepest = slope, nearest = region->region;
+    }
+    return nearest;
+}
+
+//: teg_assign_key_edges
+/* Give edges on which two keys are equal the lines of the owners of both sides. A cut keeps the line of the pair that made it, although other
+   candidates may own its sides later whose keys are equal on the same line, as in regular grids of sites. */
+static void teg_assign_key_edges(teg_arrangement *r)
+{
+    const int parts = TEG_SHAPE(r->shape)->parts;
+    for (size_t k = 0; k < r->cell_count && !r->failed; k++) {
+        const teg_cell cell = r->cells[k];
+        for (int i = 0; i < cell.n && cell.owner >= 0 && !r->failed; i++) {
+            const int label = r->label[cell.at + i], j = i + 1 == cell.n ? 0 : i + 1;
+            const double x = r->x[cell.at + i], y = r->y[cell.at + i];
+            const double edge[4] = {x, y, r->x[cell.at + j] - x, r->y[cell.at + j] - y};
+            const teg_line line = r->lines[label >> 1];
+            const int64_t owner = cell.owner / parts;
+            const int64_t partner = line.plus == owner ? line.minus : line.minus == owner ? line.plus : -1;
+            int64_t beyond;
+            double g[3];
+            if (label < 8 || line.minus < 0) continue;
+            beyond = teg_beyond(r, cell.owner, partner, edge);
+            if (beyond < 0 || beyond / parts == partner) continue;
+            beyond /= parts;
+            teg_key_difference(r, owner, beyond, g);
+            r->label[cell.at + i] = 2 * teg_late_line(r, owner, beyond, g) + 1;
+        }
+    }
+}
+
 //: teg_arrange
 /* Cut the tile into cells. */
 static void teg_arrange(teg_arrangement *r)
@@ -588,8 +678,10 @@ static void teg_arrange(teg_arrangement *r)
     for (int i = 0; i < 4; i++) r->x[i] = x[i], r->y[i] = y[i], r->label[i] = label[i];
     teg_new_cell(r, r->base, 0, 4);
     r->cells[0].sides[0] = ~0, r->cells[0].up = 0;
+    r->tied = 0;
     teg_sort_regions(r->regions, r->region_count);
     for (size_t k = 0; k < r->region_count && !r->failed; k++) teg_insert(r, r->regions + k);
+    if (r->tied && !r->failed) teg_assign_key_edges(r);
 }
 
 //: teg_by_angle

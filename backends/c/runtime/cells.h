@@ -21,7 +21,7 @@ static inline void teg_monomials(double x, double y, double p, double q, int deg
 static void teg_rate(const teg_arrangement *r, const teg_line *line, double *g)
 {
     const teg_shape *const s = TEG_SHAPE(r->shape);
-    g[0] = g[1] = g[2] = 0.0;
+    g[0] = g[1] = g[2] = line->late ? NAN : 0.0;
     for (int k = 0; k < 2; k++) {
         const int64_t candidate = k ? line->minus : line->plus;
         if (candidate >= 0) {
@@ -370,6 +370,15 @@ static void teg_moved_tables(teg_arrangement *r, const double *otherwise, double
     for (size_t k = 0; k < size; k++) tables[k] *= 0.5;
 }
 
+//: teg_no_slopes
+/* Make all derivatives NaN but those by coefficients of the polynomials. */
+static void teg_no_slopes(const teg_shape *s, int64_t n, double *tables)
+{
+    const int forms = teg_forms(s), columns = forms + teg_coefficients(s);
+    for (size_t k = 0; k < teg_table_size(s, n); k++)
+        if (s->order || (int)(k % (size_t)columns) < forms) tables[k] = NAN;
+}
+
 //: teg_cells
 /* Values, sizes (or NULL) and tables (or NULL) of n candidates. Returns 1 without memory, else 0. */
 static int teg_cells(
@@ -398,6 +407,7 @@ static int teg_cells(
         teg_tile(r, NULL, n * s->parts, 0, 0, otherwise, (double *const[]){values, sizes, tables});
         if (tables && r->touching) teg_moved_tables(r, otherwise, tables);
         for (size_t k = 0; tables && r->undefined && k < size; k++) tables[k] = NAN;
+        if (tables && r->ambiguous) teg_no_slopes(s, n, tables);
         for (int body = 0; body < s->bodies; body++) {
             if (r->undefined) values[body] = NAN;
             else if (s->order) values[body] = teg_along_direction(r, body, otherwise, tables + (size_t)body * size / (size_t)s->bodies);

@@ -178,6 +178,7 @@ static void teg_keep_tables(teg_kept *kept, const double *otherwise, double *val
     }
     if (!r->touching) teg_tile(r, NULL, r->n * s->parts, 0, 0, otherwise, (double *const[]){values, NULL, kept->tables});
     if (r->touching) teg_moved_tables(r, otherwise, kept->tables);
+    if (r->ambiguous) teg_no_slopes(s, r->n, kept->tables);
     for (int64_t row = 0; row <= r->n; row++) {
         for (int j = 0; j < count; j++) moments[row * count + j] = kept->tables[row * (forms + count) + forms + j];
         seen[row] = 1;
@@ -313,6 +314,11 @@ static int teg_pull_back(teg_kept *kept, const double *otherwise, const double *
         return 0;
     }
     if (!r->region_count || (r->cell_count == 1 && r->cells[0].owner == r->base)) return 0;
+    if (r->ambiguous) {
+        teg_fill(table, (int)(r->n + 1) * forms, NAN);
+        memset(seen, 1, (size_t)r->n + 1);
+        return 0;
+    }
     if (kept->state == TEG_CELLS) teg_find_twins(r);
     if (r->failed) return 1;
     base = teg_polynomials(r, other, otherwise), known = teg_is_known(s, base);
