@@ -86,7 +86,9 @@ def _beyond(cells: Any, edges: KeyEdges, among: tuple[Array, Array, Array]) -> t
     steepest = np.zeros(count)
     np.maximum.at(steepest, edge[equal], slope[equal])
     nearest = equal & (slope >= steepest[edge] - flat)
-    unknown |= equal & ~nearest
+    unknown |= (
+        equal & ~nearest & ((own[:, 2] != 0.0) | (key[:, 2] != 0.0))
+    )  # three straight lines in one point: the pair that is there counts
     beyond = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(beyond, edge[nearest], region[nearest])
     ambiguous = np.bincount(edge[unknown], minlength=count) > 0

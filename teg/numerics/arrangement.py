@@ -137,6 +137,10 @@ class Arrangement:
         """Returns the slope below which two keys, equal at an edge, are equal on both sides of it."""
         return flat(self._key(one), self._key(other))
 
+    def is_level(self, one: int, other: int) -> bool:
+        """Returns whether two keys are straight lines over an interval: neither has the second variable."""
+        return self._key(one)[2] == 0.0 and self._key(other)[2] == 0.0
+
     def is_key_line(self, line: int) -> bool:
         """Returns whether two keys are equal on a line."""
         return len(self.lines[line].of) == 2

@@ -58,7 +58,7 @@ def _neighbour(
         if max(map(abs, values)) > tolerance or slope <= arrangement.flat(cell.owner, region):
             continue
         arrangement.ambiguous |= region // arrangement.shape.parts not in pair and (last - first) * length < length - EPSILON
-        if nearest is not None:
+        if nearest is not None and not arrangement.is_level(cell.owner, region):  # three lines in one point: the pair that is there counts
             arrangement.ambiguous |= abs(slope - steepest) > arrangement.flat(cell.owner, region)
         if slope > steepest + arrangement.flat(cell.owner, region):
             steepest, nearest = slope, region // arrangement.shape.parts

@@ -24,7 +24,17 @@ def test_owners_of_both_sides_have_the_edge(order: tuple[int, ...]) -> None:
 
 
 def test_three_on_a_line_are_ambiguous() -> None:
-    rows = [[-0.5 * a, a, 0.0, value] for a, value in ((0.0, 1.0), (-2.0, 3.0), (-1.0, 7.0))]
+    rows = [[0.0, a, -a, value] for a, value in ((0.0, 1.0), (-2.0, 3.0), (-1.0, 7.0))]
     found = integrals(SHAPE, rows, [0.0], True)
     assert found.values[0] == pytest.approx(2.0)
     assert all(math.isnan(row[0]) for row in found.tables[0])
+
+
+def test_three_straight_lines_in_one_point_are_the_pair_that_is_there() -> None:
+    """Keys over an interval, of which the third is least nowhere."""
+    rows = [[-0.5 * a, a, 0.0, value] for a, value in ((0.0, 1.0), (-2.0, 3.0), (-1.0, 7.0))]
+    three, two = (integrals(SHAPE, some, [0.0], True) for some in (rows, rows[:2]))
+    assert three.values[0] == pytest.approx(2.0)
+    for found, expected in zip(three.tables[0][:2], two.tables[0][:2], strict=True):
+        assert found == pytest.approx(expected, abs=1e-14)
+    assert three.tables[0][2][0] == 0.0

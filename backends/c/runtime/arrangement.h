@@ -611,7 +611,8 @@ static int teg_held(const teg_arrangement *r, const teg_region *region, const do
 
 //: teg_beyond
 /* The region beyond an edge (x, y, dx, dy) whose key is equal to the owner's along it, or -1: of those whose keys are equal there the one with
-   the least key beyond. `partner` (or -1), which made the edge with the owner, may be there in several parts. */
+   the least key beyond. `partner` (or -1), which made the edge with the owner, may be there in several parts. Straight lines over an
+   interval, whose keys have no v, may be three in one point: the pair that is there counts. */
 static int64_t teg_beyond(teg_arrangement *r, int64_t owner, int64_t partner, const double *edge)
 {
     const int parts = TEG_SHAPE(r->shape)->parts, column = teg_forms(TEG_SHAPE(r->shape)) - 3;
@@ -635,7 +636,7 @@ static int64_t teg_beyond(teg_arrangement *r, int64_t owner, int64_t partner, co
         flat *= TEG_KEY_ROUNDING;
         if (fmax(fabs(d), fabs(e)) > tolerance || slope <= flat) continue;
         r->ambiguous |= region->region / parts != partner && (part[1] - part[0]) * length < length - TEG_ON_LINE;
-        r->ambiguous |= nearest >= 0 && fabs(slope - steepest) > flat;
+        r->ambiguous |= nearest >= 0 && fabs(slope - steepest) > flat && (own[2] != 0.0 || g[2] != 0.0);
         if (nearest < 0 || slope > steepest + flat || (slope >= steepest - flat && region->region < nearest))
             steepest = slope, nearest = region->region;
     }
