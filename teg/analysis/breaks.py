@@ -23,7 +23,7 @@ from teg.analysis.polynomial import Degrees, Point, Poly, Ratio, Shadow
 from teg.analysis.projection import Contribution, Projection, Turn, near, within
 from teg.analysis.roots import Roots, solve
 from teg.analysis.surfaces import atoms_of, binders_inside
-from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Pow, Var, const
+from teg.ir.expr import FALSE, TRUE, Add, Call, Compare, Cond, Const, Expr, Mul, Or, Pow, Var, Where, const
 from teg.ir.integral import ClosedForm, Integral, masses_of
 from teg.ir.node import Node, digest, postorder
 from teg.ir.simplify import conjunction, disjunction, mul, sub, where
@@ -301,7 +301,7 @@ class BreakAnalysis:
         if inner is None:
             return None
         shadow = self.shadow(variables)
-        ends = [shadow.of(e) for e in (node.lo, node.hi, *breaks.points)]
+        ends = [shadow.of(e) for e in (node.lo, node.hi, *map(_where_it_exists, breaks.points))]
         if any(e is None for e in ends):
             return None
         total: Ratio | None = shadow.constant(0)
@@ -336,6 +336,13 @@ def _kept(root: Expr, matters: Cond, x: Var) -> Expr:
     if matters is TRUE:
         return root
     return where(cast(Cond, substitute(matters, {x: root})), root, const(math.nan))
+
+
+def _where_it_exists(root: Expr) -> Expr:
+    """Returns the root where it is a break. Elsewhere it is NaN and contributes nothing to the integral."""
+    while isinstance(root, Where) and isinstance(root.otherwise, Const) and math.isnan(root.otherwise.data):
+        root = root.then
+    return root
 
 
 _PARTIAL = frozenset(("sqrt", "log", "pow"))
