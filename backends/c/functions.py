@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import cast
 
 from teg.backends.c.bodies import merged
 from teg.backends.c.printer import Together, function_name, function_texts, print_kernel
 from teg.backends.c.runtime import runtime
-from teg.program import Program
+from teg.program import TEXTS, Program, Unbound
 
 MACROS = """\
 #ifdef __GNUC__
@@ -32,12 +32,16 @@ MACROS = """\
 
 def kernel_text(program: Program, counted: bool, real: str) -> tuple[str, tuple[Together, ...]]:
     """Returns the text of a program without its functions, and which of these it calls together; printed once for all bodies."""
-    key = "c", counted, real
-    if key not in program.printed:
-        called: list[Together] = []
-        text = print_kernel(program, counted=counted, real=real, declare=partial(_declarations, program, called))
-        program.printed[key] = text, tuple(called)
-    return cast("tuple[str, tuple[Together, ...]]", program.printed[key])
+    return (_kept_text if program.functions else _text)(Unbound(program), counted, real)
+
+
+def _text(unbound: Unbound, counted: bool, real: str) -> tuple[str, tuple[Together, ...]]:
+    program, called = unbound.program, list[Together]()
+    text = print_kernel(program, counted=counted, real=real, declare=partial(_declarations, program, called))
+    return text, tuple(called)
+
+
+_kept_text = lru_cache(maxsize=TEXTS)(_text)
 
 
 def _declarations(program: Program, known: list[Together], called: Sequence[Together]) -> list[str]:

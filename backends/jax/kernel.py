@@ -19,6 +19,7 @@ JAX is imported when a kernel is compiled, not with this module.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any, assert_never, cast
 
 import numpy as np
@@ -33,6 +34,7 @@ from teg.numerics.sobol import replicated
 from teg.program import (
     ISOLATE_DEPTH,
     LOCATE_WIDTH,
+    TEXTS,
     Adaptive,
     Arg,
     Assign,
@@ -51,6 +53,7 @@ from teg.program import (
     Segment,
     Stmt,
     SumOver,
+    Unbound,
     When,
     assigned,
     statements,
@@ -86,7 +89,8 @@ class JaxKernel:
         from teg.backends.jax import samples as jax_sampling
 
         self.program = program
-        text, functions = _printed(program), [_printed(cast(Program, f.body)) for f in program.functions]
+        text = _kept(Unbound(program)) if program.functions else _printed(program)
+        functions = [_kept(Unbound(cast(Program, f.body))) for f in program.functions]
         self.source = "\n".join([text, *(f"\n# function_{k}: the kernel of\n{body}" for k, body in enumerate(functions))])
         scope: dict[str, Any] = {"jnp": jax.numpy, "rt": jax_runtime, "roots": jax_roots, "sampling": jax_sampling}
         scope |= {"polygons": jax_polygon, "poles": jax_poles, "hyperbolas": jax_hyperbola, "ellipses": jax_ellipse}
@@ -187,9 +191,13 @@ class JaxKernel:
 
 def _printed(program: Program) -> str:
     """The text of a program without the bodies of its functions."""
-    if "jax" not in program.printed:
-        program.printed["jax"] = "\n".join(_kernel(with_rows(with_selects(program))))
-    return cast(str, program.printed["jax"])
+    return "\n".join(_kernel(with_rows(with_selects(program))))
+
+
+@lru_cache(maxsize=TEXTS)
+def _kept(unbound: Unbound) -> str:
+    """The same of a program that calls functions, or is the body of one: printed once for all bodies, and for all calls."""
+    return _printed(unbound.program)
 
 
 def _made(text: str, scope: dict[str, Any]) -> Any:

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from typing import Any, assert_never, cast
 
 import numpy as np
@@ -42,6 +43,7 @@ from teg.backends.numpy import samples as sampling
 from teg.backends.text import Dialect, assignment, inside, strict, value
 from teg.program import (
     MAX_EVALUATIONS,
+    TEXTS,
     Adaptive,
     Arg,
     Assign,
@@ -60,6 +62,7 @@ from teg.program import (
     Segment,
     Stmt,
     SumOver,
+    Unbound,
     When,
     assigned,
     blocks,
@@ -86,10 +89,10 @@ class NumpyKernel:
     """A program as Python functions over NumPy arrays; `source` is their text."""
 
     def __init__(self, program: Program, memory: int = MEMORY, most: int | None = None) -> None:
-        text, width = _printed(program)
+        text, width = _kept(Unbound(program)) if program.functions else _printed(program)
         self.program = program
         self.memory, self.most = memory, MAX_EVALUATIONS if most is None else most
-        functions = [_printed(cast(Program, f.body))[0] for f in program.functions]
+        functions = [_kept(Unbound(cast(Program, f.body)))[0] for f in program.functions]
         self.source = "\n".join([text, *(_titled(k, body) for k, body in enumerate(functions))])
         self._width = width
         self._room = max(1, memory // 8 // (1 + 2 * depth(without_branches(program).body)))
@@ -161,10 +164,14 @@ class NumpyKernel:
 
 def _printed(program: Program) -> tuple[str, int]:
     """Returns the text of a program without the bodies of its functions, and how many doubles a lane it may hold."""
-    if "numpy" not in program.printed:
-        printer = _Printer(with_selects(program))
-        program.printed["numpy"] = "\n".join(printer.lines), printer.width
-    return cast("tuple[str, int]", program.printed["numpy"])
+    printer = _Printer(with_selects(program))
+    return "\n".join(printer.lines), printer.width
+
+
+@lru_cache(maxsize=TEXTS)
+def _kept(unbound: Unbound) -> tuple[str, int]:
+    """Returns the same of a program that calls functions, or is the body of one: printed once for all bodies, and for all calls."""
+    return _printed(unbound.program)
 
 
 def _made(text: str, scope: dict[str, Any]) -> Any:

@@ -72,6 +72,7 @@ from teg.program.limits import (
 )
 from teg.program.rules import Adaptive, Gauss, Midpoint, Rational, Rule
 from teg.program.statements import (
+    TEXTS,
     Arg,
     Assign,
     Bend,
@@ -87,13 +88,13 @@ from teg.program.statements import (
     Moments,
     Outcome,
     Polygon,
-    Printed,
     Program,
     Sample,
     Segment,
     Stmt,
     SumOver,
     Tie,
+    Unbound,
     When,
 )
 from teg.program.walk import (
@@ -152,6 +153,7 @@ __all__ = [
     "SMALLEST",
     "SPENT",
     "TANGENT",
+    "TEXTS",
     "THIN",
     "TIE_EPS",
     "UNSEEN",
@@ -174,7 +176,6 @@ __all__ = [
     "Moments",
     "Outcome",
     "Polygon",
-    "Printed",
     "Program",
     "Rational",
     "Rule",
@@ -183,6 +184,7 @@ __all__ = [
     "Stmt",
     "SumOver",
     "Tie",
+    "Unbound",
     "When",
     "assigned",
     "blocks",

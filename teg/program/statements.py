@@ -6,8 +6,8 @@ The docstrings say what is not obvious from the meaning, which is `teg.program.i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from teg.program.fields import CONDITION, NUMBER, Block, Operand, Part, Result, Variable
 from teg.program.limits import ISOLATE_WIDTH
@@ -440,14 +440,6 @@ class Tie:
     surfaces: tuple[str, str]
 
 
-class Printed(dict[object, Any]):
-    """The texts that backends printed of a program, without the bodies of its functions. All bindings of these bodies share it. It is not
-    pickled."""
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return (Printed, ())
-
-
 @dataclass(frozen=True, slots=True)
 class Called:
     """A function that a program calls: whose it is, how often it is differentiated by each input, and its body, a program with one output
@@ -467,4 +459,26 @@ class Program:
     outputs: tuple[Arg, ...]
     ties: tuple[Tie, ...] = ()
     functions: tuple[Called, ...] = ()
-    printed: Printed = field(init=False, default_factory=Printed, compare=False, repr=False)  # `dataclasses.replace` begins a new one
+
+
+TEXTS = 256
+"""Texts that a backend keeps, of programs that call functions and of the bodies of these."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unbound:
+    """A program without the bodies of its functions: the key of the text that is printed once for all bodies.
+
+    Programs are equal here if they have the same statements, not only equal ones: none is visited to find out.
+    """
+
+    program: Program
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Unbound):
+            return NotImplemented
+        mine, theirs = self.program, other.program
+        return mine.body is theirs.body and mine.parameters == theirs.parameters and repr(mine.outputs) == repr(theirs.outputs)
+
+    def __hash__(self) -> int:
+        return hash((id(self.program.body), self.program.outputs))

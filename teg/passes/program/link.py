@@ -28,9 +28,7 @@ def with_bodies(program: Program, functions: Sequence[Function] = ()) -> Program
     for f in program.functions:
         callee = functions[f.callee.number] if isinstance(f.callee, Slot) and functions else f.callee
         bound.append(Called(callee, f.derivative, body_program(callee, f.derivative)) if isinstance(callee, Function) else f)
-    linked = replace(program, functions=tuple(bound))
-    object.__setattr__(linked, "printed", program.printed)  # the text is the same for all functions
-    return linked
+    return replace(program, functions=tuple(bound))
 
 
 @lru_cache(maxsize=256)
