@@ -83,7 +83,7 @@ def crossed(program: Program, inputs: Sequence[Mapping[str, int | None]] | None 
     for condition in (*dict.fromkeys(line.conditions), w.finite(*numbers)):
         good = condition if good is True else w.put("b", "and", good, condition)
     line.keep()
-    items = _needed(line.items, (*outputs, good))
+    items = needed(line.items, (*outputs, good))
     short = sum(len(i.body) if isinstance(i, Nodes) else 1 for i in items) <= LONGEST
     return Crossed(tuple(items), outputs, good) if short and _is_arithmetic(items) else None
 
@@ -420,7 +420,7 @@ def defines(item: Item) -> tuple[str, ...]:
     return (item.name,) if isinstance(item, Assign) else item.sums
 
 
-def _needed(items: Sequence[Item], wanted: Iterable[Arg]) -> list[Item]:
+def needed(items: Sequence[Item], wanted: Iterable[Arg]) -> list[Item]:
     """Returns the items that the wanted names depend on."""
     live: set[Arg] = set(wanted)
     kept: list[Item] = []
@@ -429,7 +429,7 @@ def _needed(items: Sequence[Item], wanted: Iterable[Arg]) -> list[Item]:
             pairs = [(v, s) for v, s in zip(item.values, item.sums, strict=True) if s in live]
             if not pairs:
                 continue
-            body = [s for s in _needed(item.body, [v for v, _ in pairs]) if isinstance(s, Assign)]
+            body = [s for s in needed(item.body, [v for v, _ in pairs]) if isinstance(s, Assign)]
             values = tuple(v for v, _ in pairs)
             read = {a for s in body for a in s.args}.union(values)
             places = {x: at for x, at in item.places.items() if x in read}

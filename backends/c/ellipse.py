@@ -207,7 +207,7 @@ def _along(inside: Sequence[Powers], on: Sequence[Powers], degree: int) -> list[
     turning = "weight * (x * at[3 * n + k] - y * at[2 * n + k])"
     per_node = [
         "const double weight = at[4 * n + k];",
-        *(["const double u = e->from_u + at[k], v = e->from_v + at[n + k];"] if on else []),
+        *_coordinates(on, "e->from_u + at[k]", "e->from_v + at[n + k]"),
         *(["const double x = at[k] - e->u, y = at[n + k] - e->v;"] if inside else []),
         *([f"const double turning = {turning};"] if inside else []),
         *(f"term[{m}][k - first] = {value};" for m, value in enumerate(values)),
@@ -236,13 +236,19 @@ def _monomial(factor: str, x: str, y: str, powers: Powers) -> str:
     return " * ".join([factor, *[x] * powers[0], *[y] * powers[1]])
 
 
+def _coordinates(powers: Sequence[Powers], u: str, v: str) -> list[str]:
+    """Returns declarations of the coordinates that are in monomials."""
+    named = (f"const double {name} = {at};" for i, (name, at) in enumerate((("u", u), ("v", v))) if any(p[i] for p in powers))
+    return list(named)
+
+
 def _chords(inside: Sequence[Powers]) -> list[str]:
     """Returns the lines that add what the chords give, and move the moments from the point inside to the corner of the box."""
     nodes, weights = gauss_legendre(max(j + k for j, k in inside) // 2 + 1)
     steps = []
     for x, w in zip(nodes, weights, strict=True):
         lines = [
-            f"const double u = {0.5 * (1.0 - x)!r} * p + {0.5 * (1.0 + x)!r} * s, v = {0.5 * (1.0 - x)!r} * q + {0.5 * (1.0 + x)!r} * t;",
+            *_coordinates(inside, *(f"{0.5 * (1.0 - x)!r} * {start} + {0.5 * (1.0 + x)!r} * {end}" for start, end in ("ps", "qt"))),
             *(f"in_{j}{k} += {_monomial(f'{0.5 * w!r} * across', 'u', 'v', (j, k))};" for j, k in inside),
         ]
         steps += ["{", *indent(*lines), "}"] if len(inside) > 1 else ["in_00 += across;"]
@@ -262,6 +268,6 @@ def _chords(inside: Sequence[Powers]) -> list[str]:
             *steps,
         ),
         "}",
-        *(["const double u = e->from_u + e->u, v = e->from_v + e->v;"] if len(inside) > 1 else []),
+        *_coordinates(inside, "e->from_u + e->u", "e->from_v + e->v"),
         *moved,
     ]

@@ -11,6 +11,7 @@ Monomials that have no moments are beyond the degree of the values: the terms wi
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from teg.backends.c.crossing import Writer
@@ -50,6 +51,8 @@ class _Expansion:
         self.steady = [s for s in body if s.name not in self.inside]
         self.polys: dict[Arg, Poly] = {name: {m: c for m, c in p.items() if c != 0.0} for name, p in variables.items()}
         self.shared: dict[tuple[Arg, Monomial], Arg] = {}
+        products = [[a for a in (s.args if s.op == "mul" else s.args[:1] * 2) if a in self.inside] for s in body if s.op in ("mul", "powi")]
+        self.factors = Counter(self._base(a)[0] for moving in products if len(moving) > 1 for a in moving)
 
     def integrals(self, values: Sequence[Arg]) -> dict[Arg, Arg] | None:
         """Returns the integrals of values, which are written."""
@@ -112,13 +115,26 @@ class _Expansion:
             case "mul" if len(moving) == 1:
                 return w.mul(*factors, of(moving[0]))
             case _:
-                moving = moving if s.op == "mul" else [s.args[0]] * int(s.args[1])
-                first, *rest = sorted(moving, key=lambda a: (len(self.polys[a]), str(a)), reverse=True)
+                bases = [self._base(a) for a in (moving if s.op == "mul" else [s.args[0]] * int(s.args[1]))]
+                factors = [*(factors if s.op == "mul" else ()), *(c for _, by in bases for c in by)]
+                moving = [a for a, _ in bases]
+                first, *rest = sorted(moving, key=lambda a: (len(self.polys[a]), self.factors[a], str(a)), reverse=True)
                 others = self.polys[rest[0]]
                 for a in rest[1:]:
                     others = self._product(others, self.polys[a])
                 total = w.add(*(w.mul(c, self._shared(first, m)) for m, c in others.items()))
-                return w.mul(*factors, total) if s.op == "mul" else total
+                return w.mul(*factors, total)
+
+    def _base(self, arg: Arg) -> tuple[Arg, list[Arg]]:
+        """Returns what a multiple is a multiple of, and the factors."""
+        factors: list[Arg] = []
+        while (s := self.made.get(str(arg))) is not None and s.op == "mul":
+            moving = [a for a in s.args if a in self.inside]
+            if len(moving) != 1:
+                break
+            factors += [a for a in s.args if a not in self.inside]
+            arg = moving[0]
+        return arg, factors
 
     def _shared(self, name: Arg, by: Monomial) -> Arg:
         """Returns the integral of a polynomial times a monomial."""

@@ -70,6 +70,7 @@ class Scope:
     slots: dict[Arg, int] = field(default_factory=dict)
     declared: Collection[Arg] | None = None
     lanes: Collection[Arg] = ()  # those with a value for each of the points that are computed side by side
+    truth: str = "int"  # the C type of conditions
 
     def __call__(self, arg: Arg) -> str:
         return self.spell(arg).text
@@ -85,7 +86,7 @@ class Scope:
 
     def kind(self, arg: Arg) -> str:
         """Returns the C type of a value."""
-        return "teg_lanes_8" if arg in self.lanes else kind(arg)
+        return "teg_lanes_8" if arg in self.lanes else self.truth if kind(arg) == "int" else kind(arg)
 
     def name(self, value: str, letter: str = "") -> str:
         """Returns a new name for a value."""
@@ -119,6 +120,7 @@ class Frame:
         self.names.update(self.variables)
         self.parts: list[str] = []  # their texts
         self.count = [0]
+        self.truth = "int"
         self._cuts = _cut(blocks, whole)
         self._between, self._lanes = frozenset(own), lanes
         known: set[Arg] = set(self.names)
@@ -162,7 +164,16 @@ class Frame:
     def scope(self) -> Scope:
         """Returns the names as they are spelled in the function itself, between its blocks."""
         elsewhere = {arg: self._load(arg) for arg in self._uses[0] if arg in self._home}
-        return Scope(self.names, self.size, elsewhere, count=self.count, slots=self._slots, declared=self._between, lanes=self._lanes)
+        return Scope(
+            self.names,
+            self.size,
+            elsewhere,
+            count=self.count,
+            slots=self._slots,
+            declared=self._between,
+            lanes=self._lanes,
+            truth=self.truth,
+        )
 
     def signature(self, *pointers: str) -> str:
         """Returns the name and the C parameters of the function."""
@@ -190,7 +201,7 @@ class Frame:
     def _call(self, number: int, part: list[Step]) -> list[str]:
         """Print a part; the line that calls it."""
         loads = self._declarations(arg for arg in self._uses[number] if self._home.get(arg, 0) != number)
-        inside = indent(*loads, *self._lines(part, Scope(self.names, self.size, count=self.count, slots=self._slots)))
+        inside = indent(*loads, *self._lines(part, Scope(self.names, self.size, count=self.count, slots=self._slots, truth=self.truth)))
         used = {local for step in part for local in step.locals}
         if loads or any(name in self._slots for step in part for name in step.defines):
             used.add(WORKSPACE)

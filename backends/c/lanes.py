@@ -23,7 +23,7 @@ from teg.backends.c.crossing import Writer
 from teg.backends.c.expanded import Poly, box_moments, integrals
 from teg.backends.c.frame import Frame, Scope, Step, assignments, captured_by
 from teg.backends.c.polygon import SIDE_BY_SIDE
-from teg.backends.c.text import UNARY, indent, literal, operand
+from teg.backends.c.text import TRUTH, UNARY, indent, literal, operand
 from teg.backends.c.text import packed as in_few_lines
 from teg.numerics.quadrature import gauss_legendre
 from teg.program import (
@@ -450,10 +450,11 @@ def _each_point(
         if step.assign is not None and step.assign.op in SELECTIONS:
             step.longest = 0  # all operands are computed
     frame = _framed([steps], wanted)
+    frame.truth = TRUTH
     there = [f"const double p{i} = q{i}[k];" for i in _inputs(needed, wanted) if i in varying]
     block, scope = frame.block(0), frame.scope()
     written = [f"{place} = {further}{scope(arg)};" for place, arg in zip(places, wanted, strict=True)]
-    return [f"for (int k = 0; k < {SIDE}; k++) {{", *indent(*in_few_lines(there), *block, *written), "}"]
+    return [f"for ({TRUTH} k = 0; k < {SIDE}; k++) {{", *indent(*in_few_lines(there), *block, *written), "}"]
 
 
 def _is_shared_choice(stmt: Assign, moving: Container[Arg]) -> bool:

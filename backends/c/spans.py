@@ -15,7 +15,7 @@ from typing import NamedTuple
 from teg.backends.c.lanes import SIDE, signature
 from teg.backends.c.ranges import Narrowing
 from teg.backends.c.steps import place_of
-from teg.backends.c.text import indent, wrapped
+from teg.backends.c.text import TRUTH, indent, wrapped
 from teg.program.arrays import Integers, Load, Loop, Number, Run, Step
 from teg.program.fields import result_names
 
@@ -56,11 +56,11 @@ def function(narrow: str, known: Narrowing, indices: Container[int], varying: Co
     inside = [
         f"double first[{count}], last[{count}];",
         "const double steps = length[k] - 1.0;",
-        f"const int told = {call('lo[k]', 'first')} | {call('lo[k] + steps', 'last')};",
+        f"const {TRUTH} told = {call('lo[k]', 'first')} | {call('lo[k] + steps', 'last')};",
         "const double near = 1e-6 + 1e-14 * steps;",
         "double start = 0.0, stop = steps, since = -1.0, until = (told & 2) ? -1.0 : steps + 1.0;",
         "double fall, place;",
-        "int known;",
+        f"{TRUTH} known;",
     ]
     for m in range(count):
         g, h = f"first[{m}]", f"last[{m}]"
@@ -87,7 +87,7 @@ def function(narrow: str, known: Narrowing, indices: Container[int], varying: Co
     ]
     inputs = [i for i in known.inputs if i not in indices]
     given = signature(inputs, varying, "const double *lo", "const double *length", f"double (*restrict spans)[{SIDE}]")
-    return wrapped([f"TEG_APART void @({given})", "{", *indent(f"for (int k = 0; k < {SIDE}; k++) {{", *indent(*inside), "}"), "}"])
+    return wrapped([f"TEG_APART void @({given})", "{", *indent(f"for ({TRUTH} k = 0; k < {SIDE}; k++) {{", *indent(*inside), "}"), "}"])
 
 
 def prefetched(row: Loop, run: Run) -> list[str]:

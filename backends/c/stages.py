@@ -15,7 +15,8 @@ from typing import NamedTuple
 from teg.backends.c.crossed import BRANCHLESS, SIDE, TOGETHER, Crossed, Item, Nodes, defines, reads
 from teg.backends.c.frame import Frame, Scope, Step, assignments
 from teg.backends.c.lanes import SELECTIONS
-from teg.backends.c.text import indent, literal
+from teg.backends.c.regrouped import regrouped
+from teg.backends.c.text import TRUTH, indent, literal
 from teg.backends.c.text import packed as in_few_lines
 from teg.program import Arg, Assign
 
@@ -55,8 +56,8 @@ def totals(found: Crossed, sums: Sequence[int]) -> Written:
     """Of the first `count` points, output sums[m] is added to lanes[m][k] if it is right; good[k] is 0 where it is not."""
 
     def lines(scope: Scope) -> list[str]:
-        good = f"const int good_k = {scope(found.good)};" if found.good is not True else ""
-        known = ["const int added = k < count;"] if not good else [good, "const int added = (k < count) & good_k;"]
+        good = f"const {TRUTH} good_k = {scope(found.good)};" if found.good is not True else ""
+        known = [f"const {TRUTH} added = k < count;"] if not good else [good, f"const {TRUTH} added = (k < count) & good_k;"]
         given = [(m, found.outputs[j]) for m, j in enumerate(sums)]
         written = [f"lanes[{m}][k] += added ? {scope(o)} : 0.0;" for m, o in given if o != 0.0]
         return [*known, *written, *(["good[k] = good_k ? 1.0 : 0.0;"] if good else [])]
@@ -66,6 +67,7 @@ def totals(found: Crossed, sums: Sequence[int]) -> Written:
 
 def functions(found: Crossed, varying: Container[int], written: Written) -> Functions:
     """Returns the functions of a straight line. Inputs in `varying` differ between points."""
+    found = regrouped(found, varying)
     inputs = inputs_of(found)
     places: dict[str, str] = {f"p{i}": f"q{i}[k]" if i in varying else f"p{i}" for i in inputs}
     lanes: set[Arg] = {f"p{i}" for i in inputs if i in varying}
@@ -130,6 +132,7 @@ class _Stages:
     def _framed(self, steps: list[Step], own: Sequence[Arg], places: dict[str, str]) -> Frame:
         frame = Frame([], [steps], own, False, dict(places), whole=(0,))
         frame.count = self._count  # names differ in all stages
+        frame.truth = TRUTH
         return frame
 
     def _loop(self, block: Sequence[Assign], wanted: Collection[Arg], written: Written | None) -> Iterator[str]:
@@ -146,7 +149,7 @@ class _Stages:
         else:
             arrays = {name: f"a{next(self._arrays)}" for name in given}
             yield from in_few_lines([f"{array}[{SIDE}]" for array in arrays.values()], "double ", ", ", ";")
-            inside += [f"{array}[k] = {scope(name)};" for name, array in arrays.items()]
+            inside += [f"{array}[k] = {scope(name)}{'' if name[0] == 'v' else ' ? 1.0 : 0.0'};" for name, array in arrays.items()]
             self.places.update((name, f"{array}[k]" if name[0] == "v" else f"({array}[k] != 0.0)") for name, array in arrays.items())
         yield from self._each(inside)
 
@@ -196,7 +199,7 @@ class _Stages:
 
     def _each(self, inside: Sequence[str]) -> Iterator[str]:
         """Yields a loop over the points."""
-        yield f"for (int k = 0; k < {SIDE}; k++) {{"
+        yield f"for ({TRUTH} k = 0; k < {SIDE}; k++) {{"
         yield from indent(*inside)
         yield "}"
 

@@ -14,7 +14,7 @@ from teg.backends.c.frame import Routine
 from teg.backends.c.lanes import SIDE, Packed, decision, packed, signature, straight, used_inputs
 from teg.backends.c.ranges import Narrowing, function, narrowing
 from teg.backends.c.stages import functions, results, totals
-from teg.backends.c.text import indent, wrapped
+from teg.backends.c.text import TRUTH, indent, wrapped
 from teg.program import Assign, Program
 
 
@@ -119,14 +119,14 @@ def _staged(once: Once, kind: str, found: Crossed, waiting: Waiting) -> Staged:
     written = "double *restrict f" if sums is None else f"double (*restrict lanes)[{SIDE}], int count"
     good = [] if found.good is True else ["double *restrict good"]
     given = signature(made.line_by, differing, "const double *s", written, *good)
-    line = _printed(once, kind, f"static void @({given})", ["(void)s;", *made.line])
+    line = _printed(once, kind, f"TEG_EIGHT void @({given})", ["(void)s;", *made.line])
     steady = _printed(once, "steady", f"static void @({signature(made.steady_by, (), 'double *s')})", ["(void)s;", *made.steady])
     return Staged(line, made.line_by, steady, made.steady_by, max(1, made.kept))
 
 
 def _narrow(once: Once, known: Narrowing) -> Narrow:
     """Returns the function by which a range of points is narrowed."""
-    head = f"TEG_INLINE int @({signature(known.inputs, (), 'double *height')})"
+    head = f"TEG_INLINE {TRUTH} @({signature(known.inputs, (), 'double *height')})"
     return Narrow(
         _printed(once, "narrow", head, function(known)), known.inputs, len(known.heights), len(known.covers), known.decides, known
     )

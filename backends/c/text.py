@@ -14,6 +14,8 @@ from typing import NamedTuple
 from teg.program import Arg
 
 WIDTH = 116  # characters in a line
+TRUTH = "int64_t"
+"""The type of conditions in loops over points, as wide as numbers: compilers make vectors of as many of them."""
 HARMLESS = "_ .,=+-/[]()"
 CONDITIONAL, COMPARISON, SUM, PRODUCT, UNARY, ATOM = range(6)
 

@@ -31,6 +31,18 @@ BODIES: dict[str, tuple[list[Assign], list[Arg], int]] = {
         ["v5", "v3", "v0"],
         2,
     ),
+    "multiples": (
+        [
+            Assign("v0", "mul", ("p3", "x0")),
+            Assign("v1", "mul", (2.0, "v0")),
+            Assign("v2", "mul", ("v1", "x1")),
+            Assign("v3", "powi", ("v1", 2)),
+            Assign("v4", "mul", ("x0", "x0")),
+            Assign("v5", "mul", ("p4", "v0", "v1")),
+        ],
+        ["v2", "v3", "v4", "v5"],
+        2,
+    ),
     "a steady part": ([Assign("v0", "mul", ("p3", "p4")), Assign("v1", "mul", ("v0", "x0", "x0", "x1", "x2"))], ["v1"], 4),
     "sums multiplied": (
         [

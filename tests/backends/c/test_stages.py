@@ -38,7 +38,7 @@ def test_in_a_picture_it_is_computed_once_for_each_face() -> None:
     e, wrt = picture()
     source = teg.compile(e, wrt, backend="c").source
     for kind in ("crossed", "covered"):
-        ((name, at),) = [(m.group(1), m.start()) for m in re.finditer(rf"(?<=\n)static void ({kind}_\d+)\(", source)]
+        ((name, at),) = [(m.group(1), m.start()) for m in re.finditer(rf"(?<=\n)TEG_EIGHT void ({kind}_\d+)\(", source)]
         (steady,) = re.findall(r"(?<=\n)static void (steady_\d+)\(", source[at:])[:1]
         assert len(re.findall(rf"\b{steady}\(", source)) == 2  # the function, and its call
         at_once = kind == "covered"  # eight of a row

@@ -1,0 +1,84 @@
+"""The straight line with more of it the same at all points: fewer operations that differ, and the same numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from teg.backends.c.crossed import Crossed, Item
+from teg.backends.c.regrouped import regrouped
+from teg.program import Arg, Assign, Program
+from teg.program.interpreter import interpret
+
+SAME, DIFFERING = ["p0", "p1"], ["p2", "p3"]
+
+
+def positive(name: str, arg: Arg) -> Assign:
+    """Whether a number is positive."""
+    return Assign(name, "gt0", (arg,))
+
+
+CONDITIONS = [positive("b0", "p0"), positive("b1", "p1"), positive("b2", "p2"), positive("b3", "p3")]
+LINES: dict[str, tuple[list[Assign], Arg]] = {
+    "a conjunction": (
+        [*CONDITIONS, Assign("b4", "and", ("b2", "b0")), Assign("b5", "and", ("b4", "b3")), Assign("b6", "and", ("b5", "b1"))],
+        "b6",
+    ),
+    "a disjunction in it": ([*CONDITIONS, Assign("b4", "or", ("b2", "b0", "b1")), Assign("b5", "and", ("b4", "b3"))], "b5"),
+    "a maximum": ([Assign("v0", "upper", ("p0", "p2")), positive("b0", "v0")], "b0"),
+    "a lower bound": ([positive("b0", "p0"), Assign("v0", "upper", ("p2", "p3")), Assign("v1", "select", ("b0", "v0", "p2"))], "v1"),
+    "no lower bound": ([positive("b0", "p0"), Assign("v0", "upper", ("p2", "p3")), Assign("v1", "select", ("b0", "p2", "v0"))], "v1"),
+    "an upper bound": ([positive("b0", "p0"), Assign("v0", "lower", ("p2", "p3")), Assign("v1", "select", ("b0", "v0", "p2"))], "v1"),
+    "no upper bound": ([positive("b0", "p0"), Assign("v0", "lower", ("p2", "p3")), Assign("v1", "select", ("b0", "p2", "v0"))], "v1"),
+}
+
+
+def result(items: Sequence[Item], output: Arg, numbers: Sequence[float]) -> float:
+    """The output of a line at one point; `lower` and `upper` are minimum and maximum where nothing is NaN."""
+    plain = {"lower": "min", "upper": "max"}
+    body = [Assign(i.name, plain.get(i.op, i.op), i.args) for i in items if isinstance(i, Assign)]
+    if isinstance(output, str) and output.startswith("b"):
+        body.append(Assign("v99", "select", (output, 1.0, 0.0)))
+        output = "v99"
+    return interpret(Program((*SAME, *DIFFERING), tuple(body), (output,)), list(numbers)).outputs[0]
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_the_numbers_are_the_same(name: str) -> None:
+    items, output = LINES[name]
+    made = regrouped(Crossed(tuple(items), (output,), True), {2, 3})
+    for numbers in np.random.default_rng(3).standard_normal((40, 4)):
+        assert result(made.items, output, list(numbers)) == result(items, output, list(numbers))
+
+
+def differing(items: Sequence[Item]) -> list[str]:
+    """The operations that are not the same at all points."""
+    names, ops = set(DIFFERING), []
+    for item in items:
+        assert isinstance(item, Assign)
+        if not names.isdisjoint(map(str, item.args)):
+            names.add(item.name)
+            ops.append(item.op)
+    return ops
+
+
+@pytest.mark.parametrize(
+    ("name", "ops"),
+    [
+        ("a conjunction", ["gt0", "gt0", "and"]),
+        ("a disjunction in it", ["gt0", "gt0", "or", "and"]),
+        ("a maximum", ["gt0", "or"]),
+        ("a lower bound", ["add", "upper"]),
+        ("no upper bound", ["add", "lower"]),
+    ],
+)
+def test_less_differs_between_points(name: str, ops: list[str]) -> None:
+    items, output = LINES[name]
+    assert sorted(differing(regrouped(Crossed(tuple(items), (output,), True), {2, 3}).items)) == sorted(ops)
+
+
+def test_a_selection_by_a_condition_that_differs_stays() -> None:
+    items = [positive("b0", "p2"), Assign("v0", "upper", ("p0", "p3")), Assign("v1", "select", ("b0", "v0", "p0"))]
+    assert list(regrouped(Crossed(tuple(items), ("v1",), True), {2, 3}).items) == items
