@@ -95,10 +95,24 @@ class Scope:
         return self.names[value]
 
 
+@dataclass(frozen=True, slots=True)
+class Spelling:
+    """How a C function is spelled: what the names of captured values begin with, how many of them are passed `by_value`, which blocks, by
+    their numbers, must stay `whole`, which values are several numbers side by side, in `lanes`, and the C type of conditions."""
+
+    prefix: str = "c"
+    by_value: int = BY_VALUE
+    whole: Container[int] = ()
+    lanes: Collection[Arg] = ()
+    truth: str = "int"
+
+
+PLAIN = Spelling()
+
+
 class Frame:
-    """A C function; a part is a C function of its own that runs a stretch of a long block; part 0 is the function itself. The numbers of
-    blocks that must not be cut are in `whole`; `own` are the arguments that the function spells between its blocks; `lanes` those that are
-    several numbers side by side."""
+    """A C function; a part is a C function of its own that runs a stretch of a long block; part 0 is the function itself. `own` are the
+    arguments that the function spells between its blocks."""
 
     def __init__(
         self,
@@ -107,22 +121,18 @@ class Frame:
         own: Sequence[Arg],
         context: bool,
         variables: dict[str, str] | None = None,
-        prefix: str = "c",
-        by_value: int = BY_VALUE,
-        whole: Container[int] = (),
-        lanes: Collection[Arg] = (),
+        spelling: Spelling = PLAIN,
     ) -> None:
         steps = [step for block in blocks for step in block]
         self.captured, self.blocks, self.context, self.variables = captured, blocks, context, variables or {}
-        self.indirect = len(captured) > by_value
+        self.indirect = len(captured) > spelling.by_value
         self.below = max((step.area for step in steps), default=0)
-        self.names: dict[Arg, str] = {arg: f"{prefix}{i}" for i, arg in enumerate(captured)}
+        self.names: dict[Arg, str] = {arg: f"{spelling.prefix}{i}" for i, arg in enumerate(captured)}
         self.names.update(self.variables)
         self.parts: list[str] = []  # their texts
         self.count = [0]
-        self.truth = "int"
-        self._cuts = _cut(blocks, whole)
-        self._between, self._lanes = frozenset(own), lanes
+        self._cuts = _cut(blocks, spelling.whole)
+        self._between, self._spelling = frozenset(own), spelling
         known: set[Arg] = set(self.names)
         times: dict[Arg, int] = {}  # how often a name is spelled
         stored: dict[Arg, None] = {}
@@ -171,8 +181,8 @@ class Frame:
             count=self.count,
             slots=self._slots,
             declared=self._between,
-            lanes=self._lanes,
-            truth=self.truth,
+            lanes=self._spelling.lanes,
+            truth=self._spelling.truth,
         )
 
     def signature(self, *pointers: str) -> str:
@@ -201,7 +211,9 @@ class Frame:
     def _call(self, number: int, part: list[Step]) -> list[str]:
         """Print a part; the line that calls it."""
         loads = self._declarations(arg for arg in self._uses[number] if self._home.get(arg, 0) != number)
-        inside = indent(*loads, *self._lines(part, Scope(self.names, self.size, count=self.count, slots=self._slots, truth=self.truth)))
+        inside = indent(
+            *loads, *self._lines(part, Scope(self.names, self.size, count=self.count, slots=self._slots, truth=self._spelling.truth))
+        )
         used = {local for step in part for local in step.locals}
         if loads or any(name in self._slots for step in part for name in step.defines):
             used.add(WORKSPACE)

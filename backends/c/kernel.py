@@ -17,7 +17,7 @@ import numpy as np
 from teg.backends.c.build import LIGHT, load_library, load_linked
 from teg.backends.c.functions import function_units, kernel_text
 from teg.backends.c.printer import needs_context, print_kernel
-from teg.backends.c.signals import Caller
+from teg.backends.c.signals import Addresses, Caller
 from teg.backends.c.threads import team_size
 from teg.errors import BackendError, OptionError, ParameterError
 from teg.program import Outcome, Program
@@ -78,7 +78,7 @@ class CKernel:
         notes = np.empty(n, dtype=LONG) if self._noted else None
         threads = min(team_size(self.threads), n)
         told = None if notes is None else _address(notes)
-        if self._call.batch(n, inputs, _address(strides), None, outputs, told, threads):
+        if self._call.batch(n, Addresses(inputs, _address(strides), None, outputs, told), threads):
             raise BackendError("there is no memory for the kernel's workspace")
         if notes is None:
             return Outcome(out, False, 0)

@@ -21,7 +21,7 @@ from typing import Any
 
 from teg.backends.c.crossing import Writer
 from teg.backends.c.expanded import Poly, box_moments, integrals
-from teg.backends.c.frame import Frame, Scope, Step, assignments, captured_by
+from teg.backends.c.frame import Frame, Scope, Spelling, Step, assignments, captured_by
 from teg.backends.c.polygon import SIDE_BY_SIDE
 from teg.backends.c.text import TRUTH, UNARY, indent, literal, operand
 from teg.backends.c.text import packed as in_few_lines
@@ -420,11 +420,13 @@ def signature(inputs: Sequence[int], varying: Container[int], *more: str) -> str
     return ", ".join([*(f"const double *q{i}" if i in varying else f"double p{i}" for i in inputs), *more])
 
 
-def _framed(blocks: list[list[Step]], own: Sequence[Arg], variables: Iterable[str] = (), lanes: Collection[Arg] = ()) -> Frame:
+def _framed(
+    blocks: list[list[Step]], own: Sequence[Arg], variables: Iterable[str] = (), lanes: Collection[Arg] = (), truth: str = "int"
+) -> Frame:
     """Returns a C function of these blocks in which parameter i is called p{i}."""
     names = {name: name for name in captured_by(own, [step for block in blocks for step in block], ()) if isinstance(name, str)}
     known = {**{n: n for n in names if n[0] == "p"}, **{v: v for v in variables}}
-    return Frame([], blocks, own, False, known, whole=range(len(blocks)), lanes=lanes)
+    return Frame([], blocks, own, False, known, Spelling(whole=range(len(blocks)), lanes=lanes, truth=truth))
 
 
 def decision(found: Packed, varying: Container[int]) -> list[str]:
@@ -449,8 +451,7 @@ def _each_point(
     for step in steps:
         if step.assign is not None and step.assign.op in SELECTIONS:
             step.longest = 0  # all operands are computed
-    frame = _framed([steps], wanted)
-    frame.truth = TRUTH
+    frame = _framed([steps], wanted, truth=TRUTH)
     there = [f"const double p{i} = q{i}[k];" for i in _inputs(needed, wanted) if i in varying]
     block, scope = frame.block(0), frame.scope()
     written = [f"{place} = {further}{scope(arg)};" for place, arg in zip(places, wanted, strict=True)]

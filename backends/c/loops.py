@@ -29,7 +29,7 @@ from teg.backends.c.kernel import LONG, optimisation
 from teg.backends.c.lanes import SIDE, decisive_branch
 from teg.backends.c.queues import Queue, queue_of
 from teg.backends.c.runtime import runtime
-from teg.backends.c.signals import Caller
+from teg.backends.c.signals import Addresses, Caller
 from teg.backends.c.steps import target_of
 from teg.backends.c.straights import Waiting, side_by_side
 from teg.backends.c.tabled import tabled_entry
@@ -99,8 +99,8 @@ class CArrayKernel:
         targets = np.array([o.ctypes.data for o in out] or [0], dtype=np.uintp)
         notes = np.zeros(n, dtype=LONG)
         team = team_size(self.threads)
-        told = notes.ctypes.data
-        if n and self._call.batch(n, pointers.ctypes.data, strides.ctypes.data, ctypes.addressof(views), targets.ctypes.data, told, team):
+        inputs, views_at, told = pointers.ctypes.data, ctypes.addressof(views), notes.ctypes.data
+        if n and self._call.batch(n, Addresses(inputs, strides.ctypes.data, views_at, targets.ctypes.data, told), team):
             raise BackendError("there is no memory for the kernel's workspace")
         noted = int(np.bitwise_or.reduce(notes)) if n else 0
         return Results(out, bool(noted & 2), 0, bool(noted & 4))

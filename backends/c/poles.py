@@ -4,37 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from teg.backends.c.quadrature import Sums
 from teg.backends.c.text import indent, wrapped
 from teg.numerics.quadrature import gauss_legendre, null_rules, pole_table
-from teg.program import Bend, Rational
+from teg.program import Rational
 
 CHAINS = 4
 """Into how many sums a series is split, which are computed side by side."""
 
 
-def rational_piece(
-    block: Sequence[str],
-    rule: Rational,
-    bend: tuple[Bend, str, Sequence[str]],
-    base: str,
-    count: int,
-    estimated: int,
-    counted: bool,
-) -> list[str]:
-    """Add a rule over (p, q) to `sum`, and behind it the estimates of the first values; `block` writes the values at x to `f`. The bend is
-    given with how its `when` and its coefficients are spelled. Where the pole is on the piece, `sizes` holds for each value the sum, the
+def rational_piece(block: Sequence[str], rule: Rational, bend: tuple[str, Sequence[str]], base: str, sums: Sums) -> list[str]:
+    """Add a rule over (p, q) to `sum`, and behind it the estimates of the tested values; `block` writes the values at x to `f`. The bend is
+    given by how its `when` and its coefficients are spelled. Where the pole is on the piece, `sizes` holds for each value the sum, the
     first null rule, and the sum of sizes."""
-    n, _, (constant, rate, _) = rule.nodes, bend[1], bend[2]
+    n, count, (when, (constant, rate, _)) = rule.nodes, sums.count, bend
+    estimated = sums.tested if sums.estimated else 0
     loss = [f"const double rounding = teg_rounding(p, q) + teg_pole_loss({rule.power}, &pole);"] if estimated else []
     return [
         "const double middle = 0.5 * (p + q), half = 0.5 * (q - p);",
-        f"const teg_pole pole = teg_pole_at({bend[1]}, p, q, {base}, {constant}, {rate});",
+        f"const teg_pole pole = teg_pole_at({when}, p, q, {base}, {constant}, {rate});",
         f"double weights[{n}];",
         f"if (pole.kind == TEG_CLEAR) teg_weights_{n}_{rule.power}(pole.low, pole.high, weights);",
         f"else for (int k = 0; k < {n}; k++) weights[k] = teg_plain_{n}[k].weight;",
         f"if (pole.kind == TEG_MET) teg_fill(sizes, {3 * count}, 0.0);",
         *loss,
-        *([f"ctx->evaluations += {n};"] if counted else []),
+        *([f"ctx->evaluations += {n};"] if sums.counted else []),
         f"for (int k = 0; k < {n}; k++) {{",
         *indent(
             "const double weight = half * weights[k];",

@@ -27,7 +27,7 @@ from teg.backends.c import frame as c_frame
 from teg.backends.c.abreast import Abreast, Nodes, eight_at_once, is_abreast
 from teg.backends.c.batch import ABI, batch_loop, together
 from teg.backends.c.bodies import merged, used_inputs, with_inputs
-from teg.backends.c.frame import BY_VALUE, CONTEXT, RESULTS, WORKSPACE, Frame, Routine, Scope, Step, assignments, captured_by
+from teg.backends.c.frame import BY_VALUE, CONTEXT, RESULTS, WORKSPACE, Frame, Routine, Scope, Spelling, Step, assignments, captured_by
 from teg.backends.c.hyperbola import along_a_branch, along_function, hyperbola
 from teg.backends.c.poles import plain_table, rational_piece, weights_function
 from teg.backends.c.polygon import (
@@ -43,6 +43,8 @@ from teg.backends.c.polygon import (
 )
 from teg.backends.c.quadrature import (
     GuardText,
+    Places,
+    Sums,
     adaptive_piece,
     bent_piece,
     gauss_piece,
@@ -185,6 +187,11 @@ class Printer:
         found += map(c_ellipse.moments_function, sorted(self.ellipses))
         return found + ([sobol_table(self.dimensions)] if self.dimensions else [])
 
+    @property
+    def _by_value(self) -> int:
+        """Returns how many values a clipped integral is given by value: all if it is written where it is called."""
+        return WHOLE if self.inlined else BY_VALUE
+
     def element(self, program: Program, kind: str = "element", by_value: int = BY_VALUE, told: str | None = None) -> Routine:
         """Returns the routine of the whole program at one point: from the parameters it writes the outputs to `f`. There is one "element",
         "run"s are numbered. It returns the boolean `told`, if there is one."""
@@ -194,7 +201,7 @@ class Printer:
         self.functions = program.functions
         steps = [*self._steps(program.body), *_yields(program.outputs)]
         parameters, context = [f"p{i}" for i in range(len(program.parameters))], needs_context(program.body, self.counted)
-        frame = Frame(parameters, [steps], () if told is None else (told,), context, prefix="p", by_value=by_value)
+        frame = Frame(parameters, [steps], () if told is None else (told,), context, spelling=Spelling("p", by_value))
         inside = [*frame.opening(), *frame.block(0)]
         if told is not None:
             inside.append(f"return {frame.scope()(told)};")
@@ -340,7 +347,7 @@ class Printer:
         captured = captured_by(own, [step for block in blocks for step in block], variables)
         values, count, pieces = len(stmt.values), len(assigned(stmt)), len(stmt.breaks) + 1
         whole = () if abreast is None else (1, len(blocks) - 1)
-        frame = Frame(captured, blocks, own, needs_context((stmt,), self.counted), variables, whole=whole)
+        frame = Frame(captured, blocks, own, needs_context((stmt,), self.counted), variables, Spelling(whole=whole))
         arrays = _arrays_of(stmt, frame, abreast, max(len(at_nodes), len(bounds)))
         arrays += frame.array("ends", pieces + 1, BREAKS_ON_STACK)
         spell = frame.scope()
@@ -386,8 +393,8 @@ class Printer:
             case Rational() as rule:
                 self.poles.add((rule.nodes, rule.power))
                 (bend,) = stmt.bends
-                spelled = bend, spell(bend.when), [spell(c) for c in bend.coefficients]
-                return rational_piece(block, rule, spelled, spell(stmt.base), count, len(stmt.estimates), counted)
+                spelled = spell(bend.when), [spell(c) for c in bend.coefficients]
+                return rational_piece(block, rule, spelled, spell(stmt.base), Sums(count, len(stmt.estimates), 0, estimated, counted))
             case Adaptive() as rule:
                 self.measured |= {rule.order} if stmt.watch else {rule.first, rule.order}
                 bent = bool(stmt.bends) or stmt.infinite
@@ -396,24 +403,10 @@ class Printer:
                     bends = [(b, spell(b.when), [spell(c) for c in b.coefficients]) for b in stmt.bends]
                     scale = spell(stmt.scale) if stmt.infinite else ""
                     way = bent_piece(bends, spell(stmt.base), rule.cubic, stmt.infinite, scale)
-                noted = needs_context(stmt.body, False)
-                watched = len(stmt.watch)
-                return [
-                    *way,
-                    *adaptive_piece(
-                        nodes or block,
-                        rule,
-                        count,
-                        tested,
-                        watched,
-                        bent=bent,
-                        ends=any(b.kind == "end" for b in stmt.bends),
-                        noted=noted,
-                        estimated=estimated,
-                        counted=self._is_counted(stmt),
-                        guard=None if stmt.guard is None else GuardText(frame.block(2), len(stmt.guard.seen)),
-                    ),
-                ]
+                total = Sums(count, tested, len(stmt.watch), estimated, counted)
+                places = Places(bent, any(b.kind == "end" for b in stmt.bends), needs_context(stmt.body, False))
+                guard = None if stmt.guard is None else GuardText(frame.block(2), len(stmt.guard.seen))
+                return [*way, *adaptive_piece(nodes or block, rule, total, places, guard)]
 
     def _is_counted(self, stmt: Integrate | Sample) -> bool:
         return self.counted and not any(isinstance(s, Integrate | Sample | Polygon | Segment) for s in compound(stmt.body))
@@ -435,7 +428,7 @@ class Printer:
         captured = captured_by(own, [step for block in blocks for step in block], variables)
         lanes = 1 if not side_by_side else LANES if isinstance(stmt, Polygon) else segment_lanes(stmt.nodes)
         whole = (len(blocks) - 1,) if lanes > 1 else ()  # values in lanes are not what parts take and keep
-        frame = Frame(captured, blocks, own, context, variables, by_value=WHOLE if self.inlined else BY_VALUE, whole=whole)
+        frame = Frame(captured, blocks, own, context, variables, Spelling(by_value=self._by_value, whole=whole))
         if isinstance(stmt, Polygon):
             if stmt.degree not in (0, 2):
                 self.triangles.add(stmt.degree)
@@ -455,7 +448,7 @@ class Printer:
         scales = list(self._steps(stmt.scales))
         own = _spelled(stmt, "scales")
         captured = captured_by(own, scales, ())
-        frame = Frame(captured, [scales], own, bool(stmt.ties), by_value=WHOLE if self.inlined else BY_VALUE)
+        frame = Frame(captured, [scales], own, bool(stmt.ties), spelling=Spelling(by_value=self._by_value))
         inside = [*frame.opening(), *hyperbola(stmt, frame)]
         head = _head(frame, "sum", len(stmt.results))
         routine = self._routine("hyperbola", frame, head.replace("static", "TEG_INLINE", 1) if self.inlined else head, inside)
@@ -466,7 +459,7 @@ class Printer:
         self.ellipses.add(c_ellipse.wanted(stmt))
         own = _spelled(stmt)
         captured = captured_by(own, [], ())
-        frame = Frame(captured, [], own, False, by_value=WHOLE if self.inlined else BY_VALUE)
+        frame = Frame(captured, [], own, False, spelling=Spelling(by_value=self._by_value))
         inside = [*frame.opening(), *c_ellipse.ellipse(stmt, frame)]
         routine = self._routine("ellipse", frame, _head(frame, "sum", len(stmt.results)), inside)
         return routine, tuple(captured)
@@ -476,7 +469,7 @@ class Printer:
         body = [*self._steps(stmt.body), *_yields(stmt.results)]
         captured = captured_by((), body, ())
         count = len(stmt.results)
-        frame = Frame(captured, [body], (), needs_context((stmt,), self.counted), by_value=WHOLE if self.inlined else BY_VALUE)
+        frame = Frame(captured, [body], (), needs_context((stmt,), self.counted), spelling=Spelling(by_value=self._by_value))
         single = count == 1
         inside = [*(["double f[1];"] if single else []), *frame.opening(), *frame.block(0), *(["return f[0];"] if single else [])]
         head = _head(frame, "f", count)

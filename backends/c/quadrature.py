@@ -11,6 +11,31 @@ from teg.numerics.quadrature import decay_power, gauss_legendre, null_rules
 from teg.program import INSIDE, Adaptive, Bend, Isolate, assigned
 
 
+@dataclass(frozen=True, slots=True)
+class Sums:
+    """What is added up over a piece: so many values of an integrand, which the block at a place writes to `f`.
+
+    The first `tested` of them are what the rule is chosen by, behind all of them lie the `watched` signs. `estimated` says whether errors
+    are added up as well, `counted` whether evaluations are.
+    """
+
+    count: int
+    tested: int
+    watched: int
+    estimated: bool
+    counted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """The places of an adaptive rule: those of the substitution `way` if they are `bent`, which may be that of a singular end if there are
+    `ends`; `noted` says that the block may note ties and missed tolerances there."""
+
+    bent: bool
+    ends: bool
+    noted: bool
+
+
 def gauss_piece(block: Sequence[str] | Nodes, nodes: int, count: int, estimated: int, counted: bool) -> list[str]:
     """Add a Gauss-Legendre rule over (p, q) to `sum`, and behind it the estimates of the first values; `block` writes the values at x to
     `f`."""
@@ -109,38 +134,25 @@ def bent_piece(bends: Sequence[tuple[Bend, str, Sequence[str]]], base: str, cubi
     return [*lines, *(["teg_bent(&way);"] if bends else []), *([f"teg_tail(&way, {scale});"] if infinite else [])]
 
 
-def adaptive_piece(
-    block: Sequence[str] | Nodes,
-    rule: Adaptive,
-    count: int,
-    tested: int,
-    watched: int,
-    *,
-    bent: bool,
-    ends: bool,
-    noted: bool,
-    estimated: bool,
-    counted: bool,
-    guard: GuardText | None = None,
-) -> list[str]:
+def adaptive_piece(block: Sequence[str] | Nodes, rule: Adaptive, sums: Sums, places: Places, guard: GuardText | None = None) -> list[str]:
     """Add the adaptive rule over (p, q) to `sum`, from the left; `waiting` is a stack of intervals.
 
     `block` writes the values at x to `f`, then the watched signs. If there are any, k runs over the ends of the interval (-2, -1) before
-    the nodes, and stops where a sign changed and the interval will be halved anyway. `bent`: places are those of the substitution `way`,
-    which may be that of a singular end if there are `ends`; `noted`: the block may note ties and missed tolerances (not at the ends).
+    the nodes, where nothing is noted, and stops where a sign changed and the interval will be halved anyway.
     """
-    place = _place_in_interval(rule, bent, watched)
+    count, tested, watched = sums.count, sums.tested, sums.watched
+    place = _place_in_interval(rule, places.bent, watched)
     whole = "whole" if guard is None else "above + here.depth * " + str(tested)
-    table, good = _assessed(rule, tested, watched, whole, ends)
-    before, after = _watched_signs(count, watched, noted)
+    table, good = _assessed(rule, tested, watched, whole, places.ends)
+    before, after = _watched_signs(count, watched, places.noted)
     node = "(k < 0 ? 2 * k + 3 : table[k].node)" if watched else "table[k].node"
-    unknown = ["const int tied = ctx->tied, missed = ctx->missed;"] if watched and noted else []
+    unknown = ["const int tied = ctx->tied, missed = ctx->missed;"] if watched and places.noted else []
     first, inside = nodes_of(block, "nodes", [f"const double u = middle + half * {node};", *place, *unknown], "slope")
     return [
-        *(["const double rounding = teg_rounding(p, q);"] if estimated else []),
+        *(["const double rounding = teg_rounding(p, q);"] if sums.estimated else []),
         "teg_interval waiting[TEG_MAX_DEPTH + 2];",
         "waiting[0] = (teg_interval){0.0, 1.0, 0};",
-        *(f"teg_fill({sums}, {tested}, 0.0);" for sums in ("spent", "whole")),
+        *(f"teg_fill({total}, {tested}, 0.0);" for total in ("spent", "whole")),
         "for (int n = 1, used = 1; n > 0; used++) {",
         *indent(
             "const teg_interval here = waiting[--n];",
@@ -149,7 +161,7 @@ def adaptive_piece(
             "const int last = deep || ctx->work > TEG_MAX_EVALUATIONS;",
             *table,
             "ctx->work += nodes;",
-            *([f"ctx->evaluations += nodes + {2 * (watched > 0)};"] if counted else []),
+            *([f"ctx->evaluations += nodes + {2 * (watched > 0)};"] if sums.counted else []),
             *_cleared(count, tested),
             *before,
             *first,
@@ -164,7 +176,7 @@ def adaptive_piece(
             "}",
             *_judged(tested, watched, good, None if guard is None else _searched(guard, place, tested, whole, literal(rule.tol))),
             *_halved_or_accepted(tested, watched, "whole[j]" if guard is None else f"({whole})[j]", guard is not None),
-            *_taken(count, tested, estimated),
+            *_taken(count, tested, sums.estimated),
         ),
         "}",
         f"if (teg_overspent({tested}, spent, whole, {literal(rule.tol)})) ctx->missed = 1;",

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import NamedTuple
 
-from teg.backends.c.frame import Frame, assignments, captured_by
+from teg.backends.c.frame import Frame, Spelling, assignments, captured_by
 from teg.backends.c.lanes import Packed
 from teg.backends.c.text import TRUTH
 from teg.program import Arg, Assign, Program
@@ -289,8 +289,7 @@ def function(found: Narrowing) -> list[str]:
     steps = [step for s in found.body for step in assignments(s)]
     own: list[Arg] = [*found.heights, *found.unless, *found.covers, *found.provided]
     names = {name: name for name in captured_by(own, steps, ()) if isinstance(name, str)}
-    frame = Frame([], [steps], own, False, {n: n for n in names if n[0] == "p"}, whole=(0,))
-    frame.truth = TRUTH
+    frame = Frame([], [steps], own, False, {n: n for n in names if n[0] == "p"}, Spelling(whole=(0,), truth=TRUTH))
     lines = frame.block(0)
     scope = frame.scope()
     lines += [f"height[{m}] = {scope(h)};" for m, h in enumerate((*found.heights, *found.covers))]

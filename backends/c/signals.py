@@ -14,7 +14,7 @@ import ctypes
 import os
 import threading
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from teg.backends.c.build import load_library
 
@@ -124,6 +124,16 @@ def _library() -> tuple[ctypes.PyDLL, _Python]:
     return library, _Python(*(ctypes.cast(function, ctypes.c_void_p).value for function in of_python))
 
 
+class Addresses(NamedTuple):
+    """What a kernel is called with: the addresses of the inputs and their strides, of arrays, of outputs, and of notes for each point."""
+
+    inputs: int
+    strides: int
+    arrays: int | None
+    outputs: int
+    notes: int | None
+
+
 class Caller:
     """The two ways to call a kernel of a library, which exports it as `name`_watched."""
 
@@ -139,11 +149,11 @@ class Caller:
         self._batch, self._once = batch(("teg_call", callers)), once(("teg_call_once", callers))
         self._given = address, kernel
 
-    def batch(self, n: int, pointers: int, strides: int, arrays: int | None, out: int, notes: int | None, threads: int) -> int:
-        """Run it on a batch, arguments as the kernel's; returns its status. Raises what a handler of a signal raised."""
+    def batch(self, n: int, places: Addresses, threads: int) -> int:
+        """Run it on a batch of n; returns its status. Raises what a handler of a signal raised."""
         team = 1 if _Teams.lost else threads
         _Teams.used |= team > 1
-        status: int = self._batch(*self._given, n, pointers, strides, arrays, out, notes, team, _is_main())
+        status: int = self._batch(*self._given, n, *places, team, _is_main())
         return status
 
     def once(self, values: ctypes.Array[Any], inputs: int, outputs: int) -> int:

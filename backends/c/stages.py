@@ -13,7 +13,7 @@ from itertools import count
 from typing import NamedTuple
 
 from teg.backends.c.crossed import BRANCHLESS, SIDE, TOGETHER, Crossed, Item, Nodes, defines, reads
-from teg.backends.c.frame import Frame, Scope, Step, assignments
+from teg.backends.c.frame import Frame, Scope, Spelling, Step, assignments
 from teg.backends.c.lanes import SELECTIONS
 from teg.backends.c.regrouped import regrouped
 from teg.backends.c.text import TRUTH, indent, literal
@@ -130,9 +130,8 @@ class _Stages:
         return self._framed(_steps(block), given, self.places), given
 
     def _framed(self, steps: list[Step], own: Sequence[Arg], places: dict[str, str]) -> Frame:
-        frame = Frame([], [steps], own, False, dict(places), whole=(0,))
+        frame = Frame([], [steps], own, False, dict(places), Spelling(whole=(0,), truth=TRUTH))
         frame.count = self._count  # names differ in all stages
-        frame.truth = TRUTH
         return frame
 
     def _loop(self, block: Sequence[Assign], wanted: Collection[Arg], written: Written | None) -> Iterator[str]:

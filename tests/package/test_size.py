@@ -34,10 +34,6 @@ TOO_LONG = {
 """Functions with more lines. This list only becomes shorter."""
 
 TOO_MANY_PARAMETERS = {
-    "backends/c/signals.py Caller.batch",
-    "backends/c/frame.py Frame.__init__",
-    "backends/c/poles.py rational_piece",
-    "backends/c/quadrature.py adaptive_piece",
     "backends/jax/derivative.py Family.__init__",
     "backends/jax/guard.py Guard.hides",
     "backends/jax/hyperbola.py moments",
