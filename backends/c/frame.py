@@ -97,11 +97,12 @@ class Scope:
 
 @dataclass(frozen=True, slots=True)
 class Spelling:
-    """How a C function is spelled: what the names of captured values begin with, how many of them are passed `by_value`, which blocks, by
+    """How a C function is spelled: what the names of captured values begin with, how many of them are passed
+    `by_value` (None: BY_VALUE), which blocks, by
     their numbers, must stay `whole`, which values are several numbers side by side, in `lanes`, and the C type of conditions."""
 
     prefix: str = "c"
-    by_value: int = BY_VALUE
+    by_value: int | None = None
     whole: Container[int] = ()
     lanes: Collection[Arg] = ()
     truth: str = "int"
@@ -125,7 +126,7 @@ class Frame:
     ) -> None:
         steps = [step for block in blocks for step in block]
         self.captured, self.blocks, self.context, self.variables = captured, blocks, context, variables or {}
-        self.indirect = len(captured) > spelling.by_value
+        self.indirect = len(captured) > (BY_VALUE if spelling.by_value is None else spelling.by_value)
         self.below = max((step.area for step in steps), default=0)
         self.names: dict[Arg, str] = {arg: f"{spelling.prefix}{i}" for i, arg in enumerate(captured)}
         self.names.update(self.variables)

@@ -23,11 +23,11 @@ from typing import cast
 
 from teg.backends.branches import with_branches
 from teg.backends.c import ellipse as c_ellipse
-from teg.backends.c import frame as c_frame
 from teg.backends.c.abreast import Abreast, Nodes, eight_at_once, is_abreast
 from teg.backends.c.batch import ABI, batch_loop, together
 from teg.backends.c.bodies import merged, used_inputs, with_inputs
-from teg.backends.c.frame import BY_VALUE, CONTEXT, RESULTS, WORKSPACE, Frame, Routine, Scope, Spelling, Step, assignments, captured_by
+from teg.backends.c.calls import called
+from teg.backends.c.frame import RESULTS, Frame, Routine, Scope, Spelling, Step, assignments, captured_by
 from teg.backends.c.hyperbola import along_a_branch, along_function, hyperbola
 from teg.backends.c.poles import plain_table, rational_piece, weights_function
 from teg.backends.c.polygon import (
@@ -188,11 +188,11 @@ class Printer:
         return found + ([sobol_table(self.dimensions)] if self.dimensions else [])
 
     @property
-    def _by_value(self) -> int:
+    def _by_value(self) -> int | None:
         """Returns how many values a clipped integral is given by value: all if it is written where it is called."""
-        return WHOLE if self.inlined else BY_VALUE
+        return WHOLE if self.inlined else None
 
-    def element(self, program: Program, kind: str = "element", by_value: int = BY_VALUE, told: str | None = None) -> Routine:
+    def element(self, program: Program, kind: str = "element", by_value: int | None = None, told: str | None = None) -> Routine:
         """Returns the routine of the whole program at one point: from the parameters it writes the outputs to `f`. There is one "element",
         "run"s are numbered. It returns the boolean `told`, if there is one."""
         if told is None and not any(isinstance(s, Polygon | Segment | Hyperbola | Ellipse | When) for s in compound(program.body)):
@@ -246,17 +246,14 @@ class Printer:
         yield Step(tuple(stmt.name for stmt in calls), inputs, None, lines, 4 + len(inputs) // 8)
 
     def _call(self, stmt: Integrate | Isolate | Locate | SumOver | Sample | Polygon | Segment | Hyperbola | Ellipse | When) -> Step:
-        """Returns the call of a statement's routine; many results or captured values go through the workspace."""
-        absent = "0.0"
+        """Returns the call of a statement's routine."""
         match stmt:
             case Integrate():
                 routine, captured = self._known_integral(stmt) or self._integral(stmt)
             case Isolate():
                 routine, captured = self._isolation(stmt)
-                absent = "INFINITY"
             case Locate():
                 routine, captured = self._location(stmt)
-                absent = "INFINITY"
             case SumOver():
                 routine, captured = self._sum(stmt)
             case Sample():
@@ -269,49 +266,7 @@ class Printer:
                 routine, captured = self._ellipse(stmt)
             case When():
                 routine, captured = self._branch(stmt)
-        names = assigned(stmt)
-        count = len(names)
-        stacked = count if count > c_frame.ON_STACK else 0
-
-        def lines(scope: Scope) -> list[str]:
-            when = None if stmt.when is None else scope(stmt.when)
-            values = [] if routine.indirect else [scope(arg) for arg in captured]
-            below = scope.free + stacked
-            array = scope.name(names[0], "r") if count > 1 else ""
-            place = f"(w + {scope.free})" if stacked else array
-            passed = values + [place] * (count > 1)
-            passed += [f"w + {below}"] * (routine.workspace > 0) + ["ctx"] * routine.context
-            call = f"{routine.name}({', '.join(passed)})"
-            before = _gathered(captured, below, scope) if routine.indirect else []
-            if count == 1:
-                guarded = call if when is None else f"{when} ? {call} : {absent}"
-                return [*before, f"const double {scope.name(names[0])} = {guarded};"]
-            run = [*before, f"{call};"]
-            if when is not None:  # what goes through the workspace is written only where it is read
-                nothing = f"teg_fill({place}, {count}, {absent});"
-                if isinstance(stmt, Locate) and stmt.lost is not None:
-                    nothing = f"{{ {nothing} {place}[{count - 1}] = 0.0; }}"
-                run = [f"if ({when}) {{", *indent(*run), f"}} else {nothing}"]
-            if stacked:
-                given = [scope.name(name) for name in names]
-                loads = [f"{name} = {place}[{j}]" for j, name in enumerate(given)]
-                unread = [f"(void){given[-1]};"] if isinstance(stmt, Locate) and stmt.lost is not None else []  # but by estimates
-                return [*run, *packed(loads, "const double ", ", ", ";"), *unread]
-            scope.names.update((name, f"{array}[{j}]") for j, name in enumerate(names))
-            return [f"double {array}[{count}];", *run]
-
-        in_workspace = [arg for arg in captured if isinstance(arg, str)] if routine.indirect else []
-        spelled = [arg for arg in captured if not (routine.indirect and isinstance(arg, str))]
-        return Step(
-            names,
-            uses=(*spelled, *(() if stmt.when is None else (stmt.when,))),
-            lines=lines,
-            weight=4 + len(captured) // 4 + (count if count > 1 else 0),
-            area=stacked + routine.workspace,
-            longest=c_frame.ARGUMENT,
-            stored=tuple(in_workspace),
-            locals=(*([WORKSPACE] if routine.workspace or stacked else []), *([CONTEXT] if routine.context else [])),
-        )
+        return called(stmt, routine, captured)
 
     def _known_integral(self, stmt: Integrate) -> tuple[Routine, tuple[Arg, ...]] | None:
         """Returns the routine of a short integral, and the arguments of its call. Integrals that differ in names only share a routine,
@@ -543,16 +498,6 @@ class Printer:
             self._known[text] = Routine(name, indirect, workspace, context)
             self.texts.append(text.replace("@", name))
         return self._known[text]
-
-
-def _gathered(captured: Sequence[Arg], place: int, scope: Scope) -> list[str]:
-    """Returns lines that collect the captured names of a routine in the workspace, from `place` on. A table has the place of each, and
-    literals are written after them."""
-    slots = [scope.slots[arg] if isinstance(arg, str) else 0 for arg in captured]
-    rows = packed(f"{slot}," for slot in slots)
-    literals = packed(f"w[{place + i}] = {scope(arg)};" for i, arg in enumerate(captured) if not isinstance(arg, str))
-    copy = f"for (int i = 0; i < {len(slots)}; i++) w[{place} + i] = w[from[i]];"
-    return ["{", *indent(f"static const int from[{len(slots)}] = {{", *indent(*rows), "};", copy, *literals), "}"]
 
 
 def _spelled(stmt: Stmt, *blocks: str) -> tuple[Arg, ...]:

@@ -147,6 +147,7 @@ ELSEWHERE = {
         "batch": "tests/backends/c/test_evaluator.py",
         "bodies": "tests/backends/test_function.py",
         "cache": "tests/backends/c/test_build.py",
+        "calls": "tests/backends/c/test_frame.py",
         "chunks": "tests/backends/c/test_threads.py",
         "functions": "tests/backends/test_function.py",
         "iterations": "tests/backends/c/test_pixels.py",
