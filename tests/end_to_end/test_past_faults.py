@@ -354,3 +354,17 @@ def test_a_region_that_is_born_at_a_bound(backend: str) -> None:
             slopes = f.grad(a=0.3, b=0.0)
         assert slopes["b"] == math.inf
         assert math.isnan(slopes["a"])
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("intrinsics", [True, False])
+@pytest.mark.parametrize("low", [2.0, 3.0])
+def test_a_line_on_a_side_by_rounding_counts_half_on_both_of_its_sides(backend: str, intrinsics: bool, low: float) -> None:
+    """The line y = 0.3/0.1 is the side y = 3 but for a rounding. Its boundary term was taken to be empty in the box above."""
+    s, p = teg.params("s p")
+    g = a * x + s * y + t
+    for body, weight in ((1.0, 1.0), (1 + x * y, 2.5)):
+        e = INT(B(g > 0) * body, (x, 0, 1), (y, p, p + 1))
+        f = teg.compile(e, [t], backend=backend, intrinsics=intrinsics)
+        assert f.grad(a=0.0, s=-0.1, t=0.3, p=low)["t"] == pytest.approx(0.5 * weight / 0.1, rel=1e-12)
+        assert f.grad(a=0.0, s=-1.0, t=3.0, p=low)["t"] == pytest.approx(0.5 * weight, rel=1e-12)

@@ -6,6 +6,7 @@ nothing where g has one sign there. Where a condition may tie, or a root lie on 
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
 from teg.analysis.guards import support
@@ -14,10 +15,10 @@ from teg.analysis.isolation import MARGIN
 from teg.analysis.polynomial import Shadow
 from teg.analysis.surfaces import atoms_of
 from teg.errors import NotDifferentiableError
-from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, And, Compare, Cond, Expr, Mul, Where, const
+from teg.ir.expr import FALSE, MINUS_ONE, ONE, TRUE, ZERO, Add, And, Compare, Cond, Const, Expr, Mul, Where, const
 from teg.ir.integral import Integral, masses_of
 from teg.ir.node import postorder
-from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation, positive
+from teg.ir.simplify import add, call, conjunction, disjunction, mul, negation, positive, where
 from teg.ir.traverse import rewrite, substitute
 
 MAX_LEVELS = 32
@@ -115,9 +116,37 @@ def _is_refuted(c: Cond) -> bool:
 
 def _clearly_negative(g: Expr, enclosure: Enclosure) -> Cond:
     """Returns a condition under which g < 0 everywhere, by more than rounding."""
-    sizes: list[Expr] = []
-    for term in g.children if isinstance(g, Add) else (g,):
-        least, most = enclosure.of(term)
-        sizes.append(call("max", call("magnitude", least), call("magnitude", most)))
-    above = add(enclosure.of(g)[1], mul(const(MARGIN), add(*sizes)))
+    above = add(enclosure.of(g)[1], mul(const(MARGIN), _size(g, enclosure)))
     return positive(mul(MINUS_ONE, above))
+
+
+def _size(g: Expr, enclosure: Enclosure) -> Expr:
+    """Returns the size of the terms of g on the box, to which its rounding is relative; of a choice those of the case that is taken."""
+    sizes: dict[Expr, Expr] = {}
+    stack = [g]
+    while stack:
+        e = stack[-1]
+        parts = _terms(e)
+        missing = [p for p in parts if p not in sizes]
+        stack += missing
+        if missing:
+            continue
+        stack.pop()
+        if isinstance(e, Where) and len(parts) == 2 and not any(v in enclosure.box for v in e.condition.free):
+            sizes[e] = where(e.condition, *(sizes[p] for p in parts))
+        elif parts:
+            sizes[e] = add(*(sizes[p] for p in parts))
+        else:
+            sizes[e] = call("max", *(call("magnitude", end) for end in enclosure.of(e)))
+    return sizes[g]
+
+
+def _terms(e: Expr) -> list[Expr]:
+    """Returns the terms of a sum, the cases of a choice that are numbers, and for a product with 1 or -1 the other factor."""
+    if isinstance(e, Add):
+        return list(e.children)
+    if isinstance(e, Where):
+        return [case for case in (e.then, e.otherwise) if not (isinstance(case, Const) and math.isnan(case.data))]
+    if isinstance(e, Mul) and len(e.children) == 2 and e.children[0] in (ONE, MINUS_ONE):
+        return [e.children[1]]
+    return []
